@@ -11,6 +11,8 @@ from controllers.plain.mpc import PlainMPCSpecification, design_plain_mpc
 from controllers.plain.state_feedback import LQISpecification, design_lqi
 from controllers.plain.transfer_law import PlainPIDSpecification, design_plain_pid
 from controllers.sensitivity import peak_sensitivities
+from workbench.diagnosis.location.structure import cut
+from workbench.diagnosis.location.transfers import transfers
 from workbench.linearisation import linearise
 from workbench.linearisation.pace import step_time
 from workbench.model import Input, Model, Output, Parameter, Scope, State
@@ -112,6 +114,18 @@ def test_loops_follow_the_units(pace: float, length: float, voltage: float) -> N
     assert np.array(scored(pace, length, voltage)) == pytest.approx(
         np.array(scored(1.0, 1.0, 1.0)), rel=1e-4
     )
+
+
+@pytest.mark.parametrize(("pace", "length", "voltage"), UNITS)
+def test_what_ports_do_to_measurements_follows_the_units(
+    pace: float, length: float, voltage: float
+) -> None:
+    found, usual = (
+        transfers(cut(stage(*units)), ("position",)).measurements
+        for units in ((pace, length, voltage), (1.0, 1.0, 1.0))
+    )
+    assert np.abs(usual).max() > 0.0
+    assert found == pytest.approx(usual, rel=1e-6)
 
 
 def test_a_bearing_that_sticks_at_the_start_is_sized_where_it_slides() -> None:

@@ -207,7 +207,9 @@ def _information(part: Innovations, sample_time: float) -> tuple[Vector, Vector]
             # Too few blocks say nothing of their scatter.
             scatters.append(scatters[-1])
             continue
-        edges = np.arange(0, len(score), max(1, round(length / sample_time)))
+        # A fast machine is recorded for less than these times.
+        size = max(1, min(round(length / sample_time), len(score) // _LEAST_BLOCKS))
+        edges = np.arange(0, len(score), size)
         blocks = np.add.reduceat(score, edges, axis=0)
         blocks = blocks - blocks.mean(axis=0)
         scatters.append(blocks.T @ blocks)

@@ -301,7 +301,7 @@ def sensors(
     measurements = {*seen.used, *(f"{q}.reading" for q in seen.used)}
     ports = {q.name: q.scale for q in other.fit.model.ports}
     information = _information(other)
-    each = min(1.0, seen.sample_time / (2 * CORRELATION_TIME))
+    each = min(1.0, seen.sample_time / (2 * min(CORRELATION_TIME, 50 * seen.sample_time)))
     found = []
     for i, name in enumerate(names):
         if name not in known or name in measurements:

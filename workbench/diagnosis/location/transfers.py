@@ -12,11 +12,12 @@ import numpy.typing as npt
 from workbench.arrays import Vector
 from workbench.diagnosis.location.structure import Cut
 from workbench.linearisation.transfer import transfer_function
+from workbench.recordings.checks.expected import middle_speed
 
 Complex = npt.NDArray[np.complex128]
 
-FREQUENCIES = (0.1, 1.0, 10.0, 100.0)
-"""Frequencies at which transfers are computed, in rad/s."""
+FREQUENCIES = (0.01, 0.1, 1.0, 10.0)
+"""Frequencies at which transfers are computed, as multiples of the pace of the model."""
 
 _POINTS = 5
 _REACH = 0.4
@@ -94,6 +95,8 @@ def transfers(parts: Cut, outputs: Sequence[str]) -> Transfers:
         ],
     )
     between = _between(parts, further)
+    # A model of integrators alone has no pace.
+    pace = np.nan_to_num(middle_speed(model.without(*model.dry_effects)), nan=1.0)
     measurements: list[Complex] = []
     signals: dict[str, list[Complex]] = {n: [] for n in (*states, *further)}
     for x, u in _points(parts):
@@ -104,7 +107,7 @@ def transfers(parts: Cut, outputs: Sequence[str]) -> Transfers:
         n_x = len(x)
         # What leaves the ports: what entered, of states and other ports, and what is added.
         through = np.linalg.inv(np.eye(len(made)) - made[:, n_x:])
-        for frequency in FREQUENCIES:
+        for frequency in pace * np.array(FREQUENCIES):
             moved = transfer_function(a, b, np.eye(n_x), np.zeros_like(b), 1j * frequency)
             left = through @ (made[:, :n_x] @ moved + np.eye(len(made)))
             measurements.append((c @ moved + d) * scale / noise[:, None])

@@ -30,7 +30,7 @@ TRUSTED = 0.1
 """Share of the expected disturbance that is left to the other ports."""
 
 MEMORY = 0.05
-"""Time over which the unknown input is taken as correlated, s."""
+"""Time over which the unknown input is taken as correlated, s; 50 samples of a fast machine."""
 
 _PASSES = 2
 _MOST_STEPS = 3000
@@ -185,7 +185,7 @@ class _Linearised:
         transition = np.zeros((n, n_x + n_d, n_x + n_d))
         transition[:, :n_x, :n_x] = forward / sx[:, None] * sx
         transition[:, :n_x, n_x:] = integral @ rate_b / sx[:, None] * sd
-        decay = np.exp(-step / max(MEMORY, 5 * step))
+        decay = np.exp(-step / max(min(MEMORY, 50 * seen.sample_time), 5 * step))
         transition[:, n_x:, n_x:] = decay * np.eye(n_d)
         estimate = np.concatenate([states / sx, signal / sd], axis=1)
         offset = np.zeros((n, n_x + n_d))

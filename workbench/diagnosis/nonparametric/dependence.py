@@ -18,7 +18,8 @@ SURROGATES = 99
 """Shifted signals against which a dependence is tested; the smallest p-value is 0.01."""
 
 _BLOCK_S = 2.0
-_LEAST_SHIFT_S = 1.0
+_LEAST_SHIFT = 20
+"""The smallest shift is that part of a recording: at 1/20, what moves slowly is shifted too."""
 _FINEST = 300.0
 _SPEEDS = {"angle": "speed", "position": "speed", "contraction": "contraction_speed"}
 """Local signal that is the rate of another one."""
@@ -184,8 +185,7 @@ class Evidence:
         order = np.arange(n)
         for number in np.unique(self.recording):
             own = np.flatnonzero(self.recording == number)
-            step = self.time[own[1]] - self.time[own[0]]
-            least = min(int(_LEAST_SHIFT_S / step) + 1, len(own) // 3)
+            least = len(own) // _LEAST_SHIFT + 1
             order[own] = np.roll(own, rng.integers(least, len(own) - least + 1))
         return np.concatenate([order + i * n for i in range(len(self.located))])
 
