@@ -281,13 +281,18 @@ def design_plain_pid(
     tried = np.geomspace(fastest, 1e-4 * fastest, 120)
     response = transfer_function(own.A, own.B, own.C, own.D, 1j * tried)[:, 0, 0]
     response = response * np.exp(-1j * tried * (0.5 * h + want.delay))
-    for w, plant in zip(tried.tolist(), response.tolist(), strict=True):
-        law = _at_crossover(loop, want, w, plant)
-        if law is None or abs(law.output_gain) > 4.0 * largest:
-            continue
+    pairs = zip(tried.tolist(), response.tolist(), strict=True)
+    found = [_at_crossover(loop, want, w, plant) for w, plant in pairs]
+    laws = [law for law in found if law is not None]
+    for law in (law for law in laws if abs(law.output_gain) <= 4.0 * largest):
         ms, mt = peak_sensitivities(law, loop.linear)
         if ms <= want.maximum_sensitivity and mt <= want.maximum_complementary:
             return law
+    if not any(math.isfinite(peak_sensitivities(law, loop.linear)[0]) for law in laws):
+        raise WorkbenchError(
+            f"a PID makes no stable loop of {loop.measured} by {loop.actuator} at any crossover"
+            f" from {tried[-1]:.3g} to {tried[0]:.3g} rad/s; take a state feedback, such as lqi"
+        )
     raise WorkbenchError(
         f"no crossover from {tried[-1]:.3g} to {tried[0]:.3g} rad/s gives {loop.measured} a PID"
         f" with Ms <= {want.maximum_sensitivity:g} and Mt <= {want.maximum_complementary:g}; allow"

@@ -154,6 +154,16 @@ def test_a_rest_that_divides_by_zero_is_said(
     assert run(["linearise", "--plant", "others:ball", "--at", "gap=10mm"]) == 0
 
 
+def test_a_plant_that_no_pid_makes_stable_is_said(
+    others: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    step = ["--from", "gap=10mm", "--to", "gap=10.5mm"]
+    assert run(["verify", "--plant", "others:ball", *step, "-c", "plain-pid"]) == WRONG_USE
+    said = capsys.readouterr().err
+    assert "a PID makes no stable loop of gap by u1" in said and "such as lqi" in said
+    assert run(["verify", "--plant", "others:ball", *step, "-c", "lqi"]) == 0
+
+
 def test_an_absolute_temperature_is_plausible_without_a_scale(
     others: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
