@@ -17,7 +17,7 @@ from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
 from workbench.model.traits import LEFT_OUT
 from workbench.model.units import from_si
-from workbench.recordings.checks.noise import white_rms
+from workbench.recordings.checks.noise import usual_rms, white_rms
 from workbench.recordings.checks.quantisation import recorded_quantum
 from workbench.recordings.recording import Recording
 from workbench.simulation import simulate
@@ -68,6 +68,7 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
         if q.noise_rms == 0 and q.resolution == 0 and read:
             step = max(recorded_quantum(r, q.name) for r in recordings if q.name in r)
             white = [white_rms(v, order=order, quantile=0.25) for v in read for order in (4, 6)]
+            white += [usual_rms(v) for v in read]
             least = min((w for w in white if np.isfinite(w)), default=0.0)
             noise = max(least**2 - step**2 / 12, 0.0) ** 0.5
             notes.append(

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from workbench.recordings import Recording, Signal, check_recording
+from workbench.recordings.checks.noise import usual_rms, white_rms
 from workbench.recordings.checks.quantisation import quantum
 
 TIME = 0.002 * np.arange(10_000)
@@ -67,3 +68,12 @@ def test_quantum_of_few_levels_far_apart(rng: np.random.Generator) -> None:
 def test_no_quantum_in_unrelated_numbers(seed: int) -> None:
     rng = np.random.default_rng(seed)
     assert quantum(rng.normal(size=int(rng.integers(10, 5000)))) == 0.0
+
+
+def test_steps_that_reach_a_signal_at_once_are_no_noise(rng: np.random.Generator) -> None:
+    # A load that changes every 90 samples, seen through a resistance: every block has a step.
+    levels = np.repeat(rng.uniform(-1.0, 1.0, 40), 90)
+    values = levels + rng.normal(0.0, 0.01, levels.size)
+    assert white_rms(values, quantile=0.25) > 0.02
+    assert usual_rms(values) == pytest.approx(0.01, rel=0.06)
+    assert np.isnan(usual_rms(np.repeat(np.arange(10.0), 20)))

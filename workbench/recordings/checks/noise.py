@@ -81,6 +81,26 @@ def white_rms(values: npt.ArrayLike, *, order: int = _ORDER, quantile: float = 0
     return float(np.quantile(moving, quantile)) if moving.size else 0.0
 
 
+def usual_rms(values: npt.ArrayLike, *, order: int = _ORDER) -> float:
+    """Return the rms, in the unit of ``values``, of the noise from the median of the differences.
+
+    What happens at less than half of the differences does not count: steps of an input that reach
+    the signal at once, at most one in twice the order of samples.
+
+    Args:
+        values: Uniformly sampled values, shape (n,), any unit.
+
+    Returns:
+        NaN where most differences are zero, as between the steps of a converter.
+
+    Source:
+        F. R. Hampel, J. Amer. Statist. Assoc. 69 (1974): the median is 0.6745 of the deviation.
+    """
+    differences = np.abs(np.diff(np.asarray(values, dtype=float), order))
+    middle = float(np.nanmedian(differences)) if np.isfinite(differences).any() else 0.0
+    return middle / (0.6745 * sqrt(comb(2 * order, order))) if middle > 0.0 else float("nan")
+
+
 def noise_of(recording: Recording, name: str) -> NoiseFloor:
     """Estimate the noise of a signal and take its converter apart.
 
