@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from workbench.cli.main import WRONG_USE, run
+from workbench.plants.plant import adopt
 
 PLANT = """
 from workbench.model import Input, Model, Output, Parameter, State
@@ -173,3 +174,13 @@ def test_an_absolute_temperature_is_plausible_without_a_scale(
     np.savetxt("b.csv", table, delimiter=",", header="t [s],P [W],jacket [°C],T [°C]", comments="")
     run(["recording", "b.csv", "--plant", "others:boiler"])
     assert "outside the plausible" not in capsys.readouterr().out
+
+
+def test_the_last_word_of_an_option_is_a_unit_only_where_it_is_one() -> None:
+    def tank(T_in: float = 300.0, x_d: float = 0.1, p_C: float = 1.0, wall_mm: float = 2.0) -> None:
+        """A tank."""
+
+    options = adopt(tank, "tank").options
+    assert [(q.name, q.unit) for q in options] == [
+        ("T_in", ""), ("x_d", ""), ("p_C", ""), ("wall", "mm"),
+    ]  # fmt: skip

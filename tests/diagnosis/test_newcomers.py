@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.diagnosis.newcomers import (
@@ -24,6 +26,7 @@ from tests.diagnosis.newcomers import (
 )
 from workbench.diagnosis.diagnose import diagnose, stages
 from workbench.diagnosis.estimation.made_up import made_up
+from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.estimation.windows import windowed_run
@@ -197,3 +200,12 @@ def test_heat_is_lost_where_a_plant_has_temperatures_and_no_ports() -> None:
     assert {"radiation_wall", "heat_loss_wall", "second_heat_store_wall"} <= offered.keys()
     assert offered["radiation_wall"].ports == ("wall.rate",)
     assert not any(name.endswith("_charge") for name in offered if name.startswith("radiation"))
+
+
+def test_windows_whose_filter_gives_up_are_a_run_that_failed() -> None:
+    model, _ = with_undeclared(maglev(), [levitation(1)])
+    seen = observe(model, levitation(1))
+    # On the coil the force is infinite.
+    run = windowed_run(model, model, replace(seen, start=np.array([0.0, 0.0, 0.7])))
+    assert seen.diverges and run.failure and not run.finite
+    assert run.simulated.shape == seen.outputs.shape and run.rmse["gap"] == np.inf

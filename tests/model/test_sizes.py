@@ -144,3 +144,22 @@ def test_a_bearing_that_sticks_at_the_start_is_sized_where_it_slides() -> None:
     # 1 N against 0.5 N s/m; stuck it would creep at 1 / (0.2 / 1e-3) = 5 mm/s.
     assert 0.5 < made.states[0].scale < 2.5
     assert math.isclose(made.outputs[0].scale, made.states[0].scale)
+
+
+def test_an_unstable_oscillation_gives_no_size_of_its_own() -> None:
+    # Poles at growth + j, of which 1 + j is where responses are taken.
+    def scale(growth: float) -> float:
+        def equations(m: Scope) -> Equations:
+            rates = {"x": growth * m.x.x + m.x.y + m.u.u, "y": growth * m.x.y - m.x.x}
+            return rates, {"x": m.x.x}
+
+        spiral = Model(
+            "spiral",
+            equations,
+            states=(State("x", "m"), State("y", "m")),
+            inputs=(Input("u", "m/s", lower=-1.0, upper=1.0),),
+            outputs=(Output("x", "m"),),
+        )
+        return max(q.scale for q in spiral.states)
+
+    assert max(scale(g) for g in (0.5, 0.9, 1.0, 1.1)) < 4.0

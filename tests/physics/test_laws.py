@@ -194,3 +194,5 @@ def test_a_plant_without_ports_is_offered_laws_where_it_can_have_them() -> None:
 def test_units_divide() -> None:
     assert per("V", "A") == "V/A"
     assert per("N", "m/s", 2) == "N s2/m2"
+    # As units are read: superscripts, and a line that ends with the next symbol.
+    assert per("m s⁻¹", "m²") == "1/(m s)" and per("W/m2 K", "K") == "W/m2"

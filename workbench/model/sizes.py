@@ -19,6 +19,9 @@ _ROUNDS = 4
 """Times that the motion is followed to where the sizes of the last round lead: a bearing that
 sticks at the start slides there."""
 
+_TURNS = np.array([0.25, 0.05, 0.45])
+"""Angles of ``s`` over pi; the further ones where an unstable oscillation is close to the first."""
+
 _INTEGRATES = 1e-9
 """Size of an eigenvalue, as a share of the largest, below which its mode has no pace."""
 
@@ -34,8 +37,9 @@ def sizes(
     """Find how far inputs within their range move a plant at its own pace.
 
     The response of the linear model ``|(s I - A)^-1 B| size(u)`` is taken on ``s = w exp(j pi/4)``,
-    half-way between a decay and an oscillation, so that no resonance and no instability counts, at
-    every pace ``w`` of the plant: the magnitudes of its eigenvalues.
+    half-way between a growth and an oscillation, so that no resonance and no instability counts, at
+    every pace ``w`` of the plant: the magnitudes of its eigenvalues. Where an unstable oscillation
+    is there, it is taken beside it.
 
     Args:
         x: States at the start, shape (n_states,), in SI.
@@ -86,14 +90,20 @@ def sizes(
 
 def _response(a: Vector, b: Vector, of_u: Vector) -> Vector:
     """Return the largest response over the paces of a linear model, shape (n_states,), in SI."""
-    paces = np.abs(np.linalg.eigvals(a)) if a.size else np.zeros(0)
+    poles = np.linalg.eigvals(a) if a.size else np.zeros(0)
+    paces = np.abs(poles)
     own = paces[paces > _INTEGRATES * paces.max(initial=0.0)]
-    turned = np.exp(0.25j * np.pi)
     each = [
-        np.abs(np.linalg.solve(w * turned * np.eye(len(a)) - a, b)) @ of_u
+        np.abs(np.linalg.solve(_beside(w, poles) * np.eye(len(a)) - a, b)) @ of_u
         for w in (own if own.size else [1.0])
     ]
     return np.asarray(np.max(each, axis=0))
+
+
+def _beside(pace: float, poles: Vector) -> complex:
+    points = pace * np.exp(1j * np.pi * _TURNS)
+    room = np.abs(points[:, None] - poles).min(axis=1, initial=np.inf)
+    return complex(points[0 if room[0] > 0.3 * pace else int(room.argmax())])
 
 
 def _reach(q: State | Input | Output, usual: float) -> float:

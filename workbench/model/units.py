@@ -99,6 +99,9 @@ _SYMBOLS: dict[str, tuple[float, Dimensions]] = {
     "hp": (745.6998715822702, _W),
 }  # fmt: skip
 
+_NAMES = re.compile(r"in|d|C|T|S|MA|atm|cal|(?!cm|nF|ns|pF)[cdhnp][A-Za-zΩ]")
+"""Symbols that end a name more often than they are its unit."""
+
 _TOKEN = re.compile(r"\s*([()/*·]|\^?[-+−]?\d+|[²³⁻¹]+|[A-Za-zµΩ°%]+|-)")
 _SUPERSCRIPTS = str.maketrans("²³⁻¹−", "23-1-")
 _SCALES = {
@@ -150,6 +153,50 @@ def _unknown(text: str, token: str) -> WorkbenchError:
     )
 
 
+def powers(text: str) -> list[tuple[str, int]]:
+    """Take a unit apart: its symbols in order, each with its power; no scale of temperature.
+
+    Raises:
+        WorkbenchError: If a part of the unit is unknown; names the nearest known spelling.
+
+    Example:
+        >>> powers("m3/(s Pa)")
+        [('m', 3), ('s', -1), ('Pa', -1)]
+    """
+    found: list[tuple[str, int]] = []
+    position, sign, group, raised = 0, 1, [1], True
+    while position < len(text):
+        match = _TOKEN.match(text, position)
+        if match is None:
+            raise _unknown(text, text[position:])
+        token, position = match.group(1), match.end()
+        if token in "*·":
+            continue
+        if token == "/":
+            sign = -1
+        elif token == "(":
+            group.append(group[-1] * sign)
+            sign = 1
+        elif token == ")":
+            if len(group) == 1:
+                raise _unknown(text, ")")
+            group.pop()
+            sign = 1
+        elif token in _SYMBOLS and token != "-":
+            found.append((token, group[-1] * sign))
+            sign, raised = 1, False
+        else:
+            digits = token.lstrip("^").translate(_SUPERSCRIPTS)
+            if raised or not digits.lstrip("+-").isdigit():
+                raise _unknown(text, token)
+            symbol, power = found[-1]
+            found[-1] = (symbol, power * int(digits))
+            raised = True
+    if len(group) != 1:
+        raise _unknown(text, "(")
+    return found
+
+
 @lru_cache(maxsize=512)
 def parse_unit(text: str) -> Unit:
     """Parse a unit string.
@@ -175,40 +222,9 @@ def parse_unit(text: str) -> Unit:
         degree, zero = _SCALES[stripped]
         return Unit(text, degree, _dim(K=1), zero)
     factor, dimensions = 1.0, _ONE
-    position, sign, group = 0, 1, [1]
-    last: tuple[float, Dimensions, int] | None = None
-    while position < len(stripped):
-        match = _TOKEN.match(stripped, position)
-        if match is None:
-            raise _unknown(text, stripped[position:])
-        token, position = match.group(1), match.end()
-        if token in "*·":
-            continue
-        if token == "/":
-            sign = -1
-        elif token == "(":
-            group.append(group[-1] * sign)
-            sign = 1
-        elif token == ")":
-            if len(group) == 1:
-                raise _unknown(text, ")")
-            group.pop()
-            sign = 1
-        elif token in _SYMBOLS and token != "-":
-            size, dims = _SYMBOLS[token]
-            power = group[-1] * sign
-            factor, dimensions = factor * size**power, _combine(dimensions, dims, power)
-            last, sign = (size, dims, power), 1
-        else:
-            digits = token.lstrip("^").translate(_SUPERSCRIPTS)
-            if last is None or not digits.lstrip("+-").isdigit():
-                raise _unknown(text, token)
-            size, dims, power = last
-            extra = power * (int(digits) - 1)
-            factor, dimensions = factor * size**extra, _combine(dimensions, dims, extra)
-            last = None
-    if len(group) != 1:
-        raise _unknown(text, "(")
+    for symbol, power in powers(stripped):
+        size, dims = _SYMBOLS[symbol]
+        factor, dimensions = factor * size**power, _combine(dimensions, dims, power)
     return Unit(text, factor, dimensions)
 
 
@@ -257,6 +273,18 @@ def same_dimension(a: str, b: str) -> bool:
         (True, False)
     """
     return parse_unit(a).dimensions == parse_unit(b).dimensions
+
+
+def ends_a_name(symbol: str) -> bool:
+    """Tell whether a symbol at the end of a name is rather a part of it than its unit.
+
+    Such are an inflow ``T_in``, a desired value ``x_d``, a vessel ``p_C``, a difference ``x_dT``.
+
+    Example:
+        >>> [ends_a_name(s) for s in ("in", "nm", "cm", "kn")]
+        [True, True, False, False]
+    """
+    return _NAMES.fullmatch(symbol) is not None
 
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$")

@@ -8,7 +8,6 @@ level. No name of a state or signal is needed.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -21,7 +20,7 @@ from workbench.errors import check_choice
 from workbench.model import Model, Output, Parameter, Port, State
 from workbench.model.quantities import Quantity
 from workbench.model.regularisation import Expression
-from workbench.model.units import same_dimension
+from workbench.model.units import powers, same_dimension
 
 Vector = npt.NDArray[np.float64]
 
@@ -59,9 +58,6 @@ _ROLES = {
 _ENDINGS = {".reading": "measurement", ".command": "command", ".outflow": "flow", ".inflow": "flow"}
 
 
-_FACTOR = re.compile(r"([A-Za-zµΩ°%]+)\^?(-?\d*)")
-
-
 def per(unit: str, divisor: str, power: int = 1) -> str:
     """Return the unit of a quantity per power of another one.
 
@@ -69,14 +65,13 @@ def per(unit: str, divisor: str, power: int = 1) -> str:
         >>> per("N", "m", 3), per("N m", "rad/s"), per("m/s2", "m/s", 2), per("V/s", "V")
         ('N/m3', 'N m s/rad', '1/m', '1/s')
     """
-    powers: dict[str, int] = {}
+    total: dict[str, int] = {}
     for text, sign in ((unit, 1), (divisor, -power)):
-        above, _, below = text.partition("/")
-        for part, side in ((above, sign), (below, -sign)):
-            for name, exponent in _FACTOR.findall(part):
-                powers[name] = powers.get(name, 0) + side * int(exponent or 1)
+        for symbol, exponent in powers(text):
+            if symbol not in ("1", "-"):
+                total[symbol] = total.get(symbol, 0) + sign * exponent
     over, under = (
-        [f"{n}{abs(e) if abs(e) > 1 else ''}" for n, e in powers.items() if sign * e > 0]
+        [f"{n}{abs(e) if abs(e) > 1 else ''}" for n, e in total.items() if sign * e > 0]
         for sign in (1, -1)
     )
     divided = f"({' '.join(under)})" if len(under) > 1 else "".join(under)

@@ -14,7 +14,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.model import Effect, Model
-from workbench.model.units import parse_unit, quantity, same_dimension, to_si
+from workbench.model.units import ends_a_name, parse_unit, quantity, same_dimension, to_si
 from workbench.physics.law import Law
 from workbench.physics.place import Survey
 from workbench.registry import load_object, user_code
@@ -336,7 +336,7 @@ def _adopted(reference: str, parameter: inspect.Parameter, hint: Any) -> Option:
 
 def _is_unit(text: str) -> bool:
     # "level_min" is a smallest level, not one in minutes.
-    if not text or text in ("min", "t", "h", "l", "count", "turn", "rev"):
+    if not text or ends_a_name(text) or text in ("min", "t", "h", "l", "count", "turn", "rev"):
         return False
     try:
         parse_unit(text)

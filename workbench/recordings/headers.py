@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 
 from workbench.errors import WorkbenchError
-from workbench.model.units import parse_unit
+from workbench.model.units import ends_a_name, parse_unit
 from workbench.recordings.quantity_kinds import kind_of
 
 # How loggers spell the units that `workbench.model.units` knows by their symbol.
@@ -26,7 +26,13 @@ _NESTED = re.compile(r"^(?P<name>[^(\[]*\S)[\s_]*[(\[](?P<unit>[^()\[\]]*\(\w+\)
 _SLASH = re.compile(r"^(?P<name>.*\S)\s+/\s*(?P<unit>\S.*)$")
 _WORD = re.compile(r"[A-Za-zµΩ°%]+")
 # Symbols that are as often the name of a chamber, an axis or a constant as a unit.
-_AMBIGUOUS = {"A", "C", "K", "J", "W", "N", "L", "h", "t", "g", "l", "m", "s", "count", "turn"}
+_AMBIGUOUS = {
+    "A", "F", "H", "K", "J", "W", "N", "L", "h", "t", "g", "l", "m", "s", "count", "turn",
+}  # fmt: skip
+# Words that stand below the line of a unit: "g_l" is in g/l, but "kW_h" in kW h.
+_BELOW = ("s", "s2", "min", "h", "l", "m3", "abs", "gauge")
+_DEGREES = {"C": "degC", "F": "degF"}
+_TEMPERATURE = re.compile(r"[Tt](?![A-Za-z])|.*temp", re.IGNORECASE)
 _MEANING = {
     "pressure": "Pa", "angle": "rad", "torque": "N m", "force": "N", "temperature": "K",
     "voltage": "V", "time": "s", "mass": "kg",
@@ -123,14 +129,15 @@ def _suffix(column: str) -> tuple[str, str, str] | None:
         if len(words) <= count:
             continue
         name, tail = "_".join(words[:-count]), words[-count:]
-        if not all(re.search(r"[A-Za-zµΩ°%]", w) for w in tail):
+        if any(ends_a_name(w) or not _WORD.search(w) for w in tail):
             continue
         spellings = (
             [" ".join(tail)]
             if count == 1
             else ["/".join(w for w in tail if w != "per"), " ".join(tail), "_".join(tail)]
         )
-        if count > 1 and "per" not in tail and tail[-1] not in ("s", "s2", "min", "abs", "gauge"):
+        below = tail[-1] in _BELOW and not (tail[-1] == "h" and tail[0].endswith(("W", "A")))
+        if count > 1 and "per" not in tail and not below:
             spellings = spellings[1:]
         for spelling in spellings:
             unit, reference = read_unit(spelling)
@@ -155,6 +162,8 @@ def read_header(column: str) -> Header:
         name, stated = match.group("name"), match.group("unit")
         unit, reference = read_unit(stated)
         if unit is not None:
+            # Nobody means coulombs by "T [C]".
+            unit = _DEGREES.get(unit, unit) if _TEMPERATURE.match(name) else unit
             return _with_reference(column, name, unit, reference)
         if re.fullmatch(r"[\d\s]*", stated) is None:
             problem = f"unit {stated.strip()!r} is not known"

@@ -122,6 +122,14 @@ def free_run(
     return FreeRun(observed.name, observed.used, units, time, observed.outputs, simulated, failure)
 
 
+def failed_run(model: Model, observed: Observed, failure: str) -> FreeRun:
+    """Return the run of a model that could not be begun, and why."""
+    units = tuple(model.outputs[index_of("output", n, model.outputs)].unit for n in observed.used)
+    nothing = np.full_like(observed.outputs, np.nan)
+    time = observed.sample_time * np.arange(len(nothing), dtype=np.float64)
+    return FreeRun(observed.name, observed.used, units, time, observed.outputs, nothing, failure)
+
+
 def rms_of(runs: Sequence[Mapping[str, float]]) -> dict[str, float]:
     """Return the root mean square over runs of their errors by output, in SI."""
     return {name: math.sqrt(sum(r[name] ** 2 for r in runs) / len(runs)) for name in runs[0]}

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.free_run import FreeRun, free_run
+from workbench.diagnosis.estimation.free_run import FreeRun, failed_run, free_run
 from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, filter_of
 from workbench.diagnosis.estimation.process_noise import extended_start
+from workbench.errors import NumericalError
 from workbench.model import Model
-from workbench.model.model import index_of
 
 MILD = 0.3
 """Process-noise scale of a little trust in the equations, dimensionless."""
@@ -90,25 +90,24 @@ def windowed_run(
         nominal: The model that the recording was observed with.
         noise_scale: Process-noise scale of the filter that starts the windows, dimensionless.
 
-    Raises:
-        NumericalError: If the filter leaves the finite numbers.
+    Returns:
+        The run beside the measurements; with the reason if the filter or the integrator gives up.
     """
-    cut = windows(model, nominal, observed, noise_scale)
+    try:
+        cut = windows(model, nominal, observed, noise_scale)
+    except (NumericalError, np.linalg.LinAlgError) as error:
+        return failed_run(model, observed, str(error))
     parts = [free_run(model, part) for part in cut]
     failure = next((part.failure for part in parts if part.failure), "")
-    simulated = np.concatenate([part.simulated for part in parts])
-    time = observed.sample_time * np.arange(len(simulated), dtype=np.float64)
-    rows = [index_of("output", name, model.outputs) for name in observed.used]
-    units = tuple(model.outputs[i].unit for i in rows)
     return FreeRun(
         observed.name,
         observed.used,
-        units,
-        time,
+        parts[0].units,
+        observed.sample_time * np.arange(len(observed.outputs), dtype=np.float64),
         observed.outputs,
-        simulated,
+        np.concatenate([part.simulated for part in parts]),
         failure,
-        window=len(cut[0].outputs) * observed.sample_time,
+        window=len(cut[0].outputs) * observed.sample_time if len(cut) > 1 else 0.0,
     )
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from workbench.diagnosis.estimation.free_run import FreeRun, free_run
+from workbench.diagnosis.estimation.free_run import FreeRun, failed_run, free_run
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.process_noise import (
     LADDER,
@@ -28,7 +28,6 @@ from workbench.diagnosis.estimation.windows import (
 )
 from workbench.errors import NumericalError
 from workbench.model import Model
-from workbench.model.model import index_of
 from workbench.work.processes import in_order
 
 Vector = npt.NDArray[np.float64]
@@ -83,16 +82,7 @@ def judged_run(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> Free
             return windowed_run(fit.model, nominal, observed, fit.noise_scale)
         return settled_run(fit.model, nominal, observed)
     except (NumericalError, np.linalg.LinAlgError) as error:
-        nothing = np.full_like(observed.outputs, np.nan)
-        time = observed.sample_time * np.arange(len(nothing), dtype=np.float64)
-        units = tuple(nominal.outputs[i].unit for i in _rows(nominal, observed))
-        return FreeRun(
-            observed.name, observed.used, units, time, observed.outputs, nothing, str(error)
-        )
-
-
-def _rows(model: Model, observed: Observed) -> list[int]:
-    return [index_of("output", name, model.outputs) for name in observed.used]
+        return failed_run(nominal, observed, str(error))
 
 
 def over_floor(
@@ -160,6 +150,8 @@ def _own_run(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> tuple[
         return own, own.simulated
     # Run after run of its windows; what the filter expects of each sample has no jumps between.
     own = windowed_run(fit.model, nominal, observed, fit.noise_scale)
+    if not own.finite:
+        return own, own.simulated
     expected = expected_outputs(fit.model, nominal, observed, fit.noise_scale)
     return own, np.where(np.isfinite(expected), expected, own.simulated)
 

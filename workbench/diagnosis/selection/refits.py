@@ -784,7 +784,10 @@ def _shift(entry: Hypothesis, fit: ProcessNoiseFit, observed: Observed) -> float
     if entry.replaces:
         return math.nan
     absent = fit.model.with_parameters({f"{entry.name}.{entry.size_parameter}": 0.0})
-    parts = windows(fit.model, fit.model, observed) if observed.diverges else [observed]
+    try:
+        parts = windows(fit.model, fit.model, observed) if observed.diverges else [observed]
+    except NumericalError:
+        return math.inf
     runs = [(free_run(fit.model, part), free_run(absent, part)) for part in parts]
     if not all(run.finite for pair in runs for run in pair):
         return math.inf
