@@ -8,6 +8,7 @@ from typing import TypeVar
 
 import casadi as ca
 import numpy as np
+import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.model.quantities import Input, Output, Quantity, State
@@ -90,7 +91,7 @@ def sizes(
 
 def _response(a: Vector, b: Vector, of_u: Vector) -> Vector:
     """Return the largest response over the paces of a linear model, shape (n_states,), in SI."""
-    poles = np.linalg.eigvals(a) if a.size else np.zeros(0)
+    poles = np.asarray(np.linalg.eigvals(a), dtype=complex)
     paces = np.abs(poles)
     own = paces[paces > _INTEGRATES * paces.max(initial=0.0)]
     each = [
@@ -100,7 +101,7 @@ def _response(a: Vector, b: Vector, of_u: Vector) -> Vector:
     return np.asarray(np.max(each, axis=0))
 
 
-def _beside(pace: float, poles: Vector) -> complex:
+def _beside(pace: float, poles: npt.NDArray[np.complex128]) -> complex:
     points = pace * np.exp(1j * np.pi * _TURNS)
     room = np.abs(points[:, None] - poles).min(axis=1, initial=np.inf)
     return complex(points[0 if room[0] > 0.3 * pace else int(room.argmax())])
