@@ -11,11 +11,15 @@ from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import FreeRun, failed_run, free_run
 from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, filter_of
 from workbench.diagnosis.estimation.process_noise import extended_start
+from workbench.diagnosis.estimation.start import fitted_start
 from workbench.errors import NumericalError
 from workbench.model import Model
 
 MILD = 0.3
 """Process-noise scale of a little trust in the equations, dimensionless."""
+
+_START_SHARE, _START_SAMPLES = 1 / 40, 10
+"""Part of a recording, and least number of samples, that tell where its hidden states start."""
 
 _COUNT = 20
 _LEAST_SAMPLES, _LEAST_UNSTABLE = 25, 5
@@ -23,6 +27,17 @@ _LEAST_SAMPLES, _LEAST_UNSTABLE = 25, 5
 
 _GROWTH = 2.0
 """Time constants of an unstable model that a window lasts: what its start is off by grows by e2."""
+
+
+def settled(model: Model, nominal: Model, observed: Observed) -> Observed:
+    """Return a recording with a start fitted to its first fortieth.
+
+    Args:
+        nominal: The model that the recording was observed with.
+    """
+    begun = extended_start(observed, nominal, model)
+    wanted = max(_START_SAMPLES, round(_START_SHARE * len(begun.outputs)))
+    return fitted_start(model, begun, samples=min(window_samples(observed), wanted))
 
 
 def window_samples(observed: Observed) -> int:
@@ -64,6 +79,8 @@ def windows(
 ) -> list[Observed]:
     """Cut a recording into windows, each with the start that the filter has there.
 
+    At the first sample the filter knows little of hidden states; they are fitted.
+
     Args:
         nominal: The model that the recording was observed with.
         noise_scale: Process-noise scale, dimensionless.
@@ -73,6 +90,7 @@ def windows(
     """
     begun = extended_start(observed, nominal, model)
     states = _filter(model, begun, noise_scale).run(begun, model.values).states
+    states[0] = settled(model, nominal, observed).start
     count, size = len(begun.outputs), window_samples(observed)
     starts = list(range(0, max(count - size // 2, 1), size))
     return [

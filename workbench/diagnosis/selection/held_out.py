@@ -19,10 +19,10 @@ from workbench.diagnosis.estimation.process_noise import (
     gain_interval,
     summed_over_blocks,
 )
-from workbench.diagnosis.estimation.start import fitted_start
 from workbench.diagnosis.estimation.windows import (
     MILD,
     expected_outputs,
+    settled,
     windowed_run,
     windows,
 )
@@ -34,9 +34,6 @@ Vector = npt.NDArray[np.float64]
 
 Runs = Mapping[str, FreeRun]
 """Free runs by recording."""
-
-_START_SHARE, _START_SAMPLES = 1 / 40, 10
-"""Part of a recording, and least number of samples, that tell where its hidden states start."""
 
 _SPOILT = 1.25
 _DRAWS = 4
@@ -55,13 +52,7 @@ def settled_run(model: Model, nominal: Model, observed: Observed) -> FreeRun:
     """
     if observed.diverges:
         return windowed_run(model, nominal, observed)
-    return free_run(model, _settled(model, nominal, observed))
-
-
-def _settled(model: Model, nominal: Model, observed: Observed) -> Observed:
-    begun = extended_start(observed, nominal, model)
-    wanted = max(_START_SAMPLES, round(_START_SHARE * len(begun.outputs)))
-    return fitted_start(model, begun, samples=min(len(begun.outputs), wanted))
+    return free_run(model, settled(model, nominal, observed))
 
 
 def pieces(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> list[Observed]:
@@ -72,7 +63,7 @@ def pieces(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> list[Obs
     """
     if observed.drifts:
         return windows(fit.model, nominal, observed, fit.noise_scale)
-    return [_settled(fit.model, nominal, observed)]
+    return [settled(fit.model, nominal, observed)]
 
 
 def judged_run(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> FreeRun:

@@ -91,7 +91,8 @@ def usual_rms(values: npt.ArrayLike, *, order: int = _ORDER) -> float:
         values: Uniformly sampled values, shape (n,), any unit.
 
     Returns:
-        NaN where most differences are zero, as between the steps of a converter.
+        The rms, in the unit of ``values``; NaN where most differences are zero, as between the
+        steps of a converter.
 
     Source:
         F. R. Hampel, J. Amer. Statist. Assoc. 69 (1974): the median is 0.6745 of the deviation.
