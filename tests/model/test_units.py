@@ -1,10 +1,12 @@
 """Factors of the units that data sheets and files use, from the definitions of the SI."""
 
+import numpy as np
 import pytest
 
 from workbench.errors import WorkbenchError
 from workbench.model import Input, Output, State
 from workbench.model.units import convert, same_dimension, to_si
+from workbench.simulation.trajectory import what_moved
 
 
 @pytest.mark.parametrize(
@@ -37,6 +39,8 @@ from workbench.model.units import convert, same_dimension, to_si
         ("kn", "m/s", 1852.0 / 3600.0),
         ("day", "s", 86400.0),
         ("mAh", "A s", 3.6),
+        ("\u03bcm", "m", 1e-6),
+        ("k\u2126", "V/A", 1e3),
     ],
 )
 def test_one_of_a_unit_in_si(unit: str, si: str, size: float) -> None:
@@ -58,6 +62,12 @@ def test_inputs_and_outputs_are_read_in_units_of_their_own() -> None:
     for kind in (Input, Output):
         with pytest.raises(WorkbenchError, match=r"'K' of rudder does not measure what 'rad'"):
             kind("rudder", "rad", display_unit="K")
+
+
+def test_an_input_is_shown_in_the_unit_in_which_people_read_it() -> None:
+    rudder, pressure = Input("rudder", "rad", display_unit="deg"), Input("pressure", "Pa")
+    table = what_moved((rudder, pressure), (np.array([0.0, np.pi]), np.array([0.0, 2e5])))
+    assert [row[2:] for row in table.rows] == [(pytest.approx(180.0), "deg"), (2.0, "bar")]
 
 
 def test_degrees_fahrenheit_have_a_zero_of_their_own() -> None:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 from workbench.errors import WorkbenchError
-from workbench.model.units import parse_unit, same_dimension
+from workbench.model.units import parse_unit, same_dimension, shown_unit
 
 
 @dataclass(frozen=True)
@@ -122,6 +122,18 @@ class Output(Channel):
     noise_rms: float = 0.0
     lower: float = -math.inf
     upper: float = math.inf
+
+
+def shown_in(quantity: Quantity) -> str:
+    """Return the unit in which people read a quantity: what an input or output says, if it does.
+
+    Example:
+        >>> shown_in(State("pressure", "Pa")), shown_in(Input("rudder", "rad", display_unit="deg"))
+        ('bar', 'deg')
+    """
+    if isinstance(quantity, Output):
+        return quantity.display_unit
+    return shown_unit(quantity.display_unit if isinstance(quantity, Input) else quantity.unit)
 
 
 @dataclass(frozen=True)

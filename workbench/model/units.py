@@ -215,7 +215,8 @@ def parse_unit(text: str) -> Unit:
         >>> unit.factor, unit.dimensions
         (1.0, (4, -1, 1, 0, 0, 0, 0, 0))
     """
-    stripped = text.strip()
+    # Micro and ohm have two signs each that look alike.
+    stripped = text.strip().replace("\u03bc", "\u00b5").replace("\u2126", "\u03a9")
     if stripped in ("", "1", "-"):
         return Unit(text, 1.0, _ONE)
     if stripped in _SCALES:

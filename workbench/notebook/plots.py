@@ -11,7 +11,8 @@ from workbench.diagnosis.stages import Diagnosis
 from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation import LinearModel
 from workbench.linearisation.transfer import frequency_response
-from workbench.model.units import from_si, parse_unit, shown_unit
+from workbench.model.quantities import shown_in
+from workbench.model.units import from_si, parse_unit
 from workbench.recordings import Recording
 from workbench.reports.figures.bode import bode
 from workbench.reports.figures.diagnosis_runs import diagnosis_runs
@@ -122,8 +123,7 @@ def _of_trajectory(run: Trajectory, *names: str) -> Figure:
     """Draw inputs and outputs over time, or what is named."""
     model = run.model
     units: Mapping[str, str] = {
-        **{q.name: shown_unit(q.unit) for q in (*model.inputs, *model.states)},
-        **{q.name: q.display_unit for q in model.outputs},
+        q.name: shown_in(q) for q in (*model.inputs, *model.states, *model.outputs)
     }
     asked = names or tuple(q.name for q in (*model.inputs, *model.outputs))
     held = {q.name for q in model.inputs}

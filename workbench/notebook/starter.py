@@ -13,7 +13,8 @@ from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linearise
 from workbench.linearisation.pace import step_time
 from workbench.model import Model
-from workbench.model.units import from_si, shown_unit
+from workbench.model.quantities import shown_in
+from workbench.model.units import from_si
 from workbench.operating_point import operating_point
 from workbench.plants.plant import Plant
 from workbench.reports.page import template
@@ -112,10 +113,9 @@ def _steps(
 
 def _si(model: Model, name: str, value: float) -> str:
     """Write an SI value as an expression in the unit in which people read it."""
-    outputs = {q.name: q.display_unit for q in model.outputs}
     sums = {total.name: total.display_unit for total in model.traits.sums}
-    others = {q.name: shown_unit(q.unit) for q in (*model.inputs, *model.states)}
-    unit = ({**others, **sums, **outputs}).get(name, "1")
+    others = {q.name: shown_in(q) for q in (*model.inputs, *model.states, *model.outputs)}
+    unit = ({**sums, **others}).get(name, "1")
     shown = f"{from_si(value, unit):.10g}"
     return shown if unit in ("1", "") else f"to_si({shown}, {unit!r})"
 

@@ -18,7 +18,8 @@ import numpy as np
 from workbench.arrays import Vector
 from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError, check_choice, check_finite, check_range
-from workbench.model import EXACT, DriftingSum, Input, Model, Output, Quantity, State
+from workbench.model import EXACT, DriftingSum, Input, Model, Quantity, State
+from workbench.model.quantities import Channel, shown_in
 from workbench.model.traits import bound_value
 from workbench.model.units import from_si, shown_unit
 from workbench.operating_point.derivatives import derivatives_of
@@ -245,7 +246,7 @@ def check_value(model: Model, name: str, value: float, *, what: str = "") -> Non
         quantity: Quantity = {q.name: q for q in (*model.inputs, *model.states, *model.outputs)}[
             name
         ]
-        unit = quantity.display_unit if isinstance(quantity, Output) else quantity.unit
+        unit = quantity.display_unit if isinstance(quantity, Channel) else quantity.unit
         # The range of a state is that of the laws; a measurement shares it if it shows that state.
         bounded = states[name] if name in _shown_states(model) else quantity
         lower, upper = getattr(bounded, "lower", -math.inf), getattr(bounded, "upper", math.inf)
@@ -391,16 +392,12 @@ def _display(model: Model, name: str, value: float) -> str:
     quantity: Quantity = next(
         q for q in (*model.outputs, *model.states, *model.inputs) if q.name == name
     )
-    unit = quantity.display_unit if isinstance(quantity, Output) else quantity.unit
+    unit = quantity.display_unit if isinstance(quantity, Channel) else quantity.unit
     return f"{from_si(value, unit):g} {unit}"
 
 
 def _entry(kind: str, quantity: Quantity, value: float) -> tuple[str, str, float, str]:
-    unit = quantity.unit
-    if isinstance(quantity, Output):
-        unit = quantity.display_unit
-    else:
-        unit = shown_unit(unit)
+    unit = shown_in(quantity)
     # Round-off is not worth reading.
     shown = from_si(float(value), unit) if abs(value) > 1e-12 * quantity.scale else 0.0
     return (kind, quantity.name, float(shown), unit)

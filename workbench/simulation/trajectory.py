@@ -12,6 +12,7 @@ from workbench.arrays import Vector
 from workbench.display import Drawn, Rows
 from workbench.errors import check_choice
 from workbench.model import EXACT, Form, Model, Quantity, Trace
+from workbench.model.quantities import shown_in
 from workbench.model.units import from_si, shown_unit
 from workbench.simulation.equations import Equations
 from workbench.simulation.runge_kutta import at_every_row
@@ -138,7 +139,7 @@ def what_moved(quantities: Sequence[Quantity], columns: Sequence[Vector]) -> Row
     """
     rows = []
     for quantity, column in zip(quantities, columns, strict=True):
-        unit = getattr(quantity, "display_unit", "") or shown_unit(quantity.unit)
+        unit = shown_in(quantity)
         shown = from_si(column, unit)
         rows.append((quantity.name, float(shown.min()), float(shown.max()), unit))
     return Rows("what moved", ("name", "smallest", "largest", "unit"), rows)

@@ -158,8 +158,8 @@ class Evidence:
     def p_value(self, columns: Vector, given: Vector) -> float:
         """Test whether columns explain more than they do of the signal shifted in time.
 
-        Each recording's signal is shifted circularly by at least 1 s against what the ports see:
-        that keeps its size and its correlation in time and breaks its dependence.
+        Each recording's signal is shifted circularly, by a twentieth of it at least, against what
+        the ports see: that keeps its size and its correlation in time and breaks its dependence.
 
         Args:
             columns: Columns to test, shape (n_located n, k), in the signals' unit.
