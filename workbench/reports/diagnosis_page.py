@@ -108,19 +108,17 @@ def _facts(diagnosis: Diagnosis, verdict: Verdict) -> tuple[tuple[str, str], ...
 def _held_out(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
     extended = diagnosis.runs.get("extended", {}) if improved(diagnosis) else {}
     noise = verdict.fit.get("noise_floor", {})
+    anew = next((run.restarts for run in diagnosis.runs["refitted"].values() if run.restarts), "")
+    how = anew or "it gets the input and the first measurements, never a later one"
     blocks: list[Block] = [
         Words(
-            "Neither model has seen these recordings. Each runs freely: it gets the input and the"
-            " first measurements, never a later one. Both have their parameters fitted to the same"
-            " other recordings, so the difference is the physics and not the tuning."
+            f"Neither model has seen these recordings. Each runs freely: {how}. Both have their"
+            " parameters fitted to the same other recordings, so the difference is the physics and"
+            " not the tuning."
             if extended
-            else "The model has not seen these recordings. It runs freely: it gets the input and"
-            " the first measurements, never a later one."
+            else f"The model has not seen these recordings. It runs freely: {how}."
         )
     ]
-    anew = next((run.restarts for run in diagnosis.runs["refitted"].values() if run.restarts), "")
-    if anew:
-        blocks.append(Words(f"{anew[0].upper()}{anew[1:]}.", "note"))
     for i, (title, run) in enumerate(diagnosis.runs["refitted"].items()):
         after = extended.get(title)
         name = _plain_title(title)
