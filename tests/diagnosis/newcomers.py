@@ -451,3 +451,35 @@ def transport(seed: int, *, samples: int = 1000, friction: float = 0.0) -> Recor
             Signal("angle", angle, "rad"),
         ),
     )
+
+
+def swing() -> Model:
+    """A pendulum that swings out: nothing drives it."""
+
+    def equations(m: Scope) -> Equations:
+        rate = -m.p.stiffness * ca.sin(m.x.angle) - m.p.damping * m.x.speed
+        return {"angle": m.x.speed, "speed": rate}, {"angle": m.x.angle}
+
+    return Model(
+        "swing",
+        equations,
+        states=(State("angle", "rad", initial=0.5), State("speed", "rad/s")),
+        inputs=(),
+        outputs=(Output("angle", "rad"),),
+        parameters=(
+            Parameter("stiffness", "1/s2", value=20.0, lower=1.0, upper=100.0, fitted=True),
+            Parameter("damping", "1/s", value=0.1, lower=0.0, upper=5.0, fitted=True),
+        ),
+    )
+
+
+def swinging_out(start: float) -> Recording:
+    """Return a pendulum's decay from an angle, in rad, with dry friction of 0.3 rad/s2."""
+
+    def rates(_: float, x: Vector) -> list[float]:
+        return [x[1], -24.0 * np.sin(x[0]) - 0.05 * x[1] - 0.3 * np.tanh(x[1] / 0.005)]
+
+    time = 0.02 * np.arange(500)
+    run = solve_ivp(rates, (0.0, time[-1]), [start, 0.0], t_eval=time, rtol=1e-8, atol=1e-10)
+    noise = np.random.default_rng(1).normal(0.0, 1e-3, len(time))
+    return Recording(f"from {start:g}", time, (Signal("angle", run.y[0] + noise, "rad"),))

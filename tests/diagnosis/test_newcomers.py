@@ -22,6 +22,8 @@ from tests.diagnosis.newcomers import (
     oscillator,
     rubbed,
     rubbing,
+    swing,
+    swinging_out,
     transport,
 )
 from workbench.diagnosis.diagnose import diagnose, stages
@@ -208,3 +210,14 @@ def test_windows_whose_filter_gives_up_are_a_run_that_failed() -> None:
     run = windowed_run(model, model, replace(seen, start=np.array([np.nan, 0.0, 0.7])))
     assert seen.diverges and "filter" in run.failure and not run.finite
     assert run.simulated.shape == seen.outputs.shape and run.rmse["gap"] == np.inf
+
+
+def test_a_decay_that_nothing_drives_is_diagnosed() -> None:
+    laws = ("coulomb_friction", "quadratic_drag", "cubic_stiffness")
+    entries = tuple(e for e in library(swing()) if e.law in laws)
+    runs = [swinging_out(1.2), swinging_out(0.8)]
+    *_, found = stages(swing(), runs[:1], runs[1:], entries=entries, jobs=1)
+    assert found.verdict is not None
+    (finding,) = found.verdict.findings
+    assert finding.effect == "coulomb_friction"
+    assert finding.parameters["level"].value == pytest.approx(0.3, rel=0.03)

@@ -105,7 +105,7 @@ def _signals_along(model: Model, seen: Observed) -> dict[str, float]:
         for port, acts in zip(model.ports, acting, strict=True)
         if (acts or not acting.any()) and not port.name.endswith((".command", ".reading"))
     ]
-    lower, upper = np.transpose([(q.lower, q.upper) for q in model.inputs])
+    lower, upper = [q.lower for q in model.inputs], [q.upper for q in model.inputs]
     inputs = np.clip(seen.inputs, lower, upper)
     if not seen.diverges:
         with contextlib.suppress(NumericalError):

@@ -234,8 +234,8 @@ class Verdict(Shown):
         if len(self.weights) > 1:
             told = (f"{w} {w.weight:.2f}" for w in self.weights)
             lines.append(f"  likeliest sets of effects: {', '.join(told)}")
-        if self.next_experiment:
-            lines.append(f"  next: {self.next_experiment.get('sentence', '')}")
+        if sentence := self.next_experiment.get("sentence"):
+            lines.append(f"  next: {sentence}")
         return "\n".join(lines)
 
 

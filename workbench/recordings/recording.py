@@ -259,7 +259,8 @@ class Recording(Drawn):
 
     def matrix(self, names: Iterable[str]) -> npt.NDArray[np.float64]:
         """Return signals side by side, shape (n, number of names), in SI."""
-        return np.column_stack([self[name] for name in names])
+        columns = [self[name] for name in names]
+        return np.column_stack(columns) if columns else np.zeros((len(self.time), 0))
 
     def valid(self, name: str) -> npt.NDArray[np.bool_]:
         """Return where a signal was really measured, shape (n,)."""
