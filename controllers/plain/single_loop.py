@@ -65,11 +65,18 @@ def single_loop(plant: Any, measured: str = "", actuator: str = "") -> SingleLoo
     """Read a single loop off a linear model or a python-control system.
 
     Raises:
-        WorkbenchError: If there is no such signal, or the output answers a command at once.
+        WorkbenchError: If there is no input, no output or no such signal, or the output answers a
+            command at once.
     """
     from workbench.linearisation.state_space import linear_model
 
     whole = linear_model(plant)
+    for kind, names in (("input", whole.input_names), ("output", whole.output_names)):
+        if not names:
+            raise WorkbenchError(
+                f"{whole.operating_point.model.name!r} has no {kind}, so no controller can act on"
+                f" it; declare one with {kind}s=({kind.capitalize()}(...),)"
+            )
     measured = measured or whole.output_names[0]
     actuator = actuator or whole.input_names[0]
     check_choice("measured output", measured, whole.output_names)

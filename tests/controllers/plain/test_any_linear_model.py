@@ -13,6 +13,7 @@ import pytest
 from controllers.design import DESIGNS
 from controllers.guard import Guarded
 from controllers.pid import design_pid
+from controllers.plain.single_loop import single_loop
 from controllers.plain.state_feedback import (
     LQISpecification,
     design_lqi,
@@ -200,3 +201,16 @@ def test_an_angle_that_nobody_measures_does_not_keep_a_pid_from_its_speed() -> N
     pid = design_plain_pid(linearise(operating_point(drive, {"tacho": 0.0})))
     found = metrics(verify(pid, drive, step_scenario("tacho", 0.0, 1.0, sample_time=0.002)))
     assert found["steady_error"].value < 0.01
+
+
+def test_a_plant_that_nothing_drives_gets_no_controller() -> None:
+    decay = Model(
+        "decay",
+        lambda m: ({"level": -m.x.level}, {"level": m.x.level}),
+        states=(State("level", "m"),),
+        inputs=(),
+        outputs=(Output("level", "m"),),
+        parameters=(),
+    )
+    with pytest.raises(WorkbenchError, match=r"'decay' has no input.*inputs=\(Input"):
+        single_loop(linearise(operating_point(decay)))
