@@ -29,6 +29,7 @@ from tests.diagnosis.newcomers import (
 from workbench.diagnosis.diagnose import diagnose, stages
 from workbench.diagnosis.estimation.made_up import made_up
 from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.prediction_error import substeps_along
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.estimation.windows import windowed_run
@@ -221,3 +222,13 @@ def test_a_decay_that_nothing_drives_is_diagnosed() -> None:
     (finding,) = found.verdict.findings
     assert finding.effect == "coulomb_friction"
     assert finding.parameters["level"].value == pytest.approx(0.3, rel=0.03)
+
+
+def test_steps_of_the_filter_follow_where_a_recording_leads() -> None:
+    # Without a range the gap's scale reaches the coil, where lift is without bound.
+    model = maglev()
+    seen = observe(model, levitation(1, samples=200))
+    assert any(q.scale > q.initial for q in model.states if q.name == "gap")
+    assert substeps_along(model, seen) <= 2
+    near = replace(seen, outputs=seen.outputs * [0.03, 1.0])
+    assert substeps_along(model, near) > 5

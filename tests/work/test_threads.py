@@ -44,9 +44,7 @@ def test_a_worker_has_one_thread() -> None:
 def test_recordings_are_filtered_side_by_side_as_one_by_one() -> None:
     axis = servo_axis()
     seen = [made_up_axis(seed, samples=1000) for seed in (1, 2, 3)]
-    filter_ = PredictionError(
-        axis, seen[0].sample_time, seen[0].used, ("mass",), disturbances(axis, 1.0)
-    )
+    filter_ = PredictionError(axis, seen[0], ("mass",), disturbances(axis, 1.0))
     for one, together in zip(
         [filter_.run(observed, axis.values) for observed in seen],
         filter_.along(seen, axis.values),

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.filter import substeps_of
 from workbench.diagnosis.estimation.made_up import made_up, made_up_axis, pushes
 from workbench.diagnosis.estimation.prediction_error import (
     Observed,
     PredictionError,
     disturbances,
+    substeps_along,
 )
 from workbench.diagnosis.estimation.priors import Prior, default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
@@ -40,7 +40,7 @@ def refits() -> Comparison:
     priors = default_priors(model)
     best: dict[str, Vector] = {}
     names, allowed = tuple(p.name for p in priors), disturbances(model, _SHARE)
-    judge = PredictionError(model, seen.sample_time, seen.used, names, allowed)
+    judge = PredictionError(model, seen, names, allowed)
 
     def ours() -> None:
         found = refit(model, [seen], priors=priors, stages=(1.0, _SHARE))
@@ -222,8 +222,8 @@ def filter_of(model: Model, free: int) -> tuple[PredictionError, Observed, int]:
     """Return the filter of the arm with some free parameters, a recording, and its substeps."""
     seen = arm_recording(model, 5000)
     names = tuple(p.name for p in default_priors(model))[:free]
-    runs = PredictionError(model, seen.sample_time, seen.used, names, disturbances(model, 0.1))
-    return runs, seen, substeps_of(model, seen.sample_time)
+    runs = PredictionError(model, seen, names, disturbances(model, 0.1))
+    return runs, seen, substeps_along(model, seen)
 
 
 def filter_times(model: Model, free: int = 8) -> tuple[float, dict[str, float]]:

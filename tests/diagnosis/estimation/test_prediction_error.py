@@ -25,7 +25,7 @@ def _sure(seen: Observed) -> Observed:
 
 def test_derivatives_are_those_of_a_simulation_when_nothing_is_corrected() -> None:
     seen = _sure(made_up_axis(3, samples=250))
-    filter_ = PredictionError(AXIS, 0.01, seen.used, FREE)
+    filter_ = PredictionError(AXIS, seen, FREE)
     p = AXIS.values
     jacobian = filter_.run(seen, p).jacobian[:, 0, :]
     for column, name in enumerate(FREE):
@@ -53,14 +53,14 @@ def test_whitened_errors_of_the_true_model_have_unit_variance() -> None:
     noise = np.random.default_rng(0).normal(0.0, 2e-4, seen.outputs.shape)
     seen = replace(seen, outputs=seen.outputs + noise)
     p = axis.with_parameters({"mass": 100.0, "offset": 2.0}).values
-    whitened = PredictionError(axis, 0.01, seen.used, ()).run(seen, p).whitened
+    whitened = PredictionError(axis, seen, ()).run(seen, p).whitened
     # Chi-squared with 4000 degrees of freedom: 1 +- 0.022; three standard deviations.
     assert np.mean(whitened**2) == pytest.approx(1.0, abs=0.07)
 
 
 def test_length_need_not_be_a_multiple_of_the_block() -> None:
     seen = made_up_axis(2, samples=230)
-    filter_ = PredictionError(AXIS, 0.01, seen.used, ("mass",), {"axis.force": 1.0})
+    filter_ = PredictionError(AXIS, seen, ("mass",), {"axis.force": 1.0})
     whole = filter_.run(seen, AXIS.values)
     part = filter_.run(
         replace(seen, inputs=seen.inputs[:123], outputs=seen.outputs[:123]), AXIS.values
@@ -73,9 +73,7 @@ def test_missing_measurements_are_left_out() -> None:
     seen = made_up_axis(2, samples=200)
     gaps = seen.outputs.copy()
     gaps[50:60] = np.nan
-    part = PredictionError(AXIS, 0.01, seen.used, ("mass",)).run(
-        replace(seen, outputs=gaps), AXIS.values
-    )
+    part = PredictionError(AXIS, seen, ("mass",)).run(replace(seen, outputs=gaps), AXIS.values)
     errors, rows = stack([part])
     assert len(errors) == len(rows) == 190
     assert np.isnan(part.whitened[50:60]).all()
@@ -85,7 +83,7 @@ def test_an_outlier_counts_five_and_pulls_as_its_logarithm() -> None:
     seen = replace(_sure(made_up_axis(2, samples=100)), start=np.zeros(2))
     seen = replace(seen, noise_rms=np.array([1e-4]))
     p = AXIS.with_parameters({"mass": 100.0, "offset": 2.0}).values
-    filter_ = PredictionError(AXIS, 0.01, seen.used, ("offset",))
+    filter_ = PredictionError(AXIS, seen, ("offset",))
     plain = filter_.run(seen, p)
     spoilt = seen.outputs.copy()
     spoilt[80] += 1.0
@@ -99,10 +97,11 @@ def test_an_outlier_counts_five_and_pulls_as_its_logarithm() -> None:
 
 
 def test_unknown_names_are_refused() -> None:
+    seen = made_up_axis(2, samples=50)
     with pytest.raises(WorkbenchError, match="parameter is 'mas'"):
-        PredictionError(AXIS, 0.01, ("position",), ("mas",))
+        PredictionError(AXIS, seen, ("mas",))
     with pytest.raises(WorkbenchError, match="port is 'axis'"):
-        PredictionError(AXIS, 0.01, ("position",), (), {"axis": 1.0})
+        PredictionError(AXIS, seen, (), {"axis": 1.0})
 
 
 @pytest.mark.skipif(compiler() is None, reason="there is no C compiler to compare with")
@@ -116,7 +115,7 @@ def test_without_a_compiler_the_filter_gives_the_same(monkeypatch: pytest.Monkey
         monkeypatch.setenv("WORKBENCH_CC", setting)
         compiler.cache_clear()
         built_before.cache_clear()
-        found.append(PredictionError(AXIS, 0.01, seen.used, FREE, disturbed).run(seen, AXIS.values))
+        found.append(PredictionError(AXIS, seen, FREE, disturbed).run(seen, AXIS.values))
     monkeypatch.undo()
     compiler.cache_clear()
     built_before.cache_clear()

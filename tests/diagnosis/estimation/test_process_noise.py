@@ -98,9 +98,7 @@ def test_blocks_add_up_to_the_cost_of_the_filter() -> None:
     model = servo_axis()
     fit = fit_with_process_noise(model, [seen], default_priors(model), follow=False)
     blocks = blocks_of_cost(fit, [seen])
-    filter_ = PredictionError(
-        fit.model, seen.sample_time, seen.used, (), disturbances(fit.model, fit.noise_scale)
-    )
+    filter_ = PredictionError(fit.model, seen, (), disturbances(fit.model, fit.noise_scale))
     assert blocks.sum() == pytest.approx(filter_.run(seen, fit.model.values).cost)
 
 

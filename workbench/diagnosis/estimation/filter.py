@@ -37,10 +37,6 @@ _FORGOTTEN = 1e-3
 """Part of a mode that fades in one sample at least: what is older than a thousand samples is
 corrected by the measurements."""
 
-_LOOKS = 20
-"""Random states at which the fastest mode is looked for, beside the starting state."""
-
-
 _BLOCK = 100
 """Samples per call of the interpreted filter."""
 
@@ -48,22 +44,19 @@ _FADED = 1e-50
 """Covariance and sensitivity, relative to the scales, that are none any more."""
 
 
-def substeps_of(model: Model, sample_time: float) -> int:
-    """Choose Runge-Kutta steps per sample from the fastest mode at states within their scales.
+def substeps_of(model: Model, sample_time: float, states: Vector, inputs: Vector) -> int:
+    """Choose Runge-Kutta steps per sample from the fastest mode at some states.
 
     Args:
         sample_time: Time between samples, in s.
+        states: Where to look, shape (n, n_states), in SI.
+        inputs: The inputs there, shape (n, n_inputs), in SI.
     """
-    rng = np.random.default_rng(0)
-    start = model.initial_state()
-    scale = np.array([q.scale for q in model.states])
-    looks = [start, *(start + rng.uniform(-1.0, 1.0, (_LOOKS, len(start))) * scale)]
-    within = [q.lower for q in model.states], [q.upper for q in model.states]
     fastest = late = 0.0
     for form in ("exact", "regularised"):
         function = model.form(form).jacobian_function
-        for x in looks:
-            slopes = function(np.clip(x, *within), model.nominal_input, model.values)[0]
+        for x, u in zip(states, inputs, strict=True):
+            slopes = function(x, u, model.values)[0]
             modes = np.linalg.eigvals(np.nan_to_num(np.asarray(slopes, dtype=float))) * sample_time
             fastest = max(fastest, float(np.abs(modes).max(initial=0.0)))
             # A step of angle w is late by w^5 / 120, summed up for as long as the mode remembers.

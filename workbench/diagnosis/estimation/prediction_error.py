@@ -28,6 +28,10 @@ CORRELATION_TIME = 0.1
 _LOST = 7.0
 """Time constants of an unstable mode after which a thousandth has grown to all of a signal."""
 
+_LOOKS, _CORRECTIONS = 21, 2
+"""Samples at which a model's fastest mode is looked for; corrections of the states there, more than
+one for sensors that are not linear."""
+
 _SHORT = 2000
 """Samples of all recordings below which a thread costs more than it saves."""
 
@@ -110,8 +114,8 @@ class PredictionError:
     """The filter of a model for a choice of free parameters.
 
     Args:
-        sample_time: Time between samples, in s.
-        used: Names of the outputs that were read.
+        like: A recording like those along which it runs, with their sample time, their
+            measurements, and where these lead the states.
         free: Names of the parameters whose derivatives are wanted.
         disturbances: Root mean square of an unmodelled signal at a port, by name of the port, in
             the port's unit; it is taken as correlated over `CORRELATION_TIME`.
@@ -121,8 +125,7 @@ class PredictionError:
     """
 
     model: Model
-    sample_time: float
-    used: tuple[str, ...]
+    like: Observed
     free: tuple[str, ...]
     disturbances: Mapping[str, float] = field(default_factory=dict)
     form: Form = EXACT
@@ -131,13 +134,13 @@ class PredictionError:
     def __post_init__(self) -> None:
         """Look the names up and build the filter."""
         model = self.model
-        self._rows = tuple(index_of("output", name, model.outputs) for name in self.used)
+        self._rows = tuple(index_of("output", name, model.outputs) for name in self.like.used)
         self._columns = tuple(index_of("parameter", name, model.parameters) for name in self.free)
         self.state_scale = np.array([q.scale for q in model.states])
         self.free_scale = np.array([model.parameters[i].scale for i in self._columns])
         names = [port.name for port in model.ports]
         # White noise of the same power at low frequency as the correlated signal.
-        white = 2 * CORRELATION_TIME * self.sample_time
+        white = 2 * CORRELATION_TIME * self.like.sample_time
         variances: dict[int, list[float]] = {}
         for i, port in enumerate(model.ports):
             if port.disturbance > 0 or port.relative_disturbance > 0:
@@ -148,7 +151,7 @@ class PredictionError:
         self._ports = tuple(sorted(variances))
         self._variances = np.array([variances[i] for i in self._ports]).reshape(-1, 2)
         self._output_scale = np.array([model.outputs[i].scale for i in self._rows])
-        self._substeps = substeps_of(model, self.sample_time)
+        self._substeps = substeps_along(model, self.like)
         certain = {index_of("state", name, model.states) for name in self.certain}
         self._corrected = tuple(i for i in range(len(model.states)) if i not in certain)
         self._filters: list[Filter] = []
@@ -218,8 +221,33 @@ class PredictionError:
             tuple(self.free_scale),
             self._ports,
         )
-        self._filters.append(Filter(asked, self.sample_time, self._substeps))
+        self._filters.append(Filter(asked, self.like.sample_time, self._substeps))
         return self._filters[-1]
+
+
+def substeps_along(model: Model, observed: Observed) -> int:
+    """Choose the Runge-Kutta steps per sample of a model where a recording leads its states.
+
+    At some samples the states, random within their scales, are corrected by the measurements.
+    """
+    rng = np.random.default_rng(0)
+    rows = [index_of("output", name, model.outputs) for name in observed.used]
+    scale = np.array([q.scale for q in model.states])
+    within = [q.lower for q in model.states], [q.upper for q in model.states]
+    noise = np.maximum(observed.noise_rms, 1e-6 * np.array([model.outputs[i].scale for i in rows]))
+    at = np.linspace(0, len(observed.outputs) - 1, _LOOKS).round().astype(int)
+    states, begin = [], model.initial_state(u=observed.inputs[0])
+    for u, read in zip(observed.inputs[at], observed.outputs[at], strict=True):
+        x = np.clip(begin + rng.uniform(-1.0, 1.0, len(scale)) * scale, *within)
+        for _ in range(_CORRECTIONS):
+            slope = np.asarray(model.exact.jacobian_function(x, u, model.values)[2])[rows]
+            error = read - model.read(x, u)[rows]
+            known = np.isfinite(error) & np.isfinite(slope).all(axis=1)
+            spread = slope[known] * scale
+            variance = spread @ spread.T + np.diag(noise[known] ** 2)
+            x = np.clip(x + scale * (spread.T @ np.linalg.solve(variance, error[known])), *within)
+        states.append(x)
+    return substeps_of(model, observed.sample_time, np.array(states), observed.inputs[at])
 
 
 def disturbances(model: Model, noise_scale: float) -> dict[str, float]:
@@ -243,7 +271,7 @@ def filter_of(
         free: Names of the parameters whose derivatives are wanted.
     """
     pushed = disturbances(model, noise_scale)
-    return PredictionError(model, observed.sample_time, observed.used, tuple(free), pushed)
+    return PredictionError(model, observed, tuple(free), pushed)
 
 
 def stack(parts: Sequence[Innovations]) -> tuple[Vector, Vector]:

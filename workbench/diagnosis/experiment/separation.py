@@ -239,8 +239,7 @@ def visible(
     own = {q.name for q in base.states}
     filter_ = PredictionError(
         model,
-        separator.recording.sample_time,
-        separator.recording.used,
+        separator.recording,
         (*explanation.free, *sizes),
         disturbances(model, explanation.fit.noise_scale),
         certain=tuple(q.name for q in model.states if q.name not in own),

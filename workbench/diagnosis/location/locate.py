@@ -121,7 +121,7 @@ def locate(model: Model, recordings: Sequence[Observed]) -> Location:
         pushed = {
             port: scales[group] * sizes[port] for group, ports in groups.items() for port in ports
         }
-        filter_ = PredictionError(model, recordings[0].sample_time, recordings[0].used, (), pushed)
+        filter_ = PredictionError(model, recordings[0], (), pushed)
         try:
             return sum(part.cost for part in filter_.along(recordings, model.values))
         except NumericalError:

@@ -15,12 +15,12 @@ import casadi as ca
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.filter import substeps_of
 from workbench.diagnosis.estimation.prediction_error import (
     CORRELATION_TIME,
     Observed,
     PredictionError,
     disturbances,
+    substeps_along,
 )
 from workbench.errors import NumericalError, check_choice
 from workbench.model import Model
@@ -107,7 +107,7 @@ def unknown_input(model: Model, observed: Observed, ports: Sequence[str]) -> Unk
 def _filtered(model: Model, observed: Observed, ports: Sequence[str]) -> Vector:
     """States that follow the measurements, as the first estimate of the smoother."""
     rms = disturbances(model, 1.0) | {q.name: 0.1 * q.scale for q in model.ports if q.name in ports}
-    filter_ = PredictionError(model, observed.sample_time, observed.used, (), rms)
+    filter_ = PredictionError(model, observed, (), rms)
     return filter_.run(observed, model.values).states
 
 
@@ -161,7 +161,7 @@ class _Linearised:
             ],
             {"cse": True},
         )
-        self._substeps = substeps_of(model, observed.sample_time)
+        self._substeps = substeps_along(model, observed)
 
     def around(self, states: Vector, signal: Vector) -> _Linear:
         """Linearise about an estimate."""

@@ -604,8 +604,7 @@ def _best_start(
     """
     filter_ = PredictionError(
         model,
-        observed.sample_time,
-        observed.used,
+        observed,
         tuple(p.name for p in priors),
         disturbances(model, noise_scale),
     )
@@ -658,7 +657,7 @@ def _tuned(entry: Hypothesis, fit: ProcessNoiseFit, fit_on: Sequence[Observed]) 
     if not guessed:
         return entry
     rms = disturbances(model, fit.noise_scale)
-    filter_ = PredictionError(model, fit_on[0].sample_time, fit_on[0].used, (), rms)
+    filter_ = PredictionError(model, fit_on[0], (), rms)
     better: dict[str, float] = {}
 
     def cost(name: str, value: float) -> float:

@@ -242,8 +242,7 @@ class _Attached:
         own = {q.name for q in model.states}
         filter_ = PredictionError(
             extended,
-            recordings[0].sample_time,
-            recordings[0].used,
+            recordings[0],
             (*names, *sizes),
             disturbances(extended, noise_scale),
             certain=tuple(q.name for q in extended.states if q.name not in own),
