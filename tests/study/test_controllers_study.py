@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from workbench.cli.controllers import controllers
 from workbench.reports.figures.limitations import (
     Evidence,
     cause_of_ratio,
@@ -135,6 +137,19 @@ def made(study: Study, times: dict[str, float], *, overshoot: dict[str, float] |
         study, tuple(records), judged, scores(study, judged), (), (), None, (), 0.0,
         Distances(True, (), (), limits),
     )  # fmt: skip
+
+
+def test_a_wished_ratio_is_shown_and_requirements_alone_decide(
+    study: Study, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    # Three times the limit is slower than wished and within what is required; 0.6 s is not.
+    for seconds, status in ((0.3, 0), (0.6, 1)):
+        result = made(study, {NOMINAL: seconds})
+        assert missed_table(result).rows
+        monkeypatch.setattr(
+            "workbench.study.result.run_study", lambda *_, found=result, **__: found
+        )
+        assert controllers(out=tmp_path / str(status)) == status
 
 
 def own(result: StudyResult) -> Evidence:

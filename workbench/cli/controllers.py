@@ -27,8 +27,8 @@ def controllers(
 
     Runs the shipped study 'controllers': each family designed for 0, 3 and 8 kg horizontal and 3 kg
     vertical, steps and sines on the full plant with muscle hysteresis, another load, supply and
-    valve. Exit status 1 if a requirement is missed, or a step takes more than twice the physical
-    limit, whatever prevents less; with --no-limits requirements alone count.
+    valve. Exit status 1 if a hard requirement is missed. A step that takes more than twice the
+    physical limit is marked, with what prevents less; it changes no exit status.
 
     With --blind: designs of the study 'tolerant' on machines that differ from what they know by one
     thing in turn or by three, drawn with a seed that nothing was tuned with.
@@ -50,7 +50,7 @@ def controllers(
     from dataclasses import replace
 
     from workbench.cli.running import typed
-    from workbench.reports.figures.limitations import limitation_tables, missed_table
+    from workbench.reports.figures.limitations import limitation_tables
     from workbench.reports.study_files import write_study_files
     from workbench.study.result import run_study
     from workbench.study.schema import load_study
@@ -69,10 +69,7 @@ def controllers(
     written = write_study_files(result, out, command=typed())
     typer.echo(plain_summary(result))
     typer.echo(f"written to {out}: {', '.join(path.name for path in written)}")
-    missed = missed_table(result)
-    if missed.rows:
-        typer.echo(f"exit status 1: {len(missed.rows)} rows in the table {missed.title!r}")
-    return 0 if result.passed and not missed.rows else 1
+    return 0 if result.passed else 1
 
 
 def _blind(out: Path, count: int, jobs: int | None) -> int:

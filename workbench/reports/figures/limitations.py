@@ -260,7 +260,7 @@ def _cell(value: float, limit: float, text: str = "", reason: str = "") -> Cell:
 
 
 def reached_table(result: StudyResult) -> Table:
-    """Return how many requirements every controller meets on all plants that are judged."""
+    """Return how many requirements and wished ratios every controller meets on all plants."""
     cases = evidence(result)
     rows: list[Row] = []
     for controller in result.study.controllers:
@@ -280,7 +280,7 @@ def reached_table(result: StudyResult) -> Table:
             cells.append(_cell(not all(met), 0, text) if own else Cell("–", reason="not run"))
         rows.append((controller, *cells))
     head = ("controller", *(e.case.name for e in cases))
-    return Table("Requirements met in all variations", head, tuple(rows))
+    return Table("Requirements met and wished ratios reached in all variations", head, tuple(rows))
 
 
 def _table(
@@ -334,7 +334,7 @@ def _limit_of(e: Evidence, controller: str, metric: str) -> float:
 
 
 def missed_table(result: StudyResult) -> Table:
-    """List every requirement that is missed, and every ratio to the limit, each with its cause."""
+    """List every requirement and every wished ratio to the limit that is missed, with its cause."""
 
     def rows(e: Evidence) -> Iterator[Row]:
         for controller in e.controllers:
@@ -342,9 +342,12 @@ def missed_table(result: StudyResult) -> Table:
                 yield (controller, *row)
 
     head = ("controller", "metric", "nominal", "worst", "limit", "what prevents it")
-    found = _table(result, "Requirements that are missed", head, rows)
-    note = "Each cause is shown below, with its runs."
-    none = "Every requirement is met in every variation."
+    found = _table(result, "What is missed", head, rows)
+    note = (
+        "Each cause is shown below, with its runs. A ratio to the limit is wished: it decides no"
+        " exit status."
+    )
+    none = "Every requirement is met and every wished ratio reached in every variation."
     return replace(found, note=note if found.rows else none)
 
 
