@@ -19,6 +19,7 @@ from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.operating_point import operating_point
 from workbench.verification import metrics, step_scenario, verify
+from workbench.verification.metrics import metric_sizes, tolerance_of
 
 UNITS = [
     pytest.param(1e-7, 1.0, 1.0, id="microseconds"),
@@ -126,6 +127,18 @@ def test_what_ports_do_to_measurements_follows_the_units(
     )
     assert np.abs(usual).max() > 0.0
     assert found == pytest.approx(usual, rel=1e-6)
+
+
+@pytest.mark.parametrize(("pace", "length", "voltage"), UNITS)
+def test_what_does_not_count_in_a_comparison_follows_the_units(
+    pace: float, length: float, voltage: float
+) -> None:
+    def absolute(t: float, x: float, v: float) -> dict[str, float]:
+        sizes = metric_sizes(stage(t, x, v), ("position",), 0.01 * t)
+        units = {"settling_time": t, "rmse": x, "iae": x * t, "chatter": v / t, "command_lowest": v}
+        return {n: tolerance_of(n).sized(sizes[n]).absolute / u for n, u in units.items()}
+
+    assert absolute(pace, length, voltage) == pytest.approx(absolute(1.0, 1.0, 1.0), rel=1e-6)
 
 
 def test_a_bearing_that_sticks_at_the_start_is_sized_where_it_slides() -> None:

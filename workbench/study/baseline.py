@@ -166,6 +166,7 @@ TOLERANCE = TableShape(
     {
         "better": one_of("less", "more", "neither"),
         "absolute": number,
+        "typical": number,
         "relative": number,
         "gates": flag,
         "repeats": flag,

@@ -164,10 +164,10 @@ def _box_entry(name: str, old: Any, new: Any) -> Said:
 
 def _tolerance(name: str, old: Any, new: Any) -> Said:
     usual = tolerance_of(name)._asdict()
-    old, new = {**usual, **(old or {})}, {**usual, **(new or {})}
+    old, new = (usual if rule is None else {**usual, "typical": 0.0, **rule} for rule in (old, new))
     for key in Tolerance._fields:
         if old[key] != new[key]:
-            stricter = (key in ("absolute", "relative") and new[key] < old[key]) or (
+            stricter = (key in ("absolute", "typical", "relative") and new[key] < old[key]) or (
                 key in ("gates", "repeats") and new[key]
             )
             yield f"{key} {old[key]} -> {new[key]}", not stricter

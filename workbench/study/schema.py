@@ -54,7 +54,7 @@ from workbench.verification import (
     Tolerance,
     signal_from_table,
 )
-from workbench.verification.metrics import metric_units, tolerance_of
+from workbench.verification.metrics import metric_sizes, metric_units, tolerance_of
 from workbench.verification.signals import Signal
 
 SCHEMA = 1
@@ -178,6 +178,7 @@ class _Resolver(TomlTables):
         own = self.metrics(top.get("metrics", []))
         controlled = dict.fromkeys(n for s in self.scenarios_.values() for n in s.references)
         units = metric_units(model, tuple(controlled), own)
+        slowest = max(s.sample_time for s in self.scenarios_.values())
         with self.at("seeds"):
             seeds = tuple(top.get("seeds", [1]))
             if not seeds or len(set(seeds)) != len(seeds):
@@ -197,6 +198,7 @@ class _Resolver(TomlTables):
             points=self.points(top.get("linear", {}), several=len(plants) > 1),
             box=self.box(top.get("robustness"), model, several=len(plants) > 1),
             tolerances=self.tolerances(units, own),
+            sizes=metric_sizes(model, tuple(controlled), slowest, own),
             description=top.get("description", ""),
             report=self.report(top.get("report", {})),
             own_metrics=tuple(n for n in top.get("metrics", []) if ":" in n),
@@ -723,7 +725,7 @@ class _Resolver(TomlTables):
                 if "absolute" in table:
                     value = quantity("tolerance", table["absolute"], units[name])
                     check_range("tolerance", value, 0.0, 1e12)
-                    found[name] = found[name]._replace(absolute=value)
+                    found[name] = found[name]._replace(absolute=value, typical=0.0)
         return found
 
 

@@ -211,6 +211,7 @@ class Study:
         controllers: Controllers by name, as designed for the first case that has them.
         selections: Which runs controllers and scenarios have that do not have all, by name.
         points: Operating points of the linear analysis: given values by name, in SI.
+        sizes: What is typical of each metric, in its SI unit.
     """
 
     name: str
@@ -225,6 +226,7 @@ class Study:
     points: tuple[tuple[tuple[str, float], ...], ...] = ()
     box: Box | None = None
     tolerances: Mapping[str, Tolerance] = field(default_factory=dict)
+    sizes: Mapping[str, float] = field(default_factory=dict)
     description: str = ""
     report: Report = Report()
     own_metrics: tuple[str, ...] = ()
@@ -268,7 +270,8 @@ class Study:
 
     def tolerance(self, metric: str) -> Tolerance:
         """Return how a metric is compared with a baseline: the study's own rule, or the usual."""
-        return self.tolerances.get(metric) or tolerance_of(metric, self.metrics)
+        found = self.tolerances.get(metric) or tolerance_of(metric, self.metrics)
+        return found.sized(self.sizes.get(metric, 0.0))
 
     def selection(self, name: str) -> Selection:
         """Return which runs a controller or a scenario has."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Set
+from collections.abc import Mapping
 
 import casadi as ca
 import numpy as np
@@ -39,8 +39,8 @@ def _impacts(run: Run) -> float:
     return float(sum(int(np.sum(t[1:] & ~t[:-1])) + int(t[0]) for t in touching))
 
 
-def _has_stops(signals: Set[str]) -> bool:
-    return any(name.endswith(_STOP) for name in signals)
+def _has_stops(signals: Mapping[str, str]) -> bool:
+    return any(name.endswith(_STOP) and unit == "N m" for name, unit in signals.items())
 
 
 AIR = Metric(
@@ -49,7 +49,7 @@ AIR = Metric(
     "mass of air drawn from the supply over the whole run",
     unit="kg",
     display_unit="g",
-    fits=lambda signals: "supply.flow" in signals,
+    fits=lambda signals: signals.get("supply.flow") == "kg/s",
     tolerance=Tolerance(absolute=1e-6, relative=0.05),
     table="summary",
 )
@@ -59,7 +59,7 @@ MEAN_PRESSURE_LOWEST, MEAN_PRESSURE_HIGHEST = extremes(
     "mean of the two pressures",
     unit="Pa",
     display_unit="bar",
-    fits=lambda signals: {"pressure_1", "pressure_2"} <= signals,
+    fits=lambda signals: signals.get("pressure_1") == signals.get("pressure_2") == "Pa",
     tolerance=Tolerance("neither", 1e3, 0.02),
 )
 STIFFNESS_LOWEST, STIFFNESS_HIGHEST = extremes(
@@ -67,7 +67,7 @@ STIFFNESS_LOWEST, STIFFNESS_HIGHEST = extremes(
     lambda run: run.derived("stiffness", joint_stiffness),
     "stiffness of the joint at constant pressures",
     unit="N m/rad",
-    fits=lambda signals: "joint.torque" in signals,
+    fits=lambda signals: signals.get("joint.torque") == "N m",
     tolerance=Tolerance("neither", 0.1, 0.02),
 )
 STOP_IMPACTS = Metric(

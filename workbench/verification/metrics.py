@@ -9,7 +9,7 @@ object in a module beside the study, named as ``module:object``.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import count
@@ -20,7 +20,7 @@ import numpy as np
 from workbench.arrays import Vector
 from workbench.display import Rows, Shown
 from workbench.errors import check_choice
-from workbench.model import Model
+from workbench.model import Model, Output
 from workbench.model.units import convert
 from workbench.registry import Registry
 from workbench.verification import responses
@@ -37,6 +37,8 @@ class Tolerance(NamedTuple):
     Args:
         better: ``"less"``, ``"more"``, or ``"neither"`` for what only describes.
         absolute: Difference that does not count, in the metric's SI unit.
+        typical: The same in typical sizes of the output or command and in samples, as the metric's
+            unit asks; it becomes `absolute` where the plant is known.
         relative: Difference that does not count, as a fraction of the baseline.
         gates: Whether a worse value fails a study.
         repeats: Whether another machine gives the same number: times of computation do not.
@@ -47,6 +49,11 @@ class Tolerance(NamedTuple):
     relative: float = 0.05
     gates: bool = True
     repeats: bool = True
+    typical: float = 0.0
+
+    def sized(self, size: float) -> Tolerance:
+        """Return the tolerance with what is typical, in the metric's SI unit, taken in."""
+        return self._replace(absolute=self.absolute + self.typical * size, typical=0.0)
 
 
 @dataclass(frozen=True)
@@ -64,7 +71,8 @@ class Metric:
         needs: What a run must have: a ``"step"`` of the reference, a reference that comes to
             ``"rest"``, a controller that is a ``"solver"`` or has a sliding ``"surface"``, or a
             ``"guard"`` with limits or with something to do.
-        fits: Tells from the names of a plant's outputs and signals whether it has the metric.
+        fits: Tells from the units of a plant's outputs and signals, by name, whether it has the
+            metric.
         zero: Whether a good run has it at zero, so that zero is a limit that can be met.
         invariant: Whether a sliding mode is held to it; when the surface is crossed depends on
             rounding, so its other metrics are shown and do not fail a study.
@@ -79,7 +87,7 @@ class Metric:
     display_unit: str = ""
     of: Literal["run", "output", "command"] = "run"
     needs: Literal["", "step", "rest", "solver", "surface", "guard"] = ""
-    fits: Callable[[Set[str]], bool] = lambda signals: True
+    fits: Callable[[Mapping[str, str]], bool] = lambda signals: True
     tolerance: Tolerance = Tolerance()
     zero: bool = False
     invariant: bool = False
@@ -198,7 +206,7 @@ def metrics(run: Run, own: Iterable[Metric] = ()) -> Metrics:
         "surface": "surface" in told,
         "guard": run.guarded or any("guard" in info for info in run.infos),
     }
-    signals = {q.name for q in run.output_quantities} | set(run.signal_names)
+    signals = _signals(run.output_quantities, run.model)
     outputs = {q.name: (q.unit, q.display_unit) for q in run.output_quantities}
     commands = {q.name: (q.unit, "") for q in run.input_quantities}
     for metric in known_metrics(own):
@@ -231,13 +239,43 @@ def metric_units(
 ) -> dict[str, str]:
     """Return the SI unit of every metric that a run on a plant can have, by its label."""
     units = {q.name: q.unit for q in (*plant.outputs, *plant.inputs)}
-    signals = {q.name for q in plant.outputs} | set(plant.exact.signal_names)
     return {
         label: _unit(metric.unit, units.get(name, "1"))
-        for metric in known_metrics(own)
-        if metric.fits(signals)
-        for label, name in _labels(metric, controlled, tuple(q.name for q in plant.inputs))
+        for metric, label, name in _of_plant(plant, controlled, own)
     }
+
+
+def metric_sizes(
+    plant: Model, controlled: tuple[str, ...], sample_time: float, own: Iterable[Metric] = ()
+) -> dict[str, float]:
+    """Return what is typical of a metric on a plant, in its SI unit, by its label.
+
+    A signal counts in its scale, a time in samples, every `sample_time` s.
+    """
+    scales = {q.name: q.scale for q in (*plant.outputs, *plant.inputs)}
+    times = {"s": sample_time, "{unit} s": sample_time, "{unit}/s": 1.0 / sample_time}
+    return {
+        label: times.get(metric.unit, 1.0) * (scales[name] if "{unit}" in metric.unit else 1.0)
+        for metric, label, name in _of_plant(plant, controlled, own)
+    }
+
+
+def _of_plant(
+    plant: Model, controlled: tuple[str, ...], own: Iterable[Metric]
+) -> Iterator[tuple[Metric, str, str]]:
+    """Yield the metrics of a plant with their labels, and the output or command each is of."""
+    signals = _signals(plant.outputs, plant)
+    for metric in known_metrics(own):
+        if metric.fits(signals):
+            for label, name in _labels(metric, controlled, tuple(q.name for q in plant.inputs)):
+                yield metric, label, name
+
+
+def _signals(outputs: Iterable[Output], plant: Model | None) -> dict[str, str]:
+    """Return the units of outputs and signals, by name."""
+    traced = plant.exact if plant else None
+    named = zip(traced.signal_names, traced.signal_units, strict=True) if traced else ()
+    return dict(named) | {q.name: q.unit for q in outputs}
 
 
 def _labels(
@@ -314,7 +352,7 @@ def extremes(
     tolerance: Tolerance,
     display_unit: str = "",
     of: Literal["run", "output", "command"] = "run",
-    fits: Callable[[Set[str]], bool] = lambda signals: True,
+    fits: Callable[[Mapping[str, str]], bool] = lambda signals: True,
 ) -> tuple[Metric, Metric]:
     """Return lowest and highest value of a signal as metrics.
 
@@ -335,11 +373,11 @@ def extremes(
     return metric("lowest", np.min), metric("highest", np.max)
 
 
-# Two samples of 2 ms: entry into a band is counted in whole samples.
-_TIMES = Tolerance(absolute=0.004, relative=0.02)
-# 0.01 deg: some steps of an encoder.
-_REST = Tolerance(absolute=1.7e-4, relative=0.1)
-_ERROR = Tolerance(absolute=1e-5, relative=0.02)
+# Entry into a band is counted in whole samples.
+_TIMES = Tolerance(typical=2.0, relative=0.02)
+# 0.01 deg of 1 rad: some steps of an encoder.
+_REST = Tolerance(typical=1.7e-4, relative=0.1)
+_ERROR = Tolerance(typical=1e-5, relative=0.02)
 _NEVER = Tolerance(relative=0.0)
 _COMPUTING = Tolerance(gates=False, repeats=False)
 
@@ -409,6 +447,7 @@ IAE = _of_error(
     ),
     "integral of the magnitude of reference minus output",
     unit="{unit} s",
+    tolerance=_ERROR._replace(typical=5e-3),
 )
 LOWEST, HIGHEST = extremes(
     "",
@@ -416,7 +455,7 @@ LOWEST, HIGHEST = extremes(
     "value of the output",
     unit="{unit}",
     of="output",
-    tolerance=Tolerance("neither", 1e-3, 0.02),
+    tolerance=Tolerance("neither", typical=1e-3, relative=0.02),
 )
 CHATTER = Metric(
     "chatter",
@@ -424,7 +463,7 @@ CHATTER = Metric(
     "how much the command moves: sum of the magnitudes of all its changes, per second",
     unit="{unit}/s",
     of="command",
-    tolerance=Tolerance(absolute=0.1, relative=0.05),
+    tolerance=Tolerance(typical=4e-5, relative=0.05),
     table="summary",
 )
 COMMAND_LOWEST, COMMAND_HIGHEST = extremes(
@@ -433,7 +472,7 @@ COMMAND_LOWEST, COMMAND_HIGHEST = extremes(
     "command",
     unit="{unit}",
     of="command",
-    tolerance=Tolerance("neither", 0.05, 0.05),
+    tolerance=Tolerance("neither", typical=0.01, relative=0.05),
 )
 SOLVE_TIME_MEDIAN = _of_solver(
     "solve_time_median",
