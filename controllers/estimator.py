@@ -156,7 +156,7 @@ def design_estimator(
     size = np.concatenate([own, tolerance])
     # In units of what is typical, so that rounding treats all alike.
     f, c = F * size[None, :] / size[:, None], C * size[None, :] / noise[:, None]
-    walk = np.concatenate([WALK * change / own, np.full(m, np.sqrt(sample_time / OFFSET_S))])
+    walk = np.concatenate([WALK * change / own, np.full(m, np.sqrt(1.0 / OFFSET))])
     everything = np.arange(len(read))
     p = np.diag(walk**2)
     for _ in range(ITERATIONS):
@@ -201,8 +201,8 @@ WEAK = 0.05
 WALK = 0.03
 """What the model leaves out of a change of a state, as a share of the fastest."""
 
-OFFSET_S = 1.0
-"""Time in which an offset may walk by the tolerance of its output, in s."""
+OFFSET = 500.0
+"""Samples in which an offset may walk by the tolerance of its output."""
 
 ITERATIONS = 1500
 """Steps of the Riccati recursion until the gain is stationary."""

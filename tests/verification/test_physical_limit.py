@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.model.test_sizes import UNITS, stage
 from workbench.errors import WorkbenchError
 from workbench.model import Input, Model, Output, State
 from workbench.plants.arm import arm
@@ -79,6 +80,14 @@ def torque_limited_time(plant: Model, start: float, end: float, *, until: float)
     speed = np.sqrt(np.minimum(gained, lost))
     ends = np.concatenate([[0.0], speed])
     return float(np.sum((2 * step / (ends[1:] + ends[:-1]))[angles[1:] <= until]))
+
+
+@pytest.mark.parametrize(("pace", "length", "voltage"), UNITS)
+def test_the_limit_follows_the_units(pace: float, length: float, voltage: float) -> None:
+    usual = physical_limit(stage(1.0, 1.0, 1.0), 0.0, 0.4, intervals=24, degree=2)
+    other = physical_limit(stage(pace, length, voltage), 0.0, 0.4 * length, intervals=24, degree=2)
+    # The solver stops at 1e-6 of its own scaled program.
+    assert other.seconds / pace == pytest.approx(usual.seconds, rel=1e-4)
 
 
 def test_a_found_limit_is_kept_and_a_damaged_file_is_not_believed(own_cache: Path) -> None:

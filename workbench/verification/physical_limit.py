@@ -8,14 +8,15 @@ durations T of the move and S of the stay after it:
                               x(0) = rest at the first position
                               lower stop <= position <= upper stop
                               |position - target| <= band                   from T to T + S
-                              speed = 0, acceleration = 0, jerk <= 1/s^3 of the move at T + S
+                              speed = 0, acceleration = 0, jerk next to none at T + S
 
 From T on the plant is within the band of a settling time for good, for it comes to rest there and
 its forces balance. The stops may not be used as brakes. T is the lower bound of the settling time
 itself.
 
-Each interval is a polynomial through Radau points; states are counted in their scales. Inputs are
-held over an interval, which makes the time found too long, by about two intervals.
+Each interval is a polynomial through Radau points; states are counted in their scales, times in that
+in which a command that is held at an end of its range moves the plant half the way. Inputs are held
+over an interval, which makes the time found too long, by about two intervals.
 
 Source: Betts, Practical Methods for Optimal Control and Estimation Using Nonlinear Programming,
 2010, chapters 4 (collocation) and 3.7 (phases); Waechter and Biegler, Mathematical Programming 106,
@@ -26,7 +27,9 @@ from __future__ import annotations
 
 import hashlib
 import io
+import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +37,13 @@ import casadi as ca
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.errors import NumericalError, WorkbenchError, check_choice, check_range
+from workbench.errors import (
+    TIMES_S,
+    NumericalError,
+    WorkbenchError,
+    check_choice,
+    check_range,
+)
 from workbench.files import write_whole
 from workbench.model import Model
 from workbench.model.traits import bound_value
@@ -44,13 +53,17 @@ from workbench.simulation.stepper import Stepper
 from workbench.verification.responses import BAND
 from workbench.work.machine_code import cache_folder
 
-_FORMULATION = "1"
-_SHORTEST, _LONGEST = 5e-3, 5.0
-_JERK = 1.0
-"""Jerk that counts as none, per length of the move, 1/s^3; on the way it is thousands."""
+_FORMULATION = "2"
+_SHORTEST, _LONGEST = 0.05, 100.0
+"""Bounds of both phases, in times that a held command takes for half the move."""
 
-_REST = (1.0, 1e-1, 1e-2)
-"""Scaling of speed, acceleration and jerk at the end."""
+_JERK = 1e-3
+"""Jerk that counts as none, in lengths of the move over that time cubed; on the way it is more."""
+
+_COLDEST, _HOTTEST = 0.5, 4.0
+"""What a temperature may become, in that at the start, so that a search stays among real gases."""
+
+_BISECTIONS = 8
 
 
 @dataclass(frozen=True)
@@ -94,7 +107,7 @@ class PhysicalLimit:
             return float(from_si(value, unit))
 
         rows = [
-            ("inside for good", f"{self.seconds:.4f} s"),
+            ("inside for good", f"{self.seconds:.4g} s"),
             ("band", f"+-{shown(self.band):.3g} {unit}"),
             ("solver", f"{self.status}, {self.iterations} iterations"),
             ("exact plant, off the path by", f"{shown(self.position_error):.2g} {unit}"),
@@ -145,7 +158,7 @@ def physical_limit(
     check_range("number of intervals", intervals, 8, 1000)
     check_range("number of Radau points", degree, 2, 5)
     distance = abs(float(end) - float(begin))
-    if not distance > 1e-6:
+    if not distance > 1e-9 * max(abs(float(begin)), abs(float(end))):
         raise WorkbenchError(
             f"the move from {begin:g} to {end:g} goes nowhere; give two different positions"
         )
@@ -210,12 +223,41 @@ class _Problem:
             repr([(q.lower, q.upper) for q in self.model.inputs]),
             repr((self.target, self.band, self.intervals, self.degree)),
             repr((self.coordinate, self.velocity)),
+            self.scale.tobytes(),
         ):
             digest.update(part if isinstance(part, bytes) else part.encode())
         return digest.hexdigest()[:32]
 
+    @cached_property
+    def pace(self) -> float:
+        """Time in which a command that is held at an end of its range covers half the move, in s."""
+        ends = np.array([(q.lower, q.upper) for q in self.model.inputs])
+        sizes = np.array([q.scale for q in self.model.inputs])
+        held = np.tile(self.start.u, (2 * len(ends), 1))
+        for i, (low, high) in enumerate(ends):
+            held[2 * i, i] = low if np.isfinite(low) else self.start.u[i] - sizes[i]
+            held[2 * i + 1, i] = high if np.isfinite(high) else self.start.u[i] + sizes[i]
+        c, way = self.coordinate, 0.5 * (self.target - self.start.x[self.coordinate])
+
+        def covered(time: float) -> bool:
+            stepper = Stepper(self.model, time)
+            reached = [stepper.run_as_far(self.start.x, u[None, :]) for u in held]
+            moved = [(x[-1, c] - self.start.x[c]) / way for x in reached if len(x)]
+            return not moved or max(moved) >= 1.0
+
+        low, high = TIMES_S[0], 2.0 * TIMES_S[0]
+        while not covered(high) and high < 0.5 * TIMES_S[1]:
+            low, high = high, 2.0 * high
+        for _ in range(_BISECTIONS):
+            middle = math.sqrt(low * high)
+            low, high = (low, middle) if covered(middle) else (middle, high)
+        return high
+
     def _functions(self) -> tuple[ca.Function, ca.Function]:
-        """Return the scaled rates, and (speed, acceleration, jerk), as functions of (z, u)."""
+        """Return the rates, and (speed, acceleration, jerk), as functions of (z, u).
+
+        States are in their scales, times in `pace`, motions in lengths of the move.
+        """
         traced = self.model.regularised
         size = self.scale
         z = ca.SX.sym("z", len(size))
@@ -227,7 +269,9 @@ class _Problem:
         acceleration = rates[self.velocity]
         jerk = ca.jtimes(acceleration, z, rates / size)
         motion = ca.vertcat(z[self.velocity] * size[self.velocity], acceleration, jerk)
-        scaled = ca.cse(rates / size)
+        unit = np.abs(self.target - self.start.x[self.coordinate])
+        motion = motion * ca.DM(self.pace ** np.arange(1, 4) / unit)
+        scaled = ca.cse(self.pace * rates / size)
         return (
             ca.Function("rates", [z, traced.u], [scaled]),
             ca.Function("motion", [z, traced.u], [ca.cse(motion)]),
@@ -256,7 +300,7 @@ class _Problem:
         g = ca.vertcat(
             ca.vec(defects),
             ca.vec(ends - Z[:, 1:]),
-            rest * ca.DM(_REST),
+            rest,
             ca.sum1(times) - 1.5 * times[0],
         )
         variables = ca.vertcat(times, ca.vec(Z), ca.vec(P), ca.vec(U))
@@ -267,7 +311,7 @@ class _Problem:
         # The jerk of a plant whose input is a force rests with the acceleration: as an equation it
         # would say the same twice.
         limit = np.zeros(g.numel())
-        limit[-2] = _JERK * abs(self.target - self.start.x[self.coordinate]) * _REST[-1]
+        limit[-2] = _JERK
         floor = -limit
         # A short stay: the band is kept at the points only, and long intervals would leave it.
         floor[-1] = -np.inf
@@ -288,7 +332,7 @@ class _Problem:
         x = np.asarray(result["x"]).ravel()
         n_t, n_z = len(self.intervals), n_x * (total + 1)
         return {
-            "times": x[:n_t],
+            "times": self.pace * x[:n_t],
             "states": x[n_t : n_t + n_z].reshape(total + 1, n_x) * self.scale,
             "inputs": x[len(x) - n_u * total :].reshape(total, n_u),
             "status": status,
@@ -310,7 +354,8 @@ class _Problem:
             high[i] = 1.2 * bound_value(most, values) / size[i]
         for i, q in enumerate(model.states):
             if q.unit == "K":
-                low[i], high[i] = 150.0 / size[i], 600.0 / size[i]
+                low[i] = max(q.lower, _COLDEST * x0[i]) / size[i]
+                high[i] = min(q.upper, _HOTTEST * x0[i]) / size[i]
         for name, least, most in model.traits.stops:
             i = states.index(name)
             low[i] = min(bound_value(least, values), x0[i]) / size[i]
@@ -322,13 +367,13 @@ class _Problem:
         nodes_low[0] = nodes_high[0] = x0 / size
         nodes_low[move:, c], nodes_high[move:, c] = band
         points_low[d * move :, c], points_high[d * move :, c] = band
-        times = np.array([0.4, 0.1])
+        times = np.array([4.0, 1.0])
         s = np.minimum(np.arange(total + 1) / move, 1.0)
         path = s**3 * (10 - 15 * s + 6 * s**2)
         reach = self.target - x0[c]
         nodes = np.tile(x0 / size, (total + 1, 1))
         nodes[:, c] = (x0[c] + reach * path) / size[c]
-        slope = 30 * s**2 * (1 - s) ** 2 * reach / times[0]
+        slope = 30 * s**2 * (1 - s) ** 2 * reach / (self.pace * times[0])
         nodes[:, self.velocity] = slope / size[self.velocity]
         points = np.repeat(nodes[1:], d, axis=0)
         u_low = np.array([q.lower for q in model.inputs])
@@ -336,7 +381,8 @@ class _Problem:
         rest = np.clip(self.start.u, u_low, u_high)
         wave = np.zeros(total)
         wave[:move] = np.where(np.arange(move) < 0.5 * move, 1.0, -1.0) * np.sign(reach)
-        span = np.where(np.isfinite(u_high - u_low), 0.25 * (u_high - u_low), 1.0)
+        usual = np.array([q.scale for q in model.inputs])
+        span = np.where(np.isfinite(u_high - u_low), 0.25 * (u_high - u_low), usual)
         u = rest + wave[:, None] * span
         guess = (times, nodes, points, u)
         lower = (np.full(2, _SHORTEST), nodes_low, points_low, np.tile(u_low, total))
