@@ -18,6 +18,7 @@ from workbench.linearisation.pace import step_time
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.operating_point import operating_point
+from workbench.physics.library import library
 from workbench.verification import metrics, step_scenario, verify
 from workbench.verification.metrics import metric_sizes, tolerance_of
 
@@ -139,6 +140,34 @@ def test_what_does_not_count_in_a_comparison_follows_the_units(
         return {n: tolerance_of(n).sized(sizes[n]).absolute / u for n, u in units.items()}
 
     assert absolute(pace, length, voltage) == pytest.approx(absolute(1.0, 1.0, 1.0), rel=1e-6)
+
+
+@pytest.mark.parametrize("form", ["exact", "regularised"])
+@pytest.mark.parametrize("shape", ["usual", "first", "last"])
+@pytest.mark.parametrize(("pace", "length", "voltage"), UNITS)
+def test_every_law_of_the_library_follows_the_units(
+    pace: float, length: float, voltage: float, shape: str, form: str
+) -> None:
+    def rates(t: float, x: float, v: float) -> dict[str, list[float]]:
+        plant, found = stage(t, x, v), {}
+        sizes = np.array([x, x / t, v])
+        # The pitches of screws on which a ripple is tried are those that one can buy.
+        for law in (h for h in library(plant) if h.law != "ripple"):
+            own = {"usual": {}, "first": law.shapes[0], "last": law.shapes[-1]}[shape]
+            with_law = plant.with_effect(law.at_size(law.typical_size, own))
+            for at in ([0.3, -0.2, 0.7], [-1.0, 1e-3, 1.5]):
+                state = with_law.initial_state(
+                    {n: a * s for n, a, s in zip(("x", "v", "drive"), at, sizes, strict=True)}
+                )
+                moved = with_law.rates(state, [0.9 * v], form=form)[:3] * t / sizes
+                read = with_law.read(state, [0.9 * v], form=form) / x
+                found[f"{law.name} at {at}"] = [*moved, *read]
+        return found
+
+    usual, other = rates(1.0, 1.0, 1.0), rates(pace, length, voltage)
+    assert len(usual) > 20 and set(usual) == set(other)
+    for name, values in usual.items():
+        assert other[name] == pytest.approx(values, rel=1e-6, abs=1e-9), name
 
 
 def test_a_bearing_that_sticks_at_the_start_is_sized_where_it_slides() -> None:

@@ -4,23 +4,15 @@ from __future__ import annotations
 
 import math
 
-from workbench.linearisation.linear_model import LinearModel
+import numpy as np
 
-_INTEGRATES = 1e-6
-"""Size of a pole, as a share of the largest, below which its mode integrates."""
+from workbench.linearisation.linear_model import LinearModel
+from workbench.model.sizes import horizon
 
 
 def horizon_of(linear: LinearModel) -> float:
-    """Return two periods of the slowest oscillation, or three of the slowest lag, in s.
-
-    A model of integrators alone has no time of its own; its horizon is 1 s.
-    """
-    fastest = max((abs(m.pole) for m in linear.modes), default=0.0)
-    own = [m for m in linear.modes if abs(m.pole) > _INTEGRATES * fastest]
-    oscillations = [m.frequency_hz for m in own if m.pole.imag]
-    if oscillations:
-        return 2.0 / min(oscillations)
-    return 3.0 / min((abs(m.pole) for m in own), default=3.0)
+    """Return how long the response of a linear model takes to show, in s; see `horizon`."""
+    return horizon(np.array([m.pole for m in linear.modes]))
 
 
 def step_time(linear: LinearModel) -> float:

@@ -26,6 +26,9 @@ _TURNS = np.array([0.25, 0.05, 0.45])
 _INTEGRATES = 1e-9
 """Size of an eigenvalue, as a share of the largest, below which its mode has no pace."""
 
+_AS_INTEGRATORS = 1e-6
+"""The same, below which a mode takes longer than anybody waits."""
+
 
 def sizes(
     traced: Trace,
@@ -87,6 +90,22 @@ def sizes(
     if found is None:
         return declared, of_u, np.zeros(traced.outputs.numel()), {}
     return of_x, of_u, found[1], dict(zip(named, found[2].tolist(), strict=True))
+
+
+def horizon(poles: npt.NDArray[np.complex128]) -> float:
+    """Return two periods of the slowest oscillation, or three of the slowest lag, in s.
+
+    Integrators alone have no time of their own; their horizon is 1 s.
+
+    Args:
+        poles: Eigenvalues, shape (n,), in 1/s.
+    """
+    sizes = np.abs(poles)
+    own = poles[sizes > _AS_INTEGRATORS * sizes.max(initial=0.0)]
+    oscillations = np.abs(own[np.iscomplex(own)])
+    if oscillations.size:
+        return float(4.0 * np.pi / oscillations.min())
+    return 3.0 / float(np.abs(own).min(initial=np.inf)) if own.size else 1.0
 
 
 def _response(a: Vector, b: Vector, of_u: Vector) -> Vector:

@@ -1,4 +1,4 @@
-"""Creep: part of a signal arrives late, over seconds or minutes.
+"""Creep: part of a signal arrives late, as long after the response of the machine or later.
 
 After a step the signal is 1 - share of its final value at once and creeps to it, with two time
 constants: a standard linear solid.
@@ -26,8 +26,8 @@ creep = Law(
         size("share", "1", 0.02, 1.0, "part that arrives late", signed=True),
         shape("slow_part", "1", 0.5, "part of the share with the slow time constant",
               around=None, between=(0.0, 1.0)),
-        shape("time_constant", "s", 1.0, "fast time constant"),
-        shape("slow_time_constant", "s", 30.0, "slow time constant", fitted=False),
+        shape("time_constant", "s", at.horizon, "fast time constant"),
+        shape("slow_time_constant", "s", 30.0 * at.horizon, "slow time constant", fitted=False),
     ),
     _late,
     states=lambda at: tuple(
@@ -38,7 +38,9 @@ creep = Law(
         "slow": (e.here.value - e.x.slow) / e.p.slow_time_constant,
     },
     start=lambda e: {"fast": e.here.value, "slow": e.here.value},
-    shapes=lambda at: ({"time_constant": 1.0}, {"time_constant": 0.3}, {"slow_part": 1.0}),
+    shapes=lambda at: (
+        {"time_constant": at.horizon}, {"time_constant": 0.3 * at.horizon}, {"slow_part": 1.0},
+    ),
     source="standard linear solid, C. Zener 1948; creep of rubber tubes in braided muscles",
     look_alikes=("maxwell_slip_hysteresis", "chamber_leakage", "sensor_drift"),
     separated_by="hold valve and angle for a minute after a step of pressure",

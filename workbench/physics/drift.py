@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import casadi as ca
 
+from workbench.errors import TIMES_S
 from workbench.model import PortView, State
 from workbench.model.regularisation import Expression
 from workbench.physics.law import (
@@ -24,18 +25,11 @@ from workbench.physics.law import (
 from workbench.physics.offset_gain import sensor_error
 from workbench.physics.place import EFFORTS, Place, Survey
 
-_TIMES = (10.0, 30.0, 3.0, 100.0)
-"""Times of a jump that are worth trying without knowing the recording, s."""
-
 _WIDTH = 0.03
 """Half-width of a jump whose time is still to be found, as a fraction of the recording."""
 
 _FRACTIONS = (0.5, 0.3, 0.7, 0.15, 0.85)
-"""The same as fractions of the recording."""
-
-
-def _times(at: Place) -> tuple[float, ...]:
-    return tuple(k * at.duration for k in _FRACTIONS) if at.duration else _TIMES
+"""Times of a jump that are worth trying, as fractions of the recording."""
 
 
 def _warming(typical: Callable[[Place], float]) -> Callable[[Place], tuple[Own, ...]]:
@@ -43,7 +37,7 @@ def _warming(typical: Callable[[Place], float]) -> Callable[[Place], tuple[Own, 
         s = typical(at) * at.scale
         return (
             size("amount", at.unit, s, 5.0 * s, "final drift", signed=True),
-            shape("time_constant", "s", at.duration or 60.0, "time constant of warming up",
+            shape("time_constant", "s", at.lasting, "time constant of warming up",
                   around=(0.05, 100.0)),
         )  # fmt: skip
 
@@ -75,7 +69,7 @@ gain_fade = Law(
     drives("force", "acceleration", "flow", only=lambda at: at.driven),
     lambda at: (
         size("amount", "1", 0.1, 1.0, "final change of the gain", signed=True),
-        shape("time_constant", "s", at.duration or 60.0, "time constant", around=(0.05, 100.0)),
+        shape("time_constant", "s", at.lasting, "time constant", around=(0.05, 100.0)),
     ),
     lambda at: at.value * (1.0 + at.p.amount * at.x.warm),
     states=lambda at: _warm(),
@@ -98,9 +92,9 @@ def when(at: Place) -> tuple[Own, ...]:
     ends on the lower bound of the time was there from the start: it is no jump.
     """
     return (
-        shape("time", "s", _times(at)[0], "time of the jump", around=None,
-              between=(_WIDTH * at.duration, at.duration or 1e6), scale=0.1 * at.duration),
-        shape("width", "s", _WIDTH * (at.duration or _TIMES[0]), "half-width of the jump",
+        shape("time", "s", _FRACTIONS[0] * at.lasting, "time of the jump", around=None,
+              between=(_WIDTH * at.duration, at.duration or TIMES_S[1]), scale=0.1 * at.lasting),
+        shape("width", "s", _WIDTH * at.lasting, "half-width of the jump",
               around=(2e-3, 5.0), source="", fitted=False),
     )  # fmt: skip
 
@@ -119,10 +113,11 @@ offset_jump = Law(
     ),
     lambda at: at.value + at.p.amount * passed(at),
     states=lambda at: (
-        State("clock", "s", at.duration or 120.0, "time since the start", start_rms=1e-6),
+        State("clock", "s", at.duration or 6.0 * at.lasting, "time since the start",
+              start_rms=1e-8 * at.lasting),
     ),
     rates=lambda e: {"clock": 1.0 + 0.0 * e.x.clock},
-    shapes=lambda at: [{"time": time} for time in _times(at)],
+    shapes=lambda at: [{"time": k * at.lasting} for k in _FRACTIONS],
     source="an event: something slipped, came loose or was switched",
     look_alikes=("offset", "gain_jump", "constant_torque", "constant_force", "valve_offset"),
     separated_by="a repetition of the recording: an event does not repeat",
@@ -195,7 +190,7 @@ parameter_fade = replace(
     where=_each_parameter,
     parameters=lambda at: (
         _amount(at),
-        shape("time_constant", "s", at.duration or 60.0, "time constant", around=(0.05, 100.0)),
+        shape("time_constant", "s", at.lasting, "time constant", around=(0.05, 100.0)),
     ),
     transform=lambda at: _changed(at, at.x.warm),
     source="warming, wear, ageing",

@@ -5,8 +5,8 @@ from __future__ import annotations
 import casadi as ca
 
 from workbench.model import Names, PortView, State
-from workbench.model.regularisation import Expression, Form
-from workbench.physics.law import Law, Own, each, floor, shape, size, twins
+from workbench.model.regularisation import EXACT, Expression, Form
+from workbench.physics.law import Law, Own, each, floor, rounding, shape, size, twins
 from workbench.physics.place import RESISTED, Place, per
 
 
@@ -48,14 +48,6 @@ viscous_friction = Law(
     separated_by="swings of small and large amplitude",
 )  # fmt: skip
 
-_SPEED_WIDTH = 1e-3
-"""Speed, in SI, within which the regularised form rounds the reversal."""
-
-
-def _magnitude(at: PortView) -> Expression:
-    return at.form.absolute(at.signals.speed, _SPEED_WIDTH)
-
-
 quadratic_drag = Law(
     "quadratic_drag",
     "T = -coefficient v |v|",
@@ -64,7 +56,8 @@ quadratic_drag = Law(
         size("coefficient", per(at.unit, at.speed.unit, 2), 0.02 * at.scale / at.speed.scale**2,
              0.5 * at.scale / at.speed.scale**2, "drag over squared speed", resists=True),
     ),
-    lambda at: at.value - at.p.coefficient * at.signals.speed * _magnitude(at),
+    # Its slope has no jump: nothing needs rounding.
+    lambda at: at.value - at.p.coefficient * at.signals.speed * EXACT.absolute(at.signals.speed, 0),
     source="I. Newton, drag of a blunt body; turbulent throttling of a damper",
     look_alikes=("viscous_friction", "muscle_viscosity", "cubic_drag"),
     separated_by="fast against slow runs: the decay per swing grows with the amplitude",
@@ -94,8 +87,10 @@ direction_dependent_viscous = Law(
         size("difference", per(at.unit, at.speed.unit), 0.025 * at.scale / at.speed.scale,
              0.5 * at.scale / at.speed.scale,
              "damping forwards less damping backwards", signed=True),
+        rounding(at),
     ),
-    lambda at: at.value - 0.5 * at.p.difference * _magnitude(at),
+    lambda at: at.value
+    - 0.5 * at.p.difference * at.form.absolute(at.signals.speed, at.p.rounding_speed),
     source="damper with check valve; bilinear damping",
     look_alikes=("asymmetric_gain", "constant_torque"),
     separated_by="the same speed forwards and backwards through the same angle",
@@ -159,7 +154,8 @@ lugre_friction = Law(
         shape("stribeck_speed", at.speed.unit, 0.1 * at.speed.scale,
               "speed over which the break-away fades", around=(0.05, 10.0), fitted=False),
         shape("damping_time", "s", 0.0, "damping of the bristle over its stiffness",
-              around=None, between=(0.0, 0.1), scale=1e-3, fitted=False),
+              around=None, between=(0.0, 50.0 * at.interval), scale=0.5 * at.interval,
+              fitted=False),
         floor(at, 0.5),
     ),
     _of_bristles,
@@ -180,7 +176,7 @@ lugre_friction = Law(
 def _of_bearing(at: PortView) -> Expression:
     load = sum(value for name, value in at.signals.items() if name.startswith("bearing_load_"))
     sliding = ca.tanh(at.signals.speed / at.p.transition_speed)
-    return at.value - at.p.coefficient * at.form.ramp(load, 1.0) * sliding
+    return at.value - at.p.coefficient * EXACT.ramp(load, 0.0) * sliding
 
 
 def _typical(at: Place) -> float:

@@ -77,7 +77,7 @@ radiation = Law(
 
 
 def _times(at: Place) -> list[float]:
-    return [k * at.duration for k in (0.03, 0.1, 0.01)] if at.duration else [30.0, 300.0, 3.0]
+    return [k * at.lasting for k in (0.03, 0.1, 0.01)]
 
 
 # The wall's capacity is conductance times time constant.

@@ -7,22 +7,24 @@ from __future__ import annotations
 
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression
-from workbench.physics.law import Law, Rates, each, shape, size, twins
+from workbench.physics.law import Law, Rates, each, rounding, shape, size, twins
 from workbench.physics.place import RESISTED
 
-_SPEED_WIDTH = 1e-5
-"""Speed, in SI, within which the regularised form rounds the reversal."""
+_MUSCLE_WIDTH = 1e-5
+"""Speed of a muscle, in m/s, within which the regularised form rounds the reversal."""
 
 _TURN_WIDTH = 1e-3
 """Position in the loop within which its middle is rounded, dimensionless."""
 
 
 def _turn(speed: str, *, skewed: bool = False) -> Rates:
+    """Return the rates of the loop; skewed, it rounds within a speed of the law's own."""
+
     def rates(e: EffectView) -> dict[str, Expression]:
         v, z = e.here.signals[speed], e.x.turn
         # |z|^(n-1) is kept off zero, where its derivative would be infinite for n < 2.
         sharp = (z * z + 1e-12) ** (0.5 * (e.p.exponent - 1.0))
-        turned = e.form.absolute(v, _SPEED_WIDTH) * z
+        turned = e.form.absolute(v, e.p.rounding_speed if skewed else _MUSCLE_WIDTH) * z
         if skewed:
             turned += e.p.skew * v * e.form.absolute(z, _TURN_WIDTH)
         return {"turn": (v - sharp * turned) / e.p.breakaway}
@@ -78,6 +80,7 @@ bouc_wen_hysteresis = Law(
               around=None, between=(-3.0, 3.0), scale=1.0),
         shape("exponent", "1", 1.0, "sharpness of the turn",
               around=None, between=(1.0, 6.0), fitted=False),
+        rounding(at),
     ),
     lambda at: at.value - at.p.level * at.x.turn,
     states=lambda at: _state(20.0),

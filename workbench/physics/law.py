@@ -169,6 +169,13 @@ def floor(at: Place, intervals: float) -> Own:
                  around=(1.0, 1.0), source="", fitted=False)  # fmt: skip
 
 
+def rounding(at: Place) -> Own:
+    """State the speed within which the regularised form of a law rounds the reversal."""
+    return shape("rounding_speed", at.speed.unit, 1e-5 * at.speed.scale,
+                 "speed that rounds the reversal in regularised equations", around=(1.0, 1.0),
+                 source="", fitted=False)  # fmt: skip
+
+
 Site = tuple[Place, ...]
 """The places that one element of a law joins: one, or a pair such as a tube's two ends."""
 

@@ -12,11 +12,11 @@ from collections.abc import Callable
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression
 from workbench.physics.elastoplastic import FLOOR_S, elastoplastic_rate
-from workbench.physics.law import Law, Own, Rates, each, floor, shape, size, twins
+from workbench.physics.law import Law, Own, Rates, each, floor, rounding, shape, size, twins
 from workbench.physics.place import RESISTED, Place
 
-_SPEED_WIDTH = 1e-5
-"""Speed, in SI, within which the regularised form rounds the reversal."""
+_MUSCLE_WIDTH = 1e-5
+"""Speed of a muscle, in m/s, within which the regularised form rounds the reversal."""
 
 _SPREAD = 2.0
 _ELEMENTS = 5
@@ -28,15 +28,20 @@ def _mean_slip(at: PortView, count: int) -> Expression:
     return sum(w * z for w, z in zip(weights, slips, strict=True)) / sum(weights)
 
 
-def _slip_rates(count: int, speed: str, time: Callable[[EffectView], Expression]) -> Rates:
+def _slip_rates(
+    count: int, speed: str, regular: Callable[[EffectView], tuple[Expression, Expression]]
+) -> Rates:
+    """Return the rates of the elements, with the speed and the time that keep them regular."""
+
     def rates(e: EffectView) -> dict[str, Expression]:
+        width, time = regular(e)
         return {
             f"slip_{i + 1}": elastoplastic_rate(
                 e.here.signals[speed],
                 e.x[f"slip_{i + 1}"],
                 e.p.breakaway * (e.p.spread**i if i else 1.0),
-                _SPEED_WIDTH,
-                floor=time(e),
+                width,
+                floor=time,
                 form=e.form,
             )
             for i in range(count)
@@ -84,7 +89,7 @@ def muscle_slip(elements: int = _ELEMENTS) -> Law:
         ),
         transform,
         states=lambda at: _states(elements),
-        rates=_slip_rates(elements, "contraction_speed", lambda e: FLOOR_S),
+        rates=_slip_rates(elements, "contraction_speed", lambda e: (_MUSCLE_WIDTH, FLOOR_S)),
         dry=True,
         source="W. D. Iwan 1966; Vo-Minh, Tjahjowidodo, Ramon and Van Brussel, Mechatronics 20"
         " (2010)",
@@ -109,11 +114,12 @@ def prandtl_ishlinskii(elements: int = _ELEMENTS) -> Law:
             shape("breakaway", at.coordinate.unit, 2e-3 * at.coordinate.scale,
                   "motion after which the first element slips", around=(0.05, 20.0)),
             *_elements(elements),
+            rounding(at),
             floor(at, 0.5),
         ),
         lambda at: at.value - at.p.level * _mean_slip(at, elements),
         states=lambda at: _states(elements),
-        rates=_slip_rates(elements, "speed", lambda e: e.p.floor),
+        rates=_slip_rates(elements, "speed", lambda e: (e.p.rounding_speed, e.p.floor)),
         shapes=breakaways,
         dry=True,
         source="L. Prandtl 1928, A. Yu. Ishlinskii 1944; Krasnosel'skii and Pokrovskii 1989",

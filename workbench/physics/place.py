@@ -20,6 +20,7 @@ from workbench.errors import check_choice
 from workbench.model import Model, Output, Parameter, Port, State
 from workbench.model.quantities import Quantity
 from workbench.model.regularisation import Expression
+from workbench.model.sizes import horizon
 from workbench.model.units import powers, same_dimension
 
 Vector = npt.NDArray[np.float64]
@@ -152,6 +153,7 @@ class Place:
         shaped: Whether contraction and pressure of a muscle enter the signal as they stand.
         parameters: Refitted parameters that enter the equations through this port alone.
         others: The further ports on which the same effect acts.
+        horizon: Time in which the response of the model shows, in s.
         duration: Length of the recordings, in s; 0 if it is not known.
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
         seen: Smallest and largest value along the recordings, in its unit; None if not known.
@@ -173,6 +175,7 @@ class Place:
     parameters: tuple[Parameter, ...] = ()
     output: Output | None = None
     others: tuple[Place, ...] = ()
+    horizon: float = 1.0
     duration: float = 0.0
     sample_time: float = 0.0
     seen: tuple[float, float] | None = None
@@ -196,8 +199,13 @@ class Place:
 
     @property
     def interval(self) -> float:
-        """Sampling interval, in s; 2 ms where it is not known."""
-        return self.sample_time or 2e-3
+        """Sampling interval, in s; fine for the model where it is not known."""
+        return self.sample_time or self.horizon / 500.0
+
+    @property
+    def lasting(self) -> float:
+        """Length of the recordings, in s; long for the model where it is not known."""
+        return self.duration or 20.0 * self.horizon
 
     @property
     def speed(self) -> Local:
@@ -270,6 +278,17 @@ class Survey:
         }
 
     @cached_property
+    def horizon(self) -> float:
+        """Time in which the response of the model shows, without dry effects at rest, in s."""
+        model = self.model.without(*self.model.dry_effects)
+        traced = model.regularised
+        slopes = traced.function("slopes", ca.densify(ca.jacobian(traced.rates, traced.x)))
+        found = np.asarray(slopes(model.initial_state(), model.nominal_input, model.values))
+        if not np.isfinite(found).all():
+            return 1.0
+        return horizon(np.asarray(np.linalg.eigvals(found), dtype=complex))
+
+    @cached_property
     def places(self) -> tuple[Place, ...]:
         """Every port as a place; sensors of outputs that are not recorded apart."""
         found = (self.place(q.name) for q in self.trace.ports)
@@ -335,8 +354,8 @@ class Survey:
             empty=self.trace.signals[self.trace.signal_names.index(name)].is_zero(),
             parameters=self._entering[index],
             whole=self._whole(index), elastic=(shared or role in EFFORTS) and elastic,
-            directed=directed, output=output, duration=self.duration, sample_time=self.sample_time,
-            seen=self.ranges.get(name),
+            directed=directed, output=output, horizon=self.horizon, duration=self.duration,
+            sample_time=self.sample_time, seen=self.ranges.get(name),
         )  # fmt: skip
 
     def _role(self, port: Port, index: int) -> str:

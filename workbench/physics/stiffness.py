@@ -123,6 +123,9 @@ stop_compliance = Law(
 
 _TEETH = (6.0, 9.0, 12.0, 15.0, 18.0, 21.0, 24.0, 27.0, 30.0, 36.0, 42.0, 50.0, 60.0)
 _PITCHES = (0.005, 0.01, 0.02)
+_SCREWS = (0.01, 10.0)
+"""Sizes of a travel, in m, to which the pitches of usual screws and racks belong."""
+
 _PLACES = 6
 
 
@@ -130,7 +133,8 @@ def _turns(at: Place) -> tuple[float, ...]:
     """Radians of the ripple per unit of the position that are worth trying."""
     if at.coordinate.unit == "rad":
         return _TEETH
-    span = 1.0 if at.coordinate.unit == "m" else at.coordinate.scale
+    scale = at.coordinate.scale
+    span = 1.0 if at.coordinate.unit == "m" and _SCREWS[0] < scale < _SCREWS[1] else scale
     return tuple(2 * math.pi / (pitch * span) for pitch in _PITCHES)
 
 

@@ -14,9 +14,9 @@ From T on the plant is within the band of a settling time for good, for it comes
 its forces balance. The stops may not be used as brakes. T is the lower bound of the settling time
 itself.
 
-Each interval is a polynomial through Radau points; states are counted in their scales, times in that
-in which a command that is held at an end of its range moves the plant half the way. Inputs are held
-over an interval, which makes the time found too long, by about two intervals.
+Each interval is a polynomial through Radau points; states are counted in their scales, times in
+that in which a command that is held at an end of its range moves the plant half the way. Inputs are
+held over an interval, which makes the time found too long, by about two intervals.
 
 Source: Betts, Practical Methods for Optimal Control and Estimation Using Nonlinear Programming,
 2010, chapters 4 (collocation) and 3.7 (phases); Waechter and Biegler, Mathematical Programming 106,
@@ -230,7 +230,7 @@ class _Problem:
 
     @cached_property
     def pace(self) -> float:
-        """Time in which a command that is held at an end of its range covers half the move, in s."""
+        """Time in which a command held at an end of its range covers half the move, in s."""
         ends = np.array([(q.lower, q.upper) for q in self.model.inputs])
         sizes = np.array([q.scale for q in self.model.inputs])
         held = np.tile(self.start.u, (2 * len(ends), 1))
