@@ -313,10 +313,13 @@ def _at_crossover(
     missing += math.atan(1.0 / (w * integrating))
     missing = math.remainder(missing, 2.0 * math.pi)
     sign = 1.0
-    if not -0.6 <= missing <= 1.2:
+    if not -1.8 <= missing <= 1.2:
         missing, sign = math.remainder(missing + math.pi, 2.0 * math.pi), -1.0
-        if not -0.6 <= missing <= 1.2:
+        if not -1.8 <= missing <= 1.2:
             return None
+    if missing < -0.6:
+        # A plant that hardly lags there: the integral is what lags.
+        integrating = 1.0 / (w * math.tan(min(math.atan(0.25) - missing, 1.5)))
     lead = fast = 0.0
     if missing > 0.0:
         ratio = (1.0 + math.sin(missing)) / (1.0 - math.sin(missing))

@@ -30,8 +30,8 @@ CASES: dict[str, tuple[list[str], tuple[str, ...]]] = {
     ),
     "parameter without value": (["linearise", "-p", "load"], ("has no value", "NAME=VALUE")),
     "unknown unit": (
-        ["linearise", "--angle", "30degrees"],
-        ("unit 'degrees'", "did you mean 'deg'"),
+        ["linearise", "--angle", "30degr"],
+        ("unit 'degr'", "did you mean 'deg'"),
     ),
     "wrong unit": (
         ["linearise", "--mean-pressure", "3kg"],

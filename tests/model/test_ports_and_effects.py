@@ -200,7 +200,7 @@ def refusals() -> list[tuple[str, object, str]]:
         ("input", lambda: tank().rates([1.0], []), "needs 1: inflow"),
         ("form", lambda: tank().form("regularized"), "did you mean 'regularised'?"),
         ("names", lambda: tank(states=(two, two)), "uses the name 'level' twice"),
-        ("unit", lambda: State("level", "metre"), "metre"),
+        ("unit", lambda: State("level", "furlong"), "furlong"),
         ("not SI", lambda: State("level", "mm"), "SI"),
         ("no port", lambda: Effect("e", (), lambda at: at.value), "names no port"),
         (

@@ -23,7 +23,7 @@ from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 from workbench.plants import DEFAULT_PLANT
 
 if TYPE_CHECKING:
-    from workbench.model import Model
+    from workbench.model import Input, Model
     from workbench.plants.plant import Plant
     from workbench.study.plants import PlantRecipe
 
@@ -149,7 +149,8 @@ def chosen_plant(
         plant (--plant NAME): Plant: a name of 'workbench plants', a function or model of your own
             as module:object, looked up in the current folder, or the verdict.json of a diagnosis.
         inputs (--input NAME=TIME:VALUE,...): Values of an input from times on, such as
-            valve=0:5.5,1.5:4.6; the short form is --valve 0:5.5.
+            valve=0:5.5,1.5:4.6, a number alone in the input's display unit; the short form is
+            --valve 0:5.5.
         at (NAME=VALUE): Value of an output, state or input at rest, such as angle=30deg; the short
             form is --angle 30deg. By default the plant's own.
         option (-o NAME=VALUE): Choose an option of the plant, such as load=3kg; the short form is
@@ -237,9 +238,9 @@ def value_at_rest(model: Model, text: str) -> tuple[str, float]:
 
 def _resting(model: Model) -> dict[str, str]:
     """Return everything whose value at rest may be given, with the unit that a number has."""
-    units = {q.name: q.unit for q in (*model.inputs, *model.states)}
+    units = {q.name: q.unit for q in model.states}
     units |= {total.name: total.display_unit for total in model.traits.sums}
-    return units | {q.name: q.display_unit for q in model.outputs}
+    return units | {q.name: q.display_unit for q in (*model.inputs, *model.outputs)}
 
 
 def named_value(what: str, text: str) -> tuple[str, str]:
@@ -248,6 +249,16 @@ def named_value(what: str, text: str) -> tuple[str, str]:
     if not sign or not name.strip():
         raise WorkbenchError(f"{what} {text!r} has no value; write it as NAME=VALUE")
     return name.strip(), value.strip()
+
+
+def _in_range(about: Input, text: str) -> float:
+    """Return the value of an input, in SI; a number alone is in its display unit."""
+    from workbench.model.units import from_si, quantity, to_si
+
+    name, unit = about.name.replace("_", " "), about.display_unit
+    low, high = (float(from_si(end, unit)) for end in (about.lower, about.upper))
+    value = to_si(check_range(name, quantity(name, text, unit), low, high, unit), unit)
+    return min(max(value, about.lower), about.upper)
 
 
 def _steps(model: Model, texts: Iterable[str]) -> dict[str, tuple[tuple[float, float], ...]]:
@@ -269,8 +280,5 @@ def _steps(model: Model, texts: Iterable[str]) -> dict[str, tuple[tuple[float, f
             at = check_range(
                 f"time of a step of {word}", quantity("time", time, "s"), 0.0, TIMES_S[1], "s"
             )
-            to = quantity(word, value, about.unit)
-            found.setdefault(name, []).append(
-                (at, check_range(word, to, about.lower, about.upper, about.unit))
-            )
+            found.setdefault(name, []).append((at, _in_range(about, value)))
     return {name: tuple(sorted(steps)) for name, steps in found.items()}

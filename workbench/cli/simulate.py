@@ -72,7 +72,7 @@ def simulate(
 def _with_pulses(
     chosen: Chosen, pulses: str | None, period: Callable[[], float], duration: float
 ) -> dict[str, tuple[tuple[float, float], ...]]:
-    from workbench.model.units import quantity
+    from workbench.model.units import of_difference, parse_unit, quantity
 
     known = {q.name: q for q in chosen.model.inputs}
     driven = dict(chosen.inputs)
@@ -92,14 +92,11 @@ def _with_pulses(
     if name in driven:
         raise WorkbenchError(f"both --{name} and --pulses are given; keep one of them")
     about, word = known[name], name.replace("_", " ")
-    room = min(about.upper - about.nominal, about.nominal - about.lower)
-    size = check_range(
-        f"pulse height of {word}",
-        quantity("pulse height", height, about.unit),
-        0.0,
-        room,
-        about.unit,
-    )
+    unit = of_difference(about.display_unit)
+    factor = parse_unit(unit).factor
+    room = min(about.upper - about.nominal, about.nominal - about.lower) / factor
+    given = quantity("pulse height", height, unit, difference=True)
+    size = factor * check_range(f"pulse height of {word}", given, 0.0, room, unit)
     half = 0.5 * check_range("period", period(), *TIMES_S, "s")
     count = int(duration / half) + 1
     driven[name] = tuple(

@@ -214,11 +214,11 @@ def _demands(
     controllers: Mapping[str, ControllerRecipe],
 ) -> tuple[tuple[Demand, ...], tuple[str, ...]]:
     """Return what is required, and the metrics of the user's own that it names."""
-    from workbench.model.units import convert, quantity
+    from workbench.model.units import convert, of_difference, quantity
     from workbench.study.feasible import check_demand
     from workbench.study.study import Demand, load_metrics
     from workbench.verification import Requirement
-    from workbench.verification.metrics import metric_units
+    from workbench.verification.metrics import metric_of, metric_units
 
     pairs = [(name.strip(), value.strip()) for name, _, value in (t.partition("=") for t in given)]
     own = tuple(name for name, _ in pairs if ":" in name)
@@ -228,8 +228,11 @@ def _demands(
     wanted = []
     for name, value in pairs:
         metric = check_choice("metric", called.get(name, name), units)
-        limit = quantity(f"limit of {metric}", value, units[metric])
+        about = metric_of(metric, metrics)
+        level = about is not None and about.level
+        limit = quantity(f"limit of {metric}", value, units[metric], difference=not level)
         unit = re.sub(r"^[-+.\d]+([eE][-+]?\d+)?\s*", "", value) or units[metric]
+        unit = unit if level else of_difference(unit)
         wanted.append(Requirement(metric, float(convert(limit, units[metric], unit)), unit))
     demands = [Demand(r) for r in wanted or (Requirement(*r) for r in chosen.plant.requirements)]
     for demand in demands:

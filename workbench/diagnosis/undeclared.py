@@ -16,7 +16,7 @@ from workbench.diagnosis.estimation.process_noise import likely_scale
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
 from workbench.model.traits import LEFT_OUT
-from workbench.model.units import from_si
+from workbench.model.units import from_si, of_difference
 from workbench.recordings.checks.noise import usual_rms, white_rms
 from workbench.recordings.checks.quantisation import recorded_quantum
 from workbench.recordings.recording import Recording
@@ -45,9 +45,10 @@ def as_coarse_as_recorded(
             outputs.append(q)
             continue
         outputs.append(replace(q, resolution=steps[name]))
-        shown = [from_si(step, q.display_unit) for step in (steps[name], q.resolution)]
+        unit = of_difference(q.display_unit)
+        shown = [from_si(step, unit) for step in (steps[name], q.resolution)]
         note = (
-            f"{q.name} has steps of {shown[0]:.3g} {q.display_unit}, where its sensor declares"
+            f"{q.name} has steps of {shown[0]:.3g} {unit}, where its sensor declares"
             f" {shown[1]:.3g}; they count as its noise"
         )
         rows.append({"recording": name, "check": "resolution", "result": "corrected", "note": note})

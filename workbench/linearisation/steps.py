@@ -12,7 +12,7 @@ from workbench.errors import NumericalError, check_range
 from workbench.linearisation.comparison import BLOCK, Comparison
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.pace import horizon_of
-from workbench.model.units import from_si
+from workbench.model.units import from_si, of_difference
 
 _GRID = 13
 _BISECTIONS = 4
@@ -132,7 +132,7 @@ def amplitude_validity(linear: LinearModel, *, within: float = 0.1) -> Amplitude
         amplitudes=amplitudes,
         errors=np.array([tried[a][0] for a in amplitudes]),
         moves=np.array([tried[a][1] for a in amplitudes]),
-        unit=trial.quantity.display_unit,
+        unit=of_difference(trial.quantity.display_unit),
         input_unit=units.get(linear.input_names[0], "") if linear.inverse is None else "",
     )
 

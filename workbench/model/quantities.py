@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 from workbench.errors import WorkbenchError
-from workbench.model.units import parse_unit, same_dimension, shown_unit
+from workbench.model.units import in_symbols, parse_unit, same_dimension, shown_unit
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,7 @@ class Quantity:
                 f"quantity name {self.name!r} may hold letters, digits, underscores and dots only"
             )
         unit = parse_unit(self.unit)
+        object.__setattr__(self, "unit", in_symbols(self.unit))
         if not math.isclose(unit.factor, 1.0) or unit.offset:
             size = (
                 f"0 {self.unit} = {unit.offset:g} K"

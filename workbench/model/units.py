@@ -86,6 +86,9 @@ _SYMBOLS: dict[str, tuple[float, Dimensions]] = {
     **dict.fromkeys(("deg", "°"), (math.pi / 180, _dim(rad=1))),
     **dict.fromkeys(("turn", "rev"), (2 * math.pi, _dim(rad=1))),
     "rpm": (2 * math.pi / 60, _dim(s=-1, rad=1)),
+    # In a compound unit, a degree of a scale is a difference.
+    **dict.fromkeys(("degC", "°C"), (1.0, _dim(K=1))),
+    **dict.fromkeys(("degF", "°F"), (5 / 9, _dim(K=1))),
     "Nm": (1.0, _J),
     "psi": (6894.757293168361, _PA),
     "atm": (101325.0, _PA),
@@ -94,14 +97,34 @@ _SYMBOLS: dict[str, tuple[float, Dimensions]] = {
     "ft": (0.3048, _dim(m=1)),
     "nmi": (1852.0, _dim(m=1)),
     "kn": (1852.0 / 3600.0, _dim(m=1, s=-1)),
+    "mph": (0.44704, _dim(m=1, s=-1)),
+    "kgf": (9.80665, _N),
     "lb": (0.45359237, _dim(kg=1)),
     "lbf": (4.4482216152605, _N),
     "hp": (745.6998715822702, _W),
 }  # fmt: skip
 
-_NAMES = re.compile(r"in|d|C|T|S|MA|atm|cal|(?!cm|nF|ns|pF)[cdhnp][A-Za-zΩ]")
+_NAMES = re.compile(r"in|d|C|T|S|MA|atm|cal|(?!cm|hr|nF|ns|pF)[cdhnp][A-Za-zΩ]")
 """Symbols that end a name more often than they are its unit."""
 
+_SPELLINGS = {
+    **dict.fromkeys(("sec", "Sec", "secs", "second", "seconds"), "s"),
+    **dict.fromkeys(("msec", "millisecond", "milliseconds"), "ms"),
+    **dict.fromkeys(("mins", "minute", "minutes"), "min"),
+    **dict.fromkeys(("hr", "hrs", "hour", "hours"), "h"),
+    "days": "d", "RPM": "rpm", "kph": "km/h", "kmh": "km/h", "lpm": "l/min", "LPM": "l/min",
+    **dict.fromkeys(("Kelvin", "kelvin"), "K"),
+    **dict.fromkeys(("meter", "meters", "metre", "metres"), "m"),
+    **dict.fromkeys(("newton", "newtons"), "N"), "pascal": "Pa", "Bar": "bar", "BAR": "bar",
+    **dict.fromkeys(("volt", "volts", "Volt", "Volts"), "V"),
+    **dict.fromkeys(("amp", "amps", "ampere", "Amp", "Amps"), "A"),
+    **dict.fromkeys(("degree", "degrees", "Deg", "DEG", "grad"), "deg"),
+    **dict.fromkeys(("radian", "radians", "RAD"), "rad"),
+    "knot": "kn", "knots": "kn", "percent": "%", "VA": "V A",
+}  # fmt: skip
+"""How loggers and people spell units."""
+
+_WORD = re.compile(r"[A-Za-zµΩ°%]+")
 _TOKEN = re.compile(r"\s*([()/*·]|\^?[-+−]?\d+|[²³⁻¹]+|[A-Za-zµΩ°%]+|-)")
 _SUPERSCRIPTS = str.maketrans("²³⁻¹−", "23-1-")
 _SCALES = {
@@ -153,8 +176,18 @@ def _unknown(text: str, token: str) -> WorkbenchError:
     )
 
 
+def in_symbols(text: str) -> str:
+    """Return a unit with words for units replaced by their symbols.
+
+    Example:
+        >>> in_symbols("meters/sec"), in_symbols("km/h")
+        ('m/s', 'km/h')
+    """
+    return _WORD.sub(lambda m: _SPELLINGS.get(m.group(), m.group()), text)
+
+
 def powers(text: str) -> list[tuple[str, int]]:
-    """Take a unit apart: its symbols in order, each with its power; no scale of temperature.
+    """Take a unit apart: its symbols in order, each with its power.
 
     Raises:
         WorkbenchError: If a part of the unit is unknown; names the nearest known spelling.
@@ -216,7 +249,7 @@ def parse_unit(text: str) -> Unit:
         (1.0, (4, -1, 1, 0, 0, 0, 0, 0))
     """
     # Micro and ohm have two signs each that look alike.
-    stripped = text.strip().replace("\u03bc", "\u00b5").replace("\u2126", "\u03a9")
+    stripped = in_symbols(text.strip()).replace("\u03bc", "\u00b5").replace("\u2126", "\u03a9")
     if stripped in ("", "1", "-"):
         return Unit(text, 1.0, _ONE)
     if stripped in _SCALES:
@@ -292,12 +325,23 @@ _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*
 _EXAMPLES = {"deg": "30", "kg": "3", "bar": "3", "s": "5", "V": "5.5"}
 
 
-def quantity(name: str, given: object, unit: str) -> float:
+def of_difference(unit: str) -> str:
+    """Return the unit of a difference: where a unit has a zero of its own, K.
+
+    Example:
+        >>> of_difference("degC"), of_difference("deg")
+        ('K', 'deg')
+    """
+    return "K" if parse_unit(unit).offset else unit
+
+
+def quantity(name: str, given: object, unit: str, *, difference: bool = False) -> float:
     """Read a value such as ``30``, ``"30deg"`` or ``"0.5 rad"`` in ``unit``.
 
     Args:
         name: What the value is, as the user knows it.
         given: Number, or text with or without a unit; without one, ``unit`` is meant.
+        difference: Whether it is a difference, of which the zero of a scale is no part.
 
     Raises:
         WorkbenchError: If it is not a finite number, or its unit is unknown or measures something
@@ -327,8 +371,12 @@ def quantity(name: str, given: object, unit: str) -> float:
         raise WorkbenchError(
             f"{name} {given!r} has the unit {match[2]!r}, which does not measure it; {example}"
         )
+    if difference:
+        size = value * parse_unit(match[2]).factor / parse_unit(unit).factor
+    else:
+        size = convert(value, match[2], unit)
     # Through decimal text, so that 300 kPa becomes 3 bar and not 3 bar less a rounding.
-    return float(f"{convert(value, match[2], unit):.12g}")
+    return float(f"{size:.12g}")
 
 
 def written_unit(unit: str) -> str:

@@ -52,7 +52,7 @@ from workbench.data_folder import shipped_cases, shipped_data, shipped_folder
 from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.model import Model
-from workbench.model.units import quantity, to_si
+from workbench.model.units import of_difference, quantity, to_si
 from workbench.plants import DEFAULT_PLANT
 from workbench.plants.plant import Plant
 from workbench.plants.registry import PLANTS
@@ -478,9 +478,8 @@ def noise_of(model: Model, given: Mapping[str, Any]) -> dict[str, float]:
     found = {}
     for name, value in given.items():
         check_choice("output with noise", name, outputs)
-        unit = outputs[name].display_unit
-        size = check_range(
-            f"noise of {name}", quantity(f"noise of {name}", value, unit), 1e-300, 1e300, unit
-        )
+        unit = of_difference(outputs[name].display_unit)
+        given_size = quantity(f"noise of {name}", value, unit, difference=True)
+        size = check_range(f"noise of {name}", given_size, 1e-300, 1e300, unit)
         found[name] = to_si(size, unit)
     return found

@@ -6,17 +6,9 @@ import re
 from dataclasses import dataclass
 
 from workbench.errors import WorkbenchError
-from workbench.model.units import ends_a_name, parse_unit
+from workbench.model.units import ends_a_name, in_symbols, parse_unit
 from workbench.recordings.quantity_kinds import kind_of
 
-# How loggers spell the units that `workbench.model.units` knows by their symbol.
-_SPELLINGS = {
-    "sec": "s", "secs": "s", "second": "s", "seconds": "s", "msec": "ms", "millisecond": "ms",
-    "milliseconds": "ms", "volt": "V", "volts": "V", "degree": "deg", "degrees": "deg",
-    "grad": "deg", "radian": "rad", "radians": "rad", "meter": "m", "metre": "m", "newton": "N",
-    "pascal": "Pa", "percent": "%", "Bar": "bar", "BAR": "bar", "DEG": "deg", "Deg": "deg",
-    "RAD": "rad", "Sec": "s", "lpm": "l/min",
-}  # fmt: skip
 _REFERENCES = {
     "abs": "absolute", "absolute": "absolute", "a": "absolute",
     "gauge": "gauge", "g": "gauge", "rel": "gauge", "relative": "gauge",
@@ -24,7 +16,6 @@ _REFERENCES = {
 _BRACKETS = re.compile(r"^(?P<name>.*?)[\s_]*[\[(<{](?P<unit>[^\])>}]*)[\])>}]\s*$")
 _NESTED = re.compile(r"^(?P<name>[^(\[]*\S)[\s_]*[(\[](?P<unit>[^()\[\]]*\(\w+\))[)\]]\s*$")
 _SLASH = re.compile(r"^(?P<name>.*\S)\s+/\s*(?P<unit>\S.*)$")
-_WORD = re.compile(r"[A-Za-zµΩ°%]+")
 # Symbols that are as often the name of a chamber, an axis or a constant as a unit.
 _AMBIGUOUS = {
     "A", "F", "H", "K", "J", "W", "N", "L", "h", "t", "g", "l", "m", "s", "count", "turn",
@@ -68,14 +59,12 @@ def tidy_name(text: str) -> str:
 
 
 def _known(unit: str) -> str | None:
-    spelled = _WORD.sub(lambda m: _SPELLINGS.get(m.group(), m.group()), unit.strip())
-    for text in (unit.strip(), spelled):
-        try:
-            parse_unit(text)
-        except (WorkbenchError, OverflowError, ZeroDivisionError):
-            continue
-        return text
-    return None
+    text = in_symbols(unit.strip())
+    try:
+        parse_unit(text)
+    except (WorkbenchError, OverflowError, ZeroDivisionError):
+        return None
+    return text
 
 
 def _pressure_unit(unit: str) -> tuple[str | None, str]:
@@ -129,7 +118,7 @@ def _suffix(column: str) -> tuple[str, str, str] | None:
         if len(words) <= count:
             continue
         name, tail = "_".join(words[:-count]), words[-count:]
-        if any(ends_a_name(w) or not _WORD.search(w) for w in tail):
+        if any(ends_a_name(w) or not re.search("[A-Za-zµΩ°%]", w) for w in tail):
             continue
         spellings = (
             [" ".join(tail)]

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from workbench.errors import WorkbenchError
-from workbench.model.units import from_si, with_unit
+from workbench.model.units import from_si, of_difference, with_unit
 from workbench.reports.figure import Figure, figures_of, own_figures, sections
 from workbench.reports.figures.study_traces import breakable, point_text
 from workbench.reports.metrics_table import (
@@ -260,7 +260,8 @@ def _nominal(
 def _events(name: str, case: Case, records: Sequence[Record]) -> Table:
     """Return what changes and disturbances did, on the nominal plant."""
     output = next(e.output for r in records for e in r.events)
-    unit = next(q.display_unit for q in case.plant.build().outputs if q.name == output)
+    outputs = {q.name: q.display_unit for q in case.plant.build().outputs}
+    unit = of_difference(outputs[output])
     heads = [f"{e.what} at {e.time:g} s" for e in next(r.events for r in records if r.events)]
     rows: list[tuple[Cell | str, ...]] = [
         (

@@ -20,7 +20,7 @@ from controllers.uncertainty import Uncertainty
 from workbench.checked_json import Place, ShapeError
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.model import Model
-from workbench.model.units import quantity, same_dimension
+from workbench.model.units import of_difference, quantity, same_dimension
 from workbench.operating_point.operating_point import check_value
 from workbench.plants import DEFAULT_PLANT
 from workbench.plants.registry import PLANTS
@@ -610,7 +610,7 @@ class _Resolver(TomlTables):
                 requirement = Requirement(**{k: v for k, v in given.items() if k in limits})
             with self.at(*path, "step"):
                 step = self.step(table) if "step" in table else None
-            unit = self.output.display_unit
+            unit = of_difference(self.output.display_unit)
             weight = table.get("weight", 1.0)
             found.append(Demand(requirement, weight, **chosen, step=step, step_unit=unit))
             with self.at(*path):
@@ -622,7 +622,7 @@ class _Resolver(TomlTables):
         """Return the size of the steps that a requirement judges, in SI."""
         if table["metric"] not in ("settling_time", "overshoot"):
             raise WorkbenchError("step is for settling_time and overshoot only")
-        step = quantity("step", table["step"], self.output.unit)
+        step = quantity("step", table["step"], self.output.unit, difference=True)
         sizes = {
             abs(after - before)
             for s in self.scenarios_.values()
@@ -723,7 +723,7 @@ class _Resolver(TomlTables):
             found[name] = tolerance_of(name, own)._replace(**table)
             with self.at("tolerances", name, "absolute"):
                 if "absolute" in table:
-                    value = quantity("tolerance", table["absolute"], units[name])
+                    value = quantity("tolerance", table["absolute"], units[name], difference=True)
                     check_range("tolerance", value, 0.0, 1e12)
                     found[name] = found[name]._replace(absolute=value, typical=0.0)
         return found

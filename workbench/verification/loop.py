@@ -76,11 +76,18 @@ def verify(
         )
     for name in controller.controlled:
         check_choice("controlled output", name, scenario.references)
+    known = plant if isinstance(plant, Model) else plant.operating_point.model
+    for actuator in controller.actuators:
+        check_choice("actuator", actuator, [q.name for q in known.inputs])
     events: list[tuple[int, str, float]] = []
     sampled: FullPlant | LinearPlant
     if isinstance(plant, Model):
         model = _with_disturbances(plant, scenario, events)
-        rest = operating_point(model, scenario.start_values())
+        idle = {q.name: q.nominal for q in model.inputs if q.name not in controller.actuators}
+        start = scenario.start_values()
+        rest = operating_point(
+            model, {**idle, **start} if len(start) <= len(controller.actuators) else start
+        )
         sampled = FullPlant(model, h, rest.x, tolerance=tolerance, method=method)
     elif scenario.changes or scenario.disturbances:
         raise WorkbenchError(
@@ -304,20 +311,20 @@ def _spoiled(
 def _actuators(
     controller: Controller, inputs: Sequence[Input], scenario: Scenario, *, real: bool
 ) -> Callable[[tuple[float, ...]], tuple[float, ...]]:
-    """Return a function from the controller's command to the values of all inputs."""
+    """Return a function from the controller's command to the values of all inputs.
+
+    What the controller does not command is a disturbance, which rests at its nominal value.
+    """
     names = [q.name for q in inputs]
     for actuator in controller.actuators:
         check_choice("actuator", actuator, names)
-    if set(names) != set(controller.actuators):
-        missing = sorted(set(names) - set(controller.actuators))
-        raise WorkbenchError(
-            f"controller {controller.name!r} does not command the input {missing[0]!r} of the"
-            f" plant; it commands {', '.join(controller.actuators)}"
-        )
+    idle = [q for q in inputs if q.name not in controller.actuators]
+    sources = [*controller.actuators, *(q.name for q in idle)]
+    resting = tuple(q.nominal for q in idle)
     infinite = float("inf")
     chain = [
         (
-            controller.actuators.index(q.name),
+            sources.index(q.name),
             q.lower if real else -infinite,
             q.upper if real else infinite,
             q.resolution if scenario.quantise and real else 0.0,
@@ -326,9 +333,9 @@ def _actuators(
     ]
 
     def convert(command: tuple[float, ...]) -> tuple[float, ...]:
-        values = []
+        values, given = [], (*command, *resting)
         for source, lower, upper, resolution in chain:
-            value = command[source]
+            value = given[source]
             value = lower if value < lower else upper if value > upper else value
             if resolution:
                 value = round(value / resolution) * resolution

@@ -21,7 +21,7 @@ from workbench.arrays import Vector
 from workbench.display import Rows, Shown
 from workbench.errors import check_choice
 from workbench.model import Model, Output
-from workbench.model.units import convert
+from workbench.model.units import convert, of_difference
 from workbench.registry import Registry
 from workbench.verification import responses
 from workbench.verification.closed_loop_run import NoSignalError, Run
@@ -67,6 +67,8 @@ class Metric:
         help: How it is computed, in the words of a table.
         unit: SI unit; ``{unit}`` stands for that of the output or command.
         display_unit: Unit in which people read it; one of an output follows that of the output.
+        level: Whether it is a value of a signal, and not a difference: that of a temperature is
+            shown from the zero of its scale.
         of: Whether there is one per run, per controlled output or per command.
         needs: What a run must have: a ``"step"`` of the reference, a reference that comes to
             ``"rest"``, a controller that is a ``"solver"`` or has a sliding ``"surface"``, or a
@@ -85,6 +87,7 @@ class Metric:
     help: str = ""
     unit: str = "1"
     display_unit: str = ""
+    level: bool = field(default=False, kw_only=True)
     of: Literal["run", "output", "command"] = "run"
     needs: Literal["", "step", "rest", "solver", "surface", "guard"] = ""
     fits: Callable[[Mapping[str, str]], bool] = lambda signals: True
@@ -208,13 +211,14 @@ def metrics(run: Run, own: Iterable[Metric] = ()) -> Metrics:
     }
     signals = _signals(run.output_quantities, run.model)
     outputs = {q.name: (q.unit, q.display_unit) for q in run.output_quantities}
-    commands = {q.name: (q.unit, "") for q in run.input_quantities}
+    commands = {q.name: (q.unit, q.display_unit) for q in run.input_quantities}
     for metric in known_metrics(own):
         if not has.get(metric.needs, True) or not metric.fits(signals):
             continue
         for label, name in _labels(metric, run.controlled, tuple(commands)):
             unit, shown = (outputs if metric.of == "output" else commands).get(name, ("1", ""))
-            follows = metric.unit if metric.of == "output" and "{unit}" in metric.unit else ""
+            follows = metric.unit if "{unit}" in metric.unit else ""
+            shown = shown if metric.level else of_difference(shown)
             try:
                 value = metric.measure(run, name) if name else metric.measure(run)
             except NoSignalError:
@@ -361,7 +365,13 @@ def extremes(
         signal: Returns the signal over time, called as `Metric.measure` is.
     """
     kind = partial(
-        Metric, unit=unit, tolerance=tolerance, display_unit=display_unit, of=of, fits=fits
+        Metric,
+        unit=unit,
+        tolerance=tolerance,
+        display_unit=display_unit,
+        of=of,
+        fits=fits,
+        level=True,
     )
 
     def metric(end: str, pick: Callable[[Vector], float]) -> Metric:

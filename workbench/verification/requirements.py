@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from workbench.errors import WorkbenchError, check_choice, check_finite
-from workbench.model.units import convert
-from workbench.verification.metrics import Metrics
+from workbench.model.units import convert, of_difference, parse_unit
+from workbench.verification.metrics import Metrics, metric_of
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,12 @@ class Requirement:
                 f"the limit of {self.metric} is {limit:g}; give a positive number (0 only for"
                 " something that must not happen at all)"
             )
+        metric = metric_of(self.metric)
+        if self.unit and metric is not None and not metric.level:
+            unit = of_difference(self.unit)
+            limit *= parse_unit(self.unit).factor / parse_unit(unit).factor
+            object.__setattr__(self, "unit", unit)
+            object.__setattr__(self, "limit", limit)
 
 
 class Score(NamedTuple):

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from workbench.model import Output
-from workbench.model.units import from_si, to_si, with_unit
+from workbench.model.units import from_si, of_difference, to_si, with_unit
 from workbench.reports.figure import Figure
 from workbench.reports.figures.study_traces import output_of, value_text, written
 from workbench.reports.metrics_table import metric_title
@@ -52,12 +52,12 @@ class Evidence:
 
     @property
     def unit(self) -> str:
-        """Its unit as written."""
-        return written(self.output.display_unit)
+        """Unit of its differences as written."""
+        return written(of_difference(self.output.display_unit))
 
     def shown(self, value: float) -> float:
-        """Return an SI value of the output in its display unit."""
-        return round(float(from_si(value, self.output.display_unit)), 6)
+        """Return a difference of the output, in SI, as people read it."""
+        return round(float(from_si(value, of_difference(self.output.display_unit))), 6)
 
     def words(self, step: Step) -> str:
         """Write a step as people read it."""
@@ -65,7 +65,7 @@ class Evidence:
 
     def size(self, step: Step) -> str:
         """Write the size of a step as people read it."""
-        return value_text(_size(step), self.output.display_unit)
+        return value_text(_size(step), of_difference(self.output.display_unit))
 
     @property
     def variations(self) -> list[Variation]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workbench.arrays import Vector
+from workbench.model.units import of_difference, parse_unit
 from workbench.reports.figure import Figure
 from workbench.reports.figures.study_traces import nominal_runs, output_of, shown, vector, written
 from workbench.reports.page import Block, Words
@@ -62,8 +63,9 @@ def _draw(result: StudyResult) -> list[Block]:
         output = next(n.removeprefix("reference.") for n in t if n.startswith("reference."))
         quantity = output_of(result.study, output)
         error = shown(t[f"reference.{output}"], quantity) - shown(t[f"output.{output}"], quantity)
-        rate, shade = -shown(t["speed"], quantity), shades[name]
-        unit = written(quantity.display_unit)
+        rate = -vector(t["speed"]) / parse_unit(quantity.display_unit).factor
+        shade = shades[name]
+        unit = written(of_difference(quantity.display_unit))
         portrait = _portrait(name, error, rate, float(t["slope"]), shade, unit)
         value = vector(t["surface"]) / float(t.get("layer", 1.0))
         found += [

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.model.units import convert, with_unit
+from workbench.model.units import convert, of_difference, with_unit
 from workbench.reports.figure import Figure
 from workbench.reports.figures.study_traces import nominal_runs, output_of, shown, vector, written
 from workbench.reports.pictures import Picture
@@ -97,7 +97,7 @@ def tracking(
             named_line(dashed, INK, width=1.0, style="--"),
         ]
     label(position, y=f"{quantity} in {unit}")
-    label(error, y=f"error in {unit}")
+    label(error, y=f"error in {of_difference(unit)}")
     label(actuator, x="time in s", y=command)
     key(position, columns=3, handles=handles)
     figure.align_ylabels()
@@ -162,7 +162,7 @@ def steady_limit(study: Study, scenario: str) -> float | None:
             and limit.scenario in ("", scenario)
             and study.scenarios[scenario].references[reference].changes
         ):
-            unit = output_of(study, reference).display_unit
+            unit = of_difference(output_of(study, reference).display_unit)
             return float(convert(limit.limit, limit.unit, unit))
     return None
 
