@@ -107,12 +107,27 @@ def test_verify_scores_a_controller(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert "workbench verify" in page and "step 15 to 45 deg and back" in page
 
 
-def test_verify_leaves_out_what_does_not_command_every_input(
-    capsys: pytest.CaptureFixture[str],
+def test_what_no_design_commands_rests(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["verify", "--plant", "pendulum", "--hold", "1s"]) == 0
+    said = capsys.readouterr()
+    assert "rests, such as gain, supply, enabled" in said.err
+    assert "plain-pid on servo pendulum" in said.out
+
+
+def test_redesign_of_a_machine_that_is_no_arm(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(["verify", "--plant", "pendulum"]) == WRONG_USE
-    said = capsys.readouterr().err
-    assert "lqi: it does not command" in said and "no design of the workbench fits" in said
+    # Refitted, its force at rest is not zero.
+    found = {"name": "servo-axis", "parameters": {"mass": 140.0, "offset": 5.0}}
+    (tmp_path / "verdict.json").write_text(json.dumps({"plant": found}))
+    arguments = ["redesign", str(tmp_path / "verdict.json"), "-f", "lqi", "--out"]
+    assert run([*arguments, str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert "lqi, nominal on servo axis" in said and "lqi, redesigned on servo axis" in said
+    assert (tmp_path / "out" / "lqi.c").exists() and (tmp_path / "out" / "report.html").exists()
+    runs = json.loads((tmp_path / "out" / "results.json").read_text())["runs"]
+    rmse = {r["controller"]: r["metrics"]["rmse"]["value"] for r in runs}
+    assert rmse["lqi, nominal"] != rmse["lqi, redesigned"]
 
 
 def test_verify_says_when_a_requirement_is_missed(capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import typer
@@ -10,24 +12,30 @@ import typer
 def redesign(verdict: str, *, out: Path, family: list[str] | None = None) -> int:
     """Design anew for a machine that was diagnosed, and show what knowing it is worth.
 
-    Latency and lags that were found are predicted over, lines and other laws enter the linear
-    models, hysteresis is compensated. Beside each redesign run the nominal design on the nominal
-    plant, and the tolerant one, which knows nothing, on the machine that was found.
+    Laws that were found enter the linear models. Each design for the nominal plant, and the same
+    for the machine that was found, run on that machine through a step and back.
+
+    Of the arm, latency and lags are predicted over, hysteresis is compensated, and beside each
+    redesign run the nominal design on the nominal plant, and the tolerant one, which knows nothing,
+    on the machine.
 
     Example: 'workbench redesign diagnosis/verdict.json -f "state feedback" --out redesign'.
 
     Args:
-        verdict (FILE): The verdict.json of a diagnosis of the arm.
+        verdict (FILE): The verdict.json of a diagnosis.
         out (DIR): Folder for the page and the controllers in C.
-        family (-f NAME): Family of controllers, such as 'state feedback'; may be given several
-            times. By default all of the study 'tolerant'.
+        family (-f NAME): Family of controllers of the arm, such as 'state feedback', or a design as
+            'workbench verify' takes it; may be given several times. By default all that fit.
     """
+    from workbench.study.plants import PlantRecipe
+
+    if not PlantRecipe(verdict, folder=Path.cwd()).plant().tolerant:
+        return _redesigned(verdict, family or (), out)
     from controllers.c_export import export_c
     from workbench.cli.running import typed
     from workbench.evaluation.regained import WHICH, regained
     from workbench.reports.page import write_page
     from workbench.reports.regained_page import regained_page, regained_table
-    from workbench.study.plants import PlantRecipe
 
     runs, plant = [], PlantRecipe(verdict)
     units = {q.name: q.unit for model in (plant.build(),) for q in (*model.outputs, *model.inputs)}
@@ -41,4 +49,43 @@ def redesign(verdict: str, *, out: Path, family: list[str] | None = None) -> int
     page = regained_page(runs, Path(verdict).name, command=typed())
     path = write_page(page, out / "redesign.html")
     typer.echo(f"written to {path}, and the redesigned controllers in C beside it")
+    return 0
+
+
+def _redesigned(verdict: str, designs: Sequence[str], out: Path) -> int:
+    """Run designs for the nominal plant and for the machine that was found on that machine."""
+    from controllers.c_export import export_c
+    from workbench.cli.plant import chosen_plant
+    from workbench.cli.running import counting, typed
+    from workbench.cli.verify import nominal_design, recipes_of, step_of, study_of_step
+    from workbench.plants.saved import nominal_of_file
+    from workbench.reports.study_files import write_study_files
+    from workbench.study.plants import PlantRecipe
+    from workbench.study.result import run_study
+    from workbench.study.summary import plain_summary
+
+    found = chosen_plant(verdict)
+    controlled = found.plant.controlled_outputs(found.model)
+    kind, options = nominal_of_file(Path(verdict))
+    base = nominal_design(found)
+    nominal = replace(base, plant=PlantRecipe(kind, options, folder=base.plant.folder))
+    scenario = step_of(found, controlled, base, controllers=designs)
+    before, after = (recipes_of(recipe, designs, scenario) for recipe in (nominal, base))
+    recipes = [
+        replace(recipe, name=f"{recipe.name}, {word}")
+        for known, word in ((before, "nominal"), (after, "redesigned"))
+        for recipe in known
+    ]
+    with counting() as counter:
+        result = run_study(study_of_step(found, recipes, scenario, ()), out, progress=counter)
+    units = {q.name: q.unit for q in (*found.model.outputs, *found.model.inputs)}
+    for recipe in after:
+        export_c(recipe.build(), out, name=recipe.name.replace("-", "_"), units=units)
+    for record in result.records:
+        if record.metrics is not None:
+            typer.echo(str(replace(record.metrics, plant=found.model.name)))
+    if result.judgements or result.failed:
+        typer.echo(plain_summary(result))
+    files = write_study_files(result, out, command=typed())
+    typer.echo(f"written to {out}: {', '.join(p.name for p in files)}, and the redesigned in C")
     return 0

@@ -74,10 +74,10 @@ def verify(
         # What declares no point of its own is designed for where the step starts.
         _level(chosen.model, f"{controlled[0]}={start}", f"{controlled[0]} before the step")
         changes = [f"{controlled[0]}={start}"]
-    base = _nominal(chosen, changes)
-    scenario = _scenario(chosen, controlled, base, start, end, hold, sample_time, controller or ())
-    recipes = _recipes(base, controller or (), scenario)
-    study = replace(_study(chosen, recipes, scenario, require or ()), seeds=(seed,))
+    base = nominal_design(chosen, changes)
+    scenario = step_of(chosen, controlled, base, start, end, hold, sample_time, controller or ())
+    recipes = recipes_of(base, controller or (), scenario)
+    study = replace(study_of_step(chosen, recipes, scenario, require or ()), seeds=(seed,))
     with tempfile.TemporaryDirectory() as folder, counting() as counter:
         result = run_study(study, out or Path(folder), progress=counter)
     if len(result.failed) == len(result.records):
@@ -95,7 +95,7 @@ def verify(
     return 0 if result.passed else 1
 
 
-def _nominal(chosen: Chosen, changes: Sequence[str] = ()) -> ControllerRecipe:
+def nominal_design(chosen: Chosen, changes: Sequence[str] = ()) -> ControllerRecipe:
     """Return the recipe of a design for the nominal plant, or for another than the plant is."""
     from workbench.study.designs import ControllerRecipe
     from workbench.study.plants import PlantRecipe
@@ -112,7 +112,7 @@ def _nominal(chosen: Chosen, changes: Sequence[str] = ()) -> ControllerRecipe:
     return ControllerRecipe("", "", plant, tuple(at.items()))
 
 
-def _study(
+def study_of_step(
     chosen: Chosen, recipes: Sequence[ControllerRecipe], scenario: Scenario, require: Sequence[str]
 ) -> Study:
     """Return the study of the one step: controllers for the nominal plant, on the chosen one."""
@@ -148,16 +148,17 @@ def _controlled(
     return found, (start and pairs[0][2], end and pairs[1][2])
 
 
-def _scenario(
+def step_of(
     chosen: Chosen,
     controlled: tuple[str, ...],
     base: ControllerRecipe,
-    start: str | None,
-    end: str | None,
-    hold: str | None,
-    sample_time: str | None,
-    controllers: Sequence[str],
+    start: str | None = None,
+    end: str | None = None,
+    hold: str | None = None,
+    sample_time: str | None = None,
+    controllers: Sequence[str] = (),
 ) -> Scenario:
+    """Return a step of the first controlled output and back, as given or as the plant has it."""
     from workbench.linearisation.pace import step_time
     from workbench.model.units import from_si, quantity
     from workbench.verification import Steps, step_scenario
@@ -167,7 +168,9 @@ def _scenario(
     y0 = {n: float(y) for n, y in zip(linear.output_names, linear.y0, strict=True)}
     about = next(q for q in chosen.model.outputs if q.name == name)
     own = name == chosen.plant.controlled_outputs(chosen.model)[0]
-    first, last = (own and chosen.plant.step) or (y0[name], y0[name] + about.scale)
+    # A size that nobody declared is all that the inputs bring about, from end to end.
+    size = about.scale if about.sized else 0.25 * about.scale
+    first, last = (own and chosen.plant.step) or (y0[name], y0[name] + size)
     levels = [
         default if given is None else _level(chosen.model, f"{name}={given}", what)
         for given, default, what in (
@@ -251,7 +254,7 @@ def _stated(base: ControllerRecipe, names: Sequence[str]) -> float | None:
     return None
 
 
-def _recipes(
+def recipes_of(
     base: ControllerRecipe, names: Sequence[str], scenario: Scenario
 ) -> list[ControllerRecipe]:
     """Return the named designs, or those made for such a plant, or those for any plant."""
@@ -270,19 +273,23 @@ def _recipes(
     for name in names:
         if (design := DESIGNS.get(name, folder=Path.cwd())).needs != "linear":
             check_choice("controller", design.name, one)
-    found = []
+    found: list[ControllerRecipe] = []
+    partly: list[ControllerRecipe] = []
     for made in map(recipe, names or [design.name for design in designs_for(linear)]):
         try:
             commanded = made.build().actuators
-            if idle := [n for n in linear.input_names if n not in commanded and not names]:
-                raise WorkbenchError(f"it does not command {', '.join(idle)}")
         except WorkbenchError as error:
             # Of designs that nobody asked for, those count that suit the plant.
             if names or made.kind().sensors:
                 raise
             typer.echo(f"{made.name}: {error}", err=True)
         else:
-            found.append(made)
+            idle = [n for n in linear.input_names if n not in commanded]
+            (partly if idle and not names else found).append(made)
+    if partly and not found:
+        # Of designs that nobody asked for, those that command every input come first.
+        typer.echo(f"what a design does not command rests, such as {', '.join(idle)}", err=True)
+        return partly
     if not found:
         raise WorkbenchError(
             f"no design of the workbench fits {linear.operating_point.model.name!r}; give one of"

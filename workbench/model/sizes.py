@@ -26,6 +26,9 @@ _TURNS = np.array([0.25, 0.05, 0.45])
 _INTEGRATES = 1e-9
 """Size of an eigenvalue, as a share of the largest, below which its mode has no pace."""
 
+_WARMER = 0.03
+"""Change of a temperature, as a share of its distance from absolute zero: some 10 K."""
+
 _AS_INTEGRATORS = 1e-6
 """The same, below which a mode takes longer than anybody waits."""
 
@@ -54,7 +57,7 @@ def sizes(
         Sizes of states, inputs and outputs, and those of ports by name, in SI; declared sizes as
         they are, and zero where neither equations nor ranges tell.
     """
-    of_u = np.array([q.scale or _reach(q, q.nominal) for q in inputs])
+    of_u = np.array([q.scale or _reach(q, _usual(q)) for q in inputs])
     declared = np.array([q.scale for q in states])
     ends = np.array([(q.lower, q.upper) for q in states]).reshape(-1, 2)
     limits = np.array([(q.lower, q.upper) for q in inputs]).reshape(-1, 2)
@@ -124,6 +127,11 @@ def _beside(pace: float, poles: npt.NDArray[np.complex128]) -> complex:
     points = pace * np.exp(1j * np.pi * _TURNS)
     room = np.abs(points[:, None] - poles).min(axis=1, initial=np.inf)
     return complex(points[0 if room[0] > 0.3 * pace else int(room.argmax())])
+
+
+def _usual(q: Input) -> float:
+    """Return how far an input without a range is moved; temperatures stay far from zero."""
+    return _WARMER * q.nominal if q.unit == "K" else q.nominal
 
 
 def _reach(q: State | Input | Output, usual: float) -> float:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -136,7 +137,7 @@ def operating_point(
     Args:
         given: Values of measurements, states or inputs by name, in SI, at most one per input (and
             one per drifting direction); measurements are looked up first. By default the inputs at
-            rest.
+            rest; where the only one does not hold the model, its first output as it starts.
         bounds: Smallest and largest value of states and inputs by name, in SI, inside those of
             the model and the limits that the plant declares.
 
@@ -168,6 +169,14 @@ def operating_point(
     x, u = _start(model, wanted, sums, near)
     solution = solve(problem, x, u)
     if not solution.solved:
+        if not given and len(model.inputs) == 1 and model.outputs:
+            # A load that its one nominal input does not carry is held where it starts.
+            name, held = (
+                model.outputs[0].name,
+                model.read(model.initial_state(), model.nominal_input),
+            )
+            with suppress(WorkbenchError):
+                return operating_point(model, {name: float(held[0])}, bounds=bounds, near=near)
         raise _impossible(problem, solution)
     if any("." in name for name in solution.undetermined):
         solution = _with_effects_at_start(problem, solution, x, u)

@@ -124,9 +124,11 @@ class Plant:
         tolerated: How far parameters may be from what a design knows, by name: least and largest
             change, in SI, within the parameter's bounds.
         step: Values of the first controlled output between which a controller is tried, in SI; by
-            default from the design point on by the output's scale.
+            default from the design point on by the output's scale, a quarter of it where the model
+            has found it.
         start_samples: Samples over which hidden states at the start of a free run are estimated.
         requirements: Metrics with their largest value and its unit that a controller must keep.
+        tolerant: Shipped study whose designs tolerate a machine that nobody has identified.
 
     Example:
         >>> from workbench.plants.servo_axis import SERVO_AXIS
@@ -146,6 +148,7 @@ class Plant:
     step: tuple[float, float] | None = None
     requirements: tuple[tuple[str, float, str], ...] = ()
     start_samples: int = 0
+    tolerant: str = ""
 
     def option(self, name: str) -> Option:
         """Return an option by its name, or by the keyword of the build function."""

@@ -62,18 +62,29 @@ def _with_found(model: Model, values: Mapping[str, float]) -> Model:
     return replace(model, parameters=parameters).with_parameters(values)
 
 
+def _kept(path: Path) -> dict[str, Any]:
+    fix = (
+        "give the verdict.json of 'workbench diagnose', which has the key 'plant' (diagnose again"
+        " if an older version wrote it)"
+    )
+    kept: dict[str, Any] = read_json(path, "plant", _FILE, fix=fix)["plant"]
+    if kept["name"].endswith(".json"):
+        raise WorkbenchError(f"plant {str(path)!r} names another file, {kept['name']!r}; {fix}")
+    return kept
+
+
+def nominal_of_file(path: Path) -> tuple[str, tuple[tuple[str, Value], ...]]:
+    """Return name and options, in their units, of the plant that a file's model began as."""
+    kept = _kept(path)
+    return kept["name"], tuple(kept.get("options", {}).items())
+
+
 def plant_of_file(path: Path, find: Any) -> Plant:
     """Return the plant that a file such as ``verdict.json`` keeps, as `saved_plant` returns it.
 
     Its options start from those that were kept; ``find`` returns a plant by its name.
     """
-    fix = (
-        "give the verdict.json of 'workbench diagnose', which has the key 'plant' (diagnose again"
-        " if an older version wrote it)"
-    )
-    kept = read_json(path, "plant", _FILE, fix=fix)["plant"]
-    if kept["name"].endswith(".json"):
-        raise WorkbenchError(f"plant {str(path)!r} names another file, {kept['name']!r}; {fix}")
+    kept = _kept(path)
     base: Plant = find(kept["name"])
     start = base.parse(kept.get("options", {}))
 

@@ -264,6 +264,7 @@ ARM = Plant(
     step=(math.radians(15.0), math.radians(45.0)),
     # Half a second at 500 Hz, over which temperatures show.
     start_samples=251,
+    tolerant="tolerant",
     requirements=(
         ("settling_time", 0.8, "s"),
         ("overshoot", 10.0, "%"),
