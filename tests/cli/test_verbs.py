@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from tests.study.small_study import small_study
-from workbench.cli.main import INTERRUPTED, WRONG_USE, run
+from workbench.cli.main import INTERRUPTED, run
 from workbench.data_folder import shipped_folder
 from workbench.model.units import quantity
 from workbench.operating_point import operating_point
