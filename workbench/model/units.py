@@ -424,6 +424,22 @@ def with_unit(number: str, unit: str) -> str:
     return f"{number}{written}" if written[:1] == "°" else f"{number} {written}".rstrip()
 
 
+def in_time(seconds: float, digits: int = 3) -> str:
+    """Write a time, in s, in the unit that suits it, from nanoseconds to days.
+
+    Example:
+        >>> [in_time(t) for t in (2e-7, 0.0123, 520.0, 7200.0, -4e5, math.inf)]
+        ['200 ns', '12.3 ms', '520 s', '2 h', '-4.63 d', 'inf s']
+    """
+    steps = ((2 * 86400.0, "d", 86400.0), (3600.0, "h", 3600.0), (1.0, "s", 1.0))
+    small = ((1e-3, "ms", 1e-3), (1e-6, "µs", 1e-6), (0.0, "ns", 1e-9))
+    size = abs(seconds)
+    if not size or not math.isfinite(size):
+        return f"{seconds:g} s"
+    _, unit, factor = next(row for row in (*steps, *small) if size >= row[0])
+    return f"{float(f'{seconds / factor:.{digits}g}'):.10g} {unit}"
+
+
 _READABLE: dict[str, tuple[str, float]] = {
     "rad": ("°", 180.0 / math.pi),
     "rad/s": ("°/s", 180.0 / math.pi),

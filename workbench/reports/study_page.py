@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from workbench.errors import WorkbenchError
-from workbench.model.units import from_si, of_difference, with_unit
+from workbench.model.units import from_si, in_time, of_difference, with_unit
 from workbench.reports.figure import Figure, figures_of, own_figures, sections
 from workbench.reports.figures.study_traces import breakable, point_text
 from workbench.reports.metrics_table import (
@@ -412,5 +412,5 @@ def _difference(outcome: StudyResult, variation: Variation) -> str:
     if variation.plan_duration != 1.0:
         said.append(f"plan x {variation.plan_duration:g}")
     if variation.lead:
-        said.append(f"lead {1e3 * variation.lead:+g} ms")
+        said.append(f"lead {in_time(variation.lead)}")
     return breakable(", ".join(said))

@@ -166,7 +166,8 @@ def _dress(axes: Axes) -> None:
 
 
 def label(axes: Axes, *, x: str | None = None, y: str | None = None, title: str = "") -> None:
-    """Write the labels of a panel, with their units."""
+    """Write the labels of a panel, with their units; a ratio has none."""
+    x, y = (text and re.sub(r"(\s+in 1|/1)$", "", text) for text in (x, y))
     if x is not None:
         axes.set_xlabel(x, fontsize=FONT_POINTS, color=INK.light)
         from matplotlib.ticker import ScalarFormatter

@@ -9,11 +9,9 @@ import numpy as np
 from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
 from workbench.linearisation.operating_map import operating_map
+from workbench.linearisation.pace import horizon_of
 from workbench.linearisation.transfer import frequency_response
 from workbench.study.study import Study
-
-GAIN_HZ = 0.5
-"""Frequency of the gain, in Hz: above slow drifts, below the oscillation of most machines."""
 
 COUNT = 30
 
@@ -26,13 +24,15 @@ class PlantMap:
         values: Its values at rest, shape (n,), in SI.
         frequency_hz: Frequency of the oscillation, shape (n,), in Hz; NaN where it cannot rest.
         damping: Damping ratio of the oscillation, shape (n,), dimensionless.
-        gain: Output per command at `GAIN_HZ`, shape (n,), in SI.
+        gain_hz: Frequency of the gain, in Hz: above slow drifts, a quarter of the oscillation.
+        gain: Output per command there, shape (n,), in SI.
     """
 
     output: str
     values: Vector
     frequency_hz: Vector
     damping: Vector
+    gain_hz: float
     gain: Vector
 
 
@@ -52,7 +52,8 @@ def plant_map(study: Study) -> PlantMap | None:
         found = operating_map(smooth, {output: values}, input="plant")
     except WorkbenchError:
         return None
+    hertz = float(f"{0.5 / np.median([horizon_of(m) for m in found.models.values()]):.2g}")
     gain = np.full(len(values), np.nan)
     for (i,), linear in found.models.items():
-        gain[i] = abs(frequency_response(linear, output, [GAIN_HZ])[0])
-    return PlantMap(output, values, found.frequency_hz, found.damping, gain)
+        gain[i] = abs(frequency_response(linear, output, [hertz])[0])
+    return PlantMap(output, values, found.frequency_hz, found.damping, hertz, gain)

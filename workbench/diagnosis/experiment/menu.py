@@ -22,9 +22,8 @@ from workbench.model.units import from_si, shown_unit, with_unit
 from workbench.simulation import simulate
 from workbench.simulation.stepper import Stepper
 
-LONGEST = 20.0
-"""Duration of an experiment, in s; a thousand samples where they are longer apart.
-Twice the longest recording at the most."""
+LONGEST = 10_000
+"""Samples of an experiment, or those of the longest recording; twice those at the most."""
 
 _TOLERANCE = 1e-6
 _OUTSIDE = 0.25
@@ -90,9 +89,8 @@ def menu(model: Model, recordings: Sequence[Observed]) -> tuple[Experiment, ...]
     """
     if not recordings:
         raise WorkbenchError("experiments are planned from recordings, and there are none")
-    first = recordings[0]
     longest = max(len(r.inputs) for r in recordings)
-    n = min(2 * longest, max(1000, round(LONGEST / first.sample_time)))
+    n = min(2 * longest, max(LONGEST, longest))
     plan = _Plan(model, recordings, n)
     candidates = (*plan.open_loop(), *plan.closed_loop())
     return tuple(kept for e in candidates if (kept := plan.kept(e)) is not None)

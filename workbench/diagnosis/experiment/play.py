@@ -19,7 +19,7 @@ HELD_OUT = 0.4
 """Share of a new recording that is held out."""
 
 _ROOM = 0.1
-_STILL_S, _STILL_SAMPLES = 0.2, 10
+_STILL, _STILL_SAMPLES = 0.01, 10
 
 
 @runtime_checkable
@@ -107,8 +107,7 @@ def with_experiment(
     moved = np.nansum(
         [np.abs(np.diff(recording[q.name], prepend=np.nan)) / q.scale for q in outputs], axis=0
     )
-    step = float(np.median(np.diff(recording.time)))
-    width = max(_STILL_SAMPLES, round(_STILL_S / step))
+    width = max(_STILL_SAMPLES, round(_STILL * n))
     around = np.convolve(moved, np.ones(width), mode="same")
     first, last = (round((1.0 - HELD_OUT + off) * n) for off in (-_ROOM, _ROOM))
     at = first + int(np.argmin(around[first:last]))

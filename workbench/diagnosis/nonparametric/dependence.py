@@ -12,20 +12,16 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
+from workbench.model.units import same_dimension
 from workbench.physics.nonparametric_term import Curve
+from workbench.physics.place import per
 
 SURROGATES = 99
 """Shifted signals against which a dependence is tested; the smallest p-value is 0.01."""
 
-_BLOCK_S = 2.0
 _LEAST_SHIFT = 20
 """The smallest shift is that part of a recording: at 1/20, what moves slowly is shifted too."""
 _FINEST = 300.0
-_SPEEDS = {"angle": "speed", "position": "speed", "contraction": "contraction_speed"}
-"""Local signal that is the rate of another one."""
-
-RATES = tuple(dict.fromkeys(_SPEEDS.values()))
-"""Local signals that are rates."""
 
 
 @dataclass(frozen=True)
@@ -142,7 +138,7 @@ class Evidence:
             columns: Further columns, shape (n_located n, k), in the signals' unit.
         """
         long, step = float(np.ptp(self.time)), float(self.time[1] - self.time[0])
-        block = max(_BLOCK_S if long >= 5 * _BLOCK_S else 0.1 * long, 20 * step)
+        block = max(0.1 * long, 20 * step)
         fold = (self.time // block + self.recording).astype(int) % 5
         fold = np.tile(fold, len(self.located))
         none = columns[:, :0]
@@ -193,7 +189,7 @@ class Evidence:
 def spread(values: Vector, argument: str, unit: str, most: int, *, centred: bool = True) -> Curve:
     """Spread the knots of a curve over the values of its argument.
 
-    Evenly; over a rate in equal ratios to both sides of zero, where friction has its structure.
+    Evenly; over a speed in equal ratios to both sides of zero, where friction has its structure.
 
     Args:
         values: Values of the argument, shape (n,), in ``unit``.
@@ -201,7 +197,7 @@ def spread(values: Vector, argument: str, unit: str, most: int, *, centred: bool
     """
     low, high = np.quantile(values, [0.002, 0.998])
     knots = np.linspace(low, high, most)
-    if argument in RATES and low < 0.0 < high:
+    if any(same_dimension(unit, speed) for speed in ("m/s", "rad/s")) and low < 0.0 < high:
         side = max(-low, high) * np.geomspace(1.0 / _FINEST, 1.0, max(most // 2, 2))
         knots = np.concatenate([-side[::-1], side])
         knots = knots[(knots > 1.3 * low) & (knots < 1.3 * high)]
@@ -268,9 +264,10 @@ def loop_along(x: Vector, recording: npt.NDArray[np.int_], distance: float) -> V
 
 
 def rate_of(argument: str, site: Site) -> str | None:
-    """Return the local signal that is the rate of another one; None if there is none."""
-    name = _SPEEDS.get(argument)
-    return name if name in site.signals else None
+    """Return the one local signal with the unit of the rate of another; None if there is none."""
+    unit = per(site.units[argument], "s")
+    rates = [name for name in site.signals if same_dimension(site.units[name], unit)]
+    return rates[0] if len(rates) == 1 else None
 
 
 def _ridge(matrix: Vector, target: Vector, penalty: Vector) -> Vector:

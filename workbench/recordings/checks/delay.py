@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.arrays import Vector
+from workbench.model.units import in_time
 from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.innovations import MEMORY, correlation, surprises
@@ -99,8 +100,7 @@ def check_delay(recording: Recording, expected: Expected) -> Finding:
         why = "the commands change too smoothly" if delays else "no command moves"
         return Finding("not checked", f"{why} to see a delay", {"delays": delays})
     note = "; ".join(
-        f"{d.command} shows in {d.response} after {1e3 * d.onset:.3g} ms (most after "
-        f"{1e3 * d.peak:.3g} ms)"
+        f"{d.command} shows in {d.response} after {in_time(d.onset)} (most after {in_time(d.peak)})"
         for d in seen
     )
     return Finding("pass", note, {"delays": delays})

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.arrays import Vector
+from workbench.model.units import in_time
 from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.recording import Recording
@@ -44,12 +45,12 @@ def check_uniformity(recording: Recording, expected: Expected) -> Finding:
     ):
         return Finding(
             "pass",
-            f"even steps of {1e3 * step:.6g} ms (jitter {max(100 * rms, 0.001):.2g} % of a step)",
+            f"even steps of {in_time(step, 6)} (jitter {max(100 * rms, 0.001):.2g} % of a step)",
             values,
         )
     even = np.linspace(time[0], time[-1], len(time))
     note = (
-        f"the steps vary from {1e3 * spread[0]:.4g} to {1e3 * spread[1]:.4g} ms ({100 * rms:.3g} % "
-        f"rms); interpolated to {1 / step:.6g} Hz"
+        f"the steps vary from {in_time(spread[0], 4)} to {in_time(spread[1], 4)}"
+        f" ({100 * rms:.3g} % rms); interpolated to {1 / step:.6g} Hz"
     )
     return Finding("corrected", note, values, resample(recording, times=even))

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _POINTS = 1200
-_SHOWN_S = 8.0
+_SHOWN = 0.4
 
 
 def diagnosis_law(located: MissingSignal) -> Figure:
@@ -87,7 +87,7 @@ def _draw_law(axes: Axes, located: MissingSignal) -> None:
 def diagnosis_signal(located: MissingSignal) -> Figure:
     """Draw the located signal over time with its band."""
     figure, (axes,) = new_figure([2.7])
-    last = max(_SHOWN_S, 400 * float(located.time[1] - located.time[0]))
+    last = max(_SHOWN * np.ptp(located.time), 400 * float(located.time[1] - located.time[0]))
     rows = located.time <= located.time[0] + last
     rows &= np.maximum.accumulate(located.time) == located.time
     time = located.time[rows]

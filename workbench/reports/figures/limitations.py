@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from workbench.model import Output
-from workbench.model.units import from_si, of_difference, to_si, with_unit
+from workbench.model.units import from_si, in_time, of_difference, to_si, with_unit
 from workbench.reports.figure import Figure
 from workbench.reports.figures.study_traces import output_of, value_text, written
 from workbench.reports.metrics_table import metric_title
@@ -662,7 +662,7 @@ def ladder_words(e: Evidence) -> list[str]:
         if not times[0] > e.want.ratio * limit:
             continue
         parts = [
-            f"{1e3 * (before - after):.0f} ms go with {what}"
+            f"{in_time(before - after, 2)} go with {what}"
             for (_, what), before, after in zip(e.want.ladder, times, times[1:], strict=False)
         ]
         plan = e.planned(controller, step)
@@ -670,7 +670,7 @@ def ladder_words(e: Evidence) -> list[str]:
         found.append(
             f"{e.case.name}, {e.words(step)}: the limit is {number(limit)} s,{planned}"
             f" the output {number(times[0])} s. Of that {'; '.join(parts)}; the other"
-            f" {1e3 * (times[-1] - limit):.0f} ms lie between the limit, which knows the plant"
+            f" {in_time(times[-1] - limit, 2)} lie between the limit, which knows the plant"
             " exactly and commands fully, and a smooth move followed by a loop with margins."
         )
     return found

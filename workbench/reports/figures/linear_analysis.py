@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.linearisation.pace import horizon_of
 from workbench.linearisation.transfer import frequency_response
-from workbench.model.units import parse_unit
+from workbench.model.units import in_time, parse_unit
 from workbench.reports.figure import Figure
 from workbench.reports.figures.bode import bode
 from workbench.reports.figures.nyquist import nyquist
@@ -18,7 +18,7 @@ from workbench.reports.pictures import Picture
 from workbench.reports.style import REFERENCE, SIMULATED, label, new_figure
 from workbench.reports.tables import Cell, Table, number
 from workbench.study.linear_loop import LoopAnalysis
-from workbench.study.plant_map import GAIN_HZ, plant_map
+from workbench.study.plant_map import plant_map
 from workbench.study.study import Study
 
 
@@ -78,7 +78,7 @@ def _sentence(study: Study, name: str, own: list[LoopAnalysis]) -> str:
     return (
         f"{name}: the smallest disk margin is {number(least.disk_margin, 2)} at {near}, "
         f"opened at the {least.opened}; the smallest delay margin is "
-        f"{number(1e3 * late.delay_margin, 2)} ms at {slow}, opened at the {late.opened}."
+        f"{in_time(late.delay_margin, 2)} at {slow}, opened at the {late.opened}."
     )
 
 
@@ -143,8 +143,8 @@ def map_picture(study: Study) -> list[Picture]:
     name = found.output.replace("_", " ")
     caption = (
         f"The plant alone over its {name}: frequency and damping of its oscillation, and the gain "
-        f"from the command to the {name} at {GAIN_HZ:g} Hz, with jumps where a law of the plant "
-        "has a corner. Dotted: the operating points."
+        f"from the command to the {name} at {found.gain_hz:g} Hz, with jumps where a law of the "
+        "plant has a corner. Dotted: the operating points."
     )
     return [Picture("plant-map", figure, caption, f"frequency, damping and gain over the {name}")]
 
@@ -177,7 +177,7 @@ def margin_table(study: Study, loops: tuple[LoopAnalysis, ...]) -> Table:
                 number(a.crossover_Hz, 2, unit="Hz"),
                 number(a.gain_margin, 3) + down,
                 number(math.degrees(a.phase_margin), 2) + "°",
-                number(1e3 * a.delay_margin, 2, unit="ms"),
+                in_time(a.delay_margin, 2) if a.delay_margin < math.inf else number(a.delay_margin),
                 number(a.sensitivity),
                 number(a.complementary),
                 disk,
