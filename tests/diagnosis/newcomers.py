@@ -483,3 +483,71 @@ def swinging_out(start: float) -> Recording:
     run = solve_ivp(rates, (0.0, time[-1]), [start, 0.0], t_eval=time, rtol=1e-8, atol=1e-10)
     noise = np.random.default_rng(1).normal(0.0, 1e-3, len(time))
     return Recording(f"from {start:g}", time, (Signal("angle", run.y[0] + noise, "rad"),))
+
+
+def drivetrain() -> Model:
+    """A motor, an elastic shaft and a load, written down without a port of its own."""
+
+    def equations(m: Scope) -> Equations:
+        twist, slip = m.x.motor - m.x.load, m.x.motor_speed - m.x.load_speed
+        shaft = m.p.stiffness * twist + m.p.damping * slip
+        return (
+            {
+                "motor": m.x.motor_speed,
+                "load": m.x.load_speed,
+                "motor_speed": (m.u.torque - shaft - m.p.drag * m.x.motor_speed) / m.p.rotor,
+                "load_speed": shaft / m.p.inertia,
+            },
+            {"motor": m.x.motor, "load": m.x.load},
+        )
+
+    return Model(
+        "drivetrain",
+        equations,
+        states=(
+            State("motor", "rad"),
+            State("load", "rad"),
+            State("motor_speed", "rad/s"),
+            State("load_speed", "rad/s"),
+        ),
+        inputs=(Input("torque", "N m", lower=-5.0, upper=5.0),),
+        outputs=(Output("motor", "rad"), Output("load", "rad")),
+        parameters=(
+            Parameter("rotor", "kg m2", value=0.01, lower=1e-3, upper=0.1, fitted=True),
+            Parameter("inertia", "kg m2", value=0.03, lower=1e-3, upper=0.3, fitted=True),
+            Parameter("stiffness", "N m/rad", value=40.0, lower=4.0, upper=1e3, fitted=True),
+            Parameter("damping", "N m s/rad", value=0.05, lower=0.0, upper=1.0, fitted=True),
+            Parameter("drag", "N m s/rad", value=0.02, lower=0.0, upper=0.5, fitted=True),
+        ),
+    )
+
+
+def turned(seed: int, *, play: float = 0.0, samples: int = 1000) -> Recording:
+    """Return a drivetrain of 50 N m/rad under random torques, every 5 ms.
+
+    Args:
+        play: Half of the backlash of its coupling, in rad.
+    """
+    rng = np.random.default_rng(seed)
+    torque = levels(samples, seed, 2.0, 20, 100)
+    x, rows = np.zeros(4), []
+
+    def rates(_: float, x: Vector, u: float) -> list[float]:
+        twist = x[0] - x[1]
+        engaged = np.sign(twist) * max(abs(twist) - play, 0.0)
+        shaft = 50.0 * engaged + (0.08 * (x[2] - x[3]) if engaged else 0.0)
+        return [x[2], x[3], (u - shaft - 0.03 * x[2]) / 0.012, shaft / 0.025]
+
+    for u in torque:
+        rows.append(x[:2] + 2e-4 * rng.normal(size=2))
+        x = solve_ivp(rates, (0.0, 5e-3), x, args=(u,), rtol=1e-7, atol=1e-9).y[:, -1]
+    motor, load = np.array(rows).T
+    return Recording(
+        f"turned {seed}",
+        5e-3 * np.arange(samples),
+        (
+            Signal("torque", torque, "N m", role="command"),
+            Signal("motor", motor, "rad"),
+            Signal("load", load, "rad"),
+        ),
+    )

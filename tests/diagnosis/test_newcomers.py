@@ -12,6 +12,7 @@ from tests.diagnosis.newcomers import (
     carriage,
     crane,
     damper,
+    drivetrain,
     hardening,
     hysteretic,
     levels,
@@ -25,6 +26,7 @@ from tests.diagnosis.newcomers import (
     swing,
     swinging_out,
     transport,
+    turned,
 )
 from workbench.diagnosis.diagnose import diagnose, stages
 from workbench.diagnosis.estimation.made_up import made_up
@@ -232,3 +234,20 @@ def test_steps_of_the_filter_follow_where_a_recording_leads() -> None:
     assert substeps_along(model, seen) <= 2
     near = replace(seen, outputs=seen.outputs * [0.03, 1.0])
     assert substeps_along(model, near) > 5
+
+
+def test_the_backlash_of_a_coupling_is_found_between_two_bodies(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def few(*given: Any, **known: Any) -> tuple[Hypothesis, ...]:
+        laws = ("backlash", "cubic_stiffness", "coulomb_friction", "viscous_friction")
+        return tuple(e for e in library(*given, **known) if e.law in laws)
+
+    monkeypatch.setattr(search, "library", few)
+    runs = [turned(seed, play=0.01) for seed in (1, 2)]
+    verdict = diagnose(drivetrain(), runs[:1], runs[1:], jobs=1, advise=False).verdict
+    assert verdict is not None
+    (finding,) = verdict.findings
+    assert finding.effect.startswith("elastic_play") and finding.belief == "sure"
+    assert finding.where == ("motor_speed_load_speed.exchange",)
+    assert finding.parameters["half_width"].value == pytest.approx(0.01, rel=0.02)

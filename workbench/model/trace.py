@@ -13,10 +13,12 @@ import numpy as np
 from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
 from workbench.model.effect import Effect
+from workbench.model.exchanges import exchanges
 from workbench.model.quantities import Quantity
 from workbench.model.regularisation import Expression, Form
 from workbench.model.scope import EffectView, Names, Port, PortView, Scope, ValidRange
 from workbench.model.traits import LEFT_OUT, Traits
+from workbench.model.units import rate_unit
 
 Named = Mapping[str, Expression]
 
@@ -229,6 +231,7 @@ def trace(model: Written, form: Form) -> Trace:
     rates, outputs = model.equations(scope)
     sizes = dict(model.traits.sizes)
     if not scope.ports:
+        plain = rates
         scope = scope_of({})
         scope.u = Names(
             "input",
@@ -238,6 +241,7 @@ def trace(model: Written, form: Form) -> Trace:
             },
         )
         rates, outputs = model.equations(scope)
+        rates = _default_exchanges(model, scope, plain, rates, symbols, sizes)
         rates = _default_rates(model, scope, rates, sizes)
     outputs = _default_measurements(model, scope, outputs, sizes)
     rates = dict(rates)
@@ -304,15 +308,57 @@ def _symbols(quantities: Sequence[Quantity]) -> dict[str, ca.SX]:
 
 
 def _opened(
-    scope: Scope, q: Quantity, what: str, value: Expression, sizes: Mapping[str, float]
+    scope: Scope,
+    q: Quantity,
+    what: str,
+    value: Expression,
+    sizes: Mapping[str, float],
+    *,
+    name: str = "",
 ) -> Expression:
     """Open a port for a quantity of a plant whose author has opened none."""
-    unit = q.unit
-    if what == "rate":
-        unit = f"{unit}2" if unit.endswith("/s") else f"{unit}/s"
-    name = f"{q.name}.{what}"
-    own = q.scale if q.sized and what != "rate" else 0.0
+    moves = what in ("rate", "exchange")
+    unit = rate_unit(q.unit) if moves else q.unit
+    name = name or f"{q.name}.{what}"
+    own = q.scale if q.sized and not moves else 0.0
     return scope.port(name, value, unit=unit, scale=sizes.get(name) or own or None)
+
+
+def _default_exchanges(
+    model: Written,
+    scope: Scope,
+    plain: Named,
+    rates: Named,
+    symbols: Mapping[str, Mapping[str, ca.SX]],
+    sizes: Mapping[str, float],
+) -> Named:
+    """Open a port at what one state gives and another takes.
+
+    Args:
+        plain: The rates of states before a port was open, by name, in SI per second.
+        rates: The same behind the ports of the inputs, in SI per second.
+    """
+    attached = tuple(f"{effect.name}." for effect in model.effects)
+    own = {n: s for n, s in symbols["parameter"].items() if not n.startswith(attached)}
+    states = [q for q in model.states if q.name in plain]
+    x = {q.name: symbols["state"][q.name] for q in states}
+    given = {n: _symbolic(rate) for n, rate in plain.items() if n in x}
+    changed = dict(rates)
+    inputs = list(symbols["input"])
+    for found in exchanges(given, states, x, symbols["input"], own):
+        between = "_".join(found.names)
+        name = f"{between}.exchange"
+        name = name if name not in scope.values else f"{between}_{len(scope.values)}.exchange"
+        value = ca.substitute(
+            found.value,
+            _vector(symbols["input"]),
+            ca.vcat([_symbolic(scope.u[n]) for n in inputs] or [ca.SX(0, 1)]),
+        )
+        first = next(q for q in states if q.name == found.names[0])
+        more = _opened(scope, first, "exchange", value, sizes, name=name) - value
+        for n, share in zip(found.names, found.shares, strict=True):
+            changed[n] = changed[n] + share * more
+    return changed
 
 
 def _default_rates(model: Written, scope: Scope, rates: Named, sizes: Mapping[str, float]) -> Named:

@@ -22,8 +22,8 @@ from workbench.errors import WorkbenchError
 BASES = ("m", "kg", "s", "K", "A", "rad", "mol", "cd")
 """Base units."""
 
-Dimensions = tuple[int, ...]
-"""Exponents of the base units."""
+Dimensions = tuple[float, ...]
+"""Exponents of the base units; a valve's m3/(s Pa^0.5) has one that is not whole."""
 
 
 def _dim(**exponents: int) -> Dimensions:
@@ -125,7 +125,7 @@ _SPELLINGS = {
 """How loggers and people spell units."""
 
 _WORD = re.compile(r"[A-Za-zµΩ°%]+")
-_TOKEN = re.compile(r"\s*([()/*·]|\^?[-+−]?\d+|[²³⁻¹]+|[A-Za-zµΩ°%]+|-)")
+_TOKEN = re.compile(r"\s*([()/*·]|\^[-+−]?\d+\.\d+|\^?[-+−]?\d+|[²³⁻¹]+|[A-Za-zµΩ°%]+|-)")
 _SUPERSCRIPTS = str.maketrans("²³⁻¹−", "23-1-")
 _SCALES = {
     **dict.fromkeys(("degC", "°C", "celsius"), (1.0, 273.15)),
@@ -150,7 +150,7 @@ class Unit:
     offset: float = 0.0
 
 
-def _combine(a: Dimensions, b: Dimensions, power: int) -> Dimensions:
+def _combine(a: Dimensions, b: Dimensions, power: float) -> Dimensions:
     return tuple(x + power * y for x, y in zip(a, b, strict=True))
 
 
@@ -186,7 +186,7 @@ def in_symbols(text: str) -> str:
     return _WORD.sub(lambda m: _SPELLINGS.get(m.group(), m.group()), text)
 
 
-def powers(text: str) -> list[tuple[str, int]]:
+def powers(text: str) -> list[tuple[str, float]]:
     """Take a unit apart: its symbols in order, each with its power.
 
     Raises:
@@ -196,7 +196,7 @@ def powers(text: str) -> list[tuple[str, int]]:
         >>> powers("m3/(s Pa)")
         [('m', 3), ('s', -1), ('Pa', -1)]
     """
-    found: list[tuple[str, int]] = []
+    found: list[tuple[str, float]] = []
     position, sign, group, raised = 0, 1, [1], True
     while position < len(text):
         match = _TOKEN.match(text, position)
@@ -220,10 +220,10 @@ def powers(text: str) -> list[tuple[str, int]]:
             sign, raised = 1, False
         else:
             digits = token.lstrip("^").translate(_SUPERSCRIPTS)
-            if raised or not digits.lstrip("+-").isdigit():
+            if raised or not digits.lstrip("+-").replace(".", "", 1).isdigit():
                 raise _unknown(text, token)
             symbol, power = found[-1]
-            found[-1] = (symbol, power * int(digits))
+            found[-1] = (symbol, power * (float(digits) if "." in digits else int(digits)))
             raised = True
     if len(group) != 1:
         raise _unknown(text, "(")
@@ -391,7 +391,7 @@ def written_unit(unit: str) -> str:
     inverse = re.fullmatch(r"([A-Za-z]+)\^?-1", unit)
     if inverse is not None:
         return f"1/{inverse[1]}"
-    raised = re.sub(r"(?<=[A-Za-z])\^?(-?\d+)", lambda m: m[1].translate(_RAISED), unit)
+    raised = re.sub(r"(?<=[A-Za-z])\^?(-?\d+)(?![.\d])", lambda m: m[1].translate(_RAISED), unit)
     return re.sub(r"\bdeg\b", "°", raised)
 
 

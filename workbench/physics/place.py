@@ -59,21 +59,32 @@ _ROLES = {
 _ENDINGS = {".reading": "measurement", ".command": "command", ".outflow": "flow", ".inflow": "flow"}
 
 
-def per(unit: str, divisor: str, power: int = 1) -> str:
+def difference(ahead: str, behind: str) -> str:
+    """Return the name under which the range of a difference of two states is kept."""
+    return f"{ahead} - {behind}"
+
+
+def per(unit: str, divisor: str, power: float = 1) -> str:
     """Return the unit of a quantity per power of another one.
 
     Example:
         >>> per("N", "m", 3), per("N m", "rad/s"), per("m/s2", "m/s", 2), per("V/s", "V")
         ('N/m3', 'N m s/rad', '1/m', '1/s')
+        >>> per("m3/s", "Pa", 0.5)
+        'm3/(s Pa^0.5)'
     """
-    total: dict[str, int] = {}
+    total: dict[str, float] = {}
     for text, sign in ((unit, 1), (divisor, -power)):
         for symbol, exponent in powers(text):
             if symbol not in ("1", "-"):
                 total[symbol] = total.get(symbol, 0) + sign * exponent
+
+    def raised(name: str, power: float) -> str:
+        whole = power == round(power)
+        return name if power == 1 else f"{name}{power:.0f}" if whole else f"{name}^{power:g}"
+
     over, under = (
-        [f"{n}{abs(e) if abs(e) > 1 else ''}" for n, e in total.items() if sign * e > 0]
-        for sign in (1, -1)
+        [raised(n, abs(e)) for n, e in total.items() if sign * e > 0] for sign in (1, -1)
     )
     divided = f"({' '.join(under)})" if len(under) > 1 else "".join(under)
     return (" ".join(over) or "1") + (f"/{divided}" if divided else "")
@@ -246,8 +257,8 @@ class Survey:
         outputs: Names of the outputs that are recorded; all by default.
         duration: Length of the recordings, in s; 0 if it is not known.
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
-        ranges: Smallest and largest value along the recordings of ports and states, by name, in
-            SI.
+        ranges: Smallest and largest value along the recordings of ports and states, by name, and
+            of differences of two states, in SI.
         found: Names of attached effects whose parameters are not offered a change with time.
 
     Example:
@@ -415,8 +426,15 @@ class Survey:
             pair = [np.nanmedian(raised[:, at.index(n)]) for n in (moved[0], name)]
             if self._known[name].unit == first.unit and pair[0] * pair[1] < 0.0:
                 ahead, behind = (name, moved[0]) if pair[0] < 0.0 else (moved[0], name)
-                return replace(self._of(ahead), minus=behind, start=0.0)
+                return self._over(ahead, behind)
         return first
+
+    def _over(self, ahead: str, behind: str) -> Local:
+        """Return the value of one state over another, both in one unit."""
+        first, second = self._of(ahead), self._of(behind)
+        seen = self.ranges.get(difference(ahead, behind))
+        scale = _largest(seen) or max(first.scale, second.scale)
+        return Local(ahead, first.unit, scale, seen=seen, minus=behind)
 
     def _own_motion(
         self, port: Port, index: int, own: Mapping[str, Local]
@@ -444,7 +462,7 @@ class Survey:
         states = [q for q in self.model.states if "." not in q.name]
         single = [*own.values(), *(self._of(q.name) for q in states)]
         pairs = (
-            replace(self._of(a.name), minus=b.name, start=0.0)
+            self._over(a.name, b.name)
             for i, a in enumerate(states)
             for b in states[i + 1 :]
             if a.unit == b.unit

@@ -14,7 +14,9 @@ _REFERENCES = {
     "gauge": "gauge", "g": "gauge", "rel": "gauge", "relative": "gauge",
 }  # fmt: skip
 _BRACKETS = re.compile(r"^(?P<name>.*?)[\s_]*[\[(<{](?P<unit>[^\])>}]*)[\])>}]\s*$")
-_NESTED = re.compile(r"^(?P<name>[^(\[]*\S)[\s_]*[(\[](?P<unit>[^()\[\]]*\(\w+\))[)\]]\s*$")
+_NESTED = re.compile(
+    r"^(?P<name>[^(\[]*\S)[\s_]*[(\[](?P<unit>[^()\[\]]*\([\w\s/*·^-]+\)[^()\[\]]*)[)\]]\s*$"
+)
 _SLASH = re.compile(r"^(?P<name>.*\S)\s+/\s*(?P<unit>\S.*)$")
 # Symbols that are as often the name of a chamber, an axis or a constant as a unit.
 _AMBIGUOUS = {

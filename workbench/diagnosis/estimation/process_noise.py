@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import permutations
 
 import casadi as ca
 import numpy as np
@@ -24,6 +25,7 @@ from workbench.diagnosis.estimation.refit_result import Refit
 from workbench.errors import NumericalError
 from workbench.model import Model
 from workbench.model.model import index_of
+from workbench.physics.place import difference
 
 LADDER = (3000.0, 300.0, 30.0, 3.0, 1.0, 0.3, 0.03, 0.003)
 """Process-noise scales that are tried, from a poor model to a perfect one."""
@@ -213,6 +215,8 @@ def ranges_along(
 ) -> dict[str, tuple[float, float]]:
     """Return smallest and largest value of every port and state along recordings, in SI.
 
+    With them those of the difference of each two states of the plant in one unit.
+
     Those of a sensor's port are measured, all others follow from the filtered states. A few of the
     samples at each end are left out.
 
@@ -220,6 +224,12 @@ def ranges_along(
         NumericalError: If the filter leaves the finite numbers.
     """
     model, trace = fit.model, fit.model.exact
+    pairs = [
+        (a, b)
+        for a, b in permutations(range(len(model.states)), 2)
+        if model.states[a].unit == model.states[b].unit
+        and "." not in model.states[a].name + model.states[b].name
+    ]
     seen: dict[str, list[Vector]] = {}
     for observed in recordings:
         filter_ = filter_of(model, observed, fit.noise_scale)
@@ -228,6 +238,10 @@ def ranges_along(
         signals = trace.along(states, observed.inputs[::every], model.values, trace.signals)[0]
         named = dict(zip(trace.signal_names, signals[:, :, 0].T, strict=True))
         named |= dict(zip((q.name for q in model.states), states.T, strict=True))
+        named |= {
+            difference(model.states[a].name, model.states[b].name): states[:, a] - states[:, b]
+            for a, b in pairs
+        }
         named |= {
             f"{name}.reading": column
             for name, column in zip(observed.used, observed.outputs.T, strict=True)

@@ -1,0 +1,82 @@
+"""What states give one another, found in equations that know nothing of ports."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from tests.diagnosis.newcomers import crane, drivetrain
+from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.trace import Equations
+from workbench.physics.offset_gain import gain
+from workbench.physics.place import Survey
+
+
+def tanks(*, shared: bool = False) -> Model:
+    """Two open tanks of different areas, joined by a pipe, and by a pump that fills both."""
+
+    def equations(m: Scope) -> Equations:
+        flow = (m.x.left - m.x.right) / m.p.resistance
+        filled = m.p.pump * m.u.speed
+        second = filled if shared else 0.0
+        return (
+            {"left": (filled - flow) / 2.0, "right": (flow + second) / 5.0},
+            {"level": m.x.right},
+        )
+
+    return Model(
+        "tanks",
+        equations,
+        states=(State("left", "m", initial=1.0), State("right", "m", initial=0.5)),
+        inputs=(Input("speed", "rad/s"),),
+        outputs=(Output("level", "m"),),
+        parameters=(
+            Parameter("resistance", "s/m2", value=4.0, lower=0.1, fitted=True),
+            Parameter("pump", "m3/rad", value=1e-3, lower=0.0, fitted=True),
+        ),
+    )
+
+
+def ports(model: Model) -> list[str]:
+    return [q.name for q in model.ports if q.name.endswith(".exchange")]
+
+
+def test_a_pipe_gives_to_one_tank_what_it_takes_from_the_other() -> None:
+    model = tanks()
+    assert ports(model) == ["left_right.exchange"]
+    at = [1.0, 0.5], [0.0]
+    # A parameter below a line enters with the power -1: the value is the flow all the same.
+    assert model.signals(*at)["left_right.exchange"] == pytest.approx(-0.5 / 4.0 / 2.0)
+    assert model.rates(*at) == pytest.approx([-0.0625, 0.025])
+    doubled = model.with_effect(gain("left_right.exchange", excess=1.0))
+    assert doubled.rates(*at) == pytest.approx([-0.125, 0.05])
+
+
+def test_what_fills_both_is_no_exchange() -> None:
+    assert ports(tanks(shared=True)) == ["left_right.exchange"]
+    # The force on a crane's trolley moves the load in a ratio that turns with the rope.
+    assert ports(crane()) == []
+
+
+def test_a_coupling_is_one_force_with_all_its_parts() -> None:
+    model = drivetrain()
+    assert ports(model) == ["motor_speed_load_speed.exchange"]
+    x = np.array([0.3, 0.1, 2.0, 1.5])
+    given = model.signals(x, [0.0])["motor_speed_load_speed.exchange"]
+    assert given == pytest.approx(-(40.0 * 0.2 + 0.05 * 0.5) / 0.01)
+    place = Survey(model).place("motor_speed_load_speed.exchange")
+    assert place.role == "acceleration"
+    assert (place.speed.source, place.speed.minus) == ("motor_speed", "load_speed")
+    assert (place.coordinate.source, place.coordinate.minus) == ("motor", "load")
+    # Without an effect nothing is left of the port in the equations.
+    assert not any(
+        ca.depends_on(model.exact.rates, symbol) for symbol in ca.symvar(model.exact.perturbation)
+    )
+
+
+def test_no_exchange_turns_on_what_parameters_or_commands_are() -> None:
+    model = drivetrain()
+    equal = model.with_parameters({"rotor": 0.02, "inertia": 0.02, "damping": 0.0})
+    for changed in (equal, equal.with_effect(gain("torque.command", excess=0.4))):
+        assert ports(changed) == ports(model)
