@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -21,6 +22,7 @@ from tests.diagnosis.newcomers import (
     maglev,
     oscillations,
     oscillator,
+    recorded,
     rubbed,
     rubbing,
     swing,
@@ -251,3 +253,21 @@ def test_the_backlash_of_a_coupling_is_found_between_two_bodies(
     assert finding.effect.startswith("elastic_play") and finding.belief == "sure"
     assert finding.where == ("motor_speed_load_speed.exchange",)
     assert finding.parameters["half_width"].value == pytest.approx(0.01, rel=0.02)
+
+
+@pytest.mark.parametrize("longest", [1, 80])
+def test_noise_is_told_from_what_an_input_shakes(longest: int) -> None:
+    # A new command at every sample moves a quick plant as fast as noise would.
+    runs = []
+    for seed in (1, 2):
+        drive = levels(600, seed, 40.0, longest, longest + 1)
+        force: Callable[[float, float], float] = lambda x, v: -900.0 * x - 12.0 * v  # noqa: E731
+        runs.append(recorded(1.0, force, drive, 0.02, 2e-4, seed=seed, name=f"run {seed}"))
+    plain = oscillator(left_out=0.0)
+    wider = [
+        replace(p, value=700.0, upper=5e3) if p.name == "stiffness" else p for p in plain.parameters
+    ]
+    wider = [replace(p, value=9.0, upper=100.0) if p.name == "damping" else p for p in wider]
+    quiet = tuple(replace(q, noise_rms=0.0) for q in plain.outputs)
+    model, _ = with_undeclared(replace(plain, outputs=quiet, parameters=tuple(wider)), runs)
+    assert model.outputs[0].noise_rms == pytest.approx(2e-4, rel=0.15)

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.estimation.refit_result import Estimate
+from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.held_out import explained, held_out_errors
@@ -274,14 +275,19 @@ def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]])
 def _still_missing(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Doubt what was found where most of what was missing is missing still."""
     before, after = diagnosis.before, diagnosis.after
-    if before is None or after is None or not after.alone:
+    if before is None or after is None:
         return ()
-    missing = before.alone[before.best]
-    share = after.alone[after.best] / missing if missing > 0.0 else 0.0
+    share = still_missing(before, after)
     if not share > MOST_LEFT.value:
         return ()
     place = after.best.replace("_", " ")
     return (f"beside it {100 * share:.0f} % of what was missing is still missing, at {place}",)
+
+
+def still_missing(before: Location, after: Location) -> float:
+    """Return the share of the misfit of the worst place that is left, dimensionless."""
+    missing = before.alone.get(before.best, 0.0)
+    return after.alone.get(after.best, 0.0) / missing if missing > 0.0 else 0.0
 
 
 def _without_name(

@@ -11,7 +11,7 @@ from typing import Any, TypedDict, TypeVar
 
 import numpy as np
 
-from workbench.diagnosis.conclude import conclude
+from workbench.diagnosis.conclude import conclude, still_missing
 from workbench.diagnosis.estimation.fixed_parameters import with_fixed_uncertainty
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import Prior, default_priors
@@ -22,7 +22,8 @@ from workbench.diagnosis.location.located_signal import missing_signals
 from workbench.diagnosis.nonparametric.fit import nonparametric_term
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.held_out import settled_run
-from workbench.diagnosis.selection.search import Task, likely, score, search
+from workbench.diagnosis.selection.rules import NO_NAME
+from workbench.diagnosis.selection.search import Task, all_withdrawn, likely, score, search
 from workbench.diagnosis.selection.selected import Scored, Selected
 from workbench.diagnosis.stage_files import StageFiles, fingerprint
 from workbench.diagnosis.stages import Diagnosis, Fitted, Located, Prepared, Validated
@@ -192,6 +193,9 @@ def stages(
         for selected in search(task, scored, begun):
             if selected.finished and not selected.accepted and not scored.near_noise(fitted.base):
                 selected = _without_name(found, selected, say)  # noqa: PLW2901
+            if selected.finished and _hollow(task, found, selected):
+                why = "beside it nearly everything that was missing is missing still"
+                selected = all_withdrawn(task, selected, why)  # noqa: PLW2901
             files.write(selected)
             found = replace(found, selected=selected, **files.spent)
             yield found
@@ -292,6 +296,16 @@ def where(base: ProcessNoiseFit, prepared: Prepared) -> Located:
         return Located(locate(base.model, prepared.fitting))
     except (NumericalError, np.linalg.LinAlgError) as error:
         return Located(Location({}, {}, 0.0), f"it could not be located, because {error}")
+
+
+def _hollow(task: Task, found: Diagnosis, selected: Selected) -> bool:
+    """Whether all that was found is doubted, and nearly all that was missing is left beside it."""
+    doubted = [bool(a.candidate.doubts) for a in selected.accepted]
+    if not doubted or not all(doubted) or found.before is None:
+        return False
+    started = tuple(task.started(task.fitting, selected.extended.model))
+    left = where(selected.extended, replace(found.prepared, fitting=started)).location
+    return still_missing(found.before, left) >= NO_NAME.value
 
 
 def _without_name(found: Diagnosis, selected: Selected, say: Progress) -> Selected:

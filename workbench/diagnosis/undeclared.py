@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -10,9 +11,12 @@ import casadi as ca
 import numpy as np
 
 from workbench.arrays import Vector
+from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
-from workbench.diagnosis.estimation.process_noise import likely_scale
+from workbench.diagnosis.estimation.priors import default_priors
+from workbench.diagnosis.estimation.process_noise import fit_with_process_noise, likely_scale
+from workbench.diagnosis.estimation.windows import settled, windowed_run
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
 from workbench.model.traits import LEFT_OUT
@@ -21,6 +25,15 @@ from workbench.recordings.checks.noise import usual_rms, white_rms
 from workbench.recordings.checks.quantisation import recorded_quantum
 from workbench.recordings.recording import Recording
 from workbench.simulation import simulate
+
+_ROUNDS, _FEW = 3, 2
+"""Refits that look for the noise beside a model, and recordings that they use."""
+
+_CLEARLY_LESS = 0.7
+"""Part of what successive samples do not share below which a model has foretold the rest."""
+
+_WHITE = 1.1
+"""Error of a run over what successive samples of it do not share up to which it is white."""
 
 _COARSE = 2.0
 """Multiple of the declared noise and resolution beyond which a recorded step counts."""
@@ -59,10 +72,70 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
     """Take what a plant does not declare from its recordings, and say so.
 
     The noise of a sensor comes from what successive samples do not share, its resolution from the
-    steps of the measurements. Of a plant that declares no disturbance at any port, a fraction of
-    the signal along the recordings may be left out at each port that acts on a rate (`LEFT_OUT`).
+    steps of the measurements. What the refitted model does not foretell is taken instead where it
+    is clearly less, as an input shakes the plant from sample to sample, or where it is white. Of a
+    plant that declares no disturbance at any port, a fraction of the signal along the recordings
+    may be left out at each port that acts on a rate (`LEFT_OUT`).
     """
-    notes = []
+    told, sizes = _with_data(model, recordings)
+    undeclared = [q for q, own in zip(told.outputs, model.outputs, strict=True) if q != own]
+    if undeclared:
+        noise = _unforetold(told, recordings, [q.name for q in undeclared])
+        if noise:
+            outputs = tuple(
+                replace(q, noise_rms=noise.get(q.name, q.noise_rms)) for q in told.outputs
+            )
+            told, sizes = _with_data(replace(model, outputs=outputs), recordings)
+    read = {q.name: q for q in told.outputs}
+    notes = [
+        f"{q.name} declares no noise_rms; {read[q.name].noise_rms:.3g} {q.unit} is taken from the"
+        " recordings"
+        for q in undeclared
+    ]
+    if sizes:
+        notes.append(
+            f"no port of {model.name} declares a disturbance; a twentieth of its signal is taken: "
+            + ", ".join(f"{n} {LEFT_OUT * s:.2g}" for n, s in sizes.items())
+        )
+    return told, tuple(notes)
+
+
+def _unforetold(
+    model: Model, recordings: Sequence[Recording], names: Sequence[str]
+) -> dict[str, float]:
+    """Return the noise of measurements beside a refitted model, in SI, by output.
+
+    Of those that have clearly less noise than the model says, and of those that run freely to an
+    error that is white: there nothing is missing, and the error is the noise.
+    """
+    found: dict[str, float] = {}
+    for _ in range(_ROUNDS):
+        outputs = tuple(replace(q, noise_rms=found.get(q.name, q.noise_rms)) for q in model.outputs)
+        trial = replace(model, outputs=outputs)
+        other: dict[str, float] = {}
+        with contextlib.suppress(WorkbenchError, np.linalg.LinAlgError):
+            seen = [observe(trial, r) for r in recordings[:_FEW]]
+            fit = fit_with_process_noise(trial, seen, default_priors(trial))
+            for one in seen:
+                if one.drifts:
+                    run = windowed_run(fit.model, trial, one, fit.noise_scale)
+                else:
+                    run = free_run(fit.model, settled(fit.model, trial, one))
+                for name, column, rms in zip(one.used, run.error.T, one.noise_rms, strict=True):
+                    error = column[np.isfinite(column)]
+                    least, white = white_rms(error, quantile=0.25), white_rms(error)
+                    if name in names and least < _CLEARLY_LESS * rms:
+                        other[name] = min(least, other.get(name, math.inf))
+                    elif name in names and run.rmse[name] < _WHITE * white and white > rms:
+                        other[name] = max(white, other.get(name, 0.0))
+        if not other:
+            break
+        found |= other
+    return found
+
+
+def _with_data(model: Model, recordings: Sequence[Recording]) -> tuple[Model, dict[str, float]]:
+    """Take noise and what is left out from the data; the model, and the signals at its ports."""
     outputs = []
     for q in model.outputs:
         read = [r[q.name] for r in recordings if q.name in r]
@@ -72,26 +145,18 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
             white += [usual_rms(v) for v in read]
             least = min((w for w in white if np.isfinite(w)), default=0.0)
             noise = max(least**2 - step**2 / 12, 0.0) ** 0.5
-            notes.append(
-                f"{q.name} declares no noise_rms; {noise:.3g} {q.unit} is taken from the recordings"
-            )
             outputs.append(replace(q, noise_rms=noise, resolution=step))
         else:
             outputs.append(q)
     model = replace(model, outputs=tuple(outputs))
     if any(p.disturbance or p.relative_disturbance for p in model.ports):
-        return model, tuple(notes)
+        return model, {}
     sizes: dict[str, float] = {}
     for recording in recordings:
         with contextlib.suppress(WorkbenchError):  # Refit and checks say what is wrong with it.
             for name, rms in _signals_along(model, observe(model, recording)).items():
                 sizes[name] = max(rms, sizes.get(name, 0.0))
-    if sizes:
-        notes.append(
-            f"no port of {model.name} declares a disturbance; a twentieth of its signal is taken: "
-            + ", ".join(f"{n} {LEFT_OUT * s:.2g}" for n, s in sizes.items())
-        )
-    return _with_sizes(model, sizes), tuple(notes)
+    return _with_sizes(model, sizes), sizes
 
 
 def _with_sizes(model: Model, sizes: Mapping[str, float]) -> Model:

@@ -26,6 +26,13 @@ Equations = tuple[Mapping[str, Expression], Mapping[str, Expression]]
 """Rate of every own state and measurement of every output, by name."""
 
 
+_GENTLE = {
+    ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_ASSIGN, ca.OP_ADD, ca.OP_SUB, ca.OP_MUL,
+    ca.OP_DIV, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE, ca.OP_INV, ca.OP_EXP, ca.OP_SIN, ca.OP_COS,
+    ca.OP_CONSTPOW,
+}  # fmt: skip
+
+
 class Written(Protocol):
     """What a model says of its equations."""
 
@@ -146,6 +153,15 @@ class Trace:
     def rates_function(self) -> ca.Function:
         """Rates as a CasADi function of (x, u, p)."""
         return self.function("rates", self.rates)
+
+    @cached_property
+    def gentle(self) -> bool:
+        """Whether rates and measurements have no place where they bend or steepen at once.
+
+        They are made of sums, products, powers, exponentials and sines alone.
+        """
+        f = self.function("both", self.rates, self.outputs)
+        return all(f.instruction_id(i) in _GENTLE for i in range(f.n_instructions()))
 
     @cached_property
     def outputs_function(self) -> ca.Function:

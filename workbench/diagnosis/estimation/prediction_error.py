@@ -230,24 +230,29 @@ def substeps_along(model: Model, observed: Observed) -> int:
 
     At some samples the states, random within their scales, are corrected by the measurements.
     """
+    if not model.states:
+        return 1
     rng = np.random.default_rng(0)
     rows = [index_of("output", name, model.outputs) for name in observed.used]
     scale = np.array([q.scale for q in model.states])
     within = [q.lower for q in model.states], [q.upper for q in model.states]
     noise = np.maximum(observed.noise_rms, 1e-6 * np.array([model.outputs[i].scale for i in rows]))
     at = np.linspace(0, len(observed.outputs) - 1, _LOOKS).round().astype(int)
-    states, begin = [], model.initial_state(u=observed.inputs[0])
-    for u, read in zip(observed.inputs[at], observed.outputs[at], strict=True):
-        x = np.clip(begin + rng.uniform(-1.0, 1.0, len(scale)) * scale, *within)
-        for _ in range(_CORRECTIONS):
-            slope = np.asarray(model.exact.jacobian_function(x, u, model.values)[2])[rows]
-            error = read - model.read(x, u)[rows]
-            known = np.isfinite(error) & np.isfinite(slope).all(axis=1)
-            spread = slope[known] * scale
-            variance = spread @ spread.T + np.diag(noise[known] ** 2)
-            x = np.clip(x + scale * (spread.T @ np.linalg.solve(variance, error[known])), *within)
-        states.append(x)
-    return substeps_of(model, observed.sample_time, np.array(states), observed.inputs[at])
+    u, read, trace = observed.inputs[at], observed.outputs[at], model.exact
+    begin = model.initial_state(u=observed.inputs[0])
+    x = np.clip(begin + rng.uniform(-1.0, 1.0, (_LOOKS, len(scale))) * scale, *within)
+    x[0] = begin  # What rubs is stiff at rest.
+    for _ in range(_CORRECTIONS):
+        seen = np.asarray(trace.outputs_function(x.T, u.T, model.values)).T
+        slopes = np.asarray(trace.jacobian_function(x.T, u.T, model.values)[2])
+        spread = slopes.reshape(len(model.outputs), _LOOKS, -1).transpose(1, 0, 2)[:, rows] * scale
+        error = read - seen[:, rows]
+        known = np.isfinite(error) & np.isfinite(spread).all(axis=2)
+        error, spread = np.where(known, error, 0.0), np.where(known[:, :, None], spread, 0.0)
+        variance = spread @ spread.transpose(0, 2, 1) + np.diag(noise**2)
+        gain = spread.transpose(0, 2, 1) @ np.linalg.solve(variance, error[:, :, None])
+        x = np.clip(x + scale * gain[:, :, 0], *within)
+    return substeps_of(model, observed.sample_time, x, u)
 
 
 def disturbances(model: Model, noise_scale: float) -> dict[str, float]:

@@ -240,11 +240,24 @@ MOST_LEFT = Threshold(
     "Where more than half of the misfit of the worst place is left beside everything found, a name"
     " may stand for something that the library does not have.",
 )
+NO_NAME = Threshold(
+    "share still missing without a name",
+    0.8,
+    "Where so much of the misfit of the worst place is left beside findings that are each doubted,"
+    " none is named: what nobody modelled and no sensor reads, such as a slope of the road, is"
+    " imitated a little by many laws.",
+)
 NEAR_NOISE = Threshold(
     "near the noise",
     3.0,
     "Held-out error over what noise and the uncertainty of the parameters leave, up to which"
     " nothing is missing.",
+)
+AT_NOISE = Threshold(
+    "at the noise",
+    1.1,
+    "Held-out error over what noise and the uncertainty of the parameters leave, up to which laws"
+    " are refitted only for their score: what parameters took over so well is not missing.",
 )
 MUCH_CLOSER = Threshold(
     "much closer",

@@ -50,6 +50,7 @@ from workbench.diagnosis.selection.refits import (
     untried,
 )
 from workbench.diagnosis.selection.rules import (
+    AT_NOISE,
     FREE_RUN,
     HELD_OUT,
     IMPERFECT,
@@ -265,11 +266,18 @@ def _remembered(task: Task, state: Selected, candidates: Sequence[Candidate]) ->
     return replace(state, compared=(*state.compared, *sets))
 
 
-def _to_refit(task: Task, scores: Scores, most: int) -> tuple[tuple[Score, ...], tuple[Score, ...]]:
+def _to_refit(
+    task: Task, scores: Scores, most: int, *, quiet: bool
+) -> tuple[tuple[Score, ...], tuple[Score, ...]]:
     """Choose what is refitted first: the best scores, and the laws of the located groups.
 
     The score is a derivative at size zero. It orders, but of a law whose derivative vanishes
     there, or whose effect the refitted parameters have taken over, it tells nothing.
+
+    Args:
+        quiet: Whether the model without an effect runs to the noise. What its parameters took over
+            is then not missing: only what scores is refitted, and that of which a score cannot
+            tell.
 
     Returns:
         What to refit, and what is left for the case that nothing of it explains the recordings.
@@ -284,6 +292,8 @@ def _to_refit(task: Task, scores: Scores, most: int) -> tuple[tuple[Score, ...],
     here = [s for s in rest if any(groups.get(port) in located for port in s.entry.ports)]
     # A law whose derivative at size zero tells nothing is tried wherever it may be.
     far = [s for s in here if s.entry.far]
+    if quiet:
+        return (*chosen, *far), ()
     taken = [*far, *_within([s for s in here if s not in far], room)]
     elsewhere = [s for s in rest if s not in here]
     # A small plant has room for the whole library, wherever the mismatch was located.
@@ -330,7 +340,7 @@ def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
         last = state.accepted[-1]
         without = _without(task, state, last) if len(state.accepted) > 1 else None
         if without is None:
-            state = _all_withdrawn(task, state, why)
+            state = all_withdrawn(task, state, why)
             break
         # One that spoils the run must not take those before it along.
         state = replace(
@@ -414,7 +424,9 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
             scores = score_library(
                 current.model, begun, state.free, tried, noise_scale=current.noise_scale
             )
-        chosen, later = _to_refit(task, scores, _MOST_AGAIN if number else _MOST_AT_FIRST)
+        quiet = not number and scored.near_noise(task.base, AT_NOISE.value)
+        most = _MOST_AGAIN if number else _MOST_AT_FIRST
+        chosen, later = _to_refit(task, scores, most, quiet=quiet)
         samples = sum(len(r.outputs) for r in task.fitting)
         penalty = selection_penalty(len(scores.scores), samples, 2)
         limits = Limits(
@@ -523,7 +535,7 @@ def _with_pair(task: Task, state: Selected, limits: Limits) -> Selected:
             task.tried(model),
             noise_scale=begun.extended.noise_scale,
         )
-        chosen, _ = _to_refit(task, scores, _MOST_AGAIN)
+        chosen, _ = _to_refit(task, scores, _MOST_AGAIN, quiet=False)
         try:
             seconds = _refits(task, begun.extended, begun.free, chosen, limits)
         except NumericalError:
@@ -682,7 +694,7 @@ def _doubted(state: Selected, why: str) -> Selected:
     return replace(state, accepted=(Accepted(doubted, alike),))
 
 
-def _all_withdrawn(task: Task, state: Selected, why: str) -> Selected:
+def all_withdrawn(task: Task, state: Selected, why: str) -> Selected:
     """Take back everything that was found: the improved model does not run freely any better."""
     state = _set_aside(state, why)
     return replace(

@@ -42,10 +42,14 @@ class Scored:
         name = max(far, key=far.__getitem__, default="")
         return name, far.get(name, 0.0)
 
-    def near_noise(self, base: ProcessNoiseFit) -> bool:
-        """Whether the refitted nominal model predicts nearly to the noise."""
+    def near_noise(self, base: ProcessNoiseFit, within: float = NEAR_NOISE.value) -> bool:
+        """Whether the refitted nominal model predicts nearly to the noise.
+
+        Args:
+            within: Held-out error over that of a perfect model up to which it does, dimensionless.
+        """
         complete = base.noise_scale <= IMPERFECT.value
-        return complete and self.farthest[1] <= NEAR_NOISE.value
+        return complete and self.farthest[1] <= within
 
 
 class Round(NamedTuple):

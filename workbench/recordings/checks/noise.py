@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import comb, sqrt
+from statistics import NormalDist
 
 import numpy as np
 import numpy.typing as npt
@@ -78,7 +79,13 @@ def white_rms(values: npt.ArrayLike, *, order: int = _ORDER, quantile: float = 0
     blocks = array[: len(array) // size * size].reshape(-1, size)
     rms = _difference_rms(blocks, order)
     moving = rms[rms > 0]
-    return float(np.quantile(moving, quantile)) if moving.size else 0.0
+    if not moving.size:
+        return 0.0
+    # Of white noise alone the blocks differ too: a low quantile of them is below its rms.
+    alike = [comb(2 * order, order + k) / comb(2 * order, order) for k in range(1, order + 1)]
+    spread = sqrt((0.5 + sum(a**2 for a in alike)) / (size - order))
+    usual = 1.0 + spread * NormalDist().inv_cdf(quantile)
+    return float(np.quantile(moving, quantile)) / usual
 
 
 def usual_rms(values: npt.ArrayLike, *, order: int = _ORDER) -> float:
