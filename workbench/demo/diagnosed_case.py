@@ -71,14 +71,14 @@ class DiagnosedCase:
     tracking: Mapping[str, Vector]
 
 
-def diagnosed_case(name: str = CASE) -> DiagnosedCase:
+def diagnosed_case() -> DiagnosedCase:
     """Read a shipped case with its verdict, run both models along it, and design on both.
 
     Nothing is fitted: effects and parameters are those of the shipped verdict.
     """
-    path = shipped_data(name) / "verdict.json"
+    path = shipped_data(CASE) / "verdict.json"
     verdict = upgraded(json.loads(path.read_text(encoding="utf-8")), f"verdict {str(path)!r}")
-    case = read_case(shipped_data(name))
+    case = read_case(shipped_data(CASE))
     plant: Plant = PLANTS.get(str(path))
     after = plant.model({})
     refitted = {name: row["value"] for name, row in verdict["parameters"].items()}

@@ -87,7 +87,6 @@ def problem_of_files(
     hold_out: Sequence[Path],
     *,
     mapping: MappingLike = None,
-    refit: RefitSettings | None = None,
 ) -> Problem:
     """Read recordings of a model.
 
@@ -119,7 +118,6 @@ def problem_of_files(
         model=model,
         fit=tuple(read[path] for path in fit),
         hold_out=tuple(read[path] for path in hold_out),
-        refit=refit or RefitSettings(),
         notes=notes,
     )
 

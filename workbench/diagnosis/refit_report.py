@@ -230,12 +230,7 @@ def run_refit(problem: Problem, *, progress: Callable[[str], None] | None = None
 
 
 def noise_limited(
-    found: Refit,
-    observed: Observed,
-    *,
-    model: Model | None = None,
-    draws: int = _DRAWS,
-    seed: int = 0,
+    found: Refit, observed: Observed, *, model: Model | None = None
 ) -> dict[str, float]:
     """Return the free-run error that noise alone would leave.
 
@@ -248,7 +243,7 @@ def noise_limited(
     Returns:
         Root mean square error by output, in its SI unit.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     middle = np.array([e.value for e in found.estimates])
     low = np.array([e.prior.lower for e in found.estimates])
     high = np.array([e.prior.upper for e in found.estimates])
@@ -257,7 +252,7 @@ def noise_limited(
     used = found.model if model is None else model
     centre = free_run(used, observed)
     squares = []
-    for _ in range(draws):
+    for _ in range(_DRAWS):
         drawn = np.clip(middle + root @ rng.normal(size=len(middle)), low, high)
         names = [e.name for e in found.estimates]
         run = free_run(used, observed, values=dict(zip(names, drawn.tolist(), strict=True)))

@@ -22,6 +22,9 @@ from workbench.simulation import simulate
 CONTRACTIONS = (0.0, 1e-3, 2e-3, 4e-3, 7e-3, 10e-3, 14e-3, 18e-3, 22e-3, 26e-3, 30e-3)
 """Contractions of the experiment, m; close to each other where phi bends."""
 
+_STEP = 0.2
+"""Time between samples on the arm, in s."""
+
 STOP_ANGLES = tuple(math.radians(a) for a in (0, 6, 13, 20, 27, 34, 41, 48, 54, 57, 60))
 """Angles at which the lower stop is fastened in turn, rad: muscle 2 at 30 to 0 mm."""
 
@@ -116,7 +119,6 @@ def isometric_experiment_on_arm(
     *,
     stop_angles: Sequence[float] = STOP_ANGLES,
     ramp_time: float = 30.0,
-    sample_time: float = 0.2,
     noise: float = 1.0,
     seed: int = 0,
 ) -> IsometricRecord:
@@ -129,7 +131,6 @@ def isometric_experiment_on_arm(
     Args:
         stop_angles: Angles of the lower stop, in rad.
         ramp_time: Duration of a ramp, in s.
-        sample_time: Time between samples, in s.
         noise: Noise and resolution of the sensors, as a ratio to those of the arm; 0 for none.
 
     Returns:
@@ -142,21 +143,20 @@ def isometric_experiment_on_arm(
         The paper's identification experiment: arm on the lower stop, load cell, geometric ratios.
     """
     check_range("ramp time", ramp_time, 1.0, 600.0, "s")
-    check_range("sample time", sample_time, 1e-3, ramp_time / 10, "s")
     check_range("sensor noise", noise, 0.0, 1e3)
     if any(effect.name == "centre_leakage" for effect in model.effects):
         model = model.without("centre_leakage")
     values = {q.name: q.value for q in model.parameters}
     geometry = ArmGeometry()
     ambient = values["ambient_pressure"]
-    count = round(ramp_time / sample_time) + 1
+    count = round(ramp_time / _STEP) + 1
     rng = np.random.default_rng(seed)
     tables = []
     for stop in stop_angles:
         check_range("stop angle", stop, 0.0, TRAVEL, "rad", fix="30 deg is 0.524 rad")
         fastened = model.with_parameters({"lower_stop": stop, "upper_stop": TRAVEL})
         start = {"pressure_1": ambient, "pressure_2": ambient, "angle": stop}
-        run = simulate(fastened, np.full(count, FILLING_V), sample_time=sample_time, start=start)
+        run = simulate(fastened, np.full(count, FILLING_V), sample_time=_STEP, start=start)
         angle = run["angle"]
         if np.max(angle) > stop + math.radians(0.5):
             raise NumericalError(

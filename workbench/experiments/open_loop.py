@@ -57,21 +57,12 @@ def pulse_train(
     return np.where((number // half) % 2 == 0, centre_V + amplitude_V, centre_V - amplitude_V)
 
 
-def open_loop_experiment(
-    model: Model,
-    *,
-    amplitude_V: float = 0.9,
-    period: float = 4.0,
-    duration: float = 20.0,
-    sample_time: float = 0.002,
-) -> OpenLoopExperiment:
+def open_loop_experiment(model: Model, *, duration: float = 20.0) -> OpenLoopExperiment:
     """Run the open-loop experiment of the paper's Figure 8 on a model of the arm.
 
     Args:
         model: The arm, with the input ``valve`` and the state ``angle``.
-        period: Period of the pulses, in s.
         duration: Length of the experiment, in s.
-        sample_time: Time between samples, in s.
 
     Raises:
         NumericalError: If the run cannot be trusted.
@@ -80,14 +71,8 @@ def open_loop_experiment(
         The paper's Figure 8: 5 +- 0.9 V, 4 s period, 3 kg, horizontal plane.
     """
     values = {q.name: q.value for q in model.parameters}
-    voltage = pulse_train(
-        amplitude_V=amplitude_V,
-        period=period,
-        duration=duration,
-        centre_V=values.get("valve_centre", 5.0),
-        sample_time=sample_time,
-    )
-    run = simulate(model, voltage, sample_time=sample_time)
+    voltage = pulse_train(duration=duration, centre_V=values.get("valve_centre", 5.0))
+    run = simulate(model, voltage, sample_time=0.002)
     stops = (values.get("lower_stop", 0.0), values.get("upper_stop", math.radians(60.0)))
     figures = measure_transits(run.time, run["angle"], stops=stops)
     return OpenLoopExperiment(run, figures)

@@ -13,6 +13,9 @@ import numpy.typing as npt
 from workbench.arrays import Vector
 from workbench.errors import WorkbenchError, check_finite, check_range
 
+LOW, HIGH = math.radians(3.0), math.radians(57.0)
+"""Marks between which a transit is timed, in rad."""
+
 SMOOTHING = 0.03
 """Width of the window over which speeds are taken from angles, in s: a fifteenth of a ripple."""
 
@@ -90,7 +93,6 @@ def measure_transits(
     time: npt.ArrayLike,
     angle: npt.ArrayLike,
     *,
-    marks: tuple[float, float] = (math.radians(3.0), math.radians(57.0)),
     stops: tuple[float, float] = (0.0, math.radians(60.0)),
 ) -> TransitFigures:
     """Measure every full transit of an arm, simulated or recorded.
@@ -103,7 +105,6 @@ def measure_transits(
     Args:
         time: Sample times, shape (n,), in s, evenly spaced.
         angle: Angles, shape (n,), in rad.
-        marks: Angles between which the transit is timed, in rad.
         stops: Angles of the lower and the upper stop, in rad.
 
     Source:
@@ -118,17 +119,16 @@ def measure_transits(
     if step <= 0 or np.max(np.abs(np.diff(t) - step)) > 0.01 * step:
         raise WorkbenchError("the sample times are not evenly spaced; resample the recording first")
     check_range("sample time", step, 1e-5, 0.02, "s", fix="a ripple needs 20 samples or more")
-    low, high = marks
     found = []
-    for begin, end, direction in _spans(a, low, high):
-        mirrored = a if direction > 0 else low + high - a
-        found.append(_measure(t, mirrored, begin, end, direction, marks, stops, step))
+    for begin, end, direction in _spans(a):
+        mirrored = a if direction > 0 else LOW + HIGH - a
+        found.append(_measure(t, mirrored, begin, end, direction, stops, step))
     return _summary(tuple(found))
 
 
-def _spans(angle: Vector, low: float, high: float) -> list[tuple[int, int, Literal[1, -1]]]:
+def _spans(angle: Vector) -> list[tuple[int, int, Literal[1, -1]]]:
     """Return (last sample at one mark, first sample at the other, direction)."""
-    zone = np.where(angle <= low, -1, np.where(angle >= high, 1, 0))
+    zone = np.where(angle <= LOW, -1, np.where(angle >= HIGH, 1, 0))
     outside = np.flatnonzero(zone)
     spans: list[tuple[int, int, Literal[1, -1]]] = []
     for i, j in pairwise(outside):
@@ -143,15 +143,13 @@ def _measure(
     begin: int,
     end: int,
     direction: Literal[1, -1],
-    marks: tuple[float, float],
     stops: tuple[float, float],
     step: float,
 ) -> Transit:
     from scipy.signal import find_peaks, savgol_filter
 
-    low, high = marks
-    first = float(np.interp(low, a[begin : begin + 2], t[begin : begin + 2]))
-    last = float(np.interp(high, a[end - 1 : end + 1], t[end - 1 : end + 1]))
+    first = float(np.interp(LOW, a[begin : begin + 2], t[begin : begin + 2]))
+    last = float(np.interp(HIGH, a[end - 1 : end + 1], t[end - 1 : end + 1]))
     window = max(5, 2 * round(0.5 * SMOOTHING / step) + 1)
     margin = window
     cut = slice(max(0, begin - margin), min(len(a), end + margin + 1))
@@ -165,7 +163,7 @@ def _measure(
     peaks, _ = find_peaks(np.concatenate([[0.0], inside, [0.0]]), prominence=DIP_DEPTH * top)
     dips = max(0, len(peaks) - 1)
     frequency = dips / (float(peaks[-1] - peaks[0]) * step) if dips else math.nan
-    stop = stops[1] if direction > 0 else low + high - stops[0]
+    stop = stops[1] if direction > 0 else LOW + HIGH - stops[0]
     touch = _touch_speed(t, a, end, stop, step)
     return Transit(first, last - first, direction, dips, frequency, top, touch)
 

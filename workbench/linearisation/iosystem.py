@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.model import EXACT, Form, Model
+from workbench.model import EXACT, Model
 from workbench.operating_point import Derivatives
 
 
-def to_iosystem(model: Model, *, form: Form = EXACT) -> Any:
+def to_iosystem(model: Model) -> Any:
     """Return a model as a ``control.NonlinearIOSystem`` with its names.
 
     python-control interpolates inputs linearly between samples, while a controller holds them: a
@@ -23,7 +23,7 @@ def to_iosystem(model: Model, *, form: Form = EXACT) -> Any:
     """
     import control as ct
 
-    at = Derivatives(model, form)
+    at = Derivatives(model, EXACT)
     p, n = model.values, len(model.states)
 
     def update(_t: float, x: Vector, u: Vector, _params: object) -> Vector:

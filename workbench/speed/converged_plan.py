@@ -70,11 +70,7 @@ def converged(
 
 
 def transcribed(
-    controller: NonlinearMPC,
-    n_w: int,
-    *,
-    solver: Literal["ipopt", "fatrop"] = "ipopt",
-    tolerance: float = 1e-9,
+    controller: NonlinearMPC, n_w: int, *, solver: Literal["ipopt", "fatrop"] = "ipopt"
 ) -> Solve:
     """Write the problem of a controller down once, to be solved sample by sample.
 
@@ -82,7 +78,6 @@ def transcribed(
 
     Args:
         n_w: Number of disturbances.
-        tolerance: Tolerance of the solver, dimensionless.
 
     Raises:
         NumericalError: From what it returns, if the solver does not converge.
@@ -140,12 +135,12 @@ def transcribed(
     variables = ca.vertcat(*(v for pair in zip(X[:-1], U, strict=True) for v in pair), X[N])
     options: dict[str, object] = {"error_on_fail": False, "print_time": False}
     if solver == "ipopt":
-        options["ipopt"] = {"print_level": 0, "sb": "yes", "tol": tolerance, "max_iter": 500}
+        options["ipopt"] = {"print_level": 0, "sb": "yes", "tol": 1e-9, "max_iter": 500}
     else:
         options |= {
             "structure_detection": "auto",
             "equality": equality,
-            "fatrop": {"print_level": 0, "tol": tolerance, "max_iter": 500},
+            "fatrop": {"print_level": 0, "tol": 1e-9, "max_iter": 500},
         }
     parameters = ca.vertcat(given, disturbances, path)
     problem = {"x": variables, "f": cost, "g": ca.vertcat(*g), "p": parameters}

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.evaluation.rig import plant, simulate
+from workbench.evaluation.rig import simulate
 from workbench.evaluation.rig.excitation import RATE
 
 Array = NDArray[np.float64]
@@ -32,12 +32,11 @@ class Law(Protocol):
 
 @dataclass(frozen=True)
 class ClosedRun:
-    """A closed-loop run: time in s, angles in rad, gauge pressures in Pa, command in volt."""
+    """A closed-loop run: time in s, angles in rad, command in volt."""
 
     time: Array
     reference: Array
     angle: Array
-    pressures: Array
     valve: Array
     infos: Sequence[dict[str, float]]
 
@@ -66,5 +65,4 @@ def follow(
         return min(10.0, max(0.0, float(command[0])))
 
     run = simulate.driven(parameters, state, len(time), volt, seed=seed)
-    pressures = np.array([plant.gauge(x, parameters) for x in run.states])
-    return ClosedRun(time, wanted, run.states[:, 0], pressures, run.valve, infos)
+    return ClosedRun(time, wanted, run.states[:, 0], run.valve, infos)

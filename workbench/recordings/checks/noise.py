@@ -88,7 +88,7 @@ def white_rms(values: npt.ArrayLike, *, order: int = _ORDER, quantile: float = 0
     return float(np.quantile(moving, quantile)) / usual
 
 
-def usual_rms(values: npt.ArrayLike, *, order: int = _ORDER) -> float:
+def usual_rms(values: npt.ArrayLike) -> float:
     """Return the rms, in the unit of ``values``, of the noise from the median of the differences.
 
     What happens at less than half of the differences does not count: steps of an input that reach
@@ -104,9 +104,9 @@ def usual_rms(values: npt.ArrayLike, *, order: int = _ORDER) -> float:
     Source:
         F. R. Hampel, J. Amer. Statist. Assoc. 69 (1974): the median is 0.6745 of the deviation.
     """
-    differences = np.abs(np.diff(np.asarray(values, dtype=float), order))
+    differences = np.abs(np.diff(np.asarray(values, dtype=float), _ORDER))
     middle = float(np.nanmedian(differences)) if np.isfinite(differences).any() else 0.0
-    return middle / (0.6745 * sqrt(comb(2 * order, order))) if middle > 0.0 else float("nan")
+    return middle / (0.6745 * sqrt(comb(2 * _ORDER, _ORDER))) if middle > 0.0 else float("nan")
 
 
 def noise_of(recording: Recording, name: str) -> NoiseFloor:
