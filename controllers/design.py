@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
 from controllers.protocol import Controller
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
+from workbench.model.units import parse_unit, quantity, to_si
 from workbench.registry import Registry, user_code
 
 if TYPE_CHECKING:
@@ -31,6 +32,21 @@ class Key(NamedTuple):
     name: str
     default: Any
     meaning: str
+
+    @property
+    def unit(self) -> str:
+        """Its unit; empty where that follows from the plant, or it is no number."""
+        stated = re.search(r"\bin ([^,;.()]+)[,;.]", f"{self.meaning}.")
+        try:
+            return parse_unit(stated[1]).text if stated and isinstance(self.default, float) else ""
+        except WorkbenchError:
+            return ""
+
+    def read(self, given: Any) -> Any:
+        """Return a value in SI: a text such as ``"2 ms"`` is taken in the key's unit."""
+        if not isinstance(given, str) or not self.unit:
+            return given
+        return to_si(quantity(self.name.replace("_", " "), given, self.unit), self.unit)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,6 +19,7 @@ from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.operating_point import operating_point
 from workbench.physics.library import library
+from workbench.study.linear_loop import analyse_loop
 from workbench.verification import metrics, step_scenario, verify
 from workbench.verification.metrics import metric_sizes, tolerance_of
 
@@ -109,7 +110,15 @@ def test_loops_follow_the_units(pace: float, length: float, voltage: float) -> N
         ):
             scenario = step_scenario("position", 0.0, 0.4 * x, lead=t, hold=20.0 * t, sample_time=h)
             told = metrics(verify(law, plant, scenario))
-            rows.append([*peak_sensitivities(law, linear), told["rmse"].value / x])
+            opened = analyse_loop(law, linear)[0]
+            assert not opened.reason
+            rows.append(
+                [
+                    *peak_sensitivities(law, linear),
+                    told["rmse"].value / x,
+                    opened.delay_margin / t,
+                ]
+            )
         return rows
 
     # Two runs of the integrator with other steps agree within its tolerance.

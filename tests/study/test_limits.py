@@ -82,7 +82,7 @@ def test_why_there_is_no_limit(scenario: Scenario, reason: str) -> None:
 
 
 def test_a_plant_without_that_position_has_no_limit() -> None:
-    assert "'angle' is no state" in no_limit(Scenario("up", UP, 1.0), servo_axis())
+    assert "'angle' shows no state" in no_limit(Scenario("up", UP, 1.0), servo_axis())
 
 
 def test_not_asked_for_is_said_and_nothing_is_solved(

@@ -145,3 +145,14 @@ def test_gains_in_a_file_and_a_package_below_are_part_of_the_key(study_file: Pat
     (study_file.parent / "out").mkdir()
     (study_file.parent / "out" / "results.json").write_text("{}", encoding="utf-8")
     assert len({first, second, third}) == 3 and digest() == third
+
+
+def test_specifications_take_units_and_points_take_inputs(study_file: Path) -> None:
+    own = 'design = "own_tank:design"\nat = { level = 0.5 }\nspecification = { gain = 10.0 }'
+    lqi = 'design = "lqi"\nat = { pump = "50 cm" }\nspecification = { sample_time = "10 ms" }'
+    study_file.write_text(STUDY.replace(own, lqi), encoding="utf-8")
+    recipe = load_study(study_file).controllers["own"]
+    assert dict(recipe.specification) == {"sample_time": 0.01} and dict(recipe.at) == {"pump": 0.5}
+    study_file.write_text(STUDY.replace(own, lqi.replace("10 ms", "10 mV")), encoding="utf-8")
+    with pytest.raises(WorkbenchError, match="which does not measure it"):
+        load_study(study_file)

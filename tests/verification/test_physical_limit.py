@@ -12,7 +12,7 @@ from tests.model.test_sizes import UNITS, stage
 from workbench.errors import WorkbenchError
 from workbench.model import Input, Model, Output, State
 from workbench.plants.arm import arm
-from workbench.verification.physical_limit import physical_limit
+from workbench.verification.physical_limit import physical_limit, shown_state
 
 
 @pytest.fixture(autouse=True)
@@ -102,6 +102,13 @@ def test_a_found_limit_is_kept_and_a_damaged_file_is_not_believed(own_cache: Pat
     assert physical_limit(double_integrator(), 0.0, 1.0, intervals=8, degree=2).seconds == (
         pytest.approx(first.seconds, rel=1e-9)
     )
+
+
+def test_an_output_stands_for_the_state_that_it_shows() -> None:
+    plant = stage(1.0, 1.0, 1.0)
+    assert shown_state(plant, "position") == "x" and shown_state(plant, "v") == "v"
+    by_output = physical_limit(plant, 0.0, 0.4, intervals=8, degree=2, coordinate="position")
+    assert by_output.seconds == physical_limit(plant, 0.0, 0.4, intervals=8, degree=2).seconds
 
 
 def test_wrong_arguments_are_named() -> None:

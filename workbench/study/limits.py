@@ -20,7 +20,7 @@ from workbench.study.plants import PlantRecipe
 from workbench.study.study import Study, Variation
 from workbench.study.tasks import Record
 from workbench.verification import Scenario
-from workbench.verification.physical_limit import physical_limit, velocity_of
+from workbench.verification.physical_limit import physical_limit, shown_state, velocity_of
 from workbench.verification.responses import Value
 
 
@@ -157,9 +157,10 @@ def no_limit(scenario: Scenario, plant: Model) -> str:
     if scenario.disturbances:
         return "a disturbance acts during the run"
     name = next(iter(scenario.references))
-    if name not in [q.name for q in plant.states]:
-        return f"{name!r} is no state of the plant, so there is no move between positions"
-    if velocity_of(plant, name) is None:
+    state = shown_state(plant, name)
+    if state is None:
+        return f"{name!r} shows no state of the plant, so there is no move between positions"
+    if velocity_of(plant, state) is None:
         return f"the rate of {name!r} is no state of the plant: no move between positions at rest"
     return ""
 

@@ -119,7 +119,8 @@ def analyse_loop(
     """
     values = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
     at_rest = tuple(values.get(name, 0.0) for name in controller.sensors)
-    _check_linear(controller, at_rest, values)
+    sizes = {q.name: q.scale for q in linear.operating_point.model.outputs}
+    _check_linear(controller, at_rest, values, sizes.get(controller.sensors[0], 1.0))
     loop, h = loop_matrices(controller, linear), controller.sample_time
     angle = frequencies(points)
     places: list[int | None] = [*range(len(controller.sensors) if every else 1), None]
@@ -133,7 +134,7 @@ def analyse_loop(
 
 
 def _check_linear(
-    controller: Controller, at_rest: Measurement, values: Mapping[str, float]
+    controller: Controller, at_rest: Measurement, values: Mapping[str, float], size: float
 ) -> None:
     """Refuse a law whose command grows unlike a small deviation of the first sensor."""
     state = controller.initial_state(at_rest)
@@ -143,7 +144,7 @@ def _check_linear(
         moved = (at_rest[0] + deviation, *at_rest[1:])
         return float(controller.linear_command(controller.step(state, moved, references)[0])[0])
 
-    small = 1e-5 * max(abs(at_rest[0]), 1.0)
+    small = 1e-5 * max(abs(at_rest[0]), size)
     first = command(small) - command(-small)
     ratio = (command(4.0 * small) - command(-4.0 * small)) / first if first else 4.0
     # A root gives 2, a relay 1, a power of 1.5 gives 8; linear laws 4.00 with all their rounding.

@@ -439,7 +439,11 @@ class _Resolver(TomlTables):
                 name, table["design"], own, at, guard=table.get("guard", False)
             )
             design = recipe.kind()
-        specification = table.get("specification", {})
+        keys = {key.name: key for key in design.keys}
+        specification: dict[str, Any] = {}
+        for key, value in table.get("specification", {}).items():
+            with self.at(*path, "specification", key):
+                specification[key] = keys[key].read(value) if key in keys else value
         if "fastest" in table:
             found = self.fastest(table["fastest"], recipe, specification, case, *path, "fastest")
             recipe = replace(recipe, fastest=found)
@@ -513,7 +517,7 @@ class _Resolver(TomlTables):
         return Fastest(**{k: _hashable(v) for k, v in table.items()})
 
     def point(self, given: Mapping[str, Any], model: Model, *path: str | int) -> Pairs:
-        known = {q.name: q.unit for q in (*model.outputs, *model.states)}
+        known = {q.name: q.unit for q in (*model.inputs, *model.outputs, *model.states)}
         return self.values(given, known, "value of the operating point", *path)
 
     def events(self, key: str, table: Mapping[str, Any], model: Model, *path: str | int) -> Any:

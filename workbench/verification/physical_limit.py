@@ -136,8 +136,8 @@ def physical_limit(
         end: Position after it, in SI.
         intervals: Number of intervals of the move; the stay has a quarter as many.
         degree: Radau points per interval, 2 to 5.
-        coordinate: Name of the state that moves, the rate of which is a state; the first output
-            that is a state by default.
+        coordinate: Name of the state that moves, the rate of which is a state, or of the output
+            that shows it; the first output that does by default.
 
     Raises:
         WorkbenchError: If an argument is outside its range or the plant cannot rest there.
@@ -147,7 +147,9 @@ def physical_limit(
         Betts 2010, chapter 4.
     """
     names = [q.name for q in model.states]
-    coordinate = coordinate or next((q.name for q in model.outputs if q.name in names), names[0])
+    shown = (shown_state(model, q.name) for q in model.outputs)
+    coordinate = coordinate or next((name for name in shown if name), names[0])
+    coordinate = shown_state(model, coordinate) or coordinate
     check_choice("coordinate", coordinate, names)
     velocity = velocity_of(model, coordinate)
     if velocity is None:
@@ -179,6 +181,17 @@ def physical_limit(
         found = problem.solve()
         _write(path, found)
     return problem.validated(found)
+
+
+def shown_state(model: Model, name: str) -> str | None:
+    """Return the state of a name, or the one that the output of that name shows as it is."""
+    states, outputs = [q.name for q in model.states], [q.name for q in model.outputs]
+    if name in states or name not in outputs:
+        return name if name in states else None
+    traced = model.exact
+    expression = traced.outputs[outputs.index(name)]
+    same = (s for i, s in enumerate(states) if ca.is_equal(expression, traced.x[i]))
+    return next(same, None)
 
 
 def velocity_of(model: Model, coordinate: str) -> str | None:
