@@ -34,10 +34,8 @@ ALLOWED = {
     "recordings/column_matching.py": "what columns of files are called, in several languages",
     "recordings/headers.py": "angle is a quantity",
     "recordings/quantity_kinds.py": "angle is a quantity",
-    "recordings/checks/excitation.py": "angle is a quantity",
     "physics/place.py": "angle is a quantity, load what weighs on a bearing",
     "physics/supply.py": "supply_pressure is a role of ports",
-    "diagnosis/nonparametric/dependence.py": "angle is a quantity",
 }
 
 

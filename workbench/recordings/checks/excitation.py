@@ -17,7 +17,8 @@ _BINS = 20
 _SMOOTHED = 5.0
 """Samples over which a motion is smoothed before its direction is read."""
 
-_MOTIONS = ("angle", "length")
+_MOTIONS = ("rad", "m")
+"""SI units of what moves forward and backward."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +102,7 @@ def check_excitation(recording: Recording, expected: Expected) -> Finding:
     """Tell where the machine has been: angles or positions, directions, pressures, commands."""
     moving = [s for s in recording.signals if s.role != "reference" and np.ptp(s.values) > 0]
     where = {s.name: occupancy(s, expected.ranges.get(s.name)) for s in moving}
-    motions = [s for s in moving if s.role == "measurement" and s.kind in _MOTIONS]
+    motions = [s for s in moving if s.role == "measurement" and s.unit in _MOTIONS]
     turns = {s.name: directions(s, recording.sample_time) for s in motions}
     notes = []
     for signal in moving:
