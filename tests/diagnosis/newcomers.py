@@ -348,20 +348,24 @@ def maglev() -> Model:
     )
 
 
-def levitation(seed: int, *, samples: int = 1000, drag: float = 0.0) -> Recording:
+def levitation(
+    seed: int, *, samples: int = 1000, drag: float = 0.0, saturated: float = np.inf
+) -> Recording:
     """Return a ball of 50 g held by state feedback under a coil of 10 ohm and 50 mH, every 1 ms.
 
     Args:
         drag: Viscous drag on the ball, in N s/m.
+        saturated: Current, in A, at which the iron has lost half of its force.
     """
     lift, mass, resistance, inductance, gap = 1e-4, 0.05, 10.0, 0.05, 0.01
-    rest = np.array([gap, 0.0, gap * np.sqrt(9.81 * mass / lift)])
+    square = 9.81 * mass * gap**2 / lift
+    rest = np.array([gap, 0.0, np.sqrt(square / (1.0 - square / saturated**2))])
     gain = np.array([-3000.0, -70.0, 15.0])
     rng = np.random.default_rng(seed)
     x, target, rows = rest, rest, []
 
     def rates(_: float, x: Vector, u: float) -> list[float]:
-        force = lift * x[2] ** 2 / x[0] ** 2 + drag * x[1]
+        force = lift * x[2] ** 2 / x[0] ** 2 / (1.0 + (x[2] / saturated) ** 2) + drag * x[1]
         return [x[1], 9.81 - force / mass, (u - resistance * x[2]) / inductance]
 
     for k in range(samples):

@@ -271,3 +271,20 @@ def test_noise_is_told_from_what_an_input_shakes(longest: int) -> None:
     quiet = tuple(replace(q, noise_rms=0.0) for q in plain.outputs)
     model, _ = with_undeclared(replace(plain, outputs=quiet, parameters=tuple(wider)), runs)
     assert model.outputs[0].noise_rms == pytest.approx(2e-4, rel=0.15)
+
+
+def test_iron_that_saturates_is_a_parameter_that_changes_with_the_current(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def few(*given: Any, **known: Any) -> tuple[Hypothesis, ...]:
+        laws = ("parameter_curve", "ripple", "local_catch", "sensor_offset")
+        return tuple(e for e in library(*given, **known) if e.law in laws)
+
+    monkeypatch.setattr(search, "library", few)
+    runs = [levitation(seed, saturated=2.5) for seed in (1, 2)]
+    verdict = diagnose(maglev(), runs[:1], runs[1:], jobs=1, advise=False).verdict
+    assert verdict is not None
+    (finding,) = verdict.findings
+    assert finding.effect == "parameter_curve_lift_over_current" and finding.belief == "sure"
+    # More current, less force for it.
+    assert finding.parameters["amount"].value < 0.0

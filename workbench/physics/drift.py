@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -157,6 +158,15 @@ def _each_parameter(survey: Survey) -> Iterator[Fit]:
             yield f"_{q.name.replace('.', '_')}", ((replace(place, parameters=(q,)),),)
 
 
+def _each_parameter_over(survey: Survey) -> Iterator[Fit]:
+    alone = [(q, (at,)) for at in survey.places for q in at.parameters if "." not in q.name]
+    for q, places in (*alone, *survey.spread):
+        for over in survey.may_bend_over(q, places):
+            own = (replace(at, signals={**at.signals, "over": over}) for at in places)
+            sites = tuple((replace(at, parameters=(q,)),) for at in own)
+            yield f"_{q.name}_over_{over.source}", sites
+
+
 def _amount(at: Place) -> Own:
     if not at.parameters:
         return size("amount", "1", 1.0, 10.0, "change of the parameter", signed=True)
@@ -196,3 +206,41 @@ parameter_fade = replace(
     source="warming, wear, ageing",
     look_alikes=("parameter_jump", "gain_fade"),
 )
+
+
+def _ends(at: Place) -> tuple[float, float]:
+    over = at.signals.get("over")
+    if over is None:
+        return -1.0, 1.0
+    return over.seen or (over.start - over.scale, over.start + over.scale)
+
+
+def _bent(at: PortView) -> Expression:
+    along = (at.signals.over - at.p.middle) / at.p.reach
+    return _changed(at, ca.cos(at.p.bend) * along + ca.sin(at.p.bend) * along**2)
+
+
+# A parameter that is none: it changes with what is measured. Bl of a loudspeaker with the excursion
+# of the coil, the force of a magnet with the current that saturates its iron, a resistance with a
+# temperature.
+parameter_curve = Law(
+    "parameter_curve",
+    "parameter + amount (cos(bend) z + sin(bend) z^2), z = (signal - middle) / reach",
+    _each_parameter_over,
+    lambda at: (
+        _amount(at),
+        shape("bend", "rad", 0.0, "from a straight line, 0, to a parabola, pi/2",
+              around=None, between=(-math.pi, math.pi), scale=1.0),
+        shape("middle", at.signals["over"].unit if "over" in at.signals else "1",
+              0.5 * sum(_ends(at)), "middle of the range seen", around=None, source="",
+              fitted=False),
+        shape("reach", at.signals["over"].unit if "over" in at.signals else "1",
+              0.5 * (_ends(at)[1] - _ends(at)[0]) or 1.0, "half of the range seen",
+              around=(1.0, 1.0), source="", fitted=False),
+    ),
+    _bent,
+    shapes=lambda at: [{"bend": 0.0}, {"bend": 0.5 * math.pi}],
+    source="saturating iron, warm windings, fields that fade at the ends of a travel",
+    look_alikes=("parameter_fade", "parameter_jump", "cubic_stiffness"),
+    separated_by="the same motion about several positions",
+)  # fmt: skip

@@ -538,6 +538,43 @@ class Survey:
         return found
 
     @cached_property
+    def spread(self) -> tuple[tuple[Parameter, tuple[Place, ...]], ...]:
+        """Refitted parameters of the plant that several ports bring into the equations."""
+        t, found = self.trace, []
+        alone = {q.name for of_port in self._entering for q in of_port}
+        everything = ca.vertcat(t.rates, t.outputs)
+        by_port = ca.vertcat(t.rates_by_port, t.outputs_by_port)
+        for k, q in enumerate(self.model.parameters):
+            if not q.fitted or q.name in alone or "." in q.name:
+                continue
+            slopes = [ca.jacobian(self._port_value(i), t.p[k]) for i in range(len(t.ports))]
+            at = [i for i, slope in enumerate(slopes) if not slope.is_zero()]
+            through = sum((by_port[:, i] * slopes[i] for i in at), ca.SX(everything.shape[0], 1))
+            if len(at) > 1 and _same(
+                self._sampled(through), self._sampled(ca.jacobian(everything, t.p[k]))
+            ):
+                found.append((q, tuple(self.place(t.ports[i].name) for i in at)))
+        return tuple(found)
+
+    def may_bend_over(self, q: Parameter, places: Sequence[Place]) -> tuple[Local, ...]:
+        """Return the measured states over which a parameter at some ports may change.
+
+        Not those that its term is a function of, and of nothing else: a curve over them is a law
+        of its own.
+        """
+        t, names = self.trace, [s.name for s in self.model.states]
+        k = [p.name for p in self.model.parameters].index(q.name)
+        ports = [port.name for port in t.ports]
+        found = []
+        for name in dict.fromkeys(self._measured.values()):
+            other = [t.x[i] for i, n in enumerate(names) if n != name]
+            rest = ca.vertcat(*other, t.u)
+            slopes = [ca.jacobian(self._port_value(ports.index(at.name)), t.p[k]) for at in places]
+            if "." not in name and any(ca.depends_on(s, rest) for s in slopes):
+                found.append(self._of(name))
+        return tuple(found)
+
+    @cached_property
     def _entering(self) -> tuple[tuple[Parameter, ...], ...]:
         """Refitted parameters that each port alone brings into the equations."""
         t, found = self.trace, [list[Parameter]() for _ in self.trace.ports]

@@ -122,6 +122,10 @@ stop_compliance = Law(
 )  # fmt: skip
 
 _TEETH = (6.0, 9.0, 12.0, 15.0, 18.0, 21.0, 24.0, 27.0, 30.0, 36.0, 42.0, 50.0, 60.0)
+_WHOLE_TURNS = (*range(1, 25), *_TEETH[8:], 28, 32, 40, 44, 48, 54, 72, 84, 96, 100)
+"""Teeth, poles, slots and orders that a body may have that turns round: one of seven is none of
+six then, while within a part of a turn they hardly differ."""
+
 _PITCHES = (0.005, 0.01, 0.02)
 _SCREWS = (0.01, 10.0)
 """Sizes of a travel, in m, to which the pitches of usual screws and racks belong."""
@@ -132,10 +136,15 @@ _PLACES = 6
 def _turns(at: Place) -> tuple[float, ...]:
     """Radians of the ripple per unit of the position that are worth trying."""
     if at.coordinate.unit == "rad":
-        return _TEETH
+        low, high = at.coordinate.seen or at.travel
+        return _TEETH if high - low < 2.0 * math.pi else tuple(map(float, _WHOLE_TURNS))
     scale = at.coordinate.scale
     span = 1.0 if at.coordinate.unit == "m" and _SCREWS[0] < scale < _SCREWS[1] else scale
     return tuple(2 * math.pi / (pitch * span) for pitch in _PITCHES)
+
+
+def _usual_turns(at: Place) -> float:
+    return _turns(at)[len(_turns(at)) // 2]
 
 
 # The frequency of a rotary ripple is its number of teeth.
@@ -146,9 +155,11 @@ ripple = Law(
     lambda at: (
         size("amplitude", at.unit, 0.03 * at.scale, 0.5 * at.scale,
              "amplitude of the ripple", signed=True),
-        shape("frequency", per("1", at.coordinate.unit), _turns(at)[len(_turns(at)) // 2],
+        shape("frequency", per("1", at.coordinate.unit), _usual_turns(at),
               "ripples per unit of position, times 2 pi",
-              scale=0.1 * _turns(at)[len(_turns(at)) // 2]),
+              around=(0.3 * min(_turns(at)) / _usual_turns(at),
+                      3.0 * max(_turns(at)) / _usual_turns(at)),
+              scale=0.1 * _usual_turns(at)),
         shape("phase", "1", 0.0, "phase at position zero", around=None, between=(-6.3, 6.3),
               source=""),
     ),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.process_noise import extended_start
 from workbench.evaluation.foreign.plan import plan
@@ -19,4 +17,5 @@ def test_a_clock_is_not_set_by_a_filter() -> None:
     seen = observe(model, next(iter(case.recordings().values())))
     started = extended_start(seen, model, extended)
     rms = dict(zip((q.name for q in extended.states), started.start_rms, strict=True))
-    assert rms["gain_jump_heater_power.clock"] == pytest.approx(1e-6)
+    # An hour of a recording of days is known to well below a sample.
+    assert rms["gain_jump_heater_power.clock"] < 1e-3 * seen.sample_time

@@ -27,6 +27,12 @@ _MOST_SPANS = 3
 _MOST_PLACES = 4
 _LEAST_DEPENDENCE = 0.05
 
+_SINE, _REPEATS = 0.5, 3
+"""Share of the variance that a sine holds, and how often it repeats, where a signal is periodic."""
+
+_EXPLAINED = 0.3
+"""Share of the variance that is a function of a local signal from which time explains no more."""
+
 
 @dataclass(frozen=True)
 class Span:
@@ -73,6 +79,8 @@ class Occurrence:
         spans: Times at which it acts, the strongest first.
         active: Share of the time in which it acts, dimensionless.
         places: Local signals with the values at which it acts, by falling dependence.
+        period: Period with which it repeats in time, in s, where no local signal explains it; NaN
+            if it does not.
     """
 
     port: str
@@ -82,6 +90,7 @@ class Occurrence:
     spans: tuple[Span, ...]
     active: float
     places: tuple[Place, ...]
+    period: float = math.nan
 
     @property
     def when(self) -> str:
@@ -123,8 +132,10 @@ class Occurrence:
 
     def __str__(self) -> str:
         """Return it as a sentence."""
+        again = f" It repeats every {self.period:.3g} s." if math.isfinite(self.period) else ""
         return (
             f"It acts {self.when}, {self.where}: {self.how_large} root mean square at {self.port}."
+            f"{again}"
         )
 
     def as_data(self) -> dict[str, object]:
@@ -135,6 +146,7 @@ class Occurrence:
             "rms": self.rms,
             "largest": self.largest,
             "share_of_time": self.active,
+            "period": self.period if math.isfinite(self.period) else None,
             "times": [
                 {"recording": s.recording, "from": s.begin, "to": s.end, "share": s.share}
                 for s in self.spans
@@ -265,6 +277,9 @@ def occurrence(
         _spans(windows, acting),
         float(lengths[acting].sum() / lengths.sum()),
         tuple(places[:_MOST_PLACES]),
+        math.nan
+        if places and places[0].dependence >= _EXPLAINED
+        else period_of(recordings, signal),
     )
 
 
@@ -285,6 +300,51 @@ def _spans(
             found.append(Span(name, begin, end, share))
         last = i
     return tuple(sorted(found, key=lambda span: -span.share))
+
+
+def period_of(recordings: Sequence[tuple[str, Vector]], signal: Vector) -> float:
+    """Return the period, in s, of the one sine that a signal mostly is; NaN if it is none.
+
+    The strongest line of the periodogram is refined by least squares. It has to hold `_SINE` of the
+    variance over at least `_REPEATS` periods in every recording, at one frequency.
+
+    Args:
+        recordings: Name and times from the first sample, in s, one after the other, n in all.
+        signal: The signal, shape (n,), any unit.
+
+    Example:
+        >>> t = 0.1 * np.arange(4000)
+        >>> wave = np.sin(2.0 * np.pi * t / 80.0)
+        >>> noise = np.random.default_rng(1).normal(0.0, 0.5, t.size)
+        >>> round(period_of([("run", t)], wave + noise), 1)
+        80.0
+    """
+    rates, widths, first = [], [], 0
+    for _, time in recordings:
+        part = signal[first : first + len(time)] - np.mean(signal[first : first + len(time)])
+        first += len(time)
+        whole, variance = float(time[-1] - time[0]), float(np.mean(part**2))
+        lines = np.abs(np.fft.rfft(part))[: len(part) // 2]
+        if len(lines) <= _REPEATS or not variance > 0.0 or not whole > 0.0:
+            return math.nan
+        line = int(np.argmax(lines))
+        held, rate = max(
+            (_held(time, part, f / whole), f / whole)
+            for f in np.linspace(max(line - 1, _REPEATS), max(line + 1, _REPEATS + 1), 41)
+        )
+        if line < _REPEATS or held < _SINE * variance:
+            return math.nan
+        rates.append(rate)
+        widths.append(1.0 / whole)
+    apart = max(rates) - min(rates)
+    return 1.0 / float(np.mean(rates)) if apart <= 0.5 * max(widths) else math.nan
+
+
+def _held(time: Vector, signal: Vector, rate: float) -> float:
+    """Return the mean square of the sine of a rate, in 1/s, that is nearest to a signal."""
+    angle = 2.0 * np.pi * rate * time
+    waves = np.column_stack([np.sin(angle), np.cos(angle)])
+    return float(np.mean((waves @ np.linalg.lstsq(waves, signal, rcond=None)[0]) ** 2))
 
 
 def _place(

@@ -1,0 +1,39 @@
+"""What a law tries before a fit lies within its own bounds, at whatever plant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from tests.diagnosis.newcomers import crane, drivetrain, maglev, oscillator, swing, two_carts
+from workbench.model import Model
+from workbench.physics.drift import parameter_curve
+from workbench.physics.library import library
+from workbench.physics.place import Survey
+from workbench.plants.arm import arm
+from workbench.plants.cascaded_tanks import cascaded_tanks
+from workbench.plants.servo_axis import servo_axis
+
+PLANTS = (
+    arm, cascaded_tanks, crane, drivetrain, maglev, oscillator, servo_axis, swing, two_carts,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+@pytest.mark.parametrize("turns", [0.5, 40.0])
+def test_shapes_are_within_bounds(plant: Callable[[], Model], turns: float) -> None:
+    model = plant()
+    seen = {q.name: (-turns, turns) for q in model.states}
+    for hypothesis in library(model, duration=10.0, sample_time=0.01, ranges=seen):
+        for values in hypothesis.shapes:
+            # Attaching is where bounds are checked.
+            hypothesis.at_size(hypothesis.typical_size, values)
+
+
+def test_parameters_bend_over_what_is_measured_and_is_no_law_of_its_own() -> None:
+    found = {h.name: h.ports for h in parameter_curve.hypotheses(Survey(maglev()))}
+    assert found["parameter_curve_lift_over_current"] == ("speed.rate",)
+    # A resistance that changes with its current is a curve over the current, which is no new law.
+    assert "parameter_curve_resistance_over_current" not in found
+    assert "parameter_curve_resistance_over_gap" in found
