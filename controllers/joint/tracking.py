@@ -270,6 +270,8 @@ class JointTracking(TrackingOptions, Tracking):
         theta = state.angle + self.correction[0] * residual
         omega = state.speed + self.correction[1] * residual
         w = state.unexplained + self.correction[2] * residual
+        if math.isfinite(self.planner.renewal):
+            plan, planner = self.planner.renewed(planner, plan, angle, omega, arithmetic)
         joint = self.schedule.at(angle, mean, arithmetic)
         # What is not learned is that of the design: made for a heavier load it brakes that too.
         inertia, share, b = 1.0, 1.0, joint.b
@@ -444,6 +446,8 @@ class TrackingSpecification(TrackingOptions):
         jerk_limit: Largest planned jerk, in rad/s3, whatever the joint could do: what feedforward
             for a light joint gets wrong if its load is heavier than known must stay within what
             feedback corrects.
+        renewal: Duration from which a move is planned anew half way, from where the joint is, in
+            s; 0 for never.
         reference_bandwidth: Bandwidth of the filter of a rough reference (quantised, held,
             noisy), in rad/s; 0 for a smooth one.
         reference_jump: Smallest step of a rough reference that is planned as a move, in rad.
@@ -458,6 +462,7 @@ class TrackingSpecification(TrackingOptions):
 
     jerk_share: float = 0.7
     jerk_limit: float = 1800.0
+    renewal: float = 0.0
     reference_bandwidth: float = 0.0
     reference_jump: float = 0.02
     mean_pressure: float = 3.8e5
@@ -472,6 +477,7 @@ class TrackingSpecification(TrackingOptions):
         check_range("speed of the integration at rest", self.rest_integration, 0.0, 1e2, "1/s")
         check_range("speed of the valve's centring", self.centring, 0.0, 1e2, "1/s")
         check_range("believed bandwidth", self.unexplained_bandwidth, 0.0, 1e3, "rad/s")
+        check_range("duration of a renewed move", self.renewal, 0.0, 1e3, "s")
         check_range("lead of the feedforward", self.lead, 0.0, 0.1, "s")
         check_range("known latency", self.latency, 0.0, 50 * self.sample_time, "s")
         check_range("known lag of the pressure sensors", self.sensor_lag, 0.0, 0.1, "s")
@@ -491,6 +497,7 @@ class TrackingSpecification(TrackingOptions):
             shortest=SHORTEST,
             sample_time=self.sample_time,
             bandwidth=self.reference_bandwidth,
+            renewal=self.renewal or math.inf,
             jump=self.reference_jump,
         )
 

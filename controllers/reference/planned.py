@@ -28,6 +28,15 @@ It follows a constant acceleration without lag, a sine of frequency v with an er
 What differs by more than ``jump`` is a jump, as above; a smaller step passes the filter, and goes
 past its end by a quarter of itself.
 
+A joint that nobody identified is not where it was planned to be. Half way along a move longer than
+``renewal`` the rest is planned anew from the middle between plan and joint, in angle and in speed,
+with the acceleration of the plan, for a duration that grows with the time that the joint has to go,
+
+    T' = T / 2 clip(1 + (delta_y - delta) / delta + (v - v_y) / v, 1, 1.6),
+
+v the plan's speed and delta_y, v_y what the joint has left to go and its speed. It happens once, or
+again where what is left is long too: no feedback loop closes over it.
+
 Source: alpha-beta-gamma filter, critically damped: Brookner, Tracking and Kalman Filtering Made
 Easy, 1998, section 2.5; Flash and Hogan, J. Neuroscience 5, 1985 (quintic as minimum-jerk move);
 Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008, section 2.1.
@@ -99,6 +108,7 @@ class Planner:
             is taken to go straight on.
         bandwidth: Bandwidth w of the filter of a rough reference, in rad/s; 0 for a smooth one.
         jump: Smallest step of a rough reference that is planned as a move, in rad.
+        renewal: Duration from which a move is planned anew half way, in s; infinite for never.
     """
 
     jerk: float
@@ -111,6 +121,7 @@ class Planner:
     reach: float = 0.1
     bandwidth: float = 0.0
     jump: float = 0.02
+    renewal: float = math.inf
 
     def __post_init__(self) -> None:
         check_range("jerk of the planned reference", self.jerk, 1e-6, 1e9, "rad/s3")
@@ -212,6 +223,41 @@ class Planner:
             fresh,
         )
 
+    def renewed(
+        self, state: PlannerState, plan: Plan, angle: Number, speed: Number, arithmetic: Arithmetic
+    ) -> tuple[Plan, PlannerState]:
+        """Plan the second half of a long move anew, half way to where the joint is.
+
+        Angle in rad and speed in rad/s are those of the joint.
+        """
+        where = arithmetic.where
+        passed = state.elapsed - 0.5 * state.duration
+        half = where(passed >= 0.0, where(passed < self.sample_time, 1.0, 0.0), 0.0)
+        begins = where(state.duration > self.renewal, half, 0.0) > 0.0
+        offset, pace, acceleration, _ = _offset(state, state.elapsed)
+        left, own = angle - state.reference, speed - state.slope
+        far = (left - offset) * offset / arithmetic.largest(offset * offset, 1e-9)
+        slow = (pace - own) * pace / arithmetic.largest(pace * pace, 1e-9)
+        slower = arithmetic.clip(1.0 + far + slow, 1.0, SLOWER)
+        begin = PlannerState(
+            state.reference,
+            state.slope,
+            state.curve,
+            where(begins, 0.5 * (offset + left), state.offset),
+            where(begins, 0.5 * (pace + own), state.offset_speed),
+            where(begins, acceleration, state.offset_acceleration),
+            where(begins, 0.0, state.elapsed),
+            where(begins, 0.5 * slower * state.duration, state.duration),
+        )
+        delta = _offset(begin, begin.elapsed)
+        renewed = Plan(
+            where(begins, state.reference + delta[0], plan.angle),
+            where(begins, state.slope + delta[1], plan.speed),
+            plan.acceleration,
+            where(begins, delta[3], plan.jerk),
+        )
+        return renewed, begin
+
     def ahead(self, state: PlannerState, plan: Plan, time: Number, arithmetic: Arithmetic) -> Plan:
         """Return where the joint shall be a time later, in s, if no jump comes."""
         now = _offset(state, state.elapsed)
@@ -240,6 +286,10 @@ class Planner:
             arithmetic.root(36.0 * fast / self.jerk),
             3.0 * fast / self.acceleration,
         )
+
+
+SLOWER = 1.6
+"""Most by which the second half of a move is made slower, a ratio."""
 
 
 def _offset(state: PlannerState, elapsed: Number) -> tuple[Number, Number, Number, Number]:

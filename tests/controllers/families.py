@@ -41,6 +41,7 @@ CLOSED_FORM: dict[str, Make] = {
         unexplained_bandwidth=10.0,
         rest_integration=5.0,
         centring=3.0,
+        renewal=0.1,
         hysteresis=HysteresisCompensation(10.0, 7e-5, 5e-4, 0.0295, 7.6e-5),
         learning=MotionLearning(),
     ),
@@ -53,7 +54,7 @@ CLOSED_FORM: dict[str, Make] = {
 
 MPCS: dict[str, Make] = {
     "scheduled MPC": family("scheduled-mpc", latency=0.004),
-    "tolerant MPC": family("scheduled-mpc", rest_integration=5.0, centring=3.0),
+    "tolerant MPC": family("scheduled-mpc", rest_integration=5.0, centring=3.0, renewal=0.1),
     "linear MPC": family("mpc"),
     "linear MPC with preview": family("mpc", preview=True),
     "linear MPC with tight limits": family(

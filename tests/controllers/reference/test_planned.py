@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -95,3 +97,37 @@ def test_far_ahead_a_course_goes_straight_on() -> None:
 def test_limits_must_be_positive() -> None:
     with pytest.raises(WorkbenchError, match="jerk of the planned reference"):
         Planner(jerk=0.0, acceleration=1.0, speed=1.0)
+
+
+def test_a_long_move_is_planned_anew_half_way_for_a_joint_that_is_behind() -> None:
+    own = replace(PLANNER, jerk=200.0, renewal=0.3)
+    duration = float(own._duration(0.2618, 0.0, FLOATS))
+
+    def followed(behind: float) -> np.ndarray:
+        state, rows = own.start(0.0), []
+        for _ in range(500):
+            plan, state = own.plan(state, 0.2618, FLOATS)
+            # The joint is a share behind in angle and in speed.
+            joint = ((1.0 - behind) * plan.angle, (1.0 - behind) * plan.speed)
+            plan, state = own.renewed(state, plan, *joint, FLOATS)
+            rows.append(plan)
+        return np.array(rows)
+
+    def there(plan: np.ndarray) -> float:
+        return float(np.flatnonzero(np.abs(plan[:, 0] - 0.2618) > 1e-6)[-1]) * H
+
+    exact, late = followed(0.0), followed(0.1)
+    assert there(exact) == pytest.approx(duration, abs=5 * H)
+    # A tenth more of the way is left, and a tenth of the speed is missing.
+    assert there(late) == pytest.approx((0.5 + 0.5 * 1.2) * duration, rel=0.03)
+    assert late[-1, 0] == pytest.approx(0.2618, abs=1e-12)
+    # Half of what the joint is behind is given up at once.
+    half = int(0.5 * duration / H)
+    jumps = np.abs(np.diff(late[:, 0]) - H * late[1:, 1])
+    assert jumps.max() == pytest.approx(0.05 * late[half, 0], rel=0.15)
+    # A short move is not.
+    short = replace(own, renewal=1.0)
+    state = short.start(0.0)
+    for _ in range(500):
+        plan, state = short.plan(state, 0.2618, FLOATS)
+        assert short.renewed(state, plan, 0.0, 0.0, FLOATS) == (plan, state)
