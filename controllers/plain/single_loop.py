@@ -81,7 +81,7 @@ def single_loop(plant: Any, measured: str = "", actuator: str = "") -> SingleLoo
     actuator = actuator or whole.input_names[0]
     check_choice("measured output", measured, whole.output_names)
     check_choice("actuator", actuator, whole.input_names)
-    linear = whole.select(inputs=(actuator,), outputs=(measured,))
+    linear = whole.select(inputs=(actuator,), outputs=(measured,)).without_unseen()
     if np.any(linear.D):
         raise WorkbenchError(
             f"{measured} answers {actuator} within the sample ({linear.D[0, 0]:g} at once); add the"

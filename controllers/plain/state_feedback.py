@@ -319,7 +319,7 @@ def _surface(A: Matrix, B: Matrix, poles: list[float], size: Vector, actuator: s
     if np.any(size_of == 0.0) or np.linalg.cond(reached / size_of) > 1e13:
         raise WorkbenchError(
             f"{actuator} does not reach all states of the linear model with the integral of the"
-            " error; select() fewer states, or take a PID"
+            " error; leave the others out of the model, or take a PID"
         )
     # Last row of the inverse, on columns of equal size.
     row = np.linalg.solve((reached / size_of).T, np.eye(n)[-1]) / size_of[-1]
@@ -339,9 +339,8 @@ def _regulator(F: Matrix, G: Matrix, weight: Matrix, cost: Matrix, size: Vector)
     except (LinAlgError, ValueError) as error:
         raise WorkbenchError(
             f"no regulator exists for this linear model ({str(error).rstrip('.')}); a mode that"
-            " grows or integrates is out of the command's reach, or does not show in the output,"
-            " such as an angle in a speed: select() fewer states, follow another output, or take a"
-            " PID"
+            " grows or integrates is out of the command's reach, or hardly shows in the output:"
+            " follow another output, or take a PID"
         ) from None
     return np.asarray(np.linalg.solve(1.0 + g.T @ p @ g, g.T @ p @ f) / size)
 

@@ -167,6 +167,25 @@ class LinearModel(Drawn):
             verdict=None,
         )
 
+    def without_unseen(self) -> LinearModel:
+        """Return the model without the states that no output depends on, now or later.
+
+        Such as the way that a ship has covered, where its heading is controlled.
+        """
+        seen = np.any(self.C != 0.0, axis=0)
+        for _ in self.state_names:
+            seen = seen | np.any(self.A[seen] != 0.0, axis=0)
+        k = np.flatnonzero(seen)
+        return replace(
+            self,
+            A=self.A[np.ix_(k, k)],
+            B=self.B[k],
+            C=self.C[:, k],
+            state_names=tuple(self.state_names[i] for i in k),
+            x0=self.x0[k],
+            drift=self.drift[k],
+        )
+
     def discretise(self, sample_time: float) -> tuple[Vector, Vector, Vector, Vector]:
         """Return the matrices for inputs that are held over a sample, in s."""
         h = check_range("sample time", sample_time, *TIMES_S, "s")
