@@ -54,6 +54,9 @@ def exchanges(
     Args:
         rates: Rates in the symbols ``x``, ``u`` and ``p``, by the state's name, in SI per second.
         states: The plant's own, without those of effects.
+        x: Symbols of the states, by name, in SI.
+        u: Symbols of the inputs, by name, in SI.
+        p: Symbols of the parameters, by name, in SI.
     """
     names = [q.name for q in states if q.name in rates]
     f = ca.vcat([rates[n] for n in names])
