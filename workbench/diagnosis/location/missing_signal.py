@@ -27,8 +27,11 @@ _MOST_SPANS = 3
 _MOST_PLACES = 4
 _LEAST_DEPENDENCE = 0.05
 
-_SINE, _REPEATS = 0.5, 3
+_SINE, _REPEATS = 0.15, 3
 """Share of the variance that a sine holds, and how often it repeats, where a signal is periodic."""
+
+_OUTSTANDING, _LINE = 4.0, 3
+"""Power of the line of that sine over the strongest other one, and how many lines away that is."""
 
 _EXPLAINED = 0.3
 """Share of the variance that is a function of a local signal from which time explains no more."""
@@ -305,8 +308,8 @@ def _spans(
 def period_of(recordings: Sequence[tuple[str, Vector]], signal: Vector) -> float:
     """Return the period, in s, of the one sine that a signal mostly is; NaN if it is none.
 
-    The strongest line of the periodogram is refined by least squares. It has to hold `_SINE` of the
-    variance over at least `_REPEATS` periods in every recording, at one frequency.
+    The strongest line of the periodogram is refined by least squares. It has to stand out, and hold
+    `_SINE` of the variance over at least `_REPEATS` periods, in every recording at one frequency.
 
     Args:
         recordings: Name and times from the first sample, in s, one after the other, n in all.
@@ -324,15 +327,17 @@ def period_of(recordings: Sequence[tuple[str, Vector]], signal: Vector) -> float
         part = signal[first : first + len(time)] - np.mean(signal[first : first + len(time)])
         first += len(time)
         whole, variance = float(time[-1] - time[0]), float(np.mean(part**2))
-        lines = np.abs(np.fft.rfft(part))[: len(part) // 2]
+        lines = np.abs(np.fft.rfft(part * np.hanning(len(part)))[: len(part) // 2]) ** 2
         if len(lines) <= _REPEATS or not variance > 0.0 or not whole > 0.0:
             return math.nan
         line = int(np.argmax(lines))
+        others = [*lines[: max(line - _LINE, 0)], *lines[line + _LINE + 1 :]]
         held, rate = max(
             (_held(time, part, f / whole), f / whole)
             for f in np.linspace(max(line - 1, _REPEATS), max(line + 1, _REPEATS + 1), 41)
         )
-        if line < _REPEATS or held < _SINE * variance:
+        stands_out = lines[line] > _OUTSTANDING * max(others, default=0.0)
+        if line < _REPEATS or held < _SINE * variance or not stands_out:
             return math.nan
         rates.append(rate)
         widths.append(1.0 / whole)
