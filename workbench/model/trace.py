@@ -15,6 +15,7 @@ from workbench.errors import WorkbenchError
 from workbench.model.effect import Effect
 from workbench.model.exchanges import exchanges
 from workbench.model.quantities import Quantity
+from workbench.model.real_roots import leave_the_numbers, with_real_roots
 from workbench.model.regularisation import Expression, Form
 from workbench.model.scope import EffectView, Names, Port, PortView, Scope, ValidRange
 from workbench.model.traits import LEFT_OUT, Traits
@@ -283,8 +284,20 @@ def trace(model: Written, form: Form) -> Trace:
     perturbation = _vector(perturbations)
     sources = {**scope.values, **symbols["parameter"], **known}
     own_signals = [ca.vcat([_symbolic(v) for v in local[q.name].values()]) for q in scope.ports]
+    written = [perturbed_rates, perturbed_outputs, start, signals, *own_signals]
+    if _leaves_the_numbers(
+        model,
+        symbols,
+        ca.substitute(
+            [perturbed_rates, perturbed_outputs],
+            [perturbation],
+            [ca.SX.zeros(perturbation.numel())],
+        ),
+    ):
+        written = with_real_roots(written)
+        perturbed_rates, perturbed_outputs = written[:2]
     still = ca.substitute(
-        [perturbed_rates, perturbed_outputs, start, signals, *own_signals],
+        written,
         [perturbation],
         [ca.SX.zeros(perturbation.numel())],
     )
@@ -313,6 +326,22 @@ def trace(model: Written, form: Form) -> Trace:
         perturbed_outputs=perturbed_outputs,
         local_signals=tuple(still[4:]),
     )
+
+
+def _leaves_the_numbers(
+    model: Written, symbols: Mapping[str, Mapping[str, ca.SX]], expressions: Sequence[ca.SX]
+) -> bool:
+    x, u, p = (
+        np.array([getattr(q, usual, 0.0) for q in quantities], dtype=float)
+        for quantities, usual in (
+            (model.states, "initial"),
+            (model.inputs, "nominal"),
+            (model.parameters, "value"),
+        )
+    )
+    reach = np.array([q.scale or abs(at) or 1.0 for q, at in zip(model.states, x, strict=True)])
+    own = [_vector(symbols[kind]) for kind in ("state", "input", "parameter")]
+    return leave_the_numbers(expressions, own, x, reach, u, p)
 
 
 def _symbolic(value: Expression) -> ca.SX:

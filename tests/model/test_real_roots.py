@@ -1,0 +1,82 @@
+"""Roots of levels that fall to zero."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from workbench.diagnosis.problem import Problem
+from workbench.diagnosis.refit_report import run_refit
+from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.trace import Equations
+from workbench.recordings.recording import Recording, Signal
+from workbench.simulation import simulate
+
+
+def tank(*, guarded: bool = False) -> Model:
+    """A tank with a free outflow, as everybody writes it down first."""
+
+    def equations(m: Scope) -> Equations:
+        level = ca.fmax(m.x.level, 1e-12) if guarded else m.x.level
+        outflow = m.p.orifice * ca.sqrt(2.0 * 9.81 * level)
+        return {"level": (m.p.pump * m.u.voltage - outflow) / 1.5e-3}, {"level": m.x.level}
+
+    return Model(
+        "tank",
+        equations,
+        states=(State("level", "m", initial=0.1),),
+        inputs=(Input("voltage", "V", lower=0.0, upper=10.0),),
+        outputs=(Output("level", "m"),),
+        parameters=(
+            Parameter("pump", "m3/(s V)", value=3e-6, lower=5e-7, upper=2e-5, fitted=True),
+            Parameter("orifice", "m2", value=8e-6, lower=1e-6, upper=1e-4, fitted=True),
+        ),
+    )
+
+
+def emptied(seed: int) -> Recording:
+    """Return a tank of 1e-5 m2 and 4e-6 m3/(s V), every 2 s, that runs empty between two fills."""
+    rng = np.random.default_rng(seed)
+    voltage = np.repeat(rng.uniform(1.0, 6.0, 8) * np.tile([1.0, 0.0], 4), 75)
+    x, levels = np.array([0.1]), []
+
+    def rates(_: float, x: np.ndarray, u: float) -> list[float]:
+        return [(4e-6 * u - 1e-5 * np.sqrt(2.0 * 9.81 * max(x[0], 0.0))) / 1.5e-3]
+
+    for u in voltage:
+        levels.append(x[0] + 1e-3 * rng.normal())
+        x = solve_ivp(rates, (0.0, 2.0), x, args=(u,), max_step=0.2).y[:, -1]
+    assert min(levels) < 0.0  # What is measured of an empty tank is noise about nothing.
+    signals = (
+        Signal("voltage", voltage, "V", role="command"),
+        Signal("level", np.array(levels), "m"),
+    )
+    return Recording(f"tank {seed}", 2.0 * np.arange(len(voltage)), signals)
+
+
+def test_an_empty_tank_stays_empty_until_it_is_filled() -> None:
+    model = tank()
+    assert model.rates([-1e-3], [0.0]) == pytest.approx([0.0])
+    assert model.rates([-1e-3], [3.0]) == pytest.approx([3e-6 * 3.0 / 1.5e-3])
+    voltage = np.repeat([0.0, 3.0], 150)[:, None]
+    run = simulate(model, voltage, sample_time=2.0)
+    level = run.states[:, 0]
+    assert np.isfinite(level).all() and abs(level[149]) < 1e-3 and level[-1] > 0.05
+
+
+def test_above_zero_nothing_changes() -> None:
+    x = np.array([[0.02], [0.3]])
+    for level in x:
+        assert tank().rates(level, [2.0]) == pytest.approx(tank(guarded=True).rates(level, [2.0]))
+
+
+def test_recordings_of_a_tank_that_runs_empty_are_refitted() -> None:
+    runs = [emptied(1), emptied(2)]
+    model = replace(tank(), outputs=(Output("level", "m", noise_rms=1e-3),))
+    report = run_refit(Problem("tank", "a tank", model, fit=runs[:1], hold_out=runs[1:]))
+    found = {e.name: e.value for e in report.refit.estimates}
+    assert found == pytest.approx({"pump": 4e-6, "orifice": 1e-5}, rel=0.02)

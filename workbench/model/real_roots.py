@@ -1,0 +1,87 @@
+"""Roots that stay real: an outflow ``sqrt(level)`` ends where the tank is empty.
+
+An estimate of a level that is nearly zero lies below zero half of the time. The root of a negative
+number has no value there, which ends every filter and integrator that comes near; what flows out of
+an empty tank is nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+
+from workbench.arrays import Vector
+
+_LOOKS = 32
+
+
+def leave_the_numbers(
+    expressions: Sequence[ca.SX], symbols: Sequence[ca.SX], x: Vector, reach: Vector, *rest: Vector
+) -> bool:
+    """Tell whether expressions with roots have no value at some states about the usual ones.
+
+    Args:
+        expressions: Rates and measurements, any shapes, in SI.
+        symbols: States, inputs and parameters, column vectors, in SI.
+        x: Usual states, shape (n_states,), in SI.
+        reach: How far they may go from there, shape (n_states,), in SI.
+        rest: Usual inputs and parameters, in SI.
+    """
+    others = _others(expressions, symbols)
+    f = ca.Function("looked_at", [*symbols, others], expressions)
+    roots = (ca.OP_SQRT, ca.OP_POW, ca.OP_CONSTPOW)
+    if not any(f.instruction_id(k) in roots for k in range(f.n_instructions())):
+        return False
+    away = np.random.default_rng(3).uniform(-1.0, 1.0, (_LOOKS, len(x))) * reach
+    seen = f.call([(x + away).T, *(np.asarray(r) for r in rest), np.zeros(others.numel())])
+    return not all(np.isfinite(np.asarray(part, dtype=float)).all() for part in seen)
+
+
+def with_real_roots(expressions: Sequence[ca.SX]) -> list[ca.SX]:
+    """Return expressions in which the root of what is negative is zero.
+
+    Args:
+        expressions: Rates and measurements, any shapes, in SI; so is what returns.
+
+    Returns:
+        The same, in SI.
+
+    Example:
+        >>> h = ca.SX.sym("h")
+        >>> (flow,) = with_real_roots([3.0 * ca.sqrt(h)])
+        >>> f = ca.Function("f", [h], [flow, ca.jacobian(flow, h)])
+        >>> [float(q) for q in (*f(4.0), *f(-4.0))]
+        [6.0, 0.75, 0.0, 0.0]
+    """
+    symbols = _others(expressions, ())
+    f = ca.Function("written", [symbols], expressions)
+    work: dict[int, ca.SX] = {}
+    found = [[ca.SX(0)] * e.nnz() for e in expressions]
+    for k in range(f.n_instructions()):
+        op, given, to = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
+        if op == ca.OP_OUTPUT:
+            found[to[0]][to[1]] = work[given[0]]
+        elif op == ca.OP_INPUT:
+            work[to[0]] = symbols[given[1]]
+        elif op == ca.OP_CONST:
+            work[to[0]] = ca.SX(f.instruction_constant(k))
+        else:
+            of = [work[i] for i in given]
+            value = ca.SX.unary(op, of[0]) if len(of) == 1 else ca.SX.binary(op, *of)
+            power = of[1] if len(of) > 1 else None
+            whole = power is not None and power.is_constant() and float(power) % 1.0 == 0.0
+            if op == ca.OP_SQRT or (op in (ca.OP_POW, ca.OP_CONSTPOW) and not whole):
+                value = ca.if_else(of[0] > 0.0, value, 0.0)
+            work[to[0]] = value
+    return [
+        ca.SX(e.sparsity(), ca.vertcat(*nonzeros)) if nonzeros else e
+        for e, nonzeros in zip(expressions, found, strict=True)
+    ]
+
+
+def _others(expressions: Sequence[ca.SX], symbols: Sequence[ca.SX]) -> ca.SX:
+    known = {part.element_hash() for vector in symbols for part in ca.vertsplit(vector)}
+    found = ca.symvar(ca.veccat(*expressions))
+    return ca.vcat([q for q in found if q.element_hash() not in known] or [ca.SX(0, 1)])
