@@ -78,3 +78,11 @@ def test_degrees_fahrenheit_have_a_zero_of_their_own() -> None:
 def test_units_of_other_dimensions_are_refused() -> None:
     with pytest.raises(WorkbenchError, match="bar"):
         convert(1.0, "bar", "m")
+
+
+def test_g_of_an_acceleration_is_told_its_unit() -> None:
+    with pytest.raises(WorkbenchError, match="9.80665 m/s2 being gn"):
+        Output("acceleration", "m/s2", display_unit="g")
+    with pytest.raises(WorkbenchError, match="same kind$"):
+        Output("acceleration", "m/s2", display_unit="kg")
+    assert to_si(1.0, "gn") == 9.80665

@@ -5,7 +5,8 @@ import pytest
 
 from workbench.errors import WorkbenchError
 from workbench.model.quantities import Input, Output
-from workbench.recordings import read_mapping, read_recording
+from workbench.recordings import Recording, read_mapping, read_recording
+from workbench.recordings.column_matching import driven_by
 
 
 @pytest.fixture
@@ -77,6 +78,64 @@ def test_automatic_mapping_to_a_model(trial: Path) -> None:
         "pressure_1": "synonym",
         "pressure_2": "synonym",
     }
+
+
+class _Cooler:
+    inputs = (Input("current", "A"), Input("room", "K"))
+    outputs = (Output("cold", "K"), Output("hot", "K"))
+
+
+def _file(folder: Path, *headers: str) -> Path:
+    path = folder / "trial.csv"
+    rows = "".join(",".join(str(k + 5 * i) for i in range(len(headers))) + "\n" for k in range(20))
+    path.write_text(",".join(headers) + "\n" + rows)
+    return path
+
+
+def _ways(recording: Recording) -> dict[str, str]:
+    assert recording.mapping is not None
+    return {row.signal: row.how for row in recording.mapping}
+
+
+def test_a_word_of_the_header_names_the_signal(tmp_path: Path) -> None:
+    path = _file(tmp_path, "t [s]", "I [mA]", "ambient °C", "T_cold [°C]", "T_hot [°C]")
+    recording = read_recording(path, signals=driven_by(_Cooler()))
+    part = "part of its name"
+    assert _ways(recording) == {
+        "time": "name", "current": "unit", "room": "unit", "cold": part, "hot": part
+    }  # fmt: skip
+    assert recording["hot"][0] == pytest.approx(293.15)
+    assert not recording.notes
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        ("room left [°C]", "room right [°C]"),
+        ("room setpoint [°C]", "wall [°C]"),
+        ("room no", "a [°C]", "b [°C]"),
+        ("bathroom [°C]", "wall [°C]"),
+    ],
+)
+def test_a_word_that_several_columns_or_a_setpoint_hold_names_none(
+    tmp_path: Path, headers: tuple[str, ...]
+) -> None:
+    path = _file(tmp_path, "t [s]", *headers)
+    with pytest.raises(WorkbenchError, match="no column for signal 'room'"):
+        read_recording(path, signals={"room": "K"})
+
+
+def test_an_output_without_a_column_is_told(tmp_path: Path) -> None:
+    path = _file(tmp_path, "t [s]", "I [A]", "room [°C]", "cold [°C]", "sink [°C]", "p [bar]")
+    recording = read_recording(path, signals=driven_by(_Cooler()))
+    (note,) = recording.notes
+    assert note.startswith("no column is called hot; of its unit is 'sink [°C]'")
+    assert "[signals.hot]" in note
+    everything = read_recording(
+        _file(tmp_path, "t [s]", "I [A]", "room [°C]", "cold [°C]", "hot [°C]", "sink [°C]"),
+        signals=driven_by(_Cooler()),
+    )
+    assert not everything.notes
 
 
 def test_missing_column_is_named_with_what_there_is(trial: Path) -> None:

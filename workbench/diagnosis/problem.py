@@ -118,7 +118,7 @@ def problem_of_files(
         model=model,
         fit=tuple(read[path] for path in fit),
         hold_out=tuple(read[path] for path in hold_out),
-        notes=notes,
+        notes=(*dict.fromkeys(note for r in read.values() for note in r.notes), *notes),
     )
 
 

@@ -85,9 +85,11 @@ class Channel(Quantity):
         if not self.display_unit:
             object.__setattr__(self, "display_unit", self.unit)
         if not same_dimension(self.display_unit, self.unit):
+            gravity = self.display_unit == "g" and same_dimension(self.unit, "gn")
             raise WorkbenchError(
                 f"display_unit {self.display_unit!r} of {self.name} does not measure what"
                 f" {self.unit!r} does; give a unit of the same kind"
+                f"{', 9.80665 m/s2 being gn' * gravity}"
             )
 
 

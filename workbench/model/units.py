@@ -98,6 +98,7 @@ _SYMBOLS: dict[str, tuple[float, Dimensions]] = {
     "nmi": (1852.0, _dim(m=1)),
     "kn": (1852.0 / 3600.0, _dim(m=1, s=-1)),
     "mph": (0.44704, _dim(m=1, s=-1)),
+    "gn": (9.80665, _dim(m=1, s=-2)),
     "kgf": (9.80665, _N),
     "lb": (0.45359237, _dim(kg=1)),
     "lbf": (4.4482216152605, _N),

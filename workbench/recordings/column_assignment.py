@@ -11,7 +11,13 @@ import numpy as np
 from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
 from workbench.model.units import parse_unit, same_dimension, to_si
-from workbench.recordings.column_matching import Requested, guess_role, is_time, match_requested
+from workbench.recordings.column_matching import (
+    Requested,
+    guess_role,
+    is_time,
+    match_requested,
+    without_column,
+)
 from workbench.recordings.columns import Columns, without_giants
 from workbench.recordings.headers import Header, read_header, read_unit, tidy_name
 from workbench.recordings.mapping import ColumnRule, MappingRules
@@ -246,6 +252,8 @@ def assign(
     missing = [w for w in requested if w.name not in {s.name for s in signals}]
     for name, (index, how) in match_requested(missing, headers, taken).items():
         take(index, ColumnRule(name, headers[index].column), how)
+    left = [h for i, h in enumerate(headers) if i not in taken]
+    notes = [*columns.notes, *without_column(missing, (s.name for s in signals), left)]
     order = {w.name: i for i, w in enumerate(requested)}
     signals.sort(key=lambda s: order.get(s.name, len(order)))
     for index, header in enumerate(headers):
@@ -260,7 +268,6 @@ def assign(
             unused.append((header.column, why))
             continue
         take(index, ColumnRule(header.name, header.column), "header")
-    notes = list(columns.notes)
     for index in sorted(
         taken | {i for i, h in enumerate(headers) if h.column in {r.column for r in rows}}
     ):

@@ -127,6 +127,22 @@ def _same(requested: Requested, header: Header) -> int:
     return int(_meaning(requested.name) == _meaning(header.name))
 
 
+def _words(name: str) -> set[str]:
+    return {w for w in re.split(r"[\W_]+", name.lower()) if w}
+
+
+def _partly(requested: Requested, header: Header) -> bool:
+    """Tell whether a header says a name of three letters or more among other words."""
+    words = _words(header.name)
+    return (
+        len(_plain(requested.name)) > 2
+        and _words(requested.name) <= words
+        and not words & _REFERENCES
+        and bool(header.unit)
+        and _units_agree(requested, header)
+    )
+
+
 def _units_agree(requested: Requested, header: Header) -> bool:
     return not requested.unit or not header.unit or same_dimension(requested.unit, header.unit)
 
@@ -149,7 +165,7 @@ def match_requested(
     """Find the column of every requested signal: by its name, a synonym, or as the only one left.
 
     Returns:
-        Column index and ``name``, ``synonym`` or ``unit``, by signal.
+        Column index and ``name``, ``synonym``, ``part of its name`` or ``unit``, by signal.
 
     Example:
         >>> columns = [Header("q1_deg", "q1", "deg"), Header("u_V", "u", "V")]
@@ -176,6 +192,15 @@ def match_requested(
             if len(fitting) == 1 or (fitting and quality == 2):
                 found[signal.name] = (fitting[0], how)
                 used.add(fitting[0])
+    open_ = [w for w in requested if w.name not in found and w.unit]
+    parts = {
+        w.name: [i for i, h in enumerate(headers) if i not in used and _partly(w, h)] for w in open_
+    }
+    claims = [i for columns in parts.values() for i in columns]
+    for name, columns in parts.items():
+        if len(columns) == 1 and claims.count(columns[0]) == 1:
+            found[name] = (columns[0], "part of its name")
+            used.add(columns[0])
     for signal in requested:
         if signal.name in found or not signal.unit:
             continue
@@ -196,11 +221,32 @@ def match_requested(
             used.add(left[0])
     for signal in requested:
         if signal.name not in found and not signal.optional:
-            columns = ", ".join(h.column for h in headers) or "none"
+            has = ", ".join(h.column for h in headers) or "none"
             unit = f" ({signal.unit})" if signal.unit else ""
             raise WorkbenchError(
-                f"no column for signal {signal.name!r}{unit}; the file has: {columns[:400]}; give "
+                f"no column for signal {signal.name!r}{unit}; the file has: {has[:400]}; give "
                 f"the column that name, or name it in a mapping file: [signals.{signal.name}]"
                 ' column = "..."'
             )
     return found
+
+
+def without_column(
+    requested: Sequence[Requested], found: Iterable[str], headers: Sequence[Header]
+) -> tuple[str, ...]:
+    """Say which measurements found no column, where columns of their unit are left over."""
+    have, notes = set(found), []
+    for signal in requested:
+        left = [
+            h.column
+            for h in headers
+            if signal.unit and h.unit and same_dimension(signal.unit, h.unit)
+        ]
+        if signal.optional and signal.name not in have and left:
+            notes.append(
+                f"no column is called {signal.name}; of its unit "
+                f"{'is' if len(left) == 1 else 'are'} {', '.join(map(repr, left))}: name the right"
+                f' one in a mapping file, [signals.{signal.name}] column = "...", or'
+                f" {signal.name} is not compared"
+            )
+    return tuple(notes)

@@ -25,6 +25,7 @@ _AMBIGUOUS = {
 # Words that stand below the line of a unit: "g_l" is in g/l, but "kW_h" in kW h.
 _BELOW = ("s", "s2", "min", "h", "l", "m3", "abs", "gauge")
 _DEGREES = {"C": "degC", "F": "degF"}
+_ACCELERATION = re.compile(r"(.*[^A-Za-z])?acc(?!u|ep|es)", re.IGNORECASE)
 _TEMPERATURE = re.compile(r"[Tt](?![A-Za-z])|.*temp", re.IGNORECASE)
 _MEANING = {
     "pressure": "Pa", "angle": "rad", "torque": "N m", "force": "N", "temperature": "K",
@@ -155,6 +156,7 @@ def read_header(column: str) -> Header:
         if unit is not None:
             # Nobody means coulombs by "T [C]".
             unit = _DEGREES.get(unit, unit) if _TEMPERATURE.match(name) else unit
+            unit = "gn" if unit == "g" and _ACCELERATION.match(name) else unit
             return _with_reference(column, name, unit, reference)
         if re.fullmatch(r"[\d\s]*", stated) is None:
             problem = f"unit {stated.strip()!r} is not known"
