@@ -27,8 +27,8 @@ better on moves within the range: take it where the model changes much over a mo
 pressures decide, with ``compile_function``, and inside a guard with a ``deadline``
 (`workbench.verification.guarded`), which holds the command of a step that took longer. Elsewhere
 take the scheduled MPC. Do not take it where commands come late: one sample makes it oscillate by
-several degrees on the empty arm, for its prediction knows of no latency. The fault campaign does not
-try it.
+several degrees on the empty arm, for its prediction knows of no latency. The fault campaign does
+not try it.
 
 Source: Diehl, Bock, Schloeder, A real-time iteration scheme for nonlinear optimization in optimal
 feedback control, SIAM J. Control Optim. 43, 2005; Rawlings, Mayne and Diehl, Model Predictive

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import combinations
 
 import casadi as ca
 
@@ -157,6 +158,44 @@ linear_outflow = Law(
     source="laminar leak, G. Hagen 1839; leak resistance",
     look_alikes=("orifice_outflow", "overflow", "offset"),
     separated_by="let the store run empty: the level falls along an exponential",
+)  # fmt: skip
+
+
+def _pairs(survey: Survey) -> Iterator[Fit]:
+    joined = {q.name for q in survey.places if q.name.endswith(".exchange")}
+    filled = [q for q in _stores(survey) if q.fills > 0.0 and q.level.source]
+    for a, b in combinations(filled, 2):
+        names = a.level.source, b.level.source
+        alike = a.level.unit == b.level.unit and a.unit == b.unit
+        if alike and f"{'_'.join(names)}.exchange" not in joined:
+            site = tuple(
+                replace(q, signals={**q.signals, "level": q.level, "beyond": r.level})
+                for q, r in ((a, b), (b, a))
+            )
+            yield f"_{'_'.join(names)}", (site,)
+
+
+def _crossing(at: PortView) -> Expression:
+    down = at.p.conductance * (at.signals.level - at.signals.beyond)
+    return at.value - (down if at.index == 0 else at.p.ratio * down)
+
+
+# Of two chambers or tanks the model knows no way between: a worn seal, a crack in a wall.
+cross_flow = Law(
+    "cross_flow",
+    "flow_1 = flow_1 - conductance (level_1 - level_2),"
+    " flow_2 = flow_2 + ratio conductance (level_1 - level_2)",
+    _pairs,
+    lambda at: (
+        size("conductance", per(at.unit, at.level.unit), 0.05 * at.scale / at.level.scale,
+             at.scale / at.level.scale, "flow from one store to the other over the difference"),
+        shape("ratio", "1", 1.0, "capacity of the first store over that of the second",
+              around=(1e-2, 1e2)),
+    ),
+    _crossing,
+    source="laminar leak, G. Hagen 1839",
+    look_alikes=("linear_outflow", "viscous_friction", "creep"),
+    separated_by="shut what drives them with unequal levels: their sum stays",
 )  # fmt: skip
 
 

@@ -389,10 +389,14 @@ def entry_priors(
     return tuple(priors), start
 
 
-def widened(entry: Hypothesis, fit: ProcessNoiseFit) -> Hypothesis | None:
+def widened(entry: Hypothesis, fit: ProcessNoiseFit, interval: float) -> Hypothesis | None:
     """Return an effect with wider bounds where a refit ended on them; None if it did on none.
 
-    What is bounded by nature keeps its bound: zero, all of a whole.
+    What is bounded by nature keeps its bound: zero, all of a whole. A time does not go below the
+    sampling interval, where nothing tells it from another law.
+
+    Args:
+        interval: Sampling interval of the recordings, in s.
     """
     effect = entry.effect
     values = {e.name: e for e in fit.refit.estimates}
@@ -406,6 +410,7 @@ def widened(entry: Hypothesis, fit: ProcessNoiseFit) -> Hypothesis | None:
                 q = replace(q, upper=upper)  # noqa: PLW2901
             elif not at_upper and q.lower != 0.0 and not (q.unit == "1" and q.lower == -1.0):
                 lower = q.lower * _WIDER if q.lower < 0.0 else q.lower / _WIDER
+                lower = max(lower, min(interval, q.lower)) if q.unit == "s" else lower
                 q = replace(q, lower=lower)  # noqa: PLW2901
         wider.append(q)
     if tuple(wider) == effect.parameters:
@@ -473,7 +478,7 @@ def _refitted(
         if best is not None and fit.cost > best[1].cost - enough:
             break
         best = score, fit
-        wider = widened(entry, fit) or _tuned(entry, fit, started)
+        wider = widened(entry, fit, started[0].sample_time) or _tuned(entry, fit, started)
         if wider is entry:
             break
         score = replace(score, entry=wider)
@@ -750,7 +755,7 @@ def _judged_on(
         if best is not None and fit.cost > best[1].cost - _NEARER:
             break
         best = entry, fit, started
-        wider = widened(entry, fit) or _tuned(entry, fit, started)
+        wider = widened(entry, fit, started[0].sample_time) or _tuned(entry, fit, started)
         if wider is entry and fit.refit.converged:
             break
         entry = wider
