@@ -66,8 +66,9 @@ def test_errors_are_those_of_the_verdict() -> None:
     found = diagnosed(True)
     assert found.verdict is not None
     (row,) = error_rows(found)
+    assert row.unit == found.nominal.outputs[0].display_unit == "mm"
     for label in ("nominal", "refitted", "extended"):
-        assert row.rmse[label] == pytest.approx(found.verdict.fit[label]["position"])
+        assert row.rmse[label] == pytest.approx(1e3 * found.verdict.fit[label]["position"])
     assert row.over_noise("refitted") == pytest.approx(row.rmse["refitted"] / row.noise)
     assert row.normalised("refitted") == pytest.approx(row.rmse["refitted"] / row.spread)
 

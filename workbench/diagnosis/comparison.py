@@ -12,6 +12,8 @@ from workbench.diagnosis.location.isolability import Isolability, isolability
 from workbench.diagnosis.location.locate import groups_of
 from workbench.diagnosis.location.missing_signal import MissingSignal
 from workbench.diagnosis.stages import Diagnosis
+from workbench.model.model import index_of
+from workbench.model.units import of_difference, parse_unit
 
 _NOTHING_LEFT = ("nothing_missing", "parameter")
 
@@ -110,7 +112,11 @@ def error_rows(diagnosis: Diagnosis) -> tuple[ErrorRow, ...]:
             label: _rms([run.rmse[name] for run in diagnosis.runs[label].values()])
             for label in labels
         }
-        rows.append(ErrorRow(name, first[0].units[i], spread, noise.get(name, math.nan), rmse))
+        outputs = diagnosis.nominal.outputs
+        unit = of_difference(outputs[index_of("output", name, outputs)].display_unit)
+        size = parse_unit(unit).factor
+        read = {label: rms / size for label, rms in rmse.items()}
+        rows.append(ErrorRow(name, unit, spread / size, noise.get(name, math.nan) / size, read))
     return tuple(rows)
 
 

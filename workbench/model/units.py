@@ -384,8 +384,8 @@ def written_unit(unit: str) -> str:
     """Return a unit as an engineer writes it in a text; empty for a ratio.
 
     Example:
-        >>> [written_unit(u) for u in ("Pa^-1", "m3/(s Pa)", "rad/s2", "deg", "1")]
-        ['1/Pa', 'm³/(s Pa)', 'rad/s²', '°', '']
+        >>> [written_unit(u) for u in ("Pa^-1", "m3/(s Pa)", "rad/s2", "deg", "degC", "1")]
+        ['1/Pa', 'm³/(s Pa)', 'rad/s²', '°', '°C', '']
     """
     if unit in ("1", "-"):
         return ""
@@ -393,7 +393,7 @@ def written_unit(unit: str) -> str:
     if inverse is not None:
         return f"1/{inverse[1]}"
     raised = re.sub(r"(?<=[A-Za-z])\^?(-?\d+)(?![.\d])", lambda m: m[1].translate(_RAISED), unit)
-    return re.sub(r"\bdeg\b", "°", raised)
+    return re.sub(r"\bdeg(?=[CF]?\b)", "°", raised)
 
 
 _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
@@ -460,4 +460,4 @@ def readable(unit: str) -> tuple[str, float]:
         >>> readable("Pa"), readable("N m")
         (('bar', 1e-05), ('N m', 1.0))
     """
-    return _READABLE.get(unit, (unit, 1.0))
+    return _READABLE.get(unit, (written_unit(unit) or unit, 1.0))

@@ -15,7 +15,7 @@ from workbench.model.quantities import shown_in
 from workbench.model.units import from_si, parse_unit
 from workbench.recordings import Recording
 from workbench.reports.figures.bode import bode
-from workbench.reports.figures.diagnosis_runs import diagnosis_runs
+from workbench.reports.figures.diagnosis_runs import as_read, diagnosis_runs
 from workbench.reports.figures.recording import recorded_signals
 from workbench.reports.figures.study_traces import written
 from workbench.reports.figures.tracking import TRACKING, tracking
@@ -157,4 +157,5 @@ def _of_diagnosis(found: Diagnosis, recording: str = "") -> Figure:
     refitted, extended = found.runs["refitted"], found.runs["extended"]
     name = recording or next(iter(refitted))
     check_choice("held-out recording", name, refitted)
-    return diagnosis_runs(refitted[name], extended[name] if found.improved else None)
+    after = as_read(found.nominal, extended[name]) if found.improved else None
+    return diagnosis_runs(as_read(found.nominal, refitted[name]), after)

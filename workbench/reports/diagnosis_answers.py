@@ -11,7 +11,7 @@ from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Verdict
 from workbench.model.units import readable
 from workbench.reports.diagnosis_nonparametric import accepted_term, hull_sentence, improved
-from workbench.reports.figures.diagnosis_runs import farthest_off
+from workbench.reports.figures.diagnosis_runs import as_read, farthest_off
 from workbench.reports.page import Answers
 from workbench.reports.tables import interval, number, plain
 
@@ -97,7 +97,8 @@ def _when(diagnosis: Diagnosis, verdict: Verdict) -> str:
     runs = {name: run for name, run in diagnosis.runs.get("refitted", {}).items() if run.finite}
     if not runs or verdict.kind in ("nothing_missing", "parameter"):
         return ""
-    title, run = worst_run(runs)
+    title, worst = worst_run(runs)
+    run = as_read(diagnosis.nominal, worst)
     rows = farthest_off(run)
     unit, factor = readable(run.units[0])
     seen = factor * run.measured[rows, 0]

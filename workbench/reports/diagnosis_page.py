@@ -36,7 +36,12 @@ from workbench.reports.figures.diagnosis_missing import (
     diagnosis_location,
     diagnosis_signal,
 )
-from workbench.reports.figures.diagnosis_runs import diagnosis_residuals, diagnosis_runs
+from workbench.reports.figures.diagnosis_runs import (
+    as_read,
+    diagnosis_residuals,
+    diagnosis_runs,
+    sizes_as_read,
+)
 from workbench.reports.page import Block, Commands, Method, Page, Section, Words, methods
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import plain
@@ -85,7 +90,10 @@ def _first(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> tuple[Block,
     title, before = worst_run(runs)
     after = diagnosis.runs.get("extended", {}).get(title) if improved(diagnosis) else None
     located = proof.located[0] if proof.located else None
-    drawn = diagnosis_answer(before, after, verdict.fit.get("noise_floor", {}), located)
+    model = diagnosis.nominal
+    noise = sizes_as_read(model, verdict.fit.get("noise_floor", {}))
+    told = as_read(model, after) if after else None
+    drawn = diagnosis_answer(as_read(model, before), told, noise, located)
     caption = f"{_plain_title(title)}, held out: {plain(before.used[0])}, and its error"
     caption += " (green: no larger than the sensor's noise)"
     caption += f"; the signal that is missing at {located.port}." if located else "."
@@ -107,7 +115,7 @@ def _facts(diagnosis: Diagnosis, verdict: Verdict) -> tuple[tuple[str, str], ...
 
 def _held_out(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
     extended = diagnosis.runs.get("extended", {}) if improved(diagnosis) else {}
-    noise = verdict.fit.get("noise_floor", {})
+    noise = sizes_as_read(diagnosis.nominal, verdict.fit.get("noise_floor", {}))
     anew = next((run.restarts for run in diagnosis.runs["refitted"].values() if run.restarts), "")
     how = anew or "it gets the input and the first measurements, never a later one"
     blocks: list[Block] = [
@@ -119,8 +127,9 @@ def _held_out(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
             else f"The model has not seen these recordings. It runs freely: {how}."
         )
     ]
-    for i, (title, run) in enumerate(diagnosis.runs["refitted"].items()):
-        after = extended.get(title)
+    for i, (title, refitted) in enumerate(diagnosis.runs["refitted"].items()):
+        after = as_read(diagnosis.nominal, extended[title]) if title in extended else None
+        run = as_read(diagnosis.nominal, refitted)
         name = _plain_title(title)
         blocks += [
             Picture(

@@ -6,7 +6,12 @@ import re
 
 from workbench.diagnosis.refit_report import RefitReport
 from workbench.model.units import to_si
-from workbench.reports.figures.diagnosis_runs import diagnosis_residuals, diagnosis_runs
+from workbench.reports.figures.diagnosis_runs import (
+    as_read,
+    diagnosis_residuals,
+    diagnosis_runs,
+    sizes_as_read,
+)
 from workbench.reports.figures.study_traces import written
 from workbench.reports.page import Answers, Block, Method, Page, Section, Words, again, methods
 from workbench.reports.pictures import Picture
@@ -77,15 +82,18 @@ def _answers(report: RefitReport) -> Answers:
 def pictures(report: RefitReport) -> tuple[Picture, ...]:
     """Draw free runs on each held-out recording that the refitted model runs to its end."""
     drawn, names = [], ("nominal", "refitted")
-    for before, after in zip(report.nominal, report.refitted, strict=True):
-        if not after.finite:
+    model = report.problem.model
+    for nominal, refitted in zip(report.nominal, report.refitted, strict=True):
+        if not refitted.finite:
             continue
+        before, after = as_read(model, nominal), as_read(model, refitted)
         file = re.sub(r"[^a-z0-9]+", "-", after.name.lower()).strip("-")
         noise = {
             r.output: float(to_si(r.noise, r.unit))
             for r in report.rows
             if r.recording == after.name
         }
+        noise = sizes_as_read(model, noise)
         told = "; ".join(
             f"{name}: rms error {before.rmse[name]:.3g} {unit} before, {after.rmse[name]:.3g} after"
             for name, unit in zip(after.used, after.units, strict=True)

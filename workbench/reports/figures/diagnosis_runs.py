@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +11,8 @@ import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import FreeRun
-from workbench.model.units import readable
+from workbench.model import Model
+from workbench.model.units import from_si, of_difference, readable, written_unit
 from workbench.reports.style import (
     BAND,
     FURTHER,
@@ -41,6 +43,34 @@ NAMES = ("refitted", "extended")
 _POINTS = 1200
 _DASHES = (0, (4, 2))
 _WINDOWS = 60
+
+
+def as_read(model: Model, run: FreeRun) -> FreeRun:
+    """Return a free run, in SI, with each output in the unit that the model declares for reading.
+
+    An output that declares none stays in SI.
+    """
+    units = [_display(model, name) or unit for name, unit in zip(run.used, run.units, strict=True)]
+    measured, simulated = (
+        np.column_stack([from_si(v[:, i], unit) for i, unit in enumerate(units)])
+        for v in (run.measured, run.simulated)
+    )
+    shown = tuple(written_unit(unit) or "1" for unit in units)
+    return replace(run, units=shown, measured=measured, simulated=simulated)
+
+
+def sizes_as_read(model: Model, sizes: Mapping[str, float]) -> dict[str, float]:
+    """Return differences of outputs, in SI, by name, in the units of `as_read`."""
+    return {
+        name: float(from_si(size, of_difference(_display(model, name) or "1")))
+        for name, size in sizes.items()
+    }
+
+
+def _display(model: Model, name: str) -> str:
+    """Return the unit that an output declares beside its SI unit; empty if none."""
+    shown = {q.name: q.display_unit for q in model.outputs if q.display_unit != q.unit}
+    return shown.get(name, "")
 
 
 def titled(name: str, unit: str) -> str:
