@@ -48,6 +48,9 @@ def _what(verdict: Verdict) -> str:
     named = [_named(f) for f in verdict.findings if f.effect and f.effect != "nonparametric"]
     if named:
         return "; ".join(named)
+    if verdict.kind == "unexplained" and verdict.findings:
+        # When and where follow below.
+        return f"{plain(verdict.findings[0].sentence).split('. ')[0]}."
     return plain(verdict.sentence)
 
 
@@ -89,6 +92,7 @@ def _when(diagnosis: Diagnosis, verdict: Verdict) -> str:
     """Say when what is missing acts; else when the refitted model is farthest off, and where."""
     told = [
         f"{name}{seen.when}, up to {seen.how_large} rms"
+        + (f", every {seen.period:.3g} s" if math.isfinite(seen.period) else "")
         for name, _, seen in _occurrences(verdict)
         if seen is not None
     ]

@@ -174,7 +174,7 @@ def label(axes: Axes, *, x: str | None = None, y: str | None = None, title: str 
 
         if isinstance(axes.xaxis.get_major_formatter(), ScalarFormatter):
             # Microseconds and days alike: a power of ten at the axis, lest numbers meet.
-            axes.ticklabel_format(axis="x", scilimits=(-2, 5), useMathText=True)
+            axes.ticklabel_format(axis="x", scilimits=(-3, 5), useMathText=True)
     if y is not None:
         axes.set_ylabel(_broken(y, axes), fontsize=FONT_POINTS, color=INK.light)
     if title:
