@@ -16,6 +16,7 @@ from workbench.model import Effect, Model
 from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.law import Law
 from workbench.recordings.case import Case, RefitSettings
+from workbench.recordings.checks.units import beyond_range
 from workbench.recordings.column_matching import driven_by
 from workbench.recordings.read import MappingLike, read_recording
 from workbench.recordings.recording import Recording
@@ -111,6 +112,11 @@ def problem_of_files(
         read[path] = recording.with_roles(
             dict.fromkeys([n for n in inputs if n in recording], "command")
         )
+    ranges = {q.name: (q.lower, q.upper) for q in model.inputs}
+    said = [note for recording in read.values() for note in recording.notes]
+    for recording in read.values():
+        clipped = (beyond_range(recording.signal(name), *ranges[name]) for name in ranges)
+        said += [f"{recording.name}: {note}" for note in clipped if note]
     model, notes = with_undeclared(model, list(read.values()))
     return Problem(
         name=", ".join(names[path] for path in fit),
@@ -118,7 +124,7 @@ def problem_of_files(
         model=model,
         fit=tuple(read[path] for path in fit),
         hold_out=tuple(read[path] for path in hold_out),
-        notes=(*dict.fromkeys(note for r in read.values() for note in r.notes), *notes),
+        notes=(*dict.fromkeys(said), *notes),
     )
 
 

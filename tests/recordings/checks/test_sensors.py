@@ -32,6 +32,18 @@ def test_without_a_model_nothing_is_said_about_signs() -> None:
     assert check_recording(TRIAL, signs=SIGNS).check("signs").result == "pass"
 
 
+@pytest.mark.parametrize(("most", "doubtful"), [(9.0, False), (10.02, False), (10.6, True)])
+def test_a_command_beyond_the_range_that_the_plant_declares_is_a_doubt(
+    most: float, doubtful: bool
+) -> None:
+    valve = TRIAL.signal("valve")
+    pushed = np.where(np.arange(len(valve.values)) % 200 < 20, most, valve.values)
+    recording = with_values("valve", pushed).select(["valve"])
+    finding = check_recording(recording, model=arm(), required=["valve"]).check("units")
+    assert finding.result == "pass" and finding.doubt == doubtful, finding
+    assert ("the model gets it clipped" in finding.note) == doubtful
+
+
 def with_values(name: str, values: np.ndarray, **changes: str) -> Recording:
     return TRIAL.with_signal(replace(TRIAL.signal(name), values=values, **changes))  # type: ignore[arg-type]
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from workbench.model.units import from_si, same_dimension, to_si
@@ -93,6 +95,25 @@ def _suspicion(signal: Signal, stated: str, low: float, high: float) -> str:
     return ""
 
 
+def beyond_range(signal: Signal, low: float, high: float) -> str:
+    """Say that a command leaves the range of its input, in SI; empty if it does not.
+
+    A free run clips an input to its range: what the machine got and the model does not would look
+    like missing physics. A hundredth of the travel is the converter's or the noise's.
+    """
+    margin = 0.01 * np.ptp(signal.values)
+    out = (signal.values < low - margin) | (signal.values > high + margin)
+    if signal.role != "command" or not out.any():
+        return ""
+    unit = signal.display_unit or signal.unit
+    ends = signal.displayed([signal.values.min(), signal.values.max(), low, high])
+    return (
+        f"{signal.name} runs from {ends[0]:.4g} to {ends[1]:.4g} {unit}, the plant declares"
+        f" {ends[2]:.4g} to {ends[3]:.4g}: the model gets it clipped, as an actuator would; declare"
+        " lower and upper wider if nothing clips it"
+    )
+
+
 @check(
     "units", 60, fix="say the unit in the heading or in a mapping (--mapping), such as pressure_bar"
 )
@@ -116,6 +137,8 @@ def check_units(recording: Recording, expected: Expected) -> Finding:
             suspicion = _suspicion(signal, unit, *known[:2])
             if suspicion:
                 remarks.append(suspicion)
+        bounds = expected.ranges.get(signal.name, (-math.inf, math.inf))
+        problem = problem or beyond_range(signal, *bounds)
         if problem and other_unit and signal.name in expected.required:
             problems.append(problem)
         elif problem:
