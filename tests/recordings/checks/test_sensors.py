@@ -10,8 +10,9 @@ from workbench.evaluation.foreign.plan import plan
 from workbench.plants.arm.arm import arm
 from workbench.plants.servo_axis import servo_axis
 from workbench.recordings import Recording, Signal, check_recording
-from workbench.recordings.checks.expected import Expected, response_signs
+from workbench.recordings.checks.expected import Expected, expectations, response_signs
 from workbench.recordings.checks.signs import check_signs
+from workbench.recordings.checks.units import check_units
 
 TRIAL = example_recording(seconds=6.0)
 SIGNS = {
@@ -39,7 +40,7 @@ def test_a_command_beyond_the_range_that_the_plant_declares_is_a_doubt(
     valve = TRIAL.signal("valve")
     pushed = np.where(np.arange(len(valve.values)) % 200 < 20, most, valve.values)
     recording = with_values("valve", pushed).select(["valve"])
-    finding = check_recording(recording, model=arm(), required=["valve"]).check("units")
+    finding = check_units(recording, expectations(recording, model=arm(), required=["valve"]))
     assert finding.result == "pass" and finding.doubt == doubtful, finding
     assert ("the model gets it clipped" in finding.note) == doubtful
 
