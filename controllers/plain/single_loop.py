@@ -66,7 +66,7 @@ def single_loop(plant: Any, measured: str = "", actuator: str = "") -> SingleLoo
 
     Raises:
         WorkbenchError: If there is no input, no output or no such signal, or the output answers a
-            command at once.
+            command at once or not at all.
     """
     from workbench.linearisation.state_space import linear_model
 
@@ -86,6 +86,14 @@ def single_loop(plant: Any, measured: str = "", actuator: str = "") -> SingleLoo
         raise WorkbenchError(
             f"{measured} answers {actuator} within the sample ({linear.D[0, 0]:g} at once); add the"
             " lag of the sensor or of the actuator to the model"
+        )
+    moved = [linear.B]
+    for _ in linear.A:
+        moved.append(linear.A @ moved[-1])
+    if not np.any(linear.C @ np.hstack(moved)):
+        raise WorkbenchError(
+            f"{actuator} does not move {measured} near the operating point; take another, where it"
+            " does: --from or --at, or the nominal of an input"
         )
     model = whole.operating_point.model
     output = next(q for q in model.outputs if q.name == measured)

@@ -11,6 +11,7 @@ import pytest
 from workbench.errors import WorkbenchError
 from workbench.linearisation import amplitude_validity, frequency_validity, linearise
 from workbench.linearisation.sines import FrequencyValidity
+from workbench.model import Input, Model, Output, State
 from workbench.operating_point import operating_point
 from workbench.physics.friction import coulomb_friction
 from workbench.plants.arm import arm
@@ -93,3 +94,15 @@ def test_a_band_of_one_frequency_is_no_range() -> None:
     one = np.ones(2)
     alone = FrequencyValidity("u", "y", 0.233, 0.2331, one, one, one, 0 * one)
     assert str(alone).endswith("at 0.233 Hz alone")
+
+
+def test_steps_are_written_in_the_unit_in_which_people_read_the_input() -> None:
+    heater = Model(
+        "heater",
+        lambda m: ({"warm": (m.u.power - m.x.warm) / 50.0}, {"warm": m.x.warm}),
+        states=(State("warm", "K", 1.0),),
+        inputs=(Input("power", "1", 1.0, nominal=0.5, lower=0.0, upper=1.0, display_unit="%"),),
+        outputs=(Output("warm", "K", 1.0),),
+    )
+    told = str(amplitude_validity(linearise(operating_point(heater, {"power": 0.5}))))
+    assert "to 50 % (warm moves" in told and "closest at 50 % with" in told

@@ -12,7 +12,7 @@ from workbench.errors import NumericalError, check_range
 from workbench.linearisation.comparison import BLOCK, Comparison
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.pace import horizon_of
-from workbench.model.units import from_si, of_difference
+from workbench.model.units import from_si, of_difference, with_unit
 
 _GRID = 13
 _BISECTIONS = 4
@@ -30,7 +30,7 @@ class AmplitudeValidity:
         amplitudes: Steps that were tried, in both directions, shape (n,), in SI.
         errors: Deviation of the worse direction, as a fraction, shape (n,), dimensionless.
         moves: Largest linear response to each step, shape (n,), in SI of the output.
-        input_unit: Unit of the steps as written; empty where it is not known.
+        input_unit: Unit in which the steps are written; empty where it is not known.
     """
 
     input: str
@@ -53,10 +53,14 @@ class AmplitudeValidity:
     def __str__(self) -> str:
         """Return one line: the steps that hold, or how close the best one comes."""
         i = int(np.argmin(self.errors))
-        step = f" {self.input_unit}" if self.input_unit else ""
+        unit = self.input_unit or "1"
+        tried, lower = (
+            f"{from_si(float(size), unit):.3g}" for size in (self.amplitudes[i], self.lower)
+        )
+        upper = with_unit(f"{from_si(self.upper, unit):.3g}", unit)
         moved = from_si(float(self.moves[i]), self.unit)
         closest = (
-            f"closest at {self.amplitudes[i]:.3g}{step} with {100 * self.errors[i]:.0f} %, where"
+            f"closest at {with_unit(tried, unit)} with {100 * self.errors[i]:.0f} %, where"
             f" {self.output} moves {moved:.3g} {self.unit}"
         )
         head = f"steps of {self.input} over {self.horizon:.3g} s"
@@ -64,8 +68,8 @@ class AmplitudeValidity:
             return f"{head}: none holds within {100 * self.within:.0f} %; {closest}"
         top = from_si(float(np.interp(self.upper, self.amplitudes, self.moves)), self.unit)
         return (
-            f"{head}: hold within {100 * self.within:.0f} % from {self.lower:.3g} to"
-            f" {self.upper:.3g}{step} ({self.output} moves up to {top:.3g} {self.unit}); {closest}"
+            f"{head}: hold within {100 * self.within:.0f} % from {lower} to"
+            f" {upper} ({self.output} moves up to {top:.3g} {self.unit}); {closest}"
         )
 
 
@@ -121,7 +125,8 @@ def amplitude_validity(linear: LinearModel, *, within: float = 0.1) -> Amplitude
         if last < len(steps) - 1:
             upper = end(upper, float(steps[last + 1]))
     amplitudes = np.array(sorted(tried))
-    units = {q.name: q.unit for q in linear.operating_point.model.inputs}
+    inputs = linear.operating_point.model.inputs
+    units = {q.name: of_difference(q.display_unit) for q in inputs}
     return AmplitudeValidity(
         input=linear.input_names[0],
         output=trial.quantity.name,

@@ -22,7 +22,7 @@ from workbench.errors import WorkbenchError, check_choice, check_finite, check_r
 from workbench.model import EXACT, DriftingSum, Input, Model, Quantity, State
 from workbench.model.quantities import Channel, shown_in
 from workbench.model.traits import bound_value
-from workbench.model.units import from_si, shown_unit
+from workbench.model.units import from_si, shown_unit, with_unit
 from workbench.operating_point.derivatives import derivatives_of
 from workbench.operating_point.reach import what_would_be_possible
 from workbench.operating_point.trim import (
@@ -97,6 +97,11 @@ class OperatingPoint(Shown):
             unit = shown_unit(next(q for q in model.states if q.name == name).unit)
             rows.append(("drift", name, float(from_si(rate, unit)), f"{unit}/s"))
         return (Rows("values at rest", ("kind", "name", "value", "unit"), rows),)
+
+    def in_words(self) -> str:
+        """Return inputs and measurements in one line, in the units in which they are shown."""
+        rows = self.tables()[0].rows[: len(self.u) + len(self.y)]
+        return ", ".join(f"{n} {with_unit(f'{v:.4g}', str(unit))}" for _, n, v, unit in rows)
 
     def __str__(self) -> str:
         """Return a short aligned table of inputs, measurements, states, drift and residual."""
@@ -389,7 +394,8 @@ def _asked(problem: Problem) -> str:
 def _impossible(problem: Problem, solution: Solution) -> WorkbenchError:
     model = problem.model
     return WorkbenchError(
-        f"there is no operating point of {model.name!r} ({model.description}) with"
+        f"there is no operating point of {model.name!r}"
+        f"{f' ({model.description})' if model.description else ''} with"
         f" {_asked(problem)}; {what_would_be_possible(problem, solution)}"
     )
 

@@ -252,8 +252,14 @@ def _made(recipe: ControllerRecipe, given: Mapping[str, Any]) -> Controller:
             },
         )
     else:
-        want = recipe.checked_specification(given)
-        found = design.controller(recipe.linear(), want, name=recipe.name)
+        want, linear = recipe.checked_specification(given), recipe.linear()
+        try:
+            found = design.controller(linear, want, name=recipe.name)
+        except WorkbenchError as error:
+            if design.own:
+                raise
+            rest = linear.operating_point.in_words()
+            raise type(error)(f"{error} (designed where it rests: {rest})") from error
     return cast(Controller, found)
 
 

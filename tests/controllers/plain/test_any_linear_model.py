@@ -28,6 +28,8 @@ from workbench.linearisation import LinearModel, linear_model, linearise
 from workbench.model import Input, Model, Output, Parameter, State
 from workbench.operating_point import operating_point
 from workbench.plants.servo_axis import servo_axis
+from workbench.study.designs import ControllerRecipe
+from workbench.study.plants import PlantRecipe
 from workbench.verification import guarded, metrics, step_scenario, verify
 
 
@@ -53,6 +55,27 @@ def motor() -> Model:
             Parameter("L", "V s/A", value=1e-3),
         ),
     )
+
+
+def fan(nominal: float = 0.0) -> Model:
+    """A fan whose pressure goes with its speed squared: at rest the drive moves nothing."""
+    return Model(
+        "fan",
+        lambda m: ({"speed": 300.0 * m.u.drive - m.x.speed}, {"pressure": 0.01 * m.x.speed**2}),
+        states=(State("speed", "rad/s", 150.0),),
+        inputs=(Input("drive", "1", 1.0, nominal=nominal, lower=0.0, upper=1.0),),
+        outputs=(Output("pressure", "Pa", 400.0),),
+    )
+
+
+@pytest.mark.parametrize("design", ["plain-pid", "lqi", "plain-h-infinity", "plain-mpc"])
+def test_a_command_that_moves_nothing_at_the_operating_point_is_refused(design: str) -> None:
+    recipe = ControllerRecipe(design, design, PlantRecipe(f"{__name__}:fan"), ())
+    with pytest.raises(
+        WorkbenchError, match=r"drive does not move pressure.*\(designed where.*0 Pa"
+    ):
+        recipe.build()
+    assert single_loop(linearise(operating_point(fan(0.5)))).actuator == "drive"
 
 
 PLAIN = [name for name, design in DESIGNS.members().items() if not design.sensors]
