@@ -22,8 +22,15 @@ from workbench.diagnosis.location.located_signal import missing_signals
 from workbench.diagnosis.nonparametric.fit import nonparametric_term
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.held_out import settled_run
-from workbench.diagnosis.selection.rules import NO_NAME
-from workbench.diagnosis.selection.search import Task, all_withdrawn, likely, score, search
+from workbench.diagnosis.selection.rules import LEAST_SHOWN, NO_NAME
+from workbench.diagnosis.selection.search import (
+    Task,
+    all_withdrawn,
+    likely,
+    run_freely,
+    score,
+    search,
+)
 from workbench.diagnosis.selection.selected import Scored, Selected
 from workbench.diagnosis.stage_files import StageFiles, fingerprint
 from workbench.diagnosis.stages import Diagnosis, Fitted, Located, Prepared, Validated
@@ -299,9 +306,14 @@ def where(base: ProcessNoiseFit, prepared: Prepared) -> Located:
 
 
 def _hollow(task: Task, found: Diagnosis, selected: Selected) -> bool:
-    """Whether all that was found is doubted, and nearly all that was missing is left beside it."""
+    """Whether all that was found is doubted, and nearly all that was missing is left beside it.
+
+    What takes most of the error of free runs is there all the same.
+    """
     doubted = [bool(a.candidate.doubts) for a in selected.accepted]
     if not doubted or not all(doubted) or found.before is None:
+        return False
+    if run_freely(task, selected)[1] >= LEAST_SHOWN.value:
         return False
     started = tuple(task.started(task.fitting, selected.extended.model))
     left = where(selected.extended, replace(found.prepared, fitting=started)).location

@@ -107,6 +107,7 @@ def refit_candidates(
     limits: Limits,
     jobs: int = 2,
     progress: Progress | None = None,
+    thorough: bool = True,
 ) -> tuple[Candidate, ...]:
     """Refit each hypothesis together with the free parameters.
 
@@ -115,6 +116,7 @@ def refit_candidates(
         priors: Priors of the free parameters of ``base``.
         fit_on: Fitting recordings, with a start for the model of ``base``.
         limits: What an effect must gain.
+        thorough: Whether refits on short recordings begin from more places.
 
     Returns:
         Candidates by falling gain, each accepted or refused with the reason.
@@ -125,14 +127,14 @@ def refit_candidates(
     if max(len(r.outputs) for r in fit_on) > 2 * _HEADS[0]:
         if progress and field:
             progress(f"racing {len(field)} effects on the beginning of the recordings")
-        raced = _first_refits(base, field, given, fit_on, _HEADS[0], _FAR, begun, jobs)
+        raced = _first_refits(base, field, given, fit_on, _HEADS[0], _FAR, begun, jobs, thorough)
         order = sorted(range(len(field)), key=lambda i: (i >= _BY_SCORE, -raced[i].gain))
         field = [chosen[i] for i in order[:_FIELD]]
         begun = [raced[i] for i in order[:_FIELD]]
         lost = [raced[i] for i in order[_FIELD:]]
     if progress and field:
         progress("refitting with " + ", ".join(s.entry.name for s in field))
-    first = _first_refits(base, field, given, fit_on, _HEADS[1], _NEAR, begun, jobs)
+    first = _first_refits(base, field, given, fit_on, _HEADS[1], _NEAR, begun, jobs, thorough)
     # Only the leaders are followed down the ladder: a hypothesis that cannot compete with the
     # equations as imperfect as they were does not overtake with more trust in them.
     leaders = _leaders(first, field.index(chosen[0]) if field else 0)
@@ -287,6 +289,7 @@ def _first_refits(
     enough: float,
     begun: Sequence[Candidate | None],
     jobs: int,
+    thorough: bool = True,
 ) -> list[Candidate]:
     """Refit hypotheses on the beginning of each recording, from where earlier refits ended.
 
@@ -294,7 +297,7 @@ def _first_refits(
     """
     if not field:
         return []
-    short = sum(len(r.outputs) for r in fit_on) <= _SHORT
+    short = thorough and sum(len(r.outputs) for r in fit_on) <= _SHORT
     # Minus the logarithm of the priors is in the cost of a refit too.
     known = base.cost - float(blocks_of_cost(base, fit_on).sum())
     lengths = [samples if score.late < samples else 2 * score.late for score in field]

@@ -329,7 +329,7 @@ def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
         state = _left_out(task, state, max(state.penalty, LEAST_OF_ALL.value * scored.excess))
     while state.accepted:
         task.say("running the improved model freely on the held-out recordings")
-        state, share = _run_freely(task, state)
+        state, share = run_freely(task, state)
         least = LEAST_EXPLAINED.value
         if not share < least:
             break
@@ -359,7 +359,7 @@ def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
     return replace(state, failed=failed, began="", rounds=state.rounds[:1], free=task.priors)
 
 
-def _run_freely(task: Task, state: Selected) -> tuple[Selected, float]:
+def run_freely(task: Task, state: Selected) -> tuple[Selected, float]:
     """Run the models along the held-out recordings; returns the share of the error that goes."""
     try:
         fits = {
@@ -436,9 +436,10 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
             perfect=current.noise_scale <= PERFECT and bool(number),
         )
 
-        candidates = _refits(task, current, state.free, chosen, limits)
+        first = not number
+        candidates = _refits(task, current, state.free, chosen, limits, thorough=first)
         if later and all(c.refused for c in candidates):
-            more = _refits(task, current, state.free, later, limits)
+            more = _refits(task, current, state.free, later, limits, thorough=first)
             candidates = tuple(sorted((*more, *candidates), key=lambda c: -c.gain))
         scored_names = {s.entry.name for s in scores.scores}
         candidates += tuple(
@@ -470,8 +471,15 @@ def _refits(
     free: Sequence[Prior],
     chosen: Sequence[Score],
     limits: Limits,
+    *,
+    thorough: bool = False,
 ) -> tuple[Candidate, ...]:
-    """Refit effects beside what a model has, judged on the held-out recordings."""
+    """Refit effects beside what a model has, judged on the held-out recordings.
+
+    Args:
+        thorough: Whether refits on short recordings begin from more places: where nothing was found
+            yet, whose parameters would lead the way.
+    """
     return refit_candidates(
         base,
         chosen,
@@ -481,6 +489,7 @@ def _refits(
         limits=limits,
         jobs=task.jobs,
         progress=task.say,
+        thorough=thorough,
     )
 
 
@@ -570,7 +579,7 @@ def _with_pair(task: Task, state: Selected, limits: Limits) -> Selected:
 
 def _most_is_left(task: Task, state: Selected) -> bool:
     """Whether free runs on held-out recordings keep most of their error with what was found."""
-    return not state.accepted or _run_freely(task, state)[1] <= 1.0 - LEAST_LEFT.value
+    return not state.accepted or run_freely(task, state)[1] <= 1.0 - LEAST_LEFT.value
 
 
 def _openings(candidates: Sequence[Candidate], limits: Limits) -> list[Candidate]:
