@@ -5,7 +5,12 @@ import pytest
 
 from workbench.diagnosis.estimation.free_run import FreeRun
 from workbench.model import Model, Output, State
-from workbench.reports.figures.diagnosis_runs import as_read, diagnosis_runs, sizes_as_read
+from workbench.reports.figures.diagnosis_runs import (
+    as_read,
+    diagnosis_residuals,
+    diagnosis_runs,
+    sizes_as_read,
+)
 
 MODEL = Model(
     "duct",
@@ -33,3 +38,20 @@ def test_runs_are_drawn_in_the_units_that_the_outputs_declare() -> None:
     )
     labels = [axes.get_ylabel() for axes in diagnosis_runs(shown).axes]
     assert labels == ["flow in m³/h", "air in °C", "pressure in bar", "flow in m³/h"]
+
+
+@pytest.mark.parametrize(("step", "unit"), [(1.0, "s"), (360.0, "h"), (36000.0, "d")])
+def test_long_runs_are_drawn_over_hours_or_days(step: float, unit: str) -> None:
+    time, seen = step * np.arange(100.0), np.sin(np.arange(100.0))[:, None]
+    run = FreeRun("a", ("flow",), ("m3/s",), time, seen, 0.8 * seen)
+    size = {"s": 1.0, "h": 3600.0, "d": 86400.0}[unit]
+    for drawn in (diagnosis_runs(run), diagnosis_residuals(run, {"flow": 0.1})):
+        drawn.draw_without_rendering()
+        axes = drawn.axes[0]
+        ticks = dict(zip(axes.get_xticks(), axes.get_xticklabels(), strict=True))
+        low, high = axes.get_xlim()
+        told = {at / size: text.get_text() for at, text in ticks.items() if low <= at <= high}
+        assert len(told) > 3
+        shown = {at: float(text) for at, text in told.items() if text and unit != "s"}
+        assert list(shown) == pytest.approx(list(shown.values()), rel=1e-5)
+        assert drawn.axes[-1].get_xlabel().startswith(f"time in {unit}")

@@ -166,9 +166,14 @@ def _dress(axes: Axes) -> None:
 
 
 def label(axes: Axes, *, x: str | None = None, y: str | None = None, title: str = "") -> None:
-    """Write the labels of a panel, with their units; a ratio has none."""
+    """Write the labels of a panel, with their units; a ratio has none.
+
+    What is drawn over a ``time in s`` of hours or days is labelled in those.
+    """
     x, y = (text and re.sub(r"(\s+in 1|/1)$", "", text) for text in (x, y))
     if x is not None:
+        if x.startswith("time in s"):
+            x = f"time in {time_ticks(axes)}{x.removeprefix('time in s')}"
         axes.set_xlabel(x, fontsize=FONT_POINTS, color=INK.light)
         from matplotlib.ticker import ScalarFormatter
 
@@ -179,6 +184,21 @@ def label(axes: Axes, *, x: str | None = None, y: str | None = None, title: str 
         axes.set_ylabel(_broken(y, axes), fontsize=FONT_POINTS, color=INK.light)
     if title:
         axes.set_title(title, fontsize=FONT_POINTS, color=INK.light, loc="left")
+
+
+def time_ticks(axes: Axes) -> str:
+    """Place round ticks on an axis of time, in s, in the unit that suits its end; return it."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
+
+    low, high = axes.get_xlim()
+    longest = (("d", 86400.0, 10 * 86400.0), ("h", 3600.0, 7200.0))
+    unit, size = next(((u, s) for u, s, least in longest if high >= least), ("s", 1.0))
+    if unit != "s":
+        ticks = MaxNLocator(7).tick_values(low / size, high / size)
+        inside = [size * float(tick) for tick in ticks if low <= size * tick <= high]
+        axes.xaxis.set_major_locator(FixedLocator(inside))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / size:g}"))
+    return unit
 
 
 def _broken(text: str, axes: Axes) -> str:

@@ -23,6 +23,7 @@ from workbench.reports.style import (
     label,
     named_line,
     new_figure,
+    time_ticks,
 )
 
 if TYPE_CHECKING:
@@ -93,6 +94,7 @@ def diagnosis_runs(
     figure, panels = new_figure([1.6] + [1.4] * (count - 1) + [1.7], share_x=False)
     for i, axes in enumerate(panels[:count]):
         draw_run(axes, before, after, i, np.ones(len(before.time), dtype=bool))
+        time_ticks(axes)
         if i < count - 1:
             axes.tick_params(labelbottom=False)
     label(panels[count - 1], x="time in s")
