@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +20,10 @@ from tests.diagnosis.axis_case import (
     positions,
     recording,
 )
+from workbench.diagnosis import diagnose as module
 from workbench.diagnosis.diagnose import diagnose
+from workbench.diagnosis.location.locate import Location
+from workbench.diagnosis.stages import Prepared
 from workbench.errors import WorkbenchError
 from workbench.plants.servo_axis import servo_axis
 
@@ -79,3 +84,34 @@ def test_the_verdict_carries_the_improved_model() -> None:
 def test_no_recordings_to_judge_on_are_refused() -> None:
     with pytest.raises(WorkbenchError, match="others to judge on"):
         diagnose(servo_axis(), [recording(1, hidden=False, n=100)], [])
+
+
+@pytest.mark.parametrize(
+    ("doubts", "explained", "left", "hollow"),
+    [
+        (("it explains little",), 0.1, 0.9, True),
+        # What takes most of the error of free runs is there.
+        (("it explains little",), 0.8, 0.9, False),
+        (("it explains little",), 0.1, 0.5, False),
+        ((), 0.1, 0.9, False),
+    ],
+)
+def test_doubted_findings_beside_which_all_is_still_missing_are_no_names(
+    monkeypatch: pytest.MonkeyPatch,
+    doubts: tuple[str, ...],
+    explained: float,
+    left: float,
+    hollow: bool,
+) -> None:
+    found: Any = SimpleNamespace(
+        before=Location({"axis": 100.0}, {}, 100.0), prepared=Prepared((), (), ())
+    )
+    chosen: Any = SimpleNamespace(
+        accepted=(SimpleNamespace(candidate=SimpleNamespace(doubts=doubts)),),
+        extended=SimpleNamespace(model=None),
+    )
+    task: Any = SimpleNamespace(fitting=(), started=lambda *_: ())
+    monkeypatch.setattr(module, "run_freely", lambda *_: (chosen, explained))
+    rest = Location({"axis": 100.0 * left}, {}, 100.0)
+    monkeypatch.setattr(module, "where", lambda *_: SimpleNamespace(location=rest))
+    assert module._hollow(task, found, chosen) is hollow
