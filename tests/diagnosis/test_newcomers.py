@@ -47,6 +47,15 @@ from workbench.physics.library import Hypothesis, library
 from workbench.physics.place import Survey
 
 
+def only(monkeypatch: pytest.MonkeyPatch, *laws: str) -> None:
+    """Let a search try some laws of the library, with the ranges that it sees."""
+
+    def few(*given: Any, **known: Any) -> tuple[Hypothesis, ...]:
+        return tuple(e for e in library(*given, **known) if e.law in laws)
+
+    monkeypatch.setattr(search, "library", few)
+
+
 @pytest.mark.parametrize("scale", [pytest.param(0.01, marks=pytest.mark.long), 100.0])
 def test_a_hardening_spring_is_named_whatever_the_guess_of_the_scale(scale: float) -> None:
     verdict = hardening(scale).verdict
@@ -109,12 +118,7 @@ def test_a_plant_without_states_is_diagnosed() -> None:
 def test_a_hysteresis_is_found_whose_size_nobody_declared(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def few(*given: Any, **known: Any) -> tuple[Hypothesis, ...]:
-        laws = ("bouc_wen_hysteresis", "cubic_stiffness", "coulomb_friction")
-        return tuple(e for e in library(*given, **known) if e.law in laws)
-
-    # With the ranges that the search sees: sizes are taken from them.
-    monkeypatch.setattr(search, "library", few)
+    only(monkeypatch, "bouc_wen_hysteresis", "cubic_stiffness", "coulomb_friction")
     runs = loops()
     verdict = diagnose(hysteretic(), runs[:2], runs[2:], jobs=1, advise=False).verdict
     assert verdict is not None
@@ -161,11 +165,7 @@ def test_a_plant_that_is_unstable_without_its_controller_is_refitted_and_judged(
 
 
 def test_drag_on_a_plant_that_is_unstable_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    def few(*given: Any, **known: Any) -> tuple[Hypothesis, ...]:
-        laws = ("viscous_friction", "coulomb_friction", "local_catch", "ripple")
-        return tuple(e for e in library(*given, **known) if e.law in laws)
-
-    monkeypatch.setattr(search, "library", few)
+    only(monkeypatch, "viscous_friction", "coulomb_friction", "local_catch", "ripple")
     runs = [levitation(seed, drag=0.25) for seed in (1, 2)]
     verdict = diagnose(maglev(), runs[:1], runs[1:], jobs=1, advise=False).verdict
     assert verdict is not None
@@ -241,11 +241,7 @@ def test_steps_of_the_filter_follow_where_a_recording_leads() -> None:
 def test_the_backlash_of_a_coupling_is_found_between_two_bodies(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def few(*given: Any, **known: Any) -> tuple[Hypothesis, ...]:
-        laws = ("backlash", "cubic_stiffness", "coulomb_friction", "viscous_friction")
-        return tuple(e for e in library(*given, **known) if e.law in laws)
-
-    monkeypatch.setattr(search, "library", few)
+    only(monkeypatch, "backlash", "cubic_stiffness", "coulomb_friction", "viscous_friction")
     runs = [turned(seed, play=0.01) for seed in (1, 2)]
     verdict = diagnose(drivetrain(), runs[:1], runs[1:], jobs=1, advise=False).verdict
     assert verdict is not None
@@ -276,11 +272,7 @@ def test_noise_is_told_from_what_an_input_shakes(longest: int) -> None:
 def test_iron_that_saturates_is_a_parameter_that_changes_with_the_current(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def few(*given: Any, **known: Any) -> tuple[Hypothesis, ...]:
-        laws = ("parameter_curve", "ripple", "local_catch", "sensor_offset")
-        return tuple(e for e in library(*given, **known) if e.law in laws)
-
-    monkeypatch.setattr(search, "library", few)
+    only(monkeypatch, "parameter_curve", "ripple", "local_catch", "sensor_offset")
     runs = [levitation(seed, saturated=2.5) for seed in (1, 2)]
     verdict = diagnose(maglev(), runs[:1], runs[1:], jobs=1, advise=False).verdict
     assert verdict is not None
