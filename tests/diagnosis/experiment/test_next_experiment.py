@@ -9,6 +9,7 @@ import pytest
 
 from tests.diagnosis.axis_case import diagnosed, observed
 from workbench.diagnosis.estimation.made_up import made_up, pushes
+from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Innovations, Observed
 from workbench.diagnosis.estimation.priors import Prior, default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
@@ -16,9 +17,11 @@ from workbench.diagnosis.experiment.menu import Experiment, menu, other_settings
 from workbench.diagnosis.experiment.next_experiment import next_experiment, separate
 from workbench.diagnosis.experiment.separation import Explanation, Separator, reduced, spread_after
 from workbench.errors import WorkbenchError
+from workbench.model import Input, Model, Output, State
 from workbench.physics.friction import quadratic_drag, viscous_friction
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
+from workbench.recordings.recording import Recording, Signal
 
 SAMPLE_TIME = 0.01
 
@@ -58,6 +61,22 @@ def test_the_menu_of_the_arm_stays_within_its_range() -> None:
     assert read is not None
     # The loop moves the arm through most of its range, which no open-loop input needs to do.
     assert np.ptp(np.degrees(read[:, names.index("angle")])) > 20.0
+
+
+def test_the_menu_is_written_in_the_units_in_which_people_read_inputs_and_long_times() -> None:
+    plant = Model(
+        "heater",
+        lambda m: ({"warm": (m.u.power - m.x.warm) / 7200.0}, {"warm": m.x.warm}),
+        states=(State("warm", "K", 1.0),),
+        inputs=(Input("power", "1", 1.0, nominal=0.5, lower=0.0, upper=1.0, display_unit="%"),),
+        outputs=(Output("warm", "K", 1.0, noise_rms=0.01),),
+    )
+    time = 360.0 * np.arange(400)
+    power = 0.5 + 0.2 * np.sign(np.sin(time / 9000.0))
+    signals = Signal("power", power, "1", role="command"), Signal("warm", power, "K")
+    said = [e.text for e in menu(plant, [observe(plant, Recording("a", time, signals))])]
+    assert any("of power, +-20 %, for" in text for text in said), said
+    assert all(text.endswith((" h", " d")) for text in said), said
 
 
 def test_settings_are_those_a_user_can_change() -> None:

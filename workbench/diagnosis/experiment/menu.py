@@ -18,7 +18,7 @@ from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
 from workbench.model.model import index_of
-from workbench.model.units import from_si, shown_unit, with_unit
+from workbench.model.units import from_si, in_time, of_difference, shown_unit, with_unit
 from workbench.simulation import simulate
 from workbench.simulation.stepper import Stepper
 
@@ -181,10 +181,12 @@ class _Plan:
                     inputs[:, channel] += self.sign[channel] * size * shape
                     if (inputs < self.limits[0]).any() or (inputs > self.limits[1]).any():
                         continue
-                    text = f"{words} of {q.name}, +-{size:.3g} {q.unit}, for {self.duration:.3g} s"
+                    unit = of_difference(q.display_unit)
+                    shown = with_unit(f"{from_si(size, unit):.3g}", unit)
+                    text = f"{words} of {q.name}, +-{shown}, for {in_time(self.duration)}"
                     made.append(Experiment(text, self.sample_time, inputs))
         rest = np.tile(self.rest, (self.n, 1))
-        return [*made, Experiment(f"rest for {self.duration:.3g} s", self.sample_time, rest)]
+        return [*made, Experiment(f"rest for {in_time(self.duration)}", self.sample_time, rest)]
 
     def _shapes(self) -> list[tuple[str, Vector]]:
         """Return signals between -1 and 1 over the duration."""
@@ -237,7 +239,7 @@ class _Plan:
             ends = [from_si(f(read[:, self.rows[0]]), q.display_unit) for f in (np.min, np.max)]
             text = (
                 f"in closed loop, {words} of {q.name} between {ends[0]:.3g} and {ends[1]:.3g}"
-                f" {q.display_unit}, for {self.duration:.3g} s"
+                f" {q.display_unit}, for {in_time(self.duration)}"
             )
             made.append(replace(unread, text=text, planned=(self.model, read)))
         return made

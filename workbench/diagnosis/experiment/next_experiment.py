@@ -20,6 +20,7 @@ from workbench.diagnosis.experiment.separation import (
 from workbench.diagnosis.location.isolability import isolability
 from workbench.diagnosis.selection.score import COLLINEAR
 from workbench.model import Model
+from workbench.model.units import with_unit
 from workbench.physics.library import Hypothesis
 
 if TYPE_CHECKING:
@@ -248,8 +249,8 @@ def _revealing(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> Advice:
         "experiment": best.experiment.text,
         "separation_sigma": None,
         "sentence": f"{_capital(best.experiment.text)} would show {_plain(best.entry.name)} of"
-        f" {SEEN * best.then:.2g} {unit} or more; these recordings could have shown"
-        f" {SEEN * best.now:.2g} {unit} at best.",
+        f" {with_unit(f'{SEEN * best.then:.2g}', unit)} or more; these recordings could have shown"
+        f" {with_unit(f'{SEEN * best.now:.2g}', unit)} at best.",
     }
     playable = [sight for sight in found if not sight.experiment.settings]
     plan = max(playable, key=lambda sight: sight.now / sight.then, default=None)
