@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from tests.diagnosis.axis_case import diagnosed, observed
+from workbench.diagnosis.estimation import process_noise
+from workbench.diagnosis.estimation.made_up import made_up_axis
 from workbench.diagnosis.estimation.prediction_error import PredictionError, disturbances
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import (
@@ -120,3 +124,24 @@ def test_estimates_on_a_bound_start_again_from_their_prior() -> None:
     for estimate in fit.refit.estimates:
         wanted = means[estimate.name] if estimate.on_bound else estimate.value
         assert values[estimate.name] == wanted
+
+
+@pytest.mark.parametrize(
+    ("costs", "scale"),
+    [
+        # Where the recordings do not mind, the equations are trusted more.
+        ((10.0, 10.05, 10.06, 30.0), 0.3),
+        ((10.0, 9.0, 11.0, 9.0), 1.0),
+        # A little at every step is not a little.
+        ((10.0, 10.8, 11.6, 12.4), 1.0),
+    ],
+)
+def test_the_equations_are_trusted_as_far_as_it_costs_nothing(
+    monkeypatch: pytest.MonkeyPatch, costs: tuple[float, ...], scale: float
+) -> None:
+    left = iter(costs)
+    refitted = lambda *_, **__: SimpleNamespace(cost=next(left), estimates=())  # noqa: E731
+    monkeypatch.setattr(process_noise, "refit", refitted)
+    seen = made_up_axis(1, samples=50)
+    found = fit_with_process_noise(servo_axis(), [seen], (), noise_scale=3.0)
+    assert found.noise_scale == scale

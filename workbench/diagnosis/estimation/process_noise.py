@@ -34,6 +34,9 @@ PERFECT = 0.03
 """Process-noise scale at which the equations leave nothing out; the ladder goes on, lest a law is
 believed for making that noise smaller, as a wrong gain of a sensor does."""
 
+_INDIFFERENT = 1.0
+"""Log likelihood that more trust in the equations may cost: less tells nothing."""
+
 _USUAL = 3.0
 _LOOKS, _ENDS = 2000, (0.005, 0.995)
 _UNKNOWN_START = 0.3
@@ -133,13 +136,14 @@ def fit_with_process_noise(
         enough: A step that gains less log likelihood than this ends a refit, dimensionless.
 
     Returns:
-        The refit at the best scale of the ladder at or below the first.
+        The refit at the best scale of the ladder at or below the first, or at a lower one that is
+        as good but for `_INDIFFERENT`.
 
     Raises:
         NumericalError: If the first refit could not be evaluated.
     """
     best: ProcessNoiseFit | None = None
-    values = dict(start or {})
+    values, least = dict(start or {}), np.inf
     if noise_scale is None:
         noise_scale = likely_scale(model, recordings, {p.name: p.mean for p in priors} | values)
     first = int(np.argmin(np.abs(np.log(np.array(ladder) / noise_scale))))
@@ -159,8 +163,10 @@ def fit_with_process_noise(
             if best is None:
                 raise
             break
-        if best is not None and trial.cost >= best.cost:
+        # Where the recordings do not mind, the equations are trusted more.
+        if trial.cost >= least + _INDIFFERENT:
             break
+        least = min(trial.cost, least)
         best = ProcessNoiseFit(trial, level, best and replace(best, passed=None))
         values = {e.name: e.value for e in trial.estimates}
     assert best is not None
