@@ -360,7 +360,12 @@ def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
 
 
 def run_freely(task: Task, state: Selected) -> tuple[Selected, float]:
-    """Run the models along the held-out recordings; returns the share of the error that goes."""
+    """Run the models along the held-out recordings.
+
+    Returns:
+        The search with the runs, and the share of the error that goes, dimensionless; NaN if a
+        model could not be run.
+    """
     try:
         fits = {
             label: task.closest(fit, robust=True)
