@@ -285,22 +285,12 @@ def trace(model: Written, form: Form) -> Trace:
     sources = {**scope.values, **symbols["parameter"], **known}
     own_signals = [ca.vcat([_symbolic(v) for v in local[q.name].values()]) for q in scope.ports]
     written = [perturbed_rates, perturbed_outputs, start, signals, *own_signals]
-    if _leaves_the_numbers(
-        model,
-        symbols,
-        ca.substitute(
-            [perturbed_rates, perturbed_outputs],
-            [perturbation],
-            [ca.SX.zeros(perturbation.numel())],
-        ),
-    ):
+    nothing = [perturbation], [ca.SX.zeros(perturbation.numel())]
+    still = ca.substitute(written, *nothing)
+    if _leaves_the_numbers(model, symbols, still[:2]):
         written = with_real_roots(written)
         perturbed_rates, perturbed_outputs = written[:2]
-    still = ca.substitute(
-        written,
-        [perturbation],
-        [ca.SX.zeros(perturbation.numel())],
-    )
+        still = ca.substitute(written, *nothing)
     named = _origins(sources)
     return Trace(
         x=_vector(symbols["state"]),
@@ -389,16 +379,12 @@ def _default_exchanges(
     x = {q.name: symbols["state"][q.name] for q in states}
     given = {n: _symbolic(rate) for n, rate in plain.items() if n in x}
     changed = dict(rates)
-    inputs = list(symbols["input"])
+    opened = _vector({n: _symbolic(scope.u[n]) for n in symbols["input"]})
     for found in exchanges(given, states, x, symbols["input"], own):
         between = "_".join(found.names)
         name = f"{between}.exchange"
         name = name if name not in scope.values else f"{between}_{len(scope.values)}.exchange"
-        value = ca.substitute(
-            found.value,
-            _vector(symbols["input"]),
-            ca.vcat([_symbolic(scope.u[n]) for n in inputs] or [ca.SX(0, 1)]),
-        )
+        value = ca.substitute(found.value, _vector(symbols["input"]), opened)
         first = next(q for q in states if q.name == found.names[0])
         more = _opened(scope, first, "exchange", value, sizes, name=name) - value
         for n, share in zip(found.names, found.shares, strict=True):

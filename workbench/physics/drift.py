@@ -24,7 +24,7 @@ from workbench.physics.law import (
     together,
 )
 from workbench.physics.offset_gain import sensor_error
-from workbench.physics.place import EFFORTS, Place, Survey
+from workbench.physics.place import EFFORTS, Local, Place, Survey
 
 _WIDTH = 0.03
 """Half-width of a jump whose time is still to be found, as a fraction of the recording."""
@@ -162,9 +162,13 @@ def _each_parameter_over(survey: Survey) -> Iterator[Fit]:
     alone = [(q, (at,)) for at in survey.places for q in at.parameters if "." not in q.name]
     for q, places in (*alone, *survey.spread):
         for over in survey.may_bend_over(q, places):
-            own = (replace(at, signals={**at.signals, "over": over}) for at in places)
-            sites = tuple((replace(at, parameters=(q,)),) for at in own)
-            yield f"_{q.name}_over_{over.source}", sites
+            yield (
+                f"_{q.name}_over_{over.source}",
+                tuple(
+                    (replace(at, parameters=(q,), signals={**at.signals, "over": over}),)
+                    for at in places
+                ),
+            )
 
 
 def _amount(at: Place) -> Own:
@@ -208,11 +212,16 @@ parameter_fade = replace(
 )
 
 
-def _ends(at: Place) -> tuple[float, float]:
-    over = at.signals.get("over")
-    if over is None:
-        return -1.0, 1.0
-    return over.seen or (over.start - over.scale, over.start + over.scale)
+def _range(at: Place) -> tuple[Own, Own]:
+    """Return middle and half of the range of what a parameter changes with."""
+    over = at.signals.get("over", Local("over", "1"))
+    low, high = over.seen or (over.start - over.scale, over.start + over.scale)
+    return (
+        shape("middle", over.unit, 0.5 * (low + high), "middle of the range seen",
+              around=None, source="", fitted=False),
+        shape("reach", over.unit, 0.5 * (high - low) or 1.0, "half of the range seen",
+              around=(1.0, 1.0), source="", fitted=False),
+    )  # fmt: skip
 
 
 def _bent(at: PortView) -> Expression:
@@ -231,12 +240,7 @@ parameter_curve = Law(
         _amount(at),
         shape("bend", "rad", 0.0, "from a straight line, 0, to a parabola, pi/2",
               around=None, between=(-math.pi, math.pi), scale=1.0),
-        shape("middle", at.signals["over"].unit if "over" in at.signals else "1",
-              0.5 * sum(_ends(at)), "middle of the range seen", around=None, source="",
-              fitted=False),
-        shape("reach", at.signals["over"].unit if "over" in at.signals else "1",
-              0.5 * (_ends(at)[1] - _ends(at)[0]) or 1.0, "half of the range seen",
-              around=(1.0, 1.0), source="", fitted=False),
+        *_range(at),
     ),
     _bent,
     shapes=lambda at: [{"bend": 0.0}, {"bend": 0.5 * math.pi}],

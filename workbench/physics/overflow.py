@@ -163,14 +163,13 @@ linear_outflow = Law(
 
 def _pairs(survey: Survey) -> Iterator[Fit]:
     joined = {q.name for q in survey.places if q.name.endswith(".exchange")}
-    filled = [q for q in _stores(survey) if q.fills > 0.0 and q.level.source]
+    filled = [q for q in _stores(survey) if q.fills > 0.0]
     for a, b in combinations(filled, 2):
         names = a.level.source, b.level.source
         alike = a.level.unit == b.level.unit and a.unit == b.unit
         if alike and f"{'_'.join(names)}.exchange" not in joined:
             site = tuple(
-                replace(q, signals={**q.signals, "level": q.level, "beyond": r.level})
-                for q, r in ((a, b), (b, a))
+                replace(q, signals={**q.signals, "beyond": r.level}) for q, r in ((a, b), (b, a))
             )
             yield f"_{'_'.join(names)}", (site,)
 

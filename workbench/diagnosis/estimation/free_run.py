@@ -106,7 +106,6 @@ def free_run(
     lower, upper = [q.lower for q in model.inputs], [q.upper for q in model.inputs]
     inputs = np.clip(observed.inputs, lower, upper)
     time = observed.sample_time * np.arange(len(inputs), dtype=np.float64)
-    failure = ""
     try:
         simulated = simulate(
             model,
@@ -118,8 +117,8 @@ def free_run(
             check=False,
         ).outputs[:, rows]
     except NumericalError as error:
-        simulated, failure = np.full_like(observed.outputs, np.nan), str(error)
-    return FreeRun(observed.name, observed.used, units, time, observed.outputs, simulated, failure)
+        return failed_run(model, observed, str(error))
+    return FreeRun(observed.name, observed.used, units, time, observed.outputs, simulated)
 
 
 def failed_run(model: Model, observed: Observed, failure: str) -> FreeRun:

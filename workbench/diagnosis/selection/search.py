@@ -429,8 +429,9 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
             scores = score_library(
                 current.model, begun, state.free, tried, noise_scale=current.noise_scale
             )
-        quiet = not number and scored.near_noise(task.base, AT_NOISE.value)
-        most = _MOST_AGAIN if number else _MOST_AT_FIRST
+        first = not number
+        quiet = first and scored.near_noise(task.base, AT_NOISE.value)
+        most = _MOST_AT_FIRST if first else _MOST_AGAIN
         chosen, later = _to_refit(task, scores, most, quiet=quiet)
         samples = sum(len(r.outputs) for r in task.fitting)
         penalty = selection_penalty(len(scores.scores), samples, 2)
@@ -441,7 +442,6 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
             perfect=current.noise_scale <= PERFECT and bool(number),
         )
 
-        first = not number
         candidates = _refits(task, current, state.free, chosen, limits, thorough=first)
         if later and all(c.refused for c in candidates):
             more = _refits(task, current, state.free, later, limits, thorough=first)
