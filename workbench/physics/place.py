@@ -542,19 +542,25 @@ class Survey:
         """Refitted parameters of the plant that several ports bring into the equations."""
         t, found = self.trace, []
         alone = {q.name for of_port in self._entering for q in of_port}
-        everything = ca.vertcat(t.rates, t.outputs)
-        by_port = ca.vertcat(t.rates_by_port, t.outputs_by_port)
         for k, q in enumerate(self.model.parameters):
             if not q.fitted or q.name in alone or "." in q.name:
                 continue
             slopes = [ca.jacobian(self._port_value(i), t.p[k]) for i in range(len(t.ports))]
             at = [i for i, slope in enumerate(slopes) if not slope.is_zero()]
-            through = sum((by_port[:, i] * slopes[i] for i in at), ca.SX(everything.shape[0], 1))
-            if len(at) > 1 and _same(
-                self._sampled(through), self._sampled(ca.jacobian(everything, t.p[k]))
-            ):
+            through = sum(self._by_port[:, i] * slopes[i] for i in at)
+            if len(at) > 1 and _same(self._sampled(through), self._whole_slope(k)):
                 found.append((q, tuple(self.place(t.ports[i].name) for i in at)))
         return tuple(found)
+
+    @cached_property
+    def _by_port(self) -> ca.SX:
+        """Derivatives of rates and measurements by what each port adds, in SI."""
+        return ca.vertcat(self.trace.rates_by_port, self.trace.outputs_by_port)
+
+    def _whole_slope(self, k: int) -> Vector:
+        """Sample the derivatives of rates and measurements by a parameter."""
+        t = self.trace
+        return self._sampled(ca.jacobian(ca.vertcat(t.rates, t.outputs), t.p[k]))
 
     def may_bend_over(self, q: Parameter, places: Sequence[Place]) -> tuple[Local, ...]:
         """Return the measured states over which a parameter at some ports may change.
@@ -578,15 +584,13 @@ class Survey:
     def _entering(self) -> tuple[tuple[Parameter, ...], ...]:
         """Refitted parameters that each port alone brings into the equations."""
         t, found = self.trace, [list[Parameter]() for _ in self.trace.ports]
-        everything = ca.vertcat(t.rates, t.outputs)
-        by_port = ca.vertcat(t.rates_by_port, t.outputs_by_port)
         for k, q in enumerate(self.model.parameters):
             if not q.fitted or q.name.partition(".")[0] in self._found:
                 continue
-            whole = self._sampled(ca.jacobian(everything, t.p[k]))
+            whole = self._whole_slope(k)
             for i in range(len(t.ports)):
                 slope = ca.jacobian(self._port_value(i), t.p[k])
-                if slope.is_zero() or not _same(self._sampled(by_port[:, i] * slope), whole):
+                if slope.is_zero() or not _same(self._sampled(self._by_port[:, i] * slope), whole):
                     continue
                 # A mere gain of what is driven has laws of its own.
                 part = self._sampled(slope * t.p[k])
