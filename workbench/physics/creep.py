@@ -1,15 +1,16 @@
-"""Creep: part of a signal arrives late, as long after the response of the machine or later.
+"""Creep and relaxation: forces with a memory that fades.
 
-After a step the signal is 1 - share of its final value at once and creeps to it, with two time
-constants: a standard linear solid.
+After a step a creeping signal is 1 - share of its final value at once and creeps to it, with two
+time constants: a standard linear solid. A Maxwell element is a spring in series with a damper: it
+resists what is quick as a spring does and lets go of what is slow.
 """
 
 from __future__ import annotations
 
 from workbench.model import PortView, State
 from workbench.model.regularisation import Expression
-from workbench.physics.law import Law, each, first_of, shape, size, twins
-from workbench.physics.place import EFFORTS
+from workbench.physics.law import Law, Own, each, first_of, shape, size, twins
+from workbench.physics.place import EFFORTS, Place, per
 
 
 def _late(at: PortView) -> Expression:
@@ -44,4 +45,33 @@ creep = Law(
     source="standard linear solid, C. Zener 1948; creep of rubber tubes in braided muscles",
     look_alikes=("maxwell_slip_hysteresis", "chamber_leakage", "sensor_drift"),
     separated_by="hold valve and angle for a minute after a step of pressure",
+)  # fmt: skip
+
+
+def _element(at: Place) -> tuple[Own, ...]:
+    typical = 0.1 * at.scale / at.coordinate.scale
+    return (
+        size("stiffness", per(at.unit, at.coordinate.unit), typical, 100 * typical,
+             "stiffness of the spring", resists=True),
+        shape("time_constant", "s", at.horizon, "damping of the damper over the stiffness",
+              around=(0.01, 30.0)),
+    )  # fmt: skip
+
+
+maxwell_element = Law(
+    "maxwell_element",
+    "T = -stiffness (x - z), dz/dt = (x - z) / time_constant",
+    each(*EFFORTS, needs=("coordinate",)),
+    _element,
+    lambda at: at.value - at.p.stiffness * (at.signals.coordinate - at.x.released),
+    states=lambda at: (
+        State("released", at.coordinate.unit, at.coordinate.scale,
+              f"position at which the element at {at.name} would rest"),
+    ),
+    rates=lambda e: {"released": (e.here.signals.coordinate - e.x.released) / e.p.time_constant},
+    start=lambda e: {"released": e.here.signals.coordinate},
+    shapes=lambda at: [{"time_constant": part * at.horizon} for part in (0.1, 0.5, 2.0)],
+    source="J. C. Maxwell 1867; rubber mounts and bushings",
+    look_alikes=("viscous_friction", "linear_spring", "creep", "bouc_wen_hysteresis"),
+    separated_by="quick steps that are held, and motions of the same amplitude at several speeds",
 )  # fmt: skip

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from tests.physics.effects.bench import bench, read
+from tests.physics.effects.bench import bench, read, response, run
+from workbench.physics.creep import maxwell_element
 from workbench.physics.stiffness import (
     cubic_stiffness,
     linear_spring,
@@ -104,3 +106,23 @@ def test_a_bumper_pushes_before_the_stop_and_never_pulls() -> None:
     assert read(model, penetration=-0.06) == 0.0
     assert read(model, penetration=-0.03) == pytest.approx(1.0)
     assert read(model, penetration=0.0) == pytest.approx(2.5)
+
+
+def test_a_maxwell_element_holds_a_step_at_first_and_lets_go_of_it() -> None:
+    effect = maxwell_element(("spring.force",), stiffness=3e3, time_constant=0.2)
+    times = np.linspace(0.0, 1.0, 501)
+    held = run(
+        bench(effect, "N", "coordinate"), lambda t: {"coordinate": 0.01 if t > 0 else 0.0}, times
+    )
+    np.testing.assert_allclose(held[1:], -30.0 * np.exp(-times[1:] / 0.2), atol=0.35)
+    assert held[-1] == pytest.approx(-30.0 * math.exp(-5.0), abs=0.01)
+
+
+@pytest.mark.parametrize("frequency", [0.5, 5.0, 50.0])
+def test_a_maxwell_element_is_a_damper_when_slow_and_a_spring_when_quick(frequency: float) -> None:
+    effect = maxwell_element(("spring.force",), stiffness=3e3, time_constant=0.2)
+    model = bench(effect, "N", "coordinate")
+    turned = replace(model, inputs=(model.inputs[1], model.inputs[0]))
+    s = 1j * frequency
+    exact = -3e3 * 0.2 * s / (0.2 * s + 1.0)
+    assert response(turned, frequency) == pytest.approx(exact, rel=1e-9)
