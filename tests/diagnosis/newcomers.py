@@ -526,21 +526,26 @@ def drivetrain() -> Model:
     )
 
 
-def turned(seed: int, *, play: float = 0.0, samples: int = 1000) -> Recording:
+def turned(
+    seed: int, *, play: float = 0.0, relaxing: float = 0.0, samples: int = 1000
+) -> Recording:
     """Return a drivetrain of 50 N m/rad under random torques, every 5 ms.
 
     Args:
         play: Half of the backlash of its coupling, in rad.
+        relaxing: Further stiffness of its coupling, in N m/rad, which is let go within 0.1 s.
     """
     rng = np.random.default_rng(seed)
     torque = levels(samples, seed, 2.0, 20, 100)
-    x, rows = np.zeros(4), []
+    x, rows = np.zeros(5), []
 
     def rates(_: float, x: Vector, u: float) -> list[float]:
         twist = x[0] - x[1]
         engaged = np.sign(twist) * max(abs(twist) - play, 0.0)
         shaft = 50.0 * engaged + (0.08 * (x[2] - x[3]) if engaged else 0.0)
-        return [x[2], x[3], (u - shaft - 0.03 * x[2]) / 0.012, shaft / 0.025]
+        held = twist - x[4]
+        shaft += relaxing * held
+        return [x[2], x[3], (u - shaft - 0.03 * x[2]) / 0.012, shaft / 0.025, held / 0.1]
 
     for u in torque:
         rows.append(x[:2] + 2e-4 * rng.normal(size=2))

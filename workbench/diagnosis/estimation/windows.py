@@ -130,4 +130,4 @@ def windowed_run(
 
 
 def _filter(model: Model, begun: Observed, noise_scale: float) -> PredictionError:
-    return filter_of(model, begun, max(noise_scale, MILD))
+    return filter_of(model, begun, noise_scale)

@@ -274,19 +274,44 @@ def held_out_errors(
     } | {"noise_floor": floor}
 
 
-def explained(fit: Mapping[str, Mapping[str, float]]) -> float:
+def start_floors(
+    fits: Mapping[str, ProcessNoiseFit], nominal: Model, judging: Sequence[Observed]
+) -> dict[str, dict[str, float]]:
+    """Return what runs over windows would be off by if the model were right, with noisy starts.
+
+    Returns:
+        Root mean square error by model and output, in SI; empty where runs are not cut in windows.
+    """
+    if not judging[0].drifts:
+        return {}
+    outputs = judging[0].used
+    floors = {
+        label: np.sqrt(np.mean([floor_of(fit, nominal, seen) for seen in judging], axis=0))
+        for label, fit in fits.items()
+    }
+    return {k: dict(zip(outputs, v.tolist(), strict=True)) for k, v in floors.items()}
+
+
+def explained(
+    fit: Mapping[str, Mapping[str, float]],
+    floors: Mapping[str, Mapping[str, float]] | None = None,
+) -> float:
     """Return the share of the held-out mean square error beyond the noise that is removed.
 
     Args:
         fit: Errors as `held_out_errors` returns them, in SI.
+        floors: What runs of each model are off by if it is right, by model and output, in SI; the
+            noise of the sensors if none is given.
 
     Returns:
         The share, the mean over the outputs, 0 to 1, dimensionless; NaN if a run failed.
     """
     shares = []
     for output, noise in fit["noise_floor"].items():
-        before = fit["refitted"][output] ** 2 - noise**2
-        after = fit["extended"][output] ** 2 - noise**2
+        before, after = (
+            fit[label][output] ** 2 - ((floors or {}).get(label, {}).get(output, noise)) ** 2
+            for label in ("refitted", "extended")
+        )
         if math.isfinite(before) and before > 0:
             shares.append(1.0 - max(after, 0.0) / before)
     return float(np.clip(np.mean(shares), 0.0, 1.0)) if shares else math.nan

@@ -37,6 +37,7 @@ from workbench.diagnosis.selection.held_out import (
     judged_run,
     over_floor,
     run_errors,
+    start_floors,
     told_apart,
 )
 from workbench.diagnosis.selection.refits import (
@@ -375,6 +376,7 @@ def run_freely(task: Task, state: Selected) -> tuple[Selected, float]:
             label: {r.name: judged_run(fit, task.nominal, r) for r in task.judging}
             for label, fit in fits.items()
         }
+        floors = start_floors(fits, task.nominal, task.judging)
     except (NumericalError, np.linalg.LinAlgError) as error:
         task.say(f"the improved model could not be run: {error}")
         return state, math.nan
@@ -382,7 +384,7 @@ def run_freely(task: Task, state: Selected) -> tuple[Selected, float]:
     first = task.judging[0]
     if first.diverges or not first.drifts:
         state = replace(state, runs=runs)
-    return state, explained(held_out_errors(runs, task.judging))
+    return state, explained(held_out_errors(runs, task.judging), floors)
 
 
 def likely(state: Selected) -> Selected:
