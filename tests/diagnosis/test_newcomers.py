@@ -137,7 +137,7 @@ def test_windows_cover_a_recording_of_any_length(count: int) -> None:
     fit = fit_with_process_noise(model, [seen], default_priors(model, ["mass"]))
     assert seen.drifts and not seen.diverges
     run = windowed_run(fit.model, model, seen, fit.noise_scale)
-    # The right model, trusted as it earned it, starts every window so well that noise alone is left.
+    # The right model, trusted as it earned it, starts every window so that noise alone is left.
     assert run.finite and run.simulated.shape == seen.outputs.shape
     assert run.rmse["position"] < 1.2 * seen.noise_rms[0]
 

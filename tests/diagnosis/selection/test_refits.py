@@ -246,7 +246,9 @@ def test_a_jump_at_time_zero_is_the_offset_that_it_degenerates_to() -> None:
     (jump,) = [h for h in offset_jump.hypotheses(survey) if h.ports == ("joint.torque",)]
     (constant,) = [h for h in library(arm(3)) if h.name == "constant_torque"]
 
-    def refitted(entry: Hypothesis, gain: float, **bound: bool) -> Candidate:
+    def refitted(
+        entry: Hypothesis, gain: float, *, unseen: float = 0.0, scale: float = 0.03, **bound: bool
+    ) -> Candidate:
         estimates = [
             SimpleNamespace(name=f"{entry.name}.{q.name}", on_bound=bound.get(q.name, False))
             for q in entry.effect.parameters
@@ -254,8 +256,9 @@ def test_a_jump_at_time_zero_is_the_offset_that_it_degenerates_to() -> None:
         ]
         candidate = _candidate(entry, gain, 0.1)
         assert candidate.fit is not None
-        return replace(candidate, fit=cast(Any, SimpleNamespace(
-            refit=SimpleNamespace(
+        held_out = (candidate.held_out[0] + unseen, *candidate.held_out[1:])
+        return replace(candidate, held_out=held_out, fit=cast(Any, SimpleNamespace(
+            noise_scale=scale, refit=SimpleNamespace(
                 converged=True, estimates=estimates, estimate=candidate.fit.refit.estimate
             )
         )))  # fmt: skip
@@ -266,8 +269,15 @@ def test_a_jump_at_time_zero_is_the_offset_that_it_degenerates_to() -> None:
         "constant_torque"
     ]
     # Within the recording it is a jump, and so is what gains clearly more.
-    for other in (refitted(jump, 903.0), refitted(jump, 990.0, time=True)):
+    for other in (
+        refitted(jump, 903.0),
+        refitted(jump, 990.0, time=True),
+        refitted(jump, 903.0, unseen=600.0, time=True),
+    ):
         assert _taken(decided([other, plain], WITHOUT, asked)) == [jump.name]
+    # Unseen recordings tell equals apart only if both were trusted alike.
+    further = refitted(jump, 903.0, unseen=600.0, scale=0.003, time=True)
+    assert _taken(decided([further, plain], WITHOUT, asked)) == ["constant_torque"]
 
 
 def test_a_guess_on_a_plateau_is_left_by_a_leap() -> None:

@@ -34,7 +34,7 @@ PERFECT = 0.03
 """Process-noise scale at which the equations leave nothing out; the ladder goes on, lest a law is
 believed for making that noise smaller, as a wrong gain of a sensor does."""
 
-_INDIFFERENT = 1.0
+INDIFFERENT = 1.0
 """Log likelihood that more trust in the equations may cost: less tells nothing."""
 
 _USUAL = 3.0
@@ -137,7 +137,7 @@ def fit_with_process_noise(
 
     Returns:
         The refit at the best scale of the ladder at or below the first, or at a lower one that is
-        as good but for `_INDIFFERENT`.
+        as good but for `INDIFFERENT`.
 
     Raises:
         NumericalError: If the first refit could not be evaluated.
@@ -164,7 +164,7 @@ def fit_with_process_noise(
                 raise
             break
         # Where the recordings do not mind, the equations are trusted more.
-        if trial.cost >= least + _INDIFFERENT:
+        if trial.cost >= least + INDIFFERENT:
             break
         least = min(trial.cost, least)
         best = ProcessNoiseFit(trial, level, best and replace(best, passed=None))

@@ -19,6 +19,7 @@ import numpy as np
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import (
+    INDIFFERENT,
     PERFECT,
     ProcessNoiseFit,
     blocks_of_cost,
@@ -376,7 +377,11 @@ def run_freely(task: Task, state: Selected) -> tuple[Selected, float]:
             label: {r.name: judged_run(fit, task.nominal, r) for r in task.judging}
             for label, fit in fits.items()
         }
-        floors = start_floors(fits, task.nominal, task.judging)
+        errors = held_out_errors(runs, task.judging)
+        share = explained(errors)
+        if share < LEAST_EXPLAINED.value:
+            # What seems too little may be what the starts of the runs hide.
+            share = explained(errors, start_floors(fits, task.nominal, task.judging))
     except (NumericalError, np.linalg.LinAlgError) as error:
         task.say(f"the improved model could not be run: {error}")
         return state, math.nan
@@ -384,7 +389,7 @@ def run_freely(task: Task, state: Selected) -> tuple[Selected, float]:
     first = task.judging[0]
     if first.diverges or not first.drifts:
         state = replace(state, runs=runs)
-    return state, explained(held_out_errors(runs, task.judging), floors)
+    return state, share
 
 
 def likely(state: Selected) -> Selected:
@@ -508,7 +513,9 @@ def _with_candidate(task: Task, state: Selected, found: Candidate, beside: Round
     """
     assert found.fit is not None
     free = (*state.free, *entry_priors(found.entry)[0])
-    extended = _polished(found.fit, task.started(task.fitting, found.fit.model), free)
+    # What is no more than this law with more parameters may have come further.
+    more = next((c.fit for c in beside.candidates if degenerates_to(c, found)), None)
+    extended = _polished(found.fit, task.started(task.fitting, found.fit.model), free, more)
     alike = _alike(found, beside.candidates, beside.scores)
     return replace(
         state,
@@ -658,7 +665,7 @@ def _polished(
         except Exception:  # noqa: BLE001
             # The fit that was compared stands, whatever a law does when it is refined.
             continue
-        if final.cost <= best.cost:
+        if final.cost <= best.cost + (INDIFFERENT if final.noise_scale < best.noise_scale else 0.0):
             best = replace(final, passed=fit.passed)
     return best
 
