@@ -50,6 +50,19 @@ def test_a_step_is_run_until_it_shows(oven: list[str], capsys: pytest.CaptureFix
     assert found["metrics"]["rise_time"]["value"] > 50.0
 
 
+def test_times_of_hours_are_told_in_hours(
+    oven: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["verify", *oven, "--capacity", "50kJ", "-c", "lqi", "--from", "20K", "--to", "40K"]
+    assert run([*words, "--json"]) == 0
+    told = capsys.readouterr()
+    (found,) = json.loads(told.out)["runs"]
+    hours = found["metrics"]["rise_time"]["value"] / 3600.0
+    said = " ".join(told.err.split())
+    assert f"rise_time {hours:.4g} h" in said
+    assert f"iae {found['metrics']['iae']['value'] / 3600.0:.4g} K h" in said
+
+
 def test_a_recording_may_be_short_beside_the_plant(
     oven: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

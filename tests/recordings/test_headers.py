@@ -11,6 +11,13 @@ from workbench.recordings.headers import read_header
         ("valve_V", "valve", "V", ""),
         ("time_ms", "time", "ms", ""),
         ("angle [deg]", "angle", "deg", ""),
+        # As the standard for quantities writes them; a unit alone and an index name nothing.
+        ("Time/ms", "Time", "ms", ""),
+        ("t/s", "t", "s", ""),
+        ("I/A", "I", "A", ""),
+        ("p_1/bar", "p_1", "bar", ""),
+        ("m/s", "m_s", "", ""),
+        ("uEst/yEst", "uEst_yEst", "", ""),
         ("angle (°)", "angle", "°", ""),
         ("Voltage (volt)", "Voltage", "V", ""),
         ("Mass flow rate (g/sec)", "Mass_flow_rate", "g/s", ""),

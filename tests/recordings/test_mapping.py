@@ -1,3 +1,5 @@
+import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +9,7 @@ from workbench.errors import WorkbenchError
 from workbench.model.quantities import Input, Output
 from workbench.recordings import Recording, read_mapping, read_recording
 from workbench.recordings.column_matching import driven_by
+from workbench.recordings.mapping import rules_from
 
 
 @pytest.fixture
@@ -130,12 +133,28 @@ def test_an_output_without_a_column_is_told(tmp_path: Path) -> None:
     recording = read_recording(path, signals=driven_by(_Cooler()))
     (note,) = recording.notes
     assert note.startswith("no column is called hot; of its unit is 'sink [°C]'")
-    assert "[signals.hot]" in note
+    line = next(part for part in note.split(", ") if part.startswith("signals.hot"))
+    mapped = read_recording(
+        _file(tmp_path, "t [s]", "I [A]", "room [°C]", "cold [°C]", "sink [°C]"),
+        signals=driven_by(_Cooler()),
+        mapping=rules_from(tomllib.loads(line)),
+    )
+    assert "hot" in mapped
     everything = read_recording(
         _file(tmp_path, "t [s]", "I [A]", "room [°C]", "cold [°C]", "hot [°C]", "sink [°C]"),
         signals=driven_by(_Cooler()),
     )
     assert not everything.notes
+
+
+@pytest.mark.parametrize("headers", [("q1_deg", "u_V"), ("t [s]", "q1_deg")])
+def test_what_to_write_into_a_mapping_file_is_what_such_a_file_may_hold(
+    tmp_path: Path, headers: tuple[str, ...]
+) -> None:
+    with pytest.raises(WorkbenchError) as refused:
+        read_recording(_file(tmp_path, *headers), signals={"force": "N"})
+    (line,) = re.findall(r'\S+ = "\.\.\."', str(refused.value))
+    rules_from(tomllib.loads(line.replace("...", "q1_deg")))
 
 
 def test_missing_column_is_named_with_what_there_is(trial: Path) -> None:

@@ -38,6 +38,19 @@ def test_each_of_several_findings_has_its_place_and_time() -> None:
     assert said["when"] == "creep: from 1 to 2 s of run, up to 2 N rms"
 
 
+def test_times_of_hours_and_of_milliseconds_are_told_in_these() -> None:
+    for spans, told in (
+        (
+            (Span("run", 1.8e4, 5.4e4, 0.9), Span("run", 0.0, 3600.0, 0.8)),
+            "from 0 to 1 and 5 to 15 h",
+        ),
+        ((Span("run", 2e-4, 0.021, 0.9),), "from 0.2 to 21 ms"),
+    ):
+        seen = replace(SEEN, spans=spans, period=9e4)
+        said = _said(Verdict("unexplained", "Something is left out.", AXIS, occurrence=seen))
+        assert said["when"] == f"{told} of run, up to 2 N rms, every 25 h"
+
+
 def test_what_could_not_be_located_has_a_time_and_a_signal() -> None:
     said = _said(Verdict("unexplained", "Something is left out.", AXIS, occurrence=SEEN))
     assert said["where"] == WITH

@@ -44,7 +44,7 @@ def test_the_first_screen_answers_what_a_reader_asks() -> None:
     assert said["what"].startswith("stribeck friction, break away ")
     assert re.match(r"axis.force, with speed \(\d+ % of its variance\), most at", said["where"])
     assert said["how sure"].startswith("named: gains")
-    assert re.match(r"from [\d.]+ to [\d.]+ s.* of axis-3.*up to [\d.]+ N rms", said["when"])
+    assert re.match(r"from [\d.]+ to [\d.]+.* s of axis-3.*up to [\d.]+ N rms", said["when"])
     assert "what else it could be" in said
     errors = diagnosed(True).verdict
     assert errors is not None

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.arrays import Vector
+from workbench.model.units import in_time
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ class Mode:
         if math.isnan(time):
             what = f"{frequency:9.4g} Hz  damping {damping:7.3f}"
         else:
-            what = "integrator" if math.isinf(time) else f"time constant {time:9.4g} s"
+            what = "integrator" if math.isinf(time) else f"time constant {in_time(time, 4):>11}"
         return f"mode {what:<29}  {', '.join(self.main_states)}"
 
 

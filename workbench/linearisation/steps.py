@@ -12,7 +12,7 @@ from workbench.errors import NumericalError, check_range
 from workbench.linearisation.comparison import BLOCK, Comparison
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.pace import horizon_of
-from workbench.model.units import from_si, of_difference, with_unit
+from workbench.model.units import from_si, in_time, of_difference, with_unit
 
 _GRID = 13
 _BISECTIONS = 4
@@ -63,7 +63,7 @@ class AmplitudeValidity:
             f"closest at {with_unit(tried, unit)} with {100 * self.errors[i]:.0f} %, where"
             f" {self.output} moves {moved:.3g} {self.unit}"
         )
-        head = f"steps of {self.input} over {self.horizon:.3g} s"
+        head = f"steps of {self.input} over {in_time(self.horizon)}"
         if math.isnan(self.upper):
             return f"{head}: none holds within {100 * self.within:.0f} %; {closest}"
         top = from_si(float(np.interp(self.upper, self.amplitudes, self.moves)), self.unit)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TypeVar
@@ -439,6 +440,30 @@ def in_time(seconds: float, digits: int = 3) -> str:
         return f"{seconds:g} s"
     _, unit, factor = next(row for row in (*steps, *small) if size >= row[0])
     return f"{float(f'{seconds / factor:.{digits}g}'):.10g} {unit}"
+
+
+def time_unit(longest: float) -> tuple[str, float]:
+    """Return the unit in which people read times up to the longest, in s, and its size in s.
+
+    Example:
+        >>> time_unit(0.025), time_unit(520.0), time_unit(5e4), time_unit(6e6)
+        (('ms', 0.001), ('s', 1.0), ('h', 3600.0), ('d', 86400.0))
+    """
+    units = (("d", 86400.0, 10 * 86400.0), ("h", 3600.0, 7200.0), ("s", 1.0, 0.1))
+    small = (("ms", 1e-3, 1e-4), ("µs", 1e-6, 1e-7), ("ns", 1e-9, 0.0))
+    size = abs(longest) or 1.0
+    return next((unit, s) for unit, s, least in (*units, *small) if not size < least)
+
+
+def in_times(times: Sequence[float], digits: int = 3) -> tuple[list[str], str]:
+    """Write times, in s, as numbers of the unit that suits the longest, and return that unit.
+
+    Example:
+        >>> in_times([0.0, 6090.0]), in_times([6090.0, 51800.0]), in_times([8e-4, 0.021])
+        ((['0', '6090'], 's'), (['1.69', '14.4'], 'h'), (['0.8', '21'], 'ms'))
+    """
+    unit, size = time_unit(max(map(abs, times), default=0.0))
+    return [f"{float(f'{t / size:.{digits}g}'):.10g}" for t in times], unit
 
 
 _READABLE: dict[str, tuple[str, float]] = {

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench.model.quantities import shown_in
 from workbench.model.traits import bound_value
 from workbench.model.units import from_si, shown_unit
 from workbench.operating_point.trim import Problem, Solution, limits_of, solve
@@ -39,7 +40,7 @@ def _alternatives(
     model = problem.model
     measurements = {q.name: q for q in model.outputs}
     bounded = {
-        q.name: (low, high, q.unit)
+        q.name: (low, high, shown_in(q))
         for q, low, high in zip(
             (*model.states, *model.inputs), problem.lower, problem.upper, strict=True
         )

@@ -225,8 +225,7 @@ def match_requested(
             unit = f" ({signal.unit})" if signal.unit else ""
             raise WorkbenchError(
                 f"no column for signal {signal.name!r}{unit}; the file has: {has[:400]}; give "
-                f"the column that name, or name it in a mapping file: [signals.{signal.name}]"
-                ' column = "..."'
+                f'the column that name, or name it in a mapping file: signals.{signal.name} = "..."'
             )
     return found
 
@@ -246,7 +245,7 @@ def without_column(
             notes.append(
                 f"no column is called {signal.name}; of its unit "
                 f"{'is' if len(left) == 1 else 'are'} {', '.join(map(repr, left))}: name the right"
-                f' one in a mapping file, [signals.{signal.name}] column = "...", or'
+                f' one in a mapping file, signals.{signal.name} = "{left[0]}", or'
                 f" {signal.name} is not compared"
             )
     return tuple(notes)

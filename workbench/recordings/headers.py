@@ -18,6 +18,7 @@ _NESTED = re.compile(
     r"^(?P<name>[^(\[]*\S)[\s_]*[(\[](?P<unit>[^()\[\]]*\([\w\s/*·^-]+\)[^()\[\]]*)[)\]]\s*$"
 )
 _SLASH = re.compile(r"^(?P<name>.*\S)\s+/\s*(?P<unit>\S.*)$")
+_TIGHT_SLASH = re.compile(r"^(?P<name>[^/]*\w)/(?P<unit>[^/\s]+)$")
 # Symbols that are as often the name of a chamber, an axis or a constant as a unit.
 _AMBIGUOUS = {
     "A", "F", "H", "K", "J", "W", "N", "L", "h", "t", "g", "l", "m", "s", "count", "turn",
@@ -138,6 +139,18 @@ def _suffix(column: str) -> tuple[str, str, str] | None:
     return None
 
 
+def _quotient(column: str) -> tuple[str, str, str] | None:
+    """Split ``Time/ms``; what is a unit as a whole, such as ``m/s``, names nothing."""
+    match = _TIGHT_SLASH.match(column)
+    if match is None or (_known(column) is not None and match["name"] != "t"):
+        return None
+    unit, reference = read_unit(match["unit"])
+    symbol = len(match["name"]) == 1
+    if unit is None or not (symbol or _fits(match["name"], unit)):
+        return None
+    return match["name"], unit, reference
+
+
 def read_header(column: str) -> Header:
     """Take a column header apart: name, unit and, for pressures, the reference.
 
@@ -161,7 +174,7 @@ def read_header(column: str) -> Header:
         if re.fullmatch(r"[\d\s]*", stated) is None:
             problem = f"unit {stated.strip()!r} is not known"
             return Header(column, tidy_name(name), problem=problem, stated=stated.strip())
-    found = _suffix(text)
+    found = _quotient(text) or _suffix(text)
     if found is not None:
         return _with_reference(column, *found)
     return _with_reference(column, text, "", "")

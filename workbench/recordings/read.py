@@ -219,7 +219,7 @@ def read_recording(
     if assigned.time is None:
         raise WorkbenchError(
             f"{file.name} has no time column (its columns: {', '.join(found.headers)[:300]}); name "
-            'one in a mapping file, [time] column = "...", or give sample_time_s'
+            'one in a mapping file, time = "...", or give sample_time_s there'
         )
     if not assigned.signals:
         raise WorkbenchError(f"{file.name} holds a time but no signals")

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from workbench.arrays import Vector
 from workbench.display import Drawn, Rows
 from workbench.errors import WorkbenchError, check_choice
-from workbench.model.units import from_si, same_dimension
+from workbench.model.units import from_si, in_time, same_dimension
 from workbench.recordings.aligned_table import aligned_table
 from workbench.recordings.quantity_kinds import kind_of
 
@@ -334,8 +334,8 @@ class Recording(Drawn):
         return {"time": self.time, **{s.name: s.values for s in self.signals}}
 
     def __str__(self) -> str:
-        rate = 1 / self.sample_time if self.sample_time else float("nan")
-        head = f"{self.name}: {len(self)} samples, {self.duration:.6g} s, {rate:.6g} Hz"
+        pace = f"{in_time(self.duration, 6)}, one every {in_time(self.sample_time, 6)}"
+        head = f"{self.name}: {len(self)} samples, {pace}"
         (table,) = self.tables()
         notes = [f"note: {note}" for note in self.notes]
         return "\n".join([head, aligned_table(table.headings, table.rows), *notes])

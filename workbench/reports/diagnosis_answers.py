@@ -9,7 +9,7 @@ from workbench.diagnosis.estimation.free_run import FreeRun
 from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Verdict
-from workbench.model.units import readable
+from workbench.model.units import in_time, in_times, readable
 from workbench.reports.diagnosis_nonparametric import accepted_term, hull_sentence, improved
 from workbench.reports.figures.diagnosis_runs import as_read, farthest_off
 from workbench.reports.page import Answers
@@ -92,7 +92,7 @@ def _when(diagnosis: Diagnosis, verdict: Verdict) -> str:
     """Say when what is missing acts; else when the refitted model is farthest off, and where."""
     told = [
         f"{name}{seen.when}, up to {seen.how_large} rms"
-        + (f", every {seen.period:.3g} s" if math.isfinite(seen.period) else "")
+        + (f", every {in_time(seen.period)}" if math.isfinite(seen.period) else "")
         for name, _, seen in _occurrences(verdict)
         if seen is not None
     ]
@@ -107,11 +107,11 @@ def _when(diagnosis: Diagnosis, verdict: Verdict) -> str:
     unit, factor = readable(run.units[0])
     seen = factor * run.measured[rows, 0]
     seen = seen[seen == seen]
-    time = run.time[rows]
+    (first, last), unit_of_time = in_times([float(t) for t in run.time[rows][[0, -1]]])
     at = interval(float(seen.min()), float(seen.max()), 2, unit=unit) if seen.size else ""
     return (
         (
-            f"most from {number(float(time[0]), 3)} to {number(float(time[-1]), 3)} s of"
+            f"most from {first} to {last} {unit_of_time} of"
             f" {plain(title.split('/')[-1])}" + (f", at {plain(run.used[0])} {at}" if at else "")
         )
         .removesuffix(" 1")

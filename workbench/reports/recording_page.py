@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from workbench.model.units import in_time
 from workbench.recordings.checks.report import CheckReport
 from workbench.recordings.recording import Recording
 from workbench.reports.figures.recording import recorded_signals
@@ -21,7 +22,7 @@ def recording_page(report: CheckReport, *, command: str) -> Page:
     blocks += [Words(f"{note[0].upper()}{note[1:]}.", "note") for note in seen.notes if note]
     return Page(
         f"Recording {seen.name}",
-        f"{len(seen)} samples over {seen.duration:.4g} s.",
+        f"{len(seen)} samples over {in_time(seen.duration, 4)}.",
         (
             Section("signals", "Signals", tuple(blocks)),
             Section("checks", "Checks", (_checks(report),)),

@@ -190,9 +190,10 @@ def time_ticks(axes: Axes) -> str:
     """Place round ticks on an axis of time, in s, in the unit that suits its end; return it."""
     from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 
+    from workbench.model.units import time_unit
+
     low, high = axes.get_xlim()
-    longest = (("d", 86400.0, 10 * 86400.0), ("h", 3600.0, 7200.0))
-    unit, size = next(((u, s) for u, s, least in longest if high >= least), ("s", 1.0))
+    unit, size = time_unit(high)
     if unit != "s":
         ticks = MaxNLocator(7).tick_values(low / size, high / size)
         inside = [size * float(tick) for tick in ticks if low <= size * tick <= high]

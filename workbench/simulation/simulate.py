@@ -12,6 +12,7 @@ from workbench.arrays import Vector
 from workbench.errors import NumericalError, WorkbenchError, check_choice, check_finite
 from workbench.model import EXACT, Form, Model
 from workbench.model.model import check_vector
+from workbench.model.units import in_time
 from workbench.simulation.integrators import METHODS, Method
 from workbench.simulation.stepper import Stepper
 from workbench.simulation.trajectory import Trajectory, find_violations, read_outputs
@@ -139,7 +140,7 @@ def _run(
     stepper = Stepper(model, sample_time, tolerance, method, form, values)
     after = stepper.run_as_far(x0, held[:-1])
     if len(after) < len(held) - 1:
-        raise NumericalError(f"after {len(after) * sample_time:g} s, {stepper.failure()}")
+        raise NumericalError(f"after {in_time(len(after) * sample_time, 4)}, {stepper.failure()}")
     return np.vstack([x0, after]), stepper
 
 

@@ -13,7 +13,7 @@ from workbench.display import Drawn, Rows
 from workbench.errors import check_choice
 from workbench.model import EXACT, Form, Model, Quantity, Trace
 from workbench.model.quantities import shown_in
-from workbench.model.units import from_si, shown_unit
+from workbench.model.units import from_si, in_times, shown_unit
 from workbench.simulation.equations import Equations
 from workbench.simulation.runge_kutta import at_every_row
 
@@ -118,8 +118,9 @@ class Trajectory(Drawn):
 
     def __str__(self) -> str:
         """Return a short aligned table: each state's range, and how far to trust the run."""
+        (begin, end), unit_of_time = in_times([float(self.time[0]), float(self.time[-1])], 6)
         lines = [
-            f"{self.model.name}: {len(self.time)} samples, {self.time[0]:g} to {self.time[-1]:g} s",
+            f"{self.model.name}: {len(self.time)} samples, {begin} to {end} {unit_of_time}",
             f"  {self.integrator}, tolerance {self.tolerance:g}, difference to a ten times tighter"
             f" run {self.error:.1g} of the states' scales",
         ]

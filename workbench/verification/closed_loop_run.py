@@ -13,6 +13,7 @@ from workbench.arrays import Vector
 from workbench.display import Drawn, Rows
 from workbench.errors import WorkbenchError, check_choice
 from workbench.model import Input, Model, Output, Quantity
+from workbench.model.units import in_time
 from workbench.simulation.trajectory import what_moved
 from workbench.verification.scenario import Scenario
 
@@ -130,7 +131,7 @@ class Run(Drawn):
         """Return a short aligned table of what moved."""
         lines = [
             f"{self.controller} on {self.plant}: {self.scenario.name}, {len(self.time)} samples of"
-            f" {self.scenario.sample_time:g} s, seed {self.seed}, {self.integrator}"
+            f" {in_time(self.scenario.sample_time, 6)}, seed {self.seed}, {self.integrator}"
         ]
         rows = zip(self._quantities, [*self.outputs.T, *self.inputs.T], strict=True)
         lines += [f"  {q.name:<20} {c.min():>12.5g} to {c.max():<12.5g} {q.unit}" for q, c in rows]

@@ -21,7 +21,7 @@ from workbench.arrays import Vector
 from workbench.display import Rows, Shown
 from workbench.errors import check_choice
 from workbench.model import Model, Output
-from workbench.model.units import convert, of_difference
+from workbench.model.units import convert, of_difference, time_unit
 from workbench.registry import Registry
 from workbench.verification import responses
 from workbench.verification.closed_loop_run import NoSignalError, Run
@@ -212,12 +212,14 @@ def metrics(run: Run, own: Iterable[Metric] = ()) -> Metrics:
     signals = _signals(run.output_quantities, run.model)
     outputs = {q.name: (q.unit, q.display_unit) for q in run.output_quantities}
     commands = {q.name: (q.unit, q.display_unit) for q in run.input_quantities}
+    pace = time_unit(float(run.time[-1] - run.time[0]))[0]
+    paced = {"s": pace, "{unit} s": f"{{unit}} {pace}"}
     for metric in known_metrics(own):
         if not has.get(metric.needs, True) or not metric.fits(signals):
             continue
         for label, name in _labels(metric, run.controlled, tuple(commands)):
             unit, shown = (outputs if metric.of == "output" else commands).get(name, ("1", ""))
-            follows = metric.unit if "{unit}" in metric.unit else ""
+            follows = paced.get(metric.unit, metric.unit if "{unit}" in metric.unit else "")
             shown = shown if metric.level else of_difference(shown)
             try:
                 value = metric.measure(run, name) if name else metric.measure(run)

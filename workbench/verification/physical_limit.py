@@ -47,7 +47,7 @@ from workbench.errors import (
 from workbench.files import write_whole
 from workbench.model import Model
 from workbench.model.traits import bound_value
-from workbench.model.units import from_si
+from workbench.model.units import from_si, in_time
 from workbench.operating_point import OperatingPoint, operating_point
 from workbench.simulation.stepper import Stepper
 from workbench.verification.responses import BAND
@@ -107,7 +107,7 @@ class PhysicalLimit:
             return float(from_si(value, unit))
 
         rows = [
-            ("inside for good", f"{self.seconds:.4g} s"),
+            ("inside for good", in_time(self.seconds, 4)),
             ("band", f"+-{shown(self.band):.3g} {unit}"),
             ("solver", f"{self.status}, {self.iterations} iterations"),
             ("exact plant, off the path by", f"{shown(self.position_error):.2g} {unit}"),

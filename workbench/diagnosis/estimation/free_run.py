@@ -14,6 +14,7 @@ from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
 from workbench.model.model import check_vector, index_of
+from workbench.model.units import in_time
 from workbench.simulation import simulate
 
 _TOLERANCE = 1e-6
@@ -46,7 +47,7 @@ class FreeRun:
             return ""
         return (
             "the model runs away from wherever it starts, as what it describes does without its"
-            f" controller: it is started anew every {self.window:.2g} s, from what the"
+            f" controller: it is started anew every {in_time(self.window, 2)}, from what the"
             " filter knows of its states there"
         )
 

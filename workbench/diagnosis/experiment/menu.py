@@ -194,12 +194,12 @@ class _Plan:
         pulses = _pulses(self.n, self.n // 36, np.random.default_rng(0))
         shapes = [
             ("random pulses", pulses),
-            (f"a pulse train of {5 * base:.3g} Hz", np.where((5 * t) % 1 < 0.5, 1.0, -1.0)),
-            (f"a slow triangle of {base:.3g} Hz", _triangle(t)),
-            (f"a triangle of {4 * base:.3g} Hz", _triangle(4 * t)),
+            (f"a pulse train of {_pace(5 * base)}", np.where((5 * t) % 1 < 0.5, 1.0, -1.0)),
+            (f"a slow triangle of {_pace(base)}", _triangle(t)),
+            (f"a triangle of {_pace(4 * base)}", _triangle(4 * t)),
         ]
         return shapes + [
-            (f"a sine of {cycles * base:.3g} Hz", np.sin(2 * np.pi * cycles * t))
+            (f"a sine of {_pace(cycles * base)}", np.sin(2 * np.pi * cycles * t))
             for cycles in (4, 20, 80)
         ]
 
@@ -219,10 +219,10 @@ class _Plan:
         stairs = np.array([0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5])
         shapes = [
             ("holds at several values", stairs[np.minimum((8 * t).astype(int), 7)]),
-            (f"a slow triangle of {base:.3g} Hz", _triangle(t)),
-            (f"a triangle of {4 * base:.3g} Hz", _triangle(4 * t)),
-            (f"a sine of {4 * base:.3g} Hz", np.sin(2 * np.pi * 4 * t)),
-            (f"a small sine of {8 * base:.3g} Hz", 0.2 * np.sin(2 * np.pi * 8 * t)),
+            (f"a slow triangle of {_pace(base)}", _triangle(t)),
+            (f"a triangle of {_pace(4 * base)}", _triangle(4 * t)),
+            (f"a sine of {_pace(4 * base)}", np.sin(2 * np.pi * 4 * t)),
+            (f"a small sine of {_pace(8 * base)}", 0.2 * np.sin(2 * np.pi * 8 * t)),
             ("random steps", _pulses(self.n, self.n // 12, rng)),
         ]
         made = []
@@ -298,6 +298,11 @@ class _Loop:
         settled = slice(4 * self.window, None)
         error = np.sqrt(np.mean((output - reference)[settled] ** 2))
         return inputs if error < 0.5 * float(plan.high[0] - plan.low[0]) else None
+
+
+def _pace(frequency: float) -> str:
+    """Write a frequency, in Hz, as people say it: slow ones by their period."""
+    return f"{frequency:.3g} Hz" if frequency >= 0.1 else f"period {in_time(1.0 / frequency)}"
 
 
 def _triangle(turns: Vector) -> Vector:

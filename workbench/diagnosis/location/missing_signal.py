@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.model.units import readable, written_unit
+from workbench.model.units import in_time, in_times, readable, written_unit
 
 BINS = 24
 """Classes into which an argument is divided to see what depends on it."""
@@ -104,11 +104,7 @@ class Occurrence:
         by_recording: dict[str, list[Span]] = {}
         for span in shown:
             by_recording.setdefault(span.recording, []).append(span)
-        ends = [
-            _listed([f"{s.begin:.3g} to {s.end:.3g} s" for s in sorted(spans, key=_begin)])
-            + f" of {name}"
-            for name, spans in by_recording.items()
-        ]
+        ends = [f"{_times(spans)} of {name}" for name, spans in by_recording.items()]
         rest = len(self.spans) - len(shown)
         others = [f"at {rest} other time{'s' if rest > 1 else ''}"] if rest else []
         return f"from {_listed([*ends, *others])}"
@@ -135,7 +131,7 @@ class Occurrence:
 
     def __str__(self) -> str:
         """Return it as a sentence."""
-        again = f" It repeats every {self.period:.3g} s." if math.isfinite(self.period) else ""
+        again = f" It repeats every {in_time(self.period)}." if math.isfinite(self.period) else ""
         return (
             f"It acts {self.when}, {self.where}: {self.how_large} root mean square at {self.port}."
             f"{again}"
@@ -410,9 +406,13 @@ def correlation_ratio(signal: Vector, argument: Vector) -> float:
     return min(between / variance, 1.0)
 
 
+def _times(spans: Sequence[Span]) -> str:
+    """Return when spans begin and end, in words, in one unit."""
+    ordered = sorted(spans, key=lambda span: span.begin)
+    ends, unit = in_times([t for span in ordered for t in (span.begin, span.end)])
+    pairs = zip(ends[::2], ends[1::2], strict=True)
+    return f"{_listed([f'{begin} to {end}' for begin, end in pairs])} {unit}"
+
+
 def _listed(parts: Sequence[str]) -> str:
     return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
-
-
-def _begin(span: Span) -> float:
-    return span.begin

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
+from workbench.model.units import in_time
 from workbench.recordings.checks.check import MAX_EXCLUDED, Finding, Hypothesis, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.gaps import runs
@@ -83,7 +84,7 @@ def check_clipping(recording: Recording, expected: Expected) -> Finding:
         limits[signal.name] = limit
         text = (
             f"{signal.name} stands at its limit of {signal.displayed(limit):.5g} "
-            f"{signal.display_unit} for {bad.sum() * recording.sample_time:.3g} s "
+            f"{signal.display_unit} for {in_time(bad.sum() * recording.sample_time)} "
             f"({100 * share:.3g} %)"
         ).replace("  ", " ")
         hypotheses.append(Hypothesis(signal.name, "saturation", text))

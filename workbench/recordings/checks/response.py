@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
+from workbench.model.units import in_time
 from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.innovations import MAX_SAMPLES, MEMORY, innovations, surprises
@@ -128,11 +129,12 @@ def check_response(recording: Recording, expected: Expected) -> Finding:
             late = next((a for a in sure if a.late), None)
             if early is not None:
                 problems.append(
-                    f"{name} moves {-early.lag:.3g} s before {command} does ({early.strength:.0f}"
-                    " sigma): the columns are out of step, or the rows out of order"
+                    f"{name} moves {in_time(-early.lag)} before {command} does"
+                    f" ({early.strength:.0f} sigma): the columns are out of step, or the rows"
+                    " out of order"
                 )
             elif late is not None:
-                text = f"{name} answers to {command} only after {late.lag:.3g} s"
+                text = f"{name} answers to {command} only after {in_time(late.lag)}"
                 if (command, name) in expected.signs:
                     problems.append(
                         f"{text}, which the model does not: the columns are out of step"

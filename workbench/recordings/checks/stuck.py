@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
+from workbench.model.units import in_time
 from workbench.recordings.checks.check import MAX_EXCLUDED, Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.gaps import filled, runs
@@ -107,8 +108,8 @@ def check_stuck(recording: Recording, expected: Expected) -> Finding:
         longest = max(where, key=lambda ab: ab[1] - ab[0])
         seconds = (longest[1] - longest[0] + 1) * recording.sample_time
         text = (
-            f"{name} freezes {len(where)} time(s), the longest for {seconds:.3g} s at "
-            f"{recording.time[longest[0]]:.6g} s"
+            f"{name} freezes {len(where)} time(s), the longest for {in_time(seconds)} at "
+            f"{in_time(recording.time[longest[0]], 6)}"
         )
         share = float(np.mean(sure))
         if not share:

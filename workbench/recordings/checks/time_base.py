@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
+from workbench.model.units import in_time
 from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.recording import Recording
@@ -122,13 +123,13 @@ slow process may be recorded for less than its time constant."""
 def _speed_problem(recording: Recording, expected: Expected) -> tuple[str, bool]:
     """Return what does not fit a machine of known speed, and whether it is a wrong unit."""
     step, length, speed = recording.sample_time, recording.duration, expected.speed
-    said = f"{length:.4g} s in steps of {step:.4g} s"
+    said = f"{in_time(length, 4)} in steps of {in_time(step, 4)}"
     advice = "give the unit of the time (ms, us, ns) in its header or in a mapping file"
     if step * speed > np.pi:
-        moves = f"{said}: the model moves within {1 / speed:.3g} s, which such steps do not show"
+        moves = f"{said}: the model moves within {in_time(1 / speed)}, which such steps do not show"
         return f"{moves}; {advice}", step * speed > _SLOW * np.pi
     if length * speed < _SHORT:
-        hardly = f"{said}: the model hardly moves before {_SHORT / speed:.3g} s; {advice}"
+        hardly = f"{said}: the model hardly moves before {in_time(_SHORT / speed)}; {advice}"
         return hardly, length * speed < _STILL
     return "", False
 
@@ -161,9 +162,9 @@ def check_time_base(recording: Recording, expected: Expected) -> Finding:
     if unknown and not _SHORTEST_STEP <= recording.sample_time <= _LONGEST_STEP:
         return Finding(
             "unfit",
-            f"{recording.duration:.4g} s in steps of {recording.sample_time:.4g} s; steps are"
-            f" {_SHORTEST_STEP:g} to {_LONGEST_STEP:g} s: give the unit of the time (ms, us, ns) in"
-            " its header or in a mapping file",
+            f"{in_time(recording.duration, 4)} in steps of {in_time(recording.sample_time, 4)};"
+            f" steps are {_SHORTEST_STEP:g} to {_LONGEST_STEP:g} s: give the unit of the time"
+            " (ms, us, ns) in its header or in a mapping file",
             values,
         )
     problem, wrong_unit = _speed_problem(recording, expected)
@@ -171,7 +172,8 @@ def check_time_base(recording: Recording, expected: Expected) -> Finding:
         return Finding("unfit", problem, values)
     if notes:
         return Finding("corrected", "; ".join(notes), values, recording)
-    note = f"{recording.duration:.6g} s at {1 / recording.sample_time:.6g} Hz, increasing"
+    length, every = in_time(recording.duration, 6), in_time(recording.sample_time, 6)
+    note = f"{length} in steps of {every}, increasing"
     unit = next((row.unit for row in recording.mapping or () if row.signal == "time"), "s")
     known = unit or expected.sample_rate_Hz or np.isfinite(expected.speed)
     if not known:
