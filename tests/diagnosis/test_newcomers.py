@@ -41,7 +41,7 @@ from workbench.diagnosis.problem import Problem
 from workbench.diagnosis.refit_report import run_refit
 from workbench.diagnosis.selection import search
 from workbench.diagnosis.undeclared import with_undeclared
-from workbench.model import Input, Model, Output, Scope, State
+from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.library import Hypothesis, library
 from workbench.physics.place import Survey
@@ -293,3 +293,37 @@ def test_iron_that_saturates_is_a_parameter_that_changes_with_the_current(
     assert finding.effect == "parameter_curve_lift_over_current" and finding.belief == "sure"
     # More current, less force for it.
     assert finding.parameters["amount"].value < 0.0
+
+
+def test_equations_of_a_fast_machine_are_trusted_as_far_as_they_go(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A wrong gain of the sensor would only shrink the noise that the equations are left with."""
+    only(monkeypatch, "sensor_gain", "coulomb_friction")
+    runs = []
+    for seed in (1, 2):
+        # A stage on flexures that swings at 1 kHz, sampled at 20 kHz.
+        drive = levels(4000, seed, 130.0, 5, 40)
+        force: Callable[[float, float], float] = lambda x, v: -1.3e5 * x - 1.5 * v  # noqa: E731
+        runs.append(recorded(3e-3, force, drive, 5e-5, 1e-6, seed=seed, name=f"run {seed}"))
+
+    def equations(m: Scope) -> Equations:
+        spring = m.p.stiffness * m.x.position + m.p.damping * m.x.speed
+        signals = {"position": m.x.position, "speed": m.x.speed}
+        force = m.port("stage.force", m.p.gain * m.u.drive - spring, unit="N", signals=signals)
+        return {"position": m.x.speed, "speed": force / 3e-3}, {"position": m.x.position}
+
+    stage = Model(
+        "stage",
+        equations,
+        states=(State("position", "m", 1e-3), State("speed", "m/s", 1.0)),
+        inputs=(Input("drive", "N", 100.0),),
+        outputs=(Output("position", "m", 1e-3, noise_rms=1e-6),),
+        parameters=(
+            Parameter("gain", "1", value=0.95, lower=0.2, upper=5.0, fitted=True),
+            Parameter("stiffness", "N/m", value=1.2e5, lower=3e4, upper=4e5, fitted=True),
+            Parameter("damping", "N s/m", value=1.0, lower=0.05, upper=10.0, fitted=True),
+        ),
+    )
+    verdict = diagnose(stage, runs[:1], runs[1:], jobs=1, advise=False).verdict
+    assert verdict is not None and verdict.kind == "nothing_missing", verdict
