@@ -78,9 +78,11 @@ def single_loop(plant: Any, measured: str = "", actuator: str = "") -> SingleLoo
                 f" it; declare one with {kind}s=({kind.capitalize()}(...),)"
             )
     measured = measured or whole.output_names[0]
-    actuator = actuator or whole.input_names[0]
+    only_measured = {q.name for q in whole.operating_point.model.inputs if not q.commanded}
+    commands = [name for name in whole.input_names if name not in only_measured]
+    actuator = actuator or next(iter(commands), whole.input_names[0])
     check_choice("measured output", measured, whole.output_names)
-    check_choice("actuator", actuator, whole.input_names)
+    check_choice("actuator", actuator, commands)
     linear = whole.select(inputs=(actuator,), outputs=(measured,)).without_unseen()
     if np.any(linear.D):
         raise WorkbenchError(

@@ -27,7 +27,11 @@ def plants(name: str | None = None) -> int:
     model = plant.model()
     typer.echo(str(plant))
     for kind in ("inputs", "outputs", "states", "parameters"):
-        named = (f"{q.name} ({written_unit(q.unit) or 'ratio'})" for q in getattr(model, kind))
+        named = (
+            f"{q.name} ({written_unit(q.unit) or 'ratio'}"
+            f"{'' if getattr(q, 'commanded', True) else ', only measured'})"
+            for q in getattr(model, kind)
+        )
         typer.echo(f"  {kind}: {', '.join(named) or 'none'}")
     typer.echo(f"  effects: {', '.join(effect.name for effect in model.effects) or 'none'}")
     offered = sorted(hypothesis.name for hypothesis in library(model))

@@ -74,7 +74,8 @@ def _with_pulses(
 ) -> dict[str, tuple[tuple[float, float], ...]]:
     from workbench.model.units import of_difference, parse_unit, quantity
 
-    known = {q.name: q for q in chosen.model.inputs}
+    model = chosen.model
+    known = {q.name: q for q in (*model.commands, *model.inputs)}
     driven = dict(chosen.inputs)
     if pulses is None:
         if not driven and known:

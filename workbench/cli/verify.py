@@ -254,6 +254,15 @@ def _stated(base: ControllerRecipe, names: Sequence[str]) -> float | None:
     return None
 
 
+def _as_the_loop_rests(
+    model: Model, at: tuple[tuple[str, float], ...]
+) -> tuple[tuple[str, float], ...]:
+    """Hold what a single loop does not command at its nominal value, where the loop leaves it."""
+    idle = [q for q in model.inputs if q not in model.commands[:1] and q.name not in dict(at)]
+    room = len(model.inputs) - len(at) if at else 0
+    return (*at, *((q.name, q.nominal) for q in idle[: max(room, 0)]))
+
+
 def recipes_of(
     base: ControllerRecipe, names: Sequence[str], scenario: Scenario
 ) -> list[ControllerRecipe]:
@@ -266,13 +275,15 @@ def recipes_of(
     def recipe(name: str) -> ControllerRecipe:
         made = replace(base, name=name, design=name)
         own = made.kind().sensors or made.kind().own
-        return made if own else replace(made, specification=told)
+        return made if own else replace(made, specification=told, at=held)
 
     linear = base.linear()
+    held = _as_the_loop_rests(linear.operating_point.model, base.at)
     one = {n: d for n, d in DESIGNS.members().items() if d.needs == "linear"}
     for name in names:
         if (design := DESIGNS.get(name, folder=Path.cwd())).needs != "linear":
             check_choice("controller", design.name, one)
+    only_measured = [q.name for q in linear.operating_point.model.inputs if not q.commanded]
     found: list[ControllerRecipe] = []
     partly: list[ControllerRecipe] = []
     for made in map(recipe, names or [design.name for design in designs_for(linear)]):
@@ -284,7 +295,7 @@ def recipes_of(
                 raise
             typer.echo(f"{made.name}: {error}", err=True)
         else:
-            idle = [n for n in linear.input_names if n not in commanded]
+            idle = [n for n in linear.input_names if n not in (*commanded, *only_measured)]
             (partly if idle and not names else found).append(made)
     if partly and not found:
         # Of designs that nobody asked for, those that command every input come first.

@@ -126,6 +126,11 @@ class Model(Shown):
         return np.array([q.value for q in self.parameters], dtype=float)
 
     @property
+    def commands(self) -> tuple[Input, ...]:
+        """Inputs that somebody sets, not those that are only measured."""
+        return tuple(q for q in self.inputs if q.commanded)
+
+    @property
     def nominal_input(self) -> Vector:
         """Inputs at rest, shape (n_inputs,), in SI."""
         return np.array([q.nominal for q in self.inputs], dtype=float)

@@ -102,12 +102,16 @@ class Input(Channel):
         lower: Saturation, in ``unit``.
         upper: Saturation, in ``unit``.
         resolution: Step of the converter that writes it, in ``unit``; 0 for none.
+        commanded: Whether the user of the machine sets it; a wind or the temperature of a room is
+            only measured: it rests at its nominal value, and no controller, experiment or limit
+            takes it for a command.
     """
 
     nominal: float = 0.0
     lower: float = -math.inf
     upper: float = math.inf
     resolution: float = 0.0
+    commanded: bool = field(default=True, kw_only=True)
 
 
 @dataclass(frozen=True)

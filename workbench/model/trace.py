@@ -14,7 +14,7 @@ from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
 from workbench.model.effect import Effect
 from workbench.model.exchanges import exchanges
-from workbench.model.quantities import Quantity
+from workbench.model.quantities import Input, Quantity
 from workbench.model.real_roots import leave_the_numbers, with_real_roots
 from workbench.model.regularisation import Expression, Form
 from workbench.model.scope import EffectView, Names, Port, PortView, Scope, ValidRange
@@ -50,7 +50,7 @@ class Written(Protocol):
         """States, those of attached effects last."""
 
     @property
-    def inputs(self) -> tuple[Quantity, ...]:
+    def inputs(self) -> tuple[Input, ...]:
         """What drives the model."""
 
     @property
@@ -250,10 +250,14 @@ def trace(model: Written, form: Form) -> Trace:
     if not scope.ports:
         plain = rates
         scope = scope_of({})
+        read = {q.name for q in model.outputs}
+        places = {
+            q.name: "command" if q.commanded or q.name in read else "reading" for q in model.inputs
+        }
         scope.u = Names(
             "input",
             {
-                q.name: _opened(scope, q, "command", symbols["input"][q.name], sizes)
+                q.name: _opened(scope, q, places[q.name], symbols["input"][q.name], sizes)
                 for q in model.inputs
             },
         )

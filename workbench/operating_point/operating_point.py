@@ -162,7 +162,7 @@ def operating_point(
         >>> round(free["pressure_1"] / 1e5, 1), free.is_equilibrium
         (4.2, True)
     """
-    wanted = _checked(model, given)
+    wanted = _with_disturbances(model, _checked(model, given))
     sums = [total for total in model.traits.sums if total.name in _drifting(model, wanted)]
     direction = _direction(model, sums)
     problem = Problem(
@@ -241,6 +241,13 @@ def _checked(model: Model, given: Mapping[str, float] | None) -> dict[str, float
     for name, value in given.items():
         check_value(model, name, value)
     return {name: float(value) for name, value in given.items()}
+
+
+def _with_disturbances(model: Model, given: dict[str, float]) -> dict[str, float]:
+    """Hold what nobody commands at its nominal value, as far as the inputs have room for it."""
+    room = len(model.inputs) - len(given) if given else 0
+    held = [q for q in model.inputs if not q.commanded and q.name not in given]
+    return given | {q.name: q.nominal for q in held[: max(room, 0)]}
 
 
 def check_value(model: Model, name: str, value: float, *, what: str = "") -> None:

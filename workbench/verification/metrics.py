@@ -211,7 +211,7 @@ def metrics(run: Run, own: Iterable[Metric] = ()) -> Metrics:
     }
     signals = _signals(run.output_quantities, run.model)
     outputs = {q.name: (q.unit, q.display_unit) for q in run.output_quantities}
-    commands = {q.name: (q.unit, q.display_unit) for q in run.input_quantities}
+    commands = {q.name: (q.unit, q.display_unit) for q in run.input_quantities if q.commanded}
     pace = time_unit(float(run.time[-1] - run.time[0]))[0]
     paced = {"s": pace, "{unit} s": f"{{unit}} {pace}"}
     for metric in known_metrics(own):
@@ -273,7 +273,7 @@ def _of_plant(
     signals = _signals(plant.outputs, plant)
     for metric in known_metrics(own):
         if metric.fits(signals):
-            for label, name in _labels(metric, controlled, tuple(q.name for q in plant.inputs)):
+            for label, name in _labels(metric, controlled, tuple(q.name for q in plant.commands)):
                 yield metric, label, name
 
 

@@ -224,6 +224,16 @@ class _Problem:
     def scale(self) -> Vector:
         return np.array([q.scale for q in self.model.states])
 
+    @property
+    def ends(self) -> Vector:
+        """Ends of the inputs, shape (n_inputs, 2), in SI; what nobody commands stays as it is."""
+        return np.array(
+            [
+                (q.lower, q.upper) if q.commanded else (u, u)
+                for q, u in zip(self.model.inputs, self.start.u, strict=True)
+            ]
+        )
+
     def key(self) -> str:
         """Return a hash of everything that the result depends on."""
         digest = hashlib.sha256()
@@ -233,7 +243,7 @@ class _Problem:
             self.model.regularised.rates_function.serialize(),
             self.model.values.tobytes(),
             self.start.x.tobytes(),
-            repr([(q.lower, q.upper) for q in self.model.inputs]),
+            repr(self.ends.tolist()),
             repr((self.target, self.band, self.intervals, self.degree)),
             repr((self.coordinate, self.velocity)),
             self.scale.tobytes(),
@@ -244,7 +254,7 @@ class _Problem:
     @cached_property
     def pace(self) -> float:
         """Time in which a command held at an end of its range covers half the move, in s."""
-        ends = np.array([(q.lower, q.upper) for q in self.model.inputs])
+        ends = self.ends
         sizes = np.array([q.scale for q in self.model.inputs])
         held = np.tile(self.start.u, (2 * len(ends), 1))
         for i, (low, high) in enumerate(ends):
@@ -389,8 +399,7 @@ class _Problem:
         slope = 30 * s**2 * (1 - s) ** 2 * reach / (self.pace * times[0])
         nodes[:, self.velocity] = slope / size[self.velocity]
         points = np.repeat(nodes[1:], d, axis=0)
-        u_low = np.array([q.lower for q in model.inputs])
-        u_high = np.array([q.upper for q in model.inputs])
+        u_low, u_high = self.ends.T
         rest = np.clip(self.start.u, u_low, u_high)
         wave = np.zeros(total)
         wave[:move] = np.where(np.arange(move) < 0.5 * move, 1.0, -1.0) * np.sign(reach)

@@ -135,6 +135,7 @@ class _Plan:
         self.reach = np.maximum(np.minimum(high - self.rest, self.rest - low), 0.0)
         wide = np.maximum(high - self.rest, self.rest - low)
         self.reach = np.where(self.reach > 0.2 * wide, self.reach, wide)
+        self.reach *= [q.commanded for q in model.inputs]
         self.sign = np.where(high - self.rest >= 0.2 * wide, 1.0, -1.0)
         self.rows = [index_of("output", name, model.outputs) for name in first.used]
         outputs = np.concatenate([r.outputs for r in recordings])

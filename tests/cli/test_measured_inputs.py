@@ -1,0 +1,97 @@
+"""An input that nobody sets is a disturbance to every verb; what a loop leaves rests as told."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from workbench.cli.main import WRONG_USE, run
+from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.experiment.menu import menu
+from workbench.linearisation import linearise
+from workbench.operating_point import operating_point
+from workbench.physics.library import library
+from workbench.plants.registry import PLANTS
+from workbench.recordings.recording import Recording, Signal
+
+PLANT = """
+from workbench.model import Input, Model, Output, Parameter, State
+
+def boiler():
+    def equations(m):
+        flow = m.u.draw * (m.u.feed - m.x.T)
+        return {"T": (m.u.power / m.p.rho_c + flow) / m.p.V}, {"T": m.x.T}
+    return Model("boiler", equations,
+        states=(State("T", "K", initial=320.0),),
+        inputs=(
+            Input("feed", "K", nominal=285.0, display_unit="degC", commanded=False),
+            Input("power", "W", nominal=4e4, lower=0.0, upper=1e5, display_unit="kW"),
+            Input("draw", "m3/s", nominal=3e-4, lower=1e-5, upper=1e-3, display_unit="l/min")),
+        outputs=(Output("T", "K", display_unit="degC", noise_rms=0.1),),
+        parameters=(
+            Parameter("V", "m3", value=0.05, lower=0.01, upper=0.3, fitted=True),
+            Parameter("rho_c", "J/(m3 K)", value=4.18e6)))
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "boilers.py").write_text(PLANT)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_feed_is_no_command(folder: Path) -> None:
+    model = PLANTS.get("boilers:boiler", folder=folder).model()
+    assert [q.name for q in model.commands] == ["power", "draw"]
+    point = operating_point(model, {"T": 320.0})
+    assert point["feed"] == 285.0
+    # Its sensor may be wrong, but nothing limits or delays what nobody commands.
+    offered = {h.name for h in library(model)}
+    assert {n for n in offered if "feed" in n and n.startswith("sensor_")}
+    assert not {n for n in offered if "feed" in n and n.startswith(("slew", "saturation", "dead"))}
+    assert "slew_limit_power_command" in offered
+    assert linearise(point, verdict=False).input_names == ("feed", "power", "draw")
+
+
+def test_no_experiment_asks_for_a_feed(folder: Path) -> None:
+    model = PLANTS.get("boilers:boiler", folder=folder).model()
+    rng, time = np.random.default_rng(1), 10.0 * np.arange(400)
+    held = [
+        np.repeat(rng.uniform(*ends, 20), 20) for ends in ((280, 290), (2e4, 8e4), (2e-4, 6e-4))
+    ]
+    signals = [
+        Signal(q.name, values, q.unit, role="command")
+        for q, values in zip(model.inputs, held, strict=True)
+    ]
+    level = Signal("T", rng.uniform(290.0, 350.0, 400), "K", role="measurement")
+    offered = menu(model, [observe(model, Recording("run", time, (*signals, level), "", ()))])
+    assert offered and all(np.ptp(e.inputs[:, 0]) == 0.0 for e in offered)
+    assert any(np.ptp(e.inputs[:, 1]) > 0.0 for e in offered)
+
+
+def test_a_loop_is_designed_where_what_it_leaves_rests(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["verify", "--plant", "boilers:boiler", "--from", "60degC", "--to", "61degC", "--json"]
+    assert run(words) == 0
+    told = capsys.readouterr()
+    runs = json.loads(told.out)["runs"]
+    assert "what a design does not command rests, such as draw" in told.err
+    assert len(runs) > 3
+    for found in runs:
+        assert found["metrics"]["command_lowest.draw"]["value"] == pytest.approx(3e-4)
+        assert abs(found["metrics"]["steady_error"]["value"]) < 0.05, found["controller"]
+        # At rest the loop stands where its linear model does: it begins without a bump.
+        assert found["metrics"]["lowest"]["value"] > 333.15 - 0.5, found["controller"]
+
+
+def test_plants_says_what_is_only_measured(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["plants", "boilers:boiler"]) == 0
+    assert "feed (K, only measured), power (W)" in capsys.readouterr().out
+    assert run(["verify", "--plant", "boilers:boiler", "--feed", "300K"]) == WRONG_USE
