@@ -276,6 +276,52 @@ def recorded(
     )
 
 
+def resonator() -> Model:
+    """A resonator of 100 kHz and some hundred nanometres, of whose input nothing is declared."""
+
+    def equations(m: Scope) -> Equations:
+        force = m.p.gain * m.u.drive - m.p.damping * m.x.speed - m.p.stiffness * m.x.position
+        return {"position": m.x.speed, "speed": force / 1e-11}, {"position": m.x.position}
+
+    return Model(
+        "resonator",
+        equations,
+        states=(State("position", "m"), State("speed", "m/s")),
+        inputs=(Input("drive", "V"),),
+        outputs=(Output("position", "m", display_unit="nm"),),
+        parameters=(
+            Parameter("stiffness", "N/m", value=4.0, lower=0.5, upper=50.0, fitted=True),
+            Parameter("damping", "N s/m", value=5e-7, lower=1e-8, upper=1e-5, fitted=True),
+            Parameter("gain", "N/V", value=1e-7, lower=1e-8, upper=1e-6, fitted=True),
+        ),
+    )
+
+
+def ringing(seed: int, *, hardening: float = 0.0) -> Recording:
+    """Return a resonator of 4.6 N/m and 120 nN/V under random voltages, every half microsecond.
+
+    Args:
+        hardening: Cubic stiffness over the linear one, at 1 um, dimensionless.
+    """
+    rng = np.random.default_rng(seed)
+    volts = levels(1500, seed, 5.0, 5, 60)
+    x, rows = np.zeros(2), []
+
+    def rates(_: float, x: Vector, u: float) -> list[float]:
+        # In um and us.
+        force = 0.12 * u - 0.35 * x[1] - 4.6 * x[0] * (1.0 + hardening * x[0] ** 2)
+        return [x[1], 0.1 * force]
+
+    for u in volts:
+        rows.append(x[0])
+        x = solve_ivp(rates, (0.0, 0.5), x, args=(u,), rtol=1e-8, atol=1e-10).y[:, -1]
+    read = 1e-6 * (np.array(rows) + 1e-4 * rng.normal(size=len(rows)))
+    drive = Signal("drive", volts, "V", role="command")
+    return Recording(
+        f"ringing {seed}", 5e-7 * np.arange(len(rows)), (drive, Signal("position", read, "m"))
+    )
+
+
 def levels(count: int, seed: int, largest: float, shortest: int, longest: int) -> Vector:
     """Random levels, each held for a random number of samples."""
     rng = np.random.default_rng(seed)

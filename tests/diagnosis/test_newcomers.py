@@ -23,6 +23,8 @@ from tests.diagnosis.newcomers import (
     oscillations,
     oscillator,
     recorded,
+    resonator,
+    ringing,
     rubbed,
     rubbing,
     swing,
@@ -262,6 +264,26 @@ def test_a_coupling_of_rubber_lets_go(monkeypatch: pytest.MonkeyPatch) -> None:
     assert finding.effect == "maxwell_element_motor_speed_load_speed"
     sizes = {name: value.value for name, value in finding.parameters.items()}
     assert sizes == pytest.approx({"stiffness": 20.0 / 0.012, "time_constant": 0.1}, rel=0.03)
+
+
+@pytest.mark.parametrize("hardening", [0.0, 13.0])
+def test_a_quick_and_small_machine_is_judged_at_its_own_pace_and_size(
+    monkeypatch: pytest.MonkeyPatch, hardening: float
+) -> None:
+    only(monkeypatch, "sensor_gain", "gain", "cubic_stiffness", "coulomb_friction")
+    runs = [ringing(seed, hardening=hardening) for seed in (1, 2)]
+    *_, found = stages(resonator(), runs[:1], runs[1:], jobs=1, advise=False)
+    assert found.verdict is not None
+    # It moves by half a micrometre as far as 5 V go, and by nothing that a unit would explain.
+    assert found.nominal.outputs[0].scale == pytest.approx(1e-7, rel=0.5)
+    assert found.verdict.fit["extended"]["position"] < 1.2e-10
+    if not hardening:
+        assert found.verdict.kind == "nothing_missing", found.verdict
+        return
+    (finding,) = found.verdict.findings
+    assert finding.effect == "cubic_stiffness" and finding.belief == "sure"
+    truth = hardening * 4.6e12 / 1e-11
+    assert finding.parameters["stiffness"].value == pytest.approx(truth, rel=2e-3)
 
 
 @pytest.mark.parametrize("longest", [1, 80])

@@ -21,6 +21,7 @@ from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
 from workbench.model.traits import LEFT_OUT
 from workbench.model.units import from_si, of_difference
+from workbench.recordings.checks.expected import reached
 from workbench.recordings.checks.noise import usual_rms, white_rms
 from workbench.recordings.checks.quantisation import recorded_quantum
 from workbench.recordings.recording import Recording
@@ -75,8 +76,10 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
     steps of the measurements. What the refitted model does not foretell is taken instead where it
     is clearly less, as an input shakes the plant from sample to sample, or where it is white. Of a
     plant that declares no disturbance at any port, a fraction of the signal along the recordings
-    may be left out at each port that acts on a rate (`LEFT_OUT`).
+    may be left out at each port that acts on a rate (`LEFT_OUT`). Inputs of which it says nothing
+    go as far as they were recorded.
     """
+    model = model.sized_by(reached(model, recordings))
     told, sizes = _with_data(model, recordings)
     undeclared = [q for q, own in zip(told.outputs, model.outputs, strict=True) if q != own]
     if undeclared:

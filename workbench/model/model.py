@@ -19,7 +19,7 @@ from workbench.model.effect import Effect
 from workbench.model.quantities import Input, Output, Parameter, Quantity, State
 from workbench.model.regularisation import EXACT, REGULARISED, Expression, Form
 from workbench.model.scope import Names, Port
-from workbench.model.sizes import missing, sized, sizes
+from workbench.model.sizes import horizon, missing, silent, sized, sizes
 from workbench.model.trace import Equations, Trace, trace
 from workbench.model.traits import Traits
 
@@ -105,9 +105,21 @@ class Model(Shown):
         """The equations with rounded kinks, for prediction and derivatives."""
         return trace(self, REGULARISED)
 
+    @cached_property
+    def horizon(self) -> float:
+        """Time in which the response shows at the start, without dry effects at rest, in s."""
+        model = self.without(*self.dry_effects)
+        traced = model.regularised
+        slopes = traced.function("slopes", ca.densify(ca.jacobian(traced.rates, traced.x)))
+        found = np.asarray(slopes(model.initial_state(), model.nominal_input, model.values))
+        if not np.isfinite(found).all():
+            return 1.0
+        return horizon(np.asarray(np.linalg.eigvals(found), dtype=complex))
+
     def __getstate__(self) -> dict[str, object]:
-        """Leave the written-down equations out: another process writes them down again."""
-        return {k: v for k, v in self.__dict__.items() if k not in ("exact", "regularised")}
+        """Leave out what follows from the rest: another process writes it down again."""
+        follows = ("exact", "regularised", "horizon")
+        return {k: v for k, v in self.__dict__.items() if k not in follows}
 
     def form(self, form: Form | str) -> Trace:
         """Return the equations as `EXACT` or `REGULARISED`, which may be given by name."""
@@ -207,6 +219,25 @@ class Model(Shown):
             {k: v for k, v in self.__dict__.items() if k in ("exact", "regularised")}
         )
         return model
+
+    def sized_by(self, moved: Mapping[str, float]) -> Model:
+        """Return a model with the sizes that inputs have of which it says nothing.
+
+        Where neither a scale nor a range nor a value at rest tells how far an input goes, the sizes
+        of states and outputs are unknown too; they follow from it.
+
+        Args:
+            moved: How far inputs go, by name, in SI; zeros and declared inputs do not count.
+        """
+        unknown = {q.name for q in self.inputs if not q.sized and silent(q)}
+        new = {name: size for name, size in moved.items() if name in unknown and size > 0.0}
+        if not new:
+            return self
+        inputs = tuple(replace(q, scale=new.get(q.name, q.scale)) for q in self.inputs)
+        states = tuple(q if q.sized else replace(q, scale=0.0) for q in self.states)
+        outputs = tuple(q if q.sized else replace(q, scale=0.0) for q in self.outputs)
+        traits = replace(self.traits, scales=())
+        return replace(self, states=states, inputs=inputs, outputs=outputs, traits=traits)
 
     def rates(
         self,

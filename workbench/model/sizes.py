@@ -140,6 +140,11 @@ def _reach(q: State | Input | Output, usual: float) -> float:
     return max(ends, default=0.0) or abs(usual)
 
 
+def silent(q: Input) -> bool:
+    """Tell whether an input declares neither a range nor a value at rest."""
+    return _reach(q, q.nominal) == 0.0
+
+
 def sized(quantities: Sequence[Named], found: Vector, usual: Vector) -> tuple[Named, ...]:
     """Return quantities with sizes where they declare none.
 

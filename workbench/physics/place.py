@@ -20,7 +20,6 @@ from workbench.errors import check_choice
 from workbench.model import Model, Output, Parameter, Port, State
 from workbench.model.quantities import Quantity
 from workbench.model.regularisation import Expression
-from workbench.model.sizes import horizon
 from workbench.model.units import powers, same_dimension
 
 Vector = npt.NDArray[np.float64]
@@ -289,17 +288,6 @@ class Survey:
         }
 
     @cached_property
-    def horizon(self) -> float:
-        """Time in which the response of the model shows, without dry effects at rest, in s."""
-        model = self.model.without(*self.model.dry_effects)
-        traced = model.regularised
-        slopes = traced.function("slopes", ca.densify(ca.jacobian(traced.rates, traced.x)))
-        found = np.asarray(slopes(model.initial_state(), model.nominal_input, model.values))
-        if not np.isfinite(found).all():
-            return 1.0
-        return horizon(np.asarray(np.linalg.eigvals(found), dtype=complex))
-
-    @cached_property
     def places(self) -> tuple[Place, ...]:
         """Every port as a place; sensors of outputs that are not recorded apart."""
         found = (self.place(q.name) for q in self.trace.ports)
@@ -365,7 +353,7 @@ class Survey:
             empty=self.trace.signals[self.trace.signal_names.index(name)].is_zero(),
             parameters=self._entering[index],
             whole=self._whole(index), elastic=(shared or role in EFFORTS) and elastic,
-            directed=directed, output=output, horizon=self.horizon, duration=self.duration,
+            directed=directed, output=output, horizon=self.model.horizon, duration=self.duration,
             sample_time=self.sample_time, seen=self.ranges.get(name),
         )  # fmt: skip
 

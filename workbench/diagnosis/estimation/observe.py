@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.diagnosis.estimation.prediction_error import CORRELATION_TIME, Observed
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.recordings.recording import Recording
@@ -18,6 +18,9 @@ _START_SAMPLES = 3
 
 _STILL = 5.0
 """Multiple of the noise by which the measurements of a rig at rest may differ."""
+
+_PACE = 0.3
+"""Correlation time of what a quick model leaves out, over the time in which its response shows."""
 
 
 def observe(model: Model, recording: Recording) -> Observed:
@@ -69,6 +72,7 @@ def observe(model: Model, recording: Recording) -> Observed:
         start,
         start_rms,
         _growth(model, start, inputs[len(inputs) // 2]),
+        min(CORRELATION_TIME, _PACE * model.horizon),
     )
 
 

@@ -23,7 +23,7 @@ from workbench.model.model import index_of
 from workbench.work.threads import side_by_side, threads
 
 CORRELATION_TIME = 0.1
-"""Time over which an unmodelled signal at a port is taken as correlated, s."""
+"""Time over which an unmodelled signal at a port is taken as correlated at the most, s."""
 
 _LOST = 7.0
 """Time constants of an unstable mode after which a thousandth has grown to all of a signal."""
@@ -50,6 +50,7 @@ class Observed:
         start_rms: Their uncertainty, shape (n_states,), in SI.
         growth: How fast a deviation from the nominal model's motion grows at the start, in 1/s:
             the largest real part of its eigenvalues; minus infinity if that is not known.
+        correlation_time: Time over which what the model leaves out is taken as correlated, in s.
     """
 
     name: str
@@ -61,6 +62,7 @@ class Observed:
     start: Vector
     start_rms: Vector
     growth: float = -math.inf
+    correlation_time: float = CORRELATION_TIME
 
     @property
     def drifts(self) -> bool:
@@ -118,7 +120,7 @@ class PredictionError:
             measurements, and where these lead the states.
         free: Names of the parameters whose derivatives are wanted.
         disturbances: Root mean square of an unmodelled signal at a port, by name of the port, in
-            the port's unit; it is taken as correlated over `CORRELATION_TIME`.
+            the port's unit; it is taken as correlated over the recording's correlation time.
         certain: Names of states that are simulated but not corrected by the filter. That is exact
             for the derivatives at size zero of effects that own these states: there no measurement
             depends on them.
@@ -140,7 +142,7 @@ class PredictionError:
         self.free_scale = np.array([model.parameters[i].scale for i in self._columns])
         names = [port.name for port in model.ports]
         # White noise of the same power at low frequency as the correlated signal.
-        white = 2 * CORRELATION_TIME * self.like.sample_time
+        white = 2 * self.like.correlation_time * self.like.sample_time
         variances: dict[int, list[float]] = {}
         for i, port in enumerate(model.ports):
             if port.disturbance > 0 or port.relative_disturbance > 0:

@@ -16,7 +16,6 @@ import numpy as np
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import (
-    CORRELATION_TIME,
     Innovations,
     Observed,
     PredictionError,
@@ -300,7 +299,7 @@ def sensors(
     measurements = {*seen.used, *(f"{q}.reading" for q in seen.used)}
     ports = {q.name: q.scale for q in other.fit.model.ports}
     information = _information(other)
-    each = min(1.0, seen.sample_time / (2 * min(CORRELATION_TIME, 50 * seen.sample_time)))
+    each = min(1.0, seen.sample_time / (2 * min(seen.correlation_time, 50 * seen.sample_time)))
     found = []
     for i, name in enumerate(names):
         if name not in known or name in measurements:

@@ -16,7 +16,6 @@ import numpy as np
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import (
-    CORRELATION_TIME,
     Observed,
     PredictionError,
     disturbances,
@@ -29,8 +28,9 @@ from workbench.model.model import index_of
 TRUSTED = 0.1
 """Share of the expected disturbance that is left to the other ports."""
 
-MEMORY = 0.05
-"""Time over which the unknown input is taken as correlated, s; 50 samples of a fast machine."""
+MEMORY = 0.5
+"""Time over which the unknown input is taken as correlated, over that of what a model leaves out,
+up to 50 samples."""
 
 _PASSES = 2
 _MOST_STEPS = 3000
@@ -185,7 +185,8 @@ class _Linearised:
         transition = np.zeros((n, n_x + n_d, n_x + n_d))
         transition[:, :n_x, :n_x] = forward / sx[:, None] * sx
         transition[:, :n_x, n_x:] = integral @ rate_b / sx[:, None] * sd
-        decay = np.exp(-step / max(min(MEMORY, 50 * seen.sample_time), 5 * step))
+        memory = min(MEMORY * seen.correlation_time, 50 * seen.sample_time)
+        decay = np.exp(-step / max(memory, 5 * step))
         transition[:, n_x:, n_x:] = decay * np.eye(n_d)
         estimate = np.concatenate([states / sx, signal / sd], axis=1)
         offset = np.zeros((n, n_x + n_d))
@@ -211,7 +212,7 @@ class _Linearised:
 
     def _noise(self, by_port: Vector, at_port: Vector, step: float) -> Vector:
         """Covariance that what is left out at the other ports adds in one step."""
-        white = 2 * CORRELATION_TIME * step
+        white = 2 * self.observed.correlation_time * step
         ports = self.model.ports
         rms = np.array(
             [0.0 if i in self.ports else TRUSTED * q.disturbance for i, q in enumerate(ports)]

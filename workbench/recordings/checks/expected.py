@@ -122,6 +122,18 @@ def _required(recording: Recording) -> tuple[str, ...]:
     return tuple(n for n in recording.names if n in stated)
 
 
+def reached(model: Model, recordings: Iterable[Recording]) -> dict[str, float]:
+    """Return how far the inputs of a model went along recordings, by name, in SI."""
+    found: dict[str, float] = {}
+    for recording in recordings:
+        for q in model.inputs:
+            if q.name in recording:
+                values = np.abs(recording[q.name])
+                most = float(values[np.isfinite(values)].max(initial=0.0))
+                found[q.name] = max(most, found.get(q.name, 0.0))
+    return found
+
+
 def expectations(
     recording: Recording,
     *,
@@ -146,6 +158,7 @@ def expectations(
     reach: dict[str, tuple[float, float]] = {}
     names: tuple[str, ...] | None = None
     if model is not None:
+        model = model.sized_by(reached(model, [recording]))
         quantities: tuple[Input | Output, ...] = (*model.inputs, *model.outputs)
         names = tuple(q.name for q in quantities)
         scales = {q.name: q.scale for q in quantities}
