@@ -27,7 +27,7 @@ from workbench.model import Model
 from workbench.model.model import index_of
 from workbench.physics.place import difference
 
-LADDER = (3000.0, 300.0, 30.0, 3.0, 1.0, 0.3, 0.03, 0.003, 3e-4)
+LADDER = (3000.0, 300.0, 30.0, 3.0, 1.0, 0.3, 0.03, 0.003)
 """Process-noise scales that are tried, from a poor model to a perfect one."""
 
 PERFECT = 0.03
