@@ -141,7 +141,7 @@ orifice_outflow = Law(
     lambda at: at.value
     - at.p.sense * at.p.coefficient * (sqrt(_above(at) / at.p.level_scale + 1e-4) - 1e-2),
     source="E. Torricelli 1643",
-    look_alikes=("linear_outflow", "overflow", "offset"),
+    look_alikes=("linear_outflow", "saturating_outflow", "overflow", "offset"),
     separated_by="let the store run empty: the level falls along a parabola, not an exponential",
 )  # fmt: skip
 
@@ -156,8 +156,27 @@ linear_outflow = Law(
     ),
     lambda at: at.value - at.p.sense * at.p.conductance * (at.signals.level - at.p.outlet),
     source="laminar leak, G. Hagen 1839; leak resistance",
-    look_alikes=("orifice_outflow", "overflow", "offset"),
+    look_alikes=("orifice_outflow", "saturating_outflow", "overflow", "offset"),
     separated_by="let the store run empty: the level falls along an exponential",
+)  # fmt: skip
+
+saturating_outflow = Law(
+    "saturating_outflow",
+    "flow = flow - largest level / (half_level + level)",
+    _each_store,
+    lambda at: (
+        size("largest", at.unit, 0.1 * at.scale, at.scale, "outflow that it saturates at",
+             signed=True),
+        shape("half_level", at.level.unit, at.level.scale, "level with half of that outflow",
+              around=(0.02, 50.0)),
+        *_outlet(at),
+    ),
+    lambda at: at.value
+    - at.p.sense * at.p.largest * _above(at) / (at.p.half_level + _above(at)),
+    shapes=lambda at: [{"half_level": part * at.level.scale} for part in (0.1, 0.5, 2.0)],
+    source="L. Michaelis and M. L. Menten 1913: uptake by enzymes, growth, evaporation",
+    look_alikes=("linear_outflow", "orifice_outflow", "offset"),
+    separated_by="low levels against high ones: it is linear in the first, constant in the second",
 )  # fmt: skip
 
 

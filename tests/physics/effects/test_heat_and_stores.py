@@ -134,6 +134,21 @@ def test_the_exponent_of_an_outflow_is_the_slope_over_logarithms(exponent: float
     np.testing.assert_allclose(slopes, 0.5 + exponent, atol=5e-3)
 
 
+def test_an_outflow_saturates_and_is_half_at_the_half_level() -> None:
+    law = offered(tank(), "saturating_outflow_tank")
+    leaky = tank().with_effect(law.at_size(law.typical_size, {"half_level": 0.05}))
+
+    def lost(level: float) -> float:
+        start = {"level": level, "temperature": ROOM}
+        rates = [m.rates(m.initial_state(start), [0.0, 0.0])[0] for m in (tank(), leaky)]
+        return float(rates[0] - rates[1])
+
+    # The ramp that keeps an empty store regular rounds within a hundredth of the typical level.
+    assert lost(0.05) / lost(50.0) == pytest.approx(0.5, rel=0.02)
+    assert lost(0.15) / lost(0.05) == pytest.approx(1.5, rel=0.02)
+    assert lost(-0.1) == pytest.approx(0.0, abs=1e-3 * lost(50.0))
+
+
 def test_limits_are_looked_for_where_the_recordings_have_their_ends() -> None:
     seen = {"level.reading": (0.1, 0.377), "pump.voltage": (0.0, 7.0), "level": (0.1, 0.5)}
     found = {h.name: h for h in library(tank(), ranges=seen)}
@@ -142,7 +157,10 @@ def test_limits_are_looked_for_where_the_recordings_have_their_ends() -> None:
     assert all(0.1 < s["limit"] < 0.5 for s in found["overflow_tank"].shapes)
 
 
-@pytest.mark.parametrize("name", ["overflow_tank", "orifice_outflow_tank", "linear_outflow_tank"])
+@pytest.mark.parametrize(
+    "name",
+    ["overflow_tank", "orifice_outflow_tank", "linear_outflow_tank", "saturating_outflow_tank"],
+)
 def test_what_a_tank_loses_leaves_as_warm_as_the_tank(name: str) -> None:
     law = offered(tank(), name)
     shape = {"limit": 0.15} if name == "overflow_tank" else {}
