@@ -95,3 +95,53 @@ def test_plants_says_what_is_only_measured(
     assert run(["plants", "boilers:boiler"]) == 0
     assert "feed (K, only measured), power (W)" in capsys.readouterr().out
     assert run(["verify", "--plant", "boilers:boiler", "--feed", "300K"]) == WRONG_USE
+
+
+def test_a_step_that_nobody_sized_is_one_that_the_plant_can_hold(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # All that 100 kW bring at the nominal draw is 365 K; a quarter of the range is beyond that.
+    (folder / "boilers.py").write_text(PLANT.replace("nominal=4e4", "nominal=9e4"))
+    assert run(["verify", "--plant", "boilers:boiler", "-c", "plain-pid", "--json"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)["runs"]
+    assert found["metrics"]["highest"]["value"] < 285.0 + 1e5 / (4.18e6 * 3e-4)
+    assert abs(found["metrics"]["steady_error"]["value"]) < 0.1
+
+
+def test_one_of_several_designs_that_does_not_suit_the_plant_is_a_run_that_failed(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["verify", "--plant", "boilers:boiler", "--from", "60degC", "--to", "61degC"]
+    assert run([*words, "-c", "angle-pd"]) == WRONG_USE
+    capsys.readouterr()
+    assert run([*words, "-c", "plain-pid", "-c", "angle-pd"]) == 1
+    said = capsys.readouterr().out
+    assert "plain-pid on boiler" in said and "failed: angle-pd" in said
+    assert "1 of 2 runs failed" in said
+
+
+def test_a_run_starts_at_rest_and_says_so_or_where_the_plant_begins(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["simulate", "--plant", "boilers:boiler", "--power", "0:40kW", "--duration", "60s"]
+    assert run([*words, "--out", "rest.csv"]) == 0
+    assert "(T 316.9 K for 320 K): --initial starts there" in capsys.readouterr().err
+    assert run([*words, "--initial", "--out", "begun.csv"]) == 0
+    assert not capsys.readouterr().err
+    first = [np.loadtxt(f, delimiter=",", skiprows=1)[0, -1] for f in ("rest.csv", "begun.csv")]
+    assert first == pytest.approx([316.897 - 273.15, 320.0 - 273.15], abs=1e-3)
+    assert run([*words, "--initial", "--T", "50degC"]) == WRONG_USE
+
+
+def test_a_plant_that_does_not_rest_is_run_from_where_it_begins(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "boilers.py").write_text(PLANT.replace("flow = m.u.draw *", "flow = 0.0 *"))
+    words = ["simulate", "--plant", "boilers:boiler", "--power", "0:41.8kW", "--out", "run.csv"]
+    assert run(words) == WRONG_USE
+    assert "no operating point" in capsys.readouterr().err
+    assert run([*words, "--duration", "50s"]) == 0
+    assert "it starts at the initial values" in capsys.readouterr().err
+    seen = np.loadtxt("run.csv", delimiter=",", skiprows=1)
+    # 41.8 kW warm 50 l by 0.2 K/s.
+    assert seen[[0, 500], -1] == pytest.approx([46.85, 51.85], abs=1e-3)

@@ -128,6 +128,8 @@ def test_redesign_of_a_machine_that_is_no_arm(
     runs = json.loads((tmp_path / "out" / "results.json").read_text())["runs"]
     rmse = {r["controller"]: r["metrics"]["rmse"]["value"] for r in runs}
     assert rmse["lqi, nominal"] != rmse["lqi, redesigned"]
+    assert run([*arguments, str(tmp_path / "there"), "--at", "position=100mm"]) == 0
+    assert "on servo axis, step 100 to" in capsys.readouterr().out
 
 
 def test_verify_says_when_a_requirement_is_missed(capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,8 +8,12 @@ from pathlib import Path
 
 import typer
 
+from workbench.errors import WorkbenchError
 
-def redesign(verdict: str, *, out: Path, family: list[str] | None = None) -> int:
+
+def redesign(
+    verdict: str, *, out: Path, family: list[str] | None = None, at: list[str] | None = None
+) -> int:
     """Design anew for a machine that was diagnosed, and show what knowing it is worth.
 
     Laws that were found enter the linear models. Each design for the nominal plant, and the same
@@ -26,11 +30,15 @@ def redesign(verdict: str, *, out: Path, family: list[str] | None = None) -> int
         out (DIR): Folder for the page and the controllers in C.
         family (-f NAME): Family of controllers of the arm, such as 'state feedback', or a design as
             'workbench verify' takes it; may be given several times. By default all that fit.
+        at (NAME=VALUE): Value of an output, state or input at rest, where the step starts; may be
+            given several times. By default the plant's own. The arm has its own steps.
     """
     from workbench.study.plants import PlantRecipe
 
     if not PlantRecipe(verdict, folder=Path.cwd()).plant().tolerant:
-        return _redesigned(verdict, family or (), out)
+        return _redesigned(verdict, family or (), at or (), out)
+    if at:
+        raise WorkbenchError("the arm is redesigned for steps of its own; leave out --at")
     from controllers.c_export import export_c
     from workbench.cli.running import typed
     from workbench.evaluation.regained import WHICH, regained
@@ -52,7 +60,7 @@ def redesign(verdict: str, *, out: Path, family: list[str] | None = None) -> int
     return 0
 
 
-def _redesigned(verdict: str, designs: Sequence[str], out: Path) -> int:
+def _redesigned(verdict: str, designs: Sequence[str], at: Sequence[str], out: Path) -> int:
     """Run designs for the nominal plant and for the machine that was found on that machine."""
     from controllers.c_export import export_c
     from workbench.cli.plant import chosen_plant
@@ -67,7 +75,7 @@ def _redesigned(verdict: str, designs: Sequence[str], out: Path) -> int:
     found = chosen_plant(verdict)
     controlled = found.plant.controlled_outputs(found.model)
     kind, options = nominal_of_file(Path(verdict))
-    base = nominal_design(found)
+    base = nominal_design(found, at)
     nominal = replace(base, plant=PlantRecipe(kind, options, folder=base.plant.folder))
     scenario = step_of(found, controlled, base, controllers=designs)
     before, after = (recipes_of(recipe, designs, scenario) for recipe in (nominal, base))

@@ -12,7 +12,8 @@ from workbench.cli.plant import Chosen, with_plant
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 
 if TYPE_CHECKING:
-    from workbench.operating_point import OperatingPoint
+    from workbench.arrays import Vector
+    from workbench.model import Model, State
     from workbench.simulation import Trajectory
 
 
@@ -24,9 +25,12 @@ def simulate(
     period: str | None = None,
     duration: str | None = None,
     sample_time: str | None = None,
+    initial: bool = False,
     out: Path | None = None,
 ) -> int:
     """Run a plant with given inputs, from rest, and say how far the result can be trusted.
+
+    A plant that does not rest with its nominal inputs starts at the ``initial`` of its states.
 
     Examples: 'workbench simulate --valve 0:5.9 --valve 2:4.1',
     'workbench simulate --load 8kg --pulses 0.9V --out run.csv',
@@ -39,6 +43,7 @@ def simulate(
         period (TIME): Period of the pulses. By default two steps that the linear model responds to.
         duration (TIME): Length of the run. By default four such steps.
         sample_time (TIME): Time between samples. By default a thousandth of such a step.
+        initial: Start at the initial values that the states declare, not at rest.
         out: CSV file for time, inputs and outputs.
     """
     from workbench.linearisation import linearise
@@ -47,19 +52,35 @@ def simulate(
     from workbench.operating_point import operating_point
     from workbench.simulation import simulate as run_model
 
-    start = operating_point(chosen.model, chosen.design_point)
+    if initial and chosen.at:
+        raise WorkbenchError("both --initial and a value at rest are given; keep one of them")
+    model = chosen.model
+    u = model.nominal_input
+    x = model.initial_state(u=u)
+    try:
+        start = operating_point(model, chosen.design_point)
+    except WorkbenchError as error:
+        if chosen.at or duration is None or (pulses is not None and period is None):
+            raise
+        start, unrest = None, str(error)
+    if start is None:
+        typer.echo(f"{unrest}; it starts at the initial values of its states", err=True)
+    elif not initial:
+        if not chosen.at:
+            _tell_other_start(model, x, start.x)
+        x, u = start.x, start.u
 
     def time(name: str, given: str | None, steps: float) -> float:
         if given is not None:
             return quantity(name, given, "s")
+        if start is None:
+            return 1e-3 * quantity("duration", str(duration), "s")
         return steps * step_time(linearise(start, verdict=False))
 
     step = check_range("sample time", time("sample time", sample_time, 1e-3), *TIMES_S, "s")
     length = check_range("duration", time("duration", duration, 4.0), 2 * step, 1e6 * step, "s")
     driven = _with_pulses(chosen, pulses, lambda: time("period", period, 2.0), length)
-    run = run_model(
-        chosen.model, _held(start, driven, length, step), sample_time=step, start=start.x
-    )
+    run = run_model(model, _held(model, u, driven, length, step), sample_time=step, start=x)
     typer.echo(str(run))
     if out is not None:
         from workbench.files import write_whole
@@ -67,6 +88,27 @@ def simulate(
         write_whole(out, _csv(run))
         typer.echo(f"simulated recording written to {out}")
     return 0
+
+
+def _tell_other_start(model: Model, initial: Vector, rest: Vector) -> None:
+    """Say which states that declare where they start do not start there, being at rest."""
+    from workbench.model.quantities import shown_in
+    from workbench.model.units import from_si, with_unit
+
+    def shown(q: State, value: float) -> str:
+        return with_unit(f"{float(from_si(value, shown_in(q))):.4g}", shown_in(q))
+
+    moved = [
+        f"{q.name} {shown(q, x)} for {shown(q, own)}"
+        for q, own, x in zip(model.states, initial, rest, strict=True)
+        if q.initial and abs(own - x) > 1e-3 * q.scale
+    ]
+    if moved:
+        typer.echo(
+            f"it starts at rest, not at the initial values of its states ({', '.join(moved)}):"
+            " --initial starts there",
+            err=True,
+        )
 
 
 def _with_pulses(
@@ -107,7 +149,8 @@ def _with_pulses(
 
 
 def _held(
-    start: OperatingPoint,
+    model: Model,
+    rest: Vector,
     driven: dict[str, tuple[tuple[float, float], ...]],
     duration: float,
     sample_time: float,
@@ -116,9 +159,9 @@ def _held(
     import numpy as np
 
     count = round(duration / sample_time)
-    held = np.tile(start.u, (count, 1))
+    held = np.tile(rest, (count, 1))
     number = np.arange(count)
-    for i, quantity in enumerate(start.model.inputs):
+    for i, quantity in enumerate(model.inputs):
         for time, value in driven.get(quantity.name, ()):
             held[number >= round(time / sample_time), i] = value
     return held

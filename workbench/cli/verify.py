@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tempfile
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -169,7 +170,9 @@ def step_of(
     about = next(q for q in chosen.model.outputs if q.name == name)
     own = name == chosen.plant.controlled_outputs(chosen.model)[0]
     # A size that nobody declared is all that the inputs bring about, from end to end.
-    size = about.scale if about.sized else 0.25 * about.scale
+    size = (
+        about.scale if about.sized else _reached(chosen.model, name, y0[name], 0.25 * about.scale)
+    )
     first, last = (own and chosen.plant.step) or (y0[name], y0[name] + size)
     levels = [
         default if given is None else _level(chosen.model, f"{name}={given}", what)
@@ -195,6 +198,18 @@ def step_of(
     # Other controlled outputs stay as they are at the design point.
     others = {n: Steps((0.0,), (y0[n],)) for n in controlled[1:]}
     return replace(asked, references=dict(sorted({**asked.references, **others}.items())))
+
+
+def _reached(model: Model, name: str, start: float, size: float) -> float:
+    """Return a step, halved until the plant rests behind it with what one loop commands."""
+    from workbench.operating_point import operating_point
+
+    for halvings in range(6):
+        part = 0.5**halvings * size
+        with suppress(WorkbenchError):
+            operating_point(model, dict(_as_the_loop_rests(model, ((name, start + part),))))
+            return part
+    return size
 
 
 def _level(model: Model, text: str, what: str) -> float:
@@ -250,7 +265,9 @@ def _stated(base: ControllerRecipe, names: Sequence[str]) -> float | None:
     for name in names or [design.name for design in designs_for(base.linear())]:
         made = replace(base, name=name, design=name)
         if made.kind().sensors or made.kind().own:
-            return made.build().sample_time
+            # One that cannot be built is told with the others (`recipes_of`).
+            with suppress(WorkbenchError):
+                return made.build().sample_time
     return None
 
 
@@ -290,10 +307,14 @@ def recipes_of(
         try:
             commanded = made.build().actuators
         except WorkbenchError as error:
-            # Of designs that nobody asked for, those count that suit the plant.
-            if names or made.kind().sensors:
+            # Of designs that nobody asked for, those count that suit the plant; of several that
+            # were, one that does not is a run that failed.
+            if len(names) > 1:
+                found.append(made)
+            elif names or made.kind().sensors:
                 raise
-            typer.echo(f"{made.name}: {error}", err=True)
+            else:
+                typer.echo(f"{made.name}: {error}", err=True)
         else:
             idle = [n for n in linear.input_names if n not in (*commanded, *only_measured)]
             (partly if idle and not names else found).append(made)

@@ -191,6 +191,7 @@ class _Equations:
         worst = np.max(np.abs(self.evaluate(z)[0]), initial=0.0)
         return float(worst) if np.isfinite(worst) else float("inf")
 
+    @np.errstate(over="ignore", invalid="ignore")  # a step too far is halved
     def newton(self, z: Vector) -> tuple[Vector, int]:
         """Take damped shortest steps inside the bounds until nothing improves."""
         error, slope = self.evaluate(z)

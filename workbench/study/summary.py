@@ -90,7 +90,7 @@ def plain_summary(outcome: StudyResult) -> str:
     """Write the outcome as a few lines for a terminal."""
     lines = []
     worse = [c for c in outcome.worse if not c.failed]
-    for s in outcome.scores:
+    for s in outcome.scores if outcome.judgements else ():
         state = "met" if s.met else "MISSED"
         tail = f"  ({s.judgement})" if s.judgement else ""
         if s.judgement is not None and s.judgement.reason.startswith(RUN_FAILED):
