@@ -63,7 +63,30 @@ static void guard_entered(const double *command, double *u) {
 }
 
 static void guard_expected(const double *estimate, double *expected) {
+  int i;
   guard_sum(GUARD_REST, GUARD_C, estimate, GUARD_SENSORS, GUARD_ESTIMATED, expected);
+  for (i = 0; i < GUARD_SENSORS; ++i)
+    expected[i] = guard_clip(expected[i], GUARD_SENSOR_LEAST[i], GUARD_SENSOR_MOST[i]);
+}
+
+/* Tell whether an output leaves its reference and can hardly be stopped in its range. */
+static int guard_runs_away(const double *estimate, const double *following, const double *now) {
+  double here[GUARD_SENSORS], there[GUARD_SENSORS];
+  int i;
+  guard_expected(estimate, here);
+  guard_expected(following, there);
+  for (i = 0; i < GUARD_CONTROLLED; ++i) {
+    const int sensor = (int)GUARD_REFERENCE_SENSOR[i];
+    double pace, end, braking;
+    if (sensor < 0 || isinf(GUARD_REFERENCE_BRAKE[i])) continue;
+    pace = there[sensor] - here[sensor];
+    end = pace > 0.0 ? GUARD_REFERENCE_UPPER[i] : GUARD_REFERENCE_LOWER[i];
+    braking = 0.5 * pace * pace / GUARD_REFERENCE_BRAKE[i];
+    if ((now[i] - here[sensor]) * pace < 0.0 && braking > GUARD_REFERENCE_TOLERANCE[i] &&
+        braking + fabs(pace) * GUARD_REFERENCE_LAG[i] >= fabs(end - here[sensor]))
+      return 1;
+  }
+  return 0;
 }
 
 static void guard_at_rest(const double *measurement, double *estimate) {
@@ -137,6 +160,8 @@ static void guard_fall(double *state, double wait) {
       state[AT_ORIGIN + i] =
           fmax(fmin(expected[(int)sensor], GUARD_REFERENCE_UPPER[i] - tolerance),
                GUARD_REFERENCE_LOWER[i] + tolerance);
+    else
+      state[AT_ORIGIN + i] = state[AT_REFERENCE + i];
   }
 #endif
   for (i = AT_BEST; i <= AT_GOOD; ++i) state[i] = 0.0;
@@ -192,12 +217,13 @@ static int guard_sensors(double *state, const double *measurement, double *seen)
   double expected[GUARD_SENSORS], wide;
   int i, fault = GUARD_CLEAR;
 #if GUARD_ESTIMATED > 0
-  double residual[GUARD_SENSORS], corrected[GUARD_ESTIMATED], u[GUARD_COMMANDS], strong = 0.0;
+  double modelled[GUARD_SENSORS], residual[GUARD_SENSORS], corrected[GUARD_ESTIMATED], u[GUARD_COMMANDS], strong = 0.0;
   int believed = 0;
   const int believing = state[AT_AWAY] <= GUARD_INNER;
   guard_entered(state + AT_COMMAND, u);
   for (i = 0; i < GUARD_COMMANDS; ++i)
     if (fabs(u[i]) > GUARD_WEAK[i]) strong = 1.0;
+  guard_sum(GUARD_REST, GUARD_C, state + AT_ESTIMATE, GUARD_SENSORS, GUARD_ESTIMATED, modelled);
   if (believing)
     guard_expected(state + AT_ESTIMATE, expected);
   else
@@ -232,7 +258,7 @@ static int guard_sensors(double *state, const double *measurement, double *seen)
     seen[i] = value;
 #if GUARD_ESTIMATED > 0
     state[AT_SAME + i] = stays ? state[AT_SAME + i] + strong : 0.0;
-    residual[i] = (isfinite(value) ? value : 0.0) - expected[i];
+    residual[i] = (isfinite(value) ? value : 0.0) - modelled[i];
     if (isfinite(value)) last[i] = value;
     if (wrong != GUARD_CLEAR) {
       state[AT_DOUBTED + i] = wrong == GUARD_STUCK || (stays && before == 2.0) ? 2.0 : 1.0;
@@ -314,6 +340,9 @@ static int guard_step(const double *measurement, const double *reference, double
                       double *command, double *report) {
   double wanted[GUARD_REFERENCES], now[GUARD_CONTROLLED], law[GUARD_LAW_STATES + 1];
   double seen[GUARD_SENSORS];
+#if GUARD_ESTIMATED > 0
+  double before[GUARD_ESTIMATED];
+#endif
   int i, fault, found = GUARD_CLEAR, status;
   (void)report;
 #if GUARD_REPORTS > 0
@@ -343,7 +372,10 @@ static int guard_step(const double *measurement, const double *reference, double
     if (state[AT_GOOD] <= state[AT_WAIT])
       return guard_apart(state, command, fault == GUARD_CLEAR ? GUARD_RETURNING : fault);
     guard_begin(seen, state);
-    for (i = 0; i < GUARD_CONTROLLED; ++i) state[AT_REFERENCE + i] = now[i];
+    for (i = 0; i < GUARD_CONTROLLED; ++i) {
+      state[AT_REFERENCE + i] = now[i];
+      if (GUARD_REFERENCE_SENSOR[i] < 0.0) state[AT_ORIGIN + i] = now[i];
+    }
     state[AT_RAMP] = 0.0;
   } else if (fault != GUARD_CLEAR && (GUARD_ESTIMATED == 0 || state[AT_BAD] >= GUARD_BRIDGE)) {
     return guard_refuse(state, command, fault);
@@ -374,7 +406,17 @@ static int guard_step(const double *measurement, const double *reference, double
     guard_fall(state, GUARD_PATIENCE);
     return guard_apart(state, command, fault);
   }
+#if GUARD_ESTIMATED > 0
+  for (i = 0; i < GUARD_ESTIMATED; ++i) before[i] = state[AT_ESTIMATE + i];
+#endif
   guard_commanded(state, command);
+#if GUARD_ESTIMATED > 0
+  if (guard_runs_away(before, state + AT_ESTIMATE, now)) {
+    for (i = 0; i < GUARD_ESTIMATED; ++i) state[AT_ESTIMATE + i] = before[i];
+    guard_fall(state, GUARD_PATIENCE);
+    return guard_apart(state, command, GUARD_RUNAWAY);
+  }
+#endif
   if (fault != GUARD_CLEAR) return 16 * fault;
   return 16 * found + status;
 }

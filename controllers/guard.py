@@ -17,7 +17,9 @@ Each sample, in this order (`guard.c` does the same in C, in the same order of o
 4. A command at its end, an error of the controlled outputs above tolerance that does not get
    smaller, for ``patience`` samples (a plant that cannot follow, a lost supply, a solver that
    reports success without progress), or one that changes its side ``swings`` times (oscillation)
-   while the reference rests, is given up for ``patience`` samples.
+   while the reference rests, is given up for ``patience`` samples. So is a law under which an
+   output runs from its reference so fast into the end of its range that only the fastest braking
+   could stop it before: v^2 / 2a + v lag >= distance, by more than its tolerance for braking.
 5. What lasts longer than 2 and 3 allow, or 4, falls back to the inner law: a state feedback of the
    estimator that brings the plant to rest where it is, for ``inner`` samples; then comes the safe
    command.
@@ -83,6 +85,7 @@ FAULTS = (
     Fault("saturated", "the command was at its end for too long"),
     Fault("no_progress", "the error did not get smaller for too long"),
     Fault("oscillation", "the error changed its side again and again"),
+    Fault("runaway", "an output runs into the end of its range, away from its reference"),
 )
 """Everything the guard may find; the place in this list times 16 is its status in C."""
 
@@ -99,6 +102,7 @@ FAULTS = (
     SATURATED,
     NO_PROGRESS,
     OSCILLATION,
+    RUNAWAY,
 ) = range(len(FAULTS))
 
 WIDER = 0.05
@@ -116,12 +120,16 @@ class SensorLimits(NamedTuple):
         upper: Largest value, in SI.
         jump: Largest distance from what is expected of it, or from the one before, in SI.
         doubt: Distance from what is expected at which a value that stays is stuck, in SI.
+        least: Smallest value that is expected of it, in SI.
+        most: Largest value that is expected of it, in SI.
     """
 
     lower: float = -_INFINITE
     upper: float = _INFINITE
     jump: float = _INFINITE
     doubt: float = _INFINITE
+    least: float = -_INFINITE
+    most: float = _INFINITE
 
 
 class ReferenceLimits(NamedTuple):
@@ -133,6 +141,8 @@ class ReferenceLimits(NamedTuple):
         tolerance: Error that a plant that moves does not keep, in SI.
         sensor: Place of the sensor that reads the output (dimensionless); -1 for none.
         pace: Change per sample with which a reference out of range goes to its end, in SI.
+        brake: Change of the output's pace per sample under the ends of the commands, in SI.
+        lag: Samples until reversed commands do so.
     """
 
     lower: float = -_INFINITE
@@ -140,6 +150,8 @@ class ReferenceLimits(NamedTuple):
     tolerance: float = _INFINITE
     sensor: float = -1.0
     pace: float = _INFINITE
+    brake: float = _INFINITE
+    lag: float = 0.0
 
 
 class CommandLimits(NamedTuple):
@@ -252,7 +264,7 @@ class Guard:
         """Whether it has no limits, so that nothing but a number that is not finite is found."""
         bounds = [
             *(value for limits in self.sensors for value in limits),
-            *(value for limits in self.references for value in (*limits[:3], limits.pace)),
+            *(value for own in self.references for value in (*own[:3], own.pace, own.brake)),
             *(value for limits in self.commands for value in limits[1:]),
             self.patience,
             self.swings,
@@ -322,6 +334,11 @@ class Guarded:
             for i, limits in enumerate(guard.references)
             if limits.sensor >= 0.0
         ]
+        self._braked = [
+            (i, sensor, guard.references[i])
+            for i, sensor, _ in self._tracked
+            if math.isfinite(guard.references[i].brake)
+        ]
 
     def linear_command(self, command: Command) -> Command:
         """Return the command to which a linear model responds as the plant to ``command``."""
@@ -390,7 +407,12 @@ class Guarded:
             state = state._replace(good=good)
             if good <= state.wait:
                 return self._apart(state, {}, fault or RETURNING)
-            state = self.initial_state(seen)._replace(reference=now, ramp=0.0)
+            state = self.initial_state(seen)
+            origin = tuple(
+                at if limits.sensor >= 0.0 else asked
+                for at, asked, limits in zip(state.origin, now, guard.references, strict=True)
+            )
+            state = state._replace(reference=now, origin=origin, ramp=0.0)
         elif fault and (guard.estimator is None or state.bad >= guard.bridge):
             return self._refused(state, fault, {})
         shown = wanted
@@ -423,7 +445,10 @@ class Guarded:
             return self._apart(self._fallen(state, guard.patience), info, lasting)
         if state.turns >= guard.swings:
             return self._apart(self._fallen(state, guard.patience), info, OSCILLATION)
-        state = self._commanded(state, command)
+        following = self._commanded(state, command)
+        if self._runs_away(state.estimate, following.estimate, now):
+            return self._apart(self._fallen(state, guard.patience), info, RUNAWAY)
+        state = following
         if fault:
             return self._told(state, info, fault, "estimate")
         if found:
@@ -463,7 +488,7 @@ class Guarded:
         believing = own is not None and state.away <= guard.inner
         expected = state.measurement
         if own is not None and believing:
-            expected = tuple(own.expected(state.estimate).tolist())
+            expected = self._expected(state.estimate)
             wide = 1.0 + WIDER * state.bad
         else:
             wide = 1.0 + state.bad
@@ -511,9 +536,9 @@ class Guarded:
             return state, measurement, fault
         z = state.estimate
         if believing:
-            residual = np.array([v if math.isfinite(v) else 0.0 for v in measurement]) - expected
-            z = own.corrected(z, residual, believed)
-            for i, value in enumerate(own.expected(z).tolist()):
+            read = np.array([v if math.isfinite(v) else 0.0 for v in measurement])
+            z = own.corrected(z, read - own.expected(z), believed)
+            for i, value in enumerate(self._expected(z)):
                 if doubted[i]:
                     seen[i] = min(max(value, guard.sensors[i].lower), guard.sensors[i].upper)
         elif all(map(math.isfinite, measurement)):
@@ -566,6 +591,34 @@ class Guarded:
             target=target, best=best, idle=idle, railed=railed, side=side, turns=turns
         )
 
+    def _runs_away(self, z: Any, following: Any, now: Reference) -> bool:
+        """Tell whether an output leaves its reference and can hardly be stopped in its range."""
+        own = self.guard.estimator
+        if own is None or not self._braked:
+            return False
+        here, there = self._expected(z), self._expected(following)
+        for i, sensor, limits in self._braked:
+            pace = there[sensor] - here[sensor]
+            end = limits.upper if pace > 0.0 else limits.lower
+            braking = 0.5 * pace * pace / limits.brake
+            away = (now[i] - here[sensor]) * pace < 0.0
+            if (
+                away
+                and braking > limits.tolerance
+                and braking + abs(pace) * limits.lag >= abs(end - here[sensor])
+            ):
+                return True
+        return False
+
+    def _expected(self, z: Any) -> tuple[float, ...]:
+        """Return what is expected of every measurement, within what may be, in SI."""
+        own = self.guard.estimator
+        assert own is not None
+        return tuple(
+            min(max(value, limits.least), limits.most)
+            for value, limits in zip(own.expected(z).tolist(), self.guard.sensors, strict=True)
+        )
+
     def _refused(
         self, state: GuardState, fault: int, info: Info
     ) -> tuple[Command, GuardState, Info]:
@@ -580,7 +633,8 @@ class Guarded:
         """Return the state in which the law has just been given up."""
         guard, own, origin = self.guard, self.guard.estimator, list(state.origin)
         if own is not None:
-            expected = own.expected(state.estimate).tolist()
+            expected = self._expected(state.estimate)
+            origin = list(state.reference)
             for i, sensor, tolerance in self._tracked:
                 low, high = guard.references[i].lower, guard.references[i].upper
                 origin[i] = max(min(expected[sensor], high - tolerance), low + tolerance)
@@ -644,7 +698,9 @@ class Guarded:
             **_columns("COMMAND", CommandLimits._fields, guard.commands),
         }
         if own is None:
-            del tables["SENSOR_DOUBT"]
+            for field in ("SENSOR_DOUBT", "SENSOR_LEAST", "SENSOR_MOST"):
+                del tables[field]
+            del tables["REFERENCE_BRAKE"], tables["REFERENCE_LAG"]
         else:
             unused = () if len(own.K) else ("K", "K_reference", "rest_followed")
             tables |= {

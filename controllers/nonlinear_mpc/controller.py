@@ -16,8 +16,8 @@ is improved by one Gauss-Newton step per sample from the plan of the sample befo
 shooting; the states of all stages are eliminated and a dense quadratic program in the N moves and
 eps is left). The plan converges over the samples while the plant moves on. The first move is
 applied through the inverse valve curve: an optimiser of the voltage would see almost no gradient at
-the valve's flat centre. If the solver fails, the plan of the sample before is followed (fallback
-"plan").
+the valve's flat centre. If the solver fails, the plan of the sample before is followed; if the
+estimate overflows, the filter starts anew from what is measured. Both count as fallbacks.
 
 Without preview the reference is continued over the horizon by two lags or by a planner
 (`controllers.reference.horizon`); with preview r_j is the reference itself.
@@ -27,8 +27,7 @@ better on moves within the range: take it where the model changes much over a mo
 pressures decide, with ``compile_function``, and inside a guard with a ``deadline``
 (`workbench.verification.guarded`), which holds the command of a step that took longer. Elsewhere
 take the scheduled MPC. Do not take it where commands come late: one sample makes it oscillate by
-several degrees on the empty arm, for its prediction knows of no latency. The fault campaign does
-not try it.
+several degrees on the empty arm, for its prediction knows of no latency.
 
 Source: Diehl, Bock, Schloeder, A real-time iteration scheme for nonlinear optimization in optimal
 feedback control, SIAM J. Control Optim. 43, 2005; Rawlings, Mayne and Diehl, Model Predictive
@@ -251,7 +250,8 @@ class NonlinearMPC(ValveController):
         Returns:
             Voltage in V, next state, and ``opening`` (fraction), ``status``, ``iterations``,
             ``solve_time`` (s), ``slack`` (Pa), ``fallback`` (1 where the plan of the sample before
-            was followed) and each unknown parameter as it is estimated (SI).
+            was followed, or the filter started anew) and each unknown parameter as it is estimated
+            (SI).
         """
         began = time.perf_counter()
         want = self.specification
@@ -273,14 +273,20 @@ class NonlinearMPC(ValveController):
             trajectory = np.tile(self.predicted(estimate)[:, None], (1, want.stages + 1))
         opening = float(min(max(moves[0], -want.opening_limit), want.opening_limit))
         voltage = float(self.valve.command(opening))
-        following, covariance = self.observer.predict(estimate, covariance, voltage)
+        with np.errstate(over="ignore", invalid="ignore"):
+            following, covariance = self.observer.predict(estimate, covariance, voltage)
+        # Measurements that fit no state of the model: its temperatures, which nobody measures, run
+        # away until they overflow.
+        lost = not (np.isfinite(following).all() and np.isfinite(covariance).all())
+        if lost:
+            following, covariance = self.observer.initial(measurement, voltage)
         info: Mapping[str, float | str] = {
             "opening": opening,
             "status": step.status,
             "iterations": step.iterations,
             "solve_time": time.perf_counter() - began,
             "slack": step.slack,
-            "fallback": 0.0 if step.solved else 1.0,
+            "fallback": 0.0 if step.solved and not lost else 1.0,
             **self.observer.parameters(estimate),
         }
         memory = NonlinearMPCState(

@@ -34,8 +34,9 @@ class InC:
         self.library = built(exported, *(flags or PLAIN))
         self.is_mpc = "double *report" in exported.header.read_text()
         self.state = (ctypes.c_double * exported.states)()
-        self.command, self.report = (ctypes.c_double * 1)(), (ctypes.c_double * 4)()
-        self.reference = (ctypes.c_double * (1 + law.preview))()
+        self.command = (ctypes.c_double * len(law.actuators))()
+        self.report = (ctypes.c_double * 4)()
+        self.reference = (ctypes.c_double * (len(law.controlled) * (1 + law.preview)))()
 
     def start(self, row: Any) -> None:
         """Start; where a measurement is not finite the guard says so by its status."""

@@ -142,6 +142,7 @@ def test_guard_of_c_is_that_of_the_law(linear: LinearModel, tmp_path: Path) -> N
     reference = np.full(3000, 0.5)
     measurements[50:300], reference[50:300] = measurements[50], 0.8  # stuck
     reference[400:700] = 0.9  # saturated
+    measurements[820:850, 0] += 0.014 * np.arange(30)  # runaway
     reference[900:1300] = 0.53  # no progress
     measurements[1300:1500, 0] += 0.02 * np.sin(0.5 * np.arange(200))  # oscillation
     for k in rng.integers(1500, 2900, 30):

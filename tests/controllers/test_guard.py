@@ -234,6 +234,30 @@ def test_what_oscillates_is_brought_to_rest(linear: LinearModel, plant: Model) -
     assert len(actions(run)) == len(run.infos) - first
 
 
+def test_what_runs_into_a_stop_is_brought_to_rest(linear: LinearModel, plant: Model) -> None:
+    # From the step on the law opens the valve fully, away from the reference.
+    law = guarded(design_pid(linear), plant, at={"angle": 30 * DEG})
+
+    class Misled:
+        def __getattr__(self, name: str) -> Any:
+            return getattr(law.controller, name)
+
+        def step(self, state: Any, measurement: Any, reference: Any) -> Any:
+            command, state, info = law.controller.step(state, measurement, reference)
+            return (command if reference[0] < 35 * DEG else (0.0,)), state, info
+
+    def hit(guard: Guard | None) -> tuple[float, list[str]]:
+        run = verify(Guarded(Misled(), guard), plant, replace(STEP, duration=1.0))
+        touching = np.flatnonzero(run["lower_stop.torque"] > 0.0)
+        speed = float(abs(run["speed"][touching[0]])) / DEG if len(touching) else 0.0
+        return speed, [str(info["guard"]) for info in run.infos if "guard" in info]
+
+    bare, _ = hit(None)
+    speed, found = hit(law.guard)
+    assert bare > 200.0 and speed < 100.0
+    assert found[0] == "runaway"
+
+
 def test_law_that_is_late_is_held_and_then_replaced(linear: LinearModel, plant: Model) -> None:
     law = guarded(design_pid(linear), plant, at={"angle": 30 * DEG})
     for until, found in ((0.556, ["hold"] * 3), (0.65, ["hold"] * 5 + ["inner"] * 45)):

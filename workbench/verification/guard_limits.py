@@ -40,6 +40,9 @@ PACE = 0.1
 SWINGS = 12.0
 """Changes of an error's side after which a loop is taken to oscillate."""
 
+SETTLED = 0.1
+"""Share of its way by which a settled output still moves, and by which another plant's differs."""
+
 LEAST_PATIENCE = 2000.0
 """Fewest samples after which nothing gets better."""
 
@@ -83,6 +86,7 @@ def guarded(
             + 10.0 * outputs[name].noise_rms
             + 2.0 * outputs[name].resolution,
             doubt=tolerances[name],
+            **_reached([y[name] for y, _ in held]),
         )
         for name in controller.sensors
     )
@@ -92,6 +96,7 @@ def guarded(
             tolerances[name],
             float(controller.sensors.index(name) if name in controller.sensors else -1),
             pace=PACE * tolerances[name],
+            **_braking([y[name] for y, _ in held], *ranges[name], tolerances[name]),
         )
         for name in controller.controlled
     )
@@ -132,12 +137,11 @@ def _estimator(
 ) -> Estimator | None:
     """Return the estimator of a plant; None where the controller reads or commands too much."""
     model = point.model
-    followed = tuple(name for name in controller.controlled if name in controller.sensors)
+    followed = tuple(controller.controlled)
     actuators = {q.name for q in model.inputs}
     if (
         not held
-        or not followed
-        or followed != tuple(controller.controlled)
+        or not set(followed) & set(controller.sensors)
         or len(controller.sensors) > MOST_SENSORS
         or actuators != set(controller.actuators)
     ):
@@ -204,6 +208,34 @@ def _response(y: Vector, distance: float) -> float:
     """Return after how many samples an output has moved by a distance; infinite if never."""
     left = np.flatnonzero(np.abs(y - y[0]) > distance)
     return float(left[0]) if len(left) else math.inf
+
+
+def _reached(held: Sequence[Vector]) -> dict[str, float]:
+    """Return between what an output may be expected, where commands at their ends settle it."""
+    ends = [y[-(len(y) // 5) :] for y in held]
+    least, most = min(map(np.min, held), default=0.0), max(map(np.max, held), default=0.0)
+    more = SETTLED * (most - least)
+    if not held or any(np.ptp(y) > more for y in ends):
+        return {}
+    return {"least": float(least - more), "most": float(most + more)}
+
+
+def _braking(
+    held: Sequence[Vector], lower: float, upper: float, tolerance: float
+) -> dict[str, float]:
+    """Return the fastest change of an output's pace per sample, and how long a reversal takes.
+
+    Only that between the ends of its range counts, which no stop makes.
+    """
+    best: dict[str, float] = {}
+    for whole in held:
+        out = np.flatnonzero((whole < lower + tolerance) | (whole > upper - tolerance))
+        y = whole[: max(int(out[0]) - 1, 0)] if len(out) else whole
+        change = np.abs(np.diff(y, 2))
+        if len(change) and change.max() > best.get("brake", 0.0):
+            lag = 4.0 * float(np.flatnonzero(change >= 0.5 * change.max())[0])
+            best = {"brake": float(change.max()), "lag": lag}
+    return best
 
 
 def _range(model: Model, output: Output) -> tuple[float, float]:

@@ -147,6 +147,19 @@ def test_a_failed_solve_follows_the_plan(mpc: NonlinearMPC) -> None:
     assert info["fallback"] == 0.0
 
 
+def test_an_estimate_that_overflows_starts_anew(mpc: NonlinearMPC) -> None:
+    y = (math.radians(30), 4.2e5, 4.2e5)
+    state = mpc.initial_state(y)
+    hot = state.estimate.copy()
+    hot[mpc.observer.rates.names.index("temperature_1")] = 1e200
+    _, after, info = mpc.step(state._replace(estimate=hot), y, (math.radians(33),))
+    assert info["fallback"] == 1.0
+    assert np.isfinite(after.estimate).all() and np.isfinite(after.covariance).all()
+    for _ in range(3):
+        (voltage,), after, info = mpc.step(after, y, (math.radians(33),))
+    assert info["fallback"] == 0.0 and math.isfinite(voltage)
+
+
 def test_a_step_changes_nothing_but_what_it_returns(mpc: NonlinearMPC) -> None:
     y = (math.radians(30), 4.2e5, 4.2e5)
     state = mpc.initial_state(y)
