@@ -3,18 +3,26 @@
 With where the joint shall be (theta_r and its derivatives) and the estimate of a front end
 (`controllers.joint.tracking`), the error x = theta_r - theta and q its integral, the surface is
 
-    boundary layer:             s = x'' + 2 lambda x' + lambda^2 x
-    integral, super-twisting:   s = x'' + 3 lambda x' + 3 lambda^2 x + lambda^3 q
+    boundary layer:             s = x'' + c x' + k x
+    integral, super-twisting:   s = x'' + (c + lambda) x' + (k + c lambda) x + k lambda q
 
-The equivalent control keeps ds/dt = 0 on the model of the joint at the measured angle:
+with c = 2 lambda, k = lambda^2, or with less damping zeta on the stiffness of the joint itself,
+k = lambda^2 + a0, c = 2 zeta sqrt(k): a surface slower than the joint's own swing takes stiffness
+away, which costs the margins that a tolerant design needs. The acceleration is what the pressure
+difference dp beside that of the feedforward makes,
 
-    J  = j_r + c2 x'' + c1 x' + c0 x + reaching            jerk asked for
-    o  = [J + a1 alpha + a0 omega] / (b g) + [e omega + d (dp - dp0)] / g
+    x'' = b (dp_r - dp) - a1 x' - a0 x - share * unexplained
 
-with (c2, c1, c0) = (2 lambda, lambda^2, 0) or (3 lambda, 3 lambda^2, lambda^3). The acceleration
-alpha holds the observer's unexplained part, or a share of it: the integral surface leads to the
-reference without it, and is less sensitive to an inertia that is not the known one. The reaching
-part is
+The equivalent control keeps ds/dt = 0 on the model of the joint at the measured angle. Along the
+plan that is the opening o_r of the front end's feedforward, which leads by the lag of the valve and
+knows the inertia and hysteresis that were learned; beside the plan
+
+    J  = c2 x'' + c1 x' + c0 x + reaching                  jerk asked for beside that of the plan
+    o  = o_r + [J - a1 x'' - a0 x'] / (b g) + [d (dp - dp0) - e x'] / g
+
+with c2, c1 and c0 the coefficients of x', x and q in s. The integral surface leads to the reference
+without the observer's unexplained part, and is then less sensitive to an inertia that is not the
+known one. The reaching part is
 
     boundary layer, integral:   rho sat(s / layer)
     super-twisting:             k1 |s|^(1/2) sat(s / layer) + v,
@@ -23,8 +31,8 @@ part is
 with k1 = 1.5 sqrt(L), k2 = 1.1 L for a disturbance whose rate is at most L. For |s| > layer the
 surface is reached if rho exceeds the jerk that the model leaves out; inside, the law is linear with
 the pole rho / layer instead of chattering; s is judged by its rms. While the valve is fully open
-the integrals rest. With a lag tau of spool and sample, alpha in x'' is that of the pressures tau
-later, alpha + tau b g l (`controllers.joint.tracking.arrived_opening`).
+the integrals rest. With a lag tau of spool and sample, x'' is that of the pressures tau later,
+x'' - tau b g l (`controllers.joint.tracking.arrived_opening`).
 
 Around one point (`design_sliding_mode`) the reference is that of a third-order model; over the
 whole range (`design_scheduled_sliding_mode`) moves are planned.
@@ -87,6 +95,7 @@ class SlidingMode(ValveLaw):
         rate_bound: Bound L on the rate of what the model leaves out, in rad/s4, for super-twisting.
         compensation: Share of the unexplained acceleration that counts as acceleration, a ratio.
         lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
+        damping: Damping zeta of the surface (dimensionless); below 1 on the joint's own stiffness.
     """
 
     tracking: Tracking
@@ -97,6 +106,7 @@ class SlidingMode(ValveLaw):
     rate_bound: float = 5e4
     compensation: float = 1.0
     lag: float = 0.0
+    damping: float = 1.0
     name: str = "sliding mode"
 
     def __post_init__(self) -> None:
@@ -129,26 +139,26 @@ class SlidingMode(ValveLaw):
         joint = now.joint
         x = now.plan.angle - now.angle
         dx = now.plan.speed - now.speed
-        acceleration = now.acceleration - (1.0 - self.compensation) * now.unexplained
-        ahead = acceleration + self.lag * joint.b * joint.g * state.arrived
-        ddx = now.plan.acceleration - ahead
-        if self.kind != "boundary layer":
-            c2, c1, c0 = 3.0 * lam, 3.0 * lam * lam, lam * lam * lam
-            surface = ddx + c2 * dx + c1 * x + c0 * state.error_integral
-        else:
-            c2, c1, c0 = 2.0 * lam, lam * lam, 0.0
-            surface = ddx + c2 * dx + c1 * x
+        pushed = joint.b * (now.reference_difference - now.difference)
+        beside = pushed - joint.a1 * dx - joint.a0 * x - self.compensation * now.unexplained
+        ddx = beside - self.lag * joint.b * joint.g * state.arrived
+        slow = 0.0 if self.kind == "boundary layer" else lam
+        stiffness, damping = lam * lam, 2.0 * lam
+        if self.damping < 1.0:
+            stiffness = stiffness + arithmetic.largest(joint.a0, 0.0)
+            damping = 2.0 * self.damping * arithmetic.root(stiffness)
+        c2, c1, c0 = damping + slow, stiffness + slow * damping, slow * stiffness
+        surface = ddx + c2 * dx + c1 * x + c0 * state.error_integral
         side = arithmetic.clip(surface / self.layer, -1.0, 1.0)
         if self.kind == "super-twisting":
             size = arithmetic.root(arithmetic.largest(surface, -surface))
             reaching = 1.5 * self.rate_bound**0.5 * size * side + state.twist
         else:
             reaching = self.jerk_bound * side
-        jerk = now.plan.jerk + c2 * ddx + c1 * dx + c0 * x + reaching
-        opening = (jerk + joint.a1 * acceleration + joint.a0 * now.speed) / (joint.b * joint.g) + (
-            joint.e * now.speed + joint.d * (now.difference - joint.difference)
-        ) / joint.g
-        opening = opening + joint.opening
+        own = joint.a1 * beside + joint.a0 * dx
+        jerk = c2 * ddx + c1 * dx + c0 * x + reaching - own
+        leak = joint.d * (now.difference - joint.difference) - joint.e * dx
+        opening = now.opening + (jerk / joint.b + leak) / joint.g
         clipped = arithmetic.clip(opening, -1.0, 1.0)
         free = arithmetic.where(arithmetic.largest(opening, -opening) < 1.0, 1.0, 0.0)
         twisted = 1.1 * self.rate_bound * side if self.kind == "super-twisting" else 0.0
@@ -254,6 +264,9 @@ class ScheduledSlidingModeSpecification(TrackingSpecification):
         compensation: Share of the unexplained acceleration taken as acceleration, a ratio; by
             default all without integral, 0 for ``"integral"`` and 0.3 for ``"super-twisting"``.
         lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
+        damping: Damping of errors on the surface (dimensionless). With 1 they decay without
+            swinging; below it the surface leaves the joint its own stiffness, which a slope below
+            the joint's own frequency would have to take away, at the cost of margins.
     """
 
     kind: str = "super-twisting"
@@ -262,9 +275,11 @@ class ScheduledSlidingModeSpecification(TrackingSpecification):
     layer_bandwidth: float = 60.0
     compensation: float | None = None
     lag: float = 0.0
+    damping: float = 1.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        check_range("damping of the surface", self.damping, 0.05, 1.0)
         check_choice("kind of sliding mode", self.kind, KINDS)
         check_range("share of the jerk left out", self.unexplained_share, 1e-3, 1.0)
         check_range("bandwidth of the layer", self.layer_bandwidth, 0.1, 1e3, "rad/s")
@@ -292,6 +307,7 @@ def design_scheduled_sliding_mode(
         rate_bound=20.0 * bound,
         compensation=usual if want.compensation is None else want.compensation,
         lag=want.lag,
+        damping=want.damping,
         sample_time=want.sample_time,
     )
 
