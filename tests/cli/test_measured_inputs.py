@@ -145,3 +145,19 @@ def test_a_plant_that_does_not_rest_is_run_from_where_it_begins(
     seen = np.loadtxt("run.csv", delimiter=",", skiprows=1)
     # 41.8 kW warm 50 l by 0.2 K/s.
     assert seen[[0, 500], -1] == pytest.approx([46.85, 51.85], abs=1e-3)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_study_is_begun_with_a_plant_of_ones_own(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["new-study", "mine.toml", "--plant", "boilers:boiler"]) == 0
+    text = Path("mine.toml").read_text()
+    assert "servo-axis" not in text and "mm" not in text.replace("comm", "")
+    assert run(["compare", "mine.toml", "--out", "comparison"]) == 0, capsys.readouterr()
+    results = json.loads(Path("comparison/results.json").read_text())
+    assert results["passed"] and results["robustness"]
+    assert {found["variation"] for found in results["runs"]} == {"nominal", "more V"}
+    (folder / "boilers.py").write_text(PLANT.replace(", lower=0.01, upper=0.3, fitted=True", ""))
+    assert run(["new-study", "fixed.toml", "--plant", "boilers:boiler"]) == 0
+    assert run(["compare", "fixed.toml", "--out", "fixed"]) == 0, capsys.readouterr()
