@@ -7,7 +7,8 @@ from collections.abc import Callable
 import pytest
 
 from tests.diagnosis.newcomers import crane, drivetrain, maglev, oscillator, swing, two_carts
-from workbench.model import Model
+from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.trace import Equations
 from workbench.physics.drift import parameter_curve
 from workbench.physics.library import library
 from workbench.physics.place import Survey
@@ -37,3 +38,26 @@ def test_parameters_bend_over_what_is_measured_and_is_no_law_of_its_own() -> Non
     # A resistance that changes with its current is a curve over the current, which is no new law.
     assert "parameter_curve_resistance_over_current" not in found
     assert "parameter_curve_resistance_over_gap" in found
+
+
+def test_a_parameter_that_enters_several_ports_may_fade_in_all_of_them() -> None:
+    # Scale on the wall of a heat exchanger: one coefficient, in the balances of all that it parts.
+    def equations(m: Scope) -> Equations:
+        hot, cold, wall = m.x.hot, m.x.cold, m.x.wall
+        return {
+            "hot": m.u.flow * (350.0 - hot) - m.p.UA * (hot - wall),
+            "cold": 0.1 * (290.0 - cold) + m.p.UA * (wall - cold),
+            "wall": 5.0 * m.p.UA * (hot - 2.0 * wall + cold),
+        }, {"out": cold}
+
+    model = Model(
+        "exchanger",
+        equations,
+        states=tuple(State(name, "K", 20.0, initial=300.0) for name in ("hot", "cold", "wall")),
+        inputs=(Input("flow", "1/s", 0.1),),
+        outputs=(Output("out", "K", 20.0, noise_rms=0.1),),
+        parameters=(Parameter("UA", "1/s", value=0.1, lower=0.01, upper=1.0, fitted=True),),
+    )
+    found = {h.name: h.ports for h in library(model)}
+    assert {"parameter_fade_UA", "parameter_jump_UA"} <= found.keys()
+    assert set(found["parameter_fade_UA"]) == {"hot.rate", "cold.rate", "wall.rate"}

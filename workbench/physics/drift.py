@@ -153,9 +153,12 @@ sensor_jump = replace(
 
 
 def _each_parameter(survey: Survey) -> Iterator[Fit]:
-    for place in survey.places:
-        for q in place.parameters:
-            yield f"_{q.name.replace('.', '_')}", ((replace(place, parameters=(q,)),),)
+    alone = [(q, (at,)) for at in survey.places for q in at.parameters]
+    for q, places in (*alone, *survey.spread):
+        yield (
+            f"_{q.name.replace('.', '_')}",
+            (tuple(replace(at, parameters=(q,)) for at in places),),
+        )
 
 
 def _each_parameter_over(survey: Survey) -> Iterator[Fit]:
@@ -185,7 +188,7 @@ def _changed(at: PortView, part: Expression) -> Expression:
 
 
 # Offered for every refitted parameter, of the plant or of an effect of it, that enters the
-# equations through one port alone.
+# equations through one port alone, or through several in all of them.
 parameter_jump = replace(
     offset_jump,
     name="parameter_jump",
