@@ -276,6 +276,61 @@ def recorded(
     )
 
 
+DAY = 86400.0
+
+
+def epidemic() -> Model:
+    """Shares of a town that may fall ill and that are ill."""
+
+    def equations(m: Scope) -> Equations:
+        new = m.p.contact * m.x.susceptible * m.x.infected
+        return (
+            {"susceptible": -new, "infected": new - m.p.recovery * m.x.infected + m.u.arrivals},
+            {"susceptible": m.x.susceptible, "infected": m.x.infected},
+        )
+
+    return Model(
+        "epidemic",
+        equations,
+        states=(State("susceptible", "1", initial=0.99), State("infected", "1", initial=1e-3)),
+        inputs=(Input("arrivals", "1/s", lower=0.0),),
+        outputs=(Output("susceptible", "1"), Output("infected", "1")),
+        parameters=(
+            Parameter(
+                "contact", "1/s", value=0.3 / DAY, lower=0.03 / DAY, upper=3 / DAY, fitted=True
+            ),
+            Parameter(
+                "recovery", "1/s", value=0.08 / DAY, lower=0.01 / DAY, upper=1 / DAY, fitted=True
+            ),
+        ),
+    )
+
+
+def fallen_ill(seed: int) -> Recording:
+    """Return 200 days of a town that closes its schools after the fortieth."""
+    rng = np.random.default_rng(seed)
+    arrivals = np.where(rng.uniform(size=200) < 0.1, 5e-4, 0.0)
+    x, rows = np.array([0.99, 2e-3]), []
+
+    def rates(_: float, x: Vector, contact: float, u: float) -> list[float]:
+        return [-contact * x[0] * x[1], contact * x[0] * x[1] - 0.1 * x[1] + u]
+
+    for day, u in enumerate(arrivals):
+        rows.append(x + [1e-3, 3e-4] * rng.normal(size=2))
+        now = (0.126 if day >= 40 else 0.28, u)
+        x = solve_ivp(rates, (0.0, 1.0), x, args=now, rtol=1e-8, atol=1e-12).y[:, -1]
+    susceptible, infected = np.array(rows).T
+    return Recording(
+        f"town {seed}",
+        DAY * np.arange(200.0),
+        (
+            Signal("arrivals", arrivals / DAY, "1/s", role="command"),
+            Signal("susceptible", susceptible, "1"),
+            Signal("infected", infected, "1"),
+        ),
+    )
+
+
 def resonator() -> Model:
     """A resonator of 100 kHz and some hundred nanometres, of whose input nothing is declared."""
 

@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.newcomers import (
+    DAY,
     carriage,
     crane,
     damper,
     drivetrain,
+    epidemic,
+    fallen_ill,
     hardening,
     hysteretic,
     levels,
@@ -264,6 +267,19 @@ def test_a_coupling_of_rubber_lets_go(monkeypatch: pytest.MonkeyPatch) -> None:
     assert finding.effect == "maxwell_element_motor_speed_load_speed"
     sizes = {name: value.value for name, value in finding.parameters.items()}
     assert sizes == pytest.approx({"stiffness": 20.0 / 0.012, "time_constant": 0.1}, rel=0.03)
+
+
+def test_what_changes_at_a_time_is_followed_to_its_instant(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    only(monkeypatch, "parameter_jump", "parameter_curve", "clock_shift")
+    runs = [fallen_ill(seed) for seed in (1, 2)]
+    verdict = diagnose(epidemic(), runs[:1], runs[1:], jobs=1, advise=False).verdict
+    assert verdict is not None
+    (finding,) = verdict.findings
+    assert finding.effect == "parameter_jump_contact" and finding.belief == "sure"
+    assert finding.parameters["time"].value == pytest.approx(40 * DAY, abs=0.2 * DAY)
+    assert finding.parameters["amount"].value == pytest.approx(-0.154 / DAY, rel=0.01)
 
 
 @pytest.mark.parametrize("hardening", [0.0, 13.0])

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 from tests.diagnosis.newcomers import crane, drivetrain, maglev, oscillator, swing, two_carts
@@ -38,6 +40,24 @@ def test_parameters_bend_over_what_is_measured_and_is_no_law_of_its_own() -> Non
     # A resistance that changes with its current is a curve over the current, which is no new law.
     assert "parameter_curve_resistance_over_current" not in found
     assert "parameter_curve_resistance_over_gap" in found
+
+
+@pytest.mark.parametrize("lower", [0.0, -1.0])
+def test_a_parameter_that_is_never_negative_falls_towards_zero(lower: float) -> None:
+    choke = Model(
+        "choke",
+        lambda m: ({"i": (m.u.v - m.x.i) / m.p.inductance}, {"i": m.x.i}),
+        states=(State("i", "A"),),
+        inputs=(Input("v", "V", lower=-10.0, upper=10.0),),
+        outputs=(Output("i", "A"),),
+        parameters=(Parameter("inductance", "H", value=0.1, lower=lower, upper=1.0, fitted=True),),
+    )
+    (curve,) = parameter_curve.hypotheses(Survey(choke, ranges={"i": (-10.0, 10.0)}))
+    iron = choke.with_effect(curve.at_size(-0.4, {"bend": 0.5 * math.pi}))
+    currents = np.array([0.0, 2.5, 4.0, 10.0])
+    found = [5.0 / float(iron.rates([i], [5.0 + i])[0]) for i in currents]
+    exact = 0.1 / (1 + (currents / 5.0) ** 2) if lower == 0.0 else 0.1 - 0.4 * (currents / 10) ** 2
+    np.testing.assert_allclose(found, exact, rtol=1e-9)
 
 
 def test_a_parameter_that_enters_several_ports_may_fade_in_all_of_them() -> None:

@@ -227,9 +227,21 @@ def _range(at: Place) -> tuple[Own, Own]:
     )  # fmt: skip
 
 
+def _one_sided(at: Place) -> Own:
+    """Return 1 for a parameter that is never negative, 0 for another."""
+    kept = 1.0 if at.parameters and at.parameters[0].lower >= 0.0 else 0.0
+    return shape("one_sided", "1", kept, "1 for a parameter that falls towards zero only",
+                 around=None, between=(0.0, 1.0), source="", fitted=False)  # fmt: skip
+
+
 def _bent(at: PortView) -> Expression:
     along = (at.signals.over - at.p.middle) / at.p.reach
-    return _changed(at, ca.cos(at.p.bend) * along + ca.sin(at.p.bend) * along**2)
+    change = at.p.amount * (ca.cos(at.p.bend) * along + ca.sin(at.p.bend) * along**2)
+    own = ca.SX(at.subject)
+    # Iron that saturates: half where the change is all of it, never negative.
+    falls = ca.logic_and(change < 0.0, at.p.one_sided > 0.5)
+    bent = ca.if_else(falls, own * own / (own - change + 1e-300), own + change)
+    return ca.substitute(ca.SX(at.value), own, bent)
 
 
 # A parameter that is none: it changes with what is measured. Bl of a loudspeaker with the excursion
@@ -237,12 +249,14 @@ def _bent(at: PortView) -> Expression:
 # temperature.
 parameter_curve = Law(
     "parameter_curve",
-    "parameter + amount (cos(bend) z + sin(bend) z^2), z = (signal - middle) / reach",
+    "parameter + c, or parameter^2 / (parameter - c) where what is never negative falls,"
+    " c = amount (cos(bend) z + sin(bend) z^2), z = (signal - middle) / reach",
     _each_parameter_over,
     lambda at: (
         _amount(at),
         shape("bend", "rad", 0.0, "from a straight line, 0, to a parabola, pi/2",
               around=None, between=(-math.pi, math.pi), scale=1.0),
+        _one_sided(at),
         *_range(at),
     ),
     _bent,

@@ -694,6 +694,22 @@ def _tuned(entry: Hypothesis, fit: ProcessNoiseFit, fit_on: Sequence[Observed]) 
     return _valued(entry, better) if better else entry
 
 
+def _sharper(entry: Hypothesis) -> Hypothesis:
+    """Narrow a transition at a fitted place, which moves while it narrows; to be refitted.
+
+    Returns:
+        The effect with transitions a third as wide; itself where none has a place that is fitted.
+    """
+    own = entry.effect.parameters
+    placed = {q.unit for q in own if q.fitted and q.name != entry.size_parameter}
+    values = {
+        q.name: max(q.value / _STEP, q.lower)
+        for q in own
+        if is_guess(q) and q.unit in placed and q.value > q.lower
+    }
+    return _valued(entry, values) if values else entry
+
+
 def _valued(entry: Hypothesis, values: Mapping[str, float]) -> Hypothesis:
     return replace(entry, effect=entry.effect.with_parameters(dict(values)))
 
@@ -763,6 +779,8 @@ def _judged_on(
             break
         best = entry, fit, started
         wider = widened(entry, fit, started[0].sample_time) or _tuned(entry, fit, started)
+        if wider is entry:
+            wider = _sharper(entry)
         if wider is entry and fit.refit.converged:
             break
         entry = wider

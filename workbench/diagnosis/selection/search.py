@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.diagnosis.estimation.prediction_error import Observed, substeps_along
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import (
     INDIFFERENT,
@@ -178,6 +178,17 @@ class Task:
             self.refitted[key] = fit, found
         return self.refitted[key][1]
 
+    def longer(self, model: Model) -> float:
+        """Return how much longer a filter takes with what was found, dimensionless, 1 or more."""
+        steps = [
+            substeps_along(m, r) * max(len(m.states), 1) ** 2
+            for m, r in (
+                (self.base.model, self.fitting[0]),
+                (model, self.started(self.fitting[:1], model)[0]),
+            )
+        ]
+        return max(1.0, steps[1] / steps[0])
+
     @cached_property
     def _ranges(self) -> dict[str, tuple[float, float]]:
         try:
@@ -269,7 +280,7 @@ def _remembered(task: Task, state: Selected, candidates: Sequence[Candidate]) ->
 
 
 def _to_refit(
-    task: Task, scores: Scores, most: int, *, quiet: bool
+    task: Task, scores: Scores, most: int, model: Model, *, quiet: bool
 ) -> tuple[tuple[Score, ...], tuple[Score, ...]]:
     """Choose what is refitted first: the best scores, and the laws of the located groups.
 
@@ -277,6 +288,7 @@ def _to_refit(
     there, or whose effect the refitted parameters have taken over, it tells nothing.
 
     Args:
+        model: The model beside which they are refitted.
         quiet: Whether the model without an effect runs to the noise. What its parameters took over
             is then not missing: only what scores is refitted, and that of which a score cannot
             tell.
@@ -289,7 +301,7 @@ def _to_refit(
     alone = task.location.alone if task.location else {}
     best = max(alone.values(), default=0.0)
     located = {group for group, gain in alone.items() if gain > 0.0 and gain >= 0.5 * best}
-    room = _room(task, most)
+    room = _room(task, most, model)
     rest = [s for s in scores.scores if s not in chosen]
     here = [s for s in rest if any(groups.get(port) in located for port in s.entry.ports)]
     # A law whose derivative at size zero tells nothing is tried wherever it may be.
@@ -303,10 +315,14 @@ def _to_refit(
     return (*chosen, *taken), later
 
 
-def _room(task: Task, most: int) -> float:
-    """Return for how many laws there is room beside so many of the best scores."""
+def _room(task: Task, most: int, model: Model) -> float:
+    """Return for how many laws there is room beside so many of the best scores.
+
+    Args:
+        model: The model with what was found: stiff laws in it make every refit longer.
+    """
     cost = max(len(task.base.model.states), 1) ** 2 * (len(task.priors) + 1)
-    return _BUDGET * most / _MOST_AT_FIRST / cost
+    return _BUDGET * most / _MOST_AT_FIRST / cost / task.longer(model)
 
 
 def _within(scores: Sequence[Score], room: float) -> list[Score]:
@@ -439,7 +455,7 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
         first = not number
         quiet = first and scored.near_noise(task.base, AT_NOISE.value)
         most = _MOST_AT_FIRST if first else _MOST_AGAIN
-        chosen, later = _to_refit(task, scores, most, quiet=quiet)
+        chosen, later = _to_refit(task, scores, most, current.model, quiet=quiet)
         samples = sum(len(r.outputs) for r in task.fitting)
         penalty = selection_penalty(len(scores.scores), samples, 2)
         limits = Limits(
@@ -558,7 +574,7 @@ def _with_pair(task: Task, state: Selected, limits: Limits) -> Selected:
             task.tried(model),
             noise_scale=begun.extended.noise_scale,
         )
-        chosen, _ = _to_refit(task, scores, _MOST_AGAIN, quiet=False)
+        chosen, _ = _to_refit(task, scores, _MOST_AGAIN, model, quiet=False)
         try:
             seconds = _refits(task, begun.extended, begun.free, chosen, limits)
         except NumericalError:
@@ -767,7 +783,7 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
         if found is not state.accepted[-1]:
             tried += shortlist(scores, most=_NEWCOMERS)
             alike = look_alikes(found.candidate.entry, [s.entry for s in scores.scores])
-            tried += _within([known[e.name] for e in alike], _room(task, _NEWCOMERS))
+            tried += _within([known[e.name] for e in alike], _room(task, _NEWCOMERS, base.model))
         asked = Limits(state.penalty, _least(scored, base, number), scored.near_noise(task.base))
         chosen = tuple({s.entry.name: s for s in tried}.values())
         try:
