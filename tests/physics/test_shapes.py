@@ -60,6 +60,29 @@ def test_a_parameter_that_is_never_negative_falls_towards_zero(lower: float) -> 
     np.testing.assert_allclose(found, exact, rtol=1e-9)
 
 
+def test_what_is_lost_one_way_is_offered_where_an_input_fills_a_store() -> None:
+    # The current of a cell charges it, and meets a resistance: losses of charging are of the first.
+    cell = Model(
+        "cell",
+        lambda m: (
+            {"charge": -m.u.current / m.p.capacity},
+            {"voltage": m.x.charge - m.p.resistance * m.u.current},
+        ),
+        states=(State("charge", "1", initial=0.5),),
+        inputs=(Input("current", "A", lower=-5.0, upper=5.0),),
+        outputs=(Output("voltage", "V"),),
+        parameters=(
+            Parameter("capacity", "A s", value=1e4, lower=1e3, upper=1e5, fitted=True),
+            Parameter("resistance", "Ohm", value=0.02, lower=0.0, upper=1.0, fitted=True),
+        ),
+    )
+    offered = {h.name: h for h in library(cell)}
+    law = offered["asymmetric_gain_charge_rate"]
+    lossy = cell.with_effect(law.at_size(-0.1))
+    rates = [float(lossy.rates([0.5], [i])[0]) / float(cell.rates([0.5], [i])[0]) for i in (-4, 4)]
+    assert rates == pytest.approx([0.95, 1.05], rel=1e-3)
+
+
 def test_a_parameter_that_enters_several_ports_may_fade_in_all_of_them() -> None:
     # Scale on the wall of a heat exchanger: one coefficient, in the balances of all that it parts.
     def equations(m: Scope) -> Equations:

@@ -17,6 +17,7 @@ from workbench.physics.law import (
     sensors,
     shape,
     size,
+    together,
 )
 from workbench.physics.place import EFFORTS, Place
 
@@ -132,7 +133,10 @@ edge_gain = replace(
 asymmetric_gain = Law(
     "asymmetric_gain",
     "y = u + (difference / 2) |u - centre|",
-    first_of(each("spool"), each("command", "voltage", label=by_port)),
+    together(
+        first_of(each("spool"), each("command", "voltage", label=by_port)),
+        each("flow", only=lambda at: at.driven, label=by_port),
+    ),
     lambda at: (
         size("difference", "1", 0.1, 1.0, "factor above the centre less that below", signed=True),
         shape("centre", at.unit, 0.0, "where the two sides meet", around=None, scale=1.0,
@@ -140,7 +144,7 @@ asymmetric_gain = Law(
     ),
     lambda at: at.value
     + 0.5 * at.p.difference * at.form.absolute(at.value - at.p.centre, 0.02 * at.scale),
-    source="unequal edges of a valve, unequal sides of an amplifier",
+    source="unequal edges of a valve, unequal sides of an amplifier, losses of one direction",
     look_alikes=("valve_offset", "silencer", "edge_gain"),
     separated_by="steps of several sizes to both sides: an offset fades for large ones",
 )  # fmt: skip
