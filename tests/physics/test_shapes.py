@@ -17,6 +17,7 @@ from workbench.physics.place import Survey
 from workbench.plants.arm import arm
 from workbench.plants.cascaded_tanks import cascaded_tanks
 from workbench.plants.servo_axis import servo_axis
+from workbench.simulation import simulate
 
 PLANTS = (
     arm, cascaded_tanks, crane, drivetrain, maglev, oscillator, servo_axis, swing, two_carts,
@@ -81,6 +82,51 @@ def test_what_is_lost_one_way_is_offered_where_an_input_fills_a_store() -> None:
     lossy = cell.with_effect(law.at_size(-0.1))
     rates = [float(lossy.rates([0.5], [i])[0]) / float(cell.rates([0.5], [i])[0]) for i in (-4, 4)]
     assert rates == pytest.approx([0.95, 1.05], rel=1e-3)
+
+
+def test_a_second_store_takes_what_the_first_one_loses_until_both_are_level() -> None:
+    blood = Model(
+        "blood",
+        lambda m: ({"level": m.u.dose}, {"level": m.x.level}),
+        states=(State("level", "kg/m3"),),
+        inputs=(Input("dose", "kg/(m3 s)", lower=0.0, upper=1.0),),
+        outputs=(Output("level", "kg/m3"),),
+    )
+    law = {h.name: h for h in library(blood, duration=10.0, sample_time=0.1)}["second_store_level"]
+    model = blood.with_effect(law.at_size(0.4, {"time_constant": 5.0}))
+    times = np.linspace(0.0, 30.0, 301)
+    start = {"level": 3.0, "second_store_level.beside": 0.0}
+    run = simulate(model, np.zeros(len(times)), sample_time=0.1, start=start)
+    # What leaves the first, 0.4 (a - b), fills the second, half as large: (a - b) / 5 s.
+    exact = 1.0 + 2.0 * np.exp(-0.6 * times)
+    np.testing.assert_allclose(run.outputs[:, 0], exact, rtol=1e-5)
+
+
+def test_a_slow_response_goes_on_where_an_input_is_read_at_once() -> None:
+    def cell(slow: float) -> Model:
+        model = Model(
+            "cell",
+            lambda m: (
+                {"charge": -1e-4 * m.u.current},
+                {"voltage": m.x.charge - m.p.resistance * m.u.current},
+            ),
+            states=(State("charge", "1", initial=0.5),),
+            inputs=(Input("current", "A", lower=-5.0, upper=5.0),),
+            outputs=(Output("voltage", "V"),),
+            parameters=(
+                Parameter("resistance", "Ohm", value=0.02, lower=0.0, upper=1.0, fitted=True),
+            ),
+        )
+        law = {h.name: h for h in library(model, duration=100.0, sample_time=1.0)}
+        found = law["slow_response_voltage_current"]
+        return model.with_effect(found.at_size(slow, {"time_constant": 20.0}))
+
+    times = np.linspace(0.0, 100.0, 101)
+    slow, none = (
+        simulate(cell(size), np.full(len(times), 3.0), sample_time=1.0).outputs[:, 0]
+        for size in (-0.01, 0.0)
+    )
+    np.testing.assert_allclose(slow - none, -0.03 * (1.0 - np.exp(-times / 20.0)), atol=1e-7)
 
 
 def test_a_parameter_that_enters_several_ports_may_fade_in_all_of_them() -> None:

@@ -1,4 +1,4 @@
-"""Creep and relaxation: forces with a memory that fades.
+"""Creep and relaxation: signals with a memory that fades.
 
 After a step a creeping signal is 1 - share of its final value at once and creeps to it, with two
 time constants: a standard linear solid. A Maxwell element is a spring in series with a damper: it
@@ -7,10 +7,13 @@ resists what is quick as a spring does and lets go of what is slow.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
+
 from workbench.model import PortView, State
 from workbench.model.regularisation import Expression
-from workbench.physics.law import Law, Own, each, first_of, shape, size, twins
-from workbench.physics.place import EFFORTS, Place, per
+from workbench.physics.law import Fit, Law, Own, each, first_of, shape, size, twins
+from workbench.physics.place import EFFORTS, Place, Survey, per
 
 
 def _late(at: PortView) -> Expression:
@@ -74,4 +77,42 @@ maxwell_element = Law(
     source="J. C. Maxwell 1867; rubber mounts and bushings",
     look_alikes=("viscous_friction", "linear_spring", "creep", "bouc_wen_hysteresis"),
     separated_by="quick steps that are held, and motions of the same amplitude at several speeds",
+)  # fmt: skip
+
+
+def _read_at_once(survey: Survey) -> Iterator[Fit]:
+    for place in survey.fitting("measurement"):
+        for cause in survey.causes(place):
+            own = place.output.name if place.output else place.port.group
+            site = replace(place, signals={**place.signals, "cause": cause})
+            yield f"_{own}_{cause.source}", ((site,),)
+
+
+def _path(at: Place) -> tuple[Own, ...]:
+    cause = at.signals.get("cause", at.coordinate)
+    typical = 0.05 * at.scale / cause.scale
+    return (
+        size("gain", per(at.unit, cause.unit), typical, 100 * typical, "slow part of the response",
+             signed=True),
+        shape("time_constant", "s", 0.1 * at.lasting, "time constant", around=(1e-3, 10.0)),
+    )  # fmt: skip
+
+
+# A voltage that follows a current at once, and goes on when it has settled: diffusion in a cell.
+slow_response = Law(
+    "slow_response",
+    "y = y + gain z, dz/dt = (u - z) / time_constant",
+    _read_at_once,
+    _path,
+    lambda at: at.value + at.p.gain * at.x.passed,
+    states=lambda at: (
+        State("passed", at.signals["cause"].unit, at.signals["cause"].scale,
+              f"what {at.name} has followed of its cause", start_rms=at.signals["cause"].scale),
+    ),
+    rates=lambda e: {"passed": (e.here.signals.cause - e.x.passed) / e.p.time_constant},
+    start=lambda e: {"passed": 0.0 * e.here.signals.cause},
+    shapes=lambda at: [{"time_constant": part * at.lasting} for part in (0.1, 0.02, 0.3)],
+    source="second pair of resistance and capacity of a cell, G. L. Plett 2015",
+    look_alikes=("sensor_drift", "linear_outflow", "creep"),
+    separated_by="a step that is held for several time constants, and a rest as long",
 )  # fmt: skip

@@ -168,12 +168,12 @@ saturating_outflow = Law(
         size("largest", at.unit, 0.1 * at.scale, at.scale, "outflow that it saturates at",
              signed=True),
         shape("half_level", at.level.unit, at.level.scale, "level with half of that outflow",
-              around=(0.02, 50.0)),
+              around=(1e-3, 50.0)),
         *_outlet(at),
     ),
     lambda at: at.value
     - at.p.sense * at.p.largest * _above(at) / (at.p.half_level + _above(at)),
-    shapes=lambda at: [{"half_level": part * at.level.scale} for part in (0.1, 0.5, 2.0)],
+    shapes=lambda at: [{"half_level": part * at.level.scale} for part in (0.01, 0.1, 1.0)],
     source="L. Michaelis and M. L. Menten 1913: uptake by enzymes, growth, evaporation",
     look_alikes=("linear_outflow", "orifice_outflow", "offset"),
     separated_by="low levels against high ones: it is linear in the first, constant in the second",
@@ -214,6 +214,32 @@ cross_flow = Law(
     source="laminar leak, G. Hagen 1839",
     look_alikes=("linear_outflow", "viscous_friction", "creep"),
     separated_by="shut what drives them with unequal levels: their sum stays",
+)  # fmt: skip
+
+
+# A second compartment that the model lumps with the first: tissue beside blood, ground beside soil.
+second_store = Law(
+    "second_store",
+    "flow = flow - conductance (level - z), dz/dt = (level - z) / time_constant",
+    _each_store,
+    lambda at: (
+        size("conductance", per(at.unit, at.level.unit), 0.1 * at.scale / at.level.scale,
+             10.0 * at.scale / at.level.scale, "flow to the other store over the difference"),
+        shape("time_constant", "s", 0.1 * at.lasting, "time in which the other store follows",
+              around=(0.01, 10.0)),
+        _sense(at),
+    ),
+    lambda at: at.value - at.p.sense * at.p.conductance * (at.signals.level - at.x.beside),
+    states=lambda at: (
+        State("beside", at.level.unit, at.level.scale, f"level of the store beside {at.name}",
+              at.level.start, start_rms=0.1 * at.level.scale),
+    ),
+    rates=lambda e: {"beside": (e.here.signals.level - e.x.beside) / e.p.time_constant},
+    start=lambda e: {"beside": e.here.signals.level},
+    shapes=lambda at: [{"time_constant": part * at.lasting} for part in (0.1, 0.03, 0.01)],
+    source="two compartments, T. Teorell 1937",
+    look_alikes=("linear_outflow", "cross_flow", "creep"),
+    separated_by="a short inflow, then rest: the level falls with two time constants",
 )  # fmt: skip
 
 

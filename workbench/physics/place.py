@@ -312,6 +312,13 @@ class Survey:
         level = self._of(place.store)
         return replace(place, signals={**place.signals, "level": level})
 
+    def causes(self, place: Place) -> tuple[Local, ...]:
+        """Return the inputs that enter the signal of a place at once."""
+        index = [q.name for q in self.trace.ports].index(place.name)
+        slope = ca.jacobian(self._port_value(index), self.trace.u)
+        inputs = enumerate(self.model.inputs)
+        return tuple(self._of(q.name) for i, q in inputs if not slope[i].is_zero())
+
     def attached(self, equation: str) -> bool:
         """Tell whether an effect of that equation is part of the model."""
         return any(e.about.equation == equation for e in self.model.effects)
