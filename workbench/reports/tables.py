@@ -119,7 +119,7 @@ def number(value: float, digits: int = 3, *, unit: str = "") -> str:
     # Rounding 0.9996 gains a digit before the point, which takes the place of one behind it.
     places = digits - 1 - math.floor(math.log10(abs(rounded)))
     text = f"{rounded:.{min(max(places, 0), 9)}f}"
-    if abs(value) < 1e-6 or abs(value) >= 1e7:
+    if abs(value) < 1e-4 or abs(value) >= 1e7:
         text = f"{value:.{digits - 1}e}"
     return text.replace("-", "−") + suffix
 
