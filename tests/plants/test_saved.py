@@ -110,7 +110,7 @@ def test_simulate_and_linearise_use_the_improved_model(
     model = PLANTS.get(str(axis)).model()
     damping = model.parameter("viscous_friction.coefficient").value
     # The axis slows down with the time constant m / d of the heavier mass.
-    assert f"{120.0 / damping:.4g} s" in capsys.readouterr().out
+    assert f"{1e3 * 120.0 / damping:.4g} ms" in capsys.readouterr().out
 
 
 @pytest.mark.system

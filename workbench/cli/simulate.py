@@ -63,11 +63,8 @@ def simulate(
         if chosen.at or duration is None or (pulses is not None and period is None):
             raise
         start, unrest = None, str(error)
-    if start is None:
-        typer.echo(f"{unrest}; it starts at the initial values of its states", err=True)
-    elif not initial:
-        if not chosen.at:
-            _tell_other_start(model, x, start.x)
+    declared = x
+    if start is not None and not initial:
         x, u = start.x, start.u
 
     def time(name: str, given: str | None, steps: float) -> float:
@@ -81,6 +78,10 @@ def simulate(
     length = check_range("duration", time("duration", duration, 4.0), 2 * step, 1e6 * step, "s")
     driven = _with_pulses(chosen, pulses, lambda: time("period", period, 2.0), length)
     run = run_model(model, _held(model, u, driven, length, step), sample_time=step, start=x)
+    if start is None:
+        typer.echo(f"{unrest}; it starts at the initial values of its states", err=True)
+    elif not initial and not chosen.at:
+        _tell_other_start(model, declared, start.x)
     typer.echo(str(run))
     if out is not None:
         from workbench.files import write_whole

@@ -172,9 +172,9 @@ class Recording(Drawn):
         >>> recording["angle"].sum()
         np.float64(4.0)
         >>> print(recording)
-        trial: 4 samples, 0.3 s, 10 Hz
-        signal  kind   role         unit    minimum  maximum  missing
-        angle   angle  measurement  deg     57.2958  57.2958  0
+        trial: 4 samples, 300 ms, 10 Hz
+        signal  kind   role         unit  minimum  maximum  missing
+        angle   angle  measurement  deg   57.2958  57.2958  0
     """
 
     name: str
@@ -334,8 +334,9 @@ class Recording(Drawn):
         return {"time": self.time, **{s.name: s.values for s in self.signals}}
 
     def __str__(self) -> str:
-        pace = f"{in_time(self.duration, 6)}, one every {in_time(self.sample_time, 6)}"
-        head = f"{self.name}: {len(self)} samples, {pace}"
+        step = self.sample_time
+        pace = f"{1 / step:g} Hz" if 0 < step <= 1 else f"one every {in_time(step, 6)}"
+        head = f"{self.name}: {len(self)} samples, {in_time(self.duration, 6)}, {pace}"
         (table,) = self.tables()
         notes = [f"note: {note}" for note in self.notes]
         return "\n".join([head, aligned_table(table.headings, table.rows), *notes])
