@@ -19,8 +19,9 @@ _START_SAMPLES = 3
 _STILL = 5.0
 """Multiple of the noise by which the measurements of a rig at rest may differ."""
 
-_PACE = 0.3
-"""Correlation time of what a quick model leaves out, over the time in which its response shows."""
+_PACE, _SAMPLES = 0.3, 10
+"""Correlation time of what a quick model leaves out, over the time in which its response shows; so
+many samples at least, for a machine that is recorded slowly is as good as at rest in each."""
 
 
 def observe(model: Model, recording: Recording) -> Observed:
@@ -72,7 +73,7 @@ def observe(model: Model, recording: Recording) -> Observed:
         start,
         start_rms,
         _growth(model, start, inputs[len(inputs) // 2]),
-        min(CORRELATION_TIME, _PACE * model.horizon),
+        min(CORRELATION_TIME, max(_PACE * model.horizon, _SAMPLES * sample_time)),
     )
 
 
