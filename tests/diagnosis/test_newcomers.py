@@ -282,6 +282,18 @@ def test_what_changes_at_a_time_is_followed_to_its_instant(
     assert finding.parameters["amount"].value == pytest.approx(-0.154 / DAY, rel=0.01)
 
 
+def test_what_is_left_out_is_correlated_over_the_pace_of_the_machine() -> None:
+    quick = ringing(1)
+    model, _ = with_undeclared(resonator(), [quick])
+    # Two periods of 100 kHz, of which a third.
+    assert observe(model, quick).correlation_time == pytest.approx(6e-6, rel=0.1)
+    # The same machine read once in a while, from rest to rest, and one that takes its time.
+    slowly = replace(quick, time=1e3 * quick.time)
+    assert observe(model, slowly).correlation_time == pytest.approx(10 * 5e-4)
+    usual = made_up(oscillator(), levels(100, 1, 30.0, 20, 80), sample_time=0.02)
+    assert usual.correlation_time == 0.1
+
+
 @pytest.mark.parametrize("hardening", [0.0, 13.0])
 def test_a_quick_and_small_machine_is_judged_at_its_own_pace_and_size(
     monkeypatch: pytest.MonkeyPatch, hardening: float
