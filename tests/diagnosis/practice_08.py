@@ -27,18 +27,20 @@ def rig() -> tuple[dict[str, float], NDArray[np.float64]]:
     The recordings' loop shape is that of ten equal elements.
     """
     parameters = nominal(
-        arm_inertia=0.056657,
-        force_gain=0.973045,
-        conductance=2.767331e-8,
-        centre_leakage=0.00245011,
-        volume_gain=1.027254,
-        dead_volume=1.365934e-5,
-        viscous=0.233093,
-        coulomb=0.346625,
-        heat_transfer=157.9379,
-        hyst_force=14.98781,
-        hyst_slope=9.930904,
-        **elements(0.216e-3, 4.108e-3, 10),
+        {
+            "arm_inertia": 0.056657,
+            "force_gain": 0.973045,
+            "conductance": 2.767331e-8,
+            "centre_leakage": 0.00245011,
+            "volume_gain": 1.027254,
+            "dead_volume": 1.365934e-5,
+            "viscous": 0.233093,
+            "coulomb": 0.346625,
+            "heat_transfer": 157.9379,
+            "hyst_force": 14.98781,
+            "hyst_slope": 9.930904,
+            **elements(0.216e-3, 4.108e-3, 10),
+        }
     )
     return parameters, plant.initial(30.0, (3.0, 3.0), parameters)
 
