@@ -61,9 +61,9 @@ def test_a_parameter_that_is_never_negative_falls_towards_zero(lower: float) -> 
     np.testing.assert_allclose(found, exact, rtol=1e-9)
 
 
-def test_what_is_lost_one_way_is_offered_where_an_input_fills_a_store() -> None:
-    # The current of a cell charges it, and meets a resistance: losses of charging are of the first.
-    cell = Model(
+def cell() -> Model:
+    """A cell whose current charges it, and meets a resistance."""
+    return Model(
         "cell",
         lambda m: (
             {"charge": -m.u.current / m.p.capacity},
@@ -77,10 +77,13 @@ def test_what_is_lost_one_way_is_offered_where_an_input_fills_a_store() -> None:
             Parameter("resistance", "Ohm", value=0.02, lower=0.0, upper=1.0, fitted=True),
         ),
     )
-    offered = {h.name: h for h in library(cell)}
-    law = offered["asymmetric_gain_charge_rate"]
-    lossy = cell.with_effect(law.at_size(-0.1))
-    rates = [float(lossy.rates([0.5], [i])[0]) / float(cell.rates([0.5], [i])[0]) for i in (-4, 4)]
+
+
+def test_what_is_lost_one_way_is_offered_where_an_input_fills_a_store() -> None:
+    whole = cell()
+    law = {h.name: h for h in library(whole)}["asymmetric_gain_charge_rate"]
+    lossy = whole.with_effect(law.at_size(-0.1))
+    rates = [float(lossy.rates([0.5], [i])[0]) / float(whole.rates([0.5], [i])[0]) for i in (-4, 4)]
     assert rates == pytest.approx([0.95, 1.05], rel=1e-3)
 
 
@@ -103,27 +106,15 @@ def test_a_second_store_takes_what_the_first_one_loses_until_both_are_level() ->
 
 
 def test_a_slow_response_goes_on_where_an_input_is_read_at_once() -> None:
-    def cell(slow: float) -> Model:
-        model = Model(
-            "cell",
-            lambda m: (
-                {"charge": -1e-4 * m.u.current},
-                {"voltage": m.x.charge - m.p.resistance * m.u.current},
-            ),
-            states=(State("charge", "1", initial=0.5),),
-            inputs=(Input("current", "A", lower=-5.0, upper=5.0),),
-            outputs=(Output("voltage", "V"),),
-            parameters=(
-                Parameter("resistance", "Ohm", value=0.02, lower=0.0, upper=1.0, fitted=True),
-            ),
-        )
-        law = {h.name: h for h in library(model, duration=100.0, sample_time=1.0)}
-        found = law["slow_response_voltage_current"]
-        return model.with_effect(found.at_size(slow, {"time_constant": 20.0}))
-
+    found = {h.name: h for h in library(cell(), duration=100.0, sample_time=1.0)}
+    law = found["slow_response_voltage_current"]
     times = np.linspace(0.0, 100.0, 101)
     slow, none = (
-        simulate(cell(size), np.full(len(times), 3.0), sample_time=1.0).outputs[:, 0]
+        simulate(
+            cell().with_effect(law.at_size(size, {"time_constant": 20.0})),
+            np.full(len(times), 3.0),
+            sample_time=1.0,
+        ).outputs[:, 0]
         for size in (-0.01, 0.0)
     )
     np.testing.assert_allclose(slow - none, -0.03 * (1.0 - np.exp(-times / 20.0)), atol=1e-7)

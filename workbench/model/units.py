@@ -426,6 +426,18 @@ def with_unit(number: str, unit: str) -> str:
     return f"{number}{written}" if written[:1] == "°" else f"{number} {written}".rstrip()
 
 
+_TIMES = (
+    ("d", 86400.0, 2 * 86400.0, 10 * 86400.0),
+    ("h", 3600.0, 3600.0, 7200.0),
+    ("s", 1.0, 1.0, 0.1),
+    ("ms", 1e-3, 1e-3, 1e-4),
+    ("µs", 1e-6, 1e-6, 1e-7),
+    ("ns", 1e-9, 0.0, 0.0),
+)
+"""Units of time, their sizes in s, and the least time, in s, that is written in each: alone, and as
+the longest of several."""
+
+
 def in_time(seconds: float, digits: int = 3) -> str:
     """Write a time, in s, in the unit that suits it, from nanoseconds to days.
 
@@ -433,12 +445,10 @@ def in_time(seconds: float, digits: int = 3) -> str:
         >>> [in_time(t) for t in (2e-7, 0.0123, 520.0, 7200.0, -4e5, math.inf)]
         ['200 ns', '12.3 ms', '520 s', '2 h', '-4.63 d', 'inf s']
     """
-    steps = ((2 * 86400.0, "d", 86400.0), (3600.0, "h", 3600.0), (1.0, "s", 1.0))
-    small = ((1e-3, "ms", 1e-3), (1e-6, "µs", 1e-6), (0.0, "ns", 1e-9))
     size = abs(seconds)
     if not size or not math.isfinite(size):
         return f"{seconds:g} s"
-    _, unit, factor = next(row for row in (*steps, *small) if size >= row[0])
+    unit, factor = next((unit, s) for unit, s, least, _ in _TIMES if size >= least)
     return f"{float(f'{seconds / factor:.{digits}g}'):.10g} {unit}"
 
 
@@ -449,10 +459,8 @@ def time_unit(longest: float) -> tuple[str, float]:
         >>> time_unit(0.025), time_unit(520.0), time_unit(5e4), time_unit(6e6)
         (('ms', 0.001), ('s', 1.0), ('h', 3600.0), ('d', 86400.0))
     """
-    units = (("d", 86400.0, 10 * 86400.0), ("h", 3600.0, 7200.0), ("s", 1.0, 0.1))
-    small = (("ms", 1e-3, 1e-4), ("µs", 1e-6, 1e-7), ("ns", 1e-9, 0.0))
     size = abs(longest) or 1.0
-    return next((unit, s) for unit, s, least in (*units, *small) if not size < least)
+    return next((unit, s) for unit, s, _, least in _TIMES if not size < least)
 
 
 def in_times(times: Sequence[float], digits: int = 3) -> tuple[list[str], str]:

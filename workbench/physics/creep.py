@@ -13,7 +13,7 @@ from dataclasses import replace
 from workbench.model import PortView, State
 from workbench.model.regularisation import Expression
 from workbench.physics.law import Fit, Law, Own, each, first_of, shape, size, twins
-from workbench.physics.place import EFFORTS, Place, Survey, per
+from workbench.physics.place import EFFORTS, Local, Place, Survey, per
 
 
 def _late(at: PortView) -> Expression:
@@ -88,8 +88,12 @@ def _read_at_once(survey: Survey) -> Iterator[Fit]:
             yield f"_{own}_{cause.source}", ((site,),)
 
 
+def _cause(at: Place) -> Local:
+    return at.signals.get("cause", Local("cause", "1"))
+
+
 def _path(at: Place) -> tuple[Own, ...]:
-    cause = at.signals.get("cause", at.coordinate)
+    cause = _cause(at)
     typical = 0.05 * at.scale / cause.scale
     return (
         size("gain", per(at.unit, cause.unit), typical, 100 * typical, "slow part of the response",
@@ -106,8 +110,8 @@ slow_response = Law(
     _path,
     lambda at: at.value + at.p.gain * at.x.passed,
     states=lambda at: (
-        State("passed", at.signals["cause"].unit, at.signals["cause"].scale,
-              f"what {at.name} has followed of its cause", start_rms=at.signals["cause"].scale),
+        State("passed", _cause(at).unit, _cause(at).scale,
+              f"what {at.name} has followed of its cause", start_rms=_cause(at).scale),
     ),
     rates=lambda e: {"passed": (e.here.signals.cause - e.x.passed) / e.p.time_constant},
     start=lambda e: {"passed": 0.0 * e.here.signals.cause},

@@ -9,7 +9,7 @@ from dataclasses import replace
 import casadi as ca
 
 from workbench.errors import TIMES_S
-from workbench.model import PortView, State
+from workbench.model import Parameter, PortView, State
 from workbench.model.regularisation import Expression
 from workbench.physics.law import (
     Fit,
@@ -152,9 +152,14 @@ sensor_jump = replace(
 )  # fmt: skip
 
 
+def _entering(survey: Survey) -> Iterator[tuple[Parameter, tuple[Place, ...]]]:
+    """Yield refitted parameters, each with the ports that bring it into the equations."""
+    yield from ((q, (at,)) for at in survey.places for q in at.parameters)
+    yield from survey.spread
+
+
 def _each_parameter(survey: Survey) -> Iterator[Fit]:
-    alone = [(q, (at,)) for at in survey.places for q in at.parameters]
-    for q, places in (*alone, *survey.spread):
+    for q, places in _entering(survey):
         yield (
             f"_{q.name.replace('.', '_')}",
             (tuple(replace(at, parameters=(q,)) for at in places),),
@@ -162,8 +167,8 @@ def _each_parameter(survey: Survey) -> Iterator[Fit]:
 
 
 def _each_parameter_over(survey: Survey) -> Iterator[Fit]:
-    alone = [(q, (at,)) for at in survey.places for q in at.parameters if "." not in q.name]
-    for q, places in (*alone, *survey.spread):
+    own = [(q, places) for q, places in _entering(survey) if "." not in q.name]
+    for q, places in own:
         for over in survey.may_bend_over(q, places):
             yield (
                 f"_{q.name}_over_{over.source}",
@@ -183,8 +188,12 @@ def _amount(at: Place) -> Own:
 
 
 def _changed(at: PortView, part: Expression) -> Expression:
-    own = ca.SX(at.subject)
-    return ca.substitute(ca.SX(at.value), own, own + at.p.amount * part)
+    return _with_subject(at, at.subject + at.p.amount * part)
+
+
+def _with_subject(at: PortView, value: Expression) -> Expression:
+    """Return the signal at a port with another value for the parameter that changes."""
+    return ca.substitute(ca.SX(at.value), ca.SX(at.subject), ca.SX(value))
 
 
 # Offered for every refitted parameter, of the plant or of an effect of it, that enters the
@@ -240,8 +249,7 @@ def _bent(at: PortView) -> Expression:
     own = ca.SX(at.subject)
     # Iron that saturates: half where the change is all of it, never negative.
     falls = ca.logic_and(change < 0.0, at.p.one_sided > 0.5)
-    bent = ca.if_else(falls, own * own / (own - change + 1e-300), own + change)
-    return ca.substitute(ca.SX(at.value), own, bent)
+    return _with_subject(at, ca.if_else(falls, own * own / (own - change + 1e-300), own + change))
 
 
 # A parameter that is none: it changes with what is measured. Bl of a loudspeaker with the excursion

@@ -315,9 +315,8 @@ class Survey:
     def causes(self, place: Place) -> tuple[Local, ...]:
         """Return the inputs that enter the signal of a place at once."""
         index = [q.name for q in self.trace.ports].index(place.name)
-        slope = ca.jacobian(self._port_value(index), self.trace.u)
-        inputs = enumerate(self.model.inputs)
-        return tuple(self._of(q.name) for i, q in inputs if not slope[i].is_zero())
+        entering = zip(self.model.inputs, self._entered[index], strict=True)
+        return tuple(self._of(q.name) for q, enters in entering if enters)
 
     def attached(self, equation: str) -> bool:
         """Tell whether an effect of that equation is part of the model."""
@@ -355,7 +354,7 @@ class Survey:
             signals.setdefault("measured", self._of(self._measured[output.name]))
         alone, fills = self._alone(index) if role in FLOWS else ("", 1.0)
         return Place(
-            port, role, signals, self._reached[index], store=alone, fills=fills,
+            port, role, signals, any(self._entered[index]), store=alone, fills=fills,
             commanded=index in self._commanded, shared=shared, shaped=bool(pressed),
             empty=self.trace.signals[self.trace.signal_names.index(name)].is_zero(),
             parameters=self._entering[index],
@@ -591,7 +590,7 @@ class Survey:
                 part = self._sampled(slope * t.p[k])
                 if np.nanmax(np.abs(part)) < _VISIBLE * t.ports[i].scale:
                     break
-                if not (self._reached[i] and _same(part, self._sampled(self._port_value(i)))):
+                if not (any(self._entered[i]) and _same(part, self._sampled(self._port_value(i)))):
                     found[i].append(q)
                 break
         return tuple(tuple(each) for each in found)
@@ -760,13 +759,11 @@ class Survey:
         return ""
 
     @cached_property
-    def _reached(self) -> tuple[bool, ...]:
-        """Whether an input enters the signal of each port at once."""
-        index = [self.trace.signal_names.index(q.name) for q in self.trace.ports]
-        if not index:
-            return ()
-        slope = ca.jacobian(self.trace.signals[index], self.trace.u)
-        return tuple(not slope[i, :].is_zero() for i in range(len(index)))
+    def _entered(self) -> tuple[tuple[bool, ...], ...]:
+        """Whether each input enters the signal of each port at once."""
+        ports, inputs = range(len(self.trace.ports)), range(len(self.model.inputs))
+        slopes = [ca.jacobian(self._port_value(i), self.trace.u) for i in ports]
+        return tuple(tuple(not slope[k].is_zero() for k in inputs) for slope in slopes)
 
 
 def _same(a: Vector, b: Vector) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import FreeRun, failed_run, free_run
-from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, filter_of
+from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.process_noise import extended_start
 from workbench.diagnosis.estimation.start import fitted_start
 from workbench.errors import NumericalError
@@ -70,7 +70,7 @@ def expected_outputs(
         NumericalError: If the filter leaves the finite numbers.
     """
     begun = extended_start(observed, nominal, model)
-    filter_ = _filter(model, begun, noise_scale)
+    filter_ = filter_of(model, begun, noise_scale)
     return filter_.expected(begun, filter_.run(begun, model.values))
 
 
@@ -89,7 +89,7 @@ def windows(
         NumericalError: If the filter leaves the finite numbers.
     """
     begun = extended_start(observed, nominal, model)
-    states = _filter(model, begun, noise_scale).run(begun, model.values).states
+    states = filter_of(model, begun, noise_scale).run(begun, model.values).states
     states[0] = settled(model, nominal, observed).start
     count, size = len(begun.outputs), window_samples(observed)
     starts = list(range(0, max(count - size // 2, 1), size))
@@ -127,7 +127,3 @@ def windowed_run(
         failure,
         window=len(cut[0].outputs) * observed.sample_time if len(cut) > 1 else 0.0,
     )
-
-
-def _filter(model: Model, begun: Observed, noise_scale: float) -> PredictionError:
-    return filter_of(model, begun, noise_scale)
