@@ -210,3 +210,58 @@ def test_digits_are_kept(tmp_path: Path) -> None:
     values = [0.1, 1 / 3, 1e-300, 123456789.123456789]
     text = "time_s,valve_V\n" + "".join(f"{k},{v!r}\n" for k, v in enumerate(values))
     assert read_text(saved(tmp_path, text), ReadOptions()).values[:, 1].tolist() == values
+
+
+DATED = {
+    "Timestamp": "2024-03-04 23:59:{0:04.1f}|2024-03-05 00:00:{1:04.1f}",
+    "Date": "04.03.2024 23:59:{0:04.1f}|05.03.2024 00:00:{1:04.1f}",
+    "Time": "2024-03-04T23:59:{0:04.1f}Z|2024-03-05T00:00:{1:04.1f}Z",
+    "Uhrzeit": "23:59:{0:04.1f}|0:00:{1:04.1f}",
+    "Datum;Uhrzeit": "4.3.2024;23:59:{0:04.1f}|5.3.2024;00:00:{1:04.1f}",
+}
+
+
+@pytest.mark.parametrize("header", DATED)
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_dates_and_times_of_day_over_midnight(tmp_path: Path, header: str, decimal: str) -> None:
+    before, after = DATED[header].split("|")
+    seconds = 50.5 + np.arange(40) * 0.5
+    rows = [
+        (before if s < 60 else after).format(s, s - 60)
+        + f";{5 + 0.1 * k:.1f};{k}".replace(".", decimal)
+        for k, s in enumerate(seconds)
+    ]
+    text = "\n".join([f"{header};valve [V];angle [deg]", *rows])
+    recording = read_recording(saved(tmp_path, text), signals=("valve", "angle"))
+    assert np.allclose(recording.time, seconds - seconds[0], atol=1e-6)
+    assert recording["valve"][1] == pytest.approx(5.1)
+    assert recording.signal("valve").unit == "V"
+
+
+def test_dates_in_words_are_refused_in_one_sentence(tmp_path: Path) -> None:
+    rows = [f"March {k + 1};{k};{k}" for k in range(20)]
+    text = "\n".join(["time;valve [V];angle [deg]", *rows])
+    with pytest.raises(WorkbenchError, match="'time'.*'March 1' in line 2.*in seconds"):
+        read_recording(saved(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    ("header", "column"),
+    [("t,u_V,temp_C", "temp_C"), ("t,u_V,T_C", "T_C"), ("t,u_V,Temp_c,x_C", "Temp_c")],
+)
+def test_degrees_behind_an_underscore_where_a_temperature_is_asked_for(
+    tmp_path: Path, header: str, column: str
+) -> None:
+    rows = [",".join(f"{20 + k}" for _ in header.split(",")) for k in range(20)]
+    path = saved(tmp_path, "\n".join([header, *rows]))
+    recording = read_recording(path, signals={"u": "V", "temp": "K"})
+    assert recording["temp"][0] == pytest.approx(293.15)
+    # What is called so in the model, or beside its like, is a name.
+    assert read_recording(path, signals={"u": "V", column: "K"})[column][0] == 20.0
+
+
+def test_a_name_beside_its_like_is_no_unit(tmp_path: Path) -> None:
+    rows = [",".join(f"{20 + k}" for _ in range(4)) for k in range(20)]
+    path = saved(tmp_path, "\n".join(["t,u_V,T_B,T_C", *rows]))
+    with pytest.raises(WorkbenchError, match="temp"):
+        read_recording(path, signals={"u": "V", "temp": "K"})

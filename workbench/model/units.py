@@ -115,13 +115,14 @@ _SPELLINGS = {
     **dict.fromkeys(("mins", "minute", "minutes"), "min"),
     **dict.fromkeys(("hr", "hrs", "hour", "hours"), "h"),
     "days": "d", "RPM": "rpm", "kph": "km/h", "kmh": "km/h", "lpm": "l/min", "LPM": "l/min",
-    **dict.fromkeys(("Kelvin", "kelvin"), "K"),
+    **dict.fromkeys(("Kelvin", "kelvin"), "K"), "Celsius": "degC", "Fahrenheit": "degF",
     **dict.fromkeys(("meter", "meters", "metre", "metres"), "m"),
     **dict.fromkeys(("newton", "newtons"), "N"), "pascal": "Pa", "Bar": "bar", "BAR": "bar",
     **dict.fromkeys(("volt", "volts", "Volt", "Volts"), "V"),
     **dict.fromkeys(("amp", "amps", "ampere", "Amp", "Amps"), "A"),
     **dict.fromkeys(("degree", "degrees", "Deg", "DEG", "grad"), "deg"),
     **dict.fromkeys(("radian", "radians", "RAD"), "rad"),
+    **dict.fromkeys(("liter", "liters", "litre", "litres"), "l"),
     "knot": "kn", "knots": "kn", "percent": "%", "VA": "V A",
 }  # fmt: skip
 """How loggers and people spell units."""
@@ -182,10 +183,11 @@ def in_symbols(text: str) -> str:
     """Return a unit with words for units replaced by their symbols.
 
     Example:
-        >>> in_symbols("meters/sec"), in_symbols("km/h")
-        ('m/s', 'km/h')
+        >>> in_symbols("meters/sec"), in_symbols("km/h"), in_symbols("deg C")
+        ('m/s', 'km/h', 'degC')
     """
-    return _WORD.sub(lambda m: _SPELLINGS.get(m.group(), m.group()), text)
+    symbols = _WORD.sub(lambda m: _SPELLINGS.get(m.group(), m.group()), text)
+    return re.sub(r"(deg|°)\s+(?=[CF]$)", r"\1", symbols)
 
 
 def powers(text: str) -> list[tuple[str, float]]:

@@ -14,6 +14,7 @@ from workbench.model.units import parse_unit, same_dimension, to_si
 from workbench.recordings.column_matching import (
     Requested,
     guess_role,
+    in_celsius,
     is_time,
     match_requested,
     without_column,
@@ -189,7 +190,8 @@ def _time(
         problem = _readable(columns, index, "time")
         if problem:
             raise WorkbenchError(
-                f"the time column {header.column!r} {problem}; write the time in seconds as numbers"
+                f"the time column {header.column!r} {problem}; write the time in seconds, or as"
+                " 2024-03-04 06:00:10"
             )
         if unit and not same_dimension(unit, "s"):
             raise WorkbenchError(f"the time column {header.column!r} is in {unit!r}; give s or ms")
@@ -233,6 +235,7 @@ def assign(
     columns = without_giants(columns)
     columns, headers = _own_units(columns, header_list(columns), rules)
     metadata: dict[str, Scalar] = {**columns.metadata, **rules.metadata}
+    headers = in_celsius(headers, requested)
     time, time_row, time_index = _time(columns, headers, rules)
     by_name = {w.name: w for w in requested}
     signals: list[Signal] = []

@@ -9,7 +9,7 @@ from typing import Any
 
 from workbench.errors import WorkbenchError
 from workbench.model.units import parse_unit, same_dimension
-from workbench.recordings.headers import Header, read_header
+from workbench.recordings.headers import Header, is_temperature, read_header
 from workbench.recordings.recording import Role
 
 _SYNONYMS = (
@@ -18,8 +18,11 @@ _SYNONYMS = (
     {"speed", "velocity", "omega", "v", "angular_speed", "geschwindigkeit"},
     {"valve", "u", "command", "valve_command", "valve_voltage", "input", "ventil", "control"},
     {"pressure", "p", "druck"},
-    {"time", "t", "timestamp", "time_stamp", "zeit", "elapsed", "elapsed_time", "tiempo", "temps"},
-)
+    {
+        "time", "t", "timestamp", "time_stamp", "zeit", "elapsed", "elapsed_time", "tiempo",
+        "temps", "date", "datum", "datetime", "clock", "uhrzeit",
+    },
+)  # fmt: skip
 _COMMANDS = {
     "command", "cmd", "valve", "u", "control", "vir", "pump", "pwm", "duty", "ventil", "pulses",
 }  # fmt: skip
@@ -58,7 +61,10 @@ def requested_signals(signals: Any) -> tuple[Requested, ...]:
         return signals
     if hasattr(signals, "inputs") and hasattr(signals, "outputs"):
         return (
-            *(Requested(q.name, q.unit, "command") for q in signals.inputs),
+            *(
+                Requested(q.name, q.unit, "command", getattr(q, "display_unit", ""))
+                for q in signals.inputs
+            ),
             *(
                 Requested(q.name, q.unit, "measurement", getattr(q, "display_unit", ""))
                 for q in signals.outputs
@@ -145,6 +151,27 @@ def _partly(requested: Requested, header: Header) -> bool:
 
 def _units_agree(requested: Requested, header: Header) -> bool:
     return not requested.unit or not header.unit or same_dimension(requested.unit, header.unit)
+
+
+def in_celsius(headers: Sequence[Header], requested: Sequence[Requested]) -> list[Header]:
+    """Read ``oven_C`` in degrees where a temperature is asked for, and nothing of that name.
+
+    ``T_C`` beside ``T_B`` stays the name that it is.
+    """
+    asked = {_plain(w.name) for w in requested}
+    kelvins = {_plain(w.name) for w in requested if w.unit and same_dimension(w.unit, "K")}
+
+    def read(header: Header) -> Header:
+        found = re.fullmatch(r"(.+?)_(?:deg_?)?[Cc]", header.name)
+        if found is None or header.unit or not kelvins or _plain(header.name) in asked:
+            return header
+        stem = _plain(found[1])
+        beside = any(o is not header and _plain(o.name)[:-1] == stem for o in headers)
+        if beside or not (stem in kelvins or is_temperature(found[1])):
+            return header
+        return replace(header, name=found[1], unit="degC")
+
+    return [read(h) for h in headers]
 
 
 def _check_twice(requested: Sequence[Requested], headers: Sequence[Header]) -> None:

@@ -18,7 +18,7 @@ _NESTED = re.compile(
     r"^(?P<name>[^(\[]*\S)[\s_]*[(\[](?P<unit>[^()\[\]]*\([\w\s/*·^-]+\)[^()\[\]]*)[)\]]\s*$"
 )
 _SLASH = re.compile(r"^(?P<name>.*\S)\s+/\s*(?P<unit>\S.*)$")
-_TIGHT_SLASH = re.compile(r"^(?P<name>[^/]*\w)/(?P<unit>[^/\s]+)$")
+_TIGHT_SLASH = re.compile(r"^(?P<name>[^/]*\w)/(?P<unit>\S+)$")
 # Symbols that are as often the name of a chamber, an axis or a constant as a unit.
 _AMBIGUOUS = {
     "A", "F", "H", "K", "J", "W", "N", "L", "h", "t", "g", "l", "m", "s", "count", "turn",
@@ -60,6 +60,11 @@ def tidy_name(text: str) -> str:
         'Spool_Pos'
     """
     return re.sub(r"\W+", "_", text.strip()).strip("_")
+
+
+def is_temperature(name: str) -> bool:
+    """Tell whether a name is that of a temperature."""
+    return _TEMPERATURE.match(name) is not None
 
 
 def _known(unit: str) -> str | None:
@@ -140,7 +145,10 @@ def _suffix(column: str) -> tuple[str, str, str] | None:
 
 
 def _quotient(column: str) -> tuple[str, str, str] | None:
-    """Split ``Time/ms``; what is a unit as a whole, such as ``m/s``, names nothing."""
+    """Split ``Time/ms``, ``flow l/min``; a unit as a whole, such as ``m/s``, names nothing."""
+    name, _, last = column.rpartition(" ")
+    if name and "/" in last and (known := _known(last)):
+        return name, known, ""
     match = _TIGHT_SLASH.match(column)
     if match is None or (_known(column) is not None and match["name"] != "t"):
         return None
@@ -168,7 +176,7 @@ def read_header(column: str) -> Header:
         unit, reference = read_unit(stated)
         if unit is not None:
             # Nobody means coulombs by "T [C]".
-            unit = _DEGREES.get(unit, unit) if _TEMPERATURE.match(name) else unit
+            unit = _DEGREES.get(unit, unit) if is_temperature(name) else unit
             unit = "gn" if unit == "g" and _ACCELERATION.match(name) else unit
             return _with_reference(column, name, unit, reference)
         if re.fullmatch(r"[\d\s]*", stated) is None:

@@ -17,8 +17,11 @@ from workbench.errors import WorkbenchError
 from workbench.recordings.columns import Columns, Thinner
 from workbench.recordings.formats.format import Format, ReadOptions
 from workbench.recordings.formats.text_layout import (
+    NEVER,
+    Instant,
     Layout,
     detect_layout,
+    instant,
     is_comment,
     is_missing,
     is_number,
@@ -148,6 +151,9 @@ def _cell(cell: str, column: int, layout: Layout, tally: _Tally) -> float:
             return value
         tally.infinite += 1
         return math.nan
+    parts = [part for part in instant(cell) if part is not None]
+    if parts:
+        return sum(parts)
     if not is_missing(cell):
         tally.text(column, cell)
     return math.nan
@@ -212,7 +218,12 @@ def _read_rows(
     cut: list[str],
 ) -> Columns:
     headers, named = _headers(layout, options.columns, file.name)
-    units = layout.units or ("",) * layout.width
+    stamps = [instant(cell) for cell in split_line(first[layout.first], layout.separator)]
+    stamps = stamps[: layout.width]
+    units = tuple(
+        "s" if stamp != NEVER else unit
+        for unit, stamp in zip(layout.units or ("",) * layout.width, stamps, strict=True)
+    )
     empty = Columns(headers, units, np.empty((0, layout.width)), named, layout.metadata)
     time = options.find_time(empty)
     tally, thinner = _Tally(line=layout.first), Thinner(options.max_rows)
@@ -235,16 +246,37 @@ def _read_rows(
         thinner.add(rows)
         block = next(blocks, None)
     values = thinner.rows()
+    if len(values) == 0 and time in tally.unreadable:
+        raise WorkbenchError(
+            f"the time column {headers[time]!r} of {file.name} holds text (first: "
+            f"{tally.unreadable[time][1]}); write the time in seconds, or as 2024-03-04 06:00:10"
+        )
     if len(values) == 0:
         raise WorkbenchError(f"{file.name} holds no complete row of {layout.width} numbers")
     notes = _notes(tally, thinner, timeless, cut, file.name)
     if thinner.factor > 1 and backwards:
         notes.append(f"before averaging, the time stood still or ran backwards {backwards} time(s)")
+    _count_from_the_first(values, stamps)
     metadata = dict(layout.metadata)
     values, headers, units, tally_columns = _lift_scalars(values, headers, units, metadata, tally)
     return Columns(
         headers, units, values, named, metadata, tuple(notes), tally_columns, layout.saved
     )
+
+
+def _count_from_the_first(values: npt.NDArray[np.float64], stamps: Sequence[Instant]) -> None:
+    """Let instants begin at zero: a date and a time of day beside it are one, in both columns."""
+    dates = [k for k, (day, clock) in enumerate(stamps) if day is not None and clock is None]
+    clocks = [k for k, (day, clock) in enumerate(stamps) if day is None and clock is not None]
+    if dates and clocks:
+        values[:, dates[0]] += values[:, clocks[0]]
+        values[:, clocks[0]] = values[:, dates[0]]
+    for k in () if dates else clocks:
+        midnights = np.diff(values[:, k], prepend=values[0, k]) < -43200.0
+        values[:, k] += 86400.0 * np.cumsum(midnights)
+    for k, stamp in enumerate(stamps):
+        if stamp != NEVER:
+            values[:, k] -= values[0, k]
 
 
 def _notes(

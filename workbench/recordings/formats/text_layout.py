@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from datetime import date
 from typing import Any
 
 from workbench.errors import WorkbenchError
@@ -18,6 +19,15 @@ SAVED_MARK = "# recording: "
 _POINT = re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")
 _COMMA = re.compile(r"^[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?$")
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "+inf", "-inf", "#n/a"}
+_STAMP = re.compile(
+    r"(?P<date>(?P<year>\d{4})([-/.])(?P<month>\d\d?)\3(?P<day>\d\d?)"
+    r"|(?P<d>\d\d?)\.(?P<m>\d\d?)\.(?P<y>\d{4}))?"
+    r"(?:(?:(?<=\d)[T ]\s*)?(?P<clock>(?P<h>\d\d?):(?P<min>\d\d)(?::(?P<s>\d\d(?:[.,]\d*)?))?)"
+    r"\s?(?:Z|UTC|[+-]\d\d:?\d\d)?)?"
+)
+Instant = tuple[float | None, float | None]
+NEVER: Instant = (None, None)
+_MILLENNIUM = date(2000, 1, 1).toordinal()
 _SETTING = re.compile(r"^\s*([A-Za-z][\w ./()\[\]-]{0,60}?)\s*[:=]\s*(\S.*?)\s*$")
 
 
@@ -69,6 +79,33 @@ def is_number(cell: str, decimal: str = ".") -> bool:
     return bool((_POINT if decimal == "." else _COMMA).match(cell))
 
 
+def instant(cell: str) -> Instant:
+    """Return the date that a cell holds, counted from 2000, and its time of day, both in s.
+
+    Zones are not counted.
+
+    Example:
+        >>> instant("04.01.2000 06:00"), instant("2000-01-04T00:01:30.5Z"), instant("7:00")
+        ((259200.0, 21600.0), (259200.0, 90.5), (None, 25200.0))
+    """
+    found = _STAMP.fullmatch(cell)
+    if found is None:
+        return NEVER
+    day = clock = None
+    if found["date"]:
+        numbers = found.group(*(("year", "month", "day") if found["year"] else ("y", "m", "d")))
+        try:
+            day = 86400.0 * (date(*map(int, numbers)).toordinal() - _MILLENNIUM)
+        except ValueError:
+            return NEVER
+    if found["clock"]:
+        hour, minute, second = (
+            float((n or "0").replace(",", ".")) for n in found.group("h", "min", "s")
+        )
+        clock = 3600.0 * hour + 60.0 * minute + second
+    return day, clock
+
+
 def is_missing(cell: str) -> bool:
     """Tell whether a cell says that there is no number."""
     return cell.lower() in _MISSING
@@ -77,7 +114,8 @@ def is_missing(cell: str) -> bool:
 def _numeric_share(cells: Sequence[str], decimal: str) -> float:
     if not any(is_number(c, decimal) for c in cells):
         return 0.0
-    return sum(is_number(c, decimal) or is_missing(c) for c in cells) / len(cells)
+    held = [is_number(c, decimal) or is_missing(c) or instant(c) != NEVER for c in cells]
+    return sum(held) / len(cells)
 
 
 def _candidates(lines: Sequence[str]) -> list[tuple[str | None, str]]:
