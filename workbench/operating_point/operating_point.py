@@ -112,7 +112,8 @@ class OperatingPoint(Shown):
         # What drifts stands at the end and has no meaning of its own.
         for i, (kind, name, value, unit) in enumerate(rows):
             meaning = meanings[i] if i < len(meanings) else ""
-            lines.append(f"  {kind:<8} {name:<28} {value:>12.5g} {unit:<6} {meaning}".rstrip())
+            shown = "" if unit == "1" else unit
+            lines.append(f"  {kind:<8} {name:<28} {value:>12.5g} {shown:<6} {meaning}".rstrip())
         lines.append(
             f"  residual {self.residual:.1g} of the states' scales,"
             f" condition number {self.condition_number:.2g}"

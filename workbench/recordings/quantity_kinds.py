@@ -37,6 +37,7 @@ _KINDS = (
     Kind("force", "N", "N"),
     Kind("torque", "N m", "N m"),
     Kind("power", "W", "W"),
+    Kind("heat flux", "W/m2", "W/m2"),
     Kind("temperature", "K", "degC"),
     Kind("concentration", "mol/m3", "mol/l"),
     Kind("frequency", "Hz", "Hz"),

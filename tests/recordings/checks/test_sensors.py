@@ -7,12 +7,14 @@ import pytest
 
 from tests.recordings.example import example_recording
 from workbench.evaluation.foreign.plan import plan
+from workbench.model import Input, Model, Output, State
 from workbench.plants.arm.arm import arm
 from workbench.plants.servo_axis import servo_axis
 from workbench.recordings import Recording, Signal, check_recording
 from workbench.recordings.checks.expected import Expected, expectations, response_signs
 from workbench.recordings.checks.signs import check_signs
 from workbench.recordings.checks.units import check_units
+from workbench.recordings.recording import ColumnMapping, MappedColumn
 
 TRIAL = example_recording(seconds=6.0)
 SIGNS = {
@@ -294,3 +296,65 @@ def test_a_level_that_stays_at_the_end_of_its_sensor_is_not_lost() -> None:
     case = next(c for c in plan(60, 9300) if c.name == "foreign-9342")
     for recording in case.recordings().values():
         assert check_recording(recording, model=case.build()).fit, recording.name
+
+
+def trolley(size: float = 0.0) -> Model:
+    def equations(m):
+        acceleration = (m.u.drive - 10.0 * m.x.speed) / 100.0
+        return {"place": m.x.speed, "speed": acceleration}, {"place": m.x.place}
+
+    return Model(
+        "trolley",
+        equations,
+        states=(State("place", "m"), State("speed", "m/s")),
+        inputs=(Input("drive", "N", lower=-5000.0, upper=5000.0),),
+        outputs=(Output("place", "m", size, display_unit="mm"),),
+    )
+
+
+def test_the_range_of_a_drive_does_not_tell_how_far_a_machine_moves() -> None:
+    # Seven metres are little of what the drive could do, and are no metres called millimetres.
+    time = np.arange(1000) * 0.04
+    drive = Signal("drive", 300.0 * np.sin(time), "N", "force", "command")
+    place = Signal("place", 3.5 * np.sin(time) + 1e-3 * np.cos(70 * time), "m", "length")
+    row = MappedColumn("place [mm]", "place", "mm", "m", "name")
+    recording = Recording("r", time, (drive, place), mapping=ColumnMapping((row,)))
+    check = check_recording(recording, model=trolley()).check("units")
+    assert (check.result, check.doubt) == ("pass", False)
+    # Of a size that somebody declared it is one.
+    check = check_recording(recording, model=trolley(7e4)).check("units")
+    assert (check.result, "look like m, not mm" in check.note) == ("unfit", True)
+
+
+def test_a_measured_temperature_of_the_surroundings_is_plausible() -> None:
+    def equations(m):
+        return {"air": (m.u.outside - m.x.air) / 100.0}, {"air": m.x.air}
+
+    model = Model(
+        "room",
+        equations,
+        states=(State("air", "K", initial=290.0),),
+        inputs=(Input("outside", "K", nominal=280.0, display_unit="degC"),),
+        outputs=(Output("air", "K", display_unit="degC"),),
+    )
+    time = np.arange(500.0)
+    outside = Signal("outside", 278.0 + 5.0 * np.sin(time / 50), "K", role="command")
+    air = Signal("air", 278.0 + 2.0 * np.sin(time / 50 - 1), "K")
+    check = check_recording(Recording("r", time, (outside, air)), model=model).check("units")
+    assert (check.result, check.doubt) == ("pass", False)
+
+
+def test_a_switch_is_no_drive_that_saturates() -> None:
+    model = Model(
+        "oven",
+        lambda m: ({"oven": m.u.heater - m.x.oven / 50.0}, {"oven": m.x.oven}),
+        states=(State("oven", "K"),),
+        inputs=(Input("heater", "1", lower=0.0, upper=1.0),),
+        outputs=(Output("oven", "K"),),
+    )
+    time = np.arange(500.0)
+    heater = Signal("heater", np.asarray(time % 40 < 20, dtype=float), "1", role="command")
+    oven = Signal("oven", 20.0 + np.sin(time / 6), "K")
+    report = check_recording(Recording("r", time, (heater, oven)), model=model)
+    assert report.check("clipping").note == "heater is switched"
+    assert "heater 0 to 1;" in report.check("excitation").note

@@ -73,7 +73,9 @@ def check_clipping(recording: Recording, expected: Expected) -> Finding:
         if signal.role == "command":
             low, high = expected.ranges.get(signal.name, (-np.inf, np.inf))
             share = float(np.mean((signal.values <= low) | (signal.values >= high)))
-            if share:
+            if share == 1.0:
+                notes.append(f"{signal.name} is switched")
+            elif share:
                 notes.append(f"{signal.name} saturates in {100 * share:.3g} % of the samples")
             continue
         bad, limit = clipped_samples(signal.values)

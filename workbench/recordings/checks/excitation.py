@@ -107,7 +107,8 @@ def check_excitation(recording: Recording, expected: Expected) -> Finding:
     notes = []
     for signal in moving:
         low, high = signal.displayed([float(signal.values.min()), float(signal.values.max())])
-        text = f"{signal.name} {low:.4g} to {high:.4g} {signal.display_unit}".strip()
+        unit = "" if signal.display_unit == "1" else f" {signal.display_unit}".rstrip()
+        text = f"{signal.name} {low:.4g} to {high:.4g}{unit}"
         if signal.name in turns:
             t = turns[signal.name]
             text += (

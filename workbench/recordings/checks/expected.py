@@ -29,6 +29,8 @@ class Expected:
             stops, in SI.
         signs: Sign of the response to a cause, by (cause, response).
         scales: Typical size by signal, in SI.
+        believed: Signals whose typical size somebody declared; of others the inputs' ranges tell
+            how far they may go, not how far they usually do.
         speed: Middle one of the magnitudes of the model's eigenvalues, in rad/s; NaN if unknown.
         slopes: How strongly a measured cause accelerates a motion, by (cause, motion), in SI.
     """
@@ -41,6 +43,7 @@ class Expected:
     speed: float = math.nan
     slopes: Mapping[tuple[str, str], float] = field(default_factory=dict)
     reach: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    believed: frozenset[str] = frozenset()
 
 
 def _at_start(model: Model) -> tuple[npt.NDArray[np.float64], ...]:
@@ -91,6 +94,22 @@ def acceleration_slopes(model: Model) -> dict[tuple[str, str], float]:
                 pair = model.outputs[cause_].name, model.outputs[motion].name
                 found[pair] = float(twice[m, c] * C[motion, m] / C[cause_, c])
     return found
+
+
+def drifting(model: Model) -> frozenset[str]:
+    """Return the outputs that add up what drives them: no size follows from the model's equations.
+
+    They show a mode without a rate at the start of the model.
+    """
+    A, _, C, _ = _at_start(model)
+    of_x = np.array([q.scale for q in model.states])
+    scaled = A * of_x / of_x[:, None]
+    if not np.isfinite(scaled).all():
+        return frozenset()
+    _, sizes, modes = np.linalg.svd(scaled)
+    shown = np.abs(C * of_x @ modes[sizes <= 1e-9 * sizes.max(initial=0.0)].T)
+    shares = shown.max(axis=1, initial=0.0) / np.array([q.scale for q in model.outputs])
+    return frozenset(q.name for q, s in zip(model.outputs, shares, strict=True) if s > 1e-6)
 
 
 def middle_speed(model: Model) -> float:
@@ -156,16 +175,22 @@ def expectations(
     scales: dict[str, float] = {}
     free = model
     reach: dict[str, tuple[float, float]] = {}
+    believed: frozenset[str] = frozenset()
     names: tuple[str, ...] | None = None
     if model is not None:
         model = model.sized_by(reached(model, [recording]))
         quantities: tuple[Input | Output, ...] = (*model.inputs, *model.outputs)
         names = tuple(q.name for q in quantities)
-        scales = {q.name: q.scale for q in quantities}
-        # What reads far from zero at rest, such as an absolute temperature, is of that size.
-        rest = model.read(model.initial_state(), model.nominal_input)
-        for q, value in zip(model.outputs, rest.tolist(), strict=True):
-            scales[q.name] = max(q.scale, abs(value)) if math.isfinite(value) else q.scale
+        believed = frozenset(q.name for q in quantities if q.sized)
+        # What is far from zero at rest, such as an absolute temperature, is of that size.
+        u = model.nominal_input
+        rest = np.abs([*u, *model.read(model.initial_state(), u)])
+        unsized = drifting(model) - believed
+        scales = {
+            q.name: float(np.fmax(q.scale, value if math.isfinite(value) else 0.0))
+            for q, value in zip(quantities, rest, strict=True)
+            if q.name not in unsized
+        }
         known = {
             q.name: (q.lower, q.upper)
             for q in quantities
@@ -175,7 +200,7 @@ def expectations(
             q.name: (q.lower, q.upper)
             for q in model.states
             if q.name not in known
-            and q.name in scales
+            and any(q.name == y.name for y in model.outputs)
             and math.isfinite(q.lower)
             and math.isfinite(q.upper)
         }
@@ -199,4 +224,5 @@ def expectations(
         math.nan if free is None else middle_speed(free),
         {} if free is None else acceleration_slopes(free),
         reach,
+        believed,
     )

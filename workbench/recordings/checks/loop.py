@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench.model.units import in_time
 from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.gaps import runs
@@ -76,7 +77,7 @@ def check_loop(recording: Recording, expected: Expected) -> Finding:
         return Finding(
             "pass",
             f"closed: {command} answers to the surprises of {measurement} after "
-            f"{1e3 * lag * recording.sample_time:.3g} ms ({strength:.1f} sigma); feedback hides "
+            f"{in_time(lag * recording.sample_time)} ({strength:.1f} sigma); feedback hides "
             "part of a mismatch",
             {"loop": "closed", **values},
         )

@@ -51,6 +51,6 @@ def check_uniformity(recording: Recording, expected: Expected) -> Finding:
     even = np.linspace(time[0], time[-1], len(time))
     note = (
         f"the steps vary from {in_time(spread[0], 4)} to {in_time(spread[1], 4)}"
-        f" ({100 * rms:.3g} % rms); interpolated to {1 / step:.6g} Hz"
+        f" ({100 * rms:.3g} % rms); interpolated to one every {in_time(step, 6)}"
     )
     return Finding("corrected", note, values, resample(recording, times=even))

@@ -48,7 +48,9 @@ def _better_unit(signal: Signal, stated: str, low: float, high: float, travel: f
     return ""
 
 
-def _problem(signal: Signal, stated: str, known: tuple[float, float, float]) -> tuple[str, bool]:
+def _problem(
+    signal: Signal, stated: str, known: tuple[float, float, float], believed: bool
+) -> tuple[str, bool]:
     """Return what is not plausible, ``""`` if nothing, and whether another unit would be."""
     low, high, travel = known
     least, most = float(signal.values.min()), float(signal.values.max())
@@ -60,7 +62,7 @@ def _problem(signal: Signal, stated: str, known: tuple[float, float, float]) -> 
             f"{signal.name} runs from {shown[0]:.4g} to {shown[1]:.4g} {unit}, outside the "
             f"plausible {bounds[0]:.4g} to {bounds[1]:.4g} {unit}"
         )
-    elif 0 < most - least < travel and signal.role == "measurement":
+    elif believed and 0 < most - least < travel and signal.role == "measurement":
         text = f"{signal.name} moves by {shown[1] - shown[0]:.3g} {unit} only"
     else:
         return "", False
@@ -132,8 +134,10 @@ def check_units(recording: Recording, expected: Expected) -> Finding:
             unknown.append(signal.name)
             continue
         unit = stated.get(signal.name, signal.unit)
-        problem, other_unit = _problem(signal, unit, known)
-        if not problem:
+        ranged = signal.name in expected.reach or signal.name in expected.ranges
+        believed = ranged or signal.name in expected.believed
+        problem, other_unit = _problem(signal, unit, known, believed)
+        if believed and not problem:
             suspicion = _suspicion(signal, unit, *known[:2])
             if suspicion:
                 remarks.append(suspicion)
