@@ -37,7 +37,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
-from controllers.design import Design
 from controllers.joint.at_one_point import UNIT
 from controllers.joint.model import joint_model
 from controllers.law import ClosedForm
@@ -48,7 +47,7 @@ from controllers.pid import (
     design_pid,
 )
 from controllers.protocol import Command
-from controllers.valve_inverse import SENSORS
+from controllers.valve_inverse import SENSORS, joint_design
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.linearisation.state_space import linear_model
 
@@ -317,12 +316,11 @@ def opposed(
     )
 
 
-ANGLE_STIFFNESS = Design(
+ANGLE_STIFFNESS = joint_design(
     name="angle-stiffness",
     family="angle and stiffness",
     summary="cascaded PID of the angle and of the mean pressure, with one valve per muscle",
     function=design_angle_stiffness,
     specification=PIDSpecification,
     actuators=("valve_1", "valve_2"),
-    sensors=SENSORS,
 )

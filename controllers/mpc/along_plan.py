@@ -35,7 +35,6 @@ import numpy as np
 
 from controllers.arithmetic import FLOATS, SYMBOLS, Arithmetic, Number
 from controllers.c_source import CSource, generated
-from controllers.design import Design
 from controllers.joint.schedule import JointSchedule
 from controllers.joint.tracking import (
     JointTracking,
@@ -46,7 +45,7 @@ from controllers.joint.tracking import (
 from controllers.mpc.c_text import mpc_source
 from controllers.mpc.fixed_order import product
 from controllers.mpc.prediction import Prediction, condense
-from controllers.mpc.whole_model import told
+from controllers.mpc.whole_model import linear_mpc_design, told
 from controllers.named_state import flat, names, restored
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program.solver import quadratic_program
@@ -431,15 +430,12 @@ def design_scheduled_mpc(
     )
 
 
-SCHEDULED_MPC = Design(
+SCHEDULED_MPC = linear_mpc_design(
     name="scheduled-mpc",
-    family="linear MPC",
     summary="linear MPC over the whole range, along planned moves",
     function=design_scheduled_mpc,
     needs="map",
     specification=ScheduledMPCSpecification,
-    solves=True,
-    colour=("#00805c", "#36d6a4"),
     sensors=SENSORS,
     actuators=ACTUATORS,
 )

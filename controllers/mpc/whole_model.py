@@ -29,6 +29,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import casadi as ca
@@ -384,14 +385,14 @@ def design_mpc(
     )
 
 
-LINEAR_MPC = Design(
+linear_mpc_design = partial(Design, family="linear MPC", solves=True, colour=("#00805c", "#36d6a4"))
+"""A design of this family."""
+
+LINEAR_MPC = linear_mpc_design(
     name="mpc",
-    family="linear MPC",
     summary="linear MPC without offset, on the whole linear model",
     function=design_mpc,
     specification=MPCSpecification,
-    solves=True,
-    colour=("#00805c", "#36d6a4"),
     sensors=SENSORS,
     actuators=ACTUATORS,
 )

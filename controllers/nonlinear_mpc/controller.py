@@ -46,7 +46,6 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from controllers.design import Design
 from controllers.nonlinear_mpc.observer import ExtendedKalmanFilter
 from controllers.nonlinear_mpc.prediction import (
     Called,
@@ -61,7 +60,12 @@ from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program.solver import quadratic_program
 from controllers.reference.horizon import ReferenceAhead
 from controllers.reference.planned import Planner
-from controllers.valve_inverse import ACTUATORS, SENSORS, ValveController, ValveInverse
+from controllers.valve_inverse import (
+    SENSORS,
+    ValveController,
+    ValveInverse,
+    joint_design,
+)
 from workbench.arrays import Matrix
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.linearisation.actuator_inverse import straightened
@@ -495,7 +499,7 @@ def _with_soft_stops(model: Model) -> Model:
     return model.with_parameters({k: v for k, v in soft.items() if k in known})
 
 
-NONLINEAR_MPC = Design(
+NONLINEAR_MPC = joint_design(
     name="nonlinear-mpc",
     family="nonlinear MPC",
     summary="nonlinear MPC by real-time iteration on the plant's regularised equations",
@@ -504,6 +508,4 @@ NONLINEAR_MPC = Design(
     specification=NonlinearMPCSpecification,
     solves=True,
     exports=False,
-    sensors=SENSORS,
-    actuators=ACTUATORS,
 )
