@@ -58,11 +58,7 @@ class LaggedReference(Tracking):
         return Start(LaggedState(angle, angle, p1 - p2), UNIT, p1 - p2)
 
     def context(
-        self,
-        state: LaggedState,
-        measurement: Numbers,
-        reference: Number,
-        arithmetic: Arithmetic,
+        self, state: LaggedState, measurement: Numbers, reference: Number, arithmetic: Arithmetic
     ) -> tuple[Context, LaggedState]:
         """Lag the reference and filter the pressures."""
         angle, p1, p2 = measurement

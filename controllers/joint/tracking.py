@@ -119,11 +119,7 @@ class Tracking(Protocol):
         """Take angle in rad and two gauge pressures in Pa as those of a joint at rest."""
 
     def context(
-        self,
-        state: Any,
-        measurement: Numbers,
-        reference: Number,
-        arithmetic: Arithmetic,
+        self, state: Any, measurement: Numbers, reference: Number, arithmetic: Arithmetic
     ) -> tuple[Context, Any]:
         """Plan and estimate one sample; return what the feedback is told and the next state."""
 
@@ -253,11 +249,7 @@ class JointTracking(TrackingOptions, Tracking):
         return Start(state, joint, holding)
 
     def context(
-        self,
-        state: TrackingState,
-        measurement: Numbers,
-        reference: Number,
-        arithmetic: Arithmetic,
+        self, state: TrackingState, measurement: Numbers, reference: Number, arithmetic: Arithmetic
     ) -> tuple[Context, TrackingState]:
         h = self.sample_time
         angle, p1, p2 = measurement

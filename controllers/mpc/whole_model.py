@@ -347,11 +347,7 @@ def design_mpc(
         B * entry.per_opening,
         E,
         observer.C[:, : len(A)],
-        weights=(
-            1.0 / want.angle_scale**2,
-            1.0 / want.opening_scale**2,
-            1.0 / want.move_scale**2,
-        ),
+        weights=(1.0 / want.angle_scale**2, 1.0 / want.opening_scale**2, 1.0 / want.move_scale**2),
         prediction_time=want.prediction_time,
         stride=max(1, round(want.prediction_time / want.sample_time)),
         blocks=want.blocks,

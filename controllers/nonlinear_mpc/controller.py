@@ -293,14 +293,7 @@ class NonlinearMPC(ValveController):
             "fallback": 0.0 if step.solved and not lost else 1.0,
             **self.observer.parameters(estimate),
         }
-        memory = NonlinearMPCState(
-            following,
-            covariance,
-            moves,
-            trajectory,
-            voltage,
-            ahead,
-        )
+        memory = NonlinearMPCState(following, covariance, moves, trajectory, voltage, ahead)
         return (voltage,), memory, info
 
     # A plan that no longer fits the plant overflows: the solver's status then says so.

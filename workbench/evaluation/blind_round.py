@@ -212,10 +212,7 @@ def score_verdicts(
 
 
 def score_round(
-    answers: Sequence[Answer],
-    truths: Sequence[Sequence[Truth]],
-    *,
-    committed: int | None = None,
+    answers: Sequence[Answer], truths: Sequence[Sequence[Truth]], *, committed: int | None = None
 ) -> RoundScore:
     """Score answers case by case and against answers dealt out at random.
 

@@ -73,9 +73,7 @@ def _text_or(shape: Shape) -> Shape:
 
 
 _DERIVATIVE = TableShape(
-    {"of": text},
-    {"samples": within(3, 1e4, whole), "order": within(1, 1e4, whole)},
-    others=False,
+    {"of": text}, {"samples": within(3, 1e4, whole), "order": within(1, 1e4, whole)}, others=False
 )
 _RECORDING = TableShape(
     {"files": _text_or(listed(text))},

@@ -141,8 +141,7 @@ def _column(value: Any, place: Place) -> Any:
         return {"column": value}
     if not isinstance(value, Mapping):
         raise ShapeError(
-            place,
-            f"is {value!r}; write a column name or a table with column, unit, sign, offset",
+            place, f"is {value!r}; write a column name or a table with column, unit, sign, offset"
         )
     return _COLUMN(value, place)
 

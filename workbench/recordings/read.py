@@ -270,10 +270,5 @@ def read_table(path: str | Path, *, mapping: MappingLike = None) -> Table:
     if assigned.time is not None:
         signals_ = (Signal("time", assigned.time, "s"), *signals_)
     return Table(
-        _title(file),
-        signals_,
-        file.name,
-        assigned.notes,
-        assigned.metadata,
-        assigned.mapping,
+        _title(file), signals_, file.name, assigned.notes, assigned.metadata, assigned.mapping
     )

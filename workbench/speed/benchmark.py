@@ -139,12 +139,7 @@ def _closed_loop(found: Benchmark, plant: Model, _: Path) -> None:
     parts = f"{step:.1f} us per sample: {plant_runs.loop_parts(plant)}"
     found.figures += [
         Figure(
-            "closed loop, PID in Python at 500 Hz",
-            1 / full.median,
-            "x real time",
-            100,
-            True,
-            parts,
+            "closed loop, PID in Python at 500 Hz", 1 / full.median, "x real time", 100, True, parts
         ),
         Figure(
             "closed loop against python-control's",

@@ -92,8 +92,5 @@ def check(
 
 
 CHECKS = Registry(
-    "check of a recording",
-    Check,
-    package="workbench.recordings.checks",
-    group="workbench.checks",
+    "check of a recording", Check, package="workbench.recordings.checks", group="workbench.checks"
 )
