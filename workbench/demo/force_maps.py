@@ -169,7 +169,6 @@ def _draw_map(study: MapStudy) -> Figure:
 
 
 def _draw_errors(study: MapStudy, *, published: bool) -> Figure:
-    """Draw the rms errors of all laws, on a logarithmic axis."""
     laws = study.laws
     figure, (axes,) = new_figure([0.36 * len(laws) + 0.4])
     rows = np.arange(len(laws), dtype=float)

@@ -151,7 +151,6 @@ class RoundScore:
         }
 
     def __str__(self) -> str:
-        """Return the table of the round."""
         heading = ("case", "hidden", "verdict", "points", "", "over noise")
         rows = [
             (

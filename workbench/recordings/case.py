@@ -178,7 +178,6 @@ class Case(Shown):
     remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check that something can be fitted."""
         if not self.fit:
             raise WorkbenchError(
                 f"case {self.name} has no recording to fit on; it needs a file identify_*.csv, or"

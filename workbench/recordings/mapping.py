@@ -51,7 +51,6 @@ class ColumnRule:
     reference: str = ""
 
     def __post_init__(self) -> None:
-        """Check every entry, naming the signal."""
         given = {key: getattr(self, key) for key in _COLUMN.usual}
         try:
             _COLUMN({key: value for key, value in given.items() if value != ""}, (self.signal,))

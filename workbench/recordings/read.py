@@ -46,7 +46,6 @@ class Table:
     mapping: ColumnMapping | None = None
 
     def __getitem__(self, name: str) -> Vector:
-        """Return a column in SI."""
         for signal in self.signals:
             if signal.name == name:
                 return signal.values

@@ -58,7 +58,6 @@ class Benchmark:
         }
 
     def __str__(self) -> str:
-        """Return a line per figure, and one for each way of doing the same."""
         lines = [str(f) for f in self.figures]
         for c in self.comparisons:
             lines += ["", c.title]

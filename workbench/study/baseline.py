@@ -81,7 +81,6 @@ class Change:
         return f"{old} -> {new if math.isnan(self.after) else with_unit(new, self.unit)}"
 
     def __str__(self) -> str:
-        """Return one line."""
         controller, variation, scenario, _ = self.key
         where = ", ".join(filter(None, (controller, scenario, variation)))
         tail = f" ({self.reason})" if self.reason else ""

@@ -135,7 +135,6 @@ class StudyResult(Drawn):
         )
 
     def __str__(self) -> str:
-        """Return name, verdict and headline."""
         return f"{self.study.name} {self.verdict()}: {self.headline()}"
 
     def headline(self) -> str:

@@ -100,7 +100,6 @@ class PhysicalLimit:
     unit: str
 
     def __str__(self) -> str:
-        """Return a short aligned table."""
         unit = "deg" if self.unit == "rad" else self.unit
 
         def shown(value: float) -> float:

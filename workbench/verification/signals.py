@@ -43,7 +43,6 @@ class _Points(Signal):
     values: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        """Check that the times increase."""
         word = type(self).__name__.lower()
         times = check_finite(f"times of the {word} reference", self.times)
         check_finite(f"values of the {word} reference", self.values)
@@ -70,7 +69,6 @@ class Steps(_Points):
     """
 
     def __post_init__(self) -> None:
-        """Check that the times increase from 0."""
         if self.times and self.times[0] != 0.0:
             raise WorkbenchError(f"steps have the times {list(self.times)}; start at 0 s")
         super().__post_init__()
@@ -99,7 +97,6 @@ class Sine(Signal):
     begin: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         check_finite("mean and amplitude of the sine", (self.mean, self.amplitude))
         check_range("frequency of the sine", self.frequency_Hz, *FREQUENCIES_HZ, "Hz")
         check_range("begin of the sine", self.begin, *BEGINS_S, "s")
