@@ -21,6 +21,8 @@ With a lag tau of spool and sample, y is that of the pressures tau later, y - ta
 (`controllers.joint.tracking.arrived_opening`). The planned reference is known over the horizon by
 its own derivatives; no preview is needed.
 
+Units: SI.
+
 Source: Maciejowski, Predictive Control with Constraints, 2002, chapters 2 and 3; Rugh and Shamma,
 Automatica 36, 2000 (scheduling).
 """
@@ -71,14 +73,7 @@ class ScheduledMPCState(NamedTuple):
 
 
 class Errors(NamedTuple):
-    """Errors that a `ScheduledMPC` leads to zero.
-
-    Args:
-        angle: In rad.
-        speed: In rad/s.
-        acceleration: Of the pressure difference, in rad/s2.
-        integral: Of the angle's error, in rad s.
-    """
+    """Errors of angle and speed, of the pressure difference as acceleration, and the integral q."""
 
     angle: Number
     speed: Number
@@ -91,8 +86,6 @@ class Problem(NamedTuple):
 
     Args:
         bias: Pressure difference at which the third error is zero, in Pa.
-        opening: Opening of the feedforward, a fraction.
-        plan: Planned angle, in rad.
     """
 
     errors: Errors
@@ -107,7 +100,6 @@ class ScheduledMPC(ValveController):
 
     Args:
         predictions: Condensed problem at every angle of the schedule.
-        pressure_limits: Lowest and highest gauge pressure, in Pa.
         compensation: Share of the unexplained acceleration that is compensated, a ratio.
         lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
     """

@@ -76,9 +76,6 @@ def transcribed(
 
     Each solution is where the next one begins.
 
-    Args:
-        n_w: Number of disturbances.
-
     Raises:
         NumericalError: From what it returns, if the solver does not converge.
     """

@@ -227,11 +227,7 @@ def filter_of(model: Model, free: int) -> tuple[PredictionError, Observed, int]:
 
 
 def filter_times(model: Model, free: int = 8) -> tuple[float, dict[str, float]]:
-    """Time a sample of the filter, in s, and its parts: equations and the rest.
-
-    Args:
-        free: Number of free parameters.
-    """
+    """Time a sample of the filter, in s, and its parts: equations and the rest."""
     runs, seen, substeps = filter_of(model, free)
     runs.run(seen, model.values)
     whole = min(timed(lambda: runs.run(seen, model.values), per=len(seen.outputs)).seconds)

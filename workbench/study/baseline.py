@@ -47,7 +47,6 @@ class Change:
 
     Args:
         key: Controller, variation, scenario and seed of the run.
-        metric: Name of the metric; empty if the whole run is meant.
         before: Value of the baseline, in ``unit``; NaN if there was none.
         after: Value now, in ``unit``; NaN if there is none.
         way: ``"worse"``, ``"better"``, ``"changed"`` where neither direction is better, ``"new"``

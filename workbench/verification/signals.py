@@ -1,4 +1,7 @@
-"""Reference signals over time: steps, a sine, ramps; frozen data that a study file can hold."""
+"""Reference signals over time: steps, a sine, ramps; frozen data that a study file can hold.
+
+Units: s, and SI for values.
+"""
 
 from __future__ import annotations
 
@@ -85,9 +88,6 @@ class Sine(Signal):
     """A sine that starts at its mean.
 
     Args:
-        mean: Mean value, in SI.
-        amplitude: Amplitude, in SI.
-        frequency_Hz: Frequency, in Hz.
         begin: Time until which the mean is held, in s.
     """
 
@@ -110,12 +110,7 @@ class Sine(Signal):
 
 @dataclass(frozen=True)
 class Ramps(_Points):
-    """Straight lines between points, constant before the first and after the last.
-
-    Args:
-        times: Increasing times, in s.
-        values: Values in SI, as many as ``times``.
-    """
+    """Straight lines between points, constant before the first and after the last."""
 
     def sample(self, time: npt.ArrayLike) -> Vector:
         """Return the signal at some times, shape (n,), in s; values in SI."""
@@ -129,10 +124,6 @@ class Recorded(_Points):
 
     Unlike `Steps` it has no steps whose responses are measured: quantised, held and noisy
     references are played as they are.
-
-    Args:
-        times: Increasing times, in s.
-        values: Values in SI, as many as ``times``.
     """
 
     @classmethod
