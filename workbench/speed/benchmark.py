@@ -210,26 +210,13 @@ def _estimation(found: Benchmark, plant: Model, _: Path) -> None:
     found.raw["filter"] = {"seconds_per_sample": seconds, **parts}
 
 
+def _diagnoses(found: Benchmark, _: Model, place: Path) -> None:
+    figures, found.raw["diagnoses"] = whole.diagnoses(place)
+    found.figures += figures
+
+
 def _growth(found: Benchmark, plant: Model, _: Path) -> None:
     found.curves += [growth.with_length(plant), growth.with_hypotheses(plant), growth.with_cores()]
-
-
-def _start_up(found: Benchmark, _: Model, place: Path) -> None:
-    found.figures += [*whole.start_up(), whole.first_simulation(place)]
-
-
-def _study(found: Benchmark, _: Model, place: Path) -> None:
-    found.figures.append(whole.draws(place))
-
-
-def _diagnoses(found: Benchmark, _: Model, place: Path) -> None:
-    wholes = whole.diagnoses(place)
-    found.figures += wholes.figures
-    found.raw["diagnoses"] = wholes.raw
-
-
-def _demonstration(found: Benchmark, _: Model, place: Path) -> None:
-    found.figures.append(whole.demonstration(place))
 
 
 PARTS: dict[str, Callable[[Benchmark, Model, Path], None]] = {
@@ -239,10 +226,12 @@ PARTS: dict[str, Callable[[Benchmark, Model, Path], None]] = {
     "predictive": _predictive,
     "estimation": _estimation,
     "growth": _growth,
-    "start-up": _start_up,
-    "study": _study,
+    "start-up": lambda found, _, place: found.figures.extend(
+        [*whole.start_up(), whole.first_simulation(place)]
+    ),
+    "study": lambda found, _, place: found.figures.append(whole.draws(place)),
     "diagnoses": _diagnoses,
-    "demonstration": _demonstration,
+    "demonstration": lambda found, _, place: found.figures.append(whole.demonstration(place)),
 }
 """What is measured, in this order, by name."""
 

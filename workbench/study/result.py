@@ -35,9 +35,6 @@ RESULTS_SCHEMA = 1
 """Version of ``results.json``; a change of meaning or a removed entry raises it."""
 
 
-_RUN = ("controller", "variation", "scenario", "seed")
-
-
 @dataclass(frozen=True, repr=False)
 class StudyResult(Drawn):
     """Everything a study found.
