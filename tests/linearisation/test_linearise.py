@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import casadi as ca
 import control as ct
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from tests.physics.one_way import iso6358
 from workbench.errors import WorkbenchError
 from workbench.linearisation import linearise, to_iosystem
+from workbench.model import Input, Model, Output, State
 from workbench.operating_point import OperatingPoint, operating_point
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
@@ -170,3 +172,28 @@ def test_control_moves_a_sampled_input_by_half_a_sample() -> None:
     late, at_once = np.abs(later - held)[2:], np.abs(np.ravel(interpolated) - held)[2:]
     # What remains is of the order of the sample over the period.
     assert late.max() < 0.3 * at_once.max()
+
+
+def test_a_slope_that_passes_zero_smoothly_is_no_kink() -> None:
+    def equations(m):
+        swing, rope = m.x.swing, m.x.rope
+        rates = {
+            "swing": m.x.rate,
+            "rate": (-9.81 * ca.sin(swing) - m.u.pull * ca.cos(swing)) / rope - 0.1 * m.x.rate,
+            "rope": m.u.winch,
+        }
+        return rates, {"swing": swing}
+
+    crane = Model(
+        "crane",
+        equations,
+        # A rope of any length: its size is a guess, and a poor one.
+        states=(
+            State("swing", "rad", 7.0),
+            State("rate", "rad/s", 0.04),
+            State("rope", "m", 4e3, initial=4.0),
+        ),
+        inputs=(Input("pull", "m/s2", 4.0), Input("winch", "m/s", 0.5)),
+        outputs=(Output("swing", "rad", 7.0),),
+    )
+    assert linearise(operating_point(crane, {"rope": 4.0})).verdict.kinks == ()

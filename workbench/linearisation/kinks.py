@@ -16,7 +16,7 @@ _AT_ONCE = 1e-7
 _REACH = 0.05
 _JUMP = 0.05
 _BEND = 0.1
-_BISECTIONS = 9
+_BISECTIONS = 16
 _MINOR = 0.2
 """Share of the largest slope of a row below which a slope is too small to matter."""
 
