@@ -3,7 +3,7 @@ import pytest
 
 from workbench.errors import WorkbenchError
 from workbench.recordings import Recording, Signal, resample
-from workbench.recordings.resampling import low_pass
+from workbench.recordings.resampling import at_one_pace, low_pass
 
 
 def trial(values: np.ndarray, dt: float, role: str = "measurement") -> Recording:
@@ -36,6 +36,34 @@ def test_a_lower_rate_keeps_slow_and_removes_fast(factor: int) -> None:
     assert np.allclose(thin.time, time[::factor])
 
 
+def test_even_steps_leave_the_noise_as_it_is() -> None:
+    rng = np.random.default_rng(0)
+    time = np.cumsum(rng.choice([0.5, 1.0, 1.5], 2000))
+    noise = rng.normal(size=2000)
+    recording = Recording("r", time, (Signal("x", 20 * np.sin(time / 10) + noise),))
+    even = resample(recording, times=np.linspace(time[0], time[-1], 2000))
+    left = even["x"] - 20 * np.sin(even.time / 10)
+    # Straight lines would leave two thirds of its power, and a third of that shared by neighbours.
+    assert np.std(left) == pytest.approx(1.0, abs=0.08)
+    assert abs(np.mean(left[1:] * left[:-1])) < 0.2
+
+
+def test_recordings_of_several_rates_come_to_that_of_the_slowest() -> None:
+    rng = np.random.default_rng(0)
+    times = [
+        np.arange(200) * 0.1,
+        np.arange(80) * 0.25,
+        np.cumsum(rng.choice([0.1, 0.2], 200)),
+    ]
+    made = [Recording(str(k), t, (Signal("x", np.sin(t)),)) for k, t in enumerate(times)]
+    for one in at_one_pace(made):
+        assert np.allclose(np.diff(one.time), 0.25, atol=1e-9)
+        assert np.allclose(one["x"], np.sin(one.time), atol=0.02)
+    # A gap is no other rate.
+    holed = Recording("hole", np.delete(times[0], [50, 51]), (Signal("x", np.zeros(198)),))
+    assert at_one_pace([made[0], holed]) == [made[0], holed]
+
+
 def test_low_pass_has_no_delay_and_unit_gain() -> None:
     time = np.linspace(0.0, 1.0, 401)
     assert np.allclose(low_pass(3 * time + 1, 0.05), 3 * time + 1, atol=1e-9)
@@ -52,6 +80,20 @@ def test_uneven_time_base_and_missing_samples() -> None:
     even = resample(recording, times=np.linspace(time[0], time[-1], 500))
     # Straight lines over at most 60 ms of a 3 rad/s sine: (w h)^2 / 8.
     assert np.allclose(even["x"], np.sin(3 * even.time), atol=5e-3)
+
+
+@pytest.mark.parametrize("step", [0.7, 1.0, 3.0])
+def test_what_a_command_did_between_uneven_samples_is_kept(step: float) -> None:
+    rng = np.random.default_rng(0)
+    time = np.cumsum(rng.uniform(0.5, 2.0, 400))
+    flow = np.repeat(rng.uniform(0.0, 1.0, 80), 5)
+    level = np.concatenate([[0.0], np.cumsum(flow[:-1] * np.diff(time))])
+    recording = Recording("tank", time, (Signal("flow", flow, role="command"),))
+    even = resample(recording, times=np.arange(time[0], time[-1], step))
+    filled = np.concatenate([[0.0], np.cumsum(even["flow"][:-1] * step)])
+    assert np.allclose(filled, np.interp(even.time, time, level), atol=1e-9)
+    # Where it stands still, it does so to the last digit.
+    assert step > 2.0 or np.mean(np.diff(even["flow"]) == 0.0) > 0.5
 
 
 @pytest.mark.parametrize(

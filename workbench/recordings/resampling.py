@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,16 @@ import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_finite, check_range
+from workbench.model.units import in_time
 from workbench.recordings.recording import Recording, Signal
+
+_DIGITS = 9
+"""Decimals of a sample time, in s, that count."""
+
+_MOSTLY = 0.9
+
+_COURSE = 0.2
+"""Share of the sampling rate above which a measurement counts as noise when it is moved in time."""
 
 
 def _require_increasing(recording: Recording, what: str) -> None:
@@ -55,13 +65,61 @@ def _interpolated(signal: Signal, time: Vector, times: Vector) -> Vector:
     if not good.any():
         return np.full(len(times), np.nan)
     if signal.zero_order_hold:
-        # The small allowance keeps a sample that rounding moved just behind its own instant.
-        slack = 1e-9 * float(np.max(np.abs(time)))
-        index = np.searchsorted(time[good], times + slack, side="right") - 1
-        held: Vector = signal.values[good][np.clip(index, 0, None)]
-        return held
+        return _held(signal.values[good], time[good], times)
     values: Vector = np.interp(times, time[good], signal.values[good])
     return values
+
+
+def _nearest(values: Vector, time: Vector, times: Vector) -> Vector:
+    """Return the nearest sample of each instant, moved there along the smoothed course.
+
+    A mean of two samples would have less noise than either, and share it with its neighbours: what
+    estimates the noise would then believe in too little of it.
+    """
+    even = np.linspace(time[0], time[-1], len(time))
+    course = low_pass(np.interp(even, time, values), _COURSE)
+    middles = 0.5 * (time[1:] + time[:-1])
+    nearest = np.searchsorted(middles, times)
+    moved = np.interp(times, even, course) - np.interp(time[nearest], even, course)
+    return values[nearest] + np.where(times == time[nearest], 0.0, moved)
+
+
+def at_one_pace(recordings: Sequence[Recording]) -> list[Recording]:
+    """Return recordings with the sample time of the slowest, if theirs are not all the same.
+
+    Example:
+        >>> made = [Recording(n, np.arange(9) * t, ()) for n, t in (("a", 0.1), ("b", 0.2))]
+        >>> [round(r.sample_time, 9) for r in at_one_pace(made)]
+        [0.2, 0.2]
+    """
+    paces = [round(_pace(r), _DIGITS) for r in recordings]
+    slowest = max(paces, default=0.0)
+    return [
+        r if pace == slowest or not r.increasing else resample(r, rate_Hz=1.0 / slowest)
+        for r, pace in zip(recordings, paces, strict=True)
+    ]
+
+
+def _pace(recording: Recording) -> float:
+    """Return the mean step, in s, of a recording; without its gaps, if it has no more than gaps."""
+    steps = np.diff(recording.time)
+    usual = steps[steps < 1.5 * np.median(steps)]
+    return float(np.mean(usual if len(usual) > _MOSTLY * len(steps) else steps))
+
+
+def _held(values: Vector, time: Vector, times: Vector) -> Vector:
+    """Return what is held between instants: the mean, where it changes before the next one."""
+    # The small allowance keeps a sample that rounding moved just behind its own instant.
+    slack = 1e-9 * float(np.max(np.abs(time)))
+    index = np.clip(np.searchsorted(time, times + slack, side="right") - 1, 0, None)
+    held: Vector = values[index]
+    last = np.append(np.searchsorted(time, times[1:] - slack, side="left") - 1, index[-1])
+    changes = np.concatenate([[0], np.cumsum(values[1:] != values[:-1])])
+    moved = changes[np.maximum(last, index)] > changes[index]
+    area = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(time))])
+    past = values[-1] * np.clip(times - time[-1], 0.0, None)
+    means = np.diff(np.interp(times, time, area) + past) / np.diff(times)
+    return np.where(moved, np.append(means, held[-1]), held)
 
 
 def resample(
@@ -69,9 +127,10 @@ def resample(
 ) -> Recording:
     """Return a recording on another time base.
 
-    Commands and references keep their value until the next sample (zero-order hold). Measurements
-    are interpolated by straight lines; if the new step is more than 1.2 times the old one they are
-    low-passed at 0.4 of the new rate before, so that nothing folds down.
+    Commands and references keep their value until the next sample (zero-order hold); where one
+    changes between two instants, its mean between them is taken. Measurements come from the nearest
+    sample, or from straight lines on a finer base; if the new step is more than 1.2 times the old
+    one they are low-passed at 0.4 of the new rate before, so that nothing folds down.
 
     Args:
         rate_Hz: Rate of a uniform time base that starts at the first sample.
@@ -89,7 +148,7 @@ def resample(
     _require_increasing(recording, "resampling")
     if (rate_Hz is None) == (times is None):
         raise WorkbenchError("give either rate_Hz or times to resample a recording, not both")
-    old = recording.sample_time
+    old = recording.duration / (len(recording) - 1)
     first, last = float(recording.time[0]), float(recording.time[-1])
     if rate_Hz is not None:
         check_range(
@@ -117,6 +176,11 @@ def resample(
             time = np.linspace(first, last, n_old)
             uniform = _interpolated(signal, recording.time, time)
             source = replace(signal, values=low_pass(uniform, 0.4 * old / new))
-        signals.append(replace(signal, values=_interpolated(source, time, instants)))
-    note = f"resampled from {1 / old:.6g} Hz to {1 / new:.6g} Hz"
+        good = np.isfinite(source.values)
+        if source is signal and not signal.zero_order_hold and new > 0.8 * old and good.any():
+            values = _nearest(source.values[good], time[good], instants)
+        else:
+            values = _interpolated(source, time, instants)
+        signals.append(replace(signal, values=values))
+    note = f"resampled from one every {in_time(old, 6)} to one every {in_time(new, 6)}"
     return replace(recording, time=instants, signals=tuple(signals)).noted(note)

@@ -24,6 +24,11 @@ def jitter(time: Vector) -> float:
     return float(np.std(steps) / np.mean(steps))
 
 
+def evened(recording: Recording) -> Recording:
+    """Return a recording with even steps, interpolated where its own are not."""
+    return check_uniformity(recording).recording or recording
+
+
 @check("uniformity", 100)
 def check_uniformity(recording: Recording, expected: Expected) -> Finding:
     """Check that the samples are evenly spaced; interpolate them to an even base if not.

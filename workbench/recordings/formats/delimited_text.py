@@ -329,5 +329,9 @@ def _lift_scalars(
 
 
 TEXT = Format(
-    "csv", "CSV", (".csv", ".txt", ".tsv", ".dat", ".asc", ".log"), read_text, packed=True
+    "csv",
+    "CSV",
+    (".csv", ".txt", ".tsv", ".dat", ".asc", ".log"),
+    read_text,
+    packed=True,
 )
