@@ -17,7 +17,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
-from controllers.valve_inverse import ValveLaw, joint_design
+from controllers.design import Design
+from controllers.valve_inverse import ACTUATORS, ValveLaw
 from workbench.errors import check_choice, check_range
 from workbench.linearisation.state_space import linear_model
 
@@ -103,11 +104,12 @@ def design_angle_pd(
     return AnglePD(want.proportional, want.derivative, want.derivative_filter)
 
 
-ANGLE_PD = joint_design(
+ANGLE_PD = Design(
     name="angle-pd",
     family="PD on the angle",
     summary="plain PD on the angle, gains by hand: what the cascade is compared with",
     function=design_angle_pd,
     specification=AnglePDSpecification,
     sensors=("angle",),
+    actuators=ACTUATORS,
 )

@@ -66,6 +66,18 @@ def test_noise_and_disturbance_come_from_the_recordings(
     assert float(row.split()[1]) == pytest.approx(0.055, rel=0.02)
 
 
+def test_uneven_samples_are_no_reason_to_refuse_a_refit(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = (folder / "a.csv").read_text().splitlines()
+    kept = np.random.default_rng(0).uniform(size=len(lines)) > 0.15
+    (folder / "a.csv").write_text("\n".join([lines[0], *np.array(lines)[1:][kept[1:]]]))
+    assert run(["refit", "--plant", "naive:motor", "--fit", "a.csv", "--hold-out", "b.csv"]) == 0
+    said = capsys.readouterr()
+    row = next(line for line in said.out.splitlines() if line.split()[:1] == ["kt"])
+    assert float(row.split()[1]) == pytest.approx(0.055, rel=0.02)
+
+
 def test_a_plant_that_fits_nothing_is_judged_as_it_is(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

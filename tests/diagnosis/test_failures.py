@@ -122,7 +122,7 @@ def test_a_stage_that_fails_leaves_the_others(
 def test_a_nominal_model_that_cannot_be_refitted_is_a_verdict(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(engine, "fit_with_process_noise", _never)
+    monkeypatch.setattr(engine, "fit_with_likely_starts", _never)
     verdict = _diagnosed()
     assert verdict.kind == "unexplained" and "left the finite numbers" in verdict.sentence
 

@@ -132,7 +132,7 @@ def test_a_value_on_its_bound_stands_first() -> None:
     assert given.selected is not None and given.validated is not None
     found = replace(
         given,
-        fitted=Fitted(base),
+        fitted=Fitted(base, given.prepared),
         selected=replace(given.selected, extended=base, nonparametric=None),
         validated=replace(given.validated, refitted=base, extended=base),
     )

@@ -15,7 +15,8 @@ from workbench.diagnosis.conclude import conclude, still_missing
 from workbench.diagnosis.estimation.fixed_parameters import with_fixed_uncertainty
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import Prior, default_priors
-from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, fit_with_process_noise
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
+from workbench.diagnosis.estimation.start import fit_with_likely_starts, likely_start
 from workbench.diagnosis.experiment.next_experiment import Advice, next_experiment
 from workbench.diagnosis.location.locate import Location, locate
 from workbench.diagnosis.location.located_signal import missing_signals
@@ -168,7 +169,8 @@ def stages(
             verdict=Verdict("unexplained", why, model, data=prepared.data, **files.spent),
         )
         return
-    found = replace(found, fitted=fitted, **files.spent)
+    prepared = fitted.prepared
+    found = replace(found, prepared=prepared, fitted=fitted, **files.spent)
     yield found
 
     say("locating the mismatch")
@@ -293,8 +295,10 @@ def prepare(
 
 def fit(model: Model, prepared: Prepared) -> Fitted:
     """Refit the nominal model."""
-    base = fit_with_process_noise(model, prepared.fitting, prepared.priors)
-    return Fitted(with_fixed_uncertainty(base, prepared.fitting))
+    base, fitting = fit_with_likely_starts(model, prepared.fitting, prepared.priors)
+    judging = tuple(likely_start(base.model, one) for one in prepared.judging)
+    started = replace(prepared, fitting=fitting, judging=judging)
+    return Fitted(with_fixed_uncertainty(base, fitting), started)
 
 
 def where(base: ProcessNoiseFit, prepared: Prepared) -> Located:

@@ -16,10 +16,12 @@ from workbench.model import Effect, Model
 from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.law import Law
 from workbench.recordings.case import Case, RefitSettings
+from workbench.recordings.checks.uniformity import evened
 from workbench.recordings.checks.units import beyond_range
 from workbench.recordings.column_matching import driven_by
 from workbench.recordings.read import MappingLike, read_recording
 from workbench.recordings.recording import Recording
+from workbench.recordings.resampling import at_one_pace
 from workbench.registry import load_object, user_code
 
 
@@ -48,10 +50,12 @@ class Problem:
     def observed(self, recording: Recording, model: Model | None = None) -> Observed:
         """Return a recording as the filter of its model needs it, with the noise that is given.
 
+        One of uneven steps is interpolated.
+
         Raises:
             WorkbenchError: If it lacks an input, or has no output of the model.
         """
-        seen = observe(model or self.model, recording)
+        seen = observe(model or self.model, evened(recording))
         noise = [
             self.refit.noise.get(name, rms)
             for name, rms in zip(seen.used, seen.noise_rms, strict=True)
@@ -112,6 +116,7 @@ def problem_of_files(
         read[path] = recording.with_roles(
             dict.fromkeys([n for n in inputs if n in recording], "command")
         )
+    read = dict(zip(read, at_one_pace(list(read.values())), strict=True))
     ranges = {q.name: (q.lower, q.upper) for q in model.inputs}
     said = [note for recording in read.values() for note in recording.notes]
     for recording in read.values():

@@ -11,10 +11,10 @@ import numpy as np
 from workbench.diagnosis.estimation.free_run import FreeRun, free_run
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import default_priors
-from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, fit_with_process_noise
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.estimation.refit import refit
 from workbench.diagnosis.estimation.refit_result import Refit
-from workbench.diagnosis.estimation.start import fitted_start
+from workbench.diagnosis.estimation.start import fit_with_likely_starts, fitted_start, likely_start
 from workbench.diagnosis.estimation.windows import MILD, windowed_run
 from workbench.diagnosis.problem import Problem
 from workbench.diagnosis.selection.held_out import floor_of
@@ -189,15 +189,18 @@ def run_refit(problem: Problem, *, progress: Callable[[str], None] | None = None
             progress=progress,
         )
     else:
-        fitted = fit_with_process_noise(problem.model, fit, priors, progress=progress)
+        if progress:
+            progress("refitting")
+        fitted, _ = fit_with_likely_starts(problem.model, fit, priors)
         found, scale = fitted.refit, fitted.noise_scale
     seconds, work = time.perf_counter() - began, since(begun)
     if progress:
         progress("free runs on held-out recordings")
     nominal, refitted, rows = [], [], []
     values = {e.name: e.value for e in found.estimates}
-    for model, observed in judged:
+    for model, seen in judged:
         changed = model.with_parameters(values)
+        observed = seen if how.stages else likely_start(changed, seen)
         if observed.diverges:
             before = windowed_run(model, model, observed, scale)
             after = windowed_run(changed, model, observed, scale)

@@ -48,9 +48,14 @@ class Prepared:
 
 @dataclass(frozen=True)
 class Fitted:
-    """The refitted nominal model, against which every claim is made."""
+    """The refitted nominal model, against which every claim is made.
+
+    Args:
+        prepared: The recordings, with the starts that the refitted model finds likely.
+    """
 
     base: ProcessNoiseFit
+    prepared: Prepared
 
 
 @dataclass(frozen=True)

@@ -15,12 +15,13 @@ from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.priors import default_priors
-from workbench.diagnosis.estimation.process_noise import fit_with_process_noise, likely_scale
+from workbench.diagnosis.estimation.process_noise import likely_scale
+from workbench.diagnosis.estimation.start import fit_with_likely_starts
 from workbench.diagnosis.estimation.windows import settled, windowed_run
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
 from workbench.model.traits import LEFT_OUT
-from workbench.model.units import from_si, of_difference
+from workbench.model.units import from_si, of_difference, with_unit
 from workbench.recordings.checks.expected import reached
 from workbench.recordings.checks.noise import usual_rms, white_rms
 from workbench.recordings.checks.quantisation import recorded_quantum
@@ -90,10 +91,12 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
             )
             told, sizes = _with_data(replace(model, outputs=outputs), recordings)
     read = {q.name: q for q in told.outputs}
+    shown = {q.name: of_difference(q.display_unit) for q in undeclared}
     notes = [
-        f"{q.name} declares no noise_rms; {read[q.name].noise_rms:.3g} {q.unit} is taken from the"
+        f"{name} declares no noise_rms;"
+        f" {with_unit(f'{from_si(read[name].noise_rms, unit):.3g}', unit)} is taken from the"
         " recordings"
-        for q in undeclared
+        for name, unit in shown.items()
     ]
     if sizes:
         notes.append(
@@ -117,8 +120,8 @@ def _unforetold(
         trial = replace(model, outputs=outputs)
         other: dict[str, float] = {}
         with contextlib.suppress(WorkbenchError, np.linalg.LinAlgError):
-            seen = [observe(trial, r) for r in recordings[:_FEW]]
-            fit = fit_with_process_noise(trial, seen, default_priors(trial))
+            observed = [observe(trial, r) for r in recordings[:_FEW]]
+            fit, seen = fit_with_likely_starts(trial, observed, default_priors(trial))
             for one in seen:
                 if one.drifts:
                     run = windowed_run(fit.model, trial, one, fit.noise_scale)

@@ -151,6 +151,7 @@ class RoundScore:
         }
 
     def __str__(self) -> str:
+        """Return the table of the round."""
         heading = ("case", "hidden", "verdict", "points", "", "over noise")
         rows = [
             (
@@ -211,7 +212,10 @@ def score_verdicts(
 
 
 def score_round(
-    answers: Sequence[Answer], truths: Sequence[Sequence[Truth]], *, committed: int | None = None
+    answers: Sequence[Answer],
+    truths: Sequence[Sequence[Truth]],
+    *,
+    committed: int | None = None,
 ) -> RoundScore:
     """Score answers case by case and against answers dealt out at random.
 

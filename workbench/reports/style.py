@@ -24,7 +24,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Colour:
-    """A colour on light paper and on a dark screen."""
+    """A colour on light paper and on a dark screen.
+
+    Args:
+        light: Value on light ground, ``#rrggbb``.
+        dark: Value on dark ground, ``#rrggbb``.
+    """
 
     name: str
     light: str

@@ -27,6 +27,7 @@ class Cell:
     reason: str = ""
 
     def __str__(self) -> str:
+        """Return the text with its mark."""
         return f"{self.text} {MARKS[self.mark]}".strip()
 
 
@@ -51,6 +52,7 @@ class Table:
     note: str = ""
 
     def __post_init__(self) -> None:
+        """Check the rows."""
         for number, row in enumerate(self.rows, start=1):
             if len(row) != len(self.headings):
                 raise WorkbenchError(
@@ -78,6 +80,7 @@ class Table:
         )
 
     def __str__(self) -> str:
+        """Return the table as aligned text."""
         body = aligned_table(self.headings, self.cells, width=None)
         return "\n".join([self.title, body, *([self.note] if self.note else [])])
 

@@ -43,6 +43,7 @@ class ConditionChange:
     fails: bool = True
 
     def __str__(self) -> str:
+        """Return one line."""
         return f"{self.name}: {self.text}"
 
 

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.made_up import made_up
 from workbench.diagnosis.estimation.observe import observe
-from workbench.diagnosis.estimation.start import fitted_start
+from workbench.diagnosis.estimation.priors import default_priors
+from workbench.diagnosis.estimation.process_noise import perfect_cost
+from workbench.diagnosis.estimation.start import (
+    fit_with_likely_starts,
+    fitted_start,
+    likely_start,
+)
+from workbench.diagnosis.undeclared import with_undeclared
 from workbench.errors import WorkbenchError
+from workbench.model import Input, Model, Output, Parameter, State
 from workbench.plants.cascaded_tanks import cascaded_tanks
 from workbench.recordings.recording import Recording, Signal
 from workbench.simulation import simulate
@@ -51,3 +60,79 @@ def test_the_number_of_samples_has_a_range() -> None:
     seen = made_up(tanks, np.full(60, 3.0), sample_time=4.0)
     with pytest.raises(WorkbenchError, match="samples is 61; the valid range is 2 to 60"):
         fitted_start(tanks, seen, samples=61)
+
+
+def generator() -> Model:
+    """A generator on a strong grid, of which power and frequency are read."""
+
+    def equations(m):
+        angle, slip, emf = m.x.angle, m.x.slip, m.x.emf
+        reactance = 0.3 + m.p.line
+        power = emf / reactance * ca.sin(angle)
+        push = m.u.turbine - power - m.p.damping * slip / 314.0
+        rates = {
+            "angle": slip,
+            "slip": 157.0 / m.p.inertia * push,
+            "emf": (m.u.field - emf - 1.3 * (emf - ca.cos(angle)) / reactance) / m.p.field_time,
+        }
+        return rates, {"power": power, "frequency": 50.0 + slip / 6.2832}
+
+    return Model(
+        "generator",
+        equations,
+        states=(
+            State("angle", "rad", initial=0.8),
+            State("slip", "rad/s"),
+            State("emf", "1", initial=1.1),
+        ),
+        inputs=(
+            Input("turbine", "1", lower=0.0, upper=1.0, nominal=0.6),
+            Input("field", "1", lower=0.0, upper=5.0, nominal=2.0),
+        ),
+        outputs=(Output("power", "1", noise_rms=1.5e-3), Output("frequency", "Hz", noise_rms=2e-3)),
+        parameters=(
+            Parameter("inertia", "s", value=3.0, lower=1.0, upper=10.0, fitted=True),
+            Parameter("damping", "1", value=5.0, lower=0.0, upper=60.0, fitted=True),
+            Parameter("line", "1", value=0.4, lower=0.1, upper=1.5, fitted=True),
+            Parameter("field_time", "s", value=6.0, lower=2.0, upper=15.0, fitted=True),
+        ),
+    )
+
+
+def test_a_product_of_two_hidden_states_does_not_lead_the_filter_astray() -> None:
+    nominal = generator()
+    true = {"inertia": 3.6, "damping": 12.0, "line": 0.5, "field_time": 5.0}
+    machine = nominal.with_parameters(true)
+    rng = np.random.default_rng(1)
+    steps = np.column_stack([rng.uniform(0.35, 0.85, 16), rng.uniform(1.8, 2.8, 16)])
+    inputs = np.repeat(steps, 125, axis=0)
+    run = simulate(
+        machine,
+        inputs,
+        sample_time=0.02,
+        start={"angle": 0.2, "slip": 0.0, "emf": 1.45},
+        check=False,
+    )
+    read = run.outputs + np.array([1.5e-3, 2e-3]) * rng.normal(size=run.outputs.shape)
+    signals = [
+        Signal(n, c, "1", role="command")
+        for n, c in zip(("turbine", "field"), inputs.T, strict=True)
+    ]
+    signals += [Signal("power", read[:, 0], "1"), Signal("frequency", read[:, 1], "Hz")]
+    recording = Recording("grid", run.time, tuple(signals))
+    nominal, _ = with_undeclared(nominal, [recording])
+    seen = observe(nominal, recording)
+    assert abs(seen.start[2] - 1.45) > 0.5  # a frequency and a power say little of it
+    found, (started,) = fit_with_likely_starts(nominal, [seen], default_priors(nominal))
+    assert started.start == pytest.approx([0.2, 0.0, 1.45], abs=0.05)
+    for name, value in true.items():
+        assert found.refit.estimate(name).value == pytest.approx(value, rel=0.02), name
+    # Nothing is missing, and the filter needs nothing that takes up what is.
+    assert found.noise_scale <= 0.03
+    assert found.cost < perfect_cost(found.model, [started]) + 100.0
+
+
+def test_a_start_that_is_as_likely_as_any_stays() -> None:
+    tanks = cascaded_tanks()
+    seen = made_up(tanks, np.full(200, 3.0), sample_time=4.0)
+    assert likely_start(tanks, seen) is seen

@@ -7,7 +7,7 @@ A model that lacks physics stops early, the right one goes down to the noise of 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
 
@@ -123,7 +123,6 @@ def fit_with_process_noise(
     follow: bool = True,
     ladder: Sequence[float] = LADDER,
     enough: float = ENOUGH,
-    progress: Callable[[str], None] | None = None,
 ) -> ProcessNoiseFit:
     """Refit a model at the most likely process-noise scale.
 
@@ -156,7 +155,6 @@ def fit_with_process_noise(
                 stages=(level,),
                 start=values,
                 enough=enough,
-                progress=progress,
             )
         except NumericalError:
             # Equations trusted more than they deserve throw the filter out of its range.

@@ -2,17 +2,86 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import free_run
-from workbench.diagnosis.estimation.prediction_error import Observed
-from workbench.errors import check_range
+from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
+from workbench.diagnosis.estimation.priors import Prior
+from workbench.diagnosis.estimation.process_noise import (
+    ProcessNoiseFit,
+    fit_with_process_noise,
+    likely_scale,
+)
+from workbench.errors import NumericalError, check_range
 from workbench.model import Model
 
 _ITERATIONS = 12
+
+_MET, _LOOKED_AT = (10, 30, 100), 1000
+"""Samples that a start is fitted to, and samples that tell whether it is likely."""
+
+_ROUNDS = 3
+
+_HIDDEN, _NEARER, _CLEARLY = 0.01, (0.3, 0.1), 20.0
+"""Uncertainty of a start, over the size of its state, that a fit may lessen; shares of it that are
+left; and log likelihood that a fitted start must gain."""
+
+
+def fit_with_likely_starts(
+    model: Model, recordings: Sequence[Observed], priors: Sequence[Prior]
+) -> tuple[ProcessNoiseFit, tuple[Observed, ...]]:
+    """Refit a model, and again from the starts that the refitted one finds clearly more likely.
+
+    Returns:
+        The refit at its most likely process-noise scale, and the recordings with its starts.
+    """
+    best, seen = fit_with_process_noise(model, recordings, priors), tuple(recordings)
+    for _ in range(_ROUNDS):
+        started = tuple(likely_start(best.model, one) for one in seen)
+        if all(a is b for a, b in zip(started, seen, strict=True)):
+            break
+        values = {e.name: e.value for e in best.refit.estimates}
+        trial = fit_with_process_noise(model, started, priors, start=values)
+        if trial.cost > best.cost - _CLEARLY:
+            break
+        best, seen = trial, started
+    return best, seen
+
+
+def likely_start(model: Model, observed: Observed) -> Observed:
+    """Return a recording with a fitted start where that is clearly more likely than its own.
+
+    A filter that begins with a wide guess takes the equations for straight lines as far as the
+    guess reaches. Where they are not, as in a product of two hidden states, it becomes sure of what
+    is wrong.
+    """
+    if np.all(observed.start_rms < _HIDDEN * np.array([q.scale for q in model.states])):
+        return observed
+    count = min(_LOOKED_AT, len(observed.outputs))
+    first = replace(observed, inputs=observed.inputs[:count], outputs=observed.outputs[:count])
+    filter_ = filter_of(model, first, likely_scale(model, [first], {}))
+    best, least = observed, math.inf
+    with contextlib.suppress(NumericalError):
+        least = filter_.run(first, model.values).cost
+    for samples in (n for n in _MET if n <= count):
+        try:
+            start = fitted_start(model, first, samples=samples).start
+        except (NumericalError, np.linalg.LinAlgError):
+            continue
+        for share in _NEARER:
+            rms = share * observed.start_rms
+            with contextlib.suppress(NumericalError):
+                trial = replace(first, start=start, start_rms=rms)
+                cost = filter_.run(trial, model.values).cost + _CLEARLY
+                if cost < least:
+                    best, least = replace(observed, start=start, start_rms=rms), cost
+    return best
 
 
 def fitted_start(model: Model, observed: Observed, *, samples: int) -> Observed:
