@@ -17,8 +17,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
-from controllers.design import Design
-from controllers.valve_inverse import ACTUATORS, ValveLaw
+from controllers.valve_inverse import ValveLaw, joint_design
 from workbench.errors import check_choice, check_range
 from workbench.linearisation.state_space import linear_model
 
@@ -104,12 +103,11 @@ def design_angle_pd(
     return AnglePD(want.proportional, want.derivative, want.derivative_filter)
 
 
-ANGLE_PD = Design(
+ANGLE_PD = joint_design(
     name="angle-pd",
     family="PD on the angle",
     summary="plain PD on the angle, gains by hand: what the cascade is compared with",
     function=design_angle_pd,
     specification=AnglePDSpecification,
     sensors=("angle",),
-    actuators=ACTUATORS,
 )

@@ -23,6 +23,8 @@ its limit both are reduced alike.
     q = p_s psi(p / p_s) while filling, p psi(p_a / p) while venting     (ISO 6358)
     V_i = V_0 (1 +- c (angle - angle_0))
 
+Units: SI.
+
 Source: the cascade is that of `controllers.pid`; Tondu and Lopez, Modeling and control of McKibben
 artificial muscle robot actuators, IEEE Control Systems 20, 2000 (torque by the difference,
 stiffness by the sum of the pressures).
@@ -37,7 +39,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
-from controllers.design import Design
 from controllers.joint.at_one_point import UNIT
 from controllers.joint.model import joint_model
 from controllers.law import ClosedForm
@@ -48,7 +49,7 @@ from controllers.pid import (
     design_pid,
 )
 from controllers.protocol import Command
-from controllers.valve_inverse import SENSORS
+from controllers.valve_inverse import SENSORS, joint_design
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.linearisation.state_space import linear_model
 
@@ -68,8 +69,6 @@ class AngleStiffnessState(NamedTuple):
     """What an `AngleStiffness` remembers.
 
     Args:
-        pressure_1: Filtered gauge pressure of muscle 1, in Pa.
-        pressure_2: Filtered gauge pressure of muscle 2, in Pa.
         filtered: Wanted mean after the first lag, in Pa.
         mean: Wanted mean after the second lag, in Pa.
     """
@@ -87,12 +86,10 @@ class Air:
 
     Args:
         pressure: Mean gauge pressure of the design, in Pa.
-        angle: Angle of the design, in rad.
         volume_slope: Relative growth c of muscle 1's volume with the angle, per rad; that of
             muscle 2 shrinks as much.
         supply: Supply pressure, gauge, in Pa.
         ambient: Ambient pressure, absolute, in Pa.
-        critical_ratio: Critical pressure ratio of the valve, dimensionless.
     """
 
     pressure: float = 3e5
@@ -143,8 +140,6 @@ class AngleStiffness(ClosedForm):
         outer: Cascaded PID of the angle; its inner gain sets that of both pressures.
         mean_speed: Speed omega_m of the lags on the reference of the mean, in rad/s.
         mean_gain: Gain G on the error of the mean, relative to that on the difference.
-        pressure_limits: Lowest and highest reference of a gauge pressure, in Pa.
-        pressure_filter: Time constant of the pressures' filter, in s.
     """
 
     outer: CascadePID
@@ -260,8 +255,6 @@ def design_angle_stiffness(
     Args:
         linear: Linear model from the voltages ``valve_1`` and ``valve_2`` to the sensors.
         specification: What the angle's loop is to reach; `SPECIFICATION` by default.
-        mean_speed: Speed of the lags on the reference of the mean, in rad/s.
-        pressure_limits: Lowest and highest reference of a gauge pressure, in Pa.
 
     Raises:
         WorkbenchError: If the linear model lacks a signal, or no bandwidth meets the limits.
@@ -317,12 +310,11 @@ def opposed(
     )
 
 
-ANGLE_STIFFNESS = Design(
+ANGLE_STIFFNESS = joint_design(
     name="angle-stiffness",
     family="angle and stiffness",
     summary="cascaded PID of the angle and of the mean pressure, with one valve per muscle",
     function=design_angle_stiffness,
     specification=PIDSpecification,
     actuators=("valve_1", "valve_2"),
-    sensors=SENSORS,
 )

@@ -33,7 +33,6 @@ class ExportedC:
     """The files of an exported controller.
 
     Args:
-        states: Number of states (dimensionless).
         operations: Number of elementary operations of a step, at most (dimensionless).
     """
 

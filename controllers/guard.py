@@ -34,6 +34,8 @@ On plausible measurements and references the guard changes nothing, not by a bit
 what the plant declares (`workbench.verification.guard_limits`); without any it refuses what is not
 finite.
 
+Units: SI; times in samples.
+
 Source: signal validation, analytical redundancy and fault tolerance: Isermann, Fault-Diagnosis
 Systems, 2006, chapters 7, 10 and 20; oscillation: Hägglund, A control-loop performance monitor,
 Control Eng. Practice 3, 1995; bumpless transfer: Åström and Hägglund, Advanced PID Control, 2006,
@@ -116,12 +118,9 @@ class SensorLimits(NamedTuple):
     """What is plausible of a measurement.
 
     Args:
-        lower: Smallest value, in SI.
-        upper: Largest value, in SI.
         jump: Largest distance from what is expected of it, or from the one before, in SI.
         doubt: Distance from what is expected at which a value that stays is stuck, in SI.
         least: Smallest value that is expected of it, in SI.
-        most: Largest value that is expected of it, in SI.
     """
 
     lower: float = -_INFINITE
@@ -136,8 +135,6 @@ class ReferenceLimits(NamedTuple):
     """What may be asked of a controlled output.
 
     Args:
-        lower: Smallest reference, in SI.
-        upper: Largest reference, in SI.
         tolerance: Error that a plant that moves does not keep, in SI.
         sensor: Place of the sensor that reads the output (dimensionless); -1 for none.
         pace: Change per sample with which a reference out of range goes to its end, in SI.
@@ -155,13 +152,7 @@ class ReferenceLimits(NamedTuple):
 
 
 class CommandLimits(NamedTuple):
-    """What an actuator is given.
-
-    Args:
-        safe: Safe command, in SI.
-        lower: Its lower end, in SI.
-        upper: Its upper end, in SI.
-    """
+    """What an actuator is given."""
 
     safe: float
     lower: float = -_INFINITE
@@ -173,7 +164,6 @@ class GuardState(NamedTuple):
 
     Args:
         measurement: Last finite one; without an estimator the last plausible one; in SI.
-        command: Last command, in SI.
         reference: Last references within their ranges, in SI.
         estimate: Predicted states and offsets of the estimator, in SI.
         doubted: For each sensor 0 if it is believed, 1 if not, 2 if it is stuck; dimensionless.
@@ -220,9 +210,6 @@ class Guard:
     """Limits and times of a guard; times in samples.
 
     Args:
-        sensors: Limits of each measurement; none for those that are only to be finite.
-        references: Limits of the reference of each controlled output.
-        commands: Limits of each command.
         estimator: What the plant's linear model says of measurements; None for nothing.
         bridge: How long the law acts on estimates, in samples.
         hold: How long the last command is held, in samples; and how long a measurement must stay to

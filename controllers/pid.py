@@ -39,18 +39,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
-from controllers.design import Design
 from controllers.joint.at_one_point import LaggedReference
 from controllers.joint.model import JointModel, joint_model
 from controllers.joint.schedule import JointSchedule
 from controllers.joint.tracking import Tracking, TrackingSpecification, arrived_opening
 from controllers.sensitivity import peak_sensitivities
-from controllers.valve_inverse import ACTUATORS, SENSORS, ValveInverse, ValveLaw
+from controllers.valve_inverse import ValveInverse, ValveLaw, joint_design
 from workbench.errors import WorkbenchError, check_range
 from workbench.linearisation.state_space import linear_model
 
@@ -398,27 +398,19 @@ def design_scheduled_pid(
     )
 
 
-COLOUR = ("#0062a8", "#5db5f5")
+_cascade = partial(joint_design, family="cascade PID", colour=("#0062a8", "#5db5f5"))
 
-PID = Design(
+PID = _cascade(
     name="pid",
-    family="cascade PID",
     summary="cascaded PID: angle outside, pressure difference inside",
     function=design_pid,
     specification=PIDSpecification,
-    colour=COLOUR,
-    sensors=SENSORS,
-    actuators=ACTUATORS,
 )
 
-SCHEDULED_PID = Design(
+SCHEDULED_PID = _cascade(
     name="scheduled-pid",
-    family="cascade PID",
     summary="cascaded PID over the whole range, with planned moves and feedforward",
     function=design_scheduled_pid,
     needs="map",
     specification=ScheduledPIDSpecification,
-    colour=COLOUR,
-    sensors=SENSORS,
-    actuators=ACTUATORS,
 )

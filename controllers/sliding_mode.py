@@ -47,6 +47,7 @@ section 4.2 (its gains).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
@@ -312,29 +313,22 @@ def design_scheduled_sliding_mode(
     )
 
 
-COLOUR = ("#c24a00", "#ff9152")
+sliding_design = partial(Design, family="sliding mode", slides=True, colour=("#c24a00", "#ff9152"))
+"""A design of this family."""
 
-SLIDING_MODE = Design(
+_for_joint = partial(sliding_design, sensors=SENSORS, actuators=ACTUATORS)
+
+SLIDING_MODE = _for_joint(
     name="sliding-mode",
-    family="sliding mode",
     summary="sliding mode with boundary layer, observer and reference model",
     function=design_sliding_mode,
     specification=SlidingModeSpecification,
-    slides=True,
-    colour=COLOUR,
-    sensors=SENSORS,
-    actuators=ACTUATORS,
 )
 
-SCHEDULED_SLIDING_MODE = Design(
+SCHEDULED_SLIDING_MODE = _for_joint(
     name="scheduled-sliding-mode",
-    family="sliding mode",
     summary="sliding mode over the whole range, with planned moves",
     function=design_scheduled_sliding_mode,
     needs="map",
     specification=ScheduledSlidingModeSpecification,
-    slides=True,
-    colour=COLOUR,
-    sensors=SENSORS,
-    actuators=ACTUATORS,
 )

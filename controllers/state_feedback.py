@@ -37,7 +37,6 @@ from typing import NamedTuple
 import numpy as np
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
-from controllers.design import Design
 from controllers.joint.model import JointModel
 from controllers.joint.schedule import JointSchedule
 from controllers.joint.tracking import (
@@ -46,7 +45,7 @@ from controllers.joint.tracking import (
     TrackingState,
     arrived_opening,
 )
-from controllers.valve_inverse import ACTUATORS, SENSORS, ValveLaw
+from controllers.valve_inverse import ValveLaw, joint_design
 from workbench.arrays import Matrix
 from workbench.errors import check_range
 from workbench.linearisation.zero_order_hold import zero_order_hold
@@ -199,13 +198,11 @@ def design_state_feedback(
     )
 
 
-STATE_FEEDBACK = Design(
+STATE_FEEDBACK = joint_design(
     name="scheduled-state-feedback",
     family="state feedback",
     summary="state feedback with integral action and a Kalman filter, over the whole range",
     function=design_state_feedback,
     needs="map",
     specification=StateFeedbackSpecification,
-    sensors=SENSORS,
-    actuators=ACTUATORS,
 )

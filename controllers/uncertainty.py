@@ -77,11 +77,7 @@ class Uncertainty:
     def reduced(self, share: float) -> Uncertainty:
         """Return the same with a share, a ratio, of delay and lag."""
         (d0, d1), (l0, l1) = self.delay, self.sensor_lag
-        return replace(
-            self,
-            delay=(share * d0, share * d1),
-            sensor_lag=(share * l0, share * l1),
-        )
+        return replace(self, delay=(share * d0, share * d1), sensor_lag=(share * l0, share * l1))
 
 
 NONE = Uncertainty(delay=(0.0, 0.0), sensor_lag=(0.0, 0.0), trusted_frequency=math.inf)

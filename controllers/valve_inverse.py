@@ -8,9 +8,11 @@ constant, and the linear model at rest then holds for large commands too.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
+from controllers.design import Design
 from controllers.law import ClosedForm, ShownLaw
 from controllers.protocol import Command
 from workbench.errors import WorkbenchError, check_finite
@@ -33,6 +35,10 @@ SENSORS = ("angle", "pressure_1", "pressure_2")
 
 ACTUATORS = ("valve",)
 """Input that those of a joint with one valve command."""
+
+
+joint_design = partial(Design, sensors=SENSORS, actuators=ACTUATORS)
+"""A design for such a joint."""
 
 
 @dataclass(frozen=True)
@@ -109,8 +115,6 @@ class ValveController(ShownLaw):
 
     Args:
         sample_time: Time between steps, in s.
-        actuators: Name of the command.
-        preview: Number of future reference samples used.
     """
 
     sample_time: float = 0.002

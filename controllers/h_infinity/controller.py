@@ -25,12 +25,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
-from controllers.design import Design
 from controllers.h_infinity.synthesis import Weights, joint_behind_pressure_loop, synthesise
 from controllers.joint.schedule import JointSchedule
 from controllers.joint.tracking import JointTracking, TrackingSpecification, TrackingState
 from controllers.sampling import Rows, anti_windup, rows, total
-from controllers.valve_inverse import ACTUATORS, SENSORS, ValveLaw
+from controllers.valve_inverse import ValveLaw, joint_design
 from workbench.errors import check_range
 
 
@@ -164,13 +163,11 @@ def design_h_infinity(
     )
 
 
-H_INFINITY = Design(
+H_INFINITY = joint_design(
     name="scheduled-h-infinity",
     family="H-infinity",
     summary="H-infinity mixed sensitivity, scheduled around one synthesis; needs slycot",
     function=design_h_infinity,
     needs="map",
     specification=HInfinitySpecification,
-    sensors=SENSORS,
-    actuators=ACTUATORS,
 )

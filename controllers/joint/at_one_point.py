@@ -7,6 +7,8 @@ pressure difference; accelerations are counted in the pressure difference that m
 joint shall be from a third-order model of the reference with its poles at omega_r:
 
     r''' = omega_r^3 (ref - r) - 3 omega_r^2 r' - 3 omega_r r''
+
+Units: SI.
 """
 
 from __future__ import annotations
@@ -40,8 +42,6 @@ class LaggedReference(Tracking):
 
     Args:
         speed: Speed omega_r of the lags, in rad/s; 0 for none.
-        pressure_filter: Time constant of the pressures' filter, in s.
-        sample_time: Time between samples, in s.
     """
 
     speed: float = 25.0
@@ -58,11 +58,7 @@ class LaggedReference(Tracking):
         return Start(LaggedState(angle, angle, p1 - p2), UNIT, p1 - p2)
 
     def context(
-        self,
-        state: LaggedState,
-        measurement: Numbers,
-        reference: Number,
-        arithmetic: Arithmetic,
+        self, state: LaggedState, measurement: Numbers, reference: Number, arithmetic: Arithmetic
     ) -> tuple[Context, LaggedState]:
         """Lag the reference and filter the pressures."""
         angle, p1, p2 = measurement
@@ -78,13 +74,7 @@ class LaggedReference(Tracking):
 
 
 class ReferenceModelState(NamedTuple):
-    """What a `ReferenceModel` remembers.
-
-    Args:
-        estimate: Predicted angle, speed and unexplained acceleration.
-        difference: Filtered pressure difference, in Pa.
-        plan: Angle, speed and acceleration of the reference model.
-    """
+    """What a `ReferenceModel` remembers."""
 
     estimate: JointEstimate
     difference: Number
@@ -96,10 +86,7 @@ class ReferenceModel(Tracking):
     """Third-order model of the reference, and observer of the joint at one point.
 
     Args:
-        observer: Observer of speed and unexplained acceleration.
         speed: Poles omega_r of the reference model, in rad/s.
-        pressure_filter: Time constant of the pressures' filter, in s.
-        sample_time: Time between samples, in s.
     """
 
     joint: JointModel

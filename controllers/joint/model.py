@@ -75,7 +75,6 @@ class OpeningInput(NamedTuple):
     """How the opening enters a linear model.
 
     Args:
-        name: Name of the model's input.
         per_opening: Change of that input per full opening, in the input's SI unit.
         at_rest: Opening at the operating point, a fraction.
     """

@@ -116,11 +116,7 @@ class JointSchedule:
         return tuple(self.at(angle, mean) for angle in self.angles.tolist())
 
 
-def joint_schedule(
-    found: OperatingMap,
-    *,
-    valve: ValveInverse | None = None,
-) -> JointSchedule:
+def joint_schedule(found: OperatingMap, *, valve: ValveInverse | None = None) -> JointSchedule:
     """Build the schedule from a map of linear models.
 
     A point without operating point takes the values of the straight line through its two nearest

@@ -51,6 +51,8 @@ which is f(o) at rest, where o = o0 + m: what is learned moves nothing there, an
 w collects friction, muscle hysteresis and wrong loads. It is an acceleration, so the observer is
 the same for every angle and load: what the map knows enters with the acceleration.
 
+Units: SI.
+
 Source: disturbance observer: Ohnishi, Shibata and Murakami, IEEE/ASME Trans. Mechatronics 1, 1996;
 feedforward by the inverse model: Åström and Wittenmark, Computer-Controlled Systems, 1997, 6.3;
 prediction over a delay: Manitius and Olbrot, IEEE Trans. AC-24, 1979.
@@ -77,13 +79,10 @@ class Context(NamedTuple):
     """What a feedback law is told at one sample.
 
     Args:
-        plan: Where the joint shall be.
-        joint: Joint model at the measured angle.
         angle: Measured angle, in rad.
         speed: Estimated speed, in rad/s.
         acceleration: Estimated acceleration, in rad/s2.
         unexplained: Estimated acceleration that the model does not explain, in rad/s2.
-        difference: Filtered pressure difference, in Pa.
         reference_difference: Pressure difference of the feedforward, in Pa.
         opening: Opening of the feedforward, a fraction.
     """
@@ -119,11 +118,7 @@ class Tracking(Protocol):
         """Take angle in rad and two gauge pressures in Pa as those of a joint at rest."""
 
     def context(
-        self,
-        state: Any,
-        measurement: Numbers,
-        reference: Number,
-        arithmetic: Arithmetic,
+        self, state: Any, measurement: Numbers, reference: Number, arithmetic: Arithmetic
     ) -> tuple[Context, Any]:
         """Plan and estimate one sample; return what the feedback is told and the next state."""
 
@@ -161,7 +156,6 @@ class TrackingState(NamedTuple):
         angle: Predicted angle, in rad.
         speed: Predicted speed, in rad/s.
         unexplained: Acceleration that the model does not explain, in rad/s2.
-        difference: Filtered pressure difference, in Pa.
         mean: Filtered mean pressure, in Pa.
         turn: Position in the loop of the compensated hysteresis, -1..1.
         sent: Openings that are on their way, fractions, the oldest first.
@@ -216,7 +210,6 @@ class JointTracking(TrackingOptions, Tracking):
     Args:
         schedule: Joint model over angle and mean pressure.
         correction: Gains of the observer for angle, speed and unexplained acceleration, in SI.
-        pressure_filter: Time constant of the pressures' filter, in s.
     """
 
     schedule: JointSchedule
@@ -253,11 +246,7 @@ class JointTracking(TrackingOptions, Tracking):
         return Start(state, joint, holding)
 
     def context(
-        self,
-        state: TrackingState,
-        measurement: Numbers,
-        reference: Number,
-        arithmetic: Arithmetic,
+        self, state: TrackingState, measurement: Numbers, reference: Number, arithmetic: Arithmetic
     ) -> tuple[Context, TrackingState]:
         h = self.sample_time
         angle, p1, p2 = measurement
@@ -403,7 +392,6 @@ def arrived_opening(there: Number, asked: Number, lag: float, sample_time: float
         there: Opening l that has arrived, a fraction.
         asked: Opening o asked for now, a fraction.
         lag: Lag tau, in s; 0 for none.
-        sample_time: Time between samples, in s.
 
     Source:
         Åström and Wittenmark, Computer-Controlled Systems, 1997, section 4.7 (predictors).

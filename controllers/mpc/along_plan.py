@@ -21,6 +21,8 @@ With a lag tau of spool and sample, y is that of the pressures tau later, y - ta
 (`controllers.joint.tracking.arrived_opening`). The planned reference is known over the horizon by
 its own derivatives; no preview is needed.
 
+Units: SI.
+
 Source: Maciejowski, Predictive Control with Constraints, 2002, chapters 2 and 3; Rugh and Shamma,
 Automatica 36, 2000 (scheduling).
 """
@@ -35,7 +37,6 @@ import numpy as np
 
 from controllers.arithmetic import FLOATS, SYMBOLS, Arithmetic, Number
 from controllers.c_source import CSource, generated
-from controllers.design import Design
 from controllers.joint.schedule import JointSchedule
 from controllers.joint.tracking import (
     JointTracking,
@@ -46,7 +47,7 @@ from controllers.joint.tracking import (
 from controllers.mpc.c_text import mpc_source
 from controllers.mpc.fixed_order import product
 from controllers.mpc.prediction import Prediction, condense
-from controllers.mpc.whole_model import told
+from controllers.mpc.whole_model import linear_mpc_design, told
 from controllers.named_state import flat, names, restored
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program.solver import quadratic_program
@@ -72,14 +73,7 @@ class ScheduledMPCState(NamedTuple):
 
 
 class Errors(NamedTuple):
-    """Errors that a `ScheduledMPC` leads to zero.
-
-    Args:
-        angle: In rad.
-        speed: In rad/s.
-        acceleration: Of the pressure difference, in rad/s2.
-        integral: Of the angle's error, in rad s.
-    """
+    """Errors of angle and speed, of the pressure difference as acceleration, and the integral q."""
 
     angle: Number
     speed: Number
@@ -92,8 +86,6 @@ class Problem(NamedTuple):
 
     Args:
         bias: Pressure difference at which the third error is zero, in Pa.
-        opening: Opening of the feedforward, a fraction.
-        plan: Planned angle, in rad.
     """
 
     errors: Errors
@@ -108,7 +100,6 @@ class ScheduledMPC(ValveController):
 
     Args:
         predictions: Condensed problem at every angle of the schedule.
-        pressure_limits: Lowest and highest gauge pressure, in Pa.
         compensation: Share of the unexplained acceleration that is compensated, a ratio.
         lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
     """
@@ -431,15 +422,12 @@ def design_scheduled_mpc(
     )
 
 
-SCHEDULED_MPC = Design(
+SCHEDULED_MPC = linear_mpc_design(
     name="scheduled-mpc",
-    family="linear MPC",
     summary="linear MPC over the whole range, along planned moves",
     function=design_scheduled_mpc,
     needs="map",
     specification=ScheduledMPCSpecification,
-    solves=True,
-    colour=("#00805c", "#36d6a4"),
     sensors=SENSORS,
     actuators=ACTUATORS,
 )

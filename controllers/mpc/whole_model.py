@@ -29,6 +29,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import casadi as ca
@@ -346,11 +347,7 @@ def design_mpc(
         B * entry.per_opening,
         E,
         observer.C[:, : len(A)],
-        weights=(
-            1.0 / want.angle_scale**2,
-            1.0 / want.opening_scale**2,
-            1.0 / want.move_scale**2,
-        ),
+        weights=(1.0 / want.angle_scale**2, 1.0 / want.opening_scale**2, 1.0 / want.move_scale**2),
         prediction_time=want.prediction_time,
         stride=max(1, round(want.prediction_time / want.sample_time)),
         blocks=want.blocks,
@@ -384,14 +381,14 @@ def design_mpc(
     )
 
 
-LINEAR_MPC = Design(
+linear_mpc_design = partial(Design, family="linear MPC", solves=True, colour=("#00805c", "#36d6a4"))
+"""A design of this family."""
+
+LINEAR_MPC = linear_mpc_design(
     name="mpc",
-    family="linear MPC",
     summary="linear MPC without offset, on the whole linear model",
     function=design_mpc,
     specification=MPCSpecification,
-    solves=True,
-    colour=("#00805c", "#36d6a4"),
     sensors=SENSORS,
     actuators=ACTUATORS,
 )

@@ -46,7 +46,6 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from controllers.design import Design
 from controllers.nonlinear_mpc.observer import ExtendedKalmanFilter
 from controllers.nonlinear_mpc.prediction import (
     Called,
@@ -61,7 +60,12 @@ from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program.solver import quadratic_program
 from controllers.reference.horizon import ReferenceAhead
 from controllers.reference.planned import Planner
-from controllers.valve_inverse import ACTUATORS, SENSORS, ValveController, ValveInverse
+from controllers.valve_inverse import (
+    SENSORS,
+    ValveController,
+    ValveInverse,
+    joint_design,
+)
 from workbench.arrays import Matrix
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.linearisation.actuator_inverse import straightened
@@ -289,14 +293,7 @@ class NonlinearMPC(ValveController):
             "fallback": 0.0 if step.solved and not lost else 1.0,
             **self.observer.parameters(estimate),
         }
-        memory = NonlinearMPCState(
-            following,
-            covariance,
-            moves,
-            trajectory,
-            voltage,
-            ahead,
-        )
+        memory = NonlinearMPCState(following, covariance, moves, trajectory, voltage, ahead)
         return (voltage,), memory, info
 
     # A plan that no longer fits the plant overflows: the solver's status then says so.
@@ -495,7 +492,7 @@ def _with_soft_stops(model: Model) -> Model:
     return model.with_parameters({k: v for k, v in soft.items() if k in known})
 
 
-NONLINEAR_MPC = Design(
+NONLINEAR_MPC = joint_design(
     name="nonlinear-mpc",
     family="nonlinear MPC",
     summary="nonlinear MPC by real-time iteration on the plant's regularised equations",
@@ -504,6 +501,4 @@ NONLINEAR_MPC = Design(
     specification=NonlinearMPCSpecification,
     solves=True,
     exports=False,
-    sensors=SENSORS,
-    actuators=ACTUATORS,
 )

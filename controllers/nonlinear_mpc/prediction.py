@@ -117,9 +117,7 @@ def dynamics(
     values = ca.SX(ca.DM(model.values))
     values[off] += unit * w[len(disturbed) :]
     rates = ca.substitute(
-        traced.rates / size,
-        ca.vertcat(traced.x, traced.p),
-        ca.vertcat(z * size, values),
+        traced.rates / size, ca.vertcat(traced.x, traced.p), ca.vertcat(z * size, values)
     )
     fast = [names.index(name) for name in resting]
     slow = [i for i in range(len(names)) if i not in fast]
@@ -132,10 +130,7 @@ def dynamics(
         check_choice("disturbed state", name, kept)
         E[kept.index(name), i] = 1.0
     rates = rates + ca.DM(E) @ w[: len(disturbed)]
-    outputs = [
-        rates,
-        *(ca.densify(ca.jacobian(rates, by)) for by in (z[slow], traced.u, w)),
-    ]
+    outputs = [rates, *(ca.densify(ca.jacobian(rates, by)) for by in (z[slow], traced.u, w))]
     function = ca.Function("dynamics", [z[slow], traced.u, w], ca.cse(outputs))
     rows = size[[names.index(name) for name in disturbed]]
     return Dynamics(function, kept, size[slow], np.concatenate([rows, unit]))

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controllers.design import Design
-from controllers.mpc.whole_model import LinearMPC, MPCSpecification, design_mpc
+from controllers.mpc.whole_model import LinearMPC, MPCSpecification, design_mpc, linear_mpc_design
 from controllers.plain.single_loop import DISTURBED, SPEED, LoopSpecification
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import check_range
@@ -81,12 +80,9 @@ def design_plain_mpc(
     return replace(law, name="linear MPC")
 
 
-PLAIN_MPC = Design(
+PLAIN_MPC = linear_mpc_design(
     name="plain-mpc",
-    family="linear MPC",
     summary="linear MPC without offset, for any linear model",
     function=design_plain_mpc,
     specification=PlainMPCSpecification,
-    solves=True,
-    colour=("#00805c", "#36d6a4"),
 )

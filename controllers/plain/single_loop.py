@@ -1,4 +1,7 @@
-"""One output, one command: what the plain controllers know of a plant, and what they share."""
+"""One output, one command: what the plain controllers know of a plant, and what they share.
+
+Units: SI.
+"""
 
 from __future__ import annotations
 
@@ -21,10 +24,6 @@ class SingleLoop(NamedTuple):
     """A linear model between one command and one measured output.
 
     Args:
-        rest_output: Output at the operating point, in SI.
-        rest_command: Command at the operating point, in SI.
-        lower: Lower end of the command, in SI.
-        upper: Upper end of the command, in SI.
         output_scale: Typical size of the output, in SI.
         command_scale: What the command may change by, in SI.
         noise: Noise rms of the measurement, with that of its conversion, in SI.
@@ -149,13 +148,6 @@ class PlainLaw(ClosedForm):
     """A law in closed form from one measurement to one command, within its ends.
 
     What it tells has ``asked``, the command before its ends.
-
-    Args:
-        sample_time: Time between steps, in s.
-        rest: Command at rest, in SI.
-        rest_output: Output at rest, in SI.
-        lower: Lower end of the command, in SI.
-        upper: Upper end of the command, in SI.
     """
 
     sensors: tuple[str, ...]

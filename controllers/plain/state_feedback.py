@@ -34,6 +34,7 @@ from controllers.plain.single_loop import DISTURBED, SPEED, LoopSpecification, P
 from controllers.reference.horizon import lagged
 from controllers.sampling import Rows, rows, total
 from controllers.sensitivity import peak_sensitivities
+from controllers.sliding_mode import sliding_design
 from workbench.arrays import Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_range
 from workbench.linearisation.zero_order_hold import zero_order_hold
@@ -426,12 +427,9 @@ LQI = Design(
     specification=LQISpecification,
 )
 
-PLAIN_SLIDING_MODE = Design(
+PLAIN_SLIDING_MODE = sliding_design(
     name="plain-sliding-mode",
-    family="sliding mode",
     summary="sliding mode with boundary layer and integral, for any linear model",
     function=design_plain_sliding_mode,
     specification=PlainSlidingModeSpecification,
-    slides=True,
-    colour=("#c24a00", "#ff9152"),
 )

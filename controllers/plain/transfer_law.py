@@ -12,6 +12,8 @@ its end (anti-windup in observer form). A PID has the integral and the filtered 
     I[k+1] = I[k] + h Ki (r - y) + (h / Tt) (u_clipped - u)
     w[k+1] = f w[k] + (1 - f) v                                  f = Tf / (Tf + h)
 
+Units: SI.
+
 Source: Åström and Wittenmark, Computer-Controlled Systems, 1997, sections 8.5 (PID) and 9.4
 (anti-windup); Åström and Hägglund, Advanced PID Control, 2006, section 13.3.
 """
@@ -109,11 +111,6 @@ def pid_by_hand(
         setpoint_weight: Weight beta of the reference in the proportional part, dimensionless.
         derivative_weight: Weight c of the reference in the derivative part, dimensionless.
         tracking_time: Time constant Tt of the anti-windup, in s; Kp / Ki by default.
-        rest: Command at rest, in SI.
-        rest_output: Output at rest, in SI.
-        lower: Lower end of the command, in SI.
-        upper: Upper end of the command, in SI.
-        sample_time: Time between steps, in s.
 
     Example:
         >>> pi = pid_by_hand(2.0, 10.0, measured="speed", actuator="voltage", upper=24.0)
@@ -168,11 +165,6 @@ def transfer_controller(
         system: ``control.TransferFunction`` or ``control.StateSpace`` with one input, the error,
             and one output, the command; proper. In continuous time it is sampled by Tustin's rule.
         tracking_time: Time constant Tt of the anti-windup, in s; 50 samples by default.
-        rest: Command at rest, in SI.
-        rest_output: Output at rest, in SI.
-        lower: Lower end of the command, in SI.
-        upper: Upper end of the command, in SI.
-        sample_time: Time between steps, in s.
 
     Raises:
         WorkbenchError: If it has several inputs or outputs, or another sample time.

@@ -293,7 +293,6 @@ class _ActiveSet:
     def add(
         self, row: int, sign: float, wanted: float, along: Matrix, left: Matrix, length: float
     ) -> None:
-        """Take in a row."""
         k = self.count
         self.Q[:, k] = left / length
         self.T[:k, k] = self.T[:k, :k] @ along / -length

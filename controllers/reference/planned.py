@@ -37,6 +37,8 @@ with the acceleration of the plan, for a duration that grows with the time that 
 v the plan's speed and delta_y, v_y what the joint has left to go and its speed. It happens once, or
 again where what is left is long too: no feedback loop closes over it.
 
+Units: SI.
+
 Source: alpha-beta-gamma filter, critically damped: Brookner, Tracking and Kalman Filtering Made
 Easy, 1998, section 2.5; Flash and Hogan, J. Neuroscience 5, 1985 (quintic as minimum-jerk move);
 Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008, section 2.1.
@@ -53,14 +55,7 @@ from workbench.errors import check_range
 
 
 class Plan(NamedTuple):
-    """Where the joint shall be now.
-
-    Args:
-        angle: Angle, in rad.
-        speed: Speed, in rad/s.
-        acceleration: Acceleration, in rad/s2.
-        jerk: Jerk, in rad/s3.
-    """
+    """Where the joint shall be now."""
 
     angle: Number
     speed: Number
@@ -77,7 +72,6 @@ class PlannerState(NamedTuple):
         curve: Its acceleration, in rad/s2.
         offset: Offset at the last jump, in rad.
         offset_speed: Its speed there, in rad/s.
-        offset_acceleration: Its acceleration there, in rad/s2.
         elapsed: Time since then, in s.
         duration: Time that the offset takes to vanish, in s.
     """
@@ -103,7 +97,6 @@ class Planner:
         shortest: Shortest duration of a move, in s.
         jump_speed: Speed from which the reference has jumped, in rad/s.
         jump_acceleration: Acceleration from which the reference's speed has jumped, in rad/s2.
-        sample_time: Time between samples, in s.
         reach: Time for which the derivatives of the trajectory tell how it goes on, in s; then it
             is taken to go straight on.
         bandwidth: Bandwidth w of the filter of a rough reference, in rad/s; 0 for a smooth one.

@@ -42,10 +42,7 @@ class Campaign:
     dask: str | None = None
 
     def run(
-        self,
-        cases: Sequence[Case],
-        answer: Answer,
-        line_of: Callable[[Mapping[str, Any]], str],
+        self, cases: Sequence[Case], answer: Answer, line_of: Callable[[Mapping[str, Any]], str]
     ) -> int:
         """Answer the cases and print a line for each."""
         from workbench.evaluation.kept import run_cases

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
+from typing import Any
 
 import typer
 
@@ -24,7 +23,7 @@ def new_study(file: Path, *, plant: str | None = None) -> int:
         plant (NAME): Plant of the study, with its own step and parameters: a name of 'workbench
             plants', module:object of your own, or verdict.json. By default a servo axis.
     """
-    return _write(file, "my_study.toml", None if plant is None else partial(_of_plant, plant))
+    return _write(file, "my_study.toml", plant)
 
 
 def new_controller(file: Path) -> int:
@@ -60,8 +59,8 @@ def study_fields() -> int:
     return 0
 
 
-def _of_plant(plant: str, text: str) -> str:
-    """Put a plant with its first design that fits, its step and parameters into a study."""
+def _of_plant(plant: str) -> dict[str, Any]:
+    """Return what a study of a plant says: its first design that fits, step and parameters."""
     from workbench.cli.plant import chosen_plant
     from workbench.cli.verify import nominal_design, recipes_of, step_of
     from workbench.model.units import from_si, of_difference
@@ -76,50 +75,33 @@ def _of_plant(plant: str, text: str) -> str:
     unit, reference = about.display_unit, scenario.references[about.name]
     assert isinstance(reference, Steps)
     levels = [float(f"{float(from_si(v, unit)):.6g}") for v in reference.values]
-    varied = next((q for q in chosen.model.parameters if q.fitted and q.value), None)
-    at = ", ".join(f"{name} = {value:.10g}" for name, value in design.at)
-    told = ", ".join(f"{n} = {json.dumps(v)}" for n, v in design.specification)
-    parts = {
-        r'kind = "servo-axis" .*': f"kind = {json.dumps(plant)}",
-        r'design = "lqi" ': f"design = {json.dumps(design.name)} ",
-        r"\[controllers.LQI\]": f"[controllers.{json.dumps(design.name)}]",
-        r'at = \{ position = "0 mm" \} .*': f"at = {{ {at} }}  # SI; empty: its nominal inputs",
-        r"specification = \{ maximum.*": f"specification = {{ {told} }}",
-        r'duration = "3 s"': f"duration = {scenario.duration:.6g}",
-        r'sample_time = "2 ms"': f"sample_time = {scenario.sample_time:.6g}",
-        r"references.position\]": f"references.{about.name}]",
-        r'kind = "steps"\nunit = "mm"\ntimes.*\nvalues.*': (
-            f'kind = "steps"\nunit = {json.dumps(unit)}\ntimes = {list(reference.times)}  # s\n'
-            f"values = {levels}"
-        ),
-        r"limit = 1.5": f"limit = {0.4 * scenario.duration:.6g}",
-        r'limit = 0.5\nunit = "mm"': (
-            f"limit = {0.1 * abs(levels[1] - levels[0]):.3g}\n"
-            f"unit = {json.dumps(of_difference(unit))}"
-        ),
-        r"description = .*": f'description = "One controller on {chosen.model.name}."',
-        r'\[variations."more friction"\]\n.*\n\n': "",
+    told = {
+        "model": chosen.model.name,
+        "name": plant,
+        "plant": json.dumps(plant),
+        "design": json.dumps(design.name),
+        "at": ", ".join(f"{name} = {value:.10g}" for name, value in design.at),
+        "told": ", ".join(f"{n} = {json.dumps(v)}" for n, v in design.specification),
+        "duration": f"{scenario.duration:.6g}",
+        "sample_time": f"{scenario.sample_time:.6g}",
+        "output": about.name,
+        "unit": json.dumps(unit),
+        "times": list(reference.times),
+        "levels": levels,
+        "settling": f"{0.4 * scenario.duration:.6g}",
+        "error": f"{0.1 * abs(levels[1] - levels[0]):.3g}",
+        "difference": json.dumps(of_difference(unit)),
+        "varied": "",
     }
-    box = r"\n# Plants are drawn[\s\S]*"
-    varying = r'\[variations."heavier[\s\S]*?\n\n'
-    if varied is None:
-        parts |= {box: "", varying: "", r"# The same plant with something else.*\n\n": ""}
-    else:
+    if varied := next((q for q in chosen.model.parameters if q.fitted and q.value), None):
         low, high = max(varied.lower, 0.9 * varied.value), min(varied.upper, 1.1 * varied.value)
-        parts |= {
-            r"heavier carriage": f"more {varied.name}",
-            r'mass = "110 kg" \}': f"{json.dumps(varied.name)} = {high:.6g} }}",
-            r'mass = \["85 kg".*': f"{json.dumps(varied.name)} = [{low:.6g}, {high:.6g}]",
-            r"workbench plants servo-axis": f"workbench plants {plant}",
-        }
-    for pattern, own in parts.items():
-        found = re.search(pattern, text)
-        assert found is not None, pattern
-        text = text[: found.start()] + own + text[found.end() :]
-    return text
+        told |= {"varied": varied.name, "low": f"{low:.6g}", "high": f"{high:.6g}"}
+    return told
 
 
-def _write(file: Path, template: str, change: Callable[[str], str] | None = None) -> int:
+def _write(file: Path, template: str, plant: str | None = None) -> int:
+    from jinja2 import Template
+
     from workbench.data_folder import shipped_folder
     from workbench.files import write_whole
 
@@ -135,8 +117,9 @@ def _write(file: Path, template: str, change: Callable[[str], str] | None = None
         raise WorkbenchError(f"file {str(file)!r} exists; give another name, nothing was changed")
     text = (shipped_folder() / "templates" / template).read_text(encoding="utf-8")
     text = text.replace(Path(template).stem, file.stem)
-    if change is not None:
-        text = change(text)
+    if suffix == ".toml":
+        own = None if plant is None else _of_plant(plant)
+        text = Template(text, trim_blocks=True, keep_trailing_newline=True).render(own=own)
     write_whole(file, text)
     (line,) = re.findall(r"Run it: +(workbench .*)", text)
     where = "" if file.parent == Path() else f"cd {file.parent} && "

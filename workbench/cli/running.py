@@ -114,7 +114,6 @@ class Steps:
         self._count, self._step, self._begin = count, 0, 0.0
 
     def __call__(self, what: str) -> None:
-        """Say what is being done now."""
         self.done()
         self._step += 1
         self._begin = time.perf_counter()
@@ -135,7 +134,6 @@ class Counter:
         self._part = ""
 
     def __call__(self, part: str, done: int, total: int, what: str) -> None:
-        """Show what is finished."""
         from tqdm import tqdm
 
         from workbench.study.execution import FINISHED_BEFORE

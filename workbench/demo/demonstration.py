@@ -51,7 +51,6 @@ class Demonstration:
         return not (self.failed or self.interrupted or self.missed)
 
     def __str__(self) -> str:
-        """Return what to open, and what failed."""
         lines = [f"could not be shown: {name}: {reason}" for name, reason in self.failed.items()]
         lines.append(f"{self.met} requirements met, {self.missed} missed; {self.seconds:.0f} s.")
         lines.append(f"Open {self.page} in a browser.")

@@ -48,10 +48,7 @@ def force_maps_part(folder: Path | None) -> Part:
         text = words("force_maps", "none", weight="note")
         return Part(Section("force-maps", "Measured force maps", (text,)))
     study = study_map(read_force_map(external_data(FILE, folder)), "DMSP-20", families=FAMILIES)
-    about = (
-        words("force_maps", "about"),
-        words("force_maps", "source", weight="note"),
-    )
+    about = (words("force_maps", "about"), words("force_maps", "source", weight="note"))
     blocks = (Words(_points(study)), *about, *_blocks(study, published=True))
     return Part(Section("force-maps", "Measured force maps of a DMSP-20", blocks), study.table())
 
@@ -172,7 +169,6 @@ def _draw_map(study: MapStudy) -> Figure:
 
 
 def _draw_errors(study: MapStudy, *, published: bool) -> Figure:
-    """Draw the rms errors of all laws, on a logarithmic axis."""
     laws = study.laws
     figure, (axes,) = new_figure([0.36 * len(laws) + 0.4])
     rows = np.arange(len(laws), dtype=float)

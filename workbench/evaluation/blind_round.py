@@ -151,7 +151,6 @@ class RoundScore:
         }
 
     def __str__(self) -> str:
-        """Return the table of the round."""
         heading = ("case", "hidden", "verdict", "points", "", "over noise")
         rows = [
             (
@@ -212,10 +211,7 @@ def score_verdicts(
 
 
 def score_round(
-    answers: Sequence[Answer],
-    truths: Sequence[Sequence[Truth]],
-    *,
-    committed: int | None = None,
+    answers: Sequence[Answer], truths: Sequence[Sequence[Truth]], *, committed: int | None = None
 ) -> RoundScore:
     """Score answers case by case and against answers dealt out at random.
 

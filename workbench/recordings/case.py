@@ -73,9 +73,7 @@ def _text_or(shape: Shape) -> Shape:
 
 
 _DERIVATIVE = TableShape(
-    {"of": text},
-    {"samples": within(3, 1e4, whole), "order": within(1, 1e4, whole)},
-    others=False,
+    {"of": text}, {"samples": within(3, 1e4, whole), "order": within(1, 1e4, whole)}, others=False
 )
 _RECORDING = TableShape(
     {"files": _text_or(listed(text))},
@@ -180,7 +178,6 @@ class Case(Shown):
     remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check that something can be fitted."""
         if not self.fit:
             raise WorkbenchError(
                 f"case {self.name} has no recording to fit on; it needs a file identify_*.csv, or"

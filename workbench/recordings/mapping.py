@@ -51,7 +51,6 @@ class ColumnRule:
     reference: str = ""
 
     def __post_init__(self) -> None:
-        """Check every entry, naming the signal."""
         given = {key: getattr(self, key) for key in _COLUMN.usual}
         try:
             _COLUMN({key: value for key, value in given.items() if value != ""}, (self.signal,))
@@ -141,8 +140,7 @@ def _column(value: Any, place: Place) -> Any:
         return {"column": value}
     if not isinstance(value, Mapping):
         raise ShapeError(
-            place,
-            f"is {value!r}; write a column name or a table with column, unit, sign, offset",
+            place, f"is {value!r}; write a column name or a table with column, unit, sign, offset"
         )
     return _COLUMN(value, place)
 

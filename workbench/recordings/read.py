@@ -46,7 +46,6 @@ class Table:
     mapping: ColumnMapping | None = None
 
     def __getitem__(self, name: str) -> Vector:
-        """Return a column in SI."""
         for signal in self.signals:
             if signal.name == name:
                 return signal.values
@@ -270,10 +269,5 @@ def read_table(path: str | Path, *, mapping: MappingLike = None) -> Table:
     if assigned.time is not None:
         signals_ = (Signal("time", assigned.time, "s"), *signals_)
     return Table(
-        _title(file),
-        signals_,
-        file.name,
-        assigned.notes,
-        assigned.metadata,
-        assigned.mapping,
+        _title(file), signals_, file.name, assigned.notes, assigned.metadata, assigned.mapping
     )

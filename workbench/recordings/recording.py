@@ -48,7 +48,6 @@ class Signal:
     display_unit: str = ""
 
     def __post_init__(self) -> None:
-        """Freeze the samples and fill in the kind."""
         object.__setattr__(self, "values", _frozen(self.values, f"signal {self.name!r}"))
         check_choice(f"role of {self.name!r}", self.role, ("command", "reference", "measurement"))
         kind = kind_of(self.unit)
@@ -187,7 +186,6 @@ class Recording(Drawn):
     mapping: ColumnMapping | None = None
 
     def __post_init__(self) -> None:
-        """Freeze the arrays and compare their lengths."""
         object.__setattr__(self, "time", _frozen(self.time, "time"))
         object.__setattr__(self, "signals", tuple(self.signals))
         object.__setattr__(self, "notes", tuple(self.notes))

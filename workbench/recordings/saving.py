@@ -126,8 +126,7 @@ def restore_recording(columns: Columns, saved: Mapping[str, Any]) -> Recording:
             columns.values[:, index["time_s"]],
             tuple(
                 Signal(
-                    values=columns.values[:, index[s["column"]]],
-                    **{key: s[key] for key in _SIGNAL},
+                    values=columns.values[:, index[s["column"]]], **{key: s[key] for key in _SIGNAL}
                 )
                 for s in saved["signals"]
             ),

@@ -72,9 +72,7 @@ def _where(verdict: Verdict) -> str:
     return plain("; ".join(said))
 
 
-def _occurrences(
-    verdict: Verdict,
-) -> list[tuple[str, tuple[str, ...], Occurrence | None]]:
+def _occurrences(verdict: Verdict) -> list[tuple[str, tuple[str, ...], Occurrence | None]]:
     """Return name, ports and occurrence of every finding, or of what could not be located.
 
     A single finding needs no name before its place.

@@ -37,7 +37,6 @@ class Picture:
     alternative: str = ""
 
     def __post_init__(self) -> None:
-        """Check the name."""
         if not re.fullmatch(r"[a-z][a-z0-9-]*", self.name):
             raise WorkbenchError(
                 f"picture name {self.name!r} may hold small letters, digits and hyphens only"

@@ -24,12 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Colour:
-    """A colour on light paper and on a dark screen.
-
-    Args:
-        light: Value on light ground, ``#rrggbb``.
-        dark: Value on dark ground, ``#rrggbb``.
-    """
+    """A colour on light paper and on a dark screen."""
 
     name: str
     light: str

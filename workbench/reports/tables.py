@@ -27,7 +27,6 @@ class Cell:
     reason: str = ""
 
     def __str__(self) -> str:
-        """Return the text with its mark."""
         return f"{self.text} {MARKS[self.mark]}".strip()
 
 
@@ -52,7 +51,6 @@ class Table:
     note: str = ""
 
     def __post_init__(self) -> None:
-        """Check the rows."""
         for number, row in enumerate(self.rows, start=1):
             if len(row) != len(self.headings):
                 raise WorkbenchError(
@@ -80,7 +78,6 @@ class Table:
         )
 
     def __str__(self) -> str:
-        """Return the table as aligned text."""
         body = aligned_table(self.headings, self.cells, width=None)
         return "\n".join([self.title, body, *([self.note] if self.note else [])])
 

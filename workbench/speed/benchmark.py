@@ -58,7 +58,6 @@ class Benchmark:
         }
 
     def __str__(self) -> str:
-        """Return a line per figure, and one for each way of doing the same."""
         lines = [str(f) for f in self.figures]
         for c in self.comparisons:
             lines += ["", c.title]
@@ -139,12 +138,7 @@ def _closed_loop(found: Benchmark, plant: Model, _: Path) -> None:
     parts = f"{step:.1f} us per sample: {plant_runs.loop_parts(plant)}"
     found.figures += [
         Figure(
-            "closed loop, PID in Python at 500 Hz",
-            1 / full.median,
-            "x real time",
-            100,
-            True,
-            parts,
+            "closed loop, PID in Python at 500 Hz", 1 / full.median, "x real time", 100, True, parts
         ),
         Figure(
             "closed loop against python-control's",
@@ -216,26 +210,13 @@ def _estimation(found: Benchmark, plant: Model, _: Path) -> None:
     found.raw["filter"] = {"seconds_per_sample": seconds, **parts}
 
 
+def _diagnoses(found: Benchmark, _: Model, place: Path) -> None:
+    figures, found.raw["diagnoses"] = whole.diagnoses(place)
+    found.figures += figures
+
+
 def _growth(found: Benchmark, plant: Model, _: Path) -> None:
     found.curves += [growth.with_length(plant), growth.with_hypotheses(plant), growth.with_cores()]
-
-
-def _start_up(found: Benchmark, _: Model, place: Path) -> None:
-    found.figures += [*whole.start_up(), whole.first_simulation(place)]
-
-
-def _study(found: Benchmark, _: Model, place: Path) -> None:
-    found.figures.append(whole.draws(place))
-
-
-def _diagnoses(found: Benchmark, _: Model, place: Path) -> None:
-    wholes = whole.diagnoses(place)
-    found.figures += wholes.figures
-    found.raw["diagnoses"] = wholes.raw
-
-
-def _demonstration(found: Benchmark, _: Model, place: Path) -> None:
-    found.figures.append(whole.demonstration(place))
 
 
 PARTS: dict[str, Callable[[Benchmark, Model, Path], None]] = {
@@ -245,10 +226,12 @@ PARTS: dict[str, Callable[[Benchmark, Model, Path], None]] = {
     "predictive": _predictive,
     "estimation": _estimation,
     "growth": _growth,
-    "start-up": _start_up,
-    "study": _study,
+    "start-up": lambda found, _, place: found.figures.extend(
+        [*whole.start_up(), whole.first_simulation(place)]
+    ),
+    "study": lambda found, _, place: found.figures.append(whole.draws(place)),
     "diagnoses": _diagnoses,
-    "demonstration": _demonstration,
+    "demonstration": lambda found, _, place: found.figures.append(whole.demonstration(place)),
 }
 """What is measured, in this order, by name."""
 

@@ -44,29 +44,7 @@ class Converged(NamedTuple):
 
 
 Solve = Callable[[Matrix, Matrix, Matrix, float], Converged]
-"""Solves the problem of one sample: start, disturbances, path, opening before as `converged`."""
-
-
-def converged(
-    controller: NonlinearMPC,
-    start: Matrix,
-    disturbances: Matrix,
-    path: Matrix,
-    before: float,
-    *,
-    solver: Literal["ipopt", "fatrop"] = "ipopt",
-) -> Converged:
-    """Solve the problem of one sample to the end.
-
-    Args:
-        start: Scaled states now, shape (n,).
-        disturbances: Scaled disturbances per second, shape (n_w,).
-        path: Wanted angles now and at the end of every stage, shape (N + 1,), in rad.
-        before: Opening applied before, a fraction.
-    """
-    return transcribed(controller, len(disturbances), solver=solver)(
-        start, disturbances, path, before
-    )
+"""Solves the problem of one sample: start, disturbances, path, opening before."""
 
 
 def transcribed(
@@ -75,9 +53,6 @@ def transcribed(
     """Write the problem of a controller down once, to be solved sample by sample.
 
     Each solution is where the next one begins.
-
-    Args:
-        n_w: Number of disturbances.
 
     Raises:
         NumericalError: From what it returns, if the solver does not converge.

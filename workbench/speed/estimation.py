@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -195,16 +196,7 @@ def laws() -> Comparison:
 def observed_by(model: Model, seen: Observed) -> Observed:
     """Return a recording as a model without effects begins it."""
     keep = len(model.states)
-    return Observed(
-        seen.name,
-        seen.sample_time,
-        seen.inputs,
-        seen.outputs,
-        seen.used,
-        seen.noise_rms,
-        seen.start[:keep],
-        seen.start_rms[:keep],
-    )
+    return replace(seen, start=seen.start[:keep], start_rms=seen.start_rms[:keep])
 
 
 def _off(curve: Vector, truth: Vector) -> float:
@@ -227,11 +219,7 @@ def filter_of(model: Model, free: int) -> tuple[PredictionError, Observed, int]:
 
 
 def filter_times(model: Model, free: int = 8) -> tuple[float, dict[str, float]]:
-    """Time a sample of the filter, in s, and its parts: equations and the rest.
-
-    Args:
-        free: Number of free parameters.
-    """
+    """Time a sample of the filter, in s, and its parts: equations and the rest."""
     runs, seen, substeps = filter_of(model, free)
     runs.run(seen, model.values)
     whole = min(timed(lambda: runs.run(seen, model.values), per=len(seen.outputs)).seconds)

@@ -151,7 +151,6 @@ class Figure:
         return {True: "reached", False: "MISSED", None: "open"}[self.reached]
 
     def __str__(self) -> str:
-        """Return one aligned line."""
         bound = "at least" if self.larger_is_better else "at most"
         line = f"{self.state:<8} {self.what:<50} {self.value:.4g} {self.unit}"
         line += f" ({bound} {self.reach:g})"

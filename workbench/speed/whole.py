@@ -145,16 +145,8 @@ def _stages(out: Path) -> dict[str, float]:
     return {f["stage"].lower(): f["seconds"] for f in sorted(files, key=lambda f: f["seconds"])}
 
 
-@dataclass(frozen=True)
-class Wholes:
-    """Whole commands."""
-
-    figures: list[Figure] = field(default_factory=list)
-    raw: dict[str, Any] = field(default_factory=dict)
-
-
-def diagnoses(place: Path) -> Wholes:
-    """Diagnose a case cold and warm, and one with three effects."""
+def diagnoses(place: Path) -> tuple[list[Figure], dict[str, Any]]:
+    """Diagnose a case cold and warm, and one with three effects; figures, and their numbers."""
     cache = place / "diagnoses"
     cold = diagnosed(place, "one-effect", ONE, cache, 2501)
     three = diagnosed(place, "three-effects", THREE, cache, 2500)
@@ -184,7 +176,7 @@ def diagnoses(place: Path) -> Wholes:
         ),
     ]
     named = {"cold": cold, "warm": warm, "three effects": three}
-    return Wholes(figures, {name: _plain(d) for name, d in named.items()})
+    return figures, {name: _plain(d) for name, d in named.items()}
 
 
 def _plain(found: Diagnosed) -> dict[str, Any]:

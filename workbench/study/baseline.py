@@ -47,7 +47,6 @@ class Change:
 
     Args:
         key: Controller, variation, scenario and seed of the run.
-        metric: Name of the metric; empty if the whole run is meant.
         before: Value of the baseline, in ``unit``; NaN if there was none.
         after: Value now, in ``unit``; NaN if there is none.
         way: ``"worse"``, ``"better"``, ``"changed"`` where neither direction is better, ``"new"``
@@ -81,7 +80,6 @@ class Change:
         return f"{old} -> {new if math.isnan(self.after) else with_unit(new, self.unit)}"
 
     def __str__(self) -> str:
-        """Return one line."""
         controller, variation, scenario, _ = self.key
         where = ", ".join(filter(None, (controller, scenario, variation)))
         tail = f" ({self.reason})" if self.reason else ""

@@ -43,7 +43,6 @@ class ConditionChange:
     fails: bool = True
 
     def __str__(self) -> str:
-        """Return one line."""
         return f"{self.name}: {self.text}"
 
 

@@ -208,10 +208,7 @@ def _designed(recipe: ControllerRecipe) -> MarginedDesign[Controller]:
             models,
             speeds,
             Limits(
-                want.maximum_sensitivity,
-                want.maximum_complementary,
-                want.late_sensitivity,
-                unsure,
+                want.maximum_sensitivity, want.maximum_complementary, want.late_sensitivity, unsure
             ),
         )
 
@@ -246,10 +243,7 @@ def _made(recipe: ControllerRecipe, given: Mapping[str, Any]) -> Controller:
             model,
             recipe.checked_specification(given),
             name=recipe.name,
-            given={
-                "rest": operating_point(model, dict(recipe.at)).x,
-                "compile_function": compiled,
-            },
+            given={"rest": operating_point(model, dict(recipe.at)).x, "compile_function": compiled},
         )
     else:
         want, linear = recipe.checked_specification(given), recipe.linear()

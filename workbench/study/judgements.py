@@ -66,7 +66,6 @@ class Judgement:
         return f"is {value}, {how} the limit of {limit}"
 
     def __str__(self) -> str:
-        """Return one sentence."""
         what = f"{self.demand.metric} {self.excess()}"
         return f"{self.controller}, {self.scenario}, {self.variation}: {what}"
 

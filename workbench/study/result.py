@@ -35,9 +35,6 @@ RESULTS_SCHEMA = 1
 """Version of ``results.json``; a change of meaning or a removed entry raises it."""
 
 
-_RUN = ("controller", "variation", "scenario", "seed")
-
-
 @dataclass(frozen=True, repr=False)
 class StudyResult(Drawn):
     """Everything a study found.
@@ -135,7 +132,6 @@ class StudyResult(Drawn):
         )
 
     def __str__(self) -> str:
-        """Return name, verdict and headline."""
         return f"{self.study.name} {self.verdict()}: {self.headline()}"
 
     def headline(self) -> str:

@@ -309,11 +309,7 @@ class _Resolver(TomlTables):
         return recipe, recipe.build()
 
     def chosen(
-        self,
-        recipe: PlantRecipe,
-        table: Mapping[str, Any],
-        shape: FieldTable,
-        *path: str | int,
+        self, recipe: PlantRecipe, table: Mapping[str, Any], shape: FieldTable, *path: str | int
     ) -> PlantRecipe:
         """Return the plant with the options of a table."""
         plant = recipe.plant()

@@ -127,7 +127,6 @@ class Demand:
         )
 
     def __str__(self) -> str:
-        """Return the demand in words."""
         required = self.requirement
         sign = "at most" if required.kind == "at_most" else "at least"
         return f"{self.metric} {sign} {with_unit(f'{required.limit:g}', required.unit)}"
@@ -318,7 +317,6 @@ class Study:
         return replace(self, cases=cases, controllers=chosen(self.controllers))
 
     def __str__(self) -> str:
-        """Return what the study runs, in one line."""
         plants = len(self.cases)
         said = f"{plants} plants x " if plants > 1 else ""
         return (

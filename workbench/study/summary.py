@@ -112,10 +112,7 @@ def plain_summary(outcome: StudyResult) -> str:
         ),
         ("failed", [entry.replace(_BOLD, "") for entry in failures(outcome)]),
         ("changed condition", [str(c) for c in outcome.weakened]),
-        (
-            "worse",
-            [f"{g.worst}{_also(g)}" for g in changes_by_plant(worse, outcome.required)],
-        ),
+        ("worse", [f"{g.worst}{_also(g)}" for g in changes_by_plant(worse, outcome.required)]),
     ):
         lines += [f"{title}: {entry}" for entry in entries[:MOST]]
         if len(entries) > MOST:

@@ -38,7 +38,6 @@ class Run(Drawn):
         inputs: Commands that reached the plant, shape (n, n_inputs), in SI.
         parameters: Plant parameters, shape (n, n_parameters), in SI; no columns for a linear model.
         tolerance: Tolerance of the integrator, relative to the scales of the states.
-        state_names: Names of the columns of ``states``.
         surface_layer: Boundary layer of a sliding controller, in the unit of its surface.
     """
 

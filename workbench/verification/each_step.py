@@ -1,4 +1,7 @@
-"""The steps of a trajectory one by one, each from its own instant until the next begins."""
+"""The steps of a trajectory one by one, each from its own instant until the next begins.
+
+Units: s; values in that of the output.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +20,7 @@ _ROUNDING = 1e-9
 
 
 class StepPart(NamedTuple):
-    """One step of a reference, and the samples that show its response.
-
-    Args:
-        begin: Time of the step, in s.
-        initial: Reference before it, in SI.
-        final: Reference after it, in SI.
-    """
+    """One step of a reference, and the samples that show its response."""
 
     begin: float
     initial: float
@@ -35,9 +32,6 @@ class StepResponse(NamedTuple):
     """How one step of a run was followed.
 
     Args:
-        begin: Time of the step, in s.
-        initial: Reference before it, in the unit of the output.
-        final: Reference after it, in the unit of the output.
         settling: Settling time, in s, or NaN with a reason.
         overshoot: How far the output goes past the reference, a fraction of the step.
         planned: Time after which the plan of the controller itself stays within the band, in s;
@@ -80,7 +74,6 @@ def each_step(time: Vector, changes: Sequence[tuple[float, float, float]]) -> tu
     """Cut a trajectory into its steps, of which those count that begin within it.
 
     Args:
-        time: Sample times, shape (n,), in s.
         changes: Time in s, value before and value after of every step, as `Steps.changes` has them.
     """
     own = [change for change in changes if change[0] < time[-1]]
@@ -102,7 +95,6 @@ def step_responses(
     """Return how every step of a trajectory was followed.
 
     Args:
-        time: Sample times, shape (n,), in s.
         trajectory: The output, shape (n,), in any unit.
         changes: Time in s, value before and value after of every step, in the unit of the output.
         plan: The controller's own planned move, shape (n,), in the unit of the output.

@@ -48,10 +48,7 @@ LEAST_PATIENCE = 2000.0
 
 
 def guarded(
-    controller: Controller,
-    plant: Model | LinearModel,
-    *,
-    at: Mapping[str, float] | None = None,
+    controller: Controller, plant: Model | LinearModel, *, at: Mapping[str, float] | None = None
 ) -> Guarded:
     """Put a controller into a guard with the limits that its plant declares.
 

@@ -130,7 +130,6 @@ class MetricValue:
         return (float(convert(self.value, self.unit, unit)), unit)
 
     def __str__(self) -> str:
-        """Return one line."""
         value, unit = self.shown()
         text = f"{self.name:<24} {value:>10.4g} {'' if unit == '1' else unit}".rstrip()
         return f"{text}  ({self.reason})" if self.reason else text
@@ -146,20 +145,16 @@ class Metrics(Shown, Mapping[str, MetricValue]):
     values: tuple[MetricValue, ...]  # type: ignore[assignment]
 
     def __getitem__(self, name: str) -> MetricValue:
-        """Return a metric by name."""
         check_choice("metric", name, [m.name for m in self.values])
         return next(m for m in self.values if m.name == name)
 
     def __iter__(self) -> Iterator[str]:
-        """Iterate over the names."""
         return iter(m.name for m in self.values)
 
     def __len__(self) -> int:
-        """Return the number of metrics."""
         return len(self.values)
 
     def __contains__(self, name: object) -> bool:
-        """Tell whether there is a metric of a name."""
         return any(m.name == name for m in self.values)
 
     def tables(self) -> tuple[Rows, ...]:
@@ -168,7 +163,6 @@ class Metrics(Shown, Mapping[str, MetricValue]):
         return (Rows("metrics", ("metric", "value", "unit", "why there is none"), rows),)
 
     def __str__(self) -> str:
-        """Return a short aligned table."""
         head = f"{self.controller} on {self.plant}, {self.scenario}"
         return "\n".join([head, *(f"  {metric}" for metric in self.values)])
 

@@ -100,7 +100,6 @@ class PhysicalLimit:
     unit: str
 
     def __str__(self) -> str:
-        """Return a short aligned table."""
         unit = "deg" if self.unit == "rad" else self.unit
 
         def shown(value: float) -> float:
@@ -321,10 +320,7 @@ class _Problem:
         defects, ends = interval.map(total)(Z[:, :-1], P, U, steps)
         rest = motion(Z[:, -1], U[:, -1])
         g = ca.vertcat(
-            ca.vec(defects),
-            ca.vec(ends - Z[:, 1:]),
-            rest,
-            ca.sum1(times) - 1.5 * times[0],
+            ca.vec(defects), ca.vec(ends - Z[:, 1:]), rest, ca.sum1(times) - 1.5 * times[0]
         )
         variables = ca.vertcat(times, ca.vec(Z), ca.vec(P), ca.vec(U))
         # A little of the stay, so that its length is determined.

@@ -27,7 +27,6 @@ class Requirement:
     scenario: str = ""
 
     def __post_init__(self) -> None:
-        """Check the kind and the limit."""
         check_choice("kind of requirement", self.kind, ("at_most", "at_least"))
         limit = float(check_finite(f"limit of {self.metric}", self.limit))
         zero_allowed = self.kind == "at_most"

@@ -119,10 +119,7 @@ class LinearPlant:
     """
 
     def __init__(
-        self,
-        linear: LinearModel,
-        sample_time: float,
-        start: Mapping[str, float] | None = None,
+        self, linear: LinearModel, sample_time: float, start: Mapping[str, float] | None = None
     ) -> None:
         described = linear.operating_point.model
         self.model: Model | None = None

@@ -45,7 +45,6 @@ class Change:
     value: float
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         check_range(f"time of the change of {self.parameter}", self.time, *EVENTS_S, "s")
         check_finite(f"new value of {self.parameter}", self.value)
 
@@ -66,7 +65,6 @@ class Disturbance:
     until: float = math.inf
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         check_range(f"time of the disturbance on {self.port}", self.time, *EVENTS_S, "s")
         check_finite(f"disturbance on {self.port}", self.level)
         _check_end(f"disturbance on {self.port}", self.time, self.until)
@@ -99,7 +97,6 @@ class SignalFault:
     until: float = math.inf
 
     def __post_init__(self) -> None:
-        """Check the times and the kind."""
         check_range(f"time of the fault of {self.signal}", self.time, *EVENTS_S, "s")
         check_choice(f"kind of the fault of {self.signal}", self.kind, FAULTS)
         _check_end(f"fault of {self.signal}", self.time, self.until)

@@ -1,4 +1,7 @@
-"""Reference signals over time: steps, a sine, ramps; frozen data that a study file can hold."""
+"""Reference signals over time: steps, a sine, ramps; frozen data that a study file can hold.
+
+Units: s, and SI for values.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +46,6 @@ class _Points(Signal):
     values: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        """Check that the times increase."""
         word = type(self).__name__.lower()
         times = check_finite(f"times of the {word} reference", self.times)
         check_finite(f"values of the {word} reference", self.values)
@@ -70,7 +72,6 @@ class Steps(_Points):
     """
 
     def __post_init__(self) -> None:
-        """Check that the times increase from 0."""
         if self.times and self.times[0] != 0.0:
             raise WorkbenchError(f"steps have the times {list(self.times)}; start at 0 s")
         super().__post_init__()
@@ -87,9 +88,6 @@ class Sine(Signal):
     """A sine that starts at its mean.
 
     Args:
-        mean: Mean value, in SI.
-        amplitude: Amplitude, in SI.
-        frequency_Hz: Frequency, in Hz.
         begin: Time until which the mean is held, in s.
     """
 
@@ -99,7 +97,6 @@ class Sine(Signal):
     begin: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         check_finite("mean and amplitude of the sine", (self.mean, self.amplitude))
         check_range("frequency of the sine", self.frequency_Hz, *FREQUENCIES_HZ, "Hz")
         check_range("begin of the sine", self.begin, *BEGINS_S, "s")
@@ -113,12 +110,7 @@ class Sine(Signal):
 
 @dataclass(frozen=True)
 class Ramps(_Points):
-    """Straight lines between points, constant before the first and after the last.
-
-    Args:
-        times: Increasing times, in s.
-        values: Values in SI, as many as ``times``.
-    """
+    """Straight lines between points, constant before the first and after the last."""
 
     def sample(self, time: npt.ArrayLike) -> Vector:
         """Return the signal at some times, shape (n,), in s; values in SI."""
@@ -132,10 +124,6 @@ class Recorded(_Points):
 
     Unlike `Steps` it has no steps whose responses are measured: quantised, held and noisy
     references are played as they are.
-
-    Args:
-        times: Increasing times, in s.
-        values: Values in SI, as many as ``times``.
     """
 
     @classmethod

@@ -16,7 +16,7 @@ from controllers.nonlinear_mpc.controller import (
 )
 from workbench.model import Model
 from workbench.operating_point import operating_point
-from workbench.speed.converged_plan import converged
+from workbench.speed.converged_plan import transcribed
 from workbench.speed.do_mpc_plan import do_mpc_plan
 
 DISTURBANCES = np.array([2.0, 0.5, -0.5])
@@ -60,7 +60,9 @@ def test_the_converged_plan_is_that_of_do_mpc(plant: Model) -> None:
     point = operating_point(plant, {"angle": math.radians(20)})
     start = mpc.predicted(point.x / mpc.observer.rates.scale)
     goal, before = math.radians(angle), 0.05
-    ours = converged(mpc, start, DISTURBANCES, np.full(wanted.stages + 1, goal), before)
+    ours = transcribed(mpc, len(DISTURBANCES))(
+        start, DISTURBANCES, np.full(wanted.stages + 1, goal), before
+    )
     plan, trajectory = solved_by_do_mpc(plant, mpc, start, goal, before)
     # The pressure limits are soft here and absent there: they must not be reached.
     assert ours.slack == pytest.approx(0.0, abs=1.0)

@@ -11,9 +11,47 @@ from numpy.typing import NDArray
 from workbench.evaluation.rig import arm, muscle
 from workbench.evaluation.rig.fast import PERCENT, VOLTS
 from workbench.evaluation.rig.parameters import ELEMENTS
-from workbench.evaluation.rig.plant import INDEX, SLIP_1, SLIP_2, lengths
+from workbench.evaluation.rig.plant import INDEX
 
 V_, F_ = VOLTS.tolist(), (PERCENT / 100).tolist()
+SLIP_1, SLIP_2 = INDEX["slip_1_1"], INDEX["slip_2_1"]
+ARM_MASS, ARM_X, ARM_Y = 0.987, 0.205, 0.0176
+LOAD_X, LOAD_Y = 0.367, -0.024
+G = 9.81
+
+
+def distance_slope(angle: float) -> float:
+    """Return d(distance)/d(angle) of muscle 1."""
+    x = 0.0444 + 0.032 * math.cos(angle)
+    y = 0.416 - 0.032 * math.sin(angle)
+    return 0.032 * (-x * math.sin(angle) - y * math.cos(angle)) / math.hypot(x, y)
+
+
+def gravity(angle: float, load: float, p: SimpleNamespace) -> float:
+    """Return the torque of gravity on the joint (positive angles are against gravity)."""
+    moment = ARM_MASS * (ARM_X * math.cos(angle) - ARM_Y * math.sin(angle))
+    moment += load * (LOAD_X * math.cos(angle) - LOAD_Y * math.sin(angle))
+    # A small tilt about the axis that is level with the arm at 90 deg acts on the cosine only.
+    tilted = (ARM_MASS * ARM_X + load * LOAD_X) * math.cos(angle) * math.sin(p.tilt)
+    return float(-G * (moment * p.vertical + tilted))
+
+
+def lengths(
+    x: NDArray[np.float64] | list[float], p: SimpleNamespace
+) -> list[tuple[float, float, float]]:
+    """Return for both muscles the distance, its slope over the angle, and the fibre length."""
+    result = []
+    for k, (a, sign) in enumerate(((x[0], 1.0), (arm.SPAN - x[0], -1.0))):
+        total = arm.distance(a)
+        s = x[INDEX["fibre_1"] + k] if p.tendon_stiffness > 0 else total - arm.FITTINGS
+        result.append((total, sign * distance_slope(a), s))
+    return result
+
+
+def slips(p: SimpleNamespace) -> list[tuple[int, float, float]]:
+    """Return number, break-away and weight of the slip elements that are used."""
+    found = [(i, *(getattr(p, f"hyst_{key}{i + 1}") for key in "dw")) for i in range(ELEMENTS)]
+    return [element for element in found if element[2] != 0.0]
 
 
 def active(p: SimpleNamespace) -> list[int]:
@@ -23,13 +61,13 @@ def active(p: SimpleNamespace) -> list[int]:
         "reservoir": p.supply_volume, "exhaust": p.silencer_volume, "line": p.line_volume,
         "bristle": p.lugre_stiffness, "memory": p.hyst_law, "load_": p.load_stiffness,
         "fibre": p.tendon_stiffness,
-        "creep": abs(p.creep_fast) + abs(p.creep_slow), "slip": len(p.slip),
+        "creep": abs(p.creep_fast) + abs(p.creep_slow), "slip": len(slips(p)),
     }  # fmt: skip
     for name, i in INDEX.items():
         if any(name.startswith(start) and value > 0 for start, value in switches.items()):
             used.add(i)
     spare = {b + i for b in (SLIP_1, SLIP_2) for i in range(ELEMENTS)}
-    spare -= {b + i for b in (SLIP_1, SLIP_2) for i, _, _ in p.slip}
+    spare -= {b + i for b in (SLIP_1, SLIP_2) for i, _, _ in slips(p)}
     return sorted(used - spare)
 
 
@@ -114,12 +152,12 @@ def slipped(
     x: NDArray[np.float64], anchor: NDArray[np.float64], p: SimpleNamespace
 ) -> NDArray[np.float64]:
     """Return x with its slip elements moved exactly from those of the anchor state."""
-    if not p.slip:
+    if not slips(p):
         return x
     new, old = lengths(x, p), lengths(anchor, p)
     for k, base in enumerate((SLIP_1, SLIP_2)):
         step = new[k][2] - old[k][2]
-        for i, d, _ in p.slip:
+        for i, d, _ in slips(p):
             x[base + i] = min(d, max(-d, anchor[base + i] + step))
     return x
 
@@ -154,7 +192,7 @@ def derivative(
         memory = float(x[at[f"memory_{k + 1}"]])
         share = memory if p.hyst_law == 1 else 0.0
         base = (SLIP_1, SLIP_2)[k]
-        for i, d, w in p.slip:
+        for i, d, w in slips(p):
             share += w * float(x[base + i]) / d
         loop = (p.hyst_force + p.hyst_slope * max(0.0, gauge) * 1e-5) * share
         loop *= (1.0, p.hyst_share_2)[k]
@@ -172,7 +210,7 @@ def derivative(
             tension[k] = static + p.muscle_viscosity * rate
             if p.tension_only:
                 tension[k] = max(0.0, tension[k])
-        for i, d, _ in p.slip:
+        for i, d, _ in slips(p):
             dx[base + i] = maxwell_rate(float(x[base + i]), d, rate)
         if p.hyst_law == 1:
             dx[at[f"memory_{k + 1}"]] = bouc_wen_rate(
@@ -267,12 +305,12 @@ def derivative(
     if p.load_stiffness > 0.0 and p.load > 0.0:
         la, ls = at["load_angle"], at["load_speed"]
         coupling = p.load_stiffness * (angle - x[la]) + p.load_damping * (speed - x[ls])
-        weight = arm.gravity(float(x[la]), p.load, p) - arm.gravity(float(x[la]), 0.0, p)
+        weight = gravity(float(x[la]), p.load, p) - gravity(float(x[la]), 0.0, p)
         dx[la], dx[ls] = x[ls], (coupling + weight) / load_inertia
-        torque += arm.gravity(angle, 0.0, p) - coupling
+        torque += gravity(angle, 0.0, p) - coupling
         dx[1] = torque / p.arm_inertia
     else:
-        dx[1] = (torque + arm.gravity(angle, p.load, p)) / (p.arm_inertia + load_inertia)
+        dx[1] = (torque + gravity(angle, p.load, p)) / (p.arm_inertia + load_inertia)
     dx[0] = speed
     return dx
 

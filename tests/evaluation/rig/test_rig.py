@@ -28,18 +28,18 @@ def torque(angle_deg: float, bar_1: float, bar_2: float) -> float:
     total = 0.0
     for angle, sign, bar in ((a, 1.0, bar_1), (arm.SPAN - a, -1.0, bar_2)):
         tension = muscle.force(arm.distance(angle) - arm.FITTINGS, bar * 1e5, 1.0, p)
-        total -= sign * tension * arm.distance_slope(angle)
+        total -= sign * tension * plain.distance_slope(angle)
     return float(total)
 
 
 def test_geometry_and_torque_table() -> None:
-    arms = [-1e3 * arm.distance_slope(np.radians(a)) for a in (0, 30, 60)]
+    arms = [-1e3 * plain.distance_slope(np.radians(a)) for a in (0, 30, 60)]
     assert arms == pytest.approx([31.5, 30.1, 20.1], abs=0.06)  # stated to 0.1 mm
     table = [torque(a, 6.0, 0.0) for a in range(0, 61, 10)]
     assert table == pytest.approx([52.6, 47.5, 41.5, 36.1, 30.7, 25.0, 19.2], abs=0.06)
     assert 1e6 * muscle.volume(0.170) == pytest.approx(118.6, abs=0.06)
     p = plant.namespace(nominal({"vertical": 1.0}))
-    assert -arm.gravity(0.0, 8.0, p) == pytest.approx(30.8, abs=0.06)
+    assert -plain.gravity(0.0, 8.0, p) == pytest.approx(30.8, abs=0.06)
 
 
 @pytest.mark.parametrize(("angle", "p1"), [(0, 1.42), (10, 2.00), (20, 2.54), (30, 3.00)])

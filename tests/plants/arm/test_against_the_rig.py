@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.evaluation.rig import plain
 from workbench.evaluation.rig import fast, muscle, parameters, plant
 from workbench.experiments import pulse_train
 from workbench.model import Model
@@ -25,7 +26,7 @@ def rig_state(x: np.ndarray, p: dict[str, float]) -> np.ndarray:
     space = plant.namespace(p)
     state[INDEX["spool"]], state[INDEX["spool_speed"]] = x[0], x[1]
     state[INDEX["speed"]] = x[7]
-    for k, (_, _, s) in enumerate(plant.lengths(state, space)):
+    for k, (_, _, s) in enumerate(plain.lengths(state, space)):
         volume = muscle.volume(s) + p["dead_volume"]
         state[2 + 2 * k] = x[2 + 2 * k] * volume / (GAS_CONSTANT * x[3 + 2 * k])
         state[3 + 2 * k] = x[2 + 2 * k] * volume / (GAMMA - 1)
@@ -38,7 +39,7 @@ def rig_rates(x: np.ndarray, u: float, p: dict[str, float]) -> np.ndarray:
     space = plant.namespace(p)
     rate = fast.derivative(state, u, p)
     out = [rate[INDEX["spool"]], rate[INDEX["spool_speed"]]]
-    for k, (_, slope, s) in enumerate(plant.lengths(state, space)):
+    for k, (_, slope, s) in enumerate(plain.lengths(state, space)):
         volume = muscle.volume(s) + p["dead_volume"]
         growth = muscle.volume_slope(s) * slope * x[7] / volume
         mass, energy = state[2 + 2 * k], state[3 + 2 * k]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from tests.evaluation.rig import plain
 from workbench.errors import WorkbenchError
 from workbench.evaluation.rig import arm as rig_arm
 from workbench.evaluation.rig import muscle as rig_muscle
@@ -54,11 +55,11 @@ def test_load_cell_reads_what_the_torques_leave(load: float, plane: str) -> None
     angle, measurement = float(run["angle"][-1]), float(run["load_cell"][-1])
     assert abs(run["speed"][-1]) < 1e-5
     space = namespace(parameters.nominal({"load": load, "vertical": float(plane == "vertical")}))
-    expected = -rig_arm.gravity(angle, load, space)
+    expected = -plain.gravity(angle, load, space)
     for k, (own, sign) in enumerate(((angle, 1.0), (rig_arm.SPAN - angle, -1.0))):
         fibre = rig_arm.distance(own) - rig_arm.FITTINGS
         force = rig_muscle.force(fibre, float(run[f"pressure_{k + 1}"][-1]), 1.0, space)
-        expected += sign * force * rig_arm.distance_slope(own)
+        expected += sign * force * plain.distance_slope(own)
     assert measurement * 0.367 == pytest.approx(expected, rel=1e-4)
     # The stop is a spring: it is compressed by just that torque.
     assert -2e4 * angle == pytest.approx(expected, rel=1e-3)

@@ -103,10 +103,7 @@ def trained(x: Vector, y: Vector) -> Network:
 
 
 def neural(
-    base: ProcessNoiseFit,
-    nominal: Model,
-    fitting: Sequence[Observed],
-    judging: Sequence[Observed],
+    base: ProcessNoiseFit, nominal: Model, fitting: Sequence[Observed], judging: Sequence[Observed]
 ) -> tuple[list[dict[str, Any]], dict[str, float]]:
     """Put a network where it predicts most of what is missing.
 

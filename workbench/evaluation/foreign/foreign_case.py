@@ -150,11 +150,7 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "rates": {name: rate.as_data() for name, rate in rates_of(rows).items()},
         "each": [
             judge(row).as_data()
-            | {
-                "hidden": row["title"],
-                "over_limit": over_limit(row),
-                "refused": refused_right(row),
-            }
+            | {"hidden": row["title"], "over_limit": over_limit(row), "refused": refused_right(row)}
             for row in rows
         ],
     }

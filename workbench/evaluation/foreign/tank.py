@@ -50,7 +50,6 @@ def _rates(t: float, x: State, u: Sequence[float], p: Parameters) -> State:
 
 
 def _initial(p: Parameters) -> State:
-    """Return the tank at rest with the heater off."""
     flow = p["pump"] * PUMP_AT_REST
     through = HEAT * flow
     temperature = (through * COLD + p["loss"] * ROOM) / (through + p["loss"])

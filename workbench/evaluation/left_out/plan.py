@@ -53,10 +53,7 @@ def _arm() -> Model:
 PLAN: tuple[LeftOut, ...] = (
     LeftOut("nothing", "motion", _arm, ()),
     LeftOut(
-        "phi",
-        "isometric",
-        lambda: pneumatic_muscle().without("force_correction"),
-        ("phi_term",),
+        "phi", "isometric", lambda: pneumatic_muscle().without("force_correction"), ("phi_term",)
     ),
     LeftOut("phi", "motion", lambda: _arm().without("force_correction"), ("phi_term",)),
     LeftOut(

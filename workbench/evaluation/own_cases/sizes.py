@@ -25,44 +25,26 @@ class Size:
     others: tuple[str, ...] = ()
 
 
+_OF_ONE_PARAMETER = (
+    "muscle_viscosity", "force_shape", "muscle_mismatch", "stribeck", "load_friction",
+    "quadratic_drag", "tilt", "constant_torque", "parasitic_spring", "cogging", "torque_noise",
+    "pressure_torque", "coulomb_drift", "supply_drift", "valve_offset", "valve_deadband",
+    "valve_play", "valve_delay", "valve_asymmetry", "leak_muscle_1", "leak_muscle_2",
+    "leak_between", "pressure_lag", "pressure_offset", "pressure_gain", "angle_delay",
+)  # fmt: skip
+_HYSTERESES = ("hysteresis_maxwell", "hysteresis_bouc_wen", "hysteresis_dahl")
+
 SIZES: dict[str, Size] = {
-    "hysteresis_maxwell": Size("hyst_slope", others=("hyst_force",)),
-    "hysteresis_bouc_wen": Size("hyst_slope", others=("hyst_force",)),
-    "hysteresis_dahl": Size("hyst_slope", others=("hyst_force",)),
+    **{name: Size(next(iter(EFFECTS[name].parameters))) for name in _OF_ONE_PARAMETER},
+    **{name: Size("hyst_slope", others=("hyst_force",)) for name in _HYSTERESES},
     "creep": Size("creep_fast", others=("creep_slow",)),
-    "muscle_viscosity": Size("muscle_viscosity"),
     "tendon": Size("tendon_stiffness", inverse=True),
-    "force_shape": Size("force_shape"),
-    "muscle_mismatch": Size("force_gain_2"),
-    "stribeck": Size("stribeck_torque"),
     "lugre": Size("lugre_stiffness", inverse=True),
-    "load_friction": Size("load_friction"),
-    "quadratic_drag": Size("quadratic_drag"),
-    "tilt": Size("tilt"),
-    "constant_torque": Size("constant_torque"),
-    "parasitic_spring": Size("spring_torque"),
-    "cogging": Size("cogging_torque"),
     "loose_load": Size("load_stiffness", inverse=True),
-    "torque_noise": Size("torque_noise"),
-    "pressure_torque": Size("pressure_torque"),
-    "coulomb_drift": Size("coulomb_drift"),
-    "supply_drift": Size("supply_drift"),
-    "valve_offset": Size("valve_centre"),
-    "valve_deadband": Size("valve_deadband"),
-    "valve_play": Size("valve_play"),
     "valve_slew": Size("valve_slew", inverse=True),
-    "valve_delay": Size("valve_delay"),
-    "valve_asymmetry": Size("valve_gain_up"),
-    "leak_muscle_1": Size("leak_1"),
-    "leak_muscle_2": Size("leak_2"),
-    "leak_between": Size("leak_between"),
     "supply_droop": Size("supply_linear", inverse=True),
     "line": Size("line_conductance", inverse=True),
     "silencers": Size("silencer_conductance", inverse=True),
-    "pressure_lag": Size("pressure_lag"),
-    "pressure_offset": Size("pressure_offset_1"),
-    "pressure_gain": Size("pressure_gain_2"),
-    "angle_delay": Size("angle_delay"),
 }
 """Sizes by effect; an effect that is either there or not is not in it."""
 

@@ -29,28 +29,13 @@ STATES: list[str] = [
     "load_angle", "load_speed", "fibre_1", "fibre_2",
 ]  # fmt: skip
 INDEX = {name: i for i, name in enumerate(STATES)}
-SLIP_1, SLIP_2 = INDEX["slip_1_1"], INDEX["slip_2_1"]
 
 
 def namespace(parameters: dict[str, float]) -> SimpleNamespace:
-    """Return the parameters as attributes, with the slip elements gathered."""
+    """Return the parameters as attributes."""
     p = SimpleNamespace(**parameters)
-    used = [i for i in range(ELEMENTS) if parameters[f"hyst_w{i + 1}"] != 0.0]
-    p.slip = [(i, parameters[f"hyst_d{i + 1}"], parameters[f"hyst_w{i + 1}"]) for i in used]
     p.cv = p.gas_constant / (p.gamma - 1.0)
     return p
-
-
-def lengths(
-    x: NDArray[np.float64] | list[float], p: SimpleNamespace
-) -> list[tuple[float, float, float]]:
-    """Return for both muscles the distance, its slope over the angle, and the fibre length."""
-    result = []
-    for k, (a, sign) in enumerate(((x[0], 1.0), (arm.SPAN - x[0], -1.0))):
-        total = arm.distance(a)
-        s = x[INDEX["fibre_1"] + k] if p.tendon_stiffness > 0 else total - arm.FITTINGS
-        result.append((total, sign * arm.distance_slope(a), s))
-    return result
 
 
 def initial(

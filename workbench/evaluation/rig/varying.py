@@ -1,6 +1,8 @@
 """Parameters of the rig that change while it runs: with time, or with where it is.
 
-They are set once per sample. Units: SI.
+They are set once per sample.
+
+Units: SI.
 """
 
 from __future__ import annotations
@@ -16,9 +18,6 @@ class Now(NamedTuple):
     """Where the rig is at a sample.
 
     Args:
-        time: Time since the start, in s.
-        angle: Angle of the joint, in rad.
-        speed: Its speed, in rad/s.
         pressure_1: Gauge pressure of muscle 1, in Pa.
     """
 
@@ -32,11 +31,7 @@ Law = Callable[[Now], float]
 
 
 def varying(p: dict[str, float]) -> dict[str, Law]:
-    """Return the laws of the parameters that change, by the parameter that each sets.
-
-    Args:
-        p: Parameters of the rig, in SI.
-    """
+    """Return the laws of the parameters that change, by the parameter that each sets."""
     p = dict(p)
     laws: dict[str, Law] = {"external_torque": _torque(p)}
     for name, change in p.items():

@@ -54,7 +54,6 @@ class Finding:
     doubt: bool = False
 
     def __post_init__(self) -> None:
-        """Check the result."""
         check_choice("result of a check", self.result, RESULTS)
 
     def __str__(self) -> str:
@@ -92,8 +91,5 @@ def check(
 
 
 CHECKS = Registry(
-    "check of a recording",
-    Check,
-    package="workbench.recordings.checks",
-    group="workbench.checks",
+    "check of a recording", Check, package="workbench.recordings.checks", group="workbench.checks"
 )

@@ -127,7 +127,5 @@ def check_excitation(recording: Recording, expected: Expected) -> Finding:
     if asked and not any(s.name in asked for s in moving):
         return Finding("unfit", "no required measurement moves")
     return Finding(
-        "pass",
-        "; ".join(notes) or "nothing moves",
-        {"occupancy": where, "directions": turns},
+        "pass", "; ".join(notes) or "nothing moves", {"occupancy": where, "directions": turns}
     )

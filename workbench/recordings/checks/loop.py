@@ -66,9 +66,7 @@ def check_loop(recording: Recording, expected: Expected) -> Finding:
     measured = [m for m in recording.measurements if np.ptp(recording[m]) > 0]
     if not moving or not measured or len(recording) < 10 * MEMORY:
         return Finding(
-            "not checked",
-            "no command that moves among the signals",
-            {"loop": "unknown"},
+            "not checked", "no command that moves among the signals", {"loop": "unknown"}
         )
     strengths = {(c, m): feedback_strength(recording, c, m) for c in moving for m in measured}
     (command, measurement), (strength, lag) = max(strengths.items(), key=lambda kv: kv[1][0])

@@ -127,13 +127,7 @@ def noise_of(recording: Recording, name: str) -> NoiseFloor:
     bound = bool(higher < 0.8 * total or jitter(recording.time) > 0.02)
     variance = total**2 - step**2 / 12
     noise = sqrt(variance) if variance > (step / 3) ** 2 else float("nan")
-    return NoiseFloor(
-        name,
-        total,
-        step,
-        noise,
-        bound,
-    )
+    return NoiseFloor(name, total, step, noise, bound)
 
 
 def _phrase(signal: Signal, floor: NoiseFloor) -> str:

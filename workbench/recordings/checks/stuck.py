@@ -120,9 +120,7 @@ def check_stuck(recording: Recording, expected: Expected) -> Finding:
             continue
         if share > MAX_EXCLUDED and name in expected.required:
             return Finding(
-                "unfit",
-                f"{text}; {100 * share:.3g} % of it is lost",
-                {"share": {name: share}},
+                "unfit", f"{text}; {100 * share:.3g} % of it is lost", {"share": {name: share}}
             )
         changed = filled(changed, name, sure, "frozen reading")
         notes.append(text + "; bridged and excluded")

@@ -144,8 +144,7 @@ def check_time_base(recording: Recording, expected: Expected) -> Finding:
     """Check that the time increases and agrees with the notes; correct what can be."""
     if len(recording) < _MIN_SAMPLES:
         return Finding(
-            "unfit",
-            f"{len(recording)} samples; a judgement needs {_MIN_SAMPLES} or more",
+            "unfit", f"{len(recording)} samples; a judgement needs {_MIN_SAMPLES} or more"
         )
     if np.ptp(recording.time) == 0:
         return Finding("unfit", "the time never advances")

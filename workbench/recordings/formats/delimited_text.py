@@ -329,9 +329,5 @@ def _lift_scalars(
 
 
 TEXT = Format(
-    "csv",
-    "CSV",
-    (".csv", ".txt", ".tsv", ".dat", ".asc", ".log"),
-    read_text,
-    packed=True,
+    "csv", "CSV", (".csv", ".txt", ".tsv", ".dat", ".asc", ".log"), read_text, packed=True
 )

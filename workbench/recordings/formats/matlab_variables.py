@@ -57,9 +57,7 @@ def _as_float(array: npt.NDArray[Any]) -> Values:
         return array.astype(float)
 
 
-def _sorted_out(
-    flat: Mapping[str, Any],
-) -> tuple[dict[str, Values], dict[str, Scalar], list[str]]:
+def _sorted_out(flat: Mapping[str, Any]) -> tuple[dict[str, Values], dict[str, Scalar], list[str]]:
     vectors: dict[str, Values] = {}
     scalars: dict[str, Scalar] = {}
     odd: list[str] = []

@@ -179,9 +179,5 @@ def _missing(found: Distances) -> list[tuple[str, str]]:
 
 
 LIMIT = Figure(
-    "limit",
-    _draw,
-    title="Distance to the physical limit",
-    order=10,
-    methods=methods("limit"),
+    "limit", _draw, title="Distance to the physical limit", order=10, methods=methods("limit")
 )
