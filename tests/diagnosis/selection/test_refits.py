@@ -19,8 +19,14 @@ from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.selection import refits
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import NO_RUNS, RunErrors
-from workbench.diagnosis.selection.refits import decided, preferred
-from workbench.diagnosis.selection.rules import LEAST_GAIN, Limits, selection_penalty
+from workbench.diagnosis.selection.refits import decided, degenerates_to, preferred
+from workbench.diagnosis.selection.rules import (
+    LEAST_GAIN,
+    Limits,
+    doubted_in,
+    judged,
+    selection_penalty,
+)
 from workbench.diagnosis.selection.score import Score, Scores, by_name, score_library
 from workbench.diagnosis.selection.shortlist import shortlist, where
 from workbench.physics.drift import offset_jump
@@ -247,7 +253,13 @@ def test_a_jump_at_time_zero_is_the_offset_that_it_degenerates_to() -> None:
     (constant,) = [h for h in library(arm(3)) if h.name == "constant_torque"]
 
     def refitted(
-        entry: Hypothesis, gain: float, *, unseen: float = 0.0, scale: float = 0.03, **bound: bool
+        entry: Hypothesis,
+        gain: float,
+        *,
+        unseen: float = 0.0,
+        scale: float = 0.03,
+        uneven: float = 4.0,
+        **bound: bool,
     ) -> Candidate:
         estimates = [
             SimpleNamespace(name=f"{entry.name}.{q.name}", on_bound=bound.get(q.name, False))
@@ -257,20 +269,22 @@ def test_a_jump_at_time_zero_is_the_offset_that_it_degenerates_to() -> None:
         candidate = _candidate(entry, gain, 0.1)
         assert candidate.fit is not None
         held_out = (candidate.held_out[0] + unseen, *candidate.held_out[1:])
-        return replace(candidate, held_out=held_out, fit=cast(Any, SimpleNamespace(
+        fit_on, hold_out = (b + np.tile([-uneven, uneven], 20) for b in candidate.blocks)
+        blocks = (fit_on, hold_out - unseen / 40)
+        return replace(candidate, held_out=held_out, blocks=blocks, fit=cast(Any, SimpleNamespace(
             noise_scale=scale, refit=SimpleNamespace(
                 converged=True, estimates=estimates, estimate=candidate.fit.refit.estimate
             )
         )))  # fmt: skip
 
     asked = Limits(20.0, 100.0)
-    plain = refitted(constant, 900.0)
+    plain = refitted(constant, 900.0, uneven=0.0)
     assert _taken(decided([refitted(jump, 903.0, time=True), plain], WITHOUT, asked)) == [
         "constant_torque"
     ]
-    # Within the recording it is a jump, and so is what gains clearly more.
+    # What gains clearly more is a jump.
     for other in (
-        refitted(jump, 903.0),
+        refitted(jump, 990.0),
         refitted(jump, 990.0, time=True),
         refitted(jump, 903.0, unseen=600.0, time=True),
     ):
@@ -278,6 +292,55 @@ def test_a_jump_at_time_zero_is_the_offset_that_it_degenerates_to() -> None:
     # Unseen recordings tell equals apart only if both were trusted alike.
     further = refitted(jump, 903.0, unseen=600.0, scale=0.003, time=True)
     assert _taken(decided([further, plain], WITHOUT, asked)) == ["constant_torque"]
+    # From block to block as likely it is no jump, and no second explanation either.
+    even = refitted(jump, 903.0, uneven=0.0)
+    assert degenerates_to(even, plain) and not degenerates_to(plain, even)
+    assert not degenerates_to(refitted(jump, 903.0), plain)
+    assert not degenerates_to(refitted(jump, 990.0, uneven=0.0), plain)
+
+
+def test_doubts_are_those_of_the_fit_that_is_told(entries: dict[str, Hypothesis]) -> None:
+    candidate, asked = _candidate(entries["valve_offset"], 900.0, 0.1), Limits(20.0, 100.0)
+    assert candidate.fit is not None
+    size = entries["valve_offset"].typical_size
+
+    def of(std: float) -> Any:
+        estimate = SimpleNamespace(value=size, std=std, unit="V")
+        return SimpleNamespace(
+            refit=SimpleNamespace(converged=True, estimate=lambda name: estimate, estimates=())
+        )
+
+    vague = judged(replace(candidate, fit=of(size)), asked)
+    assert len(vague.doubts) == 1 and "standard deviations of zero" in vague.doubts[0]
+    told = doubted_in(replace(vague, doubts=(*vague.doubts, "it is small")), of(1e-3 * size))
+    assert told.doubts == ("it is small",)
+    assert doubted_in(told, of(size)).doubts == (*vague.doubts, "it is small")
+    assert doubted_in(candidate, candidate.fit) is candidate
+
+
+def test_what_is_lost_on_unseen_recordings_was_overfitted(entries: dict[str, Hypothesis]) -> None:
+    simple, rich = entries["valve_offset"], entries["stribeck_friction"]
+
+    def refitted(entry: Hypothesis, gain: float, unseen: float, parameters: int) -> Candidate:
+        candidate = _candidate(entry, gain, 0.1)
+        estimates = [SimpleNamespace(name=f"{entry.name}.{i}", on_bound=False)
+                     for i in range(parameters)]  # fmt: skip
+        refit = SimpleNamespace(
+            converged=True, estimates=estimates, estimate=candidate.fit.refit.estimate
+        )
+        fit = cast(Any, SimpleNamespace(noise_scale=0.03, refit=refit))
+        blocks = (np.full(40, -gain / 40), np.full(40, -unseen / 40))
+        return replace(candidate, held_out=(unseen, 0.8 * unseen, 1.2 * unseen), blocks=blocks,
+                       fit=fit)  # fmt: skip
+
+    plain, asked = refitted(simple, 900.0, 900.0, 1), Limits(20.0, 100.0)
+    for gain, unseen, taken in (
+        (940.0, 870.0, simple),
+        (940.0, 890.0, rich),
+        (940.0, 940.0, rich),
+    ):
+        given = [refitted(rich, gain, unseen, 3), plain]
+        assert _taken(decided(given, WITHOUT, asked)) == [taken.name], (gain, unseen)
 
 
 def test_a_guess_on_a_plateau_is_left_by_a_leap() -> None:

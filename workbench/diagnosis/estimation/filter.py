@@ -26,7 +26,7 @@ OUTLIER_SIGMA = 5.0
 enlarged so that they count as this many."""
 
 
-_STEPS, _SHORTEST_S = 10, 0.7e-3
+STEPS, _SHORTEST_S = 10, 0.7e-3
 """Runge-Kutta steps that a sample gets at least, as long as they are not shorter than this, in s,
 of equations that bend: contacts are stiffer than the states that are looked at show."""
 
@@ -44,13 +44,16 @@ _FADED = 1e-50
 """Covariance and sensitivity, relative to the scales, that are none any more."""
 
 
-def substeps_of(model: Model, sample_time: float, states: Vector, inputs: Vector) -> int:
+def substeps_of(
+    model: Model, sample_time: float, states: Vector, inputs: Vector, least: int = STEPS
+) -> int:
     """Choose Runge-Kutta steps per sample from the fastest mode at some states.
 
     Args:
         sample_time: Time between samples, in s.
         states: Where to look, shape (n, n_states), in SI.
         inputs: The inputs there, shape (n, n_inputs), in SI.
+        least: Steps of equations that bend.
     """
     fastest = late = 0.0
     for form in ("exact", "regularised"):
@@ -66,7 +69,7 @@ def substeps_of(model: Model, sample_time: float, states: Vector, inputs: Vector
     if model.exact.gentle:
         asked = fastest / 0.65
     else:
-        asked = max(fastest / 1.3, min(_STEPS, sample_time / _SHORTEST_S))
+        asked = max(fastest / 1.3, min(least, sample_time / _SHORTEST_S))
     asked = max(asked, (late / _LATE) ** 0.25)
     return int(np.clip(np.ceil(round(asked, 6)), 1, 50))
 

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.filter import Asked, Filter, substeps_of
+from workbench.diagnosis.estimation.filter import STEPS, Asked, Filter, substeps_of
 from workbench.errors import NumericalError, WorkbenchError, check_choice
 from workbench.model import EXACT, Form, Model
 from workbench.model.model import index_of
@@ -51,6 +51,7 @@ class Observed:
         growth: How fast a deviation from the nominal model's motion grows at the start, in 1/s:
             the largest real part of its eigenvalues; minus infinity if that is not known.
         correlation_time: Time over which what the model leaves out is taken as correlated, in s.
+        steps: Runge-Kutta steps that a sample gets at least of equations that bend.
     """
 
     name: str
@@ -63,6 +64,7 @@ class Observed:
     start_rms: Vector
     growth: float = -math.inf
     correlation_time: float = CORRELATION_TIME
+    steps: int = STEPS
 
     @property
     def drifts(self) -> bool:
@@ -254,7 +256,7 @@ def substeps_along(model: Model, observed: Observed) -> int:
         variance = spread @ spread.transpose(0, 2, 1) + np.diag(noise**2)
         gain = spread.transpose(0, 2, 1) @ np.linalg.solve(variance, error[:, :, None])
         x = np.clip(x + scale * gain[:, :, 0], *within)
-    return substeps_of(model, observed.sample_time, x, u)
+    return substeps_of(model, observed.sample_time, x, u, observed.steps)
 
 
 def disturbances(model: Model, noise_scale: float) -> dict[str, float]:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from workbench.diagnosis.estimation.filter import STEPS
 from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, disturbances
 from workbench.diagnosis.estimation.priors import Prior, is_guess
@@ -34,6 +35,7 @@ from workbench.diagnosis.selection.held_out import (
 from workbench.diagnosis.selection.rules import (
     FREE_RUN,
     HELD_OUT,
+    INDISTINCT,
     LEAST_EXPLAINED,
     MUCH_CLOSER,
     SAME,
@@ -64,6 +66,9 @@ _BY_SCORE = 4
 
 _HEADS = (1500, 5000)
 """Samples of each recording that the first refits of a hypothesis use, one after the other."""
+
+_ROUGHLY = 3
+"""Steps per sample at bends that tell which hypotheses are worth a longer refit."""
 
 _SHORT = 5000
 """Samples of all recordings below which a refit begins from more places."""
@@ -220,6 +225,7 @@ def decided(
             for c in same
             if c is best
             or degenerates_to(best, c)
+            or overfits(best, c)
             or not (told_apart(best.blocks, c.blocks) or closer_unseen(best, c))
         ]
         best = min(same, key=lambda c: (c.own_parameters, -c.gain - c.held_out[0]))
@@ -227,14 +233,33 @@ def decided(
 
 
 def degenerates_to(one: Candidate, other: Candidate) -> bool:
-    """Whether an effect ended where it is no more than another one with fewer parameters."""
-    if not one.degenerate or other.own_parameters >= one.own_parameters:
+    """Whether an effect ended where it is no more than another one with fewer parameters.
+
+    Its shape is on a bound, or the recordings are as likely with the other from block to block.
+    """
+    if other.own_parameters >= one.own_parameters:
+        return False
+    if not one.degenerate and not _as_likely(one, other):
         return False
     gained = [one.gain - other.gain]
     if one.fit and other.fit and one.fit.noise_scale == other.fit.noise_scale:
         # What is trusted less gains less on unseen recordings, however equal.
         gained.append(one.held_out[0] - other.held_out[0])
     return max(map(abs, gained)) < SAME.value
+
+
+def _as_likely(one: Candidate, other: Candidate) -> bool:
+    pairs = list(zip(one.blocks, other.blocks, strict=False))
+    if len(pairs) < 2 or any(len(a) != len(b) for a, b in pairs):
+        return False
+    return all(float(np.abs(a - b).mean()) < INDISTINCT.value for a, b in pairs)
+
+
+def overfits(one: Candidate, other: Candidate) -> bool:
+    """Whether an effect loses on unseen recordings what it gains beyond a simpler one."""
+    unseen = one.held_out[0] - other.held_out[0]
+    more = one.own_parameters > other.own_parameters
+    return more and unseen < 0.0 and one.gain - other.gain + unseen < SAME.value
 
 
 def preferred(one: Candidate, other: Candidate) -> bool:
@@ -305,8 +330,9 @@ def _first_refits(
     # Minus the logarithm of the priors is in the cost of a refit too.
     known = base.cost - float(blocks_of_cost(base, fit_on).sum())
     lengths = [samples if score.late < samples else 2 * score.late for score in field]
+    steps = _ROUGHLY if samples == _HEADS[0] else STEPS
     heads = {
-        n: [replace(r, inputs=r.inputs[:n], outputs=r.outputs[:n]) for r in fit_on]
+        n: [replace(r, inputs=r.inputs[:n], outputs=r.outputs[:n], steps=steps) for r in fit_on]
         for n in {*lengths}
     }
     costs = {n: known + float(blocks_of_cost(base, head).sum()) for n, head in heads.items()}

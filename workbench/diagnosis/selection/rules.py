@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.selection.candidate import Candidate
 
 UNTRIED = "could not be tried"
@@ -270,6 +271,12 @@ SAME = Threshold(
     15.0,
     "Difference of log likelihood below which two effects explain the recordings equally well.",
 )
+INDISTINCT = Threshold(
+    "same from block to block",
+    0.5,
+    "Mean difference of log likelihood in a block of time below which two effects predict the same:"
+    " parameters that only one of them has tell nothing.",
+)
 
 
 def judged(candidate: Candidate, limits: Limits) -> Candidate:
@@ -280,9 +287,22 @@ def judged(candidate: Candidate, limits: Limits) -> Candidate:
         said = rule.broken(Question(candidate, limits, rule.threshold))
         if said:
             return replace(candidate, refused=said, rule=rule.name)
-    doubts = {r.name: r.broken(Question(candidate, limits, r.threshold)) for r in DOUBTS}
-    doubts = {name: said for name, said in doubts.items() if said}
+    doubts = _doubts(candidate, limits)
     if doubts and limits.near_noise:
         name, said = next(iter(doubts.items()))
         return replace(candidate, refused=said, rule=name)
     return replace(candidate, doubts=tuple(doubts.values()))
+
+
+def _doubts(candidate: Candidate, limits: Limits) -> dict[str, str]:
+    said = {r.name: r.broken(Question(candidate, limits, r.threshold)) for r in DOUBTS}
+    return {name: text for name, text in said.items() if text}
+
+
+def doubted_in(candidate: Candidate, fit: ProcessNoiseFit) -> Candidate:
+    """Return a candidate with the doubts that its values in another fit leave, and those others."""
+    limits = Limits(0.0)
+    own = set(_doubts(candidate, limits).values())
+    now = _doubts(replace(candidate, fit=fit), limits).values()
+    doubts = (*now, *(d for d in candidate.doubts if d not in own))
+    return candidate if doubts == candidate.doubts else replace(candidate, doubts=doubts)

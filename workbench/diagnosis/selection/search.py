@@ -71,6 +71,7 @@ from workbench.diagnosis.selection.rules import (
     SHARE,
     SURPASSED,
     Limits,
+    doubted_in,
     selection_penalty,
 )
 from workbench.diagnosis.selection.score import Score, Scores, by_name, score_library
@@ -268,13 +269,16 @@ def _without_any(task: Task) -> tuple[Compared, ...]:
 def _remembered(task: Task, state: Selected, candidates: Sequence[Candidate]) -> Selected:
     """Remember the sets of effects that were judged on all recordings.
 
-    What failed, or does not show in free runs as it should, is none.
+    What failed, or does not show in free runs as it should, is none; nor is what is no more than
+    the one that was taken.
     """
+    taken = next((c for c in candidates if not c.refused), None)
     own = {effect.name for effect in task.nominal.effects}
     sets = tuple(
         Compared(tuple(sorted(e.name for e in c.fit.model.effects if e.name not in own)), c.blocks)
         for c in candidates
         if c.followed and c.fit and len(c.blocks) > 1 and c.rule not in (REFIT.name, FREE_RUN)
+        if not (taken and degenerates_to(c, taken))
     )
     return replace(state, compared=(*state.compared, *sets))
 
@@ -369,7 +373,11 @@ def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
             free=without[1],
         )
     if state.accepted or not state.began:
-        return replace(state, finished=True)
+        # What is told is the fit with all that was found.
+        accepted = tuple(
+            a._replace(candidate=doubted_in(a.candidate, state.extended)) for a in state.accepted
+        )
+        return replace(state, accepted=accepted, finished=True)
     failed = (*state.failed, state.began)
     if len(failed) == MOST_SEARCHES:
         return replace(state, failed=failed, finished=True)
