@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -16,6 +17,7 @@ from workbench.diagnosis.location.transfers import transfers
 from workbench.linearisation import linearise
 from workbench.linearisation.pace import step_time
 from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.quantities import shown_in
 from workbench.model.trace import Equations
 from workbench.operating_point import operating_point
 from workbench.physics.library import library
@@ -214,3 +216,57 @@ def test_an_unstable_oscillation_gives_no_size_of_its_own() -> None:
         return max(q.scale for q in spiral.states)
 
     assert max(scale(g) for g in (0.5, 0.9, 1.0, 1.1)) < 4.0
+
+
+def crane() -> Model:
+    """A trolley with a load on a rope that a winch pulls: nothing but its drives ends a motion."""
+
+    def equations(m: Scope) -> Equations:
+        swing, rate, rope = m.x.swing, m.x.rate, m.x.rope
+        push = (m.u.drive - 100.0 * m.x.speed + m.u.winch * ca.sin(swing)) / 200.0
+        fall = 9.81 * ca.cos(swing) + rope * rate**2 - push * ca.sin(swing)
+        swung = -(9.81 * ca.sin(swing) + 2.0 * m.x.hoist * rate + push * ca.cos(swing)) / rope
+        rates = {
+            "place": m.x.speed,
+            "speed": push,
+            "swing": rate,
+            "rate": swung,
+            "rope": m.x.hoist,
+            "hoist": fall - (m.u.winch + 300.0 * m.x.hoist) / 120.0,
+        }
+        return rates, {"place": m.x.place, "swing": swing}
+
+    return Model(
+        "crane",
+        equations,
+        states=(
+            State("place", "m"),
+            State("speed", "m/s"),
+            State("swing", "rad"),
+            State("rate", "rad/s"),
+            State("rope", "m", initial=4.0),
+            State("hoist", "m/s"),
+        ),
+        inputs=(
+            Input("drive", "N", lower=-900.0, upper=900.0),
+            Input("winch", "N", lower=0.0, upper=2500.0, nominal=1177.2),
+        ),
+        outputs=(
+            Output("place", "m", display_unit="mm"),
+            Output("swing", "rad", display_unit="deg"),
+        ),
+    )
+
+
+def test_sizes_that_lead_ever_further_are_not_followed() -> None:
+    # A longer rope swings slower, and slower is what moves the trolley far: without end.
+    size = {q.name: q.scale for q in crane().states}
+    assert size["swing"] < 2.0
+    assert size["place"] < 1000.0 and size["rope"] < 500.0
+
+
+def test_a_state_is_read_in_the_unit_of_the_output_of_its_name() -> None:
+    shown = {q.name: shown_in(q) for q in crane().states}
+    assert shown == {
+        "place": "mm", "speed": "m/s", "swing": "deg", "rate": "rad/s", "rope": "m", "hoist": "m/s",
+    }  # fmt: skip

@@ -22,6 +22,7 @@ from workbench.model.scope import Names, Port
 from workbench.model.sizes import horizon, missing, silent, sized, sizes
 from workbench.model.trace import Equations, Trace, trace
 from workbench.model.traits import Traits
+from workbench.model.units import same_dimension
 
 Own = TypeVar("Own", State, Parameter)
 
@@ -73,6 +74,14 @@ class Model(Shown):
             double = sorted({n for n in names if names.count(n) > 1})
             if double:
                 raise WorkbenchError(f"model {self.name!r} uses the name {double[0]!r} twice")
+        read = {q.name: q.display_unit for q in self.outputs if q.display_unit != q.unit}
+        states = tuple(
+            replace(q, display_unit=read[q.name])
+            if q.name in read and not q.display_unit and same_dimension(read[q.name], q.unit)
+            else q
+            for q in self.states
+        )
+        object.__setattr__(self, "states", states)
         _ = self.exact
         if missing((self.states, self.inputs, self.outputs), self.exact, dict(self.traits.scales)):
             self._find_sizes()

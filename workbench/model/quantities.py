@@ -61,12 +61,14 @@ class State(Quantity):
         upper: Largest value inside the validity of the model's laws, in ``unit``.
         start_rms: How far a recording may start from ``initial``, root mean square, in ``unit``;
             0, the default, stands for the scale.
+        display_unit: Unit in which people read it; by default that of an output of its name.
     """
 
     initial: float = 0.0
     lower: float = -math.inf
     upper: float = math.inf
     start_rms: float = 0.0
+    display_unit: str = field(default="", kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -140,7 +142,8 @@ def shown_in(quantity: Quantity) -> str:
     """
     if isinstance(quantity, Output):
         return quantity.display_unit
-    return shown_unit(quantity.display_unit if isinstance(quantity, Input) else quantity.unit)
+    said = quantity.display_unit if isinstance(quantity, (Input, State)) else ""
+    return shown_unit(said or quantity.unit)
 
 
 @dataclass(frozen=True)

@@ -70,7 +70,8 @@ def sizes(
         ca.densify(ca.jacobian(traced.signals[rows], both)),
     )
     n_x = len(states)
-    of_x, found = declared.copy(), None
+    of_x = declared.copy()
+    found: list[list[Vector]] = []
     for _ in range(_ROUNDS):
         responses, measured, passed = [], [], []
         for sign in (0.0, 1.0, -1.0):
@@ -85,14 +86,25 @@ def sizes(
             passed.append(np.abs(ports) @ moved)
         if not responses:
             break
-        found = [np.median(part, axis=0) for part in (responses, measured, passed)]
-        reached = np.where(declared > 0.0, declared, found[0])
+        found.append([np.median(part, axis=0) for part in (responses, measured, passed)])
+        reached = np.where(declared > 0.0, declared, found[-1][0])
         if np.allclose(reached, of_x, rtol=0.01, atol=0.0):
+            found = found[-1:]
             break
         of_x = reached
-    if found is None:
+    if not found:
         return declared, of_u, np.zeros(traced.outputs.numel()), {}
-    return of_x, of_u, found[1], dict(zip(named, found[2].tolist(), strict=True))
+    # Sizes that lead ever further, or back and forth, are told by none of the rounds alone.
+    of_x, of_y, of_port = (_middle(part) for part in zip(*found, strict=True))
+    of_x = np.where(declared > 0.0, declared, of_x)
+    return of_x, of_u, of_y, dict(zip(named, of_port.tolist(), strict=True))
+
+
+def _middle(sizes: Sequence[Vector]) -> Vector:
+    """Return the geometric mean of the middle two of some sizes; the middle one, if there is."""
+    ordered = np.sort(sizes, axis=0)
+    count = len(ordered)
+    return np.asarray(np.sqrt(ordered[(count - 1) // 2] * ordered[count // 2]))
 
 
 def horizon(poles: npt.NDArray[np.complex128]) -> float:

@@ -13,7 +13,7 @@ from workbench.display import Drawn, Rows
 from workbench.errors import check_choice
 from workbench.model import EXACT, Form, Model, Quantity, Trace
 from workbench.model.quantities import shown_in
-from workbench.model.units import from_si, in_times, shown_unit
+from workbench.model.units import from_si, in_times
 from workbench.simulation.equations import Equations
 from workbench.simulation.runge_kutta import at_every_row
 
@@ -125,9 +125,10 @@ class Trajectory(Drawn):
             f" run {self.error:.1g} of the states' scales",
         ]
         for q, column in zip(self.model.states, self.states.T, strict=True):
-            unit = shown_unit(q.unit)
+            unit = shown_in(q)
+            said = "" if unit == "1" else unit
             low, high = (float(from_si(v, unit)) for v in (column.min(), column.max()))
-            text = f"  {q.name:<28} {low:>12.5g} to {high:<12.5g} {unit:<6} {q.description}"
+            text = f"  {q.name:<28} {low:>12.5g} to {high:<12.5g} {said:<6} {q.description}"
             lines.append(text.rstrip())
         return "\n".join(lines + [f"  ! {violation}" for violation in self.violations])
 
