@@ -125,7 +125,7 @@ def test_a_run_starts_at_rest_and_says_so_or_where_the_plant_begins(
 ) -> None:
     words = ["simulate", "--plant", "boilers:boiler", "--power", "0:40kW", "--duration", "60s"]
     assert run([*words, "--out", "rest.csv"]) == 0
-    assert "(T 316.9 K for 320 K): --initial starts there" in capsys.readouterr().err
+    assert "(T 43.75°C for 46.85°C): --initial starts there" in capsys.readouterr().err
     assert run([*words, "--initial", "--out", "begun.csv"]) == 0
     assert not capsys.readouterr().err
     first = [np.loadtxt(f, delimiter=",", skiprows=1)[0, -1] for f in ("rest.csv", "begun.csv")]
@@ -161,3 +161,15 @@ def test_a_study_is_begun_with_a_plant_of_ones_own(
     (folder / "boilers.py").write_text(PLANT.replace(", lower=0.01, upper=0.3, fitted=True", ""))
     assert run(["new-study", "fixed.toml", "--plant", "boilers:boiler"]) == 0
     assert run(["compare", "fixed.toml", "--out", "fixed"]) == 0, capsys.readouterr()
+
+
+def test_what_rests_on_its_bound_is_pulsed_from_there(folder: Path) -> None:
+    (folder / "ovens.py").write_text(
+        PLANT.replace("boiler", "oven").replace("nominal=4e4, lower=0.0", "lower=0.0")
+    )
+    words = ["simulate", "--plant", "ovens:oven", "--pulses", "power=20kW", "--period", "60s"]
+    assert run([*words, "--duration", "120s", "--sample-time", "1s", "--out", "run.csv"]) == 0
+    header = (folder / "run.csv").read_text().splitlines()[0].split(",")
+    rows = np.loadtxt("run.csv", delimiter=",", skiprows=1)
+    power = rows[:, next(i for i, name in enumerate(header) if "power" in name)]
+    assert power.tolist() == np.tile(np.repeat([20.0, 0.0], 30), 2).tolist()

@@ -138,13 +138,16 @@ def _with_pulses(
     about, word = known[name], name.replace("_", " ")
     unit = of_difference(about.display_unit)
     factor = parse_unit(unit).factor
-    room = min(about.upper - about.nominal, about.nominal - about.lower) / factor
+    above, below = about.upper - about.nominal, about.nominal - about.lower
+    # What rests on its bound, as a heater that is off, is pulsed from there.
+    room = (min(above, below) or max(above, below)) / factor
     given = quantity("pulse height", height, unit, difference=True)
     size = factor * check_range(f"pulse height of {word}", given, 0.0, room, unit)
     half = 0.5 * check_range("period", period(), *TIMES_S, "s")
     count = int(duration / half) + 1
     driven[name] = tuple(
-        (i * half, about.nominal + (size if i % 2 == 0 else -size)) for i in range(count)
+        (i * half, about.nominal + (min(size, above) if i % 2 == 0 else -min(size, below)))
+        for i in range(count)
     )
     return driven
 
