@@ -71,6 +71,7 @@ def sizes(
     )
     n_x = len(states)
     of_x = declared.copy()
+    at_rest: list[Vector] = []
     found: list[list[Vector]] = []
     for _ in range(_ROUNDS):
         responses, measured, passed = [], [], []
@@ -86,16 +87,21 @@ def sizes(
             passed.append(np.abs(ports) @ moved)
         if not responses:
             break
+        at_rest = at_rest or [responses[0], measured[0], passed[0]]
         found.append([np.median(part, axis=0) for part in (responses, measured, passed)])
         reached = np.where(declared > 0.0, declared, found[-1][0])
         if np.allclose(reached, of_x, rtol=0.01, atol=0.0):
-            found = found[-1:]
+            at_rest, found = found[-1], found[-1:]
             break
         of_x = reached
     if not found:
         return declared, of_u, np.zeros(traced.outputs.numel()), {}
-    # Sizes that lead ever further, or back and forth, are told by none of the rounds alone.
-    of_x, of_y, of_port = (_middle(part) for part in zip(*found, strict=True))
+    # Sizes that lead ever further, or back and forth, are told by none of the rounds alone: the
+    # plant has left where it works.
+    of_x, of_y, of_port = (
+        np.where(first > 0.0, np.fmin(first, _middle(part)), _middle(part))
+        for first, part in zip(at_rest, zip(*found, strict=True), strict=True)
+    )
     of_x = np.where(declared > 0.0, declared, of_x)
     return of_x, of_u, of_y, dict(zip(named, of_port.tolist(), strict=True))
 
