@@ -196,3 +196,34 @@ def test_units_divide() -> None:
     assert per("N", "m/s", 2) == "N s2/m2"
     # As units are read: superscripts, and a line that ends with the next symbol.
     assert per("m s⁻¹", "m²") == "1/(m s)" and per("W/m2 K", "K") == "W/m2"
+
+
+def aircraft(shared: float) -> Model:
+    """The short period: a pitch rate turns the wing into the wind, and lift takes it out again."""
+
+    def equations(m):
+        wing, pitch = m.x.wing, m.x.pitch
+        return {
+            "wing": shared * pitch - m.p.lift * wing,
+            "pitch": m.p.moment * wing - m.p.damping * pitch - 12.0 * m.u.elevator,
+        }, {"wing": wing, "pitch": pitch}
+
+    return Model(
+        "aircraft",
+        equations,
+        states=(State("wing", "rad"), State("pitch", "rad/s")),
+        inputs=(Input("elevator", "rad", lower=-0.4, upper=0.4),),
+        outputs=(Output("wing", "rad"), Output("pitch", "rad/s")),
+        parameters=(
+            Parameter("lift", "1/s", value=1.0, lower=0.0, upper=3.0, fitted=True),
+            Parameter("moment", "1/s2", value=3.0, lower=0.0, upper=9.0, fitted=True),
+            Parameter("damping", "1/s", value=1.2, lower=0.0, upper=5.0, fitted=True),
+        ),
+    )
+
+
+def test_a_place_that_a_speed_adds_to_may_be_carried_off_as_well() -> None:
+    found = {h.name: h for h in library(aircraft(1.0))}
+    assert found["cubic_stiffness"].ports == ("pitch.rate",)
+    assert Survey(aircraft(1.0)).place("pitch.rate").coordinate.source == "wing"
+    assert "cubic_stiffness" not in {h.name for h in library(aircraft(0.5))}

@@ -466,7 +466,20 @@ class Survey:
             for sign in (1.0, -1.0):
                 if _same(sign * rate, moving):
                     return local.turned(sign)
-        return None
+        return next((q for q in single if self._follows(index, q, speed)), None)
+
+    def _follows(self, index: int, place: Local, speed: Local) -> bool:
+        """Tell whether a speed adds to a place that the port sees, beside what else carries it off.
+
+        So the pitch rate of an aircraft adds to the angle at which the wind meets it.
+        """
+        at, t = {q.name: i for i, q in enumerate(self.model.states)}, self.trace
+        if place.source not in at or speed.source not in at or place.minus or speed.minus:
+            return False
+        own, over = at[place.source], t.x[at[speed.source]]
+        slope = self._sampled(ca.jacobian(t.rates[own], over))
+        seen = ca.depends_on(self._port_value(index), t.x[own])
+        return seen and self._is_rate(speed.unit, place.unit) and _same(slope, np.ones_like(slope))
 
     def _directed(self, index: int, motion: dict[str, Local]) -> tuple[dict[str, Local], bool]:
         """Turn speed and coordinate so that more of the signal raises them.

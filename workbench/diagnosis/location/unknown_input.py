@@ -85,7 +85,10 @@ def unknown_input(model: Model, observed: Observed, ports: Sequence[str]) -> Unk
     signal = np.zeros((len(grid), len(chosen)))
     rms: Vector = np.array([0.1 * model.ports[i].scale for i in chosen])
     for _ in range(_PASSES):
-        states, signal, std = _smooth(problem.around(states, signal), rms, states, signal)
+        around = problem.around(states, signal)
+        # What leaves the finite numbers is said in words.
+        with np.errstate(over="ignore", invalid="ignore"):
+            states, signal, std = _smooth(around, rms, states, signal)
         if not np.isfinite(states).all():
             raise NumericalError(
                 f"the smoother left the finite numbers on {observed.name!r}; the model is too far"
