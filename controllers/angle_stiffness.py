@@ -57,6 +57,8 @@ if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
 
 
+ACTUATORS = ("valve_1", "valve_2")
+
 POLYTROPIC = 1.2
 """Exponent of the gas at the speed of the joint."""
 
@@ -151,7 +153,7 @@ class AngleStiffness(ClosedForm):
     name: str = "angle and stiffness"
     sensors: tuple[str, ...] = SENSORS
     controlled: tuple[str, ...] = ("angle", "mean_pressure")
-    actuators: tuple[str, ...] = ("valve_1", "valve_2")
+    actuators: tuple[str, ...] = ACTUATORS
     preview: int = 0
 
     def __post_init__(self) -> None:
@@ -241,11 +243,7 @@ class AngleStiffness(ClosedForm):
 
 
 def design_angle_stiffness(
-    linear: LinearModel,
-    specification: PIDSpecification | None = None,
-    *,
-    mean_speed: float = 15.0,
-    pressure_limits: tuple[float, float] = (0.2e5, 5.8e5),
+    linear: LinearModel, specification: PIDSpecification | None = None
 ) -> AngleStiffness:
     """Design the controller from a linear model of the arm with two valves.
 
@@ -265,8 +263,8 @@ def design_angle_stiffness(
     linear = linear_model(linear)
     one = opposed(linear)
     outer = design_pid(one, specification or SPECIFICATION)
-    span = pressure_limits[1] - pressure_limits[0]
-    outer = replace(outer, difference_limit=min(outer.difference_limit, span))
+    low, high = AngleStiffness.pressure_limits
+    outer = replace(outer, difference_limit=min(outer.difference_limit, high - low))
     joint = joint_model(one)
     measurements = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
     mean = 0.5 * (measurements["pressure_1"] + measurements["pressure_2"])
@@ -280,20 +278,18 @@ def design_angle_stiffness(
         supply=known.get("supply_pressure", Air.supply),
         ambient=ambient,
     )
-    return AngleStiffness(outer, air, mean_speed, pressure_limits=pressure_limits)
+    return AngleStiffness(outer, air)
 
 
-def opposed(
-    linear: LinearModel, actuators: tuple[str, str] = ("valve_1", "valve_2"), name: str = "valve"
-) -> LinearModel:
-    """Return a linear model whose one input drives two inputs in opposite directions.
+def opposed(linear: LinearModel) -> LinearModel:
+    """Return a linear model whose one input ``valve`` drives both valves in opposite directions.
 
     Raises:
         WorkbenchError: If an input is unknown or the two rest at different values.
     """
-    for actuator in actuators:
+    for actuator in ACTUATORS:
         check_choice("actuator of the linear model", actuator, linear.input_names)
-    one, two = (linear.input_names.index(actuator) for actuator in actuators)
+    one, two = (linear.input_names.index(actuator) for actuator in ACTUATORS)
     rest = float(linear.u0[one])
     if abs(rest - float(linear.u0[two])) > 0.2:
         raise WorkbenchError(
@@ -304,7 +300,7 @@ def opposed(
         linear,
         B=np.asarray(linear.B)[:, [one]] - np.asarray(linear.B)[:, [two]],
         D=np.asarray(linear.D)[:, [one]] - np.asarray(linear.D)[:, [two]],
-        input_names=(name,),
+        input_names=("valve",),
         u0=np.array([rest]),
         verdict=None,
     )
@@ -316,5 +312,5 @@ ANGLE_STIFFNESS = joint_design(
     summary="cascaded PID of the angle and of the mean pressure, with one valve per muscle",
     function=design_angle_stiffness,
     specification=PIDSpecification,
-    actuators=("valve_1", "valve_2"),
+    actuators=ACTUATORS,
 )

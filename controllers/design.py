@@ -57,7 +57,7 @@ class Design:
         name: Name in a study: ``"pid"``.
         family: Family of its controllers, by which pages call them: ``"cascade PID"``.
         function: Called with the source and the specification; returns a controller.
-        specification: Class of the specification; None if its fields are keywords of ``function``.
+        specification: Class of the specification; None for a mapping.
         sensors: Outputs of the plant that its controllers read; none if any linear model will do.
         actuators: Inputs of the plant that they command; none if any linear model will do.
         solves: Whether they solve an optimisation at each sample.
@@ -85,31 +85,21 @@ class Design:
     @property
     def keys(self) -> tuple[Key, ...]:
         """What may be specified; nothing is known of a user's plain function."""
-        if self.own:
+        if self.specification is None:
             return ()
-        meaning = _meanings(self.specification or self.function)
-        if self.specification is not None:
-            # What the family alone may be told comes before what it shares with others.
-            own = vars(self.specification).get("__annotations__", {})
-            ordered = sorted(fields(self.specification), key=lambda f: f.name not in own)
-            found = [(f.name, _default(f)) for f in ordered]
-        else:
-            parameters = inspect.signature(self.function).parameters.values()
-            found = [
-                (p.name, p.default)
-                for p in parameters
-                if p.kind is p.KEYWORD_ONLY and p.name != "valve"
-            ]
-        return tuple(Key(name, default, meaning.get(name, "")) for name, default in found)
+        meaning = _meanings(self.specification)
+        # What the family alone may be told comes before what it shares with others.
+        own = vars(self.specification).get("__annotations__", {})
+        ordered = sorted(fields(self.specification), key=lambda f: f.name not in own)
+        return tuple(Key(f.name, _default(f), meaning.get(f.name, "")) for f in ordered)
 
     def specified(self, values: Mapping[str, Any]) -> Any:
         """Return a specification: an object of the design's class, or a mapping."""
-        if not self.own:
-            known = [key.name for key in self.keys]
-            for key in values:
-                check_choice(f"key of the {self.name} specification", key, known)
         if self.specification is None:
             return dict(values)
+        known = [key.name for key in self.keys]
+        for key in values:
+            check_choice(f"key of the {self.name} specification", key, known)
         try:
             return self.specification(**values)
         except TypeError as error:
@@ -132,8 +122,6 @@ class Design:
         if self.own:
             with user_code(f"design {self.name!r}"):
                 found: Any = self.function(source, specification)
-        elif self.specification is None:
-            found = self.function(source, **{**specification, **(given or {})})
         else:
             found = self.function(source, specification, **(given or {}))
         _check_controller(self.name, found)
@@ -175,10 +163,10 @@ def _default(field: Any) -> Any:
     return None if field.default_factory is MISSING else field.default_factory()
 
 
-def _meanings(described: Any) -> dict[str, str]:
+def _meanings(described: type[Any]) -> dict[str, str]:
     """Return the lines of a docstring's ``Args`` by name, those of base classes included."""
     found: dict[str, str] = {}
-    for part in reversed(described.__mro__) if isinstance(described, type) else (described,):
+    for part in reversed(described.__mro__):
         _, _, args = inspect.cleandoc(part.__doc__ or "").partition("\nArgs:\n")
         section = re.split(r"\n(?=\S)", args)[0]
         lines = re.findall(r"^    (\w+): (.*(?:\n        .*)*)", section, re.MULTILINE)

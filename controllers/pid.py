@@ -307,12 +307,7 @@ class PIDSpecification:
         check_range("limit on Mt", self.maximum_complementary, 1.0, 10.0)
 
 
-def design_pid(
-    linear: LinearModel,
-    specification: PIDSpecification | None = None,
-    *,
-    valve: ValveInverse | None = None,
-) -> CascadePID:
+def design_pid(linear: LinearModel, specification: PIDSpecification | None = None) -> CascadePID:
     """Design a cascaded PID from a linear model.
 
     The gains place the poles of the joint at w, which is lowered from ``bandwidth`` until Ms and Mt
@@ -326,11 +321,10 @@ def design_pid(
     """
     linear = linear_model(linear)
     want = specification or PIDSpecification()
-    valve = valve or ValveInverse()
-    joint = joint_model(linear, valve=valve)
+    joint = joint_model(linear)
     lowest = math.sqrt(joint.a0 / (1.0 + 2.0 * want.real_pole * want.damping))
     for w in np.geomspace(want.bandwidth, min(lowest, want.bandwidth / 2), 40):
-        pid = _place(joint, want, float(w), valve)
+        pid = _place(joint, want, float(w))
         ms, mt = peak_sensitivities(pid, linear)
         if ms <= want.maximum_sensitivity and mt <= want.maximum_complementary:
             return pid
@@ -341,7 +335,7 @@ def design_pid(
     )
 
 
-def _place(joint: JointModel, want: PIDSpecification, w: float, valve: ValveInverse) -> CascadePID:
+def _place(joint: JointModel, want: PIDSpecification, w: float) -> CascadePID:
     a, z = want.real_pole, want.damping
     return cascade_pid(
         proportional=max(((1.0 + 2.0 * a * z) * w**2 - joint.a0) / joint.b, 0.0),
@@ -353,7 +347,6 @@ def _place(joint: JointModel, want: PIDSpecification, w: float, valve: ValveInve
         tracking_time=max(1.0 / (a * w), 2.0 * want.sample_time),
         reference_speed=want.reference_speed,
         sample_time=want.sample_time,
-        valve=valve,
     )
 
 

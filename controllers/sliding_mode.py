@@ -57,7 +57,7 @@ from controllers.joint.model import joint_model
 from controllers.joint.observer import design_joint_observer
 from controllers.joint.schedule import JointSchedule
 from controllers.joint.tracking import Tracking, TrackingSpecification, arrived_opening
-from controllers.valve_inverse import ACTUATORS, SENSORS, ValveInverse, ValveLaw
+from controllers.valve_inverse import ACTUATORS, SENSORS, ValveLaw
 from workbench.errors import check_choice, check_range
 from workbench.linearisation.state_space import linear_model
 
@@ -210,10 +210,7 @@ class SlidingModeSpecification:
 
 
 def design_sliding_mode(
-    linear: LinearModel,
-    specification: SlidingModeSpecification | None = None,
-    *,
-    valve: ValveInverse | None = None,
+    linear: LinearModel, specification: SlidingModeSpecification | None = None
 ) -> SlidingMode:
     """Design a sliding mode with boundary layer from a linear model.
 
@@ -227,8 +224,7 @@ def design_sliding_mode(
     """
     linear = linear_model(linear)
     want = specification or SlidingModeSpecification()
-    valve = valve or ValveInverse()
-    joint = joint_model(linear, valve=valve)
+    joint = joint_model(linear)
     check_range(
         "bound on the jerk",
         want.jerk_bound,
@@ -248,7 +244,6 @@ def design_sliding_mode(
         jerk_bound=want.jerk_bound,
         layer=want.jerk_bound / want.layer_bandwidth,
         sample_time=want.sample_time,
-        valve=valve,
     )
 
 

@@ -69,12 +69,12 @@ class HysteresisCompensation:
         return (turn + way) / (1.0 + size)
 
 
+LEVER = 0.0295
+"""Lever of the muscles of the arm, in m."""
+
+
 def hysteresis_compensation(
-    fitted: Mapping[str, float],
-    *,
-    torque_per_difference: float,
-    lever: float = 0.0295,
-    effect: str = "muscle_hysteresis",
+    fitted: Mapping[str, float], *, torque_per_difference: float
 ) -> HysteresisCompensation:
     """Build the compensation from a fitted effect.
 
@@ -82,7 +82,6 @@ def hysteresis_compensation(
         fitted: Values of the fitted model's parameters by name, in SI, as a refit returns them.
         torque_per_difference: Torque per pressure difference, in N m/Pa: inertia times the ``b`` of
             the joint model.
-        lever: Lever of the muscles, in m.
 
     Raises:
         WorkbenchError: If a parameter is missing.
@@ -93,15 +92,15 @@ def hysteresis_compensation(
         >>> hysteresis_compensation(fitted, torque_per_difference=7.6e-5).level
         9.0
     """
-    names = [f"{effect}.{name}" for name in ("level", "level_per_pressure", "breakaway")]
+    names = [f"muscle_hysteresis.{name}" for name in ("level", "level_per_pressure", "breakaway")]
     missing = [name for name in names if name not in fitted]
     if missing:
         raise WorkbenchError(
-            f"the fitted values have no {missing[0]!r}; refit a model with the effect {effect!r},"
-            " or name the effect that it has"
+            f"the fitted values have no {missing[0]!r}; refit a model with the effect"
+            " 'muscle_hysteresis'"
         )
     level, slope, breakaway = (float(fitted[name]) for name in names)
-    return HysteresisCompensation(level, slope, breakaway, lever, torque_per_difference)
+    return HysteresisCompensation(level, slope, breakaway, LEVER, torque_per_difference)
 
 
 def with_compensation(law: Any, model: Model) -> Any:

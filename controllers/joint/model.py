@@ -29,6 +29,9 @@ Complex = npt.NDArray[np.complex128]
 OPENING = "opening"
 """Name of the input of a linear model that was made with the valve's curve inverted."""
 
+BAND_HZ = (0.5, 10.0)
+"""Band in which the third-order model is fitted, in Hz."""
+
 
 class JointModel(NamedTuple):
     """Third-order model of the joint between valve opening and angle, about one angle.
@@ -102,11 +105,7 @@ def opening_input(
 
 def joint_model(
     linear: LinearModel,
-    *,
-    valve: ValveInverse | None = None,
     sensors: tuple[str, str, str] = ("angle", "pressure_1", "pressure_2"),
-    actuator: str = "valve",
-    band_Hz: tuple[float, float] = (0.5, 10.0),
 ) -> JointModel:
     """Fit the third-order model to a linear model.
 
@@ -127,10 +126,10 @@ def joint_model(
         >>> 1e-4 < joint.b < 3e-4, joint.misfit < 0.2
         (True, True)
     """
-    entry = opening_input(linear, valve or ValveInverse(), actuator)
+    entry = opening_input(linear, ValveInverse())
     for name in sensors:
         check_choice("sensor of the linear model", name, linear.output_names)
-    w = 2 * np.pi * np.geomspace(*band_Hz, 60)
+    w = 2 * np.pi * np.geomspace(*BAND_HZ, 60)
     found = transfer_function(linear.A, linear.B, linear.C, linear.D, 1j * w)
     rows = [linear.output_names.index(name) for name in sensors]
     response = found[:, rows, linear.input_names.index(entry.name)].T * entry.per_opening
@@ -180,8 +179,7 @@ def lag_beside(linear: LinearModel) -> float:
     ``T = -arg(G(j w) / G_3(j w)) / w`` at w = 2 pi 15 Hz, with G from opening to angle and G_3 its
     third-order model: what spool and lines are slower by.
     """
-    valve = ValveInverse()
-    joint, entry = joint_model(linear, valve=valve), opening_input(linear, valve)
+    joint, entry = joint_model(linear), opening_input(linear, ValveInverse())
     s = 2j * np.pi * 15.0
     whole = transfer_function(linear.A, linear.B, linear.C, linear.D, np.array([s]))
     angle = linear.output_names.index("angle")

@@ -25,7 +25,6 @@ import numpy.typing as npt
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
 from controllers.joint.model import JointModel, joint_model
-from controllers.valve_inverse import ValveInverse
 from workbench.errors import WorkbenchError
 
 if TYPE_CHECKING:
@@ -116,7 +115,7 @@ class JointSchedule:
         return tuple(self.at(angle, mean) for angle in self.angles.tolist())
 
 
-def joint_schedule(found: OperatingMap, *, valve: ValveInverse | None = None) -> JointSchedule:
+def joint_schedule(found: OperatingMap) -> JointSchedule:
     """Build the schedule from a map of linear models.
 
     A point without operating point takes the values of the straight line through its two nearest
@@ -124,7 +123,6 @@ def joint_schedule(found: OperatingMap, *, valve: ValveInverse | None = None) ->
 
     Args:
         found: Map over evenly spaced angles, in rad, and two mean gauge pressures, in Pa.
-        valve: Valve curve whose slope at rest turns a voltage into an opening.
 
     Raises:
         WorkbenchError: If the angles are not evenly spaced, there are not two mean pressures, or
@@ -152,7 +150,7 @@ def joint_schedule(found: OperatingMap, *, valve: ValveInverse | None = None) ->
         table = np.full((len(NAMES), len(theta)), np.nan)
         for i in range(len(theta)):
             if (i, k) in found.models:
-                joint = joint_model(found.models[i, k], valve=valve)
+                joint = joint_model(found.models[i, k])
                 table[:, i] = [getattr(joint, name) for name in NAMES]
         tables.append(_filled(theta, table, float(mean_pressures[k])))
     return JointSchedule(

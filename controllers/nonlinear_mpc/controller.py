@@ -63,7 +63,6 @@ from controllers.reference.planned import Planner
 from controllers.valve_inverse import (
     SENSORS,
     ValveController,
-    ValveInverse,
     joint_design,
 )
 from workbench.arrays import Matrix
@@ -75,6 +74,9 @@ _UNIT_PRESSURE = 1e5
 
 FORGETTING = 10.0
 """Time over which an unknown parameter may change as far as it is off at the start, in s."""
+
+RESTING = ("spool", "spool_speed")
+"""States that are too fast for the prediction."""
 
 START_RATE = 0.3
 """How far a disturbed rate is off at the start, relative to its random walk over one second."""
@@ -410,8 +412,6 @@ def design_nonlinear_mpc(
     specification: NonlinearMPCSpecification | None = None,
     *,
     rest: npt.ArrayLike | None = None,
-    valve: ValveInverse | None = None,
-    resting: tuple[str, ...] = ("spool", "spool_speed"),
     compile_function: Compile | None = None,
 ) -> NonlinearMPC:
     """Design a nonlinear MPC on a prediction model.
@@ -421,7 +421,6 @@ def design_nonlinear_mpc(
             ``pressure_1`` and ``pressure_2``; leave out what the controller shall not know.
         rest: States about which it starts, shape (n_states,), in SI; the model's initial state by
             default.
-        resting: States that are too fast for the prediction.
         compile_function: Makes machine code of a CasADi function; interpreted by default.
 
     Raises:
@@ -434,7 +433,7 @@ def design_nonlinear_mpc(
     want = specification or NonlinearMPCSpecification()
     build = compile_function or (lambda function: function)
     names = [q.name for q in model.states]
-    for name in ("angle", "speed", "pressure_1", "pressure_2", *resting):
+    for name in ("angle", "speed", "pressure_1", "pressure_2", *RESTING):
         check_choice("state of the prediction model", name, names)
     check_choice("port of the prediction model", "joint.inertia", [q.name for q in model.ports])
     walk = {"speed": 0.0, **want.disturbances}
@@ -446,7 +445,7 @@ def design_nonlinear_mpc(
     sensors = SENSORS
     disturbed, unknown = tuple(walk), tuple(want.unknown)
     softened = straightened(_with_soft_stops(model), "opening")
-    ahead = dynamics(softened, disturbed, unknown=unknown, resting=resting)
+    ahead = dynamics(softened, disturbed, unknown=unknown, resting=RESTING)
     behind = dynamics(model, disturbed, unknown=unknown)
     stage = discrete(ahead, want.stage_time, want.steps, "nmpc_stage")
     ambient = {q.name: q.value for q in model.parameters}.get("ambient_pressure", 0.0)
@@ -481,7 +480,6 @@ def design_nonlinear_mpc(
         pressure_limits=(low + ambient, high + ambient),
         sample_time=want.sample_time,
         preview=want.stages * want.stride if want.preview else 0,
-        valve=valve or ValveInverse(),
     )
 
 

@@ -95,10 +95,10 @@ def test_no_header_needs_names(tmp_path: Path) -> None:
     path = saved(tmp_path, table(header=""))
     with pytest.raises(WorkbenchError, match=r"has no header; name its 3 columns"):
         read_recording(path)
-    recording = read_recording(path, columns=["time_s", "valve_V", "angle_deg"])
+    recording = read_recording(path, mapping={"columns": ["time_s", "valve_V", "angle_deg"]})
     assert recording.names == ("valve", "angle")
     with pytest.raises(WorkbenchError, match=r"names 2 columns but trial.csv has 3"):
-        read_recording(path, columns=["time_s", "valve_V"])
+        read_recording(path, mapping={"columns": ["time_s", "valve_V"]})
 
 
 def test_text_in_numbers_becomes_missing_and_is_told(tmp_path: Path) -> None:
@@ -159,7 +159,7 @@ def test_missing_time_column(tmp_path: Path) -> None:
     path = saved(tmp_path, table(header="valve_V,angle_deg,pressure_1_bar"))
     with pytest.raises(WorkbenchError, match="has no time column"):
         read_recording(path)
-    assert read_recording(path, sample_time_s=0.1).time[2] == pytest.approx(0.2)
+    assert read_recording(path, mapping={"sample_time_s": 0.1}).time[2] == pytest.approx(0.2)
 
 
 def test_truncated_gzip_keeps_what_came_before(tmp_path: Path) -> None:

@@ -300,9 +300,7 @@ def read_case(
     folder: str | Path,
     *,
     mapping: MappingLike = None,
-    signals: Any = None,
     data: Path | None = None,
-    max_rows: int = 2_000_000,
 ) -> Case:
     """Read a case folder: ``case.toml`` and its recordings.
 
@@ -311,7 +309,6 @@ def read_case(
     ``mapping.toml`` in the folder is used if no mapping is given.
 
     Args:
-        signals: Signals requested of every file, see `read_recording`.
         data: Folder with public recordings, for a machine; None reads ``WORKBENCH_DATA``.
 
     Example:
@@ -343,9 +340,7 @@ def read_case(
             given = path / given
         name = entry.get("name", entry["file_name"])
         full = name if "recordings" in settings else f"{path.name}/{name}"
-        recording = read_recording(
-            file, mapping=given, signals=signals, max_rows=max_rows, name=full
-        )
+        recording = read_recording(file, mapping=given, name=full)
         if "name" in entry:
             name = _filled(name, recording)
             recording = replace(recording, name=name)

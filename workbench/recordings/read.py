@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.errors import TIMES_S, WorkbenchError, check_range
+from workbench.errors import WorkbenchError, check_range
 from workbench.recordings.aligned_table import aligned_table
 from workbench.recordings.column_assignment import assign, find_time, header_list
 from workbench.recordings.column_matching import Requested, requested_signals
@@ -71,27 +71,13 @@ class Table:
         return "\n".join([head, body, *(f"note: {note}" for note in self.notes)])
 
 
-def rules_of(
-    mapping: MappingLike, columns: Sequence[str], sample_time_s: float | None
-) -> MappingRules:
-    """Return the rules of a mapping in any of its forms, with the caller's additions."""
+def rules_of(mapping: MappingLike) -> MappingRules:
+    """Return the rules of a mapping in any of its forms."""
     if mapping is None:
-        rules = MappingRules()
-    elif isinstance(mapping, MappingRules):
-        rules = mapping
-    elif isinstance(mapping, Mapping):
-        rules = rules_from(mapping)
-    else:
-        rules = read_mapping(mapping)
-    if isinstance(columns, str):
-        raise WorkbenchError(f"columns is {columns!r}; give a list of names")
-    if columns:
-        rules = replace(rules, columns=tuple(str(c) for c in columns))
-    if sample_time_s is not None:
-        rules = replace(
-            rules, sample_time_s=check_range("sample_time_s", sample_time_s, *TIMES_S, "s")
-        )
-    return rules
+        return MappingRules()
+    if isinstance(mapping, MappingRules):
+        return mapping
+    return rules_from(mapping) if isinstance(mapping, Mapping) else read_mapping(mapping)
 
 
 def _require_file(path: Path) -> None:
@@ -160,7 +146,7 @@ def _named(columns: Columns, path: Path, rules: MappingRules) -> None:
         count = len(columns.headers)
         raise WorkbenchError(
             f'{path.name} has no header; name its {count} columns: columns = ["time_s", ...] in '
-            "a mapping file, or the option columns"
+            "a mapping file"
         )
 
 
@@ -169,8 +155,6 @@ def read_recording(
     *,
     mapping: MappingLike = None,
     signals: Any = None,
-    columns: Sequence[str] = (),
-    sample_time_s: float | None = None,
     max_rows: int = MAX_ROWS,
     name: str | None = None,
 ) -> Recording:
@@ -206,12 +190,12 @@ def read_recording(
     file = Path(path)
     if mapping is None:
         mapping = mapping_beside(file)
-    rules = rules_of(mapping, columns, sample_time_s)
+    rules = rules_of(mapping)
     requested = requested_signals(signals)
     check_range("max_rows", max_rows, 2, 1e9)
     found = read_columns(file, rules, max_rows=int(max_rows))
     title = name or _title(file)
-    if found.saved is not None and mapping is None and not columns:
+    if found.saved is not None and mapping is None:
         return _as_requested(restore_recording(found, found.saved), requested)
     _named(found, file, rules)
     assigned = assign(found, rules, requested)
@@ -259,7 +243,7 @@ def read_table(path: str | Path, *, mapping: MappingLike = None) -> Table:
     The file may have any format of `read_recording`, and a mapping as it takes it.
     """
     file = Path(path)
-    rules = rules_of(mapping, (), None)
+    rules = rules_of(mapping)
     found = read_columns(file, rules)
     _named(found, file, rules)
     assigned = assign(found, rules, ())

@@ -135,9 +135,7 @@ class ControllerRecipe:
 
 def _hints(design: Design) -> dict[str, Any]:
     """Return the class of each entry of a specification, None taken away."""
-    if design.own:
-        return {}
-    found = get_type_hints(design.specification or design.function)
+    found = get_type_hints(design.specification) if design.specification else {}
     return {name: _plain(hint) for name, hint in found.items()}
 
 
