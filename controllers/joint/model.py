@@ -104,8 +104,7 @@ def opening_input(
 
 
 def joint_model(
-    linear: LinearModel,
-    sensors: tuple[str, str, str] = ("angle", "pressure_1", "pressure_2"),
+    linear: LinearModel, sensors: tuple[str, str, str] = ("angle", "pressure_1", "pressure_2")
 ) -> JointModel:
     """Fit the third-order model to a linear model.
 

@@ -55,10 +55,7 @@ def undisturbed(
 
 @pytest.mark.parametrize("name", KILLS)
 def test_kills_at_random_times_lose_nothing(
-    name: str,
-    given: dict[str, Command],
-    undisturbed: dict[str, tuple[Any, float]],
-    tmp_path: Path,
+    name: str, given: dict[str, Command], undisturbed: dict[str, tuple[Any, float]], tmp_path: Path
 ) -> None:
     command, (answer, duration) = given[name], undisturbed[name]
     rng = np.random.default_rng([SEED, len(name)])
@@ -170,10 +167,7 @@ BROKEN = ("exit 1", "true", 'while [ "$1" != -o ]; do shift; done; echo x > "$2"
 
 @pytest.mark.parametrize("how", BROKEN)
 def test_a_compiler_that_fails_is_the_slower_path(
-    how: str,
-    given: dict[str, Command],
-    undisturbed: dict[str, tuple[Any, float]],
-    tmp_path: Path,
+    how: str, given: dict[str, Command], undisturbed: dict[str, tuple[Any, float]], tmp_path: Path
 ) -> None:
     broken = tmp_path / "cc"
     broken.write_text(f"#!/bin/sh\n{how}\n")

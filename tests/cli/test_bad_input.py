@@ -92,10 +92,7 @@ CASES: dict[str, tuple[list[str], tuple[str, ...]]] = {
 
 @pytest.mark.parametrize("name", CASES)
 def test_one_sentence_and_status_2(
-    name: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments, words = CASES[name]
     monkeypatch.chdir(tmp_path)

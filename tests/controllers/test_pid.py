@@ -20,11 +20,7 @@ GAINS = {"proportional": 5e5, "integral": 2e6, "derivative": 1e5, "inner": 1e-6}
 
 # Without filters the law is its textbook equation.
 BARE = cascade_pid(
-    **GAINS,
-    derivative_filter=0.0,
-    pressure_filter=0.0,
-    reference_speed=0.0,
-    tracking_time=0.1,
+    **GAINS, derivative_filter=0.0, pressure_filter=0.0, reference_speed=0.0, tracking_time=0.1
 )
 
 

@@ -29,11 +29,7 @@ STEPS = Scenario(
 @pytest.mark.parametrize("hysteresis", [False, True], ids=["nominal", "hysteresis"])
 @pytest.mark.parametrize("design", [design_pid, design_sliding_mode, design_mpc])
 def test_steps_settle_without_limit_cycle(
-    design: Any,
-    hysteresis: bool,
-    linear: LinearModel,
-    plant: Model,
-    plant_with_hysteresis: Model,
+    design: Any, hysteresis: bool, linear: LinearModel, plant: Model, plant_with_hysteresis: Model
 ) -> None:
     run = verify(design(linear), plant_with_hysteresis if hysteresis else plant, STEPS)
     found = metrics(run)

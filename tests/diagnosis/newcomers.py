@@ -143,10 +143,7 @@ def damper() -> Model:
 
     def equations(m: Scope) -> Equations:
         force = m.port(
-            "damper.force",
-            m.p.damping * m.u.speed,
-            unit="N",
-            signals={"speed": m.u.speed},
+            "damper.force", m.p.damping * m.u.speed, unit="N", signals={"speed": m.u.speed}
         )
         return {}, {"force": force}
 

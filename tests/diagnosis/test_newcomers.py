@@ -120,9 +120,7 @@ def test_a_plant_without_states_is_diagnosed() -> None:
     assert verdict.fit["extended"]["force"] < 1.5 * verdict.fit["noise_floor"]["force"]
 
 
-def test_a_hysteresis_is_found_whose_size_nobody_declared(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_hysteresis_is_found_whose_size_nobody_declared(monkeypatch: pytest.MonkeyPatch) -> None:
     only(monkeypatch, "bouc_wen_hysteresis", "cubic_stiffness", "coulomb_friction")
     runs = loops()
     verdict = diagnose(hysteretic(), runs[:2], runs[2:], jobs=1, advise=False).verdict
@@ -269,9 +267,7 @@ def test_a_coupling_of_rubber_lets_go(monkeypatch: pytest.MonkeyPatch) -> None:
     assert sizes == pytest.approx({"stiffness": 20.0 / 0.012, "time_constant": 0.1}, rel=0.03)
 
 
-def test_what_changes_at_a_time_is_followed_to_its_instant(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_what_changes_at_a_time_is_followed_to_its_instant(monkeypatch: pytest.MonkeyPatch) -> None:
     only(monkeypatch, "parameter_jump", "parameter_curve", "clock_shift")
     runs = [fallen_ill(seed) for seed in (1, 2)]
     verdict = diagnose(epidemic(), runs[:1], runs[1:], jobs=1, advise=False).verdict

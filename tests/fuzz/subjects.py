@@ -361,7 +361,7 @@ SUBJECTS: dict[str, Subject] = {
         "verdict.json",
         fixed(PLANT),
         damaged_json,
-        lambda path: PLANTS.get(str(path)).model({}),
+        lambda path: PLANTS.get(str(path)).model({})
     ),
     "key": Subject("key.json", fixed({"one": ANSWER}), damaged_json, key),
     "names of a key": Subject("names.toml", fixed(NAMES), damaged_toml, read_names),

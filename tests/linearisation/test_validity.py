@@ -69,14 +69,7 @@ def test_friction_left_out_of_the_model_is_noticed() -> None:
     rubbing = (
         servo_axis()
         .without("coulomb_friction")
-        .with_effect(
-            coulomb_friction(
-                "axis.force",
-                level=60.0,
-                transition_speed=1e-3,
-                upper=100.0,
-            )
-        )
+        .with_effect(coulomb_friction("axis.force", level=60.0, transition_speed=1e-3, upper=100.0))
     )
     point = operating_point(rubbing)
     wrong = replace(free, operating_point=point)

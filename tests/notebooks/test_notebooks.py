@@ -25,10 +25,7 @@ def executed(path: Path, place: Path, **environment: str) -> nbformat.NotebookNo
     """Return a notebook with its outputs; its kernel works in an empty folder."""
     notebook = nbformat.read(path, as_version=4)
     client = NotebookClient(
-        notebook,
-        timeout=300,
-        kernel_name="python3",
-        resources={"metadata": {"path": str(place)}},
+        notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": str(place)}}
     )
     client.execute(env={**os.environ, **environment})
     return notebook

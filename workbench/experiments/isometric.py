@@ -172,10 +172,7 @@ def isometric_experiment_on_arm(
 
 
 def _record(
-    tables: list[tuple[Vector, Vector, Vector]],
-    rng: np.random.Generator,
-    noise: float,
-    source: str,
+    tables: list[tuple[Vector, Vector, Vector]], rng: np.random.Generator, noise: float, source: str
 ) -> IsometricRecord:
     pressure, contraction, force = (
         np.concatenate(columns) for columns in zip(*tables, strict=True)

@@ -143,10 +143,7 @@ class LinearModel(Drawn):
         return self.inverse(u) if self.inverse else np.asarray(u, dtype=float)
 
     def select(
-        self,
-        *,
-        inputs: Sequence[str] | None = None,
-        outputs: Sequence[str] | None = None,
+        self, *, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None
     ) -> LinearModel:
         """Return a model with fewer inputs or outputs, in the order given, all by default.
 

@@ -97,13 +97,7 @@ def linearise(
     linear = _model(op, point, matrix, curve)
     if not verdict:
         return linear
-    kinks = find_kinks(
-        at,
-        point,
-        lambda sided: _model(op, point, sided, curve),
-        matrix,
-        jacobian,
-    )
+    kinks = find_kinks(at, point, lambda sided: _model(op, point, sided, curve), matrix, jacobian)
     return replace(linear, verdict=Validity(linear, kinks, tuple(described)))
 
 

@@ -55,9 +55,7 @@ class LinearEquations:
 
 
 def linear_model(
-    system: Any,
-    *,
-    limits: Mapping[str, tuple[float, float]] | None = None,
+    system: Any, *, limits: Mapping[str, tuple[float, float]] | None = None
 ) -> LinearModel:
     """Take a python-control system as a linear model; a `LinearModel` is one already.
 

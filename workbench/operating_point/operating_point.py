@@ -166,12 +166,7 @@ def operating_point(
     wanted = _with_disturbances(model, _checked(model, given))
     sums = [total for total in model.traits.sums if total.name in _drifting(model, wanted)]
     direction = _direction(model, sums)
-    problem = Problem(
-        model,
-        _conditions(model, wanted, sums),
-        direction,
-        *_bounds(model, bounds),
-    )
+    problem = Problem(model, _conditions(model, wanted, sums), direction, *_bounds(model, bounds))
     x, u = _start(model, wanted, sums, near)
     solution = solve(problem, x, u)
     if not solution.solved:

@@ -296,12 +296,7 @@ def _gauge(recording: Recording) -> Recording:
     return recording
 
 
-def read_case(
-    folder: str | Path,
-    *,
-    mapping: MappingLike = None,
-    data: Path | None = None,
-) -> Case:
+def read_case(folder: str | Path, *, mapping: MappingLike = None, data: Path | None = None) -> Case:
     """Read a case folder: ``case.toml`` and its recordings.
 
     Recordings are those of ``[[recordings]]``, or the files that are called after their role

@@ -18,12 +18,7 @@ Call = tuple[Callable[..., T], tuple[Any, ...]]
 """A function and its arguments."""
 
 
-def parallel(
-    calls: Sequence[Call[T]],
-    *,
-    jobs: int = 1,
-    dask: str | None = None,
-) -> Iterator[T]:
+def parallel(calls: Sequence[Call[T]], *, jobs: int = 1, dask: str | None = None) -> Iterator[T]:
     """Yield the results of calls as they come, from this process, others, or a cluster.
 
     Args:

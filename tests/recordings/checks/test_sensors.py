@@ -274,9 +274,7 @@ def test_a_cause_that_hardly_acts_does_not_tell_its_sign(strength: float, result
     push = np.interp(time, time[::250], rng.normal(size=20))
     speed = np.cumsum(strength * push) * 0.002
     trial = Recording(
-        "slow",
-        time,
-        (Signal("force", push, "N"), Signal("angle", np.cumsum(speed) * 0.002, "rad")),
+        "slow", time, (Signal("force", push, "N"), Signal("angle", np.cumsum(speed) * 0.002, "rad"))
     )
     pair = ("force", "angle")
     found = check_signs(trial, Expected(signs={pair: 1}, slopes={pair: 1.0}))

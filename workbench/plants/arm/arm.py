@@ -116,10 +116,7 @@ class ArmEquations:
             for i, flow in ((1, flows.flow_1), (2, flows.flow_2))
         ]
         motion = joint(
-            m,
-            forces=(muscles[0].force, muscles[1].force),
-            geometry=self.geometry,
-            body=self.body,
+            m, forces=(muscles[0].force, muscles[1].force), geometry=self.geometry, body=self.body
         )
         measurements = {
             "angle": (x.angle, "rad", 1.0, {"speed": x.speed}),

@@ -91,8 +91,7 @@ def joint(
         signals={"load": p.load},
     )
     return JointMotion(
-        {"angle": x.speed, "speed": (torque + lower - upper) / inertia},
-        lower / p.load_cell_arm,
+        {"angle": x.speed, "speed": (torque + lower - upper) / inertia}, lower / p.load_cell_arm
     )
 
 
@@ -136,12 +135,7 @@ def damper_and_bearing() -> tuple[Effect, Effect]:
     """Build the damper of the joint and the Coulomb friction of its bearing."""
     return (
         viscous_friction(
-            "joint.torque",
-            coefficient=0.3,
-            lower=0.05,
-            upper=1.0,
-            source="estimate",
-            name="damper",
+            "joint.torque", coefficient=0.3, lower=0.05, upper=1.0, source="estimate", name="damper"
         ),
         coulomb_friction(
             "joint.torque",

@@ -183,9 +183,7 @@ def muscle(
         signals=local,
     )
     return MuscleAction(
-        force,
-        gauge,
-        {f"pressure{suffix}": pressure_rate, f"temperature{suffix}": temperature_rate},
+        force, gauge, {f"pressure{suffix}": pressure_rate, f"temperature{suffix}": temperature_rate}
     )
 
 

@@ -103,11 +103,7 @@ def two_valve_arm(
         outputs of `arm` and ``mean_pressure`` (Pa, gauge).
     """
     base = arm(
-        load_kg,
-        plane=plane,
-        supply_bar=supply_bar,
-        silencers=silencers,
-        line_volumes=line_volumes,
+        load_kg, plane=plane, supply_bar=supply_bar, silencers=silencers, line_volumes=line_volumes
     )
     assert isinstance(base.equations, ArmEquations)
     spools = tuple(replace(q, name=f"{q.name}_{i}") for i in (1, 2) for q in STATES)
