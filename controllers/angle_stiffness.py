@@ -42,12 +42,7 @@ from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
 from controllers.joint.at_one_point import UNIT
 from controllers.joint.model import joint_model
 from controllers.law import ClosedForm
-from controllers.pid import (
-    CascadePID,
-    PIDSpecification,
-    PIDState,
-    design_pid,
-)
+from controllers.pid import CascadePID, PIDSpecification, PIDState, design_pid
 from controllers.protocol import Command
 from controllers.valve_inverse import SENSORS, joint_design
 from workbench.errors import WorkbenchError, check_choice, check_range
@@ -256,9 +251,6 @@ def design_angle_stiffness(
 
     Raises:
         WorkbenchError: If the linear model lacks a signal, or no bandwidth meets the limits.
-
-    Source:
-        `controllers.pid.design_pid`.
     """
     linear = linear_model(linear)
     one = opposed(linear)

@@ -138,9 +138,6 @@ def design_estimator(
         reach: What the inner law may use of each command, shape (n_commands,), in SI.
         curve: Commands, in SI, and values, fractions, of the actuator's curve; empty without.
         sample_time: Time between samples, in s.
-
-    Source:
-        Simon, Optimal State Estimation, 2006, chapter 5; Kwakernaak and Sivan, 1972, section 6.4.
     """
     A, B = np.asarray(linear.A), np.asarray(linear.B)
     n, m = len(A), len(followed)

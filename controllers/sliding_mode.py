@@ -218,9 +218,6 @@ def design_sliding_mode(
 
     Raises:
         WorkbenchError: If the bound on the jerk exceeds what the fully open valve can do.
-
-    Source:
-        Slotine and Li, Applied Nonlinear Control, 1991, section 7.2.
     """
     linear = linear_model(linear)
     want = specification or SlidingModeSpecification()

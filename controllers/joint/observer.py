@@ -14,7 +14,8 @@ Sample k, with x = (theta, speed, w) and the exactly discretised Phi, Gamma:
     xp[k+1] = Phi x[k] + Gamma (dp[k] - dp0)            prediction
 
 Source: Luenberger observer with a constant-disturbance state; Åström and Wittenmark,
-Computer-Controlled Systems, 1997, sections 4.5 and 9.3; Johnson, IEEE Trans. AC-16, 1971.
+Computer-Controlled Systems, 1997, sections 4.5 (Ackermann's
+formula) and 9.3; Johnson, IEEE Trans. AC-16, 1971.
 """
 
 from __future__ import annotations
@@ -98,10 +99,6 @@ def design_joint_observer(
     Args:
         bandwidth: Speed of the observer's poles, in rad/s.
         sample_time: Time h between samples, in s.
-
-    Source:
-        Ackermann's formula on the dual system; Åström and Wittenmark, Computer-Controlled
-        Systems, 1997, section 4.5.
     """
     h = check_range("sample time", sample_time, 1e-6, 1.0, "s")
     check_range("bandwidth of the observer", bandwidth, 0.1, 3.0 / h, "rad/s")

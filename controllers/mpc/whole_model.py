@@ -321,9 +321,6 @@ def design_mpc(
         sensors: Names of the followed output and of the limited ones.
         change: Takes the `controllers.mpc.formulation.Formulation`, expressions of CasADi, and
             returns the one that is solved.
-
-    Source:
-        Rawlings, Mayne and Diehl, Model Predictive Control, 2017, chapter 1.
     """
     linear = linear_model(linear)
     want = specification or MPCSpecification()

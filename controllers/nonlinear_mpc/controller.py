@@ -60,11 +60,7 @@ from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program.solver import quadratic_program
 from controllers.reference.horizon import ReferenceAhead
 from controllers.reference.planned import Planner
-from controllers.valve_inverse import (
-    SENSORS,
-    ValveController,
-    joint_design,
-)
+from controllers.valve_inverse import SENSORS, ValveController, joint_design
 from workbench.arrays import Matrix
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.linearisation.actuator_inverse import straightened
@@ -426,9 +422,6 @@ def design_nonlinear_mpc(
     Raises:
         WorkbenchError: If the model lacks one of these states or the port ``joint.inertia``, or
             there are not as many disturbances as sensors.
-
-    Source:
-        Diehl, Bock, Schloeder 2005.
     """
     want = specification or NonlinearMPCSpecification()
     build = compile_function or (lambda function: function)

@@ -5,13 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.diagnosis.axis_case import (
-    diagnosed,
-    excitation,
-    observed,
-    positions,
-    stribeck,
-)
+from tests.diagnosis.axis_case import diagnosed, excitation, observed, positions, stribeck
 from workbench.diagnosis.comparison import error_rows, located_ports, proof_of
 from workbench.diagnosis.location.missing_signal import correlation_ratio
 from workbench.diagnosis.location.unknown_input import unknown_input

@@ -10,12 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from workbench.model.regularisation import EXACT, REGULARISED
-from workbench.physics.gas import (
-    AIR,
-    chamber_rates,
-    port_enthalpy_flow,
-    wall_heat,
-)
+from workbench.physics.gas import AIR, chamber_rates, port_enthalpy_flow, wall_heat
 
 AMBIENT = 293.15
 AREA = 0.0126

@@ -7,12 +7,7 @@ import numpy as np
 import pytest
 
 from workbench.model.regularisation import EXACT, REGULARISED, Expression, Form
-from workbench.physics.valve_curve import (
-    LINEAR,
-    OPENING_FRACTION,
-    OPENING_V,
-    opening,
-)
+from workbench.physics.valve_curve import LINEAR, OPENING_FRACTION, OPENING_V, opening
 
 FORMS = pytest.mark.parametrize("form", [EXACT, REGULARISED], ids=["exact", "regularised"])
 

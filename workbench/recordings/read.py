@@ -16,12 +16,7 @@ from workbench.recordings.aligned_table import aligned_table
 from workbench.recordings.column_assignment import assign, find_time, header_list
 from workbench.recordings.column_matching import Requested, requested_signals
 from workbench.recordings.columns import Columns
-from workbench.recordings.formats.format import (
-    FORMATS,
-    MAX_ROWS,
-    ReadOptions,
-    format_of,
-)
+from workbench.recordings.formats.format import FORMATS, MAX_ROWS, ReadOptions, format_of
 from workbench.recordings.mapping import MappingRules, read_mapping, rules_from
 from workbench.recordings.recording import ColumnMapping, Recording, Signal
 from workbench.recordings.saving import restore_recording

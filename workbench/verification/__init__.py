@@ -3,14 +3,7 @@
 from workbench.verification.closed_loop_run import Run
 from workbench.verification.guard_limits import guarded
 from workbench.verification.loop import verify
-from workbench.verification.metrics import (
-    METRICS,
-    Metric,
-    Metrics,
-    MetricValue,
-    Tolerance,
-    metrics,
-)
+from workbench.verification.metrics import METRICS, Metric, Metrics, MetricValue, Tolerance, metrics
 from workbench.verification.requirements import Requirement, judge
 from workbench.verification.scenario import (
     Change,

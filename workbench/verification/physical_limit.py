@@ -37,13 +37,7 @@ import casadi as ca
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.errors import (
-    TIMES_S,
-    NumericalError,
-    WorkbenchError,
-    check_choice,
-    check_range,
-)
+from workbench.errors import TIMES_S, NumericalError, WorkbenchError, check_choice, check_range
 from workbench.files import write_whole
 from workbench.model import Model
 from workbench.model.traits import bound_value
@@ -141,9 +135,6 @@ def physical_limit(
     Raises:
         WorkbenchError: If an argument is outside its range or the plant cannot rest there.
         NumericalError: If the solver does not converge.
-
-    Source:
-        Betts 2010, chapter 4.
     """
     names = [q.name for q in model.states]
     shown = (shown_state(model, q.name) for q in model.outputs)

@@ -5,6 +5,8 @@ says why, so that no later sum or comparison can take it for a number.
 
 Units: times from the step on, shape (n,), in s; trajectories, references before and after the step,
 errors and commands, shape (n,), in any unit, and results in it unless they say another.
+
+Source: Ogata, Modern Control Engineering, 2010, section 5.3 (settling and rise time, overshoot).
 """
 
 from __future__ import annotations
@@ -39,9 +41,6 @@ def settling_time(time: Vector, trajectory: Vector, *, initial: float, final: fl
         Time from the first entry of ``time``, in s; NaN if it is outside the band within the
         last tenth of the record, for then it was not seen to settle.
 
-    Source:
-        Ogata, Modern Control Engineering, 2010, section 5.3.
-
     Example:
         >>> t = np.linspace(0.0, 10.0, 10001)
         >>> round(settling_time(t, 1 - np.exp(-t), initial=0.0, final=1.0).value, 2)
@@ -60,11 +59,7 @@ def settling_time(time: Vector, trajectory: Vector, *, initial: float, final: fl
 
 
 def rise_time(time: Vector, trajectory: Vector, *, initial: float, final: float) -> Value:
-    """Return the time from 10 % to 90 % of a step, in s; NaN if 90 % is not reached.
-
-    Source:
-        Ogata, Modern Control Engineering, 2010, section 5.3.
-    """
+    """Return the time from 10 % to 90 % of a step, in s; NaN if 90 % is not reached."""
     if final == initial:
         return Value(math.nan, "the reference does not step")
     share = (trajectory - initial) / (final - initial)
@@ -78,9 +73,6 @@ def overshoot(trajectory: Vector, *, initial: float, final: float) -> Value:
     """Return how far a step response goes beyond the reference, a fraction of the step.
 
     It is 0 if the reference is not passed, and NaN without a step.
-
-    Source:
-        Ogata, Modern Control Engineering, 2010, section 5.3.
     """
     if final == initial:
         return Value(math.nan, "the reference does not step")

@@ -11,12 +11,7 @@ import pytest
 
 from workbench.diagnosis.estimation.made_up import pushes
 from workbench.diagnosis.experiment.menu import Experiment
-from workbench.diagnosis.experiment.play import (
-    Machine,
-    SimulatedMachine,
-    plan_csv,
-    with_experiment,
-)
+from workbench.diagnosis.experiment.play import Machine, SimulatedMachine, plan_csv, with_experiment
 from workbench.errors import WorkbenchError
 from workbench.evaluation.own_cases.rig_machine import RigMachine
 from workbench.evaluation.rig.parameters import nominal

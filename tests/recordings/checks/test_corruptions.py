@@ -11,13 +11,7 @@ import pytest
 from workbench.data_folder import shipped_folder
 from workbench.errors import WorkbenchError
 from workbench.plants.arm import arm
-from workbench.recordings import (
-    CheckReport,
-    Recording,
-    Signal,
-    check_recording,
-    read_recording,
-)
+from workbench.recordings import CheckReport, Recording, Signal, check_recording, read_recording
 from workbench.recordings.column_matching import driven_by
 from workbench.recordings.formats.delimited_text import read_text
 from workbench.recordings.formats.format import ReadOptions

@@ -64,7 +64,8 @@ def make_case(
     p = switch_on(background(rng, load + load_error, spread=spread), effects, sizes)
     start = settled(p, seconds=2.0)
     # A loop that holds 30 deg during the pre-history leaves nearly the same pressures.
-    held = plant.initial(30.0, _mean_bar(start, p), p)
+    mean = sum(plant.gauge(start, p)) / 2e5
+    held = plant.initial(30.0, (mean, mean), p)
     if p["supply_volume"] > 0.0:
         i = plant.INDEX["reservoir"]
         held[i] = start[i]
@@ -105,8 +106,3 @@ def make_case(
     }
     (folder / "truth.json").write_text(json.dumps(truth, indent=1))
     return folder
-
-
-def _mean_bar(state: NDArray[np.float64], p: dict[str, float]) -> tuple[float, float]:
-    mean = sum(plant.gauge(state, p)) / 2e5
-    return mean, mean

@@ -83,11 +83,6 @@ def _goes_on(recording: Recording, name: str, bad: npt.NDArray[np.bool_]) -> boo
     return any(np.ptp(v[first:]) > 0.5 * np.ptp(v[:first]) > 0 for v in others)
 
 
-def _at_its_end(values: Vector) -> bool:
-    """Tell whether a signal stands at its largest or smallest value, as a clipped one does."""
-    return bool(values[-1] in (values.max(), values.min()))
-
-
 @check("stuck samples", 50, fix="check the converter and the sampling, and record again")
 def check_stuck(recording: Recording, expected: Expected) -> Finding:
     """Check for frozen measurements; bridge them and exclude them from judgement.
@@ -99,7 +94,10 @@ def check_stuck(recording: Recording, expected: Expected) -> Finding:
     changed = recording
     for name in recording.measurements:
         bad, sure = (mask & recording.valid(name) for mask in stuck_samples(recording[name]))
-        if bad[-1] and not _at_its_end(recording[name]) and _goes_on(recording, name, bad):
+        values = recording[name]
+        # One that stands at its largest or smallest value may be clipped.
+        inside = values.min() < values[-1] < values.max()
+        if bad[-1] and inside and _goes_on(recording, name, bad):
             sure[runs(bad)[-1][0] :] = True  # it never comes back
         if not bad.any():
             continue

@@ -15,15 +15,7 @@ from workbench.model.units import convert, of_difference, with_unit
 from workbench.reports.figure import Figure
 from workbench.reports.figures.study_traces import nominal_runs, output_of, shown, vector, written
 from workbench.reports.pictures import Picture
-from workbench.reports.style import (
-    INK,
-    REFERENCE,
-    colours,
-    key,
-    label,
-    named_line,
-    new_figure,
-)
+from workbench.reports.style import INK, REFERENCE, colours, key, label, named_line, new_figure
 from workbench.study.result import StudyResult
 from workbench.study.study import Study
 from workbench.study.tasks import Record
