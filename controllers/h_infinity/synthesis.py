@@ -228,9 +228,7 @@ def generalised_plant(plant: System, weights: Weights) -> System:
     return whole, entries, outputs, direct
 
 
-def closed_loop_norm(
-    plant: System, weights: Weights, controller: System, *, points: int = 600
-) -> float:
+def closed_loop_norm(plant: System, weights: Weights, controller: System) -> float:
     """Compute the norm from (n, d) to (z1, z2, z3), a ratio, on a grid; infinite if not stable."""
     A, B, C, D = generalised_plant(plant, weights)
     a, b, c, d = controller
@@ -243,7 +241,7 @@ def closed_loop_norm(
     entry = np.vstack([Bw + Bu @ d @ Dyw, b @ Dyw])
     out = np.hstack([Cz + Dzu @ d @ Cy, Dzu @ c])
     direct = Dzw + Dzu @ d @ Dyw
-    omega = weights.speed * np.geomspace(1e-4, 1e3, points)
+    omega = weights.speed * np.geomspace(1e-4, 1e3, 600)
     response = transfer_function(closed, entry, out, direct, 1j * omega)
     return float(np.linalg.norm(response, ord=2, axis=(1, 2)).max())
 

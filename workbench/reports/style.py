@@ -160,7 +160,7 @@ def _dress(axes: Axes) -> None:
     axes.margins(x=0)
 
 
-def label(axes: Axes, *, x: str | None = None, y: str | None = None, title: str = "") -> None:
+def label(axes: Axes, *, x: str | None = None, y: str | None = None) -> None:
     """Write the labels of a panel, with their units; a ratio has none.
 
     What is drawn over a ``time in s`` of hours or days is labelled in those.
@@ -177,8 +177,6 @@ def label(axes: Axes, *, x: str | None = None, y: str | None = None, title: str 
             axes.ticklabel_format(axis="x", scilimits=(-3, 5), useMathText=True)
     if y is not None:
         axes.set_ylabel(_broken(y, axes), fontsize=FONT_POINTS, color=INK.light)
-    if title:
-        axes.set_title(title, fontsize=FONT_POINTS, color=INK.light, loc="left")
 
 
 def time_ticks(axes: Axes) -> str:

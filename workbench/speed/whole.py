@@ -192,9 +192,11 @@ def demonstration(place: Path) -> Figure:
     return Figure("demonstration, nothing built", ran.wall, "s", 60, False, ran.words(60))
 
 
-def study_file(place: Path, *, draws: int, angles: Sequence[int] = (10, 20, 30, 40, 50)) -> Path:
-    """Write a study of three controllers at some angles on drawn plants."""
-    text = template("workbench.speed", "draws.toml").render(angles=angles, draws=draws)
+def study_file(place: Path, *, draws: int) -> Path:
+    """Write a study of three controllers at five angles on drawn plants."""
+    text = template("workbench.speed", "draws.toml").render(
+        angles=(10, 20, 30, 40, 50), draws=draws
+    )
     path = place / f"draws-{draws}.toml"
     path.write_text(text, encoding="utf-8")
     return path

@@ -71,10 +71,10 @@ def parallel(calls: Sequence[Call[T]], *, jobs: int = 1, dask: str | None = None
             ) from None
 
 
-def in_order(calls: Sequence[Call[T]], *, jobs: int = 1, dask: str | None = None) -> list[T]:
+def in_order(calls: Sequence[Call[T]], *, jobs: int = 1) -> list[T]:
     """Return the results of calls in their order, however `parallel` shared them."""
     numbered: list[Call[tuple[int, T]]] = [(_numbered, (i, *call)) for i, call in enumerate(calls)]
-    found = dict(parallel(numbered, jobs=jobs, dask=dask))
+    found = dict(parallel(numbered, jobs=jobs))
     return [found[i] for i in range(len(calls))]
 
 
