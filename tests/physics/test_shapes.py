@@ -43,6 +43,30 @@ def test_parameters_bend_over_what_is_measured_and_is_no_law_of_its_own() -> Non
     assert "parameter_curve_resistance_over_gap" in found
 
 
+def test_a_parameter_bends_over_an_input_where_a_sensor_reads_their_product() -> None:
+    stack = Model(
+        "stack",
+        lambda m: (
+            {"loss": (0.05 * m.u.current - m.x.loss) / m.p.tau},
+            {"voltage": 1.0 - m.x.loss - m.p.resistance * m.u.current},
+        ),
+        states=(State("loss", "V"),),
+        inputs=(Input("current", "A", lower=0.0, upper=50.0),),
+        outputs=(Output("voltage", "V"),),
+        parameters=(
+            Parameter("tau", "s", value=0.3, lower=0.1, upper=1.0, fitted=True),
+            Parameter("resistance", "ohm", value=2e-3, lower=0.0, upper=0.1, fitted=True),
+        ),
+    )
+    found = {h.name: h for h in parameter_curve.hypotheses(Survey(stack))}
+    assert list(found) == ["parameter_curve_resistance_over_current"]
+    bent = stack.with_effect(found["parameter_curve_resistance_over_current"].at_size(1e-3))
+    # A line over the range of the current: as much more above its middle as less below.
+    lost = [1.0 - float(bent.read([0.0], [i])[0]) for i in (12.5, 25.0, 37.5)]
+    per = np.array(lost) / [12.5, 25.0, 37.5]
+    assert per[2] > per[1] > per[0] > 0.0
+
+
 @pytest.mark.parametrize("lower", [0.0, -1.0])
 def test_a_parameter_that_is_never_negative_falls_towards_zero(lower: float) -> None:
     choke = Model(

@@ -570,21 +570,26 @@ class Survey:
         return self._sampled(ca.jacobian(ca.vertcat(t.rates, t.outputs), t.p[k]))
 
     def may_bend_over(self, q: Parameter, places: Sequence[Place]) -> tuple[Local, ...]:
-        """Return the measured states over which a parameter at some ports may change.
+        """Return the measured states and inputs over which a parameter at some ports may change.
 
-        Not those that its term is a function of, and of nothing else: a curve over them is a law
-        of its own.
+        Not states that its term is a function of, and of nothing else: a curve over them is a law
+        of its own. Of the inputs those that it is a factor of in what a sensor reads, where no
+        other law is a curve over them: a resistance over its current.
         """
         t, names = self.trace, [s.name for s in self.model.states]
         k = [p.name for p in self.model.parameters].index(q.name)
         ports = [port.name for port in t.ports]
+        slopes = [ca.jacobian(self._port_value(ports.index(at.name)), t.p[k]) for at in places]
         found = []
         for name in dict.fromkeys(self._measured.values()):
             other = [t.x[i] for i, n in enumerate(names) if n != name]
             rest = ca.vertcat(*other, t.u)
-            slopes = [ca.jacobian(self._port_value(ports.index(at.name)), t.p[k]) for at in places]
             if "." not in name and any(ca.depends_on(s, rest) for s in slopes):
                 found.append(self._of(name))
+        read = any(at.output for at in places)
+        for i, u in enumerate(self.model.inputs):
+            if read and any(ca.depends_on(s, t.u[i]) for s in slopes):
+                found.append(self._of(u.name))
         return tuple(found)
 
     @cached_property
