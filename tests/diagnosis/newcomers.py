@@ -6,6 +6,7 @@ plain numbers, and read with noise.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import lru_cache
 
@@ -658,3 +659,70 @@ def turned(
             Signal("load", load, "rad"),
         ),
     )
+
+
+def stage() -> Model:
+    """A spring-guided stage on a voice coil, of which nobody declares sizes or ports."""
+
+    def equations(m: Scope) -> Equations:
+        force = m.p.force * m.u.current - m.p.damping * m.x.speed - m.p.stiffness * m.x.position
+        return (
+            {"position": m.x.speed, "speed": force / m.p.mass},
+            {"position": m.x.position},
+        )
+
+    return Model(
+        "stage",
+        equations,
+        states=(State("position", "m", 1e-3), State("speed", "m/s", 0.1)),
+        inputs=(Input("current", "A", lower=-3.0, upper=3.0),),
+        outputs=(Output("position", "m"),),
+        parameters=(
+            Parameter("mass", "kg", value=0.4),
+            Parameter("damping", "N s/m", value=4.0, lower=0.2, upper=60.0, fitted=True),
+            Parameter("stiffness", "N/m", value=1500.0, lower=200.0, upper=2e4, fitted=True),
+            Parameter("force", "N/A", value=7.0, lower=1.0, upper=40.0, fitted=True),
+        ),
+    )
+
+
+def guided(
+    seed: int, *, most: float = np.inf, cubic: float = 0.0, dry: float = 0.0, lag: float = 0.0
+) -> Recording:
+    """Two and a half seconds of a stage: 8 N/A, 3 N s/m, 1800 N/m.
+
+    Args:
+        most: Current that the amplifier gives at the most, in A.
+        cubic: Cubic stiffness, in N/m3.
+        dry: Dry friction, in N.
+        lag: Time constant of the sensor, in s.
+    """
+    rng = np.random.default_rng(seed)
+    step, count = 5e-4, 5000
+    time = step * np.arange(count)
+    tones = [np.sin(2 * np.pi * f * time + rng.uniform(0.0, 6.28)) for f in np.linspace(1, 40, 12)]
+    current = 0.55 * np.sum(tones, axis=0)
+    read, parts = np.zeros(count), 40
+    h, (x, v, memory) = step / parts, (0.0, 0.0, 0.0)
+
+    def rates(x: float, v: float, memory: float, u: float) -> tuple[float, float, float]:
+        force = 8.0 * u - 3.0 * v - 1800.0 * x - cubic * x**3 - dry * math.tanh(v / 5e-4)
+        return v, force / 0.4, (x - memory) / lag if lag else 0.0
+
+    # Friction that turns over within 0.2 ms asks for steps that are shorter than that.
+    for i, u in enumerate(np.clip(current, -most, most).tolist()):
+        read[i] = memory if lag else x
+        for _ in range(parts):
+            k1 = rates(x, v, memory, u)
+            k2 = rates(*(a + 0.5 * h * k for a, k in zip((x, v, memory), k1, strict=True)), u)
+            k3 = rates(*(a + 0.5 * h * k for a, k in zip((x, v, memory), k2, strict=True)), u)
+            k4 = rates(*(a + h * k for a, k in zip((x, v, memory), k3, strict=True)), u)
+            x, v, memory = (
+                a + h / 6.0 * (p + 2.0 * q + 2.0 * r + s)
+                for a, p, q, r, s in zip((x, v, memory), k1, k2, k3, k4, strict=True)
+            )
+    signals = (
+        Signal("current", current, "A", role="command"),
+        Signal("position", read + 2e-6 * rng.normal(size=count), "m"),
+    )
+    return Recording(f"stage {seed}", time, signals)

@@ -17,6 +17,7 @@ from tests.diagnosis.newcomers import (
     drivetrain,
     epidemic,
     fallen_ill,
+    guided,
     hardening,
     hysteretic,
     levels,
@@ -30,6 +31,7 @@ from tests.diagnosis.newcomers import (
     ringing,
     rubbed,
     rubbing,
+    stage,
     swing,
     swinging_out,
     transport,
@@ -276,6 +278,33 @@ def test_what_changes_at_a_time_is_followed_to_its_instant(monkeypatch: pytest.M
     assert finding.effect == "parameter_jump_contact" and finding.belief == "sure"
     assert finding.parameters["time"].value == pytest.approx(40 * DAY, abs=0.2 * DAY)
     assert finding.parameters["amount"].value == pytest.approx(-0.154 / DAY, rel=0.01)
+
+
+@pytest.mark.parametrize("most", [np.inf, 3.0])
+def test_the_data_say_whether_an_input_is_clipped_to_its_range(most: float) -> None:
+    recording = guided(1, most=most)
+    assert np.abs(recording["current"]).max() > 3.3
+    model, _ = with_undeclared(stage(), [recording])
+    (current,) = model.inputs
+    assert (current.upper > 3.3) == (current.lower < -3.3) == (most > 3.0)
+    seen = observe(model, recording)
+    assert np.abs(seen.inputs).max() == pytest.approx(min(most, np.abs(recording["current"]).max()))
+
+
+@pytest.mark.long
+def test_three_effects_of_which_two_spoil_free_runs_are_found_together(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    only(monkeypatch, "cubic_stiffness", "coulomb_friction", "sensor_lag", "sensor_delay")
+    runs = [guided(seed, cubic=6e7, dry=0.9, lag=3e-3) for seed in (1, 2)]
+    model, _ = with_undeclared(stage(), runs)
+    *_, found = stages(model, runs[:1], runs[1:], jobs=1, advise=False)
+    assert found.verdict is not None
+    sizes = {f.effect: [v.value for v in f.parameters.values()] for f in found.verdict.findings}
+    assert sizes["cubic_stiffness"] == pytest.approx([6e7 / 0.4], rel=0.02)
+    assert sizes["sensor_lag_position"] == pytest.approx([3e-3], rel=0.02)
+    assert sizes["coulomb_friction"] == pytest.approx([0.9 / 0.4], rel=0.02)
+    assert all(f.belief == "sure" for f in found.verdict.findings)
 
 
 def test_what_is_left_out_is_correlated_over_the_pace_of_the_machine() -> None:

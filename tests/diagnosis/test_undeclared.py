@@ -30,7 +30,7 @@ def test_steps_coarser_than_declared_count_as_noise() -> None:
     assert row["result"] == "corrected" and "steps of 0.02 m" in row["note"]
 
 
-def test_a_problem_of_files_says_what_its_recordings_lack_and_what_is_clipped(
+def test_a_problem_of_files_says_what_its_recordings_lack_and_what_leaves_its_range(
     tmp_path: Path,
 ) -> None:
     plant = oscillator()
@@ -50,8 +50,8 @@ def test_a_problem_of_files_says_what_its_recordings_lack_and_what_is_clipped(
         np.savetxt(tmp_path / f"{name}.csv", columns, "%.6g", ",", header=header, comments="")
     notes = problem_of_files(plant, [tmp_path / "a.csv"], [tmp_path / "b.csv"]).notes
     assert [note for note in notes if "clipped" in note] == [
-        "b: drive runs from -0.8 to 0.8 N, the plant declares -0.5 to inf: the model gets it"
-        " clipped, as an actuator would; declare lower and upper wider if nothing clips it"
+        "b: drive runs from -0.8 to 0.8 N, the plant declares -0.5 to inf: no measurement shows it"
+        " clipped, so the range is taken as wide"
     ]
     (missing,) = (note for note in notes if "no column is called acceleration" in note)
     assert "'acc z [g]'" in missing

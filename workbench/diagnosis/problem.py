@@ -117,12 +117,14 @@ def problem_of_files(
             dict.fromkeys([n for n in inputs if n in recording], "command")
         )
     read = dict(zip(read, at_one_pace(list(read.values())), strict=True))
-    ranges = {q.name: (q.lower, q.upper) for q in model.inputs}
+    declared = model
+    model, notes = with_undeclared(model, list(read.values()))
     said = [note for recording in read.values() for note in recording.notes]
     for recording in read.values():
-        clipped = (beyond_range(recording.signal(name), *ranges[name]) for name in ranges)
-        said += [f"{recording.name}: {note}" for note in clipped if note]
-    model, notes = with_undeclared(model, list(read.values()))
+        for q, taken in zip(declared.inputs, model.inputs, strict=True):
+            clipped = (q.lower, q.upper) == (taken.lower, taken.upper)
+            note = beyond_range(recording.signal(q.name), q.lower, q.upper, clipped=clipped)
+            said += [f"{recording.name}: {note}"] if note else []
     return Problem(
         name=", ".join(names[path] for path in fit),
         title=model.description or model.name,

@@ -18,6 +18,7 @@ from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import likely_scale
 from workbench.diagnosis.estimation.start import fit_with_likely_starts
 from workbench.diagnosis.estimation.windows import settled, windowed_run
+from workbench.diagnosis.selection.rules import SAME
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
 from workbench.model.traits import LEFT_OUT
@@ -25,6 +26,7 @@ from workbench.model.units import from_si, of_difference, with_unit
 from workbench.recordings.checks.expected import reached
 from workbench.recordings.checks.noise import usual_rms, white_rms
 from workbench.recordings.checks.quantisation import recorded_quantum
+from workbench.recordings.checks.units import beyond_range
 from workbench.recordings.recording import Recording
 from workbench.simulation import simulate
 
@@ -78,10 +80,14 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
     is clearly less, as an input shakes the plant from sample to sample, or where it is white. Of a
     plant that declares no disturbance at any port, a fraction of the signal along the recordings
     may be left out at each port that acts on a rate (`LEFT_OUT`). Inputs of which it says nothing
-    go as far as they were recorded.
+    go as far as they were recorded, and so do those that leave their range, unless the measurements do not follow.
     """
     model = model.sized_by(reached(model, recordings))
     told, sizes = _with_data(model, recordings)
+    wider = _wider(told, recordings)
+    if wider is not told:
+        model = replace(model, inputs=wider.inputs)
+        told, sizes = _with_data(model, recordings)
     undeclared = [q for q, own in zip(told.outputs, model.outputs, strict=True) if q != own]
     if undeclared:
         noise = _unforetold(told, recordings, [q.name for q in undeclared])
@@ -104,6 +110,32 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
             + ", ".join(f"{n} {LEFT_OUT * s:.2g}" for n, s in sizes.items())
         )
     return told, tuple(notes)
+
+
+def _wider(model: Model, recordings: Sequence[Recording]) -> Model:
+    """Widen the ranges of inputs that were recorded beyond them, unless that is less likely.
+
+    That an actuator clips what it gets is found as a law; that it does not is not.
+    """
+    inputs = []
+    for q in model.inputs:
+        seen = [r.signal(q.name) for r in recordings if q.name in r]
+        if any(beyond_range(signal, q.lower, q.upper) for signal in seen):
+            least, most = (f(f(s.values) for s in seen) for f in (min, max))
+            inputs.append(replace(q, lower=min(q.lower, least), upper=max(q.upper, most)))
+        else:
+            inputs.append(q)
+    wider = replace(model, inputs=tuple(inputs))
+    if wider.inputs == model.inputs:
+        return model
+    costs = []
+    for trial in (model, wider):
+        try:
+            observed = [observe(trial, r) for r in recordings[:_FEW]]
+            costs.append(fit_with_likely_starts(trial, observed, default_priors(trial))[0].cost)
+        except (WorkbenchError, np.linalg.LinAlgError):
+            return wider
+    return model if costs[0] < costs[1] - SAME.value else wider
 
 
 def _unforetold(

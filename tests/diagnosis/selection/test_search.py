@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from tests.diagnosis.example_diagnosis import example_diagnosis
 from workbench.diagnosis.selection.rules import (
+    FREE_RUN,
     HELD_OUT,
     LEAST_PREDICTED,
     LEAST_SHARE,
@@ -44,7 +45,7 @@ def test_only_what_gains_where_it_was_not_fitted_opens_a_pair() -> None:
     assert given.selected is not None
     candidate = given.selected.accepted[0].candidate
     asked = Limits(penalty=0.5 * min(candidate.gain, candidate.held_out[0]))
-    for rule in (SHARE.name, HELD_OUT.name):
+    for rule in (SHARE.name, HELD_OUT.name, FREE_RUN):
         refused = replace(candidate, refused="too little", rule=rule)
         assert _openings([refused, refused], asked) == [refused]
         assert _openings([replace(refused, held_out=(0.0, -1.0, 1.0))], asked) == []

@@ -27,8 +27,8 @@ many samples at least, for a machine that is recorded slowly is as good as at re
 def observe(model: Model, recording: Recording) -> Observed:
     """Bring a recording into the shape that the filter of a model needs.
 
-    Noise follows from the sensors' data; states that the first measurements determine start there,
-    the others where the model starts.
+    Inputs are clipped to their ranges. Noise follows from the sensors' data; states that the first
+    measurements determine start there, the others where the model starts.
 
     Raises:
         WorkbenchError: If an input is missing, no output was recorded, or the time is not uniform.
@@ -62,6 +62,7 @@ def observe(model: Model, recording: Recording) -> Observed:
     for column, quantity in enumerate(outputs):
         read[~recording.valid(quantity.name), column] = np.nan
     inputs = recording.matrix([q.name for q in model.inputs])
+    inputs = np.clip(inputs, [q.lower for q in model.inputs], [q.upper for q in model.inputs])
     start, start_rms = _start(model, inputs[0], read, [q.name for q in outputs], noise)
     return Observed(
         recording.name,

@@ -267,6 +267,8 @@ class _Totals:
         self.begins: list[Vector] = []
         self.shown: list[Vector] = []
 
+    # Derivatives of a law beyond the range of numbers leave it without a score, and no other.
+    @np.errstate(over="ignore", invalid="ignore")
     def add(self, parts: Sequence[Innovations]) -> None:
         errors = np.nan_to_num(parts[0].whitened)
         # At size zero all filters predict the same; the free parameters stand in each of them.
@@ -283,6 +285,7 @@ class _Totals:
         self.shown.append(summed_over_blocks(np.einsum("kyf,kyf->kf", own, own)))
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def _scores(
     totals: _Totals, variants: Sequence[_Variant], scale: Vector, std: Vector, noise_scale: float
 ) -> Scores:

@@ -13,9 +13,11 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import Observed, substeps_along
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import (
@@ -33,6 +35,7 @@ from workbench.diagnosis.estimation.process_noise import (
 from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import (
+    RunErrors,
     explained,
     held_out_errors,
     judged_run,
@@ -117,6 +120,9 @@ _STIFF = 5
 _BUDGET = 6000
 """Work that laws beyond the best scores may take together: each costs the square of the number of
 states times that of free parameters. A plant of two states has room for all, the arm for nine."""
+
+
+_TOGETHER = "only together with another effect"
 
 
 @dataclass(frozen=True)
@@ -349,6 +355,7 @@ def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
     if len(state.accepted) > 1:
         task.say("leaving out one effect at a time")
         state = _left_out(task, state, max(state.penalty, LEAST_OF_ALL.value * scored.excess))
+    share = math.nan
     while state.accepted:
         task.say("running the improved model freely on the held-out recordings")
         state, share = run_freely(task, state)
@@ -373,10 +380,8 @@ def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
             free=without[1],
         )
     if state.accepted or not state.began:
-        # What is told is the fit with all that was found.
-        accepted = tuple(
-            a._replace(candidate=doubted_in(a.candidate, state.extended)) for a in state.accepted
-        )
+        together = len(state.accepted) > 1 and share >= LEAST_SHOWN.value
+        accepted = tuple(_told(a, state.extended, together=together) for a in state.accepted)
         return replace(state, accepted=accepted, finished=True)
     failed = (*state.failed, state.began)
     if len(failed) == MOST_SEARCHES:
@@ -552,67 +557,134 @@ def _with_candidate(task: Task, state: Selected, found: Candidate, beside: Round
 
 
 def _with_pair(task: Task, state: Selected, limits: Limits) -> Selected:
-    """Add two effects of which neither passes alone, but both together do.
+    """Add effects of which none passes alone, but two or three together do.
 
-    Two laws may hide each other: with the wrong outflow a tank never reaches its brim. What gains
-    much alone, and is refused only because it does not explain enough or not everywhere, opens; the
-    second is searched for beside it; the two are judged as one.
+    Laws may hide each other: with the wrong outflow a tank never reaches its brim, and a spring
+    that hardens swings too far without the friction. What gains much alone, and is refused only
+    because it does not explain enough or not everywhere, or spoils free runs, opens; the others are
+    searched for beside it; all are judged as one.
     """
     current, round_ = state.extended, state.rounds[-1]
     complete = limits.near_noise or current.noise_scale <= IMPERFECT.value
     if complete or len(state.rounds) >= MOST_FINDINGS:
         return state
-    openings = _openings(round_.candidates, limits)
+    openings = _openings(round_.candidates, limits, beside=bool(state.accepted))
     if not openings or not _most_is_left(task, state):
         return state
-    before = blocks_of_cost(current, task.started(task.judging, current.model))
-    without = run_errors(task.closest(current), task.nominal, task.judging)
-    twice = replace(limits, penalty=2.0 * limits.penalty)
-    best: Selected | None = None
+    alone = _Alone(
+        current,
+        blocks_of_cost(current, task.started(task.judging, current.model)),
+        run_errors(task.closest(current), task.nominal, task.judging),
+        limits,
+    )
+    found = []
     for opening in openings:
-        told = f"only together with another effect: {opening.refused}"
-        first = replace(opening, refused="", rule="", doubts=(told,))
-        begun = _with_candidate(task, state, first, round_)
-        model = begun.extended.model
-        task.say(f"searching for what {first.name} hides")
-        scores = score_library(
-            model,
-            task.started(task.fitting, model),
-            begun.free,
-            task.tried(model),
-            noise_scale=begun.extended.noise_scale,
-        )
-        chosen, _ = _to_refit(task, scores, _MOST_AGAIN, model, quiet=False)
-        try:
-            seconds = _refits(task, begun.extended, begun.free, chosen, limits)
-        except NumericalError:
-            # What opens the pair cannot be followed along the held-out recordings.
-            continue
-        pairs = tuple(
-            replace(
-                c,
-                gain=current.cost - c.fit.cost,
-                held_out=gain_interval(before, c.blocks[1]),
-                refused="",
-                rule="",
-                doubts=(),
-            )
-            for c in seconds
-            if c.followed and c.fit and len(c.blocks) > 1 and c.gain >= limits.penalty
-        )
-        state = _remembered(task, state, seconds)
-        found = next((c for c in decided(pairs, without, twice) if not c.refused), None)
-        if found is None or found.fit is None:
-            continue
-        if best is None or found.fit.cost < best.extended.cost:
-            kept = tuple(first if c is opening else c for c in round_.candidates)
-            rounds = (*state.rounds[:-1], Round(round_.scores, kept), Round(scores, seconds))
-            best = _with_candidate(task, replace(begun, rounds=rounds), found, Round(scores, pairs))
-    if best is None:
+        first = _only_together(opening)
+        kept = tuple(first if c is opening else c for c in round_.candidates)
+        rounds = (*state.rounds[:-1], Round(round_.scores, kept))
+        begun = _with_candidate(task, replace(state, rounds=rounds), first, round_)
+        state, both = _completed(task, state, begun, alone)
+        found += [both] if both else []
+    if not found:
         return state
-    best = replace(best, compared=state.compared)
-    task.say("found " + " and ".join(a.candidate.name for a in best.accepted[-2:]))
+    best = replace(min(found, key=lambda s: s.extended.cost), compared=state.compared)
+    new = best.accepted[len(state.accepted) :]
+    task.say("found " + " and ".join(a.candidate.name for a in new))
     return best
+
+
+class _Alone(NamedTuple):
+    """The model without the effects that are searched for together, and what is asked of them.
+
+    Args:
+        blocks: Its cost on the held-out recordings by block of time, shape (n_blocks,).
+        runs: Errors of its free runs on them.
+        limits: What is asked of a single one.
+    """
+
+    fit: ProcessNoiseFit
+    blocks: Vector
+    runs: RunErrors
+    limits: Limits
+
+
+def _only_together(candidate: Candidate) -> Candidate:
+    told = f"{_TOGETHER}: {candidate.refused}"
+    return replace(candidate, refused="", rule="", doubts=(told,))
+
+
+def _told(found: Accepted, fit: ProcessNoiseFit, *, together: bool) -> Accepted:
+    """Doubt an effect as it is in the fit that is told.
+
+    Args:
+        together: Whether all that was found takes most of the error of free runs: what one of them
+            lacks without the others is then no doubt.
+    """
+    candidate = doubted_in(found.candidate, fit)
+    if together and any(d.startswith(_TOGETHER) for d in candidate.doubts):
+        left = tuple(d for d in candidate.doubts if not d.startswith(_TOGETHER))
+        candidate = replace(candidate, doubts=left)
+    return found._replace(candidate=candidate)
+
+
+def _completed(
+    task: Task, state: Selected, begun: Selected, alone: _Alone
+) -> tuple[Selected, Selected | None]:
+    """Search for what completes effects that do not pass yet; all are judged as one.
+
+    Args:
+        state: The search, which remembers what was compared.
+        begun: The search with these effects added.
+
+    Returns:
+        The search, and the one with all that completes them; None if nothing does.
+    """
+    model = begun.extended.model
+    task.say(f"searching for what {begun.accepted[-1].candidate.name} hides")
+    scores = score_library(
+        model,
+        task.started(task.fitting, model),
+        begun.free,
+        task.tried(model),
+        noise_scale=begun.extended.noise_scale,
+    )
+    chosen, _ = _to_refit(task, scores, _MOST_AGAIN, model, quiet=False)
+    try:
+        refitted = _refits(task, begun.extended, begun.free, chosen, alone.limits)
+    except NumericalError:
+        # What begins cannot be followed along the held-out recordings.
+        return state, None
+    state = _remembered(task, state, refitted)
+    together = tuple(
+        replace(
+            c,
+            gain=alone.fit.cost - c.fit.cost,
+            held_out=gain_interval(alone.blocks, c.blocks[1]),
+            refused="",
+            rule="",
+            doubts=(),
+        )
+        for c in refitted
+        if c.followed and c.fit and len(c.blocks) > 1 and c.gain >= alone.limits.penalty
+    )
+    count = len(begun.accepted) - len(state.accepted) + 1
+    limits = replace(alone.limits, penalty=count * alone.limits.penalty)
+    judged = decided(together, alone.runs, limits)
+    begun = replace(begun, rounds=(*begun.rounds, Round(scores, refitted)))
+    beside = Round(scores, judged)
+    found = next((c for c in judged if not c.refused), None)
+    best = _with_candidate(task, begun, found, beside) if found and found.fit else None
+    # What is far likelier but spoils the runs may hide a third.
+    least = alone.limits.penalty + (found.gain if found else 0.0)
+    hiding = [c for c in judged if c.rule == FREE_RUN and c.gain > least]
+    hiding = [c for c in hiding if not found or c.held_out[0] > found.held_out[0]]
+    if hiding and len(begun.accepted) + 1 < MOST_FINDINGS:
+        likeliest = _only_together(max(hiding, key=lambda c: c.gain))
+        further = _with_candidate(task, begun, likeliest, beside)
+        state, more = _completed(task, state, further, alone)
+        if more and (best is None or more.extended.cost < best.extended.cost):
+            best = more
+    return state, best
 
 
 def _most_is_left(task: Task, state: Selected) -> bool:
@@ -620,15 +692,20 @@ def _most_is_left(task: Task, state: Selected) -> bool:
     return not state.accepted or run_freely(task, state)[1] <= 1.0 - LEAST_LEFT.value
 
 
-def _openings(candidates: Sequence[Candidate], limits: Limits) -> list[Candidate]:
+def _openings(
+    candidates: Sequence[Candidate], limits: Limits, *, beside: bool = False
+) -> list[Candidate]:
     """Return what may open a pair: what gains much, each with another explanation.
 
-    What a sensor does is not: it colours the noise, and so predicts the next sample of anything.
+    What a sensor does colours the noise, and so predicts the next sample of anything: it opens only
+    beside what was found, and if it explains enough of the rest.
     """
     found: list[Candidate] = []
     for c in candidates:
         worthy = c.followed and min(c.gain, c.held_out[0]) >= limits.penalty
-        if not worthy or is_sensor(c) or c.rule not in (SHARE.name, HELD_OUT.name):
+        if not worthy or c.rule not in (SHARE.name, HELD_OUT.name, FREE_RUN):
+            continue
+        if is_sensor(c) and not (beside and c.gain >= limits.least_gain):
             continue
         if len(found) < _OPENINGS and all(told_apart(c.blocks, o.blocks) for o in found):
             found.append(c)

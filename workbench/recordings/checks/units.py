@@ -97,11 +97,15 @@ def _suspicion(signal: Signal, stated: str, low: float, high: float) -> str:
     return ""
 
 
-def beyond_range(signal: Signal, low: float, high: float) -> str:
+def beyond_range(signal: Signal, low: float, high: float, *, clipped: bool = True) -> str:
     """Say that a command leaves the range of its input, in SI; empty if it does not.
 
-    A free run clips an input to its range: what the machine got and the model does not would look
-    like missing physics. A hundredth of the travel is the converter's or the noise's.
+    A hundredth of the travel is the converter's or the noise's.
+
+    Args:
+        low: Lower end of the range, in SI.
+        high: Its upper end, in SI.
+        clipped: Whether the model clips it to its range, or was found to do better without.
     """
     margin = 0.01 * np.ptp(signal.values)
     out = (signal.values < low - margin) | (signal.values > high + margin)
@@ -109,10 +113,15 @@ def beyond_range(signal: Signal, low: float, high: float) -> str:
         return ""
     unit = signal.display_unit or signal.unit
     ends = signal.displayed([signal.values.min(), signal.values.max(), low, high])
-    return (
+    said = (
         f"{signal.name} runs from {ends[0]:.4g} to {ends[1]:.4g} {unit}, the plant declares"
-        f" {ends[2]:.4g} to {ends[3]:.4g}: the model gets it clipped, as an actuator would; declare"
-        " lower and upper wider if nothing clips it"
+        f" {ends[2]:.4g} to {ends[3]:.4g}: "
+    )
+    if not clipped:
+        return f"{said}no measurement shows it clipped, so the range is taken as wide"
+    return (
+        f"{said}the model gets it clipped, as an actuator would; declare lower and upper wider if"
+        " nothing clips it"
     )
 
 
