@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.model.test_sizes import crane
 from workbench.errors import WorkbenchError
 from workbench.model import Input, Model, Output, Parameter, State
 from workbench.physics.friction import coulomb_friction, viscous_friction
@@ -220,6 +221,12 @@ def aircraft(shared: float) -> Model:
             Parameter("damping", "1/s", value=1.2, lower=0.0, upper=5.0, fitted=True),
         ),
     )
+
+
+def test_a_pull_that_a_rope_passes_on_is_no_push_between_two_bodies() -> None:
+    # The trolley of a crane, and the hoist, both have a speed in m/s.
+    place = Survey(crane()).place("drive.command")
+    assert (place.speed.source, place.speed.minus) == ("speed", "")
 
 
 def test_a_place_that_a_speed_adds_to_may_be_carried_off_as_well() -> None:

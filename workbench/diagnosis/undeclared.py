@@ -80,7 +80,8 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
     is clearly less, as an input shakes the plant from sample to sample, or where it is white. Of a
     plant that declares no disturbance at any port, a fraction of the signal along the recordings
     may be left out at each port that acts on a rate (`LEFT_OUT`). Inputs of which it says nothing
-    go as far as they were recorded, and so do those that leave their range, unless the measurements do not follow.
+    go as far as they were recorded, and so do those that leave their range, unless the measurements
+    do not follow.
     """
     model = model.sized_by(reached(model, recordings))
     told, sizes = _with_data(model, recordings)

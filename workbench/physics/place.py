@@ -40,6 +40,9 @@ FLOWS = ("flow", "heat", "current")
 COORDINATES = {"N m": "rad", "N": "m", "V": "A s", "m/s2": "m", "rad/s2": "rad"}
 """Unit of what an effort moves, where the model does not tell."""
 
+_STEADY = 0.2
+"""Part of its middle by which a push on a body may change with where the plant is, to be one."""
+
 _VISIBLE = 0.02
 """Part of a port's scale that a parameter must bring in to be offered a change with time."""
 
@@ -417,8 +420,12 @@ class Survey:
         raised = self._raised(index)
         at = [q.name for q in self.model.states]
         for name in moved[1:]:
-            pair = [np.nanmedian(raised[:, at.index(n)]) for n in (moved[0], name)]
-            if self._known[name].unit == first.unit and pair[0] * pair[1] < 0.0:
+            columns = raised[:, [at.index(moved[0]), at.index(name)]]
+            pair = np.nanmedian(columns, axis=0)
+            # What pushes one body off another does so wherever they are: a rope that hangs askew
+            # passes a pull on to one side or the other.
+            steady = np.all(np.nanmax(np.abs(columns - pair), axis=0) < _STEADY * np.abs(pair))
+            if steady and self._known[name].unit == first.unit and pair[0] * pair[1] < 0.0:
                 ahead, behind = (name, moved[0]) if pair[0] < 0.0 else (moved[0], name)
                 return self._over(ahead, behind)
         return first
