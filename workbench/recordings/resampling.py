@@ -18,6 +18,9 @@ _DIGITS = 9
 
 _MOSTLY = 0.9
 
+_UNEVEN = 0.5
+"""Spread of the steps, over their mean, beyond which straight lines take away noise that counts."""
+
 _COURSE = 0.2
 """Share of the sampling rate above which a measurement counts as noise when it is moved in time."""
 
@@ -116,6 +119,7 @@ def _held(values: Vector, time: Vector, times: Vector) -> Vector:
     last = np.append(np.searchsorted(time, times[1:] - slack, side="left") - 1, index[-1])
     changes = np.concatenate([[0], np.cumsum(values[1:] != values[:-1])])
     moved = changes[np.maximum(last, index)] > changes[index]
+    moved &= np.ptp(np.diff(time)) > _UNEVEN * np.mean(np.diff(time))
     area = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(time))])
     past = values[-1] * np.clip(times - time[-1], 0.0, None)
     means = np.diff(np.interp(times, time, area) + past) / np.diff(times)
@@ -127,10 +131,10 @@ def resample(
 ) -> Recording:
     """Return a recording on another time base.
 
-    Commands and references keep their value until the next sample (zero-order hold); where one
-    changes between two instants, its mean between them is taken. Measurements come from the nearest
-    sample, or from straight lines on a finer base; if the new step is more than 1.2 times the old
-    one they are low-passed at 0.4 of the new rate before, so that nothing folds down.
+    Commands and references keep their value until the next sample (zero-order hold), measurements
+    are interpolated by straight lines; of uneven steps a command has its mean between two instants,
+    a measurement comes from the nearest sample. If the new step is more than 1.2 times the old one
+    measurements are low-passed at 0.4 of the new rate before, so that nothing folds down.
 
     Args:
         rate_Hz: Rate of a uniform time base that starts at the first sample.
@@ -148,7 +152,10 @@ def resample(
     _require_increasing(recording, "resampling")
     if (rate_Hz is None) == (times is None):
         raise WorkbenchError("give either rate_Hz or times to resample a recording, not both")
-    old = recording.duration / (len(recording) - 1)
+    old = recording.sample_time
+    uneven = np.ptp(np.diff(recording.time)) > _UNEVEN * old
+    if uneven:
+        old = recording.duration / (len(recording) - 1)
     first, last = float(recording.time[0]), float(recording.time[-1])
     if rate_Hz is not None:
         check_range(
@@ -177,7 +184,7 @@ def resample(
             uniform = _interpolated(signal, recording.time, time)
             source = replace(signal, values=low_pass(uniform, 0.4 * old / new))
         good = np.isfinite(source.values)
-        if source is signal and not signal.zero_order_hold and new > 0.8 * old and good.any():
+        if source is signal and not signal.zero_order_hold and uneven and good.any():
             values = _nearest(source.values[good], time[good], instants)
         else:
             values = _interpolated(source, time, instants)
