@@ -11,14 +11,17 @@ from xml.sax.saxutils import escape
 import pytest
 
 from tests.study.gate import Gate, finished_gate
+from tests.study.small_study import small_study
 from workbench.files import json_text
 from workbench.reports.study_page import study_page
+from workbench.reports.tables import Table
 from workbench.study.annotations import github_annotations
 from workbench.study.baseline import box_changes, read_baseline, write_baseline
 from workbench.study.bless import bless
 from workbench.study.conditions import condition_changes, conditions
 from workbench.study.junit import junit
-from workbench.study.result import StudyResult
+from workbench.study.result import StudyResult, run_study
+from workbench.study.schema import load_study
 from workbench.study.summary import mark_of, plain_summary, summary
 
 NARROW = ("limit = 0.6", "limit = 0.495")
@@ -51,6 +54,19 @@ def test_nominal_variations_box_and_soft_misses_are_in_the_first_line(
     assert "2 of 2 on the variations" in line
     assert "box missed by 1 of 1" in line and "settling time" in line and "of 4 plants" in line
     assert "which only informs" in line and "4 of 4 soft ones missed" in line
+
+
+def test_what_requires_nothing_is_not_said_to_be_met(tmp_path: Path) -> None:
+    study = replace(load_study(small_study(tmp_path)), demands=())
+    outcome = run_study(study, tmp_path / "out")
+    assert outcome.passed and outcome.verdict() == "nothing required"
+    for line in said(outcome).values():
+        assert "no hard requirement declared" in line and "0 of 0" not in line
+    page = study_page(outcome)
+    assert "nothing required" in page.title and not page.marks["met"]
+    cells = [str(c) for b in page.first if isinstance(b, Table) for row in b.rows for c in row]
+    assert "pid" in cells and "0.00" not in cells
+    assert "✅" not in summary(outcome) and "0.00" not in plain_summary(outcome)
 
 
 def test_a_requirement_on_the_box_is_hard_unless_said_otherwise(gate: Gate) -> None:

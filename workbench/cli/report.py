@@ -43,7 +43,7 @@ def report(
             load=3kg.
     """
     from workbench.errors import WorkbenchError, check_choice
-    from workbench.model.units import in_time
+    from workbench.reports.figures.linear_analysis import delay_words
     from workbench.reports.figures.study_traces import point_text
     from workbench.reports.page import write_page
     from workbench.reports.study_files import linear_page
@@ -71,7 +71,7 @@ def report(
         for loop in loops:
             said = loop.reason or (
                 f"disk margin {loop.disk_margin:.2f}, Ms {loop.sensitivity:.2f},"
-                f" Mt {loop.complementary:.2f}, delay margin {in_time(loop.delay_margin)}"
+                f" Mt {loop.complementary:.2f}, {delay_words(loop.delay_margin)}"
             )
             typer.echo(
                 f"{loop.controller:<20} {point_text(chosen, loop.point):<8} {loop.opened:<8} {said}"

@@ -110,14 +110,18 @@ def _scores(outcome: StudyResult) -> Table:
     for s in outcome.scores:
         row: list[Cell | str] = [
             s.controller,
-            score_cell(s.worst),
-            f"{s.mean:.2f}",
+            score_cell(s.worst) if s.judgement else "–",
+            f"{s.mean:.2f}"
+            if any(j.controller == s.controller for j in outcome.judgements)
+            else "–",
             _where(s.judgement),
         ]
         if boxes:
             box = boxes.get(s.controller)
             row.append(score_cell(box.worst_score, capped=True) if box else "–")
         rows.append(tuple(row))
+    if not outcome.judgements:
+        return Table("Scores", tuple(head), tuple(rows), "No requirement is declared: none is met.")
     return Table(
         "Scores",
         tuple(head),

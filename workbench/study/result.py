@@ -143,6 +143,9 @@ class StudyResult(Drawn):
                 groups[variations[j.variation].nominal].append(j)
         nominal, varied = groups[True], groups[False]
         said = [f"{sum(j.met for j in nominal)} of {len(nominal)} hard requirements met nominally"]
+        if not nominal and not varied:
+            declared = any(d.requirement.hard for d in self.study.demands)
+            said = [f"no hard requirement {'applies' if declared else 'declared'}"]
         if varied:
             said.append(f"{sum(j.met for j in varied)} of {len(varied)} on the variations")
         if self.robustness:
@@ -166,8 +169,10 @@ class StudyResult(Drawn):
         return f"box missed by {len(self.box_missed)} of {len(self.robustness)} ({names}){tail}"
 
     def verdict(self) -> str:
-        """Return "passed" or "failed", with what a pass leaves open."""
+        """Return "passed", "failed" or "nothing required", with what a pass leaves open."""
         said = ["passed" if self.passed else "failed"]
+        if self.passed and not self.judgements and self.baseline is None:
+            said = ["nothing required"]
         if self.box_missed:
             said.append("box missed")
         if self.weakened:

@@ -11,7 +11,7 @@ from workbench.errors import WorkbenchError
 from workbench.model.units import from_si, with_unit
 from workbench.study.baseline import IN_BOX, Change
 from workbench.study.grouped import Group, changes_by_plant, missed_by_plant
-from workbench.study.judgements import RUN_FAILED, Judgement, judge_records
+from workbench.study.judgements import RUN_FAILED, Judgement, Score, judge_records
 from workbench.study.limits import Distance
 from workbench.study.result import StudyResult
 from workbench.study.robustness import Robustness
@@ -35,9 +35,10 @@ LONGEST = 60_000
 def summary(outcome: StudyResult) -> str:
     """Write the outcome as Markdown."""
     study = outcome.study
-    mark = "✅" if outcome.passed else "❌"
+    told = bool(outcome.judgements) or outcome.baseline is not None
+    mark = ("✅ " if told else "") if outcome.passed else "❌ "
     headline = escaped(f"{study.name} {outcome.verdict()}: {outcome.headline()}")
-    lines = [f"## {mark} {headline}", ""]
+    lines = [f"## {mark}{headline}", ""]
     lines += _scores(outcome)
     hard = missed_by_plant(without_failed(outcome.missed))
     lines += _list("Missed", len(outcome.missed), [f"{_judged(g)}{_also(g)}" for g in hard])
@@ -92,10 +93,12 @@ def plain_summary(outcome: StudyResult) -> str:
     worse = [c for c in outcome.worse if not c.failed]
     for s in outcome.scores if outcome.judgements else ():
         state = "met" if s.met else "MISSED"
+        if s.judgement is None:
+            state = "no hard requirement"
         tail = f"  ({s.judgement})" if s.judgement else ""
         if s.judgement is not None and s.judgement.reason.startswith(RUN_FAILED):
             tail = "  (its runs failed)"
-        lines.append(f"{s.controller:<20} score {score_text(s.worst):>8}  {state}{tail}")
+        lines.append(f"{s.controller:<20} score {_score(s):>8}  {state}{tail}")
     for r in outcome.robustness:
         state = f"MISSED  ({r.why()})" if r.missed else "met"
         score = score_text(r.worst_score, capped=True)
@@ -159,7 +162,7 @@ def _scores(outcome: StudyResult) -> list[str]:
         old = next((r["worst_score"] for r in kept if r["controller"] == s.controller), None)
         rows.append(
             [
-                f"{_mark(outcome, s.met, box)} {s.controller}",
+                f"{_mark(outcome, s, box)} {s.controller}".lstrip(),
                 *(
                     _score_moved(_worst(outcome, judged, s.controller, nominal=n) for judged in js)
                     for n, js in ((True, before), (False, before))
@@ -213,10 +216,16 @@ def _score_moved(scores: Iterable[float | None], *, capped: bool = False) -> str
     return f"{old} → {new}" if old and old != new else new or "–"
 
 
-def _mark(outcome: StudyResult, met: bool, box: Robustness | None) -> str:
-    if not met or (box is not None and box in outcome.fragile):
+def _mark(outcome: StudyResult, score: Score, box: Robustness | None) -> str:
+    if score.judgement is None and box is None:
+        return ""
+    if not score.met or (box is not None and box in outcome.fragile):
         return "❌"
     return "⚠️" if box is not None and box.missed else "✅"
+
+
+def _score(score: Score) -> str:
+    return score_text(score.worst) if score.judgement else "–"
 
 
 def score_text(value: float, *, capped: bool = False) -> str:

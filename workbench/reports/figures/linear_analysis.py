@@ -75,11 +75,26 @@ def _sentence(study: Study, name: str, own: list[LoopAnalysis]) -> str:
     least = min(stable, key=lambda a: a.disk_margin)
     late = min(stable, key=lambda a: a.delay_margin)
     near, slow = (point_text(study, a.point) for a in (least, late))
-    return (
+    said = (
         f"{name}: the smallest disk margin is {number(least.disk_margin, 2)} at {near}, "
-        f"opened at the {least.opened}; the smallest delay margin is "
-        f"{in_time(late.delay_margin, 2)} at {slow}, opened at the {late.opened}."
+        f"opened at the {least.opened}; "
     )
+    if math.isinf(late.delay_margin):
+        return f"{said}{delay_words(late.delay_margin)}."
+    return (
+        f"{said}the smallest delay margin is {in_time(late.delay_margin, 2)} at {slow}, "
+        f"opened at the {late.opened}."
+    )
+
+
+def delay_words(margin: float) -> str:
+    """Write a delay margin, in s.
+
+    Example:
+        >>> delay_words(0.0123), delay_words(math.inf)
+        ('delay margin 12.3 ms', 'no delay makes it unstable')
+    """
+    return f"delay margin {in_time(margin)}" if margin < math.inf else "no delay makes it unstable"
 
 
 def _command(own: list[LoopAnalysis]) -> str:
