@@ -72,6 +72,16 @@ def test_numbers_that_are_not_finite_become_null() -> None:
     assert data["next_experiment"]["separation_sigma"] is None
 
 
+def test_a_parameter_is_printed_in_the_declared_unit_and_kept_in_si() -> None:
+    size = Value(2.0e-5, "m3/s", 5e-9, "l/min")
+    found = replace(_verdict().findings[0], parameters={"half_width": size})
+    verdict = replace(_verdict(), findings=(found,))
+    (line,) = (text for text in str(verdict).splitlines() if "half_width" in text)
+    assert line.split()[1:] == ["1.2", "+-", "0.0003", "l/min"]
+    kept = verdict.as_data()["findings"][0]["parameters"]["half_width"]
+    assert kept == {"value": 2.0e-5, "unit": "m3/s", "std": 5e-9}
+
+
 def test_a_printed_verdict_holds_its_numbers() -> None:
     text = str(_verdict())
     assert text.startswith("named: Missing: friction.")

@@ -16,6 +16,7 @@ from workbench.diagnosis.selection.score import COLLINEAR
 from workbench.diagnosis.selection.weights import Weighted
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Kind, Value, Verdict
+from workbench.model.quantities import declared_unit
 
 _MOST_SAID = 5
 """Effects that a sentence names, and sets of effects that a verdict weighs."""
@@ -89,7 +90,7 @@ def conclude_early(diagnosis: Diagnosis, step: str, *, after: float | None = Non
             effect=candidate.entry.name,
             alike=alike,
             sentence=f"Found before the interruption: {candidate.entry.name.replace('_', ' ')}.",
-            parameters=_own(diagnosis.extended, candidate.entry.effect.name),
+            parameters=_own(diagnosis.extended, candidate.entry.effect.name, candidate.entry.ports),
             gain=candidate.gain,
             held_out=candidate.held_out,
             belief="likely" if candidate.doubts else "sure",
@@ -204,9 +205,13 @@ def _refused(diagnosis: Diagnosis) -> tuple[Mapping[str, object], ...]:
     return tuple(row for name, row in rows.items() if name not in kept)
 
 
-def _own(fit: ProcessNoiseFit, effect: str) -> dict[str, Value]:
+def _own(fit: ProcessNoiseFit, effect: str, ports: Sequence[str]) -> dict[str, Value]:
+    def shown(unit: str) -> str:
+        found = (declared_unit(port, unit, fit.model.quantities, difference=True) for port in ports)
+        return next(filter(None, found), "")
+
     return {
-        e.name.removeprefix(f"{effect}."): Value(e.value, e.unit, e.std)
+        e.name.removeprefix(f"{effect}."): Value(e.value, e.unit, e.std, shown(e.unit))
         for e in fit.refit.estimates
         if e.name.startswith(f"{effect}.")
     }
@@ -239,7 +244,7 @@ def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]])
     candidate, alike = diagnosis.accepted[index]
     entry = candidate.entry
     alike = (*alike, *(n for n in _instead(diagnosis, entry.effect.name) if n not in alike))
-    parameters = _own(diagnosis.extended, entry.effect.name)
+    parameters = _own(diagnosis.extended, entry.effect.name, entry.ports)
     size = parameters.get(entry.size_parameter)
     about = entry.effect.about
     doubts = (*candidate.doubts, *_still_missing(diagnosis))
@@ -249,8 +254,8 @@ def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]])
         f"{'Likely missing' if doubts else 'Missing'}:"
         f" {entry.name.replace('_', ' ')} at {', '.join(entry.ports)}"
         + "".join(
-            f", {name} {v.value:.3g} +- {v.std:.2g} {v.unit}".removesuffix(" 1")
-            for name, v in told.items()
+            f", {name} {value:.3g} +- {std:.2g} {unit}".removesuffix(" 1")
+            for name, (value, std, unit) in ((name, v.read) for name, v in told.items())
         )
         + (f"; cannot be told from {', '.join(alike[1:])}" if len(alike) > 1 else "")
         + (f"; {about.separated_by} would decide" if len(alike) > 1 and about.separated_by else "")
@@ -314,7 +319,7 @@ def _without_name(
                     f" {100 * term.explained:.0f} % of the signal that is missing there."
                     f"{_alike(term)} {_acts(occurrence)}".rstrip()
                 ),
-                parameters=_own(diagnosis.extended, term.effect_name),
+                parameters=_own(diagnosis.extended, term.effect_name, term.ports),
                 excess_explained=explained(fit),
                 gain=term.gain,
                 held_out=term.held_out,

@@ -43,11 +43,19 @@ class Value:
     Args:
         value: The number, in ``unit``.
         std: Standard deviation, in ``unit``.
+        shown: Unit in which people read it, without a zero of its own; empty for ``unit``.
     """
 
     value: float
     unit: str
     std: float
+    shown: str = ""
+
+    @property
+    def read(self) -> tuple[float, float, str]:
+        """Number, standard deviation and unit as people read them."""
+        factor = parse_unit(self.shown).factor if self.shown else 1.0
+        return self.value / factor, self.std / factor, self.shown or self.unit
 
 
 @dataclass(frozen=True)
@@ -195,7 +203,7 @@ class Verdict(Shown):
             (label, *(errors.get(n, math.nan) for n in names)) for label, errors in self.fit.items()
         ]
         found = [
-            (", ".join(f.where), f.effect or "no name", f.belief, name, v.value, v.std, v.unit)
+            (", ".join(f.where), f.effect or "no name", f.belief, name, *v.read)
             for f in self.findings
             for name, v in (f.parameters or {"": Value(math.nan, "", math.nan)}).items()
         ]
@@ -214,9 +222,9 @@ class Verdict(Shown):
                 lines.append(f"  {finding.sentence}")
             own = f"{finding.effect}." if len(self.findings) > 1 else ""
             lines += [
-                f"    {own + name:<34} {v.value:>11.4g} +- {v.std:<9.2g}"
-                f" {written_unit(v.unit)}".rstrip()
+                f"    {own + name:<34} {value:>11.4g} +- {std:<9.2g} {written_unit(unit)}".rstrip()
                 for name, v in finding.parameters.items()
+                for value, std, unit in (v.read,)
             ]
         if self.fit:
             shown = {q.name: q.display_unit for q in self.model.outputs}

@@ -152,6 +152,11 @@ class Model(Shown):
         return tuple(q for q in self.inputs if q.commanded)
 
     @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Outputs, inputs and states: what may declare a unit for reading."""
+        return (*self.outputs, *self.inputs, *self.states)
+
+    @property
     def nominal_input(self) -> Vector:
         """Inputs at rest, shape (n_inputs,), in SI."""
         return np.array([q.nominal for q in self.inputs], dtype=float)

@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 from workbench.errors import WorkbenchError
-from workbench.model.units import in_symbols, parse_unit, same_dimension, shown_unit
+from workbench.model.units import (
+    in_symbols,
+    of_difference,
+    parse_unit,
+    rate_unit,
+    same_dimension,
+    shown_unit,
+)
 
 
 @dataclass(frozen=True)
@@ -144,6 +152,37 @@ def shown_in(quantity: Quantity) -> str:
         return quantity.display_unit
     said = quantity.display_unit if isinstance(quantity, (Input, State)) else ""
     return shown_unit(said or quantity.unit)
+
+
+def declared_unit(
+    name: str, unit: str, quantities: Iterable[Quantity], *, difference: bool = False
+) -> str:
+    """Return the unit that a quantity declares for reading what is named after it; empty if none.
+
+    Args:
+        name: Name of the quantity, of a port of its own, or of its rate.
+        unit: SI unit of what is named: the quantity's, or that of its rate.
+        quantities: Outputs, inputs and states, those first that say it.
+        difference: Whether it is a difference, of which the zero of a scale is no part.
+
+    Example:
+        >>> of = [Output("oven", "K", display_unit="degF"), Input("heat", "W", display_unit="kW")]
+        >>> declared_unit("oven", "K", of), declared_unit("heat.command", "W", of)
+        ('degF', 'kW')
+        >>> declared_unit("oven.reading", "K", of, difference=True), declared_unit("pump", "W", of)
+        ('K', '')
+        >>> declared_unit("rate of oven", "K/s", of)
+        'K/s'
+    """
+    own = name.removeprefix("rate of ").partition(".")[0]
+    for q in quantities:
+        said = q.display_unit if isinstance(q, (Channel, State)) and q.name == own else ""
+        if said not in ("", q.unit):
+            if same_dimension(unit, q.unit):
+                return of_difference(said) if difference else said
+            if same_dimension(unit, rate_unit(q.unit)):
+                return rate_unit(of_difference(said))
+    return ""
 
 
 @dataclass(frozen=True)

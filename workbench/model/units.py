@@ -496,3 +496,16 @@ def readable(unit: str) -> tuple[str, float]:
         (('bar', 1e-05), ('N m', 1.0))
     """
     return _READABLE.get(unit, (written_unit(unit) or unit, 1.0))
+
+
+def readably(values: Values, unit: str, shown: str = "") -> tuple[Values, str]:
+    """Return values, in SI, as people read them, and the unit: ``shown`` if it is declared.
+
+    Example:
+        >>> readably(4.5e5, "Pa"), readably(0.25, "m3", "l"), readably(293.15, "K", "degC")
+        ((4.5, 'bar'), (250.0, 'l'), (20.0, '°C'))
+    """
+    if shown:
+        return from_si(values, shown), written_unit(shown) or "1"
+    written, factor = readable(unit)
+    return factor * values, written

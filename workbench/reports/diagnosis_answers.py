@@ -9,7 +9,7 @@ from workbench.diagnosis.estimation.free_run import FreeRun
 from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Verdict
-from workbench.model.units import in_time, in_times, readable
+from workbench.model.units import in_time, in_times, readable, readably
 from workbench.reports.diagnosis_nonparametric import accepted_term, hull_sentence, improved
 from workbench.reports.figures.diagnosis_runs import as_read, farthest_off
 from workbench.reports.page import Answers
@@ -58,8 +58,11 @@ def _named(finding: Finding) -> str:
     """Return the name of what was found, with its size: the first of its parameters."""
     name = plain(finding.effect or "")
     for parameter, size in finding.parameters.items():
-        unit, factor = readable(size.unit)
-        value, std = (number(factor * x, digits) for x, digits in ((size.value, 3), (size.std, 2)))
+        unit = readably(0.0, size.unit, size.shown)[1]
+        value, std = (
+            number(readably(x, size.unit, size.shown)[0], digits)
+            for x, digits in ((size.value, 3), (size.std, 2))
+        )
         return f"{name}, {plain(parameter)} {value} ± {std} {unit}".removesuffix(" 1")
     return name
 

@@ -12,6 +12,8 @@ from tests.diagnosis.unnamed_case import shaken
 from workbench.diagnosis.conclude import conclude
 from workbench.diagnosis.location.located_signal import missing_signals
 from workbench.diagnosis.location.missing_signal import Occurrence, Vector, occurrence
+from workbench.model import Input, Model, Output, State
+from workbench.model.quantities import declared_unit
 
 TIME = np.linspace(0.0, 20.0, 2001)
 SPEED = np.sin(1.3 * TIME)
@@ -28,6 +30,31 @@ def _told(signal: Vector, std: float = 0.01) -> Occurrence:
         np.full(len(TIME), std),
         [("angle", "rad", ANGLE), ("speed", "rad/s", SPEED)],
     )
+
+
+def test_a_declared_unit_is_told_and_a_difference_has_no_zero() -> None:
+    warm = Model(
+        "oven",
+        lambda m: ({"oven": m.u.heat / 1e3}, {"oven": m.x.oven}),
+        states=(State("oven", "K", initial=300.0),),
+        inputs=(Input("heat", "W", display_unit="kW", upper=5e3),),
+        outputs=(Output("oven", "K", display_unit="degC"),),
+    )
+    level, heat = 323.15 + 10.0 * ANGLE, np.where(ANGLE > 0.0, 3e3, 0.0)
+    arguments = [("oven", "K", level), ("heat", "W", heat + 10 * SPEED)]
+    read = {name: declared_unit(name, unit, warm.quantities) for name, unit, _ in arguments}
+    told = []
+    for port, unit, which in (("oven.rate", "K/s", 0), ("oven.reading", "K", 0), ("heat", "W", 1)):
+        shown = declared_unit(port, unit, warm.quantities, difference=True)
+        signal = np.where(ANGLE > 0.5, 2.0e3, 0.0)
+        chosen = arguments[which : which + 1]
+        none = np.zeros(len(TIME))
+        found = occurrence(port, unit, [("run", TIME)], signal, none, chosen, read, shown)
+        assert found.places[0].unit == chosen[0][1] and found.as_data()["unit"] == unit
+        told.append((found.where.partition("most at ")[2], found.how_large))
+    assert told[0][0].endswith("60 °C") and told[0][1] == "2e+03 K/s"
+    assert told[1][1] == "2e+03 K"
+    assert told[2][0].endswith("kW") and told[2][1] == "2 kW"
 
 
 def test_an_effect_that_begins_at_a_time_is_told_from_then_on() -> None:

@@ -23,6 +23,7 @@ from workbench.diagnosis.location.unknown_input import UnknownInput, unknown_inp
 from workbench.diagnosis.stages import Diagnosis
 from workbench.model import Model, Port
 from workbench.model.model import index_of
+from workbench.model.quantities import declared_unit
 from workbench.model.units import rate_unit
 
 _PARALLEL = 0.999
@@ -99,6 +100,8 @@ def prediction_error_signal(diagnosis: Diagnosis, recordings: Sequence[Observed]
     ]
     arguments = _arguments(model, parts)
     name, unit, values = max(arguments, key=lambda a: correlation_ratio(signal, a[2]))
+    read = _shown(model, arguments)
+    own = declared_unit(output.name, output.unit, model.outputs, difference=True)
     return MissingSignal(
         output.name,
         output.unit,
@@ -117,8 +120,25 @@ def prediction_error_signal(diagnosis: Diagnosis, recordings: Sequence[Observed]
             signal,
             np.zeros(len(signal)),
             arguments,
+            read,
+            own,
         ),
+        shown=own,
+        argument_shown=read[name],
     )
+
+
+def _shown(
+    model: Model,
+    arguments: Sequence[tuple[str, str, Vector]],
+    origins: Mapping[str, str] | None = None,
+) -> dict[str, str]:
+    """Return the units declared for reading arguments, by name."""
+    origins = origins or {}
+    return {
+        name: declared_unit(origins.get(name, name), unit, model.quantities)
+        for name, unit, _ in arguments
+    }
 
 
 def located_signal(
@@ -171,6 +191,9 @@ def located_signal(
         law = None if laws is None else np.concatenate([values[:, i] for values in laws])
         rows = known_rows(signal, std)
         seen_at = next(q for q in model.ports if q.name == port)
+        local = _local(model, seen_at, parts, arguments)
+        own = declared_unit(port, parts[0].units[i], model.quantities, difference=True)
+        origins = dict(zip(seen_at.signals, seen_at.origins, strict=False))
         certain = law is not None and bool(np.any(law))
         name, unit, values = _argument(
             signal if law is None else law,
@@ -199,8 +222,12 @@ def located_signal(
                     [(part.name, part.time) for part in parts],
                     law if law is not None and certain else signal,
                     np.zeros(len(std)) if certain else std,
-                    _local(model, seen_at, parts, arguments),
+                    local,
+                    _shown(model, local, origins),
+                    own,
                 ),
+                shown=own,
+                argument_shown=_shown(model, arguments)[name],
             )
         )
     return tuple(found)

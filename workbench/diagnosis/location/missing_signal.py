@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.model.units import in_time, in_times, readable, written_unit
+from workbench.model.units import in_time, in_times, readably, written_unit
 
 BINS = 24
 """Classes into which an argument is divided to see what depends on it."""
@@ -62,6 +62,7 @@ class Place:
             dimensionless.
         ranges: Where the missing signal is strong, ends in ``unit``, the strongest first.
         covered: Share of the samples that lie in these ranges, dimensionless.
+        shown: Unit declared for reading it; empty if none.
     """
 
     signal: str
@@ -69,6 +70,7 @@ class Place:
     dependence: float
     ranges: tuple[tuple[float, float], ...]
     covered: float
+    shown: str = ""
 
 
 @dataclass(frozen=True)
@@ -84,6 +86,7 @@ class Occurrence:
         places: Local signals with the values at which it acts, by falling dependence.
         period: Period with which it repeats in time, in s, where no local signal explains it; NaN
             if it does not.
+        shown: Unit declared for reading it; empty if none.
     """
 
     port: str
@@ -94,6 +97,7 @@ class Occurrence:
     active: float
     places: tuple[Place, ...]
     period: float = math.nan
+    shown: str = ""
 
     @property
     def when(self) -> str:
@@ -119,15 +123,18 @@ class Occurrence:
         said = f"with {name} ({100 * place.dependence:.0f} % of its variance)"
         if place.covered >= THROUGHOUT:
             return f"{said}, about as much at all its values"
-        unit, factor = readable(place.unit)
-        ends = [f"{factor * a:.3g} to {factor * b:.3g}" for a, b in place.ranges]
+        unit = readably(0.0, place.unit, place.shown)[1]
+        ends = [
+            " to ".join(f"{readably(x, place.unit, place.shown)[0]:.3g}" for x in pair)
+            for pair in place.ranges
+        ]
         return f"{said}, most at {_listed(ends)} {written_unit(unit)}".rstrip()
 
     @property
     def how_large(self) -> str:
         """Its size, in words."""
-        unit, factor = readable(self.unit)
-        return f"{factor * self.largest:.3g} {written_unit(unit)}".rstrip()
+        largest, unit = readably(self.largest, self.unit, self.shown)
+        return f"{largest:.3g} {written_unit(unit)}".rstrip()
 
     def __str__(self) -> str:
         """Return it as a sentence."""
@@ -180,6 +187,8 @@ class MissingSignal:
         argument_values: Its values, shape (n,), in ``argument_unit``.
         explained: Share of the mean square of the signal that the law takes away where the
             measurements determine it, dimensionless; NaN without law.
+        shown: Unit declared for reading the signal; empty if none.
+        argument_shown: The same of the argument.
     """
 
     port: str
@@ -195,6 +204,8 @@ class MissingSignal:
     recordings: tuple[str, ...] = ()
     law_name: str = "the effect that was found"
     occurrence: Occurrence | None = None
+    shown: str = ""
+    argument_shown: str = ""
 
     @property
     def known(self) -> npt.NDArray[np.bool_]:
@@ -224,6 +235,8 @@ def occurrence(
     signal: Vector,
     std: Vector,
     arguments: Sequence[tuple[str, str, Vector]],
+    read: Mapping[str, str] | None = None,
+    shown: str = "",
 ) -> Occurrence:
     """Tell when a signal acts, and at which values of which local signal.
 
@@ -236,6 +249,8 @@ def occurrence(
         signal: The signal, shape (n,), in ``unit``.
         std: Its standard deviation, shape (n,), in ``unit``.
         arguments: Name, unit and values, shape (n,), of local signals.
+        read: Units declared for reading the local signals, by name.
+        shown: Unit declared for reading the signal; empty if none.
 
     Example:
         >>> t = np.linspace(0.0, 10.0, 1000)
@@ -267,6 +282,7 @@ def occurrence(
         for a in arguments
         if (place := _place(*a, signal, square, rows)).dependence >= _LEAST_DEPENDENCE
     ]
+    places = [replace(place, shown=(read or {}).get(place.signal, "")) for place in places]
     places.sort(key=lambda place: -place.dependence)
     return Occurrence(
         port,
@@ -279,6 +295,7 @@ def occurrence(
         math.nan
         if places and places[0].dependence >= _EXPLAINED
         else period_of(recordings, signal),
+        shown,
     )
 
 

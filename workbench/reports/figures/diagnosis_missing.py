@@ -11,7 +11,7 @@ from workbench.diagnosis.estimation.free_run import FreeRun
 from workbench.diagnosis.location.missing_signal import MissingSignal
 from workbench.diagnosis.nonparametric.result import Argument
 from workbench.errors import WorkbenchError
-from workbench.model.units import readable
+from workbench.model.units import readable, readably
 from workbench.reports.figures.diagnosis_runs import (
     AFTER,
     BEFORE,
@@ -42,9 +42,8 @@ def _draw_law(axes: Axes, located: MissingSignal) -> None:
     """Draw a located signal and the law on it against its argument."""
     rows = np.flatnonzero(located.known)
     rows = rows[:: max(1, len(rows) // _POINTS)]
-    unit, factor = readable(located.unit)
-    x = located.argument_values[rows] * readable(located.argument_unit)[1]
-    y = factor * located.signal[rows]
+    y, unit = readably(located.signal[rows], located.unit, located.shown)
+    x = readably(located.argument_values[rows], located.argument_unit, located.argument_shown)[0]
     axes.plot(
         x,
         y,
@@ -58,7 +57,7 @@ def _draw_law(axes: Axes, located: MissingSignal) -> None:
     )
     shown = [y]
     if located.law is not None:
-        law = factor * located.law[rows]
+        law = readably(located.law[rows], located.unit, located.shown)[0]
         axes.plot(
             x,
             law,
@@ -75,7 +74,7 @@ def _draw_law(axes: Axes, located: MissingSignal) -> None:
     axes.margins(x=0.03)
     label(
         axes,
-        x=titled(located.argument, located.argument_unit),
+        x=titled(located.argument, located.argument_unit, located.argument_shown),
         y=f"{located.port.replace('_', ' ')} in {unit}" if unit != "1" else located.port,
     )
     key(axes, columns=2)
@@ -91,14 +90,16 @@ def diagnosis_signal(located: MissingSignal) -> Figure:
     rows = located.time <= located.time[0] + last
     rows &= np.maximum.accumulate(located.time) == located.time
     time = located.time[rows]
-    unit, factor = readable(located.unit)
-    signal, std = factor * located.signal[rows], factor * located.std[rows]
+    (signal, unit), (std, _) = (
+        readably(values[rows], located.unit, located.shown)
+        for values in (located.signal, located.std)
+    )
     axes.fill_between(
         time, signal - 2 * std, signal + 2 * std, color=FAINT.light, alpha=0.45, linewidth=0
     )
     axes.plot(time, signal, color=MEASURED.light, linewidth=1.2, label="from the measurements")
     if located.law is not None:
-        law = factor * located.law[rows]
+        law = readably(located.law[rows], located.unit, located.shown)[0]
         axes.plot(time, law, color=AFTER.light, linewidth=1.0, label=located.law_name)
         signal = np.concatenate([signal, law])
     _limit(axes, signal)

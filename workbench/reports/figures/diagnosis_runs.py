@@ -12,7 +12,7 @@ import numpy.typing as npt
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import FreeRun
 from workbench.model import Model
-from workbench.model.units import from_si, of_difference, readable, written_unit
+from workbench.model.units import from_si, of_difference, readable, readably, written_unit
 from workbench.reports.style import (
     BAND,
     FURTHER,
@@ -74,9 +74,9 @@ def _display(model: Model, name: str) -> str:
     return shown.get(name, "")
 
 
-def titled(name: str, unit: str) -> str:
+def titled(name: str, unit: str, declared: str = "") -> str:
     """Write a quantity with its readable unit, from the SI one, as the label of an axis."""
-    shown = readable(unit)[0]
+    shown = readably(0.0, unit, declared)[1]
     plain = name.replace("_", " ")
     return plain if shown == "1" else f"{plain} in {shown}"
 
