@@ -13,7 +13,7 @@ from workbench.diagnosis.selection.rules import (
     SHARE,
     Limits,
 )
-from workbench.diagnosis.selection.search import Task, _openings, _with_pair, _withdrawn
+from workbench.diagnosis.selection.search import Task, _openings, _shown, _with_pair, _withdrawn
 from workbench.diagnosis.selection.selected import Accepted
 
 
@@ -32,9 +32,14 @@ def test_effects_that_explain_too_little_are_taken_back_with_the_reason() -> Non
     assert candidate.entry.name == "coulomb_friction"
     assert why.startswith(f"explains too little: {80 * LEAST_SHARE.value:.0f} %")
     assert _withdrawn(task, given.selected, gain) is given.selected
-    # Free runs show it: it stays, with a doubt.
-    ((kept, _),) = _withdrawn(task, given.selected, little).accepted
+    # Free runs show it: where no other search finds more, it is told, with a doubt.
+    assert _shown(task, left) is left
+    aside = _withdrawn(task, given.selected, little)
+    assert aside.accepted == () and aside.extended is given.base
+    told = _shown(task, aside)
+    ((kept, _),) = told.accepted
     assert kept.name == "coulomb_friction" and why in kept.doubts[-1]
+    assert told.extended.cost == given.selected.fits[1].cost and told.withdrawn == ()
     # But not if it predicts next to nothing of what is missing.
     gone = _withdrawn(task, given.selected, 2.0 * gain / LEAST_PREDICTED.value)
     assert gone.accepted == gone.aside == () and left.aside != ()

@@ -127,7 +127,10 @@ def _seen(q: Question) -> str:
 
 def _bound(q: Question) -> str:
     size, entry = q.candidate.size, q.candidate.entry
-    if size is None or entry.whole or abs(size.value) <= q.threshold * entry.largest_size:
+    if size is None or entry.whole:
+        return ""
+    # An effect that was chosen again may have kept the wider bounds of before.
+    if abs(size.value) <= q.threshold * max(entry.largest_size, size.prior.upper):
         return ""
     if size.unit == "1" and entry.largest_size == 1.0:
         # All of it is a size, not the end of a guess.

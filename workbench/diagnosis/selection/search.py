@@ -355,6 +355,26 @@ def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
     if len(state.accepted) > 1:
         task.say("leaving out one effect at a time")
         state = _left_out(task, state, max(state.penalty, LEAST_OF_ALL.value * scored.excess))
+    state, share = _run_as_found(task, state)
+    failed = (*state.failed, state.began)
+    shown = any(a.shown for a in state.aside)
+    if not state.accepted and state.began and len(failed) < (2 if shown else MOST_SEARCHES):
+        # The next search begins with the next best of the first round.
+        return replace(state, failed=failed, began="", rounds=state.rounds[:1], free=task.priors)
+    if not state.accepted:
+        state = _shown(task, replace(state, failed=failed if state.began else state.failed))
+        state, share = _run_as_found(task, state)
+    together = len(state.accepted) > 1 and share >= LEAST_SHOWN.value
+    accepted = tuple(_told(a, state.extended, together=together) for a in state.accepted)
+    return replace(state, accepted=accepted, finished=True)
+
+
+def _run_as_found(task: Task, state: Selected) -> tuple[Selected, float]:
+    """Run the improved model freely, and take back what spoils that.
+
+    Returns:
+        The search with the runs, and the share of the error that goes; NaN if nothing was found.
+    """
     share = math.nan
     while state.accepted:
         task.say("running the improved model freely on the held-out recordings")
@@ -369,8 +389,7 @@ def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
         last = state.accepted[-1]
         without = _without(task, state, last) if len(state.accepted) > 1 else None
         if without is None:
-            state = all_withdrawn(task, state, why)
-            break
+            return all_withdrawn(task, state, why), share
         # One that spoils the run must not take those before it along.
         state = replace(
             state,
@@ -379,15 +398,24 @@ def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
             extended=without[0],
             free=without[1],
         )
-    if state.accepted or not state.began:
-        together = len(state.accepted) > 1 and share >= LEAST_SHOWN.value
-        accepted = tuple(_told(a, state.extended, together=together) for a in state.accepted)
-        return replace(state, accepted=accepted, finished=True)
-    failed = (*state.failed, state.began)
-    if len(failed) == MOST_SEARCHES:
-        return replace(state, failed=failed, finished=True)
-    # The next search begins with the next best of the first round.
-    return replace(state, failed=failed, began="", rounds=state.rounds[:1], free=task.priors)
+    return state, share
+
+
+def _shown(task: Task, state: Selected) -> Selected:
+    """Take up again, with the doubt, what explains too little but shows in free runs."""
+    shown = [a for a in state.aside if a.shown]
+    if not shown:
+        return state
+    best = min(shown, key=lambda a: a.extended.cost)
+    doubts = (*best.candidate.doubts, f"it {best.reason}")
+    return replace(
+        state,
+        accepted=(Accepted(replace(best.candidate, doubts=doubts), best.alike),),
+        withdrawn=tuple(w for w in state.withdrawn if w.candidate.name != best.candidate.name),
+        extended=best.extended,
+        fits=(task.base, best.extended),
+        rounds=state.rounds[:1],
+    )
 
 
 def run_freely(task: Task, state: Selected) -> tuple[Selected, float]:
@@ -772,10 +800,7 @@ def _polished(
 
 
 def _withdrawn(task: Task, state: Selected, excess: float) -> Selected:
-    """Take back the last effects while all together explain too little.
-
-    What takes most of the error of free runs is there all the same; how little it explains is said.
-    """
+    """Take back the last effects while all together explain too little."""
     while state.accepted:
         count = len(state.accepted)
         # What is likely only is reported with the doubt, and not asked for more.
@@ -790,9 +815,8 @@ def _withdrawn(task: Task, state: Selected, excess: float) -> Selected:
             + f", {100 * least:.0f} % is asked for"
         )
         if count == 1 and gain >= LEAST_PREDICTED.value * excess:
-            if _shown_in_runs(task, state.accepted[0].candidate):
-                return _doubted(state, why)
-            state = _set_aside(state, why)
+            shown = _shown_in_runs(task, state.accepted[0].candidate)
+            state = _set_aside(state, why, shown=shown)
         state = replace(
             state,
             accepted=state.accepted[:-1],
@@ -811,13 +835,6 @@ def _shown_in_runs(task: Task, candidate: Candidate) -> bool:
     return candidate.run.closer_than(without, by=1.0 - math.sqrt(1.0 - LEAST_SHOWN.value))
 
 
-def _doubted(state: Selected, why: str) -> Selected:
-    """Keep the only effect that was found, with a doubt."""
-    ((candidate, alike),) = state.accepted
-    doubted = replace(candidate, doubts=(*candidate.doubts, f"it {why}"))
-    return replace(state, accepted=(Accepted(doubted, alike),))
-
-
 def all_withdrawn(task: Task, state: Selected, why: str) -> Selected:
     """Take back everything that was found: the improved model does not run freely any better."""
     state = _set_aside(state, why)
@@ -832,11 +849,15 @@ def all_withdrawn(task: Task, state: Selected, why: str) -> Selected:
     )
 
 
-def _set_aside(state: Selected, why: str) -> Selected:
-    """Remember the first effect that was found, with the model that has no other."""
+def _set_aside(state: Selected, why: str, *, shown: bool = False) -> Selected:
+    """Remember the first effect that was found, with the model that has no other.
+
+    Args:
+        shown: Whether it takes most of the error of free runs.
+    """
     candidate, alike = state.accepted[0]
     extended = state.fits[1] if len(state.fits) > 1 else state.extended
-    return replace(state, aside=(*state.aside, Aside(candidate, alike, extended, why)))
+    return replace(state, aside=(*state.aside, Aside(candidate, alike, extended, why, shown)))
 
 
 def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:

@@ -67,12 +67,18 @@ class Accepted(NamedTuple):
 
 
 class Aside(NamedTuple):
-    """What was withdrawn by a rule on how much it explains, with the model that it gave."""
+    """What was withdrawn by a rule on how much it explains, with the model that it gave.
+
+    Args:
+        shown: Whether it takes most of the error of free runs, and so is told if no other search
+            finds what explains more.
+    """
 
     candidate: Candidate
     alike: tuple[str, ...]
     extended: ProcessNoiseFit
     reason: str
+    shown: bool = False
 
 
 class Withdrawn(NamedTuple):
