@@ -100,19 +100,23 @@ direction_dependent_viscous = Law(
 def _fading(at: PortView) -> Expression:
     v = at.signals.speed
     fading = ca.exp(-((v / at.p.stribeck_speed) ** 2))
-    return at.value - at.p.break_away * fading * ca.tanh(v / at.p.transition_speed)
+    kept = fading + at.p.coulomb_share * (1.0 - fading)
+    return at.value - at.p.break_away * kept * ca.tanh(v / at.p.transition_speed)
 
 
-# The Coulomb level itself is another effect.
+# Where dry friction is attached already, the Coulomb level is in that.
 stribeck_friction = Law(
     "stribeck_friction",
-    "T = -break_away exp(-(v / stribeck_speed)^2) tanh(v / transition_speed)",
+    "T = -break_away (k + (1 - k) exp(-(v / stribeck_speed)^2)) tanh(v / transition_speed),"
+    " k = coulomb_share",
     each(*RESISTED, needs=("speed",)),
     lambda at: (
         size("break_away", at.unit, 0.1 * at.scale, 0.5 * at.scale,
-             "friction at standstill above the Coulomb level", source="estimate", resists=True),
+             "friction at standstill, above what is attached", source="estimate", resists=True),
         shape("stribeck_speed", at.speed.unit, 0.1 * at.speed.scale,
               "speed over which the break-away fades", around=(0.05, 10.0)),
+        shape("coulomb_share", "1", 0.0, "what is left of it at high speed, relative to it",
+              around=None, between=(0.0, 1.0), fitted=not at.rubbed),
         transition(at),
     ),
     _fading,

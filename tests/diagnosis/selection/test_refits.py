@@ -144,9 +144,13 @@ def _run(error: float) -> RunErrors:
 WITHOUT = _run(1.0)
 
 
+def _estimated(value: float, std: float) -> SimpleNamespace:
+    return SimpleNamespace(value=value, std=std, unit="s", prior=SimpleNamespace(upper=0.0))
+
+
 def _candidate(entry: Hypothesis, gain: float, error: float) -> Candidate:
     """Return a candidate whose free runs have an error; that without any is 1."""
-    estimate = SimpleNamespace(value=entry.typical_size, std=1e-3 * entry.typical_size, unit="s")
+    estimate = _estimated(entry.typical_size, 1e-3 * entry.typical_size)
     refit = SimpleNamespace(converged=True, estimate=lambda name: estimate, estimates=())
     fit = cast(Any, SimpleNamespace(name=entry.name, refit=refit))
     blocks = (np.full(40, -gain / 40), np.full(40, -gain / 40))
@@ -305,7 +309,7 @@ def test_doubts_are_those_of_the_fit_that_is_told(entries: dict[str, Hypothesis]
     size = entries["valve_offset"].typical_size
 
     def of(std: float) -> Any:
-        estimate = SimpleNamespace(value=size, std=std, unit="V")
+        estimate = _estimated(size, std)
         return SimpleNamespace(
             refit=SimpleNamespace(converged=True, estimate=lambda name: estimate, estimates=())
         )

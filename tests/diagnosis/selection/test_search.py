@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
+
 from tests.diagnosis.example_diagnosis import example_diagnosis
+from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+from workbench.diagnosis.selection.refits import entry_priors
 from workbench.diagnosis.selection.rules import (
     FREE_RUN,
     HELD_OUT,
@@ -13,7 +17,14 @@ from workbench.diagnosis.selection.rules import (
     SHARE,
     Limits,
 )
-from workbench.diagnosis.selection.search import Task, _openings, _shown, _with_pair, _withdrawn
+from workbench.diagnosis.selection.search import (
+    Task,
+    _openings,
+    _shown,
+    _simplified,
+    _with_pair,
+    _withdrawn,
+)
 from workbench.diagnosis.selection.selected import Accepted
 
 
@@ -99,3 +110,33 @@ def test_what_ends_on_its_upper_bound_may_be_too_little() -> None:
         )
         refit = replace(given.base.refit, estimates=(ended,))
         assert replace(task, base=replace(given.base, refit=refit))._more_of == more
+
+
+def test_what_ended_as_a_simpler_law_is_told_as_that() -> None:
+    given, _ = example_diagnosis()
+    assert given.selected is not None
+    prepared = given.prepared
+    task = Task(given.nominal, given.base, prepared.fitting, prepared.judging, prepared.priors)
+    assert _simplified(task, given.selected) is given.selected
+    (curve,) = (e for e in task.tried(given.base.model) if e.law == "stribeck_friction")
+    ((found, _),) = given.selected.accepted
+    tuned = {q.name: q.value for q in found.entry.effect.parameters if not q.fitted}
+    curve = replace(curve, effect=curve.effect.with_parameters(tuned))
+    own, start = entry_priors(curve)
+    # Of the places where its shape is that of a simpler law, the one at a bound.
+    own = tuple(
+        replace(p, lower=1.0 - 1e-6) if p.name.endswith("coulomb_share") else p for p in own
+    )
+    level = given.selected.extended.refit.estimate("coulomb_friction.level").value
+    begin = start | {f"{curve.name}.break_away": level, f"{curve.name}.coulomb_share": 1.0}
+    model = given.base.model.with_effect(curve.at_size(0.0))
+    free = (*prepared.priors, *own)
+    fit = fit_with_process_noise(
+        model, task.started(task.fitting, model), free, start=begin, noise_scale=0.03
+    )
+    assert fit.refit.estimate(f"{curve.name}.coulomb_share").on_bound
+    accepted = (Accepted(replace(found, entry=curve, fit=fit), (curve.name,)),)
+    named = replace(given.selected, accepted=accepted, extended=fit, free=free)
+    ((told, alike),) = _simplified(task, named).accepted
+    assert told.entry.law == "coulomb_friction" and alike == (told.name,)
+    assert told.size is not None and told.size.value == pytest.approx(level, rel=0.02)

@@ -16,6 +16,7 @@ from workbench.physics.friction import (
     stribeck_friction,
     viscous_friction,
 )
+from workbench.physics.library import library
 
 
 def test_stribeck_adds_to_coulomb_at_low_speed_and_fades() -> None:
@@ -33,6 +34,32 @@ def test_stribeck_adds_to_coulomb_at_low_speed_and_fades() -> None:
     assert friction(0.06) > friction(0.1) > friction(0.2)
     assert friction(-0.1) == pytest.approx(-friction(0.1))
     assert max(friction(v) for v in np.linspace(0, 0.2, 200)) > 1.2
+
+
+def test_a_stribeck_curve_of_its_own_keeps_a_share_at_high_speed() -> None:
+    whole = bench(
+        stribeck_friction("joint.torque", break_away=1.2, stribeck_speed=0.1, coulomb_share=0.4),
+        "N m", "speed",
+    )  # fmt: skip
+    assert -read(whole, speed=1.0) == pytest.approx(0.4 * 1.2, rel=1e-6)
+    expected = 1.2 * (0.4 + 0.6 * np.exp(-1.0))
+    assert -read(whole, speed=0.1) == pytest.approx(expected, rel=1e-3)
+    # It is fitted only where no other dry friction takes it.
+    (share,) = (
+        q.fitted
+        for e in library(bench(viscous_friction("joint.torque", coefficient=0.1), "N m", "speed"))
+        if e.law == "stribeck_friction"
+        for q in e.effect.parameters
+        if q.name == "coulomb_share"
+    )
+    (beside,) = (
+        q.fitted
+        for e in library(bench(coulomb_friction("joint.torque", level=0.3), "N m", "speed"))
+        if e.law == "stribeck_friction"
+        for q in e.effect.parameters
+        if q.name == "coulomb_share"
+    )
+    assert share and not beside
 
 
 def lugre_run(turns: list[float], speed: float, **changes: float) -> np.ndarray:
