@@ -196,3 +196,37 @@ def test_the_last_word_of_an_option_is_a_unit_only_where_it_is_one() -> None:
     assert [(q.name, q.unit) for q in options] == [
         ("T_in", ""), ("x_d", ""), ("p_C", ""), ("wall", "mm"),
     ]  # fmt: skip
+
+
+TWO_COMMANDS = """
+from workbench.model import Input, Model, Output, State
+
+def tank():
+    return Model(
+        "tank",
+        lambda m: (
+            {"level": m.u.pump - 0.5 * m.x.level + 0.001 * m.u.heater,
+             "warmth": m.u.heater - 0.2 * m.x.warmth + 0.01 * m.u.pump},
+            {"level": m.x.level, "warmth": m.x.warmth},
+        ),
+        states=(State("level", "m", scale=1.0), State("warmth", "K", scale=1.0)),
+        inputs=tuple(Input(n, "1", lower=-1.0, upper=1.0) for n in ("pump", "heater")),
+        outputs=(Output("level", "m", scale=1.0), Output("warmth", "K", scale=1.0)),
+    )
+"""
+
+
+@pytest.mark.parametrize(("output", "command"), [("level=0.1m", ""), ("warmth=0.1K", "heater")])
+def test_a_single_loop_takes_the_command_that_acts_most(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    output: str,
+    command: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tanks.py").write_text(TWO_COMMANDS, encoding="utf-8")
+    step = ["--from", output.replace("0.1", "0"), "--to", output, "-c", "plain-pid"]
+    limit = ["--require", "settling_time=60s"]
+    assert run(["verify", "--plant", "tanks:tank", *step, *limit]) == 0
+    assert ("a single loop commands heater" in capsys.readouterr().err) == bool(command)

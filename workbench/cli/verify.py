@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -18,7 +19,8 @@ from workbench.cli.running import counting, tell, typed
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 
 if TYPE_CHECKING:
-    from workbench.model import Model
+    from workbench.linearisation import LinearModel
+    from workbench.model import Input, Model
     from workbench.study.designs import ControllerRecipe
     from workbench.study.study import Demand, Study
     from workbench.verification import Scenario
@@ -272,10 +274,15 @@ def _stated(base: ControllerRecipe, names: Sequence[str]) -> float | None:
 
 
 def _as_the_loop_rests(
-    model: Model, at: tuple[tuple[str, float], ...]
+    model: Model, at: tuple[tuple[str, float], ...], command: str = ""
 ) -> tuple[tuple[str, float], ...]:
-    """Hold what a single loop does not command at its nominal value, where the loop leaves it."""
-    idle = [q for q in model.inputs if q not in model.commands[:1] and q.name not in dict(at)]
+    """Hold what a single loop does not command at its nominal value, where the loop leaves it.
+
+    Args:
+        command: What it commands; by default the first command.
+    """
+    used = command or next((q.name for q in model.commands), "")
+    idle = [q for q in model.inputs if q.name != used and q.name not in dict(at)]
     room = len(model.inputs) - len(at) if at else 0
     return (*at, *((q.name, q.nominal) for q in idle[: max(room, 0)]))
 
@@ -287,7 +294,10 @@ def recipes_of(
     from controllers.design import DESIGNS, designs_for
 
     # What a design for any linear model must be told: which output, and how often.
-    told = (("measured", next(iter(scenario.references))), ("sample_time", scenario.sample_time))
+    told: tuple[tuple[str, str | float], ...] = (
+        ("measured", next(iter(scenario.references))),
+        ("sample_time", scenario.sample_time),
+    )
 
     def recipe(name: str) -> ControllerRecipe:
         made = replace(base, name=name, design=name)
@@ -295,7 +305,13 @@ def recipes_of(
         return made if own else replace(made, specification=told, at=held)
 
     linear = base.linear()
-    held = _as_the_loop_rests(linear.operating_point.model, base.at)
+    model, measured = linear.operating_point.model, next(iter(scenario.references))
+    # The first command is declared for the first output.
+    several = len(model.commands) > 1 and measured != model.outputs[0].name
+    taken = _strongest(linear, measured) if several else ""
+    if taken:
+        told = (*told, ("actuator", taken))
+    held = _as_the_loop_rests(model, base.at, taken)
     one = {n: d for n, d in DESIGNS.members().items() if d.needs == "linear"}
     for name in names:
         if (design := DESIGNS.get(name, folder=Path.cwd())).needs != "linear":
@@ -321,10 +337,39 @@ def recipes_of(
     if partly and not found:
         # Of designs that nobody asked for, those that command every input come first.
         typer.echo(f"what a design does not command rests, such as {', '.join(idle)}", err=True)
+        _tell_taken(taken, measured)
         return partly
     if not found:
         raise WorkbenchError(
             f"no design of the workbench fits {linear.operating_point.model.name!r}; give one of"
             " your own with --controller module:function"
         )
+    if any(made.specification[: len(told)] == told for made in found):
+        _tell_taken(taken, measured)
     return found
+
+
+def _tell_taken(command: str, measured: str) -> None:
+    if command:
+        typer.echo(f"a single loop commands {command}, which acts most on {measured}", err=True)
+
+
+def _strongest(linear: LinearModel, measured: str) -> str:
+    """Return the command whose range moves an output most in the time that a step takes.
+
+    The gain is abs(C (i w - A)^-1 B + D) at w = 1 / `step_time`, times what the command may change.
+    """
+    import numpy as np
+
+    from workbench.linearisation.pace import step_time
+
+    row = linear.output_names.index(measured)
+    pole = 1j / step_time(linear) * np.eye(len(linear.A)) - linear.A
+    gain = np.abs(linear.C[row] @ np.linalg.solve(pole, linear.B) + linear.D[row])
+
+    def moved(command: Input) -> float:
+        span = command.upper - command.lower
+        size = span if math.isfinite(span) else command.scale
+        return float(size * gain[linear.input_names.index(command.name)])
+
+    return max(linear.operating_point.model.commands, key=moved).name
