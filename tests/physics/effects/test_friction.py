@@ -45,21 +45,12 @@ def test_a_stribeck_curve_of_its_own_keeps_a_share_at_high_speed() -> None:
     expected = 1.2 * (0.4 + 0.6 * np.exp(-1.0))
     assert -read(whole, speed=0.1) == pytest.approx(expected, rel=1e-3)
     # It is fitted only where no other dry friction takes it.
-    (share,) = (
-        q.fitted
-        for e in library(bench(viscous_friction("joint.torque", coefficient=0.1), "N m", "speed"))
-        if e.law == "stribeck_friction"
-        for q in e.effect.parameters
-        if q.name == "coulomb_share"
-    )
-    (beside,) = (
-        q.fitted
-        for e in library(bench(coulomb_friction("joint.torque", level=0.3), "N m", "speed"))
-        if e.law == "stribeck_friction"
-        for q in e.effect.parameters
-        if q.name == "coulomb_share"
-    )
-    assert share and not beside
+    for rubs in (viscous_friction("joint.torque", coefficient=0.1),
+                 coulomb_friction("joint.torque", level=0.3)):  # fmt: skip
+        (law,) = (
+            e.effect for e in library(bench(rubs, "N m", "speed")) if e.law == "stribeck_friction"
+        )
+        assert {q.name: q.fitted for q in law.parameters}["coulomb_share"] == (not rubs.dry)
 
 
 def lugre_run(turns: list[float], speed: float, **changes: float) -> np.ndarray:
