@@ -307,11 +307,20 @@ class PIDSpecification:
         check_range("limit on Mt", self.maximum_complementary, 1.0, 10.0)
 
 
-def design_pid(linear: LinearModel, specification: PIDSpecification | None = None) -> CascadePID:
+def design_pid(
+    linear: LinearModel,
+    specification: PIDSpecification | None = None,
+    *,
+    valve: ValveInverse | None = None,
+) -> CascadePID:
     """Design a cascaded PID from a linear model.
 
     The gains place the poles of the joint at w, which is lowered from ``bandwidth`` until Ms and Mt
     of the sampled outer loop, computed on the whole linear model, are within their limits.
+
+    Args:
+        valve: Inverse of the valve's curve that the controller believes in; the valve's own by
+            default.
 
     Raises:
         WorkbenchError: If no bandwidth meets the limits.
@@ -321,10 +330,11 @@ def design_pid(linear: LinearModel, specification: PIDSpecification | None = Non
     """
     linear = linear_model(linear)
     want = specification or PIDSpecification()
-    joint = joint_model(linear)
+    valve = valve or ValveInverse()
+    joint = joint_model(linear, valve=valve)
     lowest = math.sqrt(joint.a0 / (1.0 + 2.0 * want.real_pole * want.damping))
     for w in np.geomspace(want.bandwidth, min(lowest, want.bandwidth / 2), 40):
-        pid = _place(joint, want, float(w))
+        pid = _place(joint, want, float(w), valve)
         ms, mt = peak_sensitivities(pid, linear)
         if ms <= want.maximum_sensitivity and mt <= want.maximum_complementary:
             return pid
@@ -335,7 +345,7 @@ def design_pid(linear: LinearModel, specification: PIDSpecification | None = Non
     )
 
 
-def _place(joint: JointModel, want: PIDSpecification, w: float) -> CascadePID:
+def _place(joint: JointModel, want: PIDSpecification, w: float, valve: ValveInverse) -> CascadePID:
     a, z = want.real_pole, want.damping
     return cascade_pid(
         proportional=max(((1.0 + 2.0 * a * z) * w**2 - joint.a0) / joint.b, 0.0),
@@ -347,6 +357,7 @@ def _place(joint: JointModel, want: PIDSpecification, w: float) -> CascadePID:
         tracking_time=max(1.0 / (a * w), 2.0 * want.sample_time),
         reference_speed=want.reference_speed,
         sample_time=want.sample_time,
+        valve=valve,
     )
 
 

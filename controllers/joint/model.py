@@ -104,7 +104,10 @@ def opening_input(
 
 
 def joint_model(
-    linear: LinearModel, sensors: tuple[str, str, str] = ("angle", "pressure_1", "pressure_2")
+    linear: LinearModel,
+    sensors: tuple[str, str, str] = ("angle", "pressure_1", "pressure_2"),
+    *,
+    valve: ValveInverse | None = None,
 ) -> JointModel:
     """Fit the third-order model to a linear model.
 
@@ -125,7 +128,7 @@ def joint_model(
         >>> 1e-4 < joint.b < 3e-4, joint.misfit < 0.2
         (True, True)
     """
-    entry = opening_input(linear, ValveInverse())
+    entry = opening_input(linear, valve or ValveInverse())
     for name in sensors:
         check_choice("sensor of the linear model", name, linear.output_names)
     w = 2 * np.pi * np.geomspace(*BAND_HZ, 60)
