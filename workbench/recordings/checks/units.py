@@ -105,7 +105,7 @@ def beyond_range(signal: Signal, low: float, high: float, *, clipped: bool = Tru
     Args:
         low: Lower end of the range, in SI.
         high: Its upper end, in SI.
-        clipped: Whether the model clips it to its range, or was found to do better without.
+        clipped: Whether the model clips it to its range; else the range is taken as wide.
     """
     margin = 0.01 * np.ptp(signal.values)
     out = (signal.values < low - margin) | (signal.values > high + margin)
