@@ -17,7 +17,7 @@ import pytest
 from tests.diagnosis.axis_case import recording
 from workbench.cli.main import INTERRUPTED, WRONG_USE, main, run
 from workbench.diagnosis import diagnose as engine
-from workbench.diagnosis.selection import search
+from workbench.diagnosis.selection import task
 from workbench.diagnosis.selection.selected import Scored
 from workbench.physics.library import library
 
@@ -51,7 +51,7 @@ def few_effects(monkeypatch: pytest.MonkeyPatch) -> None:
         laws = ("stribeck_friction", "linear_spring", "cubic_drag")
         return [e for e in library(*given, **known) if e.law in laws]
 
-    for place in (engine, search):
+    for place in (engine, task):
         monkeypatch.setattr(place, "library", few)
 
 

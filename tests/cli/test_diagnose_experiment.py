@@ -12,7 +12,7 @@ import pytest
 from workbench.cli.main import WRONG_USE, run
 from workbench.diagnosis import diagnose as stages
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
-from workbench.diagnosis.selection import search
+from workbench.diagnosis.selection import task
 from workbench.physics.library import library
 from workbench.physics.stiffness import linear_spring
 from workbench.plants.servo_axis import servo_axis
@@ -58,7 +58,7 @@ def given(diagnosed_already: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]
         laws = ("coulomb_friction", "linear_spring")
         return [e for e in library(*given, **known) if e.law in laws]
 
-    for place in (stages, search):
+    for place in (stages, task):
         monkeypatch.setattr(place, "library", few)
     plant = ["--plant", "servo-axis", "--without", "coulomb_friction", "--jobs", "1"]
     return ["diagnose", *plant, "--fit", "1.csv", "--hold-out", "2.csv", "--out", "out"]
@@ -123,7 +123,7 @@ def test_a_law_without_a_name_becomes_a_law_of_the_user(
         every = library(model, **options)
         return [h for h in every if h.name in ("stribeck_friction", "found")]
 
-    for place in (stages, search):
+    for place in (stages, task):
         monkeypatch.setattr(place, "library", without_springs)
     asked = ["diagnose", "--plant", "servo-axis", "--jobs", "1"]
     asked += ["--fit", "1.csv", "--hold-out", "2.csv"]

@@ -106,7 +106,7 @@ def _never(*_: Any, **__: Any) -> Any:
         (engine, "next_experiment"),
         (search, "perfect_cost"),
         (search, "over_floor"),
-        (search, "judged_run"),
+        (withdrawal, "judged_run"),
         (simulation_error, "least_squares"),
         (located_signal, "unknown_input"),
     ],

@@ -46,7 +46,7 @@ from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.estimation.windows import windowed_run
 from workbench.diagnosis.problem import Problem
 from workbench.diagnosis.refit_report import run_refit
-from workbench.diagnosis.selection import search
+from workbench.diagnosis.selection import task
 from workbench.diagnosis.undeclared import with_undeclared
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
@@ -60,7 +60,7 @@ def only(monkeypatch: pytest.MonkeyPatch, *laws: str) -> None:
     def few(*given: Any, **known: Any) -> tuple[Hypothesis, ...]:
         return tuple(e for e in library(*given, **known) if e.law in laws)
 
-    monkeypatch.setattr(search, "library", few)
+    monkeypatch.setattr(task, "library", few)
 
 
 @pytest.mark.parametrize("scale", [pytest.param(0.01, marks=pytest.mark.long), 100.0])

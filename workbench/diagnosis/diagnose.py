@@ -24,15 +24,10 @@ from workbench.diagnosis.nonparametric.fit import nonparametric_term
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.held_out import settled_run
 from workbench.diagnosis.selection.rules import LEAST_SHOWN, NO_NAME
-from workbench.diagnosis.selection.search import (
-    Task,
-    all_withdrawn,
-    likely,
-    run_freely,
-    score,
-    search,
-)
+from workbench.diagnosis.selection.search import score, search
 from workbench.diagnosis.selection.selected import Scored, Selected
+from workbench.diagnosis.selection.task import Task
+from workbench.diagnosis.selection.withdrawal import all_withdrawn, likely, run_freely
 from workbench.diagnosis.stage_files import StageFiles, fingerprint
 from workbench.diagnosis.stages import Diagnosis, Fitted, Located, Prepared, Validated
 from workbench.diagnosis.undeclared import as_coarse_as_recorded, with_undeclared

@@ -18,8 +18,8 @@ from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.selection import refits
 from workbench.diagnosis.selection.candidate import Candidate
+from workbench.diagnosis.selection.decision import decided, degenerates_to, preferred
 from workbench.diagnosis.selection.held_out import NO_RUNS, RunErrors
-from workbench.diagnosis.selection.refits import decided, degenerates_to, preferred
 from workbench.diagnosis.selection.rules import (
     LEAST_GAIN,
     Limits,

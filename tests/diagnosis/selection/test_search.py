@@ -8,6 +8,7 @@ import pytest
 
 from tests.diagnosis.example_diagnosis import example_diagnosis
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+from workbench.diagnosis.selection.pairs import _openings, with_pair
 from workbench.diagnosis.selection.refits import entry_priors
 from workbench.diagnosis.selection.rules import (
     FREE_RUN,
@@ -17,15 +18,10 @@ from workbench.diagnosis.selection.rules import (
     SHARE,
     Limits,
 )
-from workbench.diagnosis.selection.search import (
-    Task,
-    _openings,
-    _shown,
-    _simplified,
-    _with_pair,
-    _withdrawn,
-)
 from workbench.diagnosis.selection.selected import Accepted
+from workbench.diagnosis.selection.simplification import simplified
+from workbench.diagnosis.selection.task import Task
+from workbench.diagnosis.selection.withdrawal import taken_up_again, too_little_withdrawn
 
 
 def test_effects_that_explain_too_little_are_taken_back_with_the_reason() -> None:
@@ -37,22 +33,22 @@ def test_effects_that_explain_too_little_are_taken_back_with_the_reason() -> Non
     little = gain / (0.8 * LEAST_SHARE.value)
     ((found, alike),) = given.selected.accepted
     unseen = replace(given.selected, accepted=(Accepted(replace(found, run=None), alike),))
-    left = _withdrawn(task, unseen, little)
+    left = too_little_withdrawn(task, unseen, little)
     assert left.accepted == () and left.extended is given.base
     ((candidate, why),) = left.withdrawn
     assert candidate.entry.name == "coulomb_friction"
     assert why.startswith(f"explains too little: {80 * LEAST_SHARE.value:.0f} %")
-    assert _withdrawn(task, given.selected, gain) is given.selected
+    assert too_little_withdrawn(task, given.selected, gain) is given.selected
     # Free runs show it: where no other search finds more, it is told, with a doubt.
-    assert _shown(task, left) is left
-    aside = _withdrawn(task, given.selected, little)
+    assert taken_up_again(task, left) is left
+    aside = too_little_withdrawn(task, given.selected, little)
     assert aside.accepted == () and aside.extended is given.base
-    told = _shown(task, aside)
+    told = taken_up_again(task, aside)
     ((kept, _),) = told.accepted
     assert kept.name == "coulomb_friction" and why in kept.doubts[-1]
     assert told.extended.cost == given.selected.fits[1].cost and told.withdrawn == ()
     # But not if it predicts next to nothing of what is missing.
-    gone = _withdrawn(task, given.selected, 2.0 * gain / LEAST_PREDICTED.value)
+    gone = too_little_withdrawn(task, given.selected, 2.0 * gain / LEAST_PREDICTED.value)
     assert gone.accepted == gone.aside == () and left.aside != ()
 
 
@@ -89,11 +85,11 @@ def test_where_the_equations_leave_nothing_out_no_pair_is_searched_for() -> None
     rounds = (given.selected.rounds[0]._replace(candidates=(opening,)),)
     base = replace(given.base, noise_scale=0.3)
     begun = replace(given.selected, accepted=(), rounds=rounds, extended=base, free=prepared.priors)
-    assert _with_pair(task, begun, replace(asked, near_noise=True)) is begun
+    assert with_pair(task, begun, replace(asked, near_noise=True)) is begun
     perfect = replace(begun, extended=replace(base, noise_scale=0.03))
-    assert _with_pair(task, perfect, asked) is perfect
+    assert with_pair(task, perfect, asked) is perfect
     assert said == []
-    _with_pair(task, begun, asked)
+    with_pair(task, begun, asked)
     assert said[0] == "searching for what coulomb_friction hides"
 
 
@@ -117,7 +113,7 @@ def test_what_ended_as_a_simpler_law_is_told_as_that() -> None:
     assert given.selected is not None
     prepared = given.prepared
     task = Task(given.nominal, given.base, prepared.fitting, prepared.judging, prepared.priors)
-    assert _simplified(task, given.selected) is given.selected
+    assert simplified(task, given.selected) is given.selected
     (curve,) = (e for e in task.tried(given.base.model) if e.law == "stribeck_friction")
     ((found, _),) = given.selected.accepted
     tuned = {q.name: q.value for q in found.entry.effect.parameters if not q.fitted}
@@ -137,6 +133,6 @@ def test_what_ended_as_a_simpler_law_is_told_as_that() -> None:
     assert fit.refit.estimate(f"{curve.name}.coulomb_share").on_bound
     accepted = (Accepted(replace(found, entry=curve, fit=fit), (curve.name,)),)
     named = replace(given.selected, accepted=accepted, extended=fit, free=free)
-    ((told, alike),) = _simplified(task, named).accepted
+    ((told, alike),) = simplified(task, named).accepted
     assert told.entry.law == "coulomb_friction" and alike == (told.name,)
     assert told.size is not None and told.size.value == pytest.approx(level, rel=0.02)

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from workbench.diagnosis.selection.score import Score, Scores
+from workbench.diagnosis.selection.task import Task
+from workbench.model import Model
 from workbench.physics.library import Hypothesis
 
 LEAST_SCORE = 8.0
@@ -10,6 +14,16 @@ LEAST_SCORE = 8.0
 
 _LEADERS = 2
 """How many of the best scores are refitted even if stiff."""
+
+MOST_AT_FIRST, MOST_AGAIN = 18, 8
+"""Laws that are refitted for their score, before and after the first one was found."""
+
+_STIFF = 5
+"""Laws that are refitted in the time of a stiff one."""
+
+_BUDGET = 6000
+"""Work that laws beyond the best scores may take together: each costs the square of the number of
+states times that of free parameters. A plant of two states has room for all, the arm for nine."""
 
 
 def shortlist(scores: Scores, *, most: int) -> tuple[Score, ...]:
@@ -47,3 +61,64 @@ def where(entry: Hypothesis) -> tuple[str, ...]:
         Parts of the ports' names before the dot, each once.
     """
     return tuple(dict.fromkeys(port.split(".")[0] for port in entry.ports))
+
+
+def to_refit(
+    task: Task, scores: Scores, most: int, model: Model, *, quiet: bool
+) -> tuple[tuple[Score, ...], tuple[Score, ...]]:
+    """Choose what is refitted first: the best scores, and the laws of the located groups.
+
+    The score is a derivative at size zero. It orders, but of a law whose derivative vanishes
+    there, or whose effect the refitted parameters have taken over, it tells nothing.
+
+    Args:
+        model: The model beside which they are refitted.
+        quiet: Whether the model without an effect runs to the noise. What its parameters took over
+            is then not missing: only what scores is refitted, and that of which a score cannot
+            tell.
+
+    Returns:
+        What to refit, and what is left for the case that nothing of it explains the recordings.
+    """
+    chosen = list(shortlist(scores, most=most))
+    groups = {port.name: port.group for port in task.base.model.ports}
+    alone = task.location.alone if task.location else {}
+    best = max(alone.values(), default=0.0)
+    located = {group for group, gain in alone.items() if gain > 0.0 and gain >= 0.5 * best}
+    room = room_for(task, most, model)
+    rest = [s for s in scores.scores if s not in chosen]
+    here = [s for s in rest if any(groups.get(port) in located for port in s.entry.ports)]
+    # A law whose derivative at size zero tells nothing is tried wherever it may be.
+    far = [s for s in here if s.entry.far]
+    if quiet:
+        return (*chosen, *far), ()
+    taken = [*far, *within([s for s in here if s not in far], room)]
+    elsewhere = [s for s in rest if s not in here]
+    # A small plant has room for the whole library, wherever the mismatch was located.
+    later = tuple(elsewhere) if within(rest, room) == rest else ()
+    return (*chosen, *taken), later
+
+
+def room_for(task: Task, most: int, model: Model) -> float:
+    """Return for how many laws, dimensionless, there is room beside so many of the best scores.
+
+    Args:
+        model: The model with what was found: stiff laws in it make every refit longer.
+    """
+    cost = max(len(task.base.model.states), 1) ** 2 * (len(task.priors) + 1)
+    return _BUDGET * most / MOST_AT_FIRST / cost / task.longer(model)
+
+
+def within(scores: Sequence[Score], room: float) -> list[Score]:
+    """Return the first scores that there is room for; a stiff law takes that of several.
+
+    Args:
+        room: For how many laws there is room, dimensionless.
+    """
+    taken = []
+    for score in scores:
+        needed = _STIFF if score.entry.stiff else 1
+        if needed <= room:
+            taken.append(score)
+            room -= needed
+    return taken

@@ -1,0 +1,153 @@
+"""Refitting effects beside what was found, and adding one to the model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.diagnosis.estimation.priors import Prior
+from workbench.diagnosis.estimation.process_noise import (
+    INDIFFERENT,
+    ProcessNoiseFit,
+    fit_with_process_noise,
+)
+from workbench.diagnosis.selection.candidate import Candidate
+from workbench.diagnosis.selection.decision import closer_unseen, degenerates_to, preferred
+from workbench.diagnosis.selection.held_out import told_apart
+from workbench.diagnosis.selection.refits import entry_priors, refit_candidates
+from workbench.diagnosis.selection.rules import FREE_RUN, REFIT, SAME, SURPASSED, Limits
+from workbench.diagnosis.selection.score import Score, Scores
+from workbench.diagnosis.selection.selected import Accepted, Round, Selected
+from workbench.diagnosis.selection.task import Task
+from workbench.diagnosis.selection.weights import Compared
+
+
+def refits_beside(
+    task: Task,
+    base: ProcessNoiseFit,
+    free: Sequence[Prior],
+    chosen: Sequence[Score],
+    limits: Limits,
+    *,
+    thorough: bool = False,
+) -> tuple[Candidate, ...]:
+    """Refit effects beside what a model has, judged on the held-out recordings.
+
+    Args:
+        thorough: Whether refits on short recordings begin from more places: where nothing was found
+            yet, whose parameters would lead the way.
+    """
+    return refit_candidates(
+        base,
+        chosen,
+        free,
+        task.started(task.fitting, base.model),
+        task.started(task.judging, base.model),
+        limits=limits,
+        jobs=task.jobs,
+        progress=task.say,
+        thorough=thorough,
+    )
+
+
+def with_candidate(task: Task, state: Selected, found: Candidate, beside: Round) -> Selected:
+    """Add an effect to the model, refitted to the end.
+
+    Args:
+        beside: The round in which it was found.
+    """
+    assert found.fit is not None
+    free = (*state.free, *entry_priors(found.entry)[0])
+    # What is no more than this law with more parameters may have come further.
+    more = next((c.fit for c in beside.candidates if degenerates_to(c, found)), None)
+    extended = polished(found.fit, task.started(task.fitting, found.fit.model), free, more)
+    alike = explain_as_well(found, beside.candidates, beside.scores)
+    return replace(
+        state,
+        began=state.began or found.name,
+        accepted=(*state.accepted, Accepted(found, alike)),
+        free=free,
+        extended=extended,
+        fits=(*state.fits, extended),
+    )
+
+
+def polished(
+    fit: ProcessNoiseFit,
+    recordings: Sequence[Observed],
+    priors: Sequence[Prior],
+    beside: ProcessNoiseFit | None = None,
+) -> ProcessNoiseFit:
+    """Refit once more, to the end: comparing hypotheses needs less.
+
+    Args:
+        beside: A fit with another effect instead of the last one, from whose values of all others
+            the refit begins too.
+    """
+    own = {e.name: e.value for e in fit.refit.estimates}
+    starts = [(own, False)]
+    if beside is not None:
+        shared = {e.name: e.value for e in beside.refit.estimates if e.name in own}
+        starts.append((own | shared, True))
+    best = fit
+    for start, follow in starts:
+        try:
+            final = fit_with_process_noise(
+                fit.model, recordings, priors, start=start, noise_scale=fit.noise_scale,
+                follow=follow,
+            )  # fmt: skip
+        except Exception:  # noqa: BLE001
+            # The fit that was compared stands, whatever a law does when it is refined.
+            continue
+        if final.cost <= best.cost + (INDIFFERENT if final.noise_scale < best.noise_scale else 0.0):
+            best = replace(final, passed=fit.passed)
+    return best
+
+
+def explain_as_well(
+    best: Candidate, candidates: Sequence[Candidate], scores: Scores
+) -> tuple[str, ...]:
+    """Name the accepted effect, and those that explain the recordings as well or always do.
+
+    Another one does if it passed every rule and the recordings, fitted and held out, prefer the
+    accepted one by chance only; or if nothing but a few units of log likelihood lie between them.
+    """
+    same = []
+    for c in candidates:
+        if c.name == best.name or not c.followed or c.fit is None or c.gain <= 0:
+            continue
+        if degenerates_to(c, best):
+            continue
+        apart = not c.blocks or told_apart(best.blocks, c.blocks) or closer_unseen(best, c)
+        if (passed_all(c) and not apart) or (
+            abs(best.gain - c.gain) < SAME.value
+            and not (preferred(best, c) or closer_unseen(best, c))
+        ):
+            same.append(c.entry.name)
+    unseen = {s.entry.name for s in scores.scores if not s.testable}
+    known = {s.entry.name for s in scores.scores}
+    equal = [n for n in best.entry.same_as if n in known and n not in same]
+    return (best.entry.name, *[n for n in same if n not in unseen], *equal)
+
+
+def passed_all(candidate: Candidate) -> bool:
+    """Whether an effect passed every rule, even if another explained more."""
+    return candidate.followed and candidate.fit is not None and candidate.refused in ("", SURPASSED)
+
+
+def remembered(task: Task, state: Selected, candidates: Sequence[Candidate]) -> Selected:
+    """Remember the sets of effects that were judged on all recordings.
+
+    What failed, or does not show in free runs as it should, is none; nor is what is no more than
+    the one that was taken.
+    """
+    taken = next((c for c in candidates if not c.refused), None)
+    own = {effect.name for effect in task.nominal.effects}
+    sets = tuple(
+        Compared(tuple(sorted(e.name for e in c.fit.model.effects if e.name not in own)), c.blocks)
+        for c in candidates
+        if c.followed and c.fit and len(c.blocks) > 1 and c.rule not in (REFIT.name, FREE_RUN)
+        if not (taken and degenerates_to(c, taken))
+    )
+    return replace(state, compared=(*state.compared, *sets))

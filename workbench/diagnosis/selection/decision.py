@@ -1,0 +1,176 @@
+"""Which of several refitted hypotheses is taken: rules, unseen recordings, free runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from workbench.diagnosis.estimation.process_noise import gain_interval
+from workbench.diagnosis.selection.candidate import Candidate
+from workbench.diagnosis.selection.held_out import RunErrors, told_apart
+from workbench.diagnosis.selection.rules import (
+    FREE_RUN,
+    HELD_OUT,
+    INDISTINCT,
+    LEAST_EXPLAINED,
+    MUCH_CLOSER,
+    SAME,
+    SHARE,
+    SURPASSED,
+    Limits,
+    judged,
+)
+
+
+def decided(
+    candidates: Sequence[Candidate], without: RunErrors, limits: Limits
+) -> tuple[Candidate, ...]:
+    """Decide which of several refitted hypotheses is taken.
+
+    Args:
+        without: Errors of the runs of the model without any of them.
+
+    Returns:
+        The candidates by falling gain, the one that is taken without a refusal, the others with
+        the reason.
+    """
+    found = sorted((judged(c, limits) for c in candidates), key=lambda c: -c.gain)
+    if not limits.near_noise:
+        found = [_run_freely(c, without, shown=limits.perfect) for c in found]
+    for i, candidate in enumerate(found):
+        if not candidate.refused or limits.near_noise:
+            # Near the noise free runs cannot be closer but by chance.
+            break
+        if _runs_closer(candidate, without):
+            # How much it explains may lower the belief; what it gains on unseen data it gains.
+            doubt = (candidate.refused,) if candidate.rule == SHARE.name else ()
+            found[i] = replace(candidate, refused="", rule="", doubts=doubt)
+            break
+    passing = [c for c in found if not c.refused]
+    best = passing[0] if passing else None
+    if best is not None and best.doubts:
+        # Of two that the data cannot tell apart, the one without a doubt.
+        sure = (c for c in passing if not c.doubts and not told_apart(best.blocks, c.blocks))
+        best = next(sure, best)
+    if best is not None and is_sensor(best):
+        # Where the process explains the runs better, it is the process.
+        closest: Candidate | None = None
+        for c in passing:
+            if is_sensor(c):
+                continue
+            than = best if closest is None else closest
+            if c.run is not None and than.run is not None and c.run.closer_than(than.run):
+                closest = c
+        if closest is not None:
+            best = closest
+            found = [_outrun(f, best) for f in found]
+            passing = [f for f in found if not f.refused]
+    if best is not None:
+        # Of those that explain the recordings as well, the one with the fewest parameters; then
+        # the likeliest on all recordings together.
+        same = [c for c in passing if len(c.doubts) <= len(best.doubts)]
+        # What lies within a few units where both were fitted, unseen recordings decide.
+        better = [c for c in same if abs(best.gain - c.gain) < SAME.value and preferred(c, best)]
+        best = max(better, key=lambda c: c.held_out[0], default=best)
+        # So they do where they say it twice: of what comes next, and of whole runs.
+        closer = [c for c in same if closer_unseen(c, best)]
+        best = max(closer, key=lambda c: c.held_out[0], default=best)
+        same = [
+            c
+            for c in same
+            if c is best
+            or degenerates_to(best, c)
+            or overfits(best, c)
+            or not (told_apart(best.blocks, c.blocks) or closer_unseen(best, c))
+        ]
+        best = min(same, key=lambda c: (c.own_parameters, -c.gain - c.held_out[0]))
+    return tuple(c if c is best or c.refused else replace(c, refused=SURPASSED) for c in found)
+
+
+def degenerates_to(one: Candidate, other: Candidate) -> bool:
+    """Whether an effect ended where it is no more than another one with fewer parameters.
+
+    Its shape is on a bound, or the recordings are as likely with the other from block to block.
+    """
+    if other.own_parameters >= one.own_parameters:
+        return False
+    if not one.degenerate and not _as_likely(one, other):
+        return False
+    gained = [one.gain - other.gain]
+    if one.fit and other.fit and one.fit.noise_scale == other.fit.noise_scale:
+        # What is trusted less gains less on unseen recordings, however equal.
+        gained.append(one.held_out[0] - other.held_out[0])
+    return max(map(abs, gained)) < SAME.value
+
+
+def _as_likely(one: Candidate, other: Candidate) -> bool:
+    pairs = list(zip(one.blocks, other.blocks, strict=False))
+    if len(pairs) < 2 or any(len(a) != len(b) for a, b in pairs):
+        return False
+    return all(float(np.abs(a - b).mean()) < INDISTINCT.value for a, b in pairs)
+
+
+def overfits(one: Candidate, other: Candidate) -> bool:
+    """Whether an effect loses on unseen recordings what it gains beyond a simpler one."""
+    unseen = one.held_out[0] - other.held_out[0]
+    more = one.own_parameters > other.own_parameters
+    return more and unseen < 0.0 and one.gain - other.gain + unseen < SAME.value
+
+
+def preferred(one: Candidate, other: Candidate) -> bool:
+    """Whether the held-out recordings clearly prefer one effect to another."""
+    if len(one.blocks) < 2 or len(other.blocks) < 2:
+        return False
+    return gain_interval(other.blocks[1], one.blocks[1])[1] > 0.0
+
+
+def closer_unseen(one: Candidate, other: Candidate) -> bool:
+    """Whether unseen recordings are likelier with one effect, and its runs there much closer."""
+    if one.held_out[0] <= other.held_out[0] or one.run is None or other.run is None:
+        return False
+    return one.run.closer_than(other.run, by=MUCH_CLOSER.value)
+
+
+def _run_freely(candidate: Candidate, without: RunErrors, *, shown: bool) -> Candidate:
+    """Refuse what predicts the next sample better and not what comes after it.
+
+    What a sensor does between process and reading colours the noise, and so predicts the next
+    sample of anything: it has to show in free runs. A law of the process must not spoil them.
+
+    Args:
+        shown: Whether a law of the process has to show there too.
+    """
+    if candidate.refused or candidate.run is None:
+        return candidate
+    why = ""
+    if is_sensor(candidate) or shown:
+        if not candidate.run.closer_than(without):
+            why = "with it the model does not run closer to the held-out recordings"
+    elif candidate.run.spoilt_from(without):
+        why = "without it the model runs closer to the held-out recordings"
+    return replace(candidate, refused=why, rule=FREE_RUN) if why else candidate
+
+
+def _runs_closer(candidate: Candidate, without: RunErrors) -> bool:
+    """Whether free runs show what single predictions leave open on the held-out recordings."""
+    needed = {HELD_OUT.name: 0, SHARE.name: 1}.get(candidate.rule)
+    if needed is None or candidate.run is None or candidate.held_out[needed] <= 0.0:
+        return False
+    # The wrong shape of what was found leaves a rest too, of which another name takes a little.
+    by = LEAST_EXPLAINED.value if candidate.rule == SHARE.name else 0.0
+    return candidate.run.closer_than(without, by=by)
+
+
+def is_sensor(candidate: Candidate) -> bool:
+    """Whether an effect stands between process and measurement."""
+    return candidate.entry.group == "sensor"
+
+
+def _outrun(candidate: Candidate, by: Candidate) -> Candidate:
+    """Refuse what a sensor does where a law of the process runs closer to the recordings."""
+    if candidate.refused or not is_sensor(candidate):
+        return candidate
+    why = f"with {by.entry.name} the model runs closer to the held-out recordings"
+    return replace(candidate, refused=why, rule=FREE_RUN)

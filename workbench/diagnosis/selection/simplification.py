@@ -1,0 +1,84 @@
+"""The simpler law that an effect is where its shape ended on a bound."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from workbench.diagnosis.estimation.priors import Prior
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, fit_with_process_noise
+from workbench.diagnosis.selection.refits import entry_priors
+from workbench.diagnosis.selection.rules import SAME
+from workbench.diagnosis.selection.selected import Accepted, Selected
+from workbench.diagnosis.selection.task import Task
+from workbench.physics.library import Hypothesis, look_alikes
+
+
+def simplified(task: Task, state: Selected) -> Selected:
+    """Take a simpler law instead of an effect whose shape ended where it is that law."""
+    for found in state.accepted:
+        entry, full = found.candidate.entry, state.extended
+        name, size = entry.effect.name, f"{entry.effect.name}.{entry.size_parameter}"
+        own = {e.name: e for e in full.refit.estimates if e.name.startswith(f"{name}.")}
+        ended = any(e.on_bound for e in own.values() if e.name != size)
+        without = task.without(state, found) if ended and size in own else None
+        if without is None:
+            continue
+        base, free = without
+        values = {e.name: e.value for e in full.refit.estimates if e.name not in own}
+        alike = look_alikes(entry, [e for e in task.tried(base.model) if e.ports == entry.ports])
+        for simpler in alike:
+            other = _begun(simpler, entry, own[size].value)
+            priors = entry_priors(other)[0]
+            if len(priors) >= len(own) or other.replaces or other.unit != entry.unit:
+                continue
+            model = base.model.with_effect(other.at_size(0.0))
+            begin = values | {f"{other.name}.{other.size_parameter}": own[size].value}
+            try:
+                fit = fit_with_process_noise(
+                    model, task.started(task.fitting, model), (*free, *priors), start=begin,
+                    noise_scale=full.noise_scale,
+                )  # fmt: skip
+            except Exception:  # noqa: BLE001
+                # What cannot be fitted is no simpler law.
+                continue
+            if fit.cost < state.extended.cost + SAME.value:
+                state = _renamed(state, found, other, replace(fit, passed=None), (*free, *priors))
+                break
+    return state
+
+
+def _begun(simpler: Hypothesis, entry: Hypothesis, value: float) -> Hypothesis:
+    """Return a law with what was tuned of another one, and bounds as wide as its size asks."""
+    tuned = {q.name: q.value for q in entry.effect.parameters if not q.fitted}
+    own = []
+    for q in simpler.effect.parameters:
+        if q.name == simpler.size_parameter:
+            reach = 2.0 * abs(value)
+            lower = min(q.lower, -reach) if q.lower < 0.0 else q.lower
+            own.append(replace(q, lower=lower, upper=max(q.upper, reach)))
+        else:
+            own.append(replace(q, value=tuned.get(q.name, q.value)))
+    return replace(simpler, effect=replace(simpler.effect, parameters=tuple(own)))
+
+
+def _renamed(
+    state: Selected,
+    found: Accepted,
+    other: Hypothesis,
+    fit: ProcessNoiseFit,
+    free: tuple[Prior, ...],
+) -> Selected:
+    old = found.candidate.entry.name
+    alike = tuple(n for n in found.alike if n not in (old, other.name))
+    renewed = Accepted(replace(found.candidate, entry=other, fit=fit), (other.name, *alike))
+    return replace(
+        state,
+        accepted=tuple(renewed if a is found else a for a in state.accepted),
+        free=free,
+        extended=fit,
+        fits=(*state.fits[:-1], fit),
+        compared=tuple(
+            c._replace(effects=tuple(sorted(other.name if n == old else n for n in c.effects)))
+            for c in state.compared
+        ),
+    )

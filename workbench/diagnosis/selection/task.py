@@ -1,0 +1,147 @@
+"""What a search works on, and what it refits more than once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from workbench.diagnosis.estimation.prediction_error import Observed, substeps_along
+from workbench.diagnosis.estimation.priors import Prior
+from workbench.diagnosis.estimation.process_noise import (
+    ProcessNoiseFit,
+    extended_start,
+    fit_with_process_noise,
+    ranges_along,
+)
+from workbench.diagnosis.location.locate import Location
+from workbench.diagnosis.selection.selected import Accepted, Selected
+from workbench.diagnosis.selection.simulation_error import closest_runs
+from workbench.errors import NumericalError
+from workbench.model import Model
+from workbench.physics.library import Hypothesis, Law, library
+
+MOST_FINDINGS = 3
+"""Effects that are searched for, one after the other."""
+
+Progress = Callable[[str], None]
+
+Shorter = tuple[ProcessNoiseFit, tuple[Prior, ...]] | None
+"""A model without one of its effects, with its free parameters; None if it cannot be fitted."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a search works on.
+
+    Args:
+        nominal: The model that the recordings were observed with.
+        fitting: Fitting recordings.
+        judging: Held-out recordings.
+        priors: Priors of the free parameters of the nominal model.
+        location: Where the refitted nominal model lacks something; None if unknown.
+        entries: Effects that may be missing; the whole library if None.
+        extra: Laws and hypotheses that may be missing beside the library.
+        shorter: Models that were refitted without one of their effects, by identity and effect.
+        refitted: Models that were refitted to free runs, by identity and whether with heavy tails.
+        say: Called with a line of text before each step.
+    """
+
+    nominal: Model
+    base: ProcessNoiseFit
+    fitting: tuple[Observed, ...]
+    judging: tuple[Observed, ...]
+    priors: tuple[Prior, ...]
+    location: Location | None = None
+    entries: tuple[Hypothesis, ...] | None = None
+    jobs: int = 2
+    say: Progress = lambda text: None
+    extra: tuple[Law | Hypothesis, ...] = ()
+    shorter: dict[tuple[int, str], tuple[ProcessNoiseFit, Shorter]] = field(default_factory=dict)
+    refitted: dict[tuple[int, bool], tuple[ProcessNoiseFit, ProcessNoiseFit]] = field(
+        default_factory=dict
+    )
+
+    def tried(self, model: Model) -> list[Hypothesis]:
+        """Return the effects that may be missing from a model."""
+        entries = self.entries
+        given = {effect.name for effect in self.nominal.effects}
+        attached = {effect.name for effect in model.effects}
+        if entries is None:
+            longest = max(self.fitting, key=lambda r: len(r.outputs))
+            entries = library(
+                model,
+                outputs=longest.used,
+                extra=self.extra,
+                duration=longest.sample_time * (len(longest.outputs) - 1),
+                sample_time=longest.sample_time,
+                ranges=self._ranges,
+                more_of=self._more_of,
+                found=attached - given,
+            )
+        return [e for e in entries if e.name not in attached]
+
+    def closest(self, fit: ProcessNoiseFit, *, robust: bool = False) -> ProcessNoiseFit:
+        """Return a fit as it runs closest to the recordings."""
+        key = id(fit), robust
+        if key not in self.refitted:
+            # The fit is kept with it: its identity must not become that of another.
+            found = closest_runs(fit, self.nominal, self.fitting, self.judging, robust=robust)
+            self.refitted[key] = fit, found
+        return self.refitted[key][1]
+
+    def longer(self, model: Model) -> float:
+        """Return how much longer a filter takes with what was found, dimensionless, 1 or more."""
+        steps = [
+            substeps_along(m, r) * max(len(m.states), 1) ** 2
+            for m, r in (
+                (self.base.model, self.fitting[0]),
+                (model, self.started(self.fitting[:1], model)[0]),
+            )
+        ]
+        return max(1.0, steps[1] / steps[0])
+
+    def without(self, state: Selected, found: Accepted) -> Shorter:
+        """Refit the extended model without one effect; None if it cannot be fitted without it."""
+        name, full = found.candidate.entry.effect.name, state.extended
+        key = id(full), name
+        if key not in self.shorter:
+            # The model is kept with it: its identity must not become that of another.
+            self.shorter[key] = full, self._refitted_without(full, name, state.free)
+        return self.shorter[key][1]
+
+    def _refitted_without(
+        self, full: ProcessNoiseFit, name: str, known: Sequence[Prior]
+    ) -> Shorter:
+        begun = full.passed or full
+        model = begun.model.without(name)
+        values = {
+            e.name: e.value for e in begun.refit.estimates if not e.name.startswith(f"{name}.")
+        }
+        free = tuple(p for p in known if p.name in values)
+        recordings = self.started(self.fitting, model)
+        try:
+            fit = fit_with_process_noise(
+                model, recordings, free, start=values, noise_scale=begun.noise_scale
+            )
+        except Exception:  # noqa: BLE001
+            # A model that cannot be fitted without the effect needs it.
+            return None
+        return fit, free
+
+    @cached_property
+    def _ranges(self) -> dict[str, tuple[float, float]]:
+        try:
+            return ranges_along(self.base, self.fitting)
+        except NumericalError:
+            return {}
+
+    @cached_property
+    def _more_of(self) -> set[str]:
+        """Effects of the nominal model of which the refit would take more than is plausible."""
+        full = [e.name for e in self.base.refit.estimates if e.on_bound and e.value > e.prior.mean]
+        return {name.split(".")[0] for name in full if "." in name}
+
+    def started(self, recordings: Sequence[Observed], model: Model) -> list[Observed]:
+        """Return recordings with a start for a model with effects attached."""
+        return [extended_start(r, self.nominal, model) for r in recordings]
