@@ -12,7 +12,7 @@ from workbench.diagnosis import diagnose as engine
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
 from workbench.diagnosis.location import located_signal
-from workbench.diagnosis.selection import refits, search, simulation_error
+from workbench.diagnosis.selection import refits, search, simulation_error, withdrawal
 from workbench.diagnosis.verdict import Verdict
 from workbench.errors import NumericalError
 from workbench.model import Effect, Model, Parameter, PortView
