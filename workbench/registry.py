@@ -216,6 +216,12 @@ _NOT_OWN = (
 )
 
 
+def own_modules() -> dict[str, str]:
+    """Return the files of imported modules that are the user's own, by the module's name."""
+    files = {name: getattr(module, "__file__", None) for name, module in sys.modules.copy().items()}
+    return {name: f for name, f in files.items() if f and not f.startswith(_NOT_OWN)}
+
+
 def own_place(error: BaseException) -> str:
     """Return file and line of the user's own code that an error passed last; empty if none did."""
     frames = traceback.extract_tb(error.__traceback__)

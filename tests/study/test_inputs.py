@@ -12,7 +12,7 @@ import pytest
 from tests.study.small_study import small_study
 from workbench.errors import WorkbenchError
 from workbench.study import store as store_module
-from workbench.study.execution import Workers, store_of, verify_kept
+from workbench.study.execution import FINISHED_BEFORE, Workers, store_of, verify_kept
 from workbench.study.execution import kept as kept_run
 from workbench.study.inputs import new_study, watched
 from workbench.study.result import run_study
@@ -107,6 +107,37 @@ def test_gains_that_a_design_reads_from_elsewhere_are_seen(tmp_path: Path, jobs:
         assert json.loads(path.read_text())["work"], "what a run has cost is kept with it"
     gains.write_text("12")
     assert kept_run(store_of(study, tmp_path / "out"), task) is None
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_module_that_is_edited_between_two_studies_of_a_session(
+    tmp_path: Path, jobs: int
+) -> None:
+    own = tmp_path / f"edited_with_{jobs}.py"
+    by_hand = (
+        'design = "pid"\nspecification = { bandwidth = 30.0 }',
+        f'design = "{own.stem}:design"',
+    )
+    place = small_study(tmp_path, by_hand)
+
+    def rmse(bandwidth: float) -> tuple[list[float], list[str]]:
+        own.write_text(
+            "from controllers.pid import PIDSpecification, design_pid\n"
+            "def design(linear, specification):\n"
+            f"    return design_pid(linear, PIDSpecification(bandwidth={bandwidth}))\n"
+        )
+        said: list[str] = []
+        study = load_study(place)
+        workers = Workers(store_of(study, tmp_path / "out"), jobs=jobs)
+        records = workers.records(tasks(study), lambda *told: said.append(told[2]))
+        return [r.metrics["rmse"].value for r in records if r.metrics is not None], said
+
+    fast, _ = rmse(30.0)
+    slow, said = rmse(12.25)
+    assert len(slow) == 2 and all(a > 1.1 * b for a, b in zip(slow, fast, strict=True))
+    assert FINISHED_BEFORE not in said
+    # What is as it was is not done again.
+    assert rmse(12.25) == (slow, [FINISHED_BEFORE])
 
 
 def test_a_sample_of_the_finished_runs_is_done_again(tmp_path: Path) -> None:

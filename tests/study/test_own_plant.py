@@ -131,7 +131,6 @@ def test_a_module_that_leaves_the_process_is_a_failed_run(study_file: Path) -> N
 
 def test_gains_in_a_file_and_a_package_below_are_part_of_the_key(study_file: Path) -> None:
     def digest() -> str:
-        code_digest.cache_clear()
         return code_digest(str(study_file.parent))
 
     package = study_file.parent / "designs"

@@ -21,6 +21,7 @@ from workbench.linearisation import LinearModel, linearise
 from workbench.linearisation.operating_map import default_input, operating_map
 from workbench.operating_point import operating_point
 from workbench.simulation.compiled import compiled
+from workbench.study.inputs import forgotten_with_its_code
 from workbench.study.plants import PlantRecipe
 from workbench.verification.guard_limits import guarded
 
@@ -179,6 +180,9 @@ def _schedule(recipe: ControllerRecipe) -> JointSchedule:
 
 
 _DESIGNED: dict[str, MarginedDesign[Controller]] = {}
+
+for _kept in (_DESIGNED.clear, _linear.cache_clear, _map.cache_clear):
+    forgotten_with_its_code(_kept)
 
 
 def _designed(recipe: ControllerRecipe) -> MarginedDesign[Controller]:

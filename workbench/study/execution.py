@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from workbench.checked_json import Shape
 from workbench.errors import WorkbenchError
-from workbench.study.inputs import Seen, seen
+from workbench.study.inputs import Seen, seen, seen_elsewhere
 from workbench.study.store import Store, code_digest
 from workbench.study.study import Study
 from workbench.study.tasks import RECORD, Record, Task, execute, record_from_table
@@ -65,6 +65,7 @@ class Workers:
         calls = [(_numbered, (i, do, one)) for i, one in enumerate(asked) if i not in found]
         for i, table, read, work in parallel(calls, jobs=self.jobs, dask=self.dask):
             found[i] = table
+            seen_elsewhere(read)
             self.store.put(keys[i], table, read, work)
             if progress:
                 progress(len(found), len(asked), name(asked[i]))

@@ -11,12 +11,15 @@ import hashlib
 import os
 import sys
 import sysconfig
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, packages_distributions, version
 from pathlib import Path
 from typing import Any, NamedTuple
+
+from workbench.registry import own_modules
+from workbench.work.processes import begin_anew
 
 _WORKBENCH = str(Path(__file__).resolve().parents[1])
 _CONTROLLERS = str(Path(_WORKBENCH).parent / "controllers")
@@ -46,14 +49,22 @@ class Seen(NamedTuple):
 
 
 class _Watch:
-    """State of the process: an audit hook cannot be taken off again."""
+    """State of the process: an audit hook cannot be taken off again.
+
+    Args:
+        opened: Files that were read here while watched.
+        digests: Digest by path, as it was when the file was first seen here.
+        elsewhere: The same of processes that did runs for this one.
+        forget: What lets go of what was made with code that has changed.
+    """
 
     def __init__(self) -> None:
         self.depth = 0
         self.hooked = False
         self.opened: dict[str, None] = {}
         self.digests: dict[str, str] = {}
-        self.past: set[str] = set()
+        self.elsewhere: dict[str, str] = {}
+        self.forget: list[Callable[[], None]] = []
 
 
 _WATCH = _Watch()
@@ -67,7 +78,6 @@ def _hook(event: str, arguments: tuple[Any, ...]) -> None:
         place = str(Path(os.fsdecode(path)).absolute())
         _WATCH.opened[place] = None
         _WATCH.digests.pop(place, None)
-        _WATCH.past.discard(place)
 
 
 @contextmanager
@@ -87,13 +97,40 @@ def watched() -> Iterator[None]:
 
 
 def new_study(folder: Path) -> None:
-    """Leave out what earlier studies of this process have read elsewhere, if it changed since."""
+    """Forget what earlier studies of this process, or of those that work for it, read of files.
+
+    Only of those that changed since. A module of the user's own that changed is imported anew, as
+    are those beside the study, which may have taken something from it.
+
+    Args:
+        folder: Folder of the study.
+    """
+    changed = {path for path, known in _WATCH.digests.items() if digest(path) != known}
+    if changed or any(digest(path) != known for path, known in _WATCH.elsewhere.items()):
+        _WATCH.elsewhere.clear()
+        begin_anew()
+    if not changed:
+        return
     own = str(folder.resolve()) + os.sep
-    _WATCH.past = {
-        path
-        for path, known in _WATCH.digests.items()
-        if not path.startswith(own) and digest(path) != known
-    }
+    for name, place in own_modules().items():
+        if name != "__main__" and (place in changed or place.startswith(own)):
+            del sys.modules[name]
+            changed.add(place)
+    for path in changed:
+        _WATCH.digests.pop(path, None)
+        _WATCH.opened.pop(path, None)
+    for forget in _WATCH.forget:
+        forget()
+
+
+def forgotten_with_its_code(forget: Callable[[], None]) -> None:
+    """Call something when a study begins after files have changed that an earlier one has read."""
+    _WATCH.forget.append(forget)
+
+
+def seen_elsewhere(read: Seen) -> None:
+    """Remember what a process that did a run has read: it may do one of a later study too."""
+    _WATCH.elsewhere.update(read.files)
 
 
 def seen() -> Seen:
@@ -108,7 +145,7 @@ def seen() -> Seen:
         else:
             files.add(place)
     return Seen(
-        {p: d for p in sorted(files - _WATCH.past) if _counts(p) and (d := _at_first_sight(p))},
+        {p: d for p in sorted(files) if _counts(p) and (d := _at_first_sight(p))},
         tuple(sorted(packages)),
     )
 

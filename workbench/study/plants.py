@@ -13,6 +13,7 @@ from workbench.model import Model
 from workbench.plants import DEFAULT_PLANT
 from workbench.plants.plant import Plant
 from workbench.plants.registry import PLANTS
+from workbench.study.inputs import forgotten_with_its_code
 
 
 @dataclass(frozen=True)
@@ -111,3 +112,6 @@ def _structure(
 ) -> Model:
     plant = PLANTS.get(kind, folder=folder)
     return plant.model(dict(options), effects=effects, without=without, folder=folder)
+
+
+forgotten_with_its_code(_structure.cache_clear)

@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 import re
-from functools import lru_cache
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -120,27 +120,30 @@ def _own_files(folder: Path) -> list[Path]:
     return [p for p in found if p.suffix in _OWN and not p.name.endswith(_RESULTS)]
 
 
-@lru_cache(maxsize=4)
 def code_digest(*own: str) -> str:
     """Return a digest of the code that the numbers of a study depend on.
 
     Args:
         own: Folders with plants and designs of one's own, whose modules count too.
     """
+    digest = _digest_of_the_workbench().copy()
+    for path in (path for folder in own for path in _own_files(Path(folder))):
+        digest.update(path.name.encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+@cache
+def _digest_of_the_workbench() -> hashlib._Hash:
     import casadi as ca
     import numpy as np
 
     package = Path(__file__).resolve().parents[1]
-    paths = [
-        path
-        for root in (package, package.parent / "controllers")
-        for path in sorted(root.rglob("*.py"))
-        if not {"reports", "cli", "demo", "speed", "_data"} & set(path.relative_to(root).parts)
-    ]
-    paths += [path for folder in own for path in _own_files(Path(folder))]
     versions = f"{ca.CasadiMeta.version()} {np.__version__} {version('scipy')}"
     digest = hashlib.sha256(versions.encode())
-    for path in paths:
-        digest.update(path.name.encode())
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
+    for root in (package, package.parent / "controllers"):
+        for path in sorted(root.rglob("*.py")):
+            if not {"reports", "cli", "demo", "speed", "_data"} & set(path.relative_to(root).parts):
+                digest.update(path.name.encode())
+                digest.update(path.read_bytes())
+    return digest

@@ -44,11 +44,12 @@ def call(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Returned:
     return Returned(function(*arguments), since(before), THIS_PROCESS)
 
 
-def end_with(parent: int) -> None:
+def end_with(parent: int, team: int = 0) -> None:  # noqa: ARG001
     """Let this process end when the one that started it has ended.
 
     Args:
         parent: Number of the process that started it; it may be gone already.
+        team: Which processes it belongs to; only those of one team are used again.
     """
     global _worker  # noqa: PLW0603
     _worker = True
