@@ -5,15 +5,21 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from workbench.cli.main import run
 from workbench.errors import WorkbenchError
-from workbench.physics.library import library
+from workbench.linearisation import linearise
+from workbench.model import Input, Model, Output, Parameter, State
+from workbench.operating_point import operating_point
+from workbench.physics.library import every_name, library
+from workbench.plants.plant import adopt
 from workbench.plants.registry import PLANTS
 from workbench.plants.saved import saved_plant
+from workbench.simulation import simulate
 from workbench.study.plants import PlantRecipe
 
 
@@ -171,3 +177,67 @@ def test_a_value_out_of_range_from_the_command_line_is_a_sentence(
     for verb in (["linearise"], ["verify"], ["simulate", "--force", "0:1"]):
         assert run([*verb, "--plant", str(axis), "-p", "mass=1000"]) == 2
         assert "mass is 1000 kg; the valid range is 50 to 150 kg" in capsys.readouterr().err
+
+
+def _rolling() -> Model:
+    """A carriage whose damping is zero until it is refitted."""
+
+    def equations(m: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        force = m.port("carriage.force", m.u.drive - m.p.damping * m.x.speed, unit="N", scale=10.0)
+        return {"position": m.x.speed, "speed": force / 2.0}, {"position": m.x.position}
+
+    return Model(
+        "carriage",
+        equations,
+        states=(State("position", "m", 0.2), State("speed", "m/s", 0.5)),
+        inputs=(Input("drive", "N", 10.0),),
+        outputs=(Output("position", "m", 0.2, noise_rms=1e-4),),
+        parameters=(Parameter("damping", "N s/m", lower=0.0, upper=40.0, fitted=True),),
+    )
+
+
+def test_a_name_that_follows_from_a_refit_is_known_and_rests_after_its_time() -> None:
+    plant = adopt(_rolling, "carriage")
+    name = "parameter_jump_damping"
+    assert name not in {h.name for h in library(plant.model())}
+    model = plant.model(effects=[name], parameters=[f"{name}.amount=8", f"{name}.time=4s"])
+    point = operating_point(model)
+    assert point.undetermined == ("position",) and point[f"{name}.clock"] > 4.0
+    slow = -linearise(point, verdict=False).system.A[1, 1]
+    assert slow == pytest.approx(8.0 / 2.0)
+
+
+def test_a_place_of_a_shared_law_and_what_changes_of_another_effect_are_named() -> None:
+    names = ["muscle_hysteresis_muscle_1"]
+    assert [e.name for e in PLANTS.get("arm").model(effects=names).effects][-1:] == names
+    names = ["coulomb_friction", "parameter_jump_coulomb_friction_level"]
+    model = adopt(_rolling, "carriage").model(effects=names)
+    assert [e.name for e in model.effects] == names
+
+
+def test_a_refit_knows_how_long_its_recordings_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    machine = _rolling().with_parameters({"damping": 2.0})
+    machine = machine.with_effect(every_name(machine)["parameter_jump_damping"].effect)
+    later = {"parameter_jump_damping.amount": 6.0, "parameter_jump_damping.time": 4.0}
+    rng = np.random.default_rng(1)
+    for name in ("fit", "hold"):
+        drive = np.repeat(rng.uniform(-8.0, 8.0, 40), 25)
+        made = simulate(machine.with_parameters(later), drive[:, None], sample_time=0.01)
+        read = made["position"] + 1e-4 * rng.standard_normal(len(drive))
+        rows = zip(0.01 * np.arange(len(drive)), drive, read, strict=True)
+        lines = ["time_s,drive_N,position_m", *(",".join(map(str, row)) for row in rows)]
+        (tmp_path / f"{name}.csv").write_text("\n".join(lines))
+    (tmp_path / "own_carriage.py").write_text("from tests.plants.test_saved import _rolling\n")
+    asked = ["--plant", "own_carriage:_rolling", "--fit", "fit.csv", "--hold-out", "hold.csv"]
+    assert run(["refit", *asked, "--effect", "parameter_jump_damping", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["unidentifiable"] == []
+    values = {name: row["value"] for name, row in found["parameters"].items()}
+    begun = found["parameters"]["parameter_jump_damping.time"]["before"]
+    assert begun == pytest.approx(0.5 * 9.99)
+    assert abs(values["parameter_jump_damping.time"] - 4.0) < 0.5 * abs(begun - 4.0)
+    after = values["damping"] + values["parameter_jump_damping.amount"]
+    assert after == pytest.approx(2.0 + 6.0, rel=0.1)

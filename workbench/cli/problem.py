@@ -78,7 +78,11 @@ def _loaded(
         start_samples (N): Samples over which hidden states at the start of a free run are
             estimated.
     """
-    from workbench.diagnosis.problem import problem_of_case, problem_of_files
+    from workbench.diagnosis.problem import (
+        problem_of_case,
+        problem_of_files,
+        sized_by_recordings,
+    )
     from workbench.recordings.case import RefitSettings, read_case
 
     if case is None and not fit and not hold_out:
@@ -109,6 +113,9 @@ def _loaded(
         problem = problem_of_files(chosen.model, fit or (), hold_out or (), mapping=mapping)
         for note in problem.notes:
             typer.echo(f"note: {note}", err=True)
+    attached = {effect.name for effect in problem.model.effects}
+    named = [n for n in chosen.recipe.effects if n in attached and n not in chosen.plant.effects]
+    problem = sized_by_recordings(problem, named) if named else problem
     if not any(q.fitted for q in problem.model.parameters):
         typer.echo(
             f"note: no parameter of {problem.model.name!r} is declared fitted=True, so all keep"

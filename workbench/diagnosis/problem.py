@@ -15,6 +15,7 @@ from workbench.errors import WorkbenchError
 from workbench.model import Effect, Model
 from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.law import Law
+from workbench.physics.library import every_name
 from workbench.recordings.case import Case, RefitSettings
 from workbench.recordings.checks.uniformity import evened
 from workbench.recordings.checks.units import beyond_range
@@ -133,6 +134,35 @@ def problem_of_files(
         hold_out=tuple(read[path] for path in hold_out),
         notes=(*dict.fromkeys(said), *notes),
     )
+
+
+def sized_by_recordings(problem: Problem, effects: Iterable[str]) -> Problem:
+    """Return a problem whose effects of the library know how long and fine its recordings are.
+
+    When something may have happened, and how short a delay may be, follows from that.
+
+    Args:
+        effects: Names of attached effects, with the values that the library gives them.
+    """
+    longest = max((*problem.fit, *problem.hold_out), key=lambda r: r.duration)
+    parameters = {q.name: q for q in problem.model.parameters}
+    for name in effects:
+        before, now = (
+            every_name(problem.model.without(name), **known).get(name)
+            for known in ({}, {"duration": longest.duration, "sample_time": longest.sample_time})
+        )
+        if before is None or now is None:
+            continue
+        for usual, sized in zip(before.effect.parameters, now.effect.parameters, strict=True):
+            key = f"{name}.{usual.name}"
+            value = parameters[key].value
+            # What the user gave stands.
+            value = sized.value if value == usual.value else value
+            lower, upper = min(sized.lower, value), max(sized.upper, value)
+            parameters[key] = replace(
+                parameters[key], value=value, lower=lower, upper=upper, scale=sized.scale
+            )
+    return replace(problem, model=replace(problem.model, parameters=tuple(parameters.values())))
 
 
 def _titles(paths: Sequence[Path]) -> list[str]:

@@ -30,6 +30,7 @@ from workbench.operating_point.trim import (
     Condition,
     Problem,
     Solution,
+    clocks_of,
     conditions_of,
     limits_of,
     solve,
@@ -138,7 +139,7 @@ def operating_point(
     A name of ``given`` may also be a sum that the plant declares to drift, such as
     ``mean_pressure`` of the arm: it is then prescribed, everything else rests, and its drift is
     reported. Without one the result is a true equilibrium: of the arm, where the valve's leakage
-    holds both pressures.
+    holds both pressures. What changes at a time, such as a jump of a parameter, has changed.
 
     Args:
         given: Values of measurements, states or inputs by name, in SI, at most one per input (and
@@ -168,6 +169,7 @@ def operating_point(
     direction = _direction(model, sums)
     problem = Problem(model, _conditions(model, wanted, sums), direction, *_bounds(model, bounds))
     x, u = _start(model, wanted, sums, near)
+    x = np.clip(x, problem.lower[: len(x)], problem.upper[: len(x)])
     solution = solve(problem, x, u)
     if not solution.solved:
         if not given and len(model.inputs) == 1 and model.outputs:
@@ -179,7 +181,10 @@ def operating_point(
             with suppress(WorkbenchError):
                 return operating_point(model, {name: float(held[0])}, bounds=bounds, near=near)
         raise _impossible(problem, solution)
-    if any("." in name for name in solution.undetermined):
+    clocks = [model.states[i].name for i in clocks_of(model)]
+    open_ = tuple(name for name in solution.undetermined if name not in clocks)
+    solution = replace(solution, undetermined=open_)
+    if any("." in name for name in open_):
         solution = _with_effects_at_start(problem, solution, x, u)
     _snap(model, wanted, solution)
     values = derivatives_of(model, EXACT).values(solution.x, solution.u, model.values)
@@ -329,7 +334,16 @@ def _bounds(model: Model, given: Mapping[str, tuple[float, float]] | None) -> tu
                 f" with {lower[i]:g} to {upper[i]:g} {quantities[i].unit}"
             )
         lower[i], upper[i] = max(low, lower[i]), min(high, upper[i])
+    for i in clocks_of(model):
+        lower[i] = upper[i] = _long_after(model, model.states[i])
     return lower, upper
+
+
+def _long_after(model: Model, clock: State) -> float:
+    """Return a time, in s, at which everything that happens at a time has happened."""
+    own = clock.name.rpartition(".")[0]
+    times = [q.value for q in model.parameters if q.name.startswith(f"{own}.") and q.unit == "s"]
+    return 10.0 * max([clock.scale, *times])
 
 
 def _start(

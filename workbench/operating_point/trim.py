@@ -160,6 +160,9 @@ class _Equations:
         self.wanted = np.array([c.value for c in problem.conditions])
         self.wanted_size = np.array([c.scale for c in problem.conditions])
         self.n_y = len(model.outputs)
+        self.ticking = np.zeros(self.n_x)
+        for i, rate in clocks_of(model).items():
+            self.ticking[i] = rate
 
     def scaled(self, x: Vector, u: Vector) -> Vector:
         z = np.concatenate([x, u, [0.0] if self.drifts else []]) / self.size
@@ -171,7 +174,7 @@ class _Equations:
         x, u = full[: self.n_x], full[self.n_x : self.n_x + self.n_u]
         values, jacobian = self.at(x, u, self.p)
         rates, measurements = values[: self.n_x], values[self.n_x :]
-        error = rates / self.rate_size
+        error = (rates - self.ticking) / self.rate_size
         slope = jacobian[: self.n_x] / self.rate_size[:, None]
         if self.drifts:
             direction = self.problem.drift_direction / self.rate_size
@@ -295,6 +298,15 @@ def conditions_of(model: Model, given: Sequence[tuple[str, float]]) -> tuple[Con
         weights[index] = 1.0
         found.append(Condition(name, weights, float(value), everything[index].scale))
     return tuple(found)
+
+
+def clocks_of(model: Model) -> dict[int, float]:
+    """Return the rates, in SI per second, of states that go on whatever happens, by their place.
+
+    Nothing rests at a time, but everything else may: before what happens at a time, or after it.
+    """
+    rates = [model.exact.rates[i] for i in range(len(model.states))]
+    return {i: float(r) for i, r in enumerate(rates) if r.is_constant() and float(r) != 0.0}
 
 
 def limits_of(model: Model) -> tuple[Vector, Vector]:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
 
 from workbench.model import Effect, Model
 from workbench.physics.hypothesis import Hypothesis, look_alikes
 from workbench.physics.law import LAWS, Law
 from workbench.physics.place import Survey
 
-__all__ = ["LAWS", "Hypothesis", "Law", "library", "look_alikes"]
+__all__ = ["LAWS", "Hypothesis", "Law", "every_name", "library", "look_alikes"]
 
 
 def library(
@@ -63,6 +65,35 @@ def library(
         if h.name not in taken and not any(_same(h, e, downhill) for e in known)
     ]
     return tuple(sorted(missing, key=lambda h: h.group == "sensor"))
+
+
+def every_name(
+    model: Model, *, duration: float = 0.0, sample_time: float = 0.0
+) -> dict[str, Hypothesis]:
+    """Return whatever a diagnosis of a model may name, by name.
+
+    Beside `library` that is a law at one of the places that it shares, and what is offered only
+    after a refit: a change of a parameter that is zero until then, more of what is attached.
+
+    Args:
+        duration: Length of the recordings, in s; 0 if it is not known.
+        sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
+    """
+    values = {}
+    for q in model.parameters:
+        ends = [v for v in (q.lower, q.upper, q.value) if math.isfinite(v)]
+        if q.fitted:
+            values[q.name] = max((*ends, min(q.scale, q.upper)), key=abs)
+    refitted = replace(
+        model,
+        parameters=tuple(replace(q, value=values.get(q.name, q.value)) for q in model.parameters),
+    )
+    found: dict[str, Hypothesis] = {}
+    for known, more_of in ((model, ()), (refitted, [e.name for e in model.effects])):
+        offered = library(known, duration=duration, sample_time=sample_time, more_of=more_of)
+        for hypothesis in (one for h in offered for one in (h, *h.alone)):
+            found.setdefault(hypothesis.name, hypothesis)
+    return found
 
 
 def _same(hypothesis: Hypothesis, attached: Effect, downhill: set[str]) -> bool:

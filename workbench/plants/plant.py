@@ -201,9 +201,10 @@ class Plant:
                 f"plant {self.name!r} returned {type(model).__name__}, not a model; return a"
                 " workbench.model.Model"
             )
-        model = model.with_effect(
-            *(self.effect(model, effect, folder=folder) for effect in effects)
-        ).without(*without)
+        for effect in effects:
+            # One may change a parameter of another that stands before it.
+            model = model.with_effect(self.effect(model, effect, folder=folder))
+        model = model.without(*without)
         return model.with_parameters(dict(parse_parameter(model, text) for text in parameters))
 
     def effect(self, model: Model, name: str, *, folder: Path | None = None) -> Effect:
@@ -230,11 +231,11 @@ class Plant:
         if name.replace("-", "_") in own:
             return own[name.replace("-", "_")]()
         # The library is large; a plant without further effects does not wait for it.
-        from workbench.physics.library import library
+        from workbench.physics.library import every_name
 
-        known = {entry.name: entry.effect for entry in library(model)}
+        known = every_name(model)
         check_choice("effect", name, [*known, *self.effects])
-        return known[name]
+        return known[name].effect
 
     def controlled_outputs(self, model: Model) -> tuple[str, ...]:
         """Return the outputs that a controller makes follow a reference."""
