@@ -55,3 +55,21 @@ def test_long_runs_are_drawn_over_hours_or_days(step: float, unit: str) -> None:
         shown = {at: float(text) for at, text in told.items() if text and unit != "s"}
         assert list(shown) == pytest.approx(list(shown.values()), rel=1e-5)
         assert drawn.axes[-1].get_xlabel().startswith(f"time in {unit}")
+
+
+def test_the_zero_of_a_scale_has_no_part_in_an_error() -> None:
+    outputs = (Output("air", "K", 1.0, display_unit="degF"),)
+    model = Model(
+        "room",
+        lambda m: ({"air": -m.x.air}, {"air": m.x.air}),
+        states=(State("air", "K", 1.0),),
+        inputs=(),
+        outputs=outputs,
+    )
+    seen = np.full((20, 1), 293.15)
+    run = FreeRun("a", ("air",), ("K",), np.arange(20.0), seen, seen - 5.0)
+    assert as_read(model, run).measured[0] == pytest.approx([68.0])
+    error = as_read(model, run, errors=True)
+    assert error.rmse["air"] == pytest.approx(5.0)
+    (axes,) = diagnosis_residuals(error, sizes_as_read(model, {"air": 0.05})).axes
+    assert axes.get_ylabel() == "error of air in K"

@@ -16,7 +16,6 @@ from workbench.diagnosis.selection.score import COLLINEAR
 from workbench.diagnosis.selection.weights import Weighted
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Kind, Value, Verdict
-from workbench.model.quantities import declared_unit
 
 _MOST_SAID = 5
 """Effects that a sentence names, and sets of effects that a verdict weighs."""
@@ -90,7 +89,7 @@ def conclude_early(diagnosis: Diagnosis, step: str, *, after: float | None = Non
             effect=candidate.entry.name,
             alike=alike,
             sentence=f"Found before the interruption: {candidate.entry.name.replace('_', ' ')}.",
-            parameters=_own(diagnosis.extended, candidate.entry.effect.name, candidate.entry.ports),
+            parameters=_own(diagnosis.extended, candidate.entry.effect.name),
             gain=candidate.gain,
             held_out=candidate.held_out,
             belief="likely" if candidate.doubts else "sure",
@@ -172,7 +171,9 @@ def _not_testable(diagnosis: Diagnosis) -> tuple[Mapping[str, str], ...]:
             "reason": (
                 f"{100 * s.collinearity:.1f} % of its signature is collinear with parameters"
                 if s.collinearity >= COLLINEAR
-                else f"only sizes beyond {s.smallest:.2g} {s.entry.unit} would show"
+                else "only sizes beyond"
+                f" {diagnosis.nominal.size_text(s.smallest, s.entry.unit, s.entry.ports)}"
+                " would show"
             ),
         }
         for s in scores
@@ -205,13 +206,9 @@ def _refused(diagnosis: Diagnosis) -> tuple[Mapping[str, object], ...]:
     return tuple(row for name, row in rows.items() if name not in kept)
 
 
-def _own(fit: ProcessNoiseFit, effect: str, ports: Sequence[str]) -> dict[str, Value]:
-    def shown(unit: str) -> str:
-        found = (declared_unit(port, unit, fit.model.quantities, difference=True) for port in ports)
-        return next(filter(None, found), "")
-
+def _own(fit: ProcessNoiseFit, effect: str) -> dict[str, Value]:
     return {
-        e.name.removeprefix(f"{effect}."): Value(e.value, e.unit, e.std, shown(e.unit))
+        e.name.removeprefix(f"{effect}."): Value(e.value, e.unit, e.std, fit.model.read_in(e.name))
         for e in fit.refit.estimates
         if e.name.startswith(f"{effect}.")
     }
@@ -244,7 +241,7 @@ def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]])
     candidate, alike = diagnosis.accepted[index]
     entry = candidate.entry
     alike = (*alike, *(n for n in _instead(diagnosis, entry.effect.name) if n not in alike))
-    parameters = _own(diagnosis.extended, entry.effect.name, entry.ports)
+    parameters = _own(diagnosis.extended, entry.effect.name)
     size = parameters.get(entry.size_parameter)
     about = entry.effect.about
     doubts = (*candidate.doubts, *_still_missing(diagnosis))
@@ -319,7 +316,7 @@ def _without_name(
                     f" {100 * term.explained:.0f} % of the signal that is missing there."
                     f"{_alike(term)} {_acts(occurrence)}".rstrip()
                 ),
-                parameters=_own(diagnosis.extended, term.effect_name, term.ports),
+                parameters=_own(diagnosis.extended, term.effect_name),
                 excess_explained=explained(fit),
                 gain=term.gain,
                 held_out=term.held_out,

@@ -21,7 +21,7 @@ from workbench.diagnosis.selection.held_out import floor_of
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.model.model import index_of
-from workbench.model.units import parse_unit
+from workbench.model.units import of_difference, parse_unit
 from workbench.recordings.case import RefitSettings
 from workbench.work.counted import Work, done, since
 
@@ -215,7 +215,8 @@ def run_refit(problem: Problem, *, progress: Callable[[str], None] | None = None
         nominal.append(before)
         refitted.append(after)
         for k, name in enumerate(observed.used):
-            unit = model.outputs[index_of("output", name, model.outputs)].display_unit
+            read = model.outputs[index_of("output", name, model.outputs)]
+            unit = of_difference(read.display_unit)
             size = parse_unit(unit).factor
             rows.append(
                 HeldOut(

@@ -108,7 +108,11 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
     if sizes:
         notes.append(
             f"no port of {model.name} declares a disturbance; a twentieth of its signal is taken: "
-            + ", ".join(f"{n} {LEFT_OUT * s:.2g}" for n, s in sizes.items())
+            + ", ".join(
+                f"{q.name} {told.size_text(LEFT_OUT * sizes[q.name], q.unit, [q.name])}"
+                for q in told.ports
+                if q.name in sizes
+            )
         )
     return told, tuple(notes)
 

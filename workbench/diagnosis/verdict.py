@@ -13,7 +13,7 @@ from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError
 from workbench.files import json_text, plain
 from workbench.model import Model
-from workbench.model.units import parse_unit, written_unit
+from workbench.model.units import of_difference, parse_unit, written_unit
 from workbench.work.counted import Work
 
 SCHEMA = "workbench.verdict/2"
@@ -227,7 +227,7 @@ class Verdict(Shown):
                 for value, std, unit in (v.read,)
             ]
         if self.fit:
-            shown = {q.name: q.display_unit for q in self.model.outputs}
+            shown = {q.name: of_difference(q.display_unit) for q in self.model.outputs}
             units = {n: shown.get(n, unit) for n, unit in self.units.items()}
             heads = (f"{n} in {written_unit(u)}" if u != "1" else n for n, u in units.items())
             lines.append("  held-out rms " + "".join(f"{head:>20}" for head in heads))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
@@ -16,13 +16,13 @@ from workbench.arrays import Vector
 from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError, check_choice, check_finite
 from workbench.model.effect import Effect
-from workbench.model.quantities import Input, Output, Parameter, Quantity, State
+from workbench.model.quantities import Input, Output, Parameter, Quantity, State, declared_unit
 from workbench.model.regularisation import EXACT, REGULARISED, Expression, Form
 from workbench.model.scope import Names, Port
 from workbench.model.sizes import horizon, missing, silent, sized, sizes
 from workbench.model.trace import Equations, Trace, trace
 from workbench.model.traits import Traits
-from workbench.model.units import same_dimension
+from workbench.model.units import readably, same_dimension, with_unit
 
 Own = TypeVar("Own", State, Parameter)
 
@@ -160,6 +160,36 @@ class Model(Shown):
     def nominal_input(self) -> Vector:
         """Inputs at rest, shape (n_inputs,), in SI."""
         return np.array([q.nominal for q in self.inputs], dtype=float)
+
+    def read_in(self, name: str) -> str:
+        """Return the unit that the author's words give a parameter for reading; empty if none.
+
+        A parameter of an effect is read as what happens at its ports, without a zero of its own.
+
+        Example:
+            >>> from workbench.plants.arm import arm
+            >>> arm().read_in("supply_pressure"), arm().read_in("load")
+            ('bar', '')
+        """
+        effect = next((e for e in self.effects if e.name == name.partition(".")[0]), None)
+        places = (name,) if effect is None or "." not in name else effect.ports
+        return self.read_at(places, self.parameter(name).unit)
+
+    def read_at(self, places: Iterable[str], unit: str) -> str:
+        """Return the unit in which people read something of an SI unit at ports; empty if none."""
+        found = (declared_unit(p, unit, self.quantities, difference=True) for p in places)
+        return next(filter(None, found), "")
+
+    def size_text(self, size: float, unit: str, ports: Iterable[str], digits: int = 2) -> str:
+        """Write how large something at some ports is, in SI, as people read it there.
+
+        Example:
+            >>> from workbench.plants.servo_axis import servo_axis
+            >>> servo_axis().size_text(1.3e-5, "m", ["position.reading"])
+            '0.013 mm'
+        """
+        value, written = readably(size, unit, self.read_at(ports, unit))
+        return with_unit(f"{value:.{digits}g}", written)
 
     def parameter(self, name: str) -> Parameter:
         """Return a parameter by name; ``effect.name`` for one of an effect."""

@@ -157,7 +157,10 @@ def shown_in(quantity: Quantity) -> str:
 def declared_unit(
     name: str, unit: str, quantities: Iterable[Quantity], *, difference: bool = False
 ) -> str:
-    """Return the unit that a quantity declares for reading what is named after it; empty if none.
+    """Return the unit declared for reading what is named after a quantity; empty if none.
+
+    What no quantity has given its name is read as all quantities of its SI unit are that say it, if
+    they agree, and their unit has no zero of its own.
 
     Args:
         name: Name of the quantity, of a port of its own, or of its rate.
@@ -170,7 +173,7 @@ def declared_unit(
         >>> declared_unit("oven", "K", of), declared_unit("heat.command", "W", of)
         ('degF', 'kW')
         >>> declared_unit("oven.reading", "K", of, difference=True), declared_unit("pump", "W", of)
-        ('K', '')
+        ('K', 'kW')
         >>> declared_unit("rate of oven", "K/s", of)
         'K/s'
     """
@@ -182,7 +185,13 @@ def declared_unit(
                 return of_difference(said) if difference else said
             if same_dimension(unit, rate_unit(q.unit)):
                 return rate_unit(of_difference(said))
-    return ""
+    alike = {
+        q.display_unit
+        for q in quantities
+        if isinstance(q, (Channel, State)) and q.unit == unit and q.display_unit
+    }
+    agreed = alike.pop() if len(alike) == 1 else unit
+    return agreed if agreed not in (unit, "1") and of_difference(agreed) == agreed else ""
 
 
 @dataclass(frozen=True)

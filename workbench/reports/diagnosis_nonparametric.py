@@ -8,7 +8,7 @@ from workbench.diagnosis.location.isolability import Isolability
 from workbench.diagnosis.location.missing_signal import MissingSignal
 from workbench.diagnosis.nonparametric.result import Argument, NonparametricTerm
 from workbench.diagnosis.stages import Diagnosis
-from workbench.model.units import readable
+from workbench.model.units import readably
 from workbench.reports.figures.diagnosis_missing import diagnosis_nonparametric
 from workbench.reports.page import Block, Words
 from workbench.reports.pictures import Picture
@@ -30,19 +30,20 @@ def hull_sentence(term: NonparametricTerm) -> str:
     """Say where a fitted curve holds."""
     ranges = []
     for a in term.arguments:
-        unit, factor = readable(a.unit)
-        low, high = (number(_rounded(factor * end, a, factor)) for end in a.hull)
-        ranges.append(f"{plain(a.name)} from {low} to {high} {unit}".removesuffix(" 1"))
+        (low, high), unit = _hull(term, a)
+        ends = f"{number(low)} to {number(high)} {unit}".removesuffix(" 1")
+        ranges.append(f"{plain(a.name)} from {ends}")
     curves = "curve is" if len(ranges) == 1 else "curves are"
     return f"The {curves} empirical: valid inside its data hull, {' and '.join(ranges)}.".replace(
         "are empirical: valid inside its", "are empirical: valid inside their"
     )
 
 
-def _rounded(end: float, argument: Argument, factor: float) -> float:
-    """Set an end of a range to zero where it is nothing beside the range."""
-    low, high = argument.hull
-    return 0.0 if abs(end) < 1e-3 * factor * (high - low) else end
+def _hull(term: NonparametricTerm, argument: Argument) -> tuple[tuple[float, float], str]:
+    """Return the range of an argument as people read it; an end beside which it is large is 0."""
+    ends, unit = readably(np.array(argument.hull), argument.unit, term.read_in(argument.name))
+    low, high = np.where(np.abs(ends) < 1e-3 * np.ptp(ends), 0.0, ends).tolist()
+    return (low, high), unit
 
 
 def outside_sentence(term: NonparametricTerm, located: MissingSignal) -> str:
@@ -87,7 +88,13 @@ def nonparametric_blocks(term: NonparametricTerm) -> list[Block]:
         blocks.append(
             Picture(
                 f"nonparametric-{i + 1}",
-                diagnosis_nonparametric(argument, place=", ".join(term.ports), unit=term.unit),
+                diagnosis_nonparametric(
+                    argument,
+                    place=", ".join(term.ports),
+                    unit=term.unit,
+                    shown=term.read_in(),
+                    argument_shown=term.read_in(argument.name),
+                ),
                 f"What is missing at {place} over {plain(argument.name)}: means of classes with"
                 " the scatter within each in grey, and the fitted curve.",
                 f"missing signal at {place} over {plain(argument.name)} with the fitted curve",
@@ -118,8 +125,7 @@ def arguments_table(term: NonparametricTerm) -> Table:
     """Build the table of the arguments of a term."""
     rows: list[tuple[Cell | str, ...]] = []
     for a in term.arguments:
-        unit, factor = readable(a.unit)
-        low, high = (_rounded(factor * end, a, factor) for end in a.hull)
+        (low, high), unit = _hull(term, a)
         like = ", ".join(str(t) for t in a.terms).replace("^2", "²").replace("^3", "³")
         rows.append(
             (

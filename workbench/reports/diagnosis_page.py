@@ -90,10 +90,8 @@ def _first(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> tuple[Block,
     title, before = worst_run(runs)
     after = diagnosis.runs.get("extended", {}).get(title) if improved(diagnosis) else None
     located = proof.located[0] if proof.located else None
-    model = diagnosis.nominal
-    noise = sizes_as_read(model, verdict.fit.get("noise_floor", {}))
-    told = as_read(model, after) if after else None
-    drawn = diagnosis_answer(as_read(model, before), told, noise, located)
+    noise = verdict.fit.get("noise_floor", {})
+    drawn = diagnosis_answer(diagnosis.nominal, before, after, noise, located)
     caption = f"{_plain_title(title)}, held out: {plain(before.used[0])}, and its error"
     caption += " (green: no larger than the sensor's noise)"
     caption += f"; the signal that is missing at {located.port}." if located else "."
@@ -115,7 +113,8 @@ def _facts(diagnosis: Diagnosis, verdict: Verdict) -> tuple[tuple[str, str], ...
 
 def _held_out(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
     extended = diagnosis.runs.get("extended", {}) if improved(diagnosis) else {}
-    noise = sizes_as_read(diagnosis.nominal, verdict.fit.get("noise_floor", {}))
+    model = diagnosis.nominal
+    noise = sizes_as_read(model, verdict.fit.get("noise_floor", {}))
     anew = next((run.restarts for run in diagnosis.runs["refitted"].values() if run.restarts), "")
     how = anew or "it gets the input and the first measurements, never a later one"
     blocks: list[Block] = [
@@ -128,8 +127,10 @@ def _held_out(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
         )
     ]
     for i, (title, refitted) in enumerate(diagnosis.runs["refitted"].items()):
-        after = as_read(diagnosis.nominal, extended[title]) if title in extended else None
-        run = as_read(diagnosis.nominal, refitted)
+        runs = [r for r in (refitted, extended.get(title)) if r is not None]
+        run, after = (*(as_read(model, r) for r in runs), None)[:2]
+        error, less = (*(as_read(model, r, errors=True) for r in runs), None)[:2]
+        assert run is not None and error is not None
         name = _plain_title(title)
         blocks += [
             Picture(
@@ -140,7 +141,7 @@ def _held_out(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
             ),
             Picture(
                 f"residuals-{i + 1}",
-                diagnosis_residuals(run, noise, after),
+                diagnosis_residuals(error, noise, less),
                 f"{name}: error of the free run, root mean square over a sixtieth of it, on a"
                 " logarithmic axis. In the green band it is no larger than the noise of the"
                 " sensor.",
@@ -279,7 +280,7 @@ def _alternatives(diagnosis: Diagnosis, verdict: Verdict) -> Section:
     gone = taken_back(diagnosis)
     for i, (scores, candidates) in enumerate(diagnosis.rounds):
         title = _round_title(i, len(diagnosis.accepted))
-        blocks.append(scores_table(title, scores, candidates, gone))
+        blocks.append(scores_table(title, diagnosis.nominal, scores, candidates, gone))
     if blocks:
         count = len(diagnosis.rounds[0][0].scores)
         tried = "effect of the library was" if count == 1 else "effects of the library were"

@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from workbench.diagnosis.comparison import ErrorRow
 from workbench.diagnosis.estimation.refit_result import Estimate
 from workbench.diagnosis.location.isolability import Isolability
 from workbench.diagnosis.selection.candidate import Candidate
-from workbench.diagnosis.selection.score import COLLINEAR, Scores
+from workbench.diagnosis.selection.score import COLLINEAR, Score, Scores
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Verdict
-from workbench.model.units import readable
+from workbench.model import Model
+from workbench.model.units import readable, readably
 from workbench.recordings.checks import CHECKS
 from workbench.reports.diagnosis_nonparametric import improved
 from workbench.reports.tables import Cell, Table, number, plain
@@ -60,21 +63,22 @@ def parameters_table(diagnosis: Diagnosis) -> Table:
     if wrong:
         names.sort(key=lambda name: not before[name].on_bound)
     ordinates = _ordinates(diagnosis)
+    model = diagnosis.extended.model if after else diagnosis.base.model
     rows: list[tuple[Cell | str, ...]] = []
     for name in names:
         one = before.get(name) or after[name]
         new = name not in before
-        unit, factor = readable(one.unit)
+        factor, unit = readably(1.0, one.unit, model.read_in(name))
         words = ordinates.get(name) or plain(name).replace(".", ", ")
         shown = words if unit == "1" else f"{words} in {unit}"
         known = f"{_value(factor * one.prior.mean)} ± {_value(factor * one.prior.std, 2)}"
         cells: list[Cell | str] = [
             shown + (" (new)" if new else ""),
             "" if new else known,
-            _estimate(before.get(name), wrong=wrong),
+            _estimate(before.get(name), factor, wrong=wrong),
         ]
         if after:
-            cells.append(_estimate(after.get(name)))
+            cells.append(_estimate(after.get(name), factor))
         cells.append(_moved(before.get(name), after.get(name)) if not new else "")
         rows.append(tuple(cells))
     headings = ["parameter", "before the data", "refitted"]
@@ -95,11 +99,11 @@ def _ordinates(diagnosis: Diagnosis) -> dict[str, str]:
         return {}
     named = {}
     for curve in term.curves.values():
-        unit, factor = readable(curve.unit)
-        for short, knot in zip(curve.names, curve.knots, strict=True):
+        knots, unit = readably(np.array(curve.knots), curve.unit, term.read_in(curve.argument))
+        for short, knot in zip(curve.names, knots, strict=True):
             # A knot at the end of the data may miss zero by a rounding error.
-            near = abs(knot) < 1e-3 * (curve.knots[-1] - curve.knots[0])
-            where = f"{number(0.0 if near else factor * knot)} {unit}".removesuffix(" 1")
+            near = abs(knot) < 1e-3 * (knots[-1] - knots[0])
+            where = f"{number(0.0 if near else float(knot))} {unit}".removesuffix(" 1")
             argument = plain(curve.argument)
             named[f"{term.effect_name}.{short}"] = (
                 f"nonparametric term, curve at {argument} {where},"
@@ -107,10 +111,9 @@ def _ordinates(diagnosis: Diagnosis) -> dict[str, str]:
     return named
 
 
-def _estimate(estimate: Estimate | None, *, wrong: bool = False) -> Cell:
+def _estimate(estimate: Estimate | None, factor: float, *, wrong: bool = False) -> Cell:
     if estimate is None:
         return Cell("")
-    factor = readable(estimate.unit)[1]
     text = f"{_value(factor * estimate.value, 4)} ± {_value(factor * estimate.std, 2)}"
     if wrong and estimate.on_bound:
         return Cell(text, "missed", "on the bound of what is plausible")
@@ -134,6 +137,7 @@ def _moved(before: Estimate | None, after: Estimate | None) -> str:
 
 def scores_table(
     title: str,
+    model: Model,
     scores: Scores,
     candidates: Sequence[Candidate],
     taken_back: Mapping[str, str] | None = None,
@@ -154,7 +158,7 @@ def scores_table(
                 plain(name),
                 plain(", ".join(dict.fromkeys(score.entry.ports))),
                 number(score.gain),
-                _size(score.size, score.entry.unit),
+                _size(score, model),
                 f"{100 * score.collinearity:.0f} %",
                 "–" if name == reference else f"{scores.confusion[row, i]:.2f}",
                 _fitted(candidate),
@@ -195,9 +199,10 @@ def weights_table(verdict: Verdict) -> Table:
     )
 
 
-def _size(value: float, unit: str) -> str:
-    shown, factor = readable(unit)
-    return f"{_value(factor * value)} {shown}".removesuffix(" 1")
+def _size(score: Score, model: Model) -> str:
+    entry = score.entry
+    value, unit = readably(score.size, entry.unit, model.read_at(entry.ports, entry.unit))
+    return f"{_value(value)} {unit}".removesuffix(" 1")
 
 
 def _fitted(candidate: Candidate | None) -> str:

@@ -86,7 +86,8 @@ def pictures(report: RefitReport) -> tuple[Picture, ...]:
     for nominal, refitted in zip(report.nominal, report.refitted, strict=True):
         if not refitted.finite:
             continue
-        before, after = as_read(model, nominal), as_read(model, refitted)
+        before, after = (as_read(model, run) for run in (nominal, refitted))
+        errors, left = (as_read(model, run, errors=True) for run in (nominal, refitted))
         file = re.sub(r"[^a-z0-9]+", "-", after.name.lower()).strip("-")
         noise = {
             r.output: float(to_si(r.noise, r.unit))
@@ -95,8 +96,8 @@ def pictures(report: RefitReport) -> tuple[Picture, ...]:
         }
         noise = sizes_as_read(model, noise)
         told = "; ".join(
-            f"{name}: rms error {before.rmse[name]:.3g} {unit} before, {after.rmse[name]:.3g} after"
-            for name, unit in zip(after.used, after.units, strict=True)
+            f"{name}: rms error {errors.rmse[name]:.3g} {unit} before, {left.rmse[name]:.3g} after"
+            for name, unit in zip(left.used, left.units, strict=True)
         )
         drawn += [
             Picture(
@@ -107,7 +108,7 @@ def pictures(report: RefitReport) -> tuple[Picture, ...]:
             ),
             Picture(
                 f"errors-{file}",
-                diagnosis_residuals(before, noise, after, names),
+                diagnosis_residuals(errors, noise, left, names),
                 f"{after.name}: error of both free runs, root mean square over a sixtieth of it.",
                 told,
             ),

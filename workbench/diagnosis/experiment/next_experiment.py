@@ -20,7 +20,6 @@ from workbench.diagnosis.experiment.separation import (
 from workbench.diagnosis.location.isolability import isolability
 from workbench.diagnosis.selection.score import COLLINEAR
 from workbench.model import Model
-from workbench.model.units import with_unit
 from workbench.physics.library import Hypothesis
 
 if TYPE_CHECKING:
@@ -188,12 +187,15 @@ def _sharpening(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> Advice:
     if then > _WORTHWHILE * now:
         return Advice()
     size = diagnosis.extended.refit.estimate(name)
+    before, after = (
+        diagnosis.nominal.size_text(x, size.unit, best.entry.ports) for x in (now, then)
+    )
+    value = diagnosis.nominal.size_text(size.value, size.unit, best.entry.ports, 3)
     said = {
         "experiment": experiment.text,
         "separation_sigma": None,
         "sentence": f"{_capital(experiment.text)} would bring the size of"
-        f" {_plain(explanation.name)}, {size.value:.3g} {size.unit}, from +-{now:.2g} to"
-        f" +-{then:.2g} {size.unit}.",
+        f" {_plain(explanation.name)}, {value}, from +-{before} to +-{after}.",
     }
     return Advice(said, experiment)
 
@@ -244,13 +246,15 @@ def _revealing(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> Advice:
     if not found:
         return Advice()
     best = max(found, key=lambda sight: sight.now / sight.then)
-    unit = best.entry.unit
+    least, before = (
+        diagnosis.nominal.size_text(SEEN * std, best.entry.unit, best.entry.ports)
+        for std in (best.then, best.now)
+    )
     said = {
         "experiment": best.experiment.text,
         "separation_sigma": None,
         "sentence": f"{_capital(best.experiment.text)} would show {_plain(best.entry.name)} of"
-        f" {with_unit(f'{SEEN * best.then:.2g}', unit)} or more; these recordings could have shown"
-        f" {with_unit(f'{SEEN * best.now:.2g}', unit)} at best.",
+        f" {least} or more; these recordings could have shown {before} at best.",
     }
     playable = [sight for sight in found if not sight.experiment.settings]
     plan = max(playable, key=lambda sight: sight.now / sight.then, default=None)

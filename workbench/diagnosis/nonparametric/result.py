@@ -14,6 +14,7 @@ from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.nonparametric.curve_description import Term
 from workbench.errors import check_choice
 from workbench.model import Effect
+from workbench.model.quantities import declared_unit
 from workbench.physics.nonparametric_term import Curve, nonparametric_term
 
 EFFECT_NAME = "nonparametric"
@@ -156,6 +157,15 @@ class NonparametricTerm:
     def effect_name(self) -> str:
         """Name of the effect in the extended model."""
         return EFFECT_NAME
+
+    def read_in(self, argument: str = "") -> str:
+        """Return the unit declared for reading an argument, or the curves; empty if none."""
+        model, place = self.fit.model, next(q for q in self.fit.model.ports if q.name in self.ports)
+        if not argument:
+            return declared_unit(place.name, self.unit, model.quantities, difference=True)
+        origins = dict(zip(place.signals, place.origins, strict=False))
+        unit = next(a.unit for a in self.arguments if a.name == argument)
+        return declared_unit(origins.get(argument, argument), unit, model.quantities)
 
     @property
     def hull(self) -> dict[str, tuple[float, float]]:

@@ -11,14 +11,17 @@ from workbench.diagnosis.estimation.free_run import FreeRun
 from workbench.diagnosis.location.missing_signal import MissingSignal
 from workbench.diagnosis.nonparametric.result import Argument
 from workbench.errors import WorkbenchError
+from workbench.model import Model
 from workbench.model.units import readable, readably
 from workbench.reports.figures.diagnosis_runs import (
     AFTER,
     BEFORE,
+    as_read,
     draw_error,
     draw_run,
     farthest_off,
     run_key,
+    sizes_as_read,
     titled,
 )
 from workbench.reports.style import FAINT, FONT_POINTS, INK, MEASURED, key, label, new_figure
@@ -153,11 +156,15 @@ def diagnosis_location(
     return figure
 
 
-def diagnosis_nonparametric(argument: Argument, *, place: str, unit: str) -> Figure:
+def diagnosis_nonparametric(
+    argument: Argument, *, place: str, unit: str, shown: str = "", argument_shown: str = ""
+) -> Figure:
     """Draw the classes of the located signal with their band, and the fitted curve on them.
 
     Args:
         unit: Unit of the curve; ``"1"`` for a fraction of the port's signal.
+        shown: Unit declared for reading it; empty if none.
+        argument_shown: The same of the argument.
 
     Raises:
         WorkbenchError: If nothing was fitted over the argument.
@@ -168,9 +175,11 @@ def diagnosis_nonparametric(argument: Argument, *, place: str, unit: str) -> Fig
             " located signal instead"
         )
     figure, (axes,) = new_figure([2.7])
-    bins, (shown, factor) = argument.bins, ("%", 100.0) if unit == "1" else readable(unit)
-    x = bins.x * readable(argument.unit)[1]
-    mean, std, curve = (factor * values for values in (bins.mean, bins.std, bins.curve))
+    bins, shown = argument.bins, "%" if unit == "1" else shown
+    x = readably(bins.x, argument.unit, argument_shown)[0]
+    mean, std, curve = (
+        readably(values, unit, shown)[0] for values in (bins.mean, bins.std, bins.curve)
+    )
     axes.fill_between(
         x,
         mean - std,
@@ -187,8 +196,8 @@ def diagnosis_nonparametric(argument: Argument, *, place: str, unit: str) -> Fig
     name = place.replace("_", " ")
     label(
         axes,
-        x=titled(argument.name, argument.unit),
-        y=f"{'change of ' if unit == '1' else ''}{name} in {shown}",
+        x=titled(argument.name, argument.unit, argument_shown),
+        y=f"{'change of ' if unit == '1' else ''}{titled(name, unit, shown)}",
     )
     handles, _ = axes.get_legend_handles_labels()
     # The measurements come first, as they do in every picture.
@@ -197,6 +206,7 @@ def diagnosis_nonparametric(argument: Argument, *, place: str, unit: str) -> Fig
 
 
 def diagnosis_answer(
+    model: Model,
     before: FreeRun,
     after: FreeRun | None,
     noise: Mapping[str, float],
@@ -204,15 +214,21 @@ def diagnosis_answer(
 ) -> Figure:
     """Draw the first output where the refitted model is farthest off, its error, and the law.
 
+    The runs are in SI; the model says in which units people read them.
+
     Args:
         noise: Noise of each output, in its SI unit.
     """
     heights = [1.7, 1.3] if located is None else [1.5, 1.2, 1.7]
     figure, panels = new_figure(heights, share_x=False)
-    draw_run(panels[0], before, after, 0, farthest_off(before))
+    first, then = (run and as_read(model, run) for run in (before, after))
+    assert first is not None
+    draw_run(panels[0], first, then, 0, farthest_off(first))
     label(panels[0], x="time in s, where the refitted model is farthest off")
-    draw_error(panels[1], before, noise, after, 0)
-    label(panels[1], x="time in s", y=f"error in {readable(before.units[0])[0]}")
+    first, then = (run and as_read(model, run, errors=True) for run in (before, after))
+    assert first is not None
+    draw_error(panels[1], first, sizes_as_read(model, noise), then, 0)
+    label(panels[1], x="time in s", y=f"error in {readable(first.units[0])[0]}")
     key(panels[0], columns=3, handles=run_key(after))
     if located is not None:
         _draw_law(panels[2], located)

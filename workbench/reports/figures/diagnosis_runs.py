@@ -46,12 +46,16 @@ _DASHES = (0, (4, 2))
 _WINDOWS = 60
 
 
-def as_read(model: Model, run: FreeRun) -> FreeRun:
+def as_read(model: Model, run: FreeRun, *, errors: bool = False) -> FreeRun:
     """Return a free run, in SI, with each output in the unit that the model declares for reading.
 
     An output that declares none stays in SI.
+
+    Args:
+        errors: Whether errors are read from it, in which the zero of a scale has no part.
     """
     units = [_display(model, name) or unit for name, unit in zip(run.used, run.units, strict=True)]
+    units = [of_difference(unit) for unit in units] if errors else units
     measured, simulated = (
         np.column_stack([from_si(v[:, i], unit) for i, unit in enumerate(units)])
         for v in (run.measured, run.simulated)
@@ -61,7 +65,7 @@ def as_read(model: Model, run: FreeRun) -> FreeRun:
 
 
 def sizes_as_read(model: Model, sizes: Mapping[str, float]) -> dict[str, float]:
-    """Return differences of outputs, in SI, by name, in the units of `as_read`."""
+    """Return errors of outputs, in SI, by name, in the units of `as_read`."""
     return {
         name: float(from_si(size, of_difference(_display(model, name) or "1")))
         for name, size in sizes.items()
@@ -216,7 +220,7 @@ def draw_error(
     axes.axhspan(1e-12, 2 * level, color=BAND.light, zorder=0)
     axes.axhline(level, color=REFERENCE.light, linewidth=0.9, linestyle=":")
     _decades(axes)
-    label(axes, y=titled(before.used[i], before.units[i]))
+    label(axes, y=titled(f"error of {before.used[i]}", before.units[i]))
 
 
 def _decades(axes: Axes) -> None:
