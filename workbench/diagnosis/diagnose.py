@@ -13,6 +13,11 @@ import numpy as np
 
 from workbench.diagnosis.conclude import conclude, still_missing
 from workbench.diagnosis.estimation.fixed_parameters import with_fixed_uncertainty
+from workbench.diagnosis.estimation.noise_colour import (
+    BY_CHANCE,
+    leftovers,
+    with_correlated_noise,
+)
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import Prior, default_priors
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
@@ -42,6 +47,7 @@ from workbench.work.counted import Work, add, done, since
 from workbench.work.processes import Call, in_order
 
 Progress = Callable[[str], None]
+Row = dict[str, str]
 Stage = TypeVar("Stage")
 
 
@@ -124,10 +130,63 @@ def stages(
             f" and {len(hold_out)}"
         )
     say = progress or notebook_progress()
-    model, notes = with_undeclared(model, (*fit_on, *hold_out))
-    model, coarse = as_coarse_as_recorded(model, (*fit_on, *hold_out))
-    for note in (*notes, *(row["note"] for row in coarse)):
+    both = (*fit_on, *hold_out)
+    model, notes = with_undeclared(model, both)
+    model, rows = as_coarse_as_recorded(model, both)
+    model, noise = with_correlated_noise(model, both)
+    for note in (*notes, *(row["note"] for row in (*rows, *noise))):
         say(note)
+
+    def run(model: Model, data: Sequence[Row], folder: Path | None) -> Iterator[Diagnosis]:
+        return _stages(
+            model, fit_on, hold_out, data, entries, extra, priors, jobs, advise, folder, say
+        )
+
+    found = None
+    for found in run(model, (*rows, *noise), folder):
+        if found.verdict is None:
+            yield found
+    assert found is not None
+    if not noise and _may_be_noise(found):
+        other, noise = with_correlated_noise(model, both, whatever=True)
+        if noise:
+            say("searching again beside noise that is correlated")
+            for again in run(other, (*rows, *noise), folder and folder / "correlated_noise"):
+                if again.verdict is None:
+                    yield again
+            found = again if _explained(again) else found
+    yield found
+
+
+def _may_be_noise(found: Diagnosis) -> bool:
+    assert found.verdict is not None
+    return found.fitted is not None and found.verdict.kind in ("unexplained", "likely")
+
+
+def _explained(found: Diagnosis) -> bool:
+    """Whether something was found surely, and what is left follows nothing that drives."""
+    verdict, prepared = found.verdict, found.prepared
+    assert verdict is not None
+    if verdict.kind not in ("named", "named_class", "sensor") or found.selected is None:
+        return False
+    left = leftovers(found.extended, found.nominal, prepared.judging)
+    return bool(left) and all(x.chance >= BY_CHANCE for x in left.values())
+
+
+def _stages(
+    model: Model,
+    fit_on: Sequence[Recording],
+    hold_out: Sequence[Recording],
+    rows: Sequence[Row],
+    entries: Sequence[Hypothesis] | None,
+    extra: Sequence[Law | Hypothesis],
+    priors: Sequence[Prior] | None,
+    jobs: int,
+    advise: bool,
+    folder: Path | None,
+    say: Progress,
+) -> Iterator[Diagnosis]:
+    """Diagnose a model that declares all its noise; ``rows`` tell what was taken from the data."""
     known = tuple(priors if priors is not None else default_priors(model))
     recorded = tuple(q.name for q in model.outputs if q.name in fit_on[0])
     longest = max(fit_on, key=lambda recording: recording.duration)
@@ -147,7 +206,7 @@ def stages(
 
     say("checking the recordings")
     prepared = files.reached(Prepared, lambda: prepare(model, fit_on, hold_out, known))
-    prepared = replace(prepared, data=(*prepared.data, *coarse))
+    prepared = replace(prepared, data=(*prepared.data, *rows))
     found = Diagnosis(model, prepared, **files.spent)
     if prepared.unfit:
         yield replace(found, verdict=conclude(found))

@@ -227,7 +227,7 @@ def run_refit(problem: Problem, *, progress: Callable[[str], None] | None = None
                     before.rmse[name] / size,
                     after.rmse[name] / size,
                     limited[name] / size,
-                    float("nan") if how.noise_is_model_error else observed.noise_rms[k] / size,
+                    float("nan") if how.noise_is_model_error else observed.all_noise_rms[k] / size,
                 )
             )
     return RefitReport(problem, found, tuple(nominal), tuple(refitted), tuple(rows), seconds, work)
@@ -263,7 +263,7 @@ def noise_limited(
         if run.finite and centre.finite:
             squares.append(np.mean((run.simulated - centre.simulated) ** 2, axis=0))
     spread = np.mean(squares, axis=0) if squares else np.zeros(len(observed.used))
-    total = np.sqrt(spread + observed.noise_rms**2)
+    total = np.sqrt(spread + observed.all_noise_rms**2)
     return dict(zip(observed.used, total.tolist(), strict=True))
 
 

@@ -24,7 +24,7 @@ from workbench.model import Model
 from workbench.model.traits import LEFT_OUT
 from workbench.model.units import from_si, of_difference, with_unit
 from workbench.recordings.checks.expected import reached
-from workbench.recordings.checks.noise import usual_rms, white_rms
+from workbench.recordings.checks.noise import all_white_rms, usual_rms, white_rms
 from workbench.recordings.checks.quantisation import recorded_quantum
 from workbench.recordings.checks.units import beyond_range
 from workbench.recordings.recording import Recording
@@ -166,7 +166,7 @@ def _unforetold(
                     run = free_run(fit.model, settled(fit.model, trial, one))
                 for name, column, rms in zip(one.used, run.error.T, one.noise_rms, strict=True):
                     error = column[np.isfinite(column)]
-                    least, white = white_rms(error, quantile=0.25), white_rms(error)
+                    least, white = white_rms(error, quantile=0.25), all_white_rms(error)
                     if name in names and least < _CLEARLY_LESS * rms:
                         other[name] = min(least, other.get(name, math.inf))
                     elif name in names and run.rmse[name] < _WHITE * white and white > rms:

@@ -131,6 +131,9 @@ class Output(Channel):
     Args:
         resolution: Step of the converter that reads it, in ``unit``; 0 for none.
         noise_rms: Root mean square of the white noise before conversion, in ``unit``.
+        correlated_noise_rms: Root mean square of noise beside it that one sample shares with the
+            next, in ``unit``: a first-order Gauss-Markov process.
+        noise_correlation_time: Time over which that noise is correlated, in s.
         lower: Lower end of the sensor's range, in ``unit``.
         upper: Upper end of the sensor's range, in ``unit``.
     """
@@ -139,6 +142,8 @@ class Output(Channel):
     noise_rms: float = 0.0
     lower: float = -math.inf
     upper: float = math.inf
+    correlated_noise_rms: float = field(default=0.0, kw_only=True)
+    noise_correlation_time: float = field(default=0.0, kw_only=True)
 
 
 def shown_in(quantity: Quantity) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import math
 from pathlib import Path
 from typing import NamedTuple
 
@@ -125,6 +126,9 @@ class Asked(NamedTuple):
         rows: Places of those measurements among the model's outputs.
         free_scale: Scale of each free parameter, in its SI unit.
         ports: Places of the ports at which an unmodelled signal may act.
+        coloured: Noise of measurements that is correlated: the place among ``rows``, its root mean
+            square over the output's scale, and the time of its correlation, in s, of each. It is a
+            state of the filter behind those of the plant.
     """
 
     traced: Trace
@@ -135,6 +139,7 @@ class Asked(NamedTuple):
     corrected: tuple[int, ...]
     free_scale: tuple[float, ...]
     ports: tuple[int, ...]
+    coloured: tuple[tuple[int, float, float], ...] = ()
 
 
 class Filter:
@@ -145,15 +150,17 @@ class Filter:
     """
 
     def __init__(self, asked: Asked, sample_time: float, substeps: int) -> None:
-        self._equations = Equations(_functions(asked))
-        self._scale = np.array(asked.state_scale)
-        self._kept = np.array(asked.corrected, dtype=np.int64)
+        self._equations = Equations(_functions(asked, sample_time))
+        own, plant = len(asked.coloured), len(asked.state_scale)
+        self._scale = np.array([*asked.state_scale, *[1.0] * own])
+        self._kept = np.array([*asked.corrected, *range(plant, plant + own)], dtype=np.int64)
         self._sample_time, self._substeps = sample_time, substeps
+        self._coloured = np.array([rms for _, rms, _ in asked.coloured])
         self._struct: _Struct | None = None
         library = _library() if self._equations.compiled else None
         if library is not None:
             self._in_c = library.filter
-            n_x, n = len(asked.state_scale), len(asked.corrected)
+            n_x, n = plant + own, len(self._kept)
             n_y, n_f = len(asked.rows), len(asked.columns)
             size = 5 * n_x + n_y * (1 + n + n_f) + 2 * n + n_f + 6 * n * n + 2 * n * n_f
             self._work = np.zeros(max(1, size))
@@ -199,6 +206,11 @@ class Filter:
         """
         # Copies: they are overwritten.
         x, covariance = np.array(x, dtype=float), np.array(covariance, dtype=float)
+        plant, own = len(x), len(self._coloured)
+        x = np.concatenate([x, np.zeros(own)])
+        grown = np.diag(np.concatenate([np.zeros(len(covariance)), self._coloured**2]))
+        grown[: len(covariance), : len(covariance)] = covariance
+        covariance = grown
         u, y, r, p = (np.ascontiguousarray(v, dtype=float) for v in (u, y, r, p))
         d = np.asarray(d, dtype=float).reshape(-1, 2)
         n, n_y = y.shape
@@ -221,7 +233,7 @@ class Filter:
         count("filtered_samples", done)
         # Measurements and process noise once, the equations in each part of each step.
         count("model_evaluations", done * (2 + 4 * self._substeps))
-        return found._replace(done=done)
+        return found._replace(done=done, states=np.ascontiguousarray(found.states[:, :plant]))
 
     def _interpreted(
         self, x: Vector, covariance: Vector, inputs: Vector, measured: Vector, r: Vector, p: Vector,
@@ -327,17 +339,24 @@ def _flushed(matrix: ca.MX) -> ca.MX:
 
 
 @functools.lru_cache(maxsize=64)
-def _functions(asked: Asked) -> tuple[ca.Function, ...]:
+def _functions(asked: Asked, sample_time: float) -> tuple[ca.Function, ...]:
     """Rates with their slopes, rates, measurements with their slopes, and process noise.
 
     Matrices are returned transposed: CasADi stores by columns, and so they stand by rows.
     """
     traced, columns, ports = asked.traced, asked.columns, asked.ports
-    sx, sy, kept = ca.DM(asked.state_scale), ca.DM(asked.output_scale), list(asked.corrected)
+    plant, own = len(asked.state_scale), len(asked.coloured)
+    sx, sy = ca.DM([*asked.state_scale, *[1.0] * own]), ca.DM(asked.output_scale)
+    kept = [*asked.corrected, *range(plant, plant + own)]
+    noise = ca.SX.sym("noise", own)
+    x = ca.vertcat(traced.x, noise)
+    # A Gauss-Markov process: dn/dt = -n / tau + w, A. Gelb, Applied Optimal Estimation (1974), 3.6.
+    fading = [-noise[k] / time for k, (_, _, time) in enumerate(asked.coloured)]
+    rates = ca.vertcat(traced.rates, *fading)
     free = traced.p[list(columns)] if columns else ca.SX(0, 1)
 
     def slopes(values: ca.SX, scale: ca.DM) -> list[ca.SX]:
-        by_state = ca.jacobian(values, traced.x)[:, kept] * ca.repmat(sx[kept].T, values.numel(), 1)
+        by_state = ca.jacobian(values, x)[:, kept] * ca.repmat(sx[kept].T, values.numel(), 1)
         by_free = (
             ca.mtimes(ca.jacobian(values, free), ca.diag(ca.SX(ca.DM(asked.free_scale))))
             if columns
@@ -345,13 +364,17 @@ def _functions(asked: Asked) -> tuple[ca.Function, ...]:
         )
         return [ca.densify((m / ca.repmat(scale, 1, m.size2())).T) for m in (by_state, by_free)]
 
-    reads = traced.outputs[list(asked.rows)]
+    reads = ca.SX(traced.outputs[list(asked.rows)])
+    for k, (row, _, _) in enumerate(asked.coloured):
+        reads[row] += noise[k] * sy[row]
     d = ca.SX.sym("d", len(ports), 2)
     process = _process_noise(traced, np.array(asked.state_scale), ports, d)
-    arguments, cse = [traced.x, traced.u, traced.p], {"cse": True}
+    added = [rms**2 * -math.expm1(-2.0 * sample_time / time) for _, rms, time in asked.coloured]
+    process = ca.densify(ca.diagcat(process, *map(ca.SX, added)))
+    arguments, cse = [x, traced.u, traced.p], {"cse": True}
     return (
-        ca.Function("slope", arguments, [traced.rates, *slopes(traced.rates[kept], sx[kept])], cse),
-        ca.Function("rates", arguments, [traced.rates], cse),
+        ca.Function("slope", arguments, [rates, *slopes(rates[kept], sx[kept])], cse),
+        ca.Function("rates", arguments, [rates], cse),
         ca.Function("read", arguments, [ca.densify(reads / sy), *slopes(reads, sy)], cse),
         ca.Function("noise", [*arguments, d], [process[kept, kept]], cse),
     )

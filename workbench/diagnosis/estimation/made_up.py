@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.observe import observe
-from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.diagnosis.estimation.prediction_error import Observed, gauss_markov
 from workbench.model import Model
 from workbench.plants.servo_axis import servo_axis
 from workbench.recordings.recording import Recording, Signal
@@ -63,6 +63,9 @@ def made_up_recording(
     ]
     for quantity, column in zip(model.outputs, run.outputs.T, strict=True):
         read = column + quantity.noise_rms * rng.normal(size=len(column))
+        rms, time = quantity.correlated_noise_rms, quantity.noise_correlation_time
+        if rms > 0.0 and time > 0.0:
+            read += gauss_markov(len(read), rms, time, sample_time, rng)
         if quantity.resolution:
             read = quantity.resolution * np.round(read / quantity.resolution)
         signals.append(Signal(quantity.name, read, quantity.unit))

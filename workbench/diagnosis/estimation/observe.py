@@ -10,7 +10,7 @@ import numpy as np
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import CORRELATION_TIME, Observed
 from workbench.errors import WorkbenchError
-from workbench.model import Model
+from workbench.model import Model, Output
 from workbench.recordings.recording import Recording
 
 _START_SAMPLES = 3
@@ -75,7 +75,15 @@ def observe(model: Model, recording: Recording) -> Observed:
         start_rms,
         _growth(model, start, inputs[len(inputs) // 2]),
         min(CORRELATION_TIME, max(_PACE * model.horizon, _SAMPLES * sample_time)),
+        correlated_noise=_correlated(outputs, sample_time),
     )
+
+
+def _correlated(outputs: Sequence[Output], sample_time: float) -> Vector:
+    """Return rms and time of noise that samples share; what fades within one is white."""
+    told = [(q.correlated_noise_rms, q.noise_correlation_time) for q in outputs]
+    shared = np.array([(rms, time) if time > sample_time else (0.0, 0.0) for rms, time in told])
+    return shared if shared.any() else np.zeros((0, 2))
 
 
 def _growth(model: Model, x: Vector, u: Vector) -> float:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
+from scipy.signal import lfilter
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.filter import STEPS, Asked, Filter, substeps_of
@@ -52,6 +53,9 @@ class Observed:
             the largest real part of its eigenvalues; minus infinity if that is not known.
         correlation_time: Time over which what the model leaves out is taken as correlated, in s.
         steps: Runge-Kutta steps that a sample gets at least of equations that bend.
+        correlated_noise: Noise of each measurement beside the white one that samples share: root
+            mean square, in SI, and time of its correlation, in s, shape (n_used, 2); empty if there
+            is none.
     """
 
     name: str
@@ -65,6 +69,22 @@ class Observed:
     growth: float = -math.inf
     correlation_time: float = CORRELATION_TIME
     steps: int = STEPS
+    correlated_noise: Vector = field(default_factory=lambda: np.zeros((0, 2)))
+
+    @property
+    def all_noise_rms(self) -> Vector:
+        """Root mean square of all the noise of each measurement, shape (n_used,), in SI."""
+        if not len(self.correlated_noise):
+            return self.noise_rms
+        return np.hypot(self.noise_rms, self.correlated_noise[:, 0])
+
+    def noise(self, rng: np.random.Generator) -> Vector:
+        """Draw noise of the measurements, shape (n, n_used), in SI."""
+        drawn = self.noise_rms * rng.normal(size=self.outputs.shape)
+        for k, (rms, time) in enumerate(self.correlated_noise):
+            if rms > 0.0:
+                drawn[:, k] += gauss_markov(len(drawn), rms, time, self.sample_time, rng)
+        return drawn
 
     @property
     def drifts(self) -> bool:
@@ -87,6 +107,15 @@ class Observed:
                 f" shape {self.outputs.shape} for {len(self.used)} outputs; the numbers of samples"
                 " and of outputs must agree"
             )
+
+
+def gauss_markov(
+    n: int, rms: float, time: float, sample_time: float, rng: np.random.Generator
+) -> Vector:
+    """Draw noise that is correlated over a time in s, shape (n,), in the unit of its rms."""
+    kept = math.exp(-sample_time / time)
+    fresh = rms * rng.normal(size=n) * np.r_[1.0, np.full(max(n - 1, 0), math.sqrt(1.0 - kept**2))]
+    return np.asarray(lfilter([1.0], [1.0, -kept], fresh))
 
 
 @dataclass(frozen=True)
@@ -215,6 +244,8 @@ class PredictionError:
     def _filter(self, number: int) -> Filter:
         if number < len(self._filters):
             return self._filters[number]
+        told = zip(self.like.correlated_noise.tolist(), self._output_scale.tolist(), strict=False)
+        coloured = [(k, rms / scale, t) for k, ((rms, t), scale) in enumerate(told) if rms > 0.0]
         asked = Asked(
             self.model.form(self.form),
             tuple(self.state_scale),
@@ -224,6 +255,7 @@ class PredictionError:
             self._corrected,
             tuple(self.free_scale),
             self._ports,
+            tuple(coloured),
         )
         self._filters.append(Filter(asked, self.like.sample_time, self._substeps))
         return self._filters[-1]

@@ -125,13 +125,13 @@ def floor_of(fit: ProcessNoiseFit, nominal: Model, observed: Observed, *, seed: 
     squares = []
     for _ in range(_DRAWS if own.finite else 0):
         drawn = np.clip(middle + root @ rng.normal(size=len(middle)), low, high)
-        noise = observed.noise_rms * rng.normal(size=read.shape)
+        noise = observed.noise(rng)
         values = dict(zip((e.name for e in estimates), drawn.tolist(), strict=True))
         other = replace(fit, refit=replace(fit.refit, model=fit.model.with_parameters(values)))
         run = judged_run(other, nominal, replace(observed, outputs=read + noise))
         if run.finite:
             squares.append(np.mean((own.simulated + noise - run.simulated) ** 2, axis=0))
-    return np.asarray(np.mean(squares, axis=0) if squares else observed.noise_rms**2)
+    return np.asarray(np.mean(squares, axis=0) if squares else observed.all_noise_rms**2)
 
 
 def _own_run(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> tuple[FreeRun, Vector]:
@@ -267,7 +267,7 @@ def held_out_errors(
         ``noise_floor``, in SI.
     """
     outputs = judging[0].used
-    floor = dict(zip(outputs, judging[0].noise_rms.tolist(), strict=True))
+    floor = dict(zip(outputs, judging[0].all_noise_rms.tolist(), strict=True))
     return {
         label: {o: _rms([run.rmse[o] for run in by_name.values()]) for o in outputs}
         for label, by_name in runs.items()

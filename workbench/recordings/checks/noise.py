@@ -88,6 +88,21 @@ def white_rms(values: npt.ArrayLike, *, order: int = _ORDER, quantile: float = 0
     return float(np.quantile(moving, quantile)) / usual
 
 
+def all_white_rms(values: npt.ArrayLike) -> float:
+    """Return the rms of all that successive samples do not share, in the unit of ``values``.
+
+    Noise that grows with the signal, or comes in bursts, counts with all its power; so does motion
+    that is not smooth.
+
+    Args:
+        values: Uniformly sampled values, shape (n,), any unit.
+    """
+    array = np.asarray(values, dtype=float)
+    if len(array) <= _ORDER:
+        return float("nan")
+    return float(_difference_rms(array[None, :], _ORDER)[0])
+
+
 def usual_rms(values: npt.ArrayLike) -> float:
     """Return the rms, in the unit of ``values``, of the noise from the median of the differences.
 

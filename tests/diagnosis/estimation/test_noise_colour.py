@@ -1,0 +1,182 @@
+"""Noise of sensors that is correlated, against dense linear algebra and data from SciPy."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from scipy.linalg import expm, toeplitz
+from scipy.signal import lfilter
+
+from workbench.diagnosis.diagnose import diagnose
+from workbench.diagnosis.estimation.noise_colour import follows, with_correlated_noise
+from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.prediction_error import PredictionError
+from workbench.diagnosis.verdict import Verdict
+from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.trace import Equations
+from workbench.physics.library import library
+from workbench.recordings.recording import Recording, Signal
+from workbench.simulation.equations import _library as built_before
+from workbench.work.machine_code import compiler
+
+INTERVAL, SAMPLES = 0.02, 1500
+
+
+def drum() -> Model:
+    """A drum on a belt drive: two speeds, one torque, nothing declared of the sensors."""
+
+    def equations(m: Scope) -> Equations:
+        belt = m.p.belt * (m.x.motor - m.x.drum)
+        return (
+            {
+                "motor": (m.u.torque - belt - m.p.drag * m.x.motor) / m.p.inertia,
+                "drum": belt / 0.05,
+            },
+            {"motor": m.x.motor, "drum": m.x.drum},
+        )
+
+    return Model(
+        "drum",
+        equations,
+        states=(State("motor", "rad/s", 10.0), State("drum", "rad/s", 10.0)),
+        inputs=(Input("torque", "N m", 1.0, lower=-5.0, upper=5.0),),
+        outputs=(Output("motor", "rad/s"), Output("drum", "rad/s")),
+        parameters=(
+            Parameter("inertia", "kg m2", value=0.02, lower=0.005, upper=0.1, fitted=True),
+            Parameter("belt", "N m s/rad", value=0.1, lower=0.01, upper=1.0, fitted=True),
+            Parameter("drag", "N m s/rad", value=0.05, lower=0.005, upper=0.5, fitted=True),
+        ),
+    )
+
+
+def _recorded(name: str, seed: int, *, drag: float = 0.0) -> Recording:
+    """Return what SciPy gives, with noise of both sensors that is correlated over 0.1 s."""
+    rng = np.random.default_rng(seed)
+    torque = np.repeat(rng.uniform(-3.0, 3.0, SAMPLES // 40 + 1), 40)[:SAMPLES]
+    a = np.array([[-0.17 / 0.025, 0.13 / 0.025], [0.13 / 0.05, -0.13 / 0.05]])
+    x, rows, parts = np.zeros(2), [], 10
+    kept = expm(np.block([[a, np.eye(2)], [np.zeros((2, 4))]]) * INTERVAL / parts)
+    for u in torque:
+        rows.append(x.copy())
+        for _ in range(parts):
+            rub = drag * np.tanh(x[0] / 0.05)
+            x = kept[:2, :2] @ x + kept[:2, 2:] @ np.array([(u - rub) / 0.025, 0.0])
+    fade = math.exp(-INTERVAL / 0.1)
+    noise = [
+        lfilter([1.0], [1.0, -fade], size * math.sqrt(1.0 - fade**2) * rng.normal(size=SAMPLES))
+        for size in (0.5, 0.3)
+    ]
+    read = np.array(rows).T + noise + 0.05 * rng.normal(size=(2, SAMPLES))
+    return Recording(
+        name,
+        INTERVAL * np.arange(SAMPLES),
+        (
+            Signal("torque", torque, "N m", role="command"),
+            Signal("motor", read[0], "rad/s"),
+            Signal("drum", read[1], "rad/s"),
+        ),
+    )
+
+
+def _diagnosed(drag: float, *laws: str) -> Verdict:
+    fitting, judging = _recorded("fit", 1, drag=drag), _recorded("judge", 2, drag=drag)
+    few = [h for h in library(drum()) if h.law in laws]
+    found = diagnose(drum(), [fitting], [judging], entries=few, jobs=1, advise=False)
+    verdict = found.verdict
+    assert verdict is not None
+    return verdict
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_the_likelihood_is_that_of_the_joint_distribution(
+    compiled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if compiled and compiler() is None:
+        pytest.skip("there is no C compiler")
+    model = drum().with_parameters({"inertia": 0.025, "belt": 0.13, "drag": 0.04})
+    white, rms, time = 0.05, (0.5, 0.3), 0.1
+    model = replace(
+        model,
+        outputs=tuple(
+            replace(q, noise_rms=white, correlated_noise_rms=r, noise_correlation_time=time)
+            for q, r in zip(model.outputs, rms, strict=True)
+        ),
+    )
+    seen = observe(model, _recorded("fit", 1))
+    seen = replace(
+        seen,
+        inputs=seen.inputs[:120],
+        outputs=seen.outputs[:120],
+        start=np.zeros(2),
+        start_rms=np.zeros(2),
+    )
+    if not compiled:
+        monkeypatch.setenv("WORKBENCH_CC", "none")
+        compiler.cache_clear()
+        built_before.cache_clear()
+    try:
+        run = PredictionError(model, seen, ()).run(seen, model.values)
+    finally:
+        if not compiled:
+            monkeypatch.undo()
+            compiler.cache_clear()
+            built_before.cache_clear()
+    assert run.states.shape == (120, 2)
+    # With a certain start and no disturbance the states are those of a simulation.
+    expected = run.states
+    cost = 0.0
+    for k in range(2):
+        fading = rms[k] ** 2 * np.exp(-INTERVAL * np.arange(120) / time)
+        covariance = toeplitz(fading) + white**2 * np.eye(120)
+        error = seen.outputs[:, k] - expected[:, k]
+        cost += 0.5 * float(error @ np.linalg.solve(covariance, error))
+        cost += 0.5 * float(np.linalg.slogdet(covariance)[1])
+    scales = sum(math.log(q.scale) for q in model.outputs) * 120
+    assert run.cost + scales == pytest.approx(cost, rel=1e-6)
+
+
+def test_a_right_model_beside_correlated_noise_lacks_nothing() -> None:
+    verdict = _diagnosed(0.0, "coulomb_friction", "sensor_lag", "quadratic_drag")
+    assert verdict.kind == "nothing_missing"
+    assert sum("is not white" in row["note"] for row in verdict.data) == 2
+    # Sizes and times are those of the data: 0.5 and 0.3 rad/s over 0.1 s.
+    floor = verdict.fit["noise_floor"]
+    assert floor["motor"] == pytest.approx(0.502, rel=0.15)
+    assert floor["drum"] == pytest.approx(0.304, rel=0.15)
+
+
+def test_friction_is_found_beside_correlated_noise() -> None:
+    verdict = _diagnosed(0.4, "coulomb_friction", "sensor_lag", "quadratic_drag", "offset")
+    assert verdict.kind in ("named", "named_class")
+    (finding,) = verdict.findings
+    assert finding.effect == "coulomb_friction_motor", finding.sentence
+    # 0.4 N m on 0.025 kg m2.
+    level = finding.parameters["level"]
+    assert level.value == pytest.approx(16.0, rel=0.1)
+
+
+def test_what_follows_the_input_is_no_noise() -> None:
+    fitting = [_recorded("fit", 1, drag=0.4), _recorded("judge", 2, drag=0.4)]
+    model = drum()
+    assert with_correlated_noise(model, fitting)[0] is model
+
+
+def test_errors_that_follow_a_signal_are_told_from_those_that_do_not() -> None:
+    rng = np.random.default_rng(3)
+
+    def slow(n: int) -> npt.NDArray[np.float64]:
+        return np.asarray(lfilter([1.0], [1.0, -0.97], rng.normal(size=n)))
+
+    chances = []
+    for _ in range(200):
+        error, regressors = slow(800), np.column_stack([slow(800) for _ in range(12)])
+        chances.append(follows([error], [regressors])[0])
+    # Probabilities of what is there by chance are uniform, however slow the signals are.
+    assert 0.35 < np.mean(chances) < 0.65
+    assert np.mean(np.array(chances) < 0.05) < 0.12
+    signal = slow(800)
+    assert follows([slow(800) + 0.5 * signal], [signal[:, None]])[0] < 1e-6
