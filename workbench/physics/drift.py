@@ -11,6 +11,7 @@ import casadi as ca
 from workbench.errors import TIMES_S
 from workbench.model import Parameter, PortView, State
 from workbench.model.regularisation import Expression
+from workbench.model.scope import EffectView
 from workbench.physics.law import (
     Fit,
     Law,
@@ -37,27 +38,44 @@ def _warming(typical: Callable[[Place], float]) -> Callable[[Place], tuple[Own, 
     def parameters(at: Place) -> tuple[Own, ...]:
         s = typical(at) * at.scale
         return (
-            size("amount", at.unit, s, 5.0 * s, "final drift", signed=True),
-            shape("time_constant", "s", at.lasting, "time constant of warming up",
-                  around=(0.05, 100.0)),
-        )  # fmt: skip
+            size("amount", at.unit, s, 5.0 * s, "drift by the end of the recordings", signed=True),
+            *_warmed(at),
+        )
 
     return parameters
 
 
+def _warmed(at: Place) -> tuple[Own, Own]:
+    """Return the pace of what warms up, and when all of its amount is reached.
+
+    The amount is that at the end of the recordings: of a ramp, which has no other end, it is known
+    as well as of what has come to rest.
+    """
+    return (
+        shape("time_constant", "s", at.lasting, "time constant; long, it is a ramp",
+              around=(0.05, 100.0)),
+        shape("lasting", "s", at.lasting, "length of the recordings", around=(1.0, 1.0),
+              source="", fitted=False),
+    )  # fmt: skip
+
+
 def _warm() -> tuple[State, ...]:
-    return (State("warm", "1", 1.0, "share of the final drift reached", start_rms=1e-3),)
+    return (State("warm", "1", 1.0, "share of the amount reached", start_rms=1e-3),)
 
 
-# With a time constant beyond the length of the run it is a ramp.
+def _warming_up(e: EffectView) -> dict[str, Expression]:
+    reached = 1.0 - ca.exp(-e.p.lasting / e.p.time_constant)
+    return {"warm": (1.0 / reached - e.x.warm) / e.p.time_constant}
+
+
 sensor_drift = Law(
     "sensor_drift",
-    "y = u + amount w, dw/dt = (1 - w) / tau",
+    "y = u + amount w, w = (1 - exp(-t / tau)) / (1 - exp(-lasting / tau))",
     sensors(together=False),
     _warming(sensor_error),
     lambda at: at.value + at.p.amount * at.x.warm,
     states=lambda at: _warm(),
-    rates=lambda e: {"warm": (1.0 - e.x.warm) / e.p.time_constant},
+    rates=_warming_up,
     group="sensor",
     source="thermal zero drift of a bridge",
     look_alikes=("sensor_offset", "creep", "chamber_leakage"),
@@ -66,15 +84,16 @@ sensor_drift = Law(
 
 gain_fade = Law(
     "gain_fade",
-    "y = u (1 + amount w), dw/dt = (1 - w) / tau",
+    "y = u (1 + amount w), w = (1 - exp(-t / tau)) / (1 - exp(-lasting / tau))",
     drives("force", "acceleration", "flow", only=lambda at: at.driven),
     lambda at: (
-        size("amount", "1", 0.1, 1.0, "final change of the gain", signed=True),
-        shape("time_constant", "s", at.lasting, "time constant", around=(0.05, 100.0)),
+        size("amount", "1", 0.1, 1.0, "change of the gain by the end of the recordings",
+             signed=True),
+        *_warmed(at),
     ),
     lambda at: at.value * (1.0 + at.p.amount * at.x.warm),
     states=lambda at: _warm(),
-    rates=lambda e: {"warm": (1.0 - e.x.warm) / e.p.time_constant},
+    rates=_warming_up,
     source="warming of a drive, a battery that runs down, a filter that clogs",
     look_alikes=("gain", "gain_jump", "creep"),
     separated_by="the same motion at the start and at the end of a recording",
@@ -212,11 +231,11 @@ parameter_jump = replace(
 parameter_fade = replace(
     gain_fade,
     name="parameter_fade",
-    equation="parameter + amount w, dw/dt = (1 - w) / tau",
+    equation="parameter + amount w, w = (1 - exp(-t / tau)) / (1 - exp(-lasting / tau))",
     where=_each_parameter,
     parameters=lambda at: (
         _amount(at),
-        shape("time_constant", "s", at.lasting, "time constant", around=(0.05, 100.0)),
+        *_warmed(at),
     ),
     transform=lambda at: _changed(at, at.x.warm),
     source="warming, wear, ageing",

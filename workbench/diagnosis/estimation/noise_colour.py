@@ -41,9 +41,9 @@ BY_CHANCE = 1e-3
 _COLOURED = 1.3
 """All of an error over its white part and over the known noise from which on its colour counts."""
 
-_LASTING = 0.5
-"""Time of correlation over that in which the plant's response shows from which on what an error
-holds may be a response too."""
+_LASTING = 0.1
+"""Time of correlation over that in which the plant's response shows from which on an error may
+be the response to a disturbance of the process that nobody reads."""
 
 _CLEARLY = 20.0
 """Log likelihood by which recordings must be likelier with correlated noise."""
@@ -251,7 +251,7 @@ def with_correlated_noise(
         if math.hypot(colour.white, colour.rms) > _COLOURED * max(colour.white, known):
             colours[name] = replace(colour, white=_unrounded(colour.white, q.resolution))
     slow = any(c.time > _LASTING * model.horizon for c in colours.values())
-    if not colours or (whatever and slow):
+    if not colours or slow:
         return model, ()
     coloured = with_colours(model, colours)
     try:
