@@ -15,6 +15,7 @@ from workbench.diagnosis.conclude import conclude, still_missing
 from workbench.diagnosis.estimation.fixed_parameters import with_fixed_uncertainty
 from workbench.diagnosis.estimation.noise_colour import (
     BY_CHANCE,
+    Leftover,
     leftovers,
     with_correlated_noise,
 )
@@ -148,7 +149,7 @@ def stages(
             yield found
     assert found is not None
     if not noise and _may_be_noise(found):
-        other, noise = with_correlated_noise(model, both, whatever=True)
+        other, noise = with_correlated_noise(model, both, _left(found))
         if noise:
             say("searching again beside noise that is correlated")
             for again in run(other, (*rows, *noise), folder and folder / "correlated_noise"):
@@ -165,12 +166,16 @@ def _may_be_noise(found: Diagnosis) -> bool:
 
 def _explained(found: Diagnosis) -> bool:
     """Whether something was found surely, and what is left follows nothing that drives."""
-    verdict, prepared = found.verdict, found.prepared
+    verdict = found.verdict
     assert verdict is not None
     if verdict.kind not in ("named", "named_class", "sensor") or found.selected is None:
         return False
-    left = leftovers(found.extended, found.nominal, prepared.judging)
+    left = _left(found)
     return bool(left) and all(x.chance >= BY_CHANCE for x in left.values())
+
+
+def _left(found: Diagnosis) -> dict[str, Leftover]:
+    return leftovers(found.extended, found.nominal, found.prepared.judging)
 
 
 def _stages(

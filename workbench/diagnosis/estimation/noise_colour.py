@@ -7,7 +7,7 @@ What is left out follows what drives the machine; noise does not (L. Ljung, Syst
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -219,7 +219,7 @@ def with_colours(model: Model, colours: dict[str, Colour]) -> Model:
 
 
 def with_correlated_noise(
-    model: Model, recordings: Sequence[Recording], *, whatever: bool = False
+    model: Model, recordings: Sequence[Recording], left: Mapping[str, Leftover] | None = None
 ) -> tuple[Model, tuple[dict[str, str], ...]]:
     """Take noise of sensors that is correlated from the recordings, and say so.
 
@@ -228,8 +228,8 @@ def with_correlated_noise(
     disturbances of the process, which are coloured too.
 
     Args:
-        whatever: Whether to take the part of the errors that follows nothing, even if another part
-            does.
+        left: What a better model leaves of each output: the part of it that follows nothing is
+            taken for noise, even if another part does.
 
     Returns:
         The model, the same one where there is none, and a row for each such measurement, as those
@@ -238,10 +238,11 @@ def with_correlated_noise(
     try:
         given = [observe(model, r) for r in recordings[:_FEW]]
         fit, seen = fit_with_likely_starts(model, given, default_priors(model))
-        left = leftovers(fit, model, seen)
+        if left is None:
+            left = leftovers(fit, model, seen)
+            if any(x.chance < BY_CHANCE for x in left.values()):
+                return model, ()
     except (WorkbenchError, np.linalg.LinAlgError):
-        return model, ()
-    if not left or (not whatever and any(x.chance < BY_CHANCE for x in left.values())):
         return model, ()
     colours = {}
     for name, x in left.items():
