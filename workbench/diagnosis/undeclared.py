@@ -20,11 +20,11 @@ from workbench.diagnosis.estimation.start import fit_with_likely_starts
 from workbench.diagnosis.estimation.windows import settled, windowed_run
 from workbench.diagnosis.selection.rules import SAME
 from workbench.errors import NumericalError, WorkbenchError
-from workbench.model import Model
+from workbench.model import Model, Output
 from workbench.model.traits import LEFT_OUT
 from workbench.model.units import from_si, of_difference, with_unit
 from workbench.recordings.checks.expected import reached
-from workbench.recordings.checks.noise import all_white_rms, usual_rms, white_rms
+from workbench.recordings.checks.noise import all_white_rms, growing_rms, usual_rms, white_rms
 from workbench.recordings.checks.quantisation import recorded_quantum
 from workbench.recordings.checks.units import beyond_range
 from workbench.recordings.recording import Recording
@@ -91,7 +91,8 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
         told, sizes = _with_data(model, recordings)
     undeclared = [q for q, own in zip(told.outputs, model.outputs, strict=True) if q != own]
     if undeclared:
-        noise = _unforetold(told, recordings, [q.name for q in undeclared])
+        even = [q.name for q in undeclared if not q.relative_noise_rms]
+        noise = _unforetold(told, recordings, even)
         if noise:
             outputs = tuple(
                 replace(q, noise_rms=noise.get(q.name, q.noise_rms)) for q in told.outputs
@@ -102,7 +103,7 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
     notes = [
         f"{name} declares no noise_rms;"
         f" {with_unit(f'{from_si(read[name].noise_rms, unit):.3g}', unit)} is taken from the"
-        " recordings"
+        " recordings" + _growing(read[name])
         for name, unit in shown.items()
     ]
     if sizes:
@@ -115,6 +116,11 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
             )
         )
     return told, tuple(notes)
+
+
+def _growing(q: Output) -> str:
+    part = q.relative_noise_rms
+    return f", and {100.0 * part:.2g} % of what it reads" if part else ""
 
 
 def _wider(model: Model, recordings: Sequence[Recording]) -> Model:
@@ -187,8 +193,10 @@ def _with_data(model: Model, recordings: Sequence[Recording]) -> tuple[Model, di
             white = [white_rms(v, order=order, quantile=0.25) for v in read for order in (4, 6)]
             white += [usual_rms(v) for v in read]
             least = min((w for w in white if np.isfinite(w)), default=0.0)
-            noise = max(least**2 - step**2 / 12, 0.0) ** 0.5
-            outputs.append(replace(q, noise_rms=noise, resolution=step))
+            rest, growing = growing_rms(read) if step == 0.0 else (least, 0.0)
+            noise = max((rest if growing else least) ** 2 - step**2 / 12, 0.0) ** 0.5
+            told = replace(q, noise_rms=noise, relative_noise_rms=growing, resolution=step)
+            outputs.append(told)
         else:
             outputs.append(q)
     model = replace(model, outputs=tuple(outputs))

@@ -134,6 +134,8 @@ class Output(Channel):
         correlated_noise_rms: Root mean square of noise beside it that one sample shares with the
             next, in ``unit``: a first-order Gauss-Markov process.
         noise_correlation_time: Time over which that noise is correlated, in s.
+        relative_noise_rms: Root mean square of white noise that grows with the reading, as a
+            fraction of it, dimensionless.
         lower: Lower end of the sensor's range, in ``unit``.
         upper: Upper end of the sensor's range, in ``unit``.
     """
@@ -144,6 +146,7 @@ class Output(Channel):
     upper: float = math.inf
     correlated_noise_rms: float = field(default=0.0, kw_only=True)
     noise_correlation_time: float = field(default=0.0, kw_only=True)
+    relative_noise_rms: float = field(default=0.0, kw_only=True)
 
 
 def shown_in(quantity: Quantity) -> str:

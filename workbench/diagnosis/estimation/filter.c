@@ -65,7 +65,7 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
     double *row = gain + n, *A = row + nf, *B = A + n * n, *Q = B + n * nf, *half = Q + n * n;
     double *step = half + n * n, *all = step + n * n, *before = all + n * n;
     double *before_G = before + n * n;
-    for (int64_t t = 0; t < samples; t++, u += g->inputs, y += ny) {
+    for (int64_t t = 0; t < samples; t++, u += g->inputs, y += ny, r += ny) {
         /* Correction, one measurement after the other. */
         g->read.res[0] = predicted;
         g->read.res[1] = H;

@@ -199,7 +199,8 @@ class Filter:
             u: Inputs held from each sample on, shape (n, n_inputs), in SI.
             y: Measurements over their scales (dimensionless), shape (n, n_used); NaN where there
                 is none.
-            r: Variances of their noise over the scales squared (dimensionless), shape (n_used,).
+            r: Variances of their noise over the scales squared (dimensionless), shape
+                (n, n_used).
             p: Parameters, shape (n_parameters,), in SI.
             d: Variance that one sample adds to the signal of each port: a part that is constant
                 and a part relative to its square, shape (n_ports, 2), in the ports' SI units.

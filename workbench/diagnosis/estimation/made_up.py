@@ -62,7 +62,8 @@ def made_up_recording(
         for q, column in zip(model.inputs, run.inputs.T, strict=True)
     ]
     for quantity, column in zip(model.outputs, run.outputs.T, strict=True):
-        read = column + quantity.noise_rms * rng.normal(size=len(column))
+        white = np.hypot(quantity.noise_rms, quantity.relative_noise_rms * column)
+        read = column + white * rng.normal(size=len(column))
         rms, time = quantity.correlated_noise_rms, quantity.noise_correlation_time
         if rms > 0.0 and time > 0.0:
             read += gauss_markov(len(read), rms, time, sample_time, rng)

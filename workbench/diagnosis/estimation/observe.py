@@ -76,6 +76,7 @@ def observe(model: Model, recording: Recording) -> Observed:
         _growth(model, start, inputs[len(inputs) // 2]),
         min(CORRELATION_TIME, max(_PACE * model.horizon, _SAMPLES * sample_time)),
         correlated_noise=_correlated(outputs, sample_time),
+        relative_noise=_relative(outputs),
     )
 
 
@@ -84,6 +85,11 @@ def _correlated(outputs: Sequence[Output], sample_time: float) -> Vector:
     told = [(q.correlated_noise_rms, q.noise_correlation_time) for q in outputs]
     shared = np.array([(rms, time) if time > sample_time else (0.0, 0.0) for rms, time in told])
     return shared if shared.any() else np.zeros((0, 2))
+
+
+def _relative(outputs: Sequence[Output]) -> Vector:
+    told = np.array([q.relative_noise_rms for q in outputs])
+    return told if told.any() else np.zeros(0)
 
 
 def _growth(model: Model, x: Vector, u: Vector) -> float:

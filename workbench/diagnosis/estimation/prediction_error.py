@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +32,9 @@ _LOST = 7.0
 _LOOKS, _CORRECTIONS = 21, 2
 """Samples at which a model's fastest mode is looked for; corrections of the states there, more than
 one for sensors that are not linear."""
+
+_FINER = 3
+"""Times as many steps where what is read is known by its logarithm, over many powers of ten."""
 
 _SHORT = 2000
 """Samples of all recordings below which a thread costs more than it saves."""
@@ -56,6 +59,8 @@ class Observed:
         correlated_noise: Noise of each measurement beside the white one that samples share: root
             mean square, in SI, and time of its correlation, in s, shape (n_used, 2); empty if there
             is none.
+        relative_noise: Noise of each measurement that grows with it, as a fraction of it, shape
+            (n_used,); empty if there is none.
     """
 
     name: str
@@ -70,17 +75,32 @@ class Observed:
     correlation_time: float = CORRELATION_TIME
     steps: int = STEPS
     correlated_noise: Vector = field(default_factory=lambda: np.zeros((0, 2)))
+    relative_noise: Vector = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def white_noise_rms(self) -> Vector:
+        """Root mean square of the white noise of each sample, shape (n, n_used), in SI."""
+        growing = np.zeros_like(self.outputs)
+        if len(self.relative_noise):
+            growing = np.nan_to_num(self.outputs) * self.relative_noise
+        return np.hypot(self.noise_rms, growing)
 
     @property
     def all_noise_rms(self) -> Vector:
         """Root mean square of all the noise of each measurement, shape (n_used,), in SI."""
-        if not len(self.correlated_noise):
-            return self.noise_rms
-        return np.hypot(self.noise_rms, self.correlated_noise[:, 0])
+        white = self.noise_rms
+        if len(self.relative_noise):
+            white = np.sqrt(np.mean(self.white_noise_rms**2, axis=0))
+        return np.hypot(white, self.correlated_noise[:, 0]) if len(self.correlated_noise) else white
+
+    def unread(self) -> Observed:
+        """Return the recording with measurements that tell nothing."""
+        noise = 1e9 * np.maximum(self.all_noise_rms, 1e-12 * np.nanmax(np.abs(self.outputs)))
+        return replace(self, noise_rms=noise, relative_noise=np.zeros(0))
 
     def noise(self, rng: np.random.Generator) -> Vector:
         """Draw noise of the measurements, shape (n, n_used), in SI."""
-        drawn = self.noise_rms * rng.normal(size=self.outputs.shape)
+        drawn = self.white_noise_rms * rng.normal(size=self.outputs.shape)
         for k, (rms, time) in enumerate(self.correlated_noise):
             if rms > 0.0:
                 drawn[:, k] += gauss_markov(len(drawn), rms, time, self.sample_time, rng)
@@ -230,7 +250,7 @@ class PredictionError:
             covariance,
             observed.inputs,
             observed.outputs / self._output_scale,
-            (observed.noise_rms / self._output_scale) ** 2,
+            (observed.white_noise_rms / self._output_scale) ** 2,
             values,
             self._variances,
         )
@@ -288,7 +308,8 @@ def substeps_along(model: Model, observed: Observed) -> int:
         variance = spread @ spread.transpose(0, 2, 1) + np.diag(noise**2)
         gain = spread.transpose(0, 2, 1) @ np.linalg.solve(variance, error[:, :, None])
         x = np.clip(x + scale * gain[:, :, 0], *within)
-    return substeps_of(model, observed.sample_time, x, u, observed.steps)
+    steps = substeps_of(model, observed.sample_time, x, u, observed.steps)
+    return _FINER * steps if len(observed.relative_noise) else steps
 
 
 def disturbances(model: Model, noise_scale: float) -> dict[str, float]:

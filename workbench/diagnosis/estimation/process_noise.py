@@ -297,8 +297,7 @@ def perfect_cost(model: Model, recordings: Sequence[Observed]) -> float:
         own = observed.outputs
         if not observed.diverges:
             # A filter that trusts no measurement simulates.
-            unread = replace(observed, noise_rms=1e9 * observed.noise_rms)
-            own = blind.expected(observed, blind.run(unread, model.values))
+            own = blind.expected(observed, blind.run(observed.unread(), model.values))
         part = tight.run(replace(observed, outputs=own), model.values)
         used = np.isfinite(part.log_deviation)
         total += float(np.sum(0.5 + part.log_deviation[used]))

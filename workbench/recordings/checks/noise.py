@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import comb, sqrt
 from statistics import NormalDist
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import minimize
 
 from workbench.arrays import Vector
 from workbench.recordings.checks.check import Finding, check
@@ -18,6 +20,7 @@ from workbench.recordings.checks.uniformity import jitter
 from workbench.recordings.recording import Recording, Signal
 
 _BLOCK = 100
+_SMALL, _MANY, _FREE = 24, 20, 8
 _ORDER = 4
 
 
@@ -103,6 +106,52 @@ def all_white_rms(values: npt.ArrayLike) -> float:
     return float(_difference_rms(array[None, :], _ORDER)[0])
 
 
+def growing_rms(parts: Sequence[npt.ArrayLike]) -> tuple[float, float]:
+    """Return the rms of noise that is always there, and of noise that grows with the signal.
+
+    ``variance = rest^2 + (growing y)^2``, by likelihood over blocks of 24 samples, each of which
+    gives a variance by the median of its differences.
+
+    Args:
+        parts: Uniformly sampled values, shape (n,) each, any unit.
+
+    Returns:
+        The rest, in the unit of ``parts``, and the growing part as a fraction of the signal;
+        (NaN, 0) where the noise does not clearly grow with the signal.
+    """
+    arrays = [np.asarray(values, dtype=float) for values in parts]
+    blocks = np.concatenate([a[: len(a) // _SMALL * _SMALL].reshape(-1, _SMALL) for a in arrays])
+    v = np.array([usual_rms(block) ** 2 for block in blocks])
+    m = np.mean(blocks**2, axis=1)
+    told = np.isfinite(v) & np.isfinite(m) & (m > 0.0)
+    blocks, v, m = blocks[told], v[told], m[told]
+    if len(v) < _MANY or np.quantile(m, 0.9) < 10.0 * np.quantile(m, 0.1):
+        return math.nan, 0.0
+
+    def cost(s: Vector) -> float:
+        return float(np.sum(0.5 * _FREE * (np.log(s) + v / s)))
+
+    level = float(np.mean(v))
+    found = minimize(
+        lambda q: cost(np.exp(2.0 * q[0]) + np.exp(2.0 * q[1]) * m),
+        [0.5 * math.log(0.1 * np.quantile(v, 0.1)), 0.5 * math.log(np.median(v / m))],
+        method="Nelder-Mead",
+    )
+    rest, growing = (math.exp(float(q)) for q in found.x)
+    # A variance of many freedoms: of another shape than this it is not the noise of a reading.
+    alike = float(np.median(np.abs(np.log(v / (rest**2 + growing**2 * m)))))
+    if cost(np.full(len(v), level)) - found.fun < _FREE * math.log(len(v)) or alike > 0.7:
+        return math.nan, 0.0
+    # The variance of a few samples is uncertain; of all of them, each over its own, it is not.
+    pooled = np.diff(blocks, _ORDER, axis=1) / np.sqrt(rest**2 + growing**2 * m)[:, None]
+    size = _of_median(float(np.median(np.abs(pooled))))
+    return rest * size, growing * size
+
+
+def _of_median(middle: float) -> float:
+    return middle / (0.6745 * sqrt(comb(2 * _ORDER, _ORDER)))
+
+
 def usual_rms(values: npt.ArrayLike) -> float:
     """Return the rms, in the unit of ``values``, of the noise from the median of the differences.
 
@@ -121,7 +170,7 @@ def usual_rms(values: npt.ArrayLike) -> float:
     """
     differences = np.abs(np.diff(np.asarray(values, dtype=float), _ORDER))
     middle = float(np.nanmedian(differences)) if np.isfinite(differences).any() else 0.0
-    return middle / (0.6745 * sqrt(comb(2 * _ORDER, _ORDER))) if middle > 0.0 else float("nan")
+    return _of_median(middle) if middle > 0.0 else float("nan")
 
 
 def noise_of(recording: Recording, name: str) -> NoiseFloor:

@@ -1,0 +1,105 @@
+"""Noise that grows with what a sensor reads, against plain sums and data from SciPy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from workbench.diagnosis.diagnose import diagnose
+from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.prediction_error import PredictionError
+from workbench.diagnosis.undeclared import with_undeclared
+from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.trace import Equations
+from workbench.physics.library import library
+from workbench.recordings.checks.noise import growing_rms
+from workbench.recordings.recording import Recording, Signal
+
+HOUR, SAMPLES = 3600.0, 600
+
+
+def culture() -> Model:
+    """Cells that grow in light and die, counted."""
+
+    def equations(m: Scope) -> Equations:
+        cells = m.x.cells
+        return {"cells": (m.p.growth * m.u.light - m.p.death) * cells}, {"cells": cells}
+
+    return Model(
+        "culture",
+        equations,
+        states=(State("cells", "1", initial=50.0, lower=0.0),),
+        inputs=(Input("light", "1", lower=0.0, upper=1.0),),
+        outputs=(Output("cells", "1"),),
+        parameters=(
+            Parameter("growth", "1/s", value=3e-5, lower=1e-6, upper=1e-3, fitted=True),
+            Parameter("death", "1/s", value=1.2e-5, lower=1e-6, upper=1e-3, fitted=True),
+        ),
+    )
+
+
+def _counted(name: str, seed: int, *, sick: float = 0.0) -> Recording:
+    rng = np.random.default_rng(seed)
+    light = np.repeat(rng.uniform(0.0, 1.0, SAMPLES // 30 + 1), 30)[:SAMPLES]
+    logs, cells = 4.0, []
+    for k, u in enumerate(light):
+        cells.append(np.exp(logs))
+        death = 1.5e-5 + (sick if k >= 300 else 0.0)
+        rate = 3.6e-5 * u - death
+        logs = solve_ivp(lambda t, x, r=rate: [r], (0.0, HOUR), [logs]).y[0, -1]
+    read = np.array(cells) * (1.0 + 0.02 * rng.normal(size=SAMPLES))
+    return Recording(
+        name,
+        HOUR * np.arange(SAMPLES),
+        (Signal("light", light, "1", role="command"), Signal("cells", read, "1")),
+    )
+
+
+def test_the_noise_of_every_sample_weighs_it() -> None:
+    recording = _counted("fit", 1)
+    model, notes = with_undeclared(culture(), [recording])
+    assert model.outputs[0].relative_noise_rms == pytest.approx(0.02, rel=0.15)
+    assert "% of what it reads" in notes[0]
+    true = model.with_parameters({"growth": 3.6e-5, "death": 1.5e-5})
+    seen = observe(true, recording)
+    seen = replace(seen, start=np.exp([4.0]), start_rms=np.zeros(1))
+    run = PredictionError(true, seen, ()).run(seen, true.values)
+    deviation = np.hypot(seen.noise_rms, model.outputs[0].relative_noise_rms * seen.outputs)
+    error = seen.outputs - run.states
+    cost = float(np.sum(0.5 * (error / deviation) ** 2 + np.log(deviation)))
+    assert run.cost + SAMPLES * np.log(model.outputs[0].scale) == pytest.approx(cost, rel=1e-9)
+
+
+def test_a_right_model_lacks_nothing_and_a_disease_is_found_on_its_day() -> None:
+    few = [h for h in library(culture(), duration=SAMPLES * HOUR) if h.law == "parameter_jump"]
+    assert {h.name for h in few} == {"parameter_jump_growth", "parameter_jump_death"}
+    right = diagnose(
+        culture(), [_counted("a", 1)], [_counted("b", 2)], entries=few, jobs=1, advise=False
+    )
+    assert right.verdict is not None and right.verdict.kind == "nothing_missing"
+    sick = diagnose(
+        culture(),
+        [_counted("a", 1, sick=8e-6)],
+        [_counted("b", 2, sick=8e-6)],
+        entries=few,
+        jobs=1,
+        advise=False,
+    )
+    assert sick.verdict is not None
+    (finding,) = sick.verdict.findings
+    assert finding.effect == "parameter_jump_death" and finding.belief == "sure"
+    assert finding.parameters["amount"].value == pytest.approx(8e-6, rel=0.05)
+    assert finding.parameters["time"].value == pytest.approx(300 * HOUR, rel=0.02)
+
+
+def test_noise_that_does_not_grow_and_motion_are_not_taken_for_it() -> None:
+    rng, t = np.random.default_rng(4), np.arange(2000) * 0.01
+    swing = np.exp(-0.2 * t) * np.sin(3.0 * t)
+    assert growing_rms([swing + 0.01 * rng.normal(size=2000)])[1] == 0.0
+    square = np.where(np.sin(2.0 * t) > 0.0, 1.0, 0.1) + 0.001 * rng.normal(size=2000)
+    assert growing_rms([square])[1] == 0.0
+    growing = np.exp(0.3 * t) * (1.0 + 0.03 * rng.normal(size=2000))
+    assert growing_rms([growing])[1] == pytest.approx(0.03, rel=0.1)
