@@ -209,7 +209,7 @@ def test_heat_is_lost_where_a_plant_has_temperatures_and_no_ports() -> None:
         outputs=(Output("temperature", "K"),),
     )
     offered = {e.name: e for e in library(oven)}
-    assert {"radiation_wall", "heat_loss_wall", "second_heat_store_wall"} <= offered.keys()
+    assert {"radiation_wall", "heat_loss_wall", "second_store_wall"} <= offered.keys()
     assert offered["radiation_wall"].ports == ("wall.rate",)
     assert not any(name.endswith("_charge") for name in offered if name.startswith("radiation"))
 

@@ -94,7 +94,7 @@ def test_speed_and_coordinate_follow_from_structure() -> None:
 
 def test_a_store_may_lose_what_it_holds() -> None:
     laws = {h.law: h for h in library(heated_tank())}
-    assert laws.keys() >= {"heat_loss", "radiation", "second_heat_store", "gain", "drive_lag"}
+    assert laws.keys() >= {"heat_loss", "radiation", "second_store", "gain", "drive_lag"}
     assert laws.keys().isdisjoint({"orifice_outflow", "linear_outflow", "overflow"})
     loss = laws["heat_loss"]
     assert loss.unit == "W/K"

@@ -406,10 +406,13 @@ def rate_unit(unit: str) -> str:
     """Return the unit of a rate of change.
 
     Example:
-        >>> rate_unit("rad/s"), rate_unit("Pa")
-        ('rad/s2', 'Pa/s')
+        >>> rate_unit("rad/s"), rate_unit("Pa"), rate_unit("mol/m3")
+        ('rad/s2', 'Pa/s', 'mol/(m3 s)')
     """
-    return f"{unit}2" if unit.endswith("/s") else f"{unit}/s"
+    if unit.endswith("/s"):
+        return f"{unit}2"
+    above, sign, below = unit.partition("/")
+    return f"{above}/({below.strip('()')} s)" if sign else f"{above}/s"
 
 
 def shown_unit(unit: str) -> str:

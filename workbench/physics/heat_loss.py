@@ -1,10 +1,10 @@
-"""Heat that a store loses to what is around it, or lends to a wall."""
+"""Heat that a store loses to what is around it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from workbench.model import PortView, State
+from workbench.model import PortView
 from workbench.model.regularisation import Expression
 from workbench.model.units import same_dimension
 from workbench.physics.law import Fit, Law, Own, shape, size
@@ -14,7 +14,7 @@ _ZERO = 273.15
 """Absolute temperature at 0 degC, K."""
 
 
-def _stores(survey: Survey) -> Iterator[Fit]:
+def heat_stores(survey: Survey) -> Iterator[Fit]:
     """Yield the last heat flow into each store: it carries all that came before.
 
     So does the rate of a temperature.
@@ -43,11 +43,11 @@ def _conductance(at: Place, text: str, *, signed: bool = False) -> Own:
 heat_loss = Law(
     "heat_loss",
     "Q = Q - conductance (T - ambient)",
-    _stores,
+    heat_stores,
     lambda at: (_conductance(at, "heat lost over difference", signed=True), _around(at)),
     lambda at: at.value - at.p.conductance * (at.signals.level - at.p.ambient),
     source="I. Newton 1701",
-    look_alikes=("radiation", "second_heat_store", "offset"),
+    look_alikes=("radiation", "second_store", "offset"),
     separated_by="let it cool from high: the temperature falls along an exponential",
 )
 
@@ -62,7 +62,7 @@ def _radiated(at: PortView) -> Expression:
 radiation = Law(
     "radiation",
     "Q = Q - conductance T_a / 4 [(T / T_a)^4 - 1]",
-    _stores,
+    heat_stores,
     lambda at: (
         _conductance(at, "heat radiated over a small difference"),
         _around(at),
@@ -71,34 +71,6 @@ radiation = Law(
     ),
     _radiated,
     source="J. Stefan 1879, L. Boltzmann 1884",
-    look_alikes=("heat_loss", "second_heat_store"),
+    look_alikes=("heat_loss", "second_store"),
     separated_by="hold two temperatures far apart: the loss grows faster than the difference",
-)  # fmt: skip
-
-
-def _times(at: Place) -> list[float]:
-    return [k * at.lasting for k in (0.03, 0.1, 0.01)]
-
-
-# The wall's capacity is conductance times time constant.
-second_heat_store = Law(
-    "second_heat_store",
-    "Q = Q - conductance (T - T_w), dT_w/dt = (T - T_w) / time_constant",
-    _stores,
-    lambda at: (
-        _conductance(at, "heat to the wall over difference"),
-        shape("time_constant", "s", _times(at)[0], "time in which the wall follows",
-              around=(0.01, 100.0)),
-    ),
-    lambda at: at.value - at.p.conductance * (at.signals.level - at.x.wall),
-    states=lambda at: (
-        State("wall", at.level.unit, at.level.scale, "temperature of the wall", at.level.start,
-              start_rms=0.02 * at.level.scale),
-    ),
-    rates=lambda e: {"wall": (e.here.signals.level - e.x.wall) / e.p.time_constant},
-    start=lambda e: {"wall": e.here.signals.level},
-    shapes=lambda at: [{"time_constant": time} for time in _times(at)],
-    source="two lumped heat capacities",
-    look_alikes=("heat_loss", "radiation", "creep"),
-    separated_by="a step of the heater: the temperature rises with two time constants",
 )  # fmt: skip

@@ -14,6 +14,7 @@ import casadi as ca
 
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression, sqrt
+from workbench.physics.heat_loss import heat_stores
 from workbench.physics.law import Fit, Law, Own, each, floor, shape, size
 from workbench.physics.place import Place, Survey, per
 
@@ -217,16 +218,22 @@ cross_flow = Law(
 )  # fmt: skip
 
 
-# A second compartment that the model lumps with the first: tissue beside blood, ground beside soil.
+def _also_of_heat(survey: Survey) -> Iterator[Fit]:
+    stores = dict(heat_stores(survey))
+    yield from (stores | {n: f for n, f in _each_store(survey) if n not in stores}).items()
+
+
+# A second store that the model lumps with the first: a wall beside the water that it holds, tissue
+# beside blood, ground beside soil. Its capacity is conductance times time constant.
 second_store = Law(
     "second_store",
     "flow = flow - conductance (level - z), dz/dt = (level - z) / time_constant",
-    _each_store,
+    _also_of_heat,
     lambda at: (
         size("conductance", per(at.unit, at.level.unit), 0.1 * at.scale / at.level.scale,
              10.0 * at.scale / at.level.scale, "flow to the other store over the difference"),
-        shape("time_constant", "s", 0.1 * at.lasting, "time in which the other store follows",
-              around=(0.01, 10.0)),
+        shape("time_constant", "s", 0.03 * at.lasting, "time in which the other store follows",
+              around=(0.01, 100.0)),
         _sense(at),
     ),
     lambda at: at.value - at.p.sense * at.p.conductance * (at.signals.level - at.x.beside),
@@ -236,10 +243,10 @@ second_store = Law(
     ),
     rates=lambda e: {"beside": (e.here.signals.level - e.x.beside) / e.p.time_constant},
     start=lambda e: {"beside": e.here.signals.level},
-    shapes=lambda at: [{"time_constant": part * at.lasting} for part in (0.1, 0.03, 0.01)],
-    source="two compartments, T. Teorell 1937",
-    look_alikes=("linear_outflow", "cross_flow", "creep"),
-    separated_by="a short inflow, then rest: the level falls with two time constants",
+    shapes=lambda at: [{"time_constant": part * at.lasting} for part in (0.03, 0.1, 0.01)],
+    source="two compartments, T. Teorell 1937; two lumped heat capacities",
+    look_alikes=("linear_outflow", "heat_loss", "radiation", "cross_flow", "creep"),
+    separated_by="a step of what flows in, then rest: the level goes with two time constants",
 )  # fmt: skip
 
 

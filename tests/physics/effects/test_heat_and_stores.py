@@ -41,7 +41,7 @@ def test_heat_loss_is_linear() -> None:
 
 
 def test_the_second_store_takes_no_heat_in_the_end() -> None:
-    law = offered(tank(), "second_heat_store_water")
+    law = offered(tank(), "second_store_water")
     walled = tank().with_effect(law.at_size(10.0, {"time_constant": 50.0}))
     x = walled.initial_state({"level": 0.2, "temperature": 310.0})
     # What the water gives, 10 W/K, the wall of 10 W/K times 50 s stores.

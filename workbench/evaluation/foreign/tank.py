@@ -74,7 +74,7 @@ TANK = Machine(
         Concealed("draw_off", "constant_flow", OUT, (7e-7, 2e-6)),
         Concealed("rim_overflow", "overflow", OUT, (5e-5, 2e-4), {"rim": 0.33}),
         Concealed("radiation", "growing_heat_loss", WATER, (0.6, 1.5)),
-        Concealed("wall", "second_heat_store", WATER, (1500.0, 4000.0)),
+        Concealed("wall", "second_store", WATER, (1500.0, 4000.0)),
         Concealed("heater_failure", "parameter_jump", ("heater.power", *WATER), (0.15, 0.35)),
         Concealed("level_top", "sensor_clipping", ("level.reading",), (0.36, 0.42)),
         Concealed("temperature_lag", "sensor_lag", ("temperature.reading",), (20.0, 60.0)),
