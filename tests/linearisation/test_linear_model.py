@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import control as ct
 import numpy as np
@@ -65,3 +66,5 @@ def test_participation_does_not_depend_on_units() -> None:
 def test_prints_modes_and_kinks() -> None:
     text = str(LINEAR)
     assert "Hz" in text and "kink in spool" in text and "over an oscillation" in text
+    (kink,) = (line for line in text.splitlines() if "kink in spool" in line)
+    assert re.search(r"slope of d pressure_1/dt by spool [\d.]+ bar/s per V below", kink)

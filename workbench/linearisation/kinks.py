@@ -9,7 +9,8 @@ import numpy as np
 
 from workbench.arrays import Vector
 from workbench.linearisation.linear_model import LinearModel
-from workbench.model.units import rate_unit
+from workbench.model import Model, Quantity
+from workbench.model.units import rate_unit, with_unit
 from workbench.operating_point import Derivatives, OperatingPoint
 
 _AT_ONCE = 1e-7
@@ -31,6 +32,8 @@ class Kink:
         of: Rate or measurement whose slope jumps most.
         slope_below: Its slope below the kink, in SI.
         slope_above: Its slope above the kink, in SI.
+        slope_read: Unit in which people read the slopes, and its size from SI.
+        read: Unit in which people read the distance, and its size from SI.
     """
 
     name: str
@@ -41,7 +44,8 @@ class Kink:
     of: str
     slope_below: float
     slope_above: float
-    slope_unit: str
+    slope_read: tuple[str, float]
+    read: tuple[str, float]
 
     @property
     def factor(self) -> float:
@@ -56,11 +60,25 @@ class Kink:
 
     def __str__(self) -> str:
         """Return one line: where, and both slopes."""
-        where = "at the point" if self.distance == 0.0 else f"{self.distance:+.3g} {self.unit} away"
+        unit, factor = self.slope_read
+        below, above = (factor * slope for slope in (self.slope_below, self.slope_above))
+        away = f"{self.distance * self.read[1]:+.3g}"
+        where = f"{with_unit(away, self.read[0])} away" if self.distance else "at the point"
         return (
-            f"kink in {self.name}, {where}: slope of {self.of} {self.slope_below:.4g}"
-            f" {self.slope_unit} below, {self.slope_above:.4g} above (factor {self.factor:.3g})"
+            f"kink in {self.name}, {where}: slope of {self.of} {below:.4g} {unit} below,"
+            f" {above:.4g} above (factor {self.factor:.3g})"
         )
+
+
+def slope_read(model: Model, row: str, row_unit: str, by: Quantity) -> tuple[str, float]:
+    """Return the unit in which people read a slope, and its factor from SI.
+
+    Args:
+        row: Output, or ``"rate of"`` a state.
+        row_unit: Its SI unit.
+    """
+    (top, rise), (bottom, run) = model.reading(row_unit, row), model.reading(by.unit, by.name)
+    return f"{top} per {bottom}", rise / run
 
 
 def find_kinks(
@@ -83,6 +101,7 @@ def find_kinks(
     model = point.model
     quantities = [*model.states, *model.inputs]
     rows = [f"d {q.name}/dt" for q in model.states] + [q.name for q in model.outputs]
+    names = [f"rate of {q.name}" for q in model.states] + [q.name for q in model.outputs]
     units = [rate_unit(q.unit) for q in model.states] + [q.unit for q in model.outputs]
     columns = np.array([q.scale for q in quantities])
     sizes = np.array([q.scale for q in (*model.states, *model.outputs)])
@@ -132,7 +151,8 @@ def find_kinks(
                     f"{rows[row]} by {quantities[column].name}",
                     float(below[row, column]),
                     float(above[row, column]),
-                    f"{units[row]} per {quantities[column].unit}",
+                    slope_read(model, names[row], units[row], quantities[column]),
+                    model.reading(quantity.unit, quantity.name),
                 )
             )
     return tuple(sorted(found, key=lambda kink: (kink.distance != 0.0, -kink.factor)))

@@ -10,7 +10,7 @@ import numpy as np
 from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
 from workbench.linearisation.actuator_inverse import ActuatorInverse, straightened
-from workbench.linearisation.kinks import find_kinks
+from workbench.linearisation.kinks import find_kinks, slope_read
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.matrices import check_amplitude, describing_function, speeds
 from workbench.linearisation.validity import DescribingFunction, Validity
@@ -90,8 +90,13 @@ def linearise(
                     names[row],
                     float(jacobian[row, i]),
                     float(matrix[row, i]),
-                    model.states[i].unit,
-                    rate_unit(model.states[row].unit),
+                    model.reading(model.states[i].unit, name),
+                    slope_read(
+                        model,
+                        f"rate of {names[row]}",
+                        rate_unit(model.states[row].unit),
+                        model.states[i],
+                    ),
                 )
             )
     linear = _model(op, point, matrix, curve)

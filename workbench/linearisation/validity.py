@@ -9,6 +9,7 @@ from workbench.linearisation.kinks import Kink
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.sines import FrequencyValidity, frequency_validity
 from workbench.linearisation.steps import AmplitudeValidity, amplitude_validity
+from workbench.model.units import with_unit
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,8 @@ class DescribingFunction:
         of: State whose rate has the slope.
         at_rest: Slope at the point, in SI.
         over_oscillation: Slope over the oscillation, in SI, which the matrices hold.
+        read: Unit in which people read the amplitude, and its size from SI.
+        slope_read: Unit in which people read the slopes, and its size from SI.
     """
 
     name: str
@@ -27,15 +30,16 @@ class DescribingFunction:
     of: str
     at_rest: float
     over_oscillation: float
-    unit: str
-    rate_unit: str
+    read: tuple[str, float]
+    slope_read: tuple[str, float]
 
     def __str__(self) -> str:
         """Return one line with both slopes."""
+        unit, factor = self.slope_read
+        amplitude = with_unit(f"{self.amplitude * self.read[1]:.4g}", self.read[0])
         return (
-            f"slope of d {self.of}/dt by {self.name}: {self.over_oscillation:.4g} {self.rate_unit}"
-            f" per {self.unit} over an oscillation of {self.amplitude:.4g} {self.unit},"
-            f" {self.at_rest:.4g} at the point"
+            f"slope of d {self.of}/dt by {self.name}: {factor * self.over_oscillation:.4g} {unit}"
+            f" over an oscillation of {amplitude}, {factor * self.at_rest:.4g} at the point"
         )
 
 

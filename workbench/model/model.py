@@ -167,9 +167,10 @@ class Model(Shown):
         A parameter of an effect is read as what happens at its ports, without a zero of its own.
 
         Example:
-            >>> from workbench.plants.arm import arm
-            >>> arm().read_in("supply_pressure"), arm().read_in("load")
-            ('bar', '')
+            >>> from workbench.plants.servo_axis import servo_axis
+            >>> axis = servo_axis().with_parameters({"offset": 1.0})
+            >>> axis.read_in("mass"), axis.read_at(["position"], "m")
+            ('', 'mm')
         """
         effect = next((e for e in self.effects if e.name == name.partition(".")[0]), None)
         places = (name,) if effect is None or "." not in name else effect.ports
@@ -180,6 +181,17 @@ class Model(Shown):
         found = (declared_unit(p, unit, self.quantities, difference=True) for p in places)
         return next(filter(None, found), "")
 
+    def reading(self, unit: str, *places: str) -> tuple[str, float]:
+        """Return how differences of an SI unit are read at places: a unit, and its factor from SI.
+
+        Example:
+            >>> from workbench.plants.servo_axis import servo_axis
+            >>> servo_axis().reading("m/s", "rate of position"), servo_axis().reading("Pa")
+            (('mm/s', 1000.0), ('bar', 1e-05))
+        """
+        factor, written = readably(1.0, unit, self.read_at(places, unit))
+        return written, factor
+
     def size_text(self, size: float, unit: str, ports: Iterable[str], digits: int = 2) -> str:
         """Write how large something at some ports is, in SI, as people read it there.
 
@@ -188,8 +200,8 @@ class Model(Shown):
             >>> servo_axis().size_text(1.3e-5, "m", ["position.reading"])
             '0.013 mm'
         """
-        value, written = readably(size, unit, self.read_at(ports, unit))
-        return with_unit(f"{value:.{digits}g}", written)
+        written, factor = self.reading(unit, *ports)
+        return with_unit(f"{factor * size:.{digits}g}", written)
 
     def parameter(self, name: str) -> Parameter:
         """Return a parameter by name; ``effect.name`` for one of an effect."""

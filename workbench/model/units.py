@@ -482,6 +482,7 @@ def in_times(times: Sequence[float], digits: int = 3) -> tuple[list[str], str]:
 _READABLE: dict[str, tuple[str, float]] = {
     "rad": ("°", 180.0 / math.pi),
     "rad/s": ("°/s", 180.0 / math.pi),
+    "rad/s2": ("°/s²", 180.0 / math.pi),
     "Pa": ("bar", 1e-5),
     "kg/s": ("g/s", 1e3),
     "m3": ("cm³", 1e6),

@@ -201,8 +201,8 @@ def weights_table(verdict: Verdict) -> Table:
 
 def _size(score: Score, model: Model) -> str:
     entry = score.entry
-    value, unit = readably(score.size, entry.unit, model.read_at(entry.ports, entry.unit))
-    return f"{_value(value)} {unit}".removesuffix(" 1")
+    unit, factor = model.reading(entry.unit, *entry.ports)
+    return f"{_value(factor * score.size)} {unit}".removesuffix(" 1")
 
 
 def _fitted(candidate: Candidate | None) -> str:
