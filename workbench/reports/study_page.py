@@ -266,7 +266,10 @@ def _events(name: str, case: Case, records: Sequence[Record]) -> Table:
     output = next(e.output for r in records for e in r.events)
     outputs = {q.name: q.display_unit for q in case.plant.build().outputs}
     unit = of_difference(outputs[output])
-    heads = [f"{e.what} at {e.time:g} s" for e in next(r.events for r in records if r.events)]
+    heads = [
+        f"{e.what.replace('_', ' ')} at {e.time:g} s"
+        for e in next(r.events for r in records if r.events)
+    ]
     rows: list[tuple[Cell | str, ...]] = [
         (
             r.controller,

@@ -10,7 +10,7 @@ from workbench.verification.closed_loop_run import Run
 from workbench.verification.responses import steady_error
 
 WINDOW = 200
-"""Samples at the end of the time until the next event over which what is left is taken."""
+"""Samples at the end of the time until the next event or step over which what is left is taken."""
 
 
 class EventResponse(NamedTuple):
@@ -18,7 +18,7 @@ class EventResponse(NamedTuple):
 
     Args:
         time: When it began, in s.
-        peak: Largest error until the next event, in the unit of the output.
+        peak: Largest error until the next event or step, in the unit of the output.
         left: Mean error at the end of that time, as a magnitude, in the unit of the output.
     """
 
@@ -41,7 +41,10 @@ def response_to_each_event(run: Run) -> tuple[EventResponse, ...]:
     found = []
     for name in run.controlled:
         error = run.references[name] - run[name]
-        for (begin, what), end in zip(events, ends, strict=True):
+        steps = [time for time, *_ in run.scenario.references[name].changes]
+        for (begin, what), last in zip(events, ends, strict=True):
+            # The error of a step is none of what happened before it.
+            end = min([last, *(time for time in steps if time > begin)])
             part = (run.time >= begin) & (run.time < end)
             if part.sum() < 2:
                 continue
