@@ -70,7 +70,7 @@ class MotionLearning:
         sample_time: Time h between samples, in s.
     """
 
-    bandwidth: float = 40.0
+    bandwidth: float = 32.0
     inertia: float = 0.25
     hysteresis: float = 0.25
     walk: float = 2e4
@@ -79,14 +79,14 @@ class MotionLearning:
     spread: float = 5.0
     sample_time: float = 0.002
 
-    def start(self, inertia: float, angle: Number, beyond: Number) -> Learned:
+    def start(self, angle: Number, beyond: Number) -> Learned:
         """Return what is known at rest at an angle, in rad.
 
-        The inertia is relative to that of the design; ``beyond`` is the pressure difference
-        beyond that of rest, in Pa.
+        Inertia and hysteresis are those of the design; ``beyond`` is the pressure difference beyond
+        that of rest, in Pa.
         """
         known = (self.inertia**2, 0.0, 0.0, self.hysteresis**2, 0.0, self.walk**2)
-        return Learned(inertia, 1.0, beyond, known, (angle, angle), (beyond, beyond), 0.0)
+        return Learned(1.0, 1.0, beyond, known, (angle, angle), (beyond, beyond), 0.0)
 
     def step(
         self,

@@ -46,7 +46,6 @@ class JointSchedule:
         high: The same at the higher one, in SI.
         mean_low: Lower mean gauge pressure, in Pa.
         mean_high: Higher mean gauge pressure, in Pa.
-        known_inertia: Inertia of the known load relative to that of the numbers, a ratio.
     """
 
     first_angle: float
@@ -55,7 +54,6 @@ class JointSchedule:
     high: tuple[tuple[float, ...], ...]
     mean_low: float
     mean_high: float
-    known_inertia: float = 1.0
 
     @property
     def angles(self) -> npt.NDArray[np.float64]:
@@ -101,13 +99,8 @@ class JointSchedule:
                 f"the schedules have {len(self.low[0])} and {len(heavier.low[0])} angles; make both"
                 " maps on the same angles"
             )
-        mean = 0.5 * (self.mean_low + self.mean_high)
-        pairs = zip(heavier.models(mean), self.models(mean), strict=True)
         return replace(
-            self,
-            low=heavier.low[:3] + self.low[3:],
-            high=heavier.high[:3] + self.high[3:],
-            known_inertia=float(np.median([other.b / own.b for other, own in pairs])),
+            self, low=heavier.low[:3] + self.low[3:], high=heavier.high[:3] + self.high[3:]
         )
 
     def models(self, mean: float) -> tuple[JointModel, ...]:

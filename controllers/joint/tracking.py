@@ -239,9 +239,7 @@ class JointTracking(TrackingOptions, Tracking):
             rest=AtRest() if self.rest_integration or self.centring else None,
             learned=None
             if self.learning is None
-            else self.learning.start(
-                self.schedule.known_inertia, angle, p1 - p2 - joint.difference
-            ),
+            else self.learning.start(angle, p1 - p2 - joint.difference),
         )
         return Start(state, joint, holding)
 
@@ -266,8 +264,7 @@ class JointTracking(TrackingOptions, Tracking):
         inertia, share, b = 1.0, 1.0, joint.b
         if state.learned is not None:
             inertia, share = state.learned.inertia, state.learned.hysteresis
-            # The observer starts from the b that the margins were found with.
-            b = joint.b * self.schedule.known_inertia / inertia
+            b = joint.b / inertia
         difference = filtered
         if self.sensor_lag:
             arrived = state.sent[0] if state.sent else 0.0

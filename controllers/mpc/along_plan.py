@@ -6,7 +6,7 @@ obey the linear model of `controllers.state_feedback`. At each sample, over N pr
 time T, the controller minimises over blocked moves u (deviations of the opening from o_r) and a
 slack eps
 
-    sum_j w^6 (x_j + w_i q_j)^2 + (b g u_j)^2 + S (u_j - u_{j-1})^2 + |z_N|^2_P
+    sum_j w^6 (x_j + z v_j / w + w_i q_j)^2 + (b g u_j)^2 + S (u_j - u_{j-1})^2 + |z_N|^2_P
         + softness eps^2
     subject to   -1 <= o_r + u_j <= 1,  |u_j - u_{j-1}| <= rate T                     (hard)
                  |dp_j| <= p_max - p_min + eps                                        (soft)
@@ -349,6 +349,7 @@ class ScheduledMPCSpecification(TrackingSpecification):
     Args:
         radius: Radius w of the unconstrained closed-loop poles, in rad/s.
         integral: Speed w_i of the integral action as a fraction of the radius.
+        damping: Weight z of the speed beside the angle, dimensionless: what swings is damped more.
         move_weight: Weight of a change of the opening against one of the opening, a ratio.
         compensation: Share of the unexplained acceleration that is compensated, 0..1,
             dimensionless.
@@ -362,6 +363,7 @@ class ScheduledMPCSpecification(TrackingSpecification):
 
     radius: float = 45.0
     integral: float = 0.27
+    damping: float = 0.0
     move_weight: float = 0.02
     compensation: float = 0.3
     lag: float = 0.0
@@ -376,6 +378,7 @@ class ScheduledMPCSpecification(TrackingSpecification):
         h = self.sample_time
         check_range("radius of the poles", self.radius, 0.1, 0.5 / h, "rad/s")
         check_range("speed of the integral action", self.integral, 1e-3, 1.0)
+        check_range("weight of the speed", self.damping, 0.0, 100.0)
         check_range("prediction time", self.prediction_time, h, 10.0, "s")
         low, high = self.pressure_limits
         check_range("highest pressure", high, low, 1e8, "Pa", fix="it lies above the lowest")
@@ -395,7 +398,7 @@ def design_scheduled_mpc(
     for joint in schedule.models(want.mean_pressure):
         A, B = error_dynamics(joint)
         # The limited output is the pressure difference's error, in Pa.
-        C = np.array([[1.0, 0.0, 0.0, speed], [0.0, 0.0, 1.0 / joint.b, 0.0]])
+        C = np.array([[1.0, want.damping / w, 0.0, speed], [0.0, 0.0, 1.0 / joint.b, 0.0]])
         predictions.append(
             condense(
                 A,

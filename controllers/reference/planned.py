@@ -29,8 +29,8 @@ What differs by more than ``jump`` is a jump, as above; a smaller step passes th
 past its end by a quarter of itself.
 
 A joint that nobody identified is not where it was planned to be. Half way along a move longer than
-``renewal`` the rest is planned anew from the middle between plan and joint, in angle and in speed,
-with the acceleration of the plan, for a duration that grows with the time that the joint has to go,
+``renewal`` the rest is planned anew from where the joint is and how fast, with the acceleration of
+the plan, for a duration that grows with the time that the joint has to go,
 
     T' = T / 2 clip(1 + (delta_y - delta) / delta + (v - v_y) / v, 1, 1.6),
 
@@ -219,7 +219,7 @@ class Planner:
     def renewed(
         self, state: PlannerState, plan: Plan, angle: Number, speed: Number, arithmetic: Arithmetic
     ) -> tuple[Plan, PlannerState]:
-        """Plan the second half of a long move anew, half way to where the joint is.
+        """Plan the second half of a long move anew, from where the joint is.
 
         Angle in rad and speed in rad/s are those of the joint.
         """
@@ -236,8 +236,8 @@ class Planner:
             state.reference,
             state.slope,
             state.curve,
-            where(begins, 0.5 * (offset + left), state.offset),
-            where(begins, 0.5 * (pace + own), state.offset_speed),
+            where(begins, left, state.offset),
+            where(begins, own, state.offset_speed),
             where(begins, acceleration, state.offset_acceleration),
             where(begins, 0.0, state.elapsed),
             where(begins, 0.5 * slower * state.duration, state.duration),

@@ -10,8 +10,9 @@ import pytest
 
 from controllers.joint.schedule import JointSchedule
 from controllers.largest_bandwidth import largest_bandwidth
+from controllers.mpc.along_plan import ScheduledMPCSpecification, design_scheduled_mpc
 from controllers.pid import ScheduledPIDSpecification, design_scheduled_pid
-from controllers.sensitivity import peak_sensitivities
+from controllers.sensitivity import loop_matrices, peak_sensitivities
 from tests.controllers.families import Make, family
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
@@ -81,3 +82,17 @@ def test_the_fastest_design_keeps_its_margins(
     assert found.speed < 60.0
     with pytest.raises(WorkbenchError, match="no speed from 60 to 60"):
         largest_bandwidth(design, [linear_by_opening], [60.0])
+
+
+def test_an_mpc_that_weighs_speed_damps_what_swings(
+    schedule: JointSchedule, linear: LinearModel
+) -> None:
+    def least_damping(weight: float) -> float:
+        want = ScheduledMPCSpecification(radius=9.0, prediction_time=0.02, damping=weight)
+        A, B, C, F, G, H, J = loop_matrices(design_scheduled_mpc(schedule, want), linear)
+        closed = np.linalg.eigvals(np.block([[A + B @ J @ C, B @ H], [G @ C, F]]))
+        poles = np.log(closed[np.abs(closed) > 1e-9]) / want.sample_time
+        swinging = poles[(np.abs(poles.imag) > 5.0) & (np.abs(poles) < 30.0)]
+        return float(np.min(-swinging.real / np.abs(swinging)))
+
+    assert least_damping(2.0) > 1.4 * least_damping(0.0) > 0.0

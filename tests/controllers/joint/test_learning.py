@@ -23,7 +23,7 @@ H = 0.002
 def moved(inertia: float, hysteresis: float, *, upto: float = 1.0, planned: bool = True) -> Learned:
     """Return what is known of a joint after a part of a move of 15° in 0.4 s."""
     learning = MotionLearning()
-    state = learning.start(1.0, 0.35, 0.0)
+    state = learning.start(0.35, 0.0)
     s = np.clip(np.arange(0.0, 0.4, H) / 0.4, 0.0, 1.0)
     angle = 0.35 + 0.26 * (10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5)
     speed = np.gradient(angle, H)
@@ -56,7 +56,7 @@ def test_what_is_believed_has_bounds() -> None:
 
 
 def test_rest_stays_what_it_is() -> None:
-    learning, state = MotionLearning(), MotionLearning().start(1.0, 0.35, 2e4)
+    learning, state = MotionLearning(), MotionLearning().start(0.35, 2e4)
     for _ in range(500):
         state = learning.step(state, 0.35, 2e4, (0.0, 3.5e5), JOINT, DAHL, FLOATS)
     assert (state.inertia, state.rest) == (1.0, pytest.approx(2e4))

@@ -49,7 +49,7 @@ def test_a_move_is_braked_with_the_inertia_of_the_design_until_another_is_learne
     state = own.initial_state(rest).tracking
     for _ in range(30):
         now, state = own.tracking.context(state, rest, 0.7, FLOATS)
-    b = (heavier if learning is None else schedule).at(now.plan.angle, 3.8e5).b
+    b = heavier.at(now.plan.angle, 3.8e5).b
     held = schedule.at(now.plan.angle, 3.8e5).difference
     pushed = now.plan.acceleration + schedule.at(now.plan.angle, 3.8e5).a1 * now.plan.speed
     assert now.reference_difference == pytest.approx(held + pushed / b, rel=1e-2)
