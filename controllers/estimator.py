@@ -10,7 +10,7 @@ that are believed, M_S the gain of the Kalman filter for them:
     x+    = F x + G u,   d+ = 0.9999 d
 
 So the other measurements and the commands say what a missing or stuck one would read. Where the
-plant declares a curve of its actuator, u is the curve's value.
+plant declares curves of its actuators, u are the commands that do the same along straight lines.
 
 Source: Simon, Optimal State Estimation, 2006, chapter 5 and section 10.1 (Kalman filter, sensors
 that come and go); Kwakernaak and Sivan, Linear Optimal Control Systems, 1972, section 6.4.
@@ -45,7 +45,7 @@ class Estimator:
 
     Args:
         F: Transition over a sample, shape (n, n), in SI.
-        G: Effect of the commands, or of their curve's value, shape (n, n_commands), in SI.
+        G: Effect of the commands, as they are entered, shape (n, n_commands), in SI.
         C: What is expected of the measurements, shape (n_sensors, n), in SI.
         M: Gains by the set of sensors that are believed, sensor i counting 2^i, shape
             (2^n_sensors, n, n_sensors), in SI.
@@ -55,11 +55,12 @@ class Estimator:
             n_followed), in SI.
         rest: Measurements at the operating point, shape (n_sensors,), in SI.
         rest_followed: Followed outputs there, shape (n_followed,), in SI.
-        rest_command: Commands there, or the curve's value, shape (n_commands,), in SI.
-        weak: What friction may swallow of each command, or of the curve's value, shape
-            (n_commands,), in SI.
-        curve_commands: Commands at points of the actuator's curve, increasing, in SI; or none.
-        curve_values: Values of the curve there, increasing, fractions.
+        rest_command: Commands there, as they are entered, shape (n_commands,), in SI.
+        weak: What friction may swallow of each command, as it is entered, shape (n_commands,), in
+            SI.
+        curve_commands: Commands at points of each actuator's curve, increasing, shape (n_commands,
+            n_points), in SI; or none.
+        curve_entered: Commands that do the same along straight lines, of the same shape, in SI.
     """
 
     F: Matrix
@@ -74,7 +75,7 @@ class Estimator:
     rest_command: Matrix
     weak: Matrix
     curve_commands: Matrix
-    curve_values: Matrix
+    curve_entered: Matrix
 
     def expected(self, z: Matrix) -> Matrix:
         """Return what every sensor should read by states and offsets, shape (n,), in SI."""
@@ -98,10 +99,8 @@ class Estimator:
         return np.asarray(product(self.F, z) + product(self.G, u))
 
     def entered(self, command: tuple[float, ...]) -> Matrix:
-        """Return commands in SI as the model takes them: the curve's value where there is one."""
-        if len(self.curve_values):
-            return np.array([float(np.interp(command[0], self.curve_commands, self.curve_values))])
-        return np.array(command)
+        """Return commands as the model takes them, straightened where there are curves, in SI."""
+        return _along(np.array(command), self.curve_commands, self.curve_entered)
 
     def strong(self, command: tuple[float, ...]) -> bool:
         """Tell whether a command, in SI, is more than friction may swallow."""
@@ -111,9 +110,14 @@ class Estimator:
         """Return the command that brings the followed outputs to rest at a target, all in SI."""
         away = np.array(target) - self.rest_followed
         u = self.rest_command + product(self.K_reference, away) - product(self.K, z)
-        if len(self.curve_values):
-            u = np.interp(u, self.curve_values, self.curve_commands)
-        return [float(v) for v in u]
+        return [float(v) for v in _along(u, self.curve_entered, self.curve_commands)]
+
+
+def _along(values: Matrix, points: Matrix, then: Matrix) -> Matrix:
+    """Return each value through a curve of its own, if there are curves, in SI."""
+    if not points.size:
+        return values
+    return np.array([np.interp(*one) for one in zip(values, points, then, strict=True)])
 
 
 def design_estimator(
@@ -136,7 +140,8 @@ def design_estimator(
         noise: Noise rms of each sensor, shape (n_sensors,), in SI.
         tolerance: Error of each followed output that may stay, shape (n_followed,), in SI.
         reach: What the inner law may use of each command, shape (n_commands,), in SI.
-        curve: Commands, in SI, and values, fractions, of the actuator's curve; empty without.
+        curve: Commands, and what does the same along straight lines, shape (n_commands, n_points),
+            in SI; empty without.
         sample_time: Time between samples, in s.
     """
     A, B = np.asarray(linear.A), np.asarray(linear.B)
@@ -188,7 +193,7 @@ def design_estimator(
         rest_command=np.asarray(linear.u0),
         weak=WEAK * reach,
         curve_commands=curve[0],
-        curve_values=curve[1],
+        curve_entered=curve[1],
     )
 
 

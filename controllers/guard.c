@@ -56,7 +56,7 @@ static void guard_entered(const double *command, double *u) {
   for (i = 0; i < GUARD_COMMANDS; ++i) {
     u[i] = command[i];
 #if GUARD_CURVE > 0
-    u[i] = guard_between(u[i], GUARD_CURVE_COMMANDS, GUARD_CURVE_VALUES);
+    u[i] = guard_between(u[i], GUARD_CURVE_COMMANDS + i * GUARD_CURVE, GUARD_CURVE_ENTERED + i * GUARD_CURVE);
 #endif
     u[i] -= GUARD_REST_COMMAND[i];
   }
@@ -184,7 +184,7 @@ static int guard_apart(double *state, double *command, int fault) {
     for (i = 0; i < GUARD_COMMANDS; ++i) {
       double u = start[i] - back[i];
 #if GUARD_CURVE > 0
-      u = guard_between(u, GUARD_CURVE_VALUES, GUARD_CURVE_COMMANDS);
+      u = guard_between(u, GUARD_CURVE_ENTERED + i * GUARD_CURVE, GUARD_CURVE_COMMANDS + i * GUARD_CURVE);
 #endif
       start[i] = guard_clip(u, GUARD_COMMAND_LOWER[i], GUARD_COMMAND_UPPER[i]);
     }
@@ -233,6 +233,8 @@ static int guard_sensors(double *state, const double *measurement, double *seen)
   for (i = 0; i < GUARD_SENSORS; ++i) expected[i] = last[i];
   wide = 1.0 + state[AT_BAD];
 #endif
+  /* Where nothing was looked at meanwhile there is nothing to hold a measurement against. */
+  if (state[AT_AWAY] > 0.0 && state[AT_BAD] > 0.0) wide = INFINITY;
   for (i = 0; i < GUARD_SENSORS; ++i) {
     const double value = measurement[i], off = fabs(value - expected[i]);
     int wrong = GUARD_CLEAR;
@@ -369,6 +371,7 @@ static int guard_step(const double *measurement, const double *reference, double
   fault = guard_sensors(state, measurement, seen);
   if (state[AT_AWAY] > 0.0) {
     state[AT_GOOD] = fault == GUARD_CLEAR ? state[AT_GOOD] + 1.0 : 0.0;
+    state[AT_BAD] = 0.0;
     if (state[AT_GOOD] <= state[AT_WAIT])
       return guard_apart(state, command, fault == GUARD_CLEAR ? GUARD_RETURNING : fault);
     guard_begin(seen, state);
@@ -424,6 +427,7 @@ static int guard_step(const double *measurement, const double *reference, double
 static int guard_missed(double *state, double *command) {
   if (state[AT_AWAY] > 0.0) {
     state[AT_GOOD] = 0.0;
+    state[AT_BAD] += 1.0;
     return guard_apart(state, command, GUARD_DEADLINE);
   }
   return guard_refuse(state, command, GUARD_DEADLINE);

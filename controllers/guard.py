@@ -176,7 +176,8 @@ class GuardState(NamedTuple):
         railed: Samples for which the command has been at its end.
         side: Largest error since it last changed its side, with its sign, in tolerances (a ratio).
         turns: How often it did (dimensionless).
-        bad: Samples since the law was last shown what was measured, and stepped in time.
+        bad: Samples since the law was last shown what was measured, and stepped in time; after it
+            was given up, those in which nothing was looked at.
         away: Samples since the law was given up; 0 while it acts.
         good: Plausible samples since.
         wait: Plausible samples after which the law returns.
@@ -391,7 +392,7 @@ class Guarded:
         state, seen, fault = self._sensors(state, measurement)
         if state.away:
             good = 0.0 if fault else state.good + 1.0
-            state = state._replace(good=good)
+            state = state._replace(good=good, bad=0.0)
             if good <= state.wait:
                 return self._apart(state, {}, fault or RETURNING)
             state = self.initial_state(seen)
@@ -445,7 +446,7 @@ class Guarded:
     def missed(self, state: GuardState) -> tuple[Command, GuardState, Info]:
         """Return the command of a sample in which the law's was not there in time."""
         if state.away:
-            return self._apart(state._replace(good=0.0), {}, DEADLINE)
+            return self._apart(state._replace(good=0.0, bad=state.bad + 1.0), {}, DEADLINE)
         return self._refused(state, DEADLINE, {})
 
     def _references(self, state: GuardState, reference: Reference) -> tuple[Reference, int]:
@@ -479,6 +480,9 @@ class Guarded:
             wide = 1.0 + WIDER * state.bad
         else:
             wide = 1.0 + state.bad
+        if state.away and state.bad:
+            # Nothing was looked at meanwhile: there is nothing to hold a measurement against.
+            wide = _INFINITE
         strong = float(own is not None and own.strong(state.command))
         fault, believed = CLEAR, 0
         doubted, same = [], []
@@ -673,7 +677,7 @@ class Guarded:
             "REPORTS": len(found.reports),
             "LAW_STATES": len(found.states),
             "ESTIMATED": 0 if own is None else len(own.F),
-            "CURVE": 0 if own is None else len(own.curve_values),
+            "CURVE": 0 if own is None else np.size(own.curve_entered) // len(self.actuators),
             "HAS_INNER": int(own is not None and len(own.K) > 0),
             "WIDER": WIDER,
             "FADE": FADE,

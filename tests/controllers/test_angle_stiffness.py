@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -17,7 +18,16 @@ from workbench.operating_point import operating_point
 from workbench.physics.flow import orifice_flow
 from workbench.physics.hysteresis import muscle_hysteresis
 from workbench.plants.arm.two_valves import two_valve_arm
-from workbench.verification import Run, Scenario, Steps, metrics, verify
+from workbench.verification import (
+    Run,
+    Scenario,
+    SignalFault,
+    Steps,
+    guarded,
+    metrics,
+    step_scenario,
+    verify,
+)
 
 
 @pytest.fixture(scope="module")
@@ -141,3 +151,19 @@ def test_it_runs_on_the_linear_model(both: AngleStiffness, linear_two: LinearMod
 def test_a_model_with_one_valve_is_refused(linear: LinearModel) -> None:
     with pytest.raises(WorkbenchError, match="valve_1"):
         design_angle_stiffness(linear)
+
+
+@pytest.mark.parametrize("begin", [0.583, 0.61])
+def test_deadlines_missed_in_a_move_end_before_the_stop(
+    both: AngleStiffness, two_valves: Model, begin: float
+) -> None:
+    at = {"angle": math.radians(30), "mean_pressure": 3e5}
+    law = guarded(both, two_valves, at=at)
+    move = step_scenario("angle", 20, 40, unit="deg", hold=0.8)
+    late = SignalFault(begin, "deadline", "missing", until=begin + 0.1)
+    mean = {"mean_pressure": Steps((0.0,), (3e5,))}
+    move = replace(move, references={**move.references, **mean}, settle=0.1, faults=(late,))
+    done = verify(law, two_valves, move)
+    assert done["angle"].max() < math.radians(55.0)
+    assert done["angle"][-1] == pytest.approx(math.radians(40.0), abs=math.radians(0.5))
+    assert done.infos[-1].get("guard", "clear") == "clear"

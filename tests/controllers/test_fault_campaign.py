@@ -163,10 +163,6 @@ LONG = {
 }
 """Faults that cost the move; nothing that is not finite, no command that stays at its end."""
 
-FALLS_SHORT = {("angle-stiffness", "deadline missed long")}
-"""Where a stop is hit faster: the arm with two valves declares no curve of them, so that the inner
-law of the guard, linear in their voltages, brings it to rest from a move within 50 samples only."""
-
 FASTEST_HIT = 100.0 * DEG
 """Largest speed with which a stop may be touched, in rad/s."""
 
@@ -200,12 +196,12 @@ def hit(run: Run) -> float:
     return found
 
 
-def check(run: Run, law: Guarded, in_c: InC | None, fastest: float) -> None:
+def check(run: Run, law: Guarded, in_c: InC | None) -> None:
     assert np.isfinite(run.inputs).all() and np.isfinite(run.outputs).all()
     # No rail for ever: by the end every command has left its ends.
     for quantity, values in zip(run.input_quantities, run.inputs[-100:].T, strict=True):
         assert ((values > quantity.lower) & (values < quantity.upper)).any()
-    assert hit(run) < fastest
+    assert hit(run) < FASTEST_HIT
     if in_c is None:
         return
     # The same measurements in C: the same commands, and no status that Python did not tell.
@@ -268,8 +264,7 @@ def test_every_fault_in_every_phase(
         runs += 1
         fastest = max(fastest, hit(run))
         try:
-            short = (design.name, what) in FALLS_SHORT
-            check(run, law, in_c, math.inf if short else FASTEST_HIT)
+            check(run, law, in_c)
             if what in SHORT and reaches:
                 assert abs(run[on.output][-1] - aim) < on.near
         except AssertionError as error:

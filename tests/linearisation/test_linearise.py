@@ -12,9 +12,11 @@ import pytest
 from tests.physics.one_way import iso6358
 from workbench.errors import WorkbenchError
 from workbench.linearisation import linearise, to_iosystem
+from workbench.linearisation.actuator_inverse import ActuatorInverse, straightened_point
 from workbench.model import Input, Model, Output, State
 from workbench.operating_point import OperatingPoint, operating_point
 from workbench.plants.arm import arm
+from workbench.plants.arm.two_valves import two_valve_arm
 from workbench.plants.servo_axis import servo_axis
 
 ARM = arm(3.0)
@@ -141,6 +143,24 @@ def test_inverse_gives_the_voltage_of_an_opening() -> None:
         signals = ARM.signals(ARM.initial_state({"spool": voltage - 5.0}), [voltage])
         assert signals["valve.supply_1"] - signals["valve.supply_2"] == pytest.approx(wanted)
     assert linear.to_plant([2.0, -2.0]).tolist() == [10.0, 0.0]
+
+
+def test_each_of_two_valves_has_its_curve() -> None:
+    plant = two_valve_arm(3.0)
+    point = operating_point(plant, {"angle": math.radians(40.0), "mean_pressure": 3e5})
+    curves = plant.traits.curves
+    straight = straightened_point(point, curves)
+    assert straight.rates == pytest.approx(point.rates, abs=1.0)
+    for k, curve in enumerate(curves):
+        inverse = ActuatorInverse(point, curve)
+        assert float(inverse(straight.x[2 * k] / 5.0)) == pytest.approx(point.u[k], abs=1e-6)
+        for volt, wanted in ((7.0, 0.36), (3.6, -0.17)):
+            x, u = point.x.copy(), point.u.copy()
+            x[2 * k], u[k] = volt - 5.0, volt
+            assert curve.value(plant.signals(x, u)) == pytest.approx(wanted)
+            assert float(inverse(wanted)) == pytest.approx(volt)
+    with pytest.raises(WorkbenchError, match="has 2 inputs"):
+        linearise(point, input="opening_1")
 
 
 def test_opening_of_the_operating_point_gives_its_voltage() -> None:

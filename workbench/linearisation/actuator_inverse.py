@@ -7,6 +7,7 @@ straight line in the curve's place.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from weakref import WeakKeyDictionary
@@ -16,8 +17,8 @@ import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
-from workbench.model import ActuatorCurve, Model, Trace
-from workbench.operating_point import OperatingPoint
+from workbench.model import EXACT, ActuatorCurve, Model, Trace
+from workbench.operating_point import OperatingPoint, derivatives_of
 
 _POINTS = 201
 _PLANTS: WeakKeyDictionary[Trace, dict[tuple[str, bytes], Model]] = WeakKeyDictionary()
@@ -30,14 +31,10 @@ def straightened(model: Model, curve: ActuatorCurve | str) -> Model:
     The actuator's dynamics and everything else stay.
 
     Raises:
-        WorkbenchError: If the plant has several inputs, or not the ports of the curve.
+        WorkbenchError: If the plant lacks the curve or its ports.
     """
     if isinstance(curve, str):
         curve = model.traits.curve(curve)
-    if len(model.inputs) != 1:
-        raise WorkbenchError(
-            f"{model.name!r} has {len(model.inputs)} inputs; the {curve.name} can stand for one"
-        )
     known = _PLANTS.setdefault(model.exact, {})
     key = curve.name, model.values.tobytes()
     if key not in known:
@@ -45,6 +42,37 @@ def straightened(model: Model, curve: ActuatorCurve | str) -> Model:
             known.clear()
         known[key] = replace(model, effects=(curve.straight(), *model.effects))
     return known[key]
+
+
+def straightened_point(op: OperatingPoint, curves: Sequence[ActuatorCurve]) -> OperatingPoint:
+    """Move an operating point to the plant with straight lines in the place of curves.
+
+    Raises:
+        WorkbenchError: If an effect keeps the state of a curve from following the command.
+    """
+    model, x, u = op.model, op.x.copy(), op.u.copy()
+    for curve in curves:
+        model = straightened(model, curve)
+        i, k = places_of(op.model, curve)
+        x[i] = curve.full * curve.value(op.model.signals(op.x, op.u))
+        u[k] += x[i] - op.x[i]
+    values, slopes = derivatives_of(model, EXACT)(x, u, model.values)
+    rates, slopes = values[: len(x)], np.abs(slopes[: len(x)])
+    scale = slopes @ np.array([q.scale for q in (*model.states, *model.inputs)])
+    if np.any(np.abs(rates - op.rates) > 1e-4 * scale):
+        raise WorkbenchError(
+            f"the {' and the '.join(c.name for c in curves)} cannot be the input of {model.name!r}"
+            f" here: an effect on the command keeps {' and '.join(c.state for c in curves)} from"
+            " following it; use input='plant'"
+        )
+    return replace(op, model=model, x=x, u=u, rates=rates)
+
+
+def places_of(model: Model, curve: ActuatorCurve) -> tuple[int, int]:
+    """Return the places of a curve's state and of the input that it follows."""
+    inputs = [q.name for q in model.inputs]
+    state = [q.name for q in model.states].index(curve.state)
+    return state, inputs.index(curve.input) if curve.input else 0
 
 
 @dataclass(frozen=True)
@@ -59,15 +87,12 @@ class ActuatorInverse:
         point, grid = self.operating_point, np.linspace(-1.0, 1.0, _POINTS) * self.curve.full
         x = point.x.copy()
         values = []
+        index, _ = places_of(point.model, self.curve)
         for state in grid:
-            x[self._index] = state
+            x[index] = state
             values.append(self.curve.value(point.model.signals(x, point.u)))
         rising = np.concatenate([[True], np.diff(np.maximum.accumulate(values)) > 0.0])
         return np.array(values)[rising], grid[rising]
-
-    @property
-    def _index(self) -> int:
-        return [q.name for q in self.operating_point.model.states].index(self.curve.state)
 
     def __call__(self, value: npt.ArrayLike) -> Vector:
         """Return the command that gives a value of the curve at rest.
@@ -80,8 +105,9 @@ class ActuatorInverse:
         """
         point = self.operating_point
         values, states = self._table
+        i, k = places_of(point.model, self.curve)
         command = np.interp(np.asarray(value, dtype=float), values, states) + float(
-            point.u[0] - point.x[self._index]
+            point.u[k] - point.x[i]
         )
-        quantity = point.model.inputs[0]
+        quantity = point.model.inputs[k]
         return np.asarray(np.clip(command, quantity.lower, quantity.upper))

@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
-from workbench.linearisation.actuator_inverse import ActuatorInverse, straightened
+from workbench.linearisation.actuator_inverse import ActuatorInverse, straightened_point
 from workbench.linearisation.kinks import find_kinks, slope_read
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.matrices import check_amplitude, describing_function, speeds
@@ -64,7 +64,11 @@ def linearise(
         ('spool', 1.6)
     """
     curve = None if input == "plant" else op.model.traits.curve(input)
-    point = op if curve is None else _straightened(op, curve)
+    if curve is not None and len(op.model.inputs) != 1:
+        raise WorkbenchError(
+            f"{op.model.name!r} has {len(op.model.inputs)} inputs; the {curve.name} stands for one"
+        )
+    point = op if curve is None else straightened_point(op, (curve,))
     model = point.model
     at = derivatives_of(model, form)
     p = model.values
@@ -104,24 +108,6 @@ def linearise(
         return linear
     kinks = find_kinks(at, point, lambda sided: _model(op, point, sided, curve), matrix, jacobian)
     return replace(linear, verdict=Validity(linear, kinks, tuple(described)))
-
-
-def _straightened(op: OperatingPoint, curve: ActuatorCurve) -> OperatingPoint:
-    """Move an operating point to the plant with a straight line in the curve's place."""
-    model = straightened(op.model, curve)
-    x, u = op.x.copy(), op.u.copy()
-    i = [q.name for q in model.states].index(curve.state)
-    x[i] = curve.full * curve.value(op.model.signals(op.x, op.u))
-    u[0] += x[i] - op.x[i]
-    values, slopes = derivatives_of(model, EXACT)(x, u, model.values)
-    rates, slopes = values[: len(x)], np.abs(slopes[: len(x)])
-    scale = slopes @ np.array([q.scale for q in (*model.states, *model.inputs)])
-    if np.any(np.abs(rates - op.rates) > 1e-4 * scale):
-        raise WorkbenchError(
-            f"the {curve.name} cannot be the input of {model.name!r} here: an effect on the"
-            f" command keeps {curve.state} from following it; use input='plant'"
-        )
-    return replace(op, model=model, x=x, u=u, rates=rates)
 
 
 def _model(

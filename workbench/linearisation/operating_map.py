@@ -79,8 +79,12 @@ class OperatingMap:
 
 
 def default_input(model: Model) -> str:
-    """Return the input of a curve that a controller inverts, or the plant's own without one."""
-    return next((curve.name for curve in model.traits.curves), "plant")
+    """Return the input of the one curve that a controller inverts, or the plant's own."""
+    return (
+        model.traits.curves[0].name
+        if len(model.inputs) == len(model.traits.curves) == 1
+        else "plant"
+    )
 
 
 def operating_map(

@@ -47,6 +47,7 @@ class ActuatorCurve:
         full: Value of the state at which a straight curve reaches 1, in SI.
         straight: Builds the effect that puts a straight line in the curve's place.
         signals: Signals of the model whose weighted sum is the curve's value.
+        input: Input that the state follows; by default the only one of the plant.
     """
 
     name: str
@@ -54,6 +55,7 @@ class ActuatorCurve:
     full: float
     straight: Callable[[], Effect]
     signals: Weights
+    input: str = ""
 
     def value(self, signals: Mapping[str, float]) -> float:
         """Return the value of the curve, a fraction.

@@ -20,7 +20,12 @@ from controllers.protocol import Controller
 from workbench.arrays import Vector
 from workbench.errors import NumericalError, check_choice
 from workbench.linearisation import LinearModel, linearise
-from workbench.model import Model, Output
+from workbench.linearisation.actuator_inverse import (
+    ActuatorInverse,
+    places_of,
+    straightened_point,
+)
+from workbench.model import ActuatorCurve, Model, Output
 from workbench.model.traits import bound_value
 from workbench.operating_point import OperatingPoint, operating_point
 from workbench.simulation import simulate
@@ -143,16 +148,11 @@ def _estimator(
         or actuators != set(controller.actuators)
     ):
         return None
-    curves = model.traits.curves if len(model.inputs) == 1 else ()
-    linear, curve = plant, (np.zeros(0), np.zeros(0))
-    if curves or isinstance(linear, Model):
-        linear = linearise(point, input=curves[0].name if curves else "plant", verdict=False)
+    straight = point
+    curves = model.traits.curves if len(model.traits.curves) == len(model.inputs) else ()
     if curves:
-        assert linear.inverse is not None
-        values = np.linspace(-1.0, 1.0, 81)
-        commands = linear.inverse(values)
-        rising = np.concatenate([[True], np.diff(np.maximum.accumulate(commands)) > 0.0])
-        curve = commands[rising], values[rising]
+        straight = straightened_point(point, curves)
+    linear = linearise(straight, verdict=False) if curves or isinstance(plant, Model) else plant
     outputs = {q.name: q for q in model.outputs}
     noise = [
         max(math.hypot(outputs[n].noise_rms, 0.3 * outputs[n].resolution), 1e-3 * tolerances[n])
@@ -166,10 +166,25 @@ def _estimator(
         change=np.max([np.abs(np.diff(x, axis=0)).max(axis=0) for _, x in held], axis=0),
         noise=np.array(noise),
         tolerance=np.array([tolerances[name] for name in followed]),
-        reach=np.ones(1) if curves else np.array(reach),
-        curve=curve,
+        reach=np.array(reach),
+        curve=_curve(point, straight, curves),
         sample_time=controller.sample_time,
     )
+
+
+def _curve(
+    point: OperatingPoint, straight: OperatingPoint, curves: Sequence[ActuatorCurve]
+) -> tuple[Vector, Vector]:
+    """Return commands, and those that do the same along straight lines, shape (n_inputs, n)."""
+    values = np.linspace(-1.0, 1.0, 81)
+    commands, entered = np.zeros((len(curves), 81)), np.zeros((len(curves), 81))
+    for curve in curves:
+        i, k = places_of(point.model, curve)
+        off = straight.u[k] - straight.x[i]
+        commands[k], entered[k] = ActuatorInverse(point, curve)(values), curve.full * values + off
+    highest = np.maximum.accumulate(commands, axis=1)
+    rising = np.concatenate([[True], np.all(np.diff(highest, axis=1) > 0.0, axis=0)])
+    return commands[:, rising], entered[:, rising]
 
 
 def _held(point: OperatingPoint, sample_time: float) -> Iterator[tuple[dict[str, Vector], Vector]]:

@@ -9,6 +9,9 @@ the spool; that plant has one kink left, between filling and venting.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import partial
+
 from workbench.model import ActuatorCurve, DriftingSum, Effect, PortView, Traits
 from workbench.model.regularisation import Expression
 
@@ -18,7 +21,7 @@ EDGES = {
     "valve.supply_2": -1.0,
     "valve.exhaust_1": -1.0,
 }
-"""Ports of the metering edges, with the sign of the spool that opens them."""
+"""Ports of the metering edges of one 5/3 valve, with the sign of the spool that opens them."""
 
 FULL_STROKE = 5.0
 """Spool voltage from the centre at which a proportional edge is fully open, V."""
@@ -26,16 +29,16 @@ FULL_STROKE = 5.0
 _WIDTH = 0.04
 
 
-def proportional_edges() -> Effect:
+def proportional_edges(edges: Mapping[str, float] = EDGES, suffix: str = "") -> Effect:
     """Build edges that open in proportion to the spool, in place of the valve's curve.
 
     ``opening = max(0, +-spool / 5 V)``
     """
 
     def transform(at: PortView) -> Expression:
-        return at.form.ramp(EDGES[at.port] * at.signals.spool, _WIDTH) / FULL_STROKE
+        return at.form.ramp(edges[at.port] * at.signals.spool, _WIDTH) / FULL_STROKE
 
-    return Effect("proportional_edges", tuple(EDGES), transform)
+    return Effect(f"proportional_edges{suffix}", tuple(edges), transform)
 
 
 _LIMITS = tuple(
@@ -73,5 +76,24 @@ ONE_VALVE = Traits(
 )
 """Of the arm with one 5/3 valve: the mean pressure drifts to where leakage holds it."""
 
-TWO_VALVES = Traits(limits=_LIMITS, stops=_STOPS, choices=_CHOICES)
+TWO_VALVES = Traits(
+    limits=_LIMITS,
+    stops=_STOPS,
+    choices=_CHOICES,
+    curves=tuple(
+        ActuatorCurve(
+            f"opening_{i}",
+            state=f"spool_{i}",
+            full=FULL_STROKE,
+            straight=partial(
+                proportional_edges,
+                {f"valve.supply_{i}": 1.0, f"valve.exhaust_{i}": -1.0},
+                f"_{i}",
+            ),
+            signals=((f"valve.supply_{i}", 1.0), (f"valve.exhaust_{i}", -1.0)),
+            input=f"valve_{i}",
+        )
+        for i in (1, 2)
+    ),
+)
 """Of the arm with one valve per muscle."""
