@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from workbench.errors import WorkbenchError
-from workbench.model.units import from_si, with_unit
+from workbench.model.units import from_si, shown_unit, with_unit
 from workbench.study.baseline import IN_BOX, Change
 from workbench.study.grouped import Group, changes_by_plant, missed_by_plant
 from workbench.study.judgements import RUN_FAILED, Judgement, Score, judge_records
@@ -237,9 +237,8 @@ def score_text(value: float, *, capped: bool = False) -> str:
 
 def parameter_text(value: float, unit: str) -> str:
     """Write the value of a parameter, in its SI unit, as people read it."""
-    shown = "bar" if unit == "Pa" else unit
-    number = float(from_si(value, shown))
-    return f"{number:.3g}" if shown == "1" else f"{number:.3g} {shown}"
+    shown = shown_unit(unit)
+    return with_unit(f"{float(from_si(value, shown)):.3g}", shown)
 
 
 def _also(group: Group[Any]) -> str:
