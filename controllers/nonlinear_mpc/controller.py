@@ -17,7 +17,7 @@ shooting; the states of all stages are eliminated and a dense quadratic program 
 eps is left). The plan converges over the samples while the plant moves on. The first move is
 applied through the inverse valve curve: an optimiser of the voltage would see almost no gradient at
 the valve's flat centre. If the solver fails, the plan of the sample before is followed; if the
-estimate overflows, the filter starts anew from what is measured. Both count as fallbacks.
+estimate runs away, the filter starts anew from what is measured. Both count as fallbacks.
 
 Without preview the reference is continued over the horizon by two lags or by a planner
 (`controllers.reference.horizon`); with preview r_j is the reference itself.
@@ -275,11 +275,10 @@ class NonlinearMPC(ValveController):
             trajectory = np.tile(self.predicted(estimate)[:, None], (1, want.stages + 1))
         opening = float(min(max(moves[0], -want.opening_limit), want.opening_limit))
         voltage = float(self.valve.command(opening))
-        with np.errstate(over="ignore", invalid="ignore"):
-            following, covariance = self.observer.predict(estimate, covariance, voltage)
+        following, covariance = self.observer.predict(estimate, covariance, voltage)
         # Measurements that fit no state of the model: its temperatures, which nobody measures, run
-        # away until they overflow.
-        lost = not (np.isfinite(following).all() and np.isfinite(covariance).all())
+        # away.
+        lost = not np.isfinite(following).all()
         if lost:
             following, covariance = self.observer.initial(measurement, voltage)
         info: Mapping[str, float | str] = {

@@ -32,6 +32,9 @@ from workbench.model import Parameter
 START_SPREAD = 0.01
 """Standard deviation of the states at the start, as a fraction of their scales."""
 
+FAR = 1e4
+"""Size of a state, in its scales, that none is of: an estimate that got there tells nothing."""
+
 SHOWN = 6.0
 """Change of a measurement within a sample from which a parameter shows, relative to the noise."""
 
@@ -101,9 +104,14 @@ class ExtendedKalmanFilter:
         }
 
     def predict(self, estimate: Matrix, covariance: Matrix, u: float) -> tuple[Matrix, Matrix]:
-        """Predict estimate and covariance, scaled, a sample later under an input in SI."""
+        """Predict estimate and covariance, scaled, a sample later under an input in SI.
+
+        An estimate, or its spread, that leaves every state of a plant behind is not a number.
+        """
         n = len(self.rest)
         x, by_x, _, by_w = self.sample(estimate[:n], [u], estimate[n:])
+        if not (np.abs(x).max() < FAR and np.isfinite(by_x).all() and np.isfinite(by_w).all()):
+            return np.full(len(estimate), np.nan), covariance
         F = np.eye(len(estimate))
         F[:n, :n], F[:n, n:] = by_x, by_w
         P = F @ covariance @ F.T
@@ -116,4 +124,6 @@ class ExtendedKalmanFilter:
             shared = (variance / P[i, i]) ** 0.5 if shows else 0.0
             P[i], P[:, i] = shared * P[i], shared * P[:, i]
             P[i, i] = variance
+        if not P.diagonal().max() < FAR * FAR:
+            return np.full(len(estimate), np.nan), covariance
         return np.concatenate([x.ravel(), estimate[n:]]), P

@@ -147,17 +147,30 @@ def test_a_failed_solve_follows_the_plan(mpc: NonlinearMPC) -> None:
     assert info["fallback"] == 0.0
 
 
-def test_an_estimate_that_overflows_starts_anew(mpc: NonlinearMPC) -> None:
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("size", [1e5, 1e200])
+def test_an_estimate_that_runs_away_starts_anew(mpc: NonlinearMPC, size: float) -> None:
     y = (math.radians(30), 4.2e5, 4.2e5)
     state = mpc.initial_state(y)
     hot = state.estimate.copy()
-    hot[mpc.observer.rates.names.index("temperature_1")] = 1e200
+    hot[mpc.observer.rates.names.index("temperature_1")] = size
     _, after, info = mpc.step(state._replace(estimate=hot), y, (math.radians(33),))
     assert info["fallback"] == 1.0
     assert np.isfinite(after.estimate).all() and np.isfinite(after.covariance).all()
     for _ in range(3):
         (voltage,), after, info = mpc.step(after, y, (math.radians(33),))
     assert info["fallback"] == 0.0 and math.isfinite(voltage)
+
+
+@pytest.mark.filterwarnings("error")
+def test_measurements_that_no_plant_has_leave_numbers(mpc: NonlinearMPC) -> None:
+    y, state = (math.radians(30), 4.2e5, 4.2e5), mpc.initial_state((math.radians(30), 4.2e5, 4.2e5))
+    for _ in range(20):
+        (voltage,), state, _ = mpc.step(state, (y[0], 1e12, y[2]), (math.radians(33),))
+        assert math.isfinite(voltage)
+    for _ in range(3):
+        (voltage,), state, info = mpc.step(state, y, (math.radians(33),))
+    assert info["fallback"] == 0.0 and np.isfinite(state.estimate).all()
 
 
 def test_a_step_changes_nothing_but_what_it_returns(mpc: NonlinearMPC) -> None:
