@@ -251,3 +251,30 @@ def test_a_signal_that_a_port_does_not_offer_is_named() -> None:
     effect = Effect("e", ("tank.outflow",), lambda at: at.value * at.signals.speed)
     with pytest.raises(WorkbenchError, match=r"signal at port tank\.outflow is 'speed'"):
         tank().with_effect(effect)
+
+
+@pytest.mark.parametrize("tilted", [False, True])
+def test_an_accelerometer_feels_what_acts_at_a_rate(tilted: bool) -> None:
+    def equations(m: Scope):  # type: ignore[no-untyped-def]
+        def fall():  # type: ignore[no-untyped-def]
+            return (m.u.force - m.p.k * m.x.travel) / m.p.mass
+
+        felt = 0.5 * fall() + 9.81 if tilted else fall()
+        return {"travel": m.x.speed, "speed": fall()}, {
+            "felt": felt, "load": m.p.k * m.x.travel, "speed": m.x.speed,
+        }  # fmt: skip
+
+    cabin = Model(
+        "cabin",
+        equations,
+        states=(State("travel", "m", 0.1), State("speed", "m/s", 1.0)),
+        inputs=(Input("force", "N", 100.0),),
+        outputs=(Output("felt", "m/s2"), Output("load", "N"), Output("speed", "m/s")),
+        parameters=(Parameter("k", "N/m", value=2e4), Parameter("mass", "kg", value=250.0)),
+    )
+    pushed = cabin.with_effect(adds(3.0, port="speed.rate"))
+    x, u = np.array([0.02, 0.3]), np.array([500.0])
+    more = np.subtract(pushed.rates(x, u), cabin.rates(x, u))
+    assert more == pytest.approx([0.0, 3.0])
+    seen = np.subtract(pushed.read(x, u), cabin.read(x, u))
+    assert seen == pytest.approx([1.5 if tilted else 3.0, 0.0, 0.0])

@@ -19,7 +19,7 @@ from workbench.model.real_roots import leave_the_numbers, with_real_roots
 from workbench.model.regularisation import Expression, Form
 from workbench.model.scope import EffectView, Names, Port, PortView, Scope, ValidRange
 from workbench.model.traits import LEFT_OUT, Traits
-from workbench.model.units import rate_unit
+from workbench.model.units import rate_unit, same_dimension
 
 Named = Mapping[str, Expression]
 
@@ -32,6 +32,12 @@ _GENTLE = {
     ca.OP_DIV, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE, ca.OP_INV, ca.OP_EXP, ca.OP_SIN, ca.OP_COS,
     ca.OP_CONSTPOW,
 }  # fmt: skip
+
+
+_ACCELERATIONS = "m/s2", "rad/s2"
+
+_DEEP = 12
+"""Operations down to which two expressions are compared."""
 
 
 class Written(Protocol):
@@ -262,8 +268,10 @@ def trace(model: Written, form: Form) -> Trace:
             },
         )
         rates, outputs = model.equations(scope)
+        written_rates = rates
         rates = _default_exchanges(model, scope, plain, rates, symbols, sizes)
         rates = _default_rates(model, scope, rates, sizes)
+        outputs = _felt(model, written_rates, rates, outputs)
     outputs = _default_measurements(model, scope, outputs, sizes)
     rates = dict(rates)
     starts: dict[str, Expression] = {}
@@ -409,6 +417,43 @@ def _default_rates(model: Written, scope: Scope, rates: Named, sizes: Mapping[st
         if defined(rate) or name not in own
         else _opened(scope, own[name], "rate", rate, sizes)
         for name, rate in rates.items()
+    }
+
+
+def _felt(model: Written, plain: Named, rates: Named, outputs: Named) -> Named:
+    """Let accelerometers feel what acts at the ports of the speeds' rates, as the speeds do.
+
+    Args:
+        plain: The rates of states before they had ports, by name, in SI per second.
+        rates: The same behind their ports.
+    """
+    felt = [
+        (_symbolic(plain[q.name]), _symbolic(rates[q.name]))
+        for q in model.states
+        if q.name in plain and any(same_dimension(rate_unit(q.unit), a) for a in _ACCELERATIONS)
+    ]
+    felt = [(before, after) for before, after in felt if before.n_dep()]
+    units = {q.name: q.unit for q in model.outputs}
+
+    done: dict[int, ca.SX] = {}
+
+    def seen(value: ca.SX) -> ca.SX:
+        key = value.element_hash()
+        if key not in done:
+            parts = [seen(value.dep(i)) for i in range(value.n_dep())]
+            new = value
+            if parts:
+                make = ca.SX.unary if len(parts) == 1 else ca.SX.binary
+                same = (after for before, after in felt if ca.is_equal(value, before, _DEEP))
+                new = next(same, make(value.op(), *parts))
+            done[key] = new
+        return done[key]
+
+    return {
+        name: seen(_symbolic(value))
+        if felt and any(same_dimension(units.get(name, ""), a) for a in _ACCELERATIONS)
+        else value
+        for name, value in outputs.items()
     }
 
 
