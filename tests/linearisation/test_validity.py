@@ -99,3 +99,19 @@ def test_steps_are_written_in_the_unit_in_which_people_read_the_input() -> None:
     )
     told = str(amplitude_validity(linearise(operating_point(heater, {"power": 0.5}))))
     assert "to 50 % (warm moves" in told and "closest at 50 % with" in told
+
+
+def test_steps_of_an_unstable_plant_end_before_it_has_run_away() -> None:
+    plasma = Model(
+        "plasma",
+        lambda m: (
+            {"z": 60 * m.x.z + 0.02 * m.x.i, "i": (m.u.v - 0.1 * m.x.i) / 0.03},
+            {"z": m.x.z},
+        ),
+        states=(State("z", "m", 0.01), State("i", "A", 50.0)),
+        inputs=(Input("v", "V", 100.0, lower=-100.0, upper=100.0),),
+        outputs=(Output("z", "m", 0.01),),
+    )
+    holds = linearise(operating_point(plasma)).verdict.amplitude
+    assert holds.horizon == pytest.approx(3.0 / 60.0, rel=0.05)
+    assert holds.errors.max() < 1e-4 and holds.moves.max() < 1.0

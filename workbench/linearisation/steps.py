@@ -16,6 +16,8 @@ from workbench.model.units import from_si, in_time, of_difference, with_unit
 
 _GRID = 13
 _BISECTIONS = 4
+_GROWN = 3.0
+"""Time constants of an unstable mode after which nothing is left to compare."""
 
 
 @dataclass(frozen=True)
@@ -78,14 +80,18 @@ def amplitude_validity(linear: LinearModel, *, within: float = 0.1) -> Amplitude
 
     Steps of growing size, in both directions, from a thousandth of the input's range on, run on
     the exact plant and on the linear model, for two periods of the slowest oscillation or three
-    time constants; the ends of the band that holds are bisected.
+    time constants, and no longer than three time constants of an unstable mode; the ends of the
+    band that holds are bisected.
 
     Args:
         within: Deviation allowed, as a fraction of the largest linear response.
     """
     check_range("deviation", within, 1e-6, 10.0)
     trial = Comparison(linear)
+    growing = max((m.pole.real for m in linear.modes), default=0.0)
     length = horizon_of(linear)
+    if growing * length > _GROWN:
+        length = _GROWN / growing
     blocks = max(1, math.ceil(length / (trial.sample_time * BLOCK)))
     counted = min(blocks * BLOCK, max(2, round(length / trial.sample_time)))
 
