@@ -86,6 +86,10 @@ CASES: dict[str, tuple[list[str], tuple[str, ...]]] = {
         ("No such option: --angel", "linearise --help"),
     ),
     "unknown verb": (["linearize"], ("linearize", "--help")),
+    "an option twice": (
+        ["verify", "--from", "15deg", "--from=20deg", "--to", "45deg"],
+        ("--from is given twice, '15deg' and '20deg'",),
+    ),
     "option without value": (["linearise", "--angle"], ("--angle", "--help")),
 }
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from workbench.cli.options import Positive, parameters_of, read_as, taking
+from workbench.cli.options import Positive, VerbCommand, parameters_of, read_as, taking
 from workbench.cli.options import summary as about
 from workbench.cli.running import tell
 from workbench.errors import WorkbenchError
@@ -293,4 +293,4 @@ for _verb in (
     benchmark,
     report,
 ):
-    evaluate.command(help=about(_verb))(read_as(_verb, parameters_of(_verb)))
+    evaluate.command(help=about(_verb), cls=VerbCommand)(read_as(_verb, parameters_of(_verb)))

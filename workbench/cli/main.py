@@ -18,7 +18,7 @@ from workbench.cli.force_map import force_map
 from workbench.cli.linearise import linearise
 from workbench.cli.new import new_controller, new_plant, new_study, study_fields
 from workbench.cli.notebook import notebook
-from workbench.cli.options import parameters_of, read_as, summary
+from workbench.cli.options import VerbCommand, parameters_of, read_as, summary
 from workbench.cli.plant import PlantCommand
 from workbench.cli.plants import plants
 from workbench.cli.recording import recording
@@ -71,7 +71,7 @@ for _verb in (
     study_fields,
 ):
     _options = parameters_of(_verb)
-    _kind = PlantCommand if any(p.name == "short" for p in _options) else None
+    _kind = PlantCommand if any(p.name == "short" for p in _options) else VerbCommand
     app.command(help=summary(_verb), cls=_kind)(read_as(_verb, _options))
 
 

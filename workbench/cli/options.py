@@ -14,6 +14,9 @@ from functools import wraps
 from typing import Annotated, Any, get_args, get_origin
 
 import typer
+from typer.core import TyperCommand
+
+from workbench.errors import WorkbenchError
 
 AsJson = Annotated[
     bool,
@@ -29,6 +32,38 @@ Short = Annotated[list[str] | None, typer.Option("--set", hidden=True)]
 Positive = Annotated[int, typer.Option(min=1)]
 
 _ENTRY = re.compile(r"    (\w+)(?: \((.+?)\))?: (.+)")
+
+
+class VerbCommand(TyperCommand):
+    """A verb that refuses to be told twice what it takes once."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the words of the command line.
+
+        Raises:
+            WorkbenchError: If an option that counts once is given twice.
+        """
+        takes = {
+            name: p
+            for p in self.params
+            if p.param_type_name == "option" and not getattr(p, "is_flag", False)
+            for name in p.opts
+        }
+        seen: dict[str, str] = {}
+        words = iter(args)
+        for word in words:
+            if word == "--":
+                break
+            name, sign, value = word.partition("=")
+            if (option := takes.get(name)) is None or not option.name:
+                continue
+            value = value if sign else next(words, "")
+            if not getattr(option, "multiple", False) and option.name in seen:
+                raise WorkbenchError(
+                    f"{name} is given twice, {seen[option.name]!r} and {value!r}; it counts once"
+                )
+            seen[option.name] = value
+        return super().parse_args(ctx, args)
 
 
 def summary(function: Callable[..., Any]) -> str:

@@ -16,9 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from typer.core import TyperCommand
-
-from workbench.cli.options import Short, taking
+from workbench.cli.options import Short, VerbCommand, taking
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 from workbench.plants import DEFAULT_PLANT
 
@@ -35,7 +33,7 @@ class _UnknownOptionError(WorkbenchError):
     """A word that neither the verb nor the plant knows."""
 
 
-class PlantCommand(TyperCommand):
+class PlantCommand(VerbCommand):
     """A verb that takes the options of its plant, and lists the plants in its help."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
