@@ -230,3 +230,36 @@ def test_a_single_loop_takes_the_command_that_acts_most(
     limit = ["--require", "settling_time=60s"]
     assert run(["verify", "--plant", "tanks:tank", *step, *limit]) == 0
     assert ("a single loop commands heater" in capsys.readouterr().err) == bool(command)
+
+
+CABIN = """
+from workbench.model import Input, Model, Output, State
+
+def cabin():
+    def equations(m):
+        acceleration = (m.u.force - 2e4 * m.x.travel - 600 * m.x.speed) / 250
+        return {"travel": m.x.speed, "speed": acceleration}, {
+            "acceleration": acceleration, "travel": m.x.travel}
+    return Model("cabin", equations,
+        states=(State("travel", "m", 0.05), State("speed", "m/s", 0.5)),
+        inputs=(Input("force", "N", 1000.0, lower=-2000.0, upper=2000.0),),
+        outputs=(Output("acceleration", "m/s2", 5.0), Output("travel", "m", 0.05)))
+"""
+
+
+def test_a_step_is_of_what_no_command_moves_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "springs.py").write_text(CABIN, encoding="utf-8")
+    plant = ["--plant", "springs:cabin"]
+    assert run(["new-study", "study.toml", *plant]) == 0
+    assert 'measured = "travel"' in Path("study.toml").read_text()
+    capsys.readouterr()
+    assert (
+        run(["verify", *plant, "--from", "acceleration=0", "--to", "acceleration=1"]) == WRONG_USE
+    )
+    # One reason of several designs is one line.
+    lines = capsys.readouterr().err.splitlines()
+    reason = [line for line in lines if "within the sample" in line]
+    assert len(reason) == 1 and "lqi" in reason[0] and "plain-pid" in reason[0]

@@ -56,8 +56,9 @@ def verify(
             fit.
         design (NAME=VALUE): What the design takes for another than the plant has: an option, or a
             value at rest, such as load=1kg or angle=30deg; the short form is --design-load 1kg.
-        start (--from VALUE): Controlled output before the step, the plant's first, or another as
-            NAME=VALUE; a plant that declares no point of its own is designed for there.
+        start (--from VALUE): Controlled output before the step, the plant's first that no command
+            moves at once, or another as NAME=VALUE; a plant that declares no point of its own is
+            designed for there.
         end (--to VALUE): Controlled output after the step.
         hold (TIME): Time between the steps. By default what the linear model takes to respond.
         sample_time (TIME): Sample time of controllers and loop. By default the controllers' own, or
@@ -319,6 +320,7 @@ def recipes_of(
     only_measured = [q.name for q in linear.operating_point.model.inputs if not q.commanded]
     found: list[ControllerRecipe] = []
     partly: list[ControllerRecipe] = []
+    refused: dict[str, list[str]] = {}
     for made in map(recipe, names or [design.name for design in designs_for(linear)]):
         try:
             commanded = made.build().actuators
@@ -330,10 +332,12 @@ def recipes_of(
             elif names or made.kind().sensors:
                 raise
             else:
-                typer.echo(f"{made.name}: {error}", err=True)
+                refused.setdefault(str(error), []).append(made.name)
         else:
             idle = [n for n in linear.input_names if n not in (*commanded, *only_measured)]
             (partly if idle and not names else found).append(made)
+    for reason, which in refused.items():
+        typer.echo(f"{', '.join(which)}: {reason}", err=True)
     if partly and not found:
         # Of designs that nobody asked for, those that command every input come first.
         typer.echo(f"what a design does not command rests, such as {', '.join(idle)}", err=True)

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
+import casadi as ca
+
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.model import Effect, Model
 from workbench.model.units import ends_a_name, parse_unit, quantity, same_dimension, to_si
@@ -238,8 +240,17 @@ class Plant:
         return known[name].effect
 
     def controlled_outputs(self, model: Model) -> tuple[str, ...]:
-        """Return the outputs that a controller makes follow a reference."""
-        return self.controlled or tuple(q.name for q in model.outputs[:1])
+        """Return the outputs that a controller makes follow a reference.
+
+        By default the first that no command moves within the sample, as it does an acceleration.
+        """
+        if self.controlled or len(model.outputs) < 2:
+            return self.controlled or tuple(q.name for q in model.outputs)
+        trace, commands = model.exact, {q.name for q in model.commands}
+        moved = [trace.u[i] for i, q in enumerate(model.inputs) if q.name in commands]
+        at_once = ca.which_depends(trace.outputs, ca.vertcat(*moved), 1, True) if moved else []
+        late = [q.name for q, now in zip(model.outputs, at_once, strict=bool(moved)) if not now]
+        return (*late, model.outputs[0].name)[:1]
 
     def __str__(self) -> str:
         """Return what may be chosen, one option per line."""
