@@ -51,9 +51,21 @@ def test_missing_cells() -> None:
     assert report.recording.valid("angle").all()
 
 
+def test_a_slow_sensor_has_numbers_in_some_rows_only() -> None:
+    values = TRIAL["pressure_1"].copy()
+    slow = np.arange(len(values)) % 25 != 0
+    values[slow] = np.nan
+    recording = TRIAL.with_signal(replace(TRIAL.signal("pressure_1"), values=values))
+    report = check_recording(recording)
+    gaps = report.check("gaps")
+    assert gaps.result == "corrected" and "pressure_1 is measured every 50 ms only" in gaps.note
+    np.testing.assert_array_equal(report.recording.valid("pressure_1"), ~slow)
+    assert report.recording.valid("angle").all()
+
+
 def test_mostly_missing_signal() -> None:
     values = TRIAL["pressure_1"].copy()
-    values[::2] = np.nan
+    values[: len(values) // 2] = np.nan
     broken = TRIAL.with_signal(replace(TRIAL.signal("pressure_1"), values=values))
     report = check_recording(broken)
     assert "pressure_1 is missing in 50 % of the rows" in report.check("gaps").note

@@ -8,12 +8,18 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
+from workbench.model.units import in_time
 from workbench.recordings.checks.check import MAX_EXCLUDED, Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.recording import Recording, Span
 
 FILLED_ROWS = 5
 """Missing rows in a row that are interpolated; a longer gap splits the recording."""
+
+
+_FEWEST, _REGULAR = 20, 2.5
+"""Measurements that a slow sensor gives at least, and the longest time between two of them over the
+usual one."""
 
 
 def runs(mask: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -67,6 +73,15 @@ def _longest_piece(recording: Recording) -> tuple[Recording, list[str]]:
     ]
 
 
+def _now_and_then(time: Vector, measured: npt.NDArray[np.bool_]) -> float:
+    """Return the usual time between the samples of a slow sensor, in s; 0 if it has long gaps."""
+    if measured.sum() < _FEWEST:
+        return 0.0
+    usual = float(np.median(np.diff(time[measured])))
+    gaps = np.diff(np.concatenate([time[:1], time[measured], time[-1:]]))
+    return usual if gaps.max() <= _REGULAR * usual else 0.0
+
+
 def _missing_rows(recording: Recording) -> tuple[Recording, list[str]]:
     """Insert the rows of short gaps."""
     time, usual = recording.time, recording.sample_time
@@ -115,6 +130,11 @@ def check_gaps(recording: Recording, expected: Expected) -> Finding:
         if not share:
             continue
         limit = 0.01 if signal.zero_order_hold else MAX_EXCLUDED
+        slow = share > limit and not signal.zero_order_hold
+        if slow and (every := _now_and_then(piece.time, ~bad)):
+            piece = filled(piece, signal.name, bad, "not recorded")
+            notes.append(f"{signal.name} is measured every {in_time(every)} only")
+            continue
         if share > limit and signal.name in expected.required:
             return Finding(
                 "unfit",
