@@ -17,6 +17,11 @@ def transition(at: Place, around: float = 1e3) -> Own:
                  fitted=False)  # fmt: skip
 
 
+def _sharp(at: Place) -> dict[str, float]:
+    """Return a reversal so short that a machine sticks."""
+    return {"transition_speed": 5e-4 * at.speed.scale}
+
+
 coulomb_friction = Law(
     "coulomb_friction",
     "T = -level tanh(speed / transition_speed)",
@@ -120,7 +125,11 @@ stribeck_friction = Law(
         transition(at),
     ),
     _fading,
-    shapes=lambda at: [{"stribeck_speed": k * at.speed.scale} for k in (0.1, 0.03, 0.3)],
+    shapes=lambda at: [
+        {"stribeck_speed": k * at.speed.scale} | sharp
+        for sharp in ({}, _sharp(at))
+        for k in (0.1, 0.03, 0.3)
+    ],
     dry=True,
     source="R. Stribeck 1902; Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994)",
     look_alikes=("coulomb_friction", "lugre_friction", "local_friction"),

@@ -157,7 +157,7 @@ class Place:
         driven: Whether an input of the model reaches the signal at once.
         commanded: Whether it follows from inputs alone.
         shared: Whether it is a command that sets several bodies in motion at once.
-        rubbed: Whether dry friction is attached to it.
+        rubbed: Whether dry friction is attached to it that was not missing at first.
         empty: Whether nothing passes there unless an effect adds it.
         whole: Whether the rate of what it drives or fills is proportional to the signal.
         elastic: Whether the signal is a straight line over the coordinate.
@@ -361,7 +361,9 @@ class Survey:
         return Place(
             port, role, signals, any(self._entered[index]), store=alone, fills=fills,
             commanded=index in self._commanded, shared=shared, shaped=bool(pressed),
-            rubbed=any(e.dry and name in e.ports for e in self.model.effects),
+            rubbed=any(
+                e.dry and name in e.ports and e.name not in self._found for e in self.model.effects
+            ),
             empty=self.trace.signals[self.trace.signal_names.index(name)].is_zero(),
             parameters=self._entering[index],
             whole=self._whole(index), elastic=(shared or role in EFFORTS) and elastic,

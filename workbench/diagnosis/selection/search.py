@@ -258,6 +258,9 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
         if without is None:
             continue
         base, free = without
+        if base.cost - state.extended.cost < _least(scored, base, number):
+            # The others make it needless: it goes, and nothing comes in its place.
+            continue
         task.say(f"choosing again beside what was found since {found.candidate.name}")
         begun = task.started(task.fitting, base.model)
         scores = score_library(
