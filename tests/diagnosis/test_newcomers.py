@@ -48,6 +48,7 @@ from workbench.diagnosis.problem import Problem
 from workbench.diagnosis.refit_report import run_refit
 from workbench.diagnosis.selection import task
 from workbench.diagnosis.undeclared import with_undeclared
+from workbench.evaluation.foreign.plan import plan
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.library import Hypothesis, library
@@ -402,3 +403,24 @@ def test_equations_of_a_fast_machine_are_trusted_as_far_as_they_go(
     )
     verdict = diagnose(stage, runs[:1], runs[1:], jobs=1, advise=False).verdict
     assert verdict is not None and verdict.kind == "nothing_missing", verdict
+
+
+def test_what_a_later_law_makes_needless_leaves_no_successor(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # A cart that sticks on its rail: LuGre is found first, and Stribeck needs nothing beside it.
+    case = next(c for c in plan(60, 20_000) if c.seed == 20_059)
+    only(monkeypatch, "stribeck_friction", "lugre_friction", "quadratic_drag")
+    recordings = case.recordings()
+    found = diagnose(
+        case.build(),
+        [recordings["fit_1"], recordings["fit_2"]],
+        [recordings["hold_1"], recordings["hold_2"]],
+        jobs=1,
+        advise=False,
+    )
+    assert found.verdict is not None
+    assert [f.effect for f in found.verdict.findings] == ["stribeck_friction_cart"]
+    # 1.4 times 1.066 N at standstill.
+    level = found.verdict.findings[0].parameters["break_away"].value
+    assert level == pytest.approx(1.493, rel=0.05)

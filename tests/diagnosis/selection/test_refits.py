@@ -375,7 +375,14 @@ def test_shapes_that_no_refit_changes_are_tried_too(entries: dict[str, Hypothesi
     (other,) = refits._variants(lag)
     assert [q.value for q in other.effect.parameters if q.name == "sampled"] == [1.0]
     # A width that a refit changes is no other variant.
-    assert refits._variants(entries["stribeck_friction"]) == []
+    assert refits._variants(entries["lugre_friction"]) == []
+    # A machine that sticks reverses within less than another law shows.
+    (sticking,) = refits._variants(entries["stribeck_friction"])
+    sharp, usual = (
+        next(q.value for q in e.effect.parameters if q.name == "transition_speed")
+        for e in (sticking, entries["stribeck_friction"])
+    )
+    assert sharp == pytest.approx(usual / 40.0)
 
 
 def test_what_comes_late_is_raced_on_what_shows_it() -> None:
