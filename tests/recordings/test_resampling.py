@@ -82,6 +82,20 @@ def test_uneven_time_base_and_missing_samples() -> None:
     assert np.allclose(even["x"], np.sin(3 * even.time), atol=5e-3)
 
 
+@pytest.mark.parametrize("rate", [99.99, 25.0])
+def test_what_was_not_recorded_is_not_judged_at_another_rate(rate: float) -> None:
+    time = np.arange(1000) * 0.01
+    values, command = np.sin(time), np.sign(np.sin(time))
+    values[400:500] = np.nan
+    signals = Signal("x", values), Signal("u", command, role="command")
+    other = resample(Recording("r", time, signals), rate_Hz=rate)
+    gap = (other.time > 3.99) & (other.time < 5.0)
+    away = np.minimum(np.abs(other.time - 3.99), np.abs(other.time - 5.0))
+    clear = away > 0.5 / rate
+    assert not other.valid("x")[gap & clear].any() and other.valid("x")[~gap & clear].all()
+    assert np.isfinite(other["x"]).all() and other.valid("u").all()
+
+
 @pytest.mark.parametrize("step", [0.7, 1.0, 3.0])
 def test_what_a_command_did_between_uneven_samples_is_kept(step: float) -> None:
     rng = np.random.default_rng(0)

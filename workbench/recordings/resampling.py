@@ -11,7 +11,7 @@ import numpy.typing as npt
 from workbench.arrays import Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_finite, check_range
 from workbench.model.units import in_time
-from workbench.recordings.recording import Recording, Signal
+from workbench.recordings.recording import Recording, Signal, Span
 
 _DIGITS = 9
 """Decimals of a sample time, in s, that count."""
@@ -71,6 +71,25 @@ def _interpolated(signal: Signal, time: Vector, times: Vector) -> Vector:
         return _held(signal.values[good], time[good], times)
     values: Vector = np.interp(times, time[good], signal.values[good])
     return values
+
+
+def _unmeasured(
+    signal: Signal, time: Vector, times: Vector, reach: float
+) -> list[tuple[float, float]]:
+    """Return the stretches further from a value than ``reach``, in s, and than from any row."""
+    good = np.isfinite(signal.values)
+    if good.all() or not good.any():
+        return []
+    far = _away(time[good], times) > np.maximum(_away(time, times), reach) * (1 + 1e-6)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], far, [False]]).astype(int)))
+    return [(float(times[a]), float(times[b - 1])) for a, b in edges.reshape(-1, 2)]
+
+
+def _away(time: Vector, times: Vector) -> Vector:
+    after = np.clip(np.searchsorted(time, times), 1, max(len(time) - 1, 1))
+    either = time[[after - 1, np.minimum(after, len(time) - 1)]]
+    distance: Vector = np.min(np.abs(times - either), axis=0)
+    return distance
 
 
 def _nearest(values: Vector, time: Vector, times: Vector) -> Vector:
@@ -133,7 +152,8 @@ def resample(
 
     Commands and references keep their value until the next sample (zero-order hold), measurements
     are interpolated by straight lines; of uneven steps a command has its mean between two instants,
-    a measurement comes from the nearest sample. If the new step is more than 1.2 times the old one
+    a measurement comes from the nearest sample; where it is missing a line
+    bridges it, which is excluded. If the new step is more than 1.2 times the old one
     measurements are low-passed at 0.4 of the new rate before, so that nothing folds down.
 
     Args:
@@ -174,7 +194,7 @@ def resample(
                 f"{first:g} to {last:g} s; choose instants inside"
             )
         new = float(np.median(np.diff(instants)))
-    signals = []
+    signals, spans = [], list(recording.excluded)
     for signal in recording.signals:
         source, time = signal, recording.time
         if not signal.zero_order_hold and new > 1.2 * old and np.isfinite(signal.values).any():
@@ -188,6 +208,10 @@ def resample(
             values = _nearest(source.values[good], time[good], instants)
         else:
             values = _interpolated(source, time, instants)
+        if not signal.zero_order_hold:
+            missing = _unmeasured(signal, recording.time, instants, 0.5 * new)
+            spans += [Span(signal.name, a, b, "not recorded") for a, b in missing]
         signals.append(replace(signal, values=values))
     note = f"resampled from one every {in_time(old, 6)} to one every {in_time(new, 6)}"
-    return replace(recording, time=instants, signals=tuple(signals)).noted(note)
+    made = replace(recording, time=instants, signals=tuple(signals), excluded=tuple(spans))
+    return made.noted(note)
