@@ -16,6 +16,7 @@ from workbench.diagnosis.selection.score import COLLINEAR
 from workbench.diagnosis.selection.weights import Weighted
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Kind, Value, Verdict
+from workbench.model.units import in_time
 
 _MOST_SAID = 5
 """Effects that a sentence names, and sets of effects that a verdict weighs."""
@@ -391,6 +392,21 @@ def _rest(diagnosis: Diagnosis, fit: Mapping[str, Mapping[str, float]]) -> str:
     return f"{said}; the best candidate for it, {name}, gains {gain:.3g} of log likelihood."
 
 
+def _coloured(diagnosis: Diagnosis) -> str:
+    """Say of which measurements the noise is correlated."""
+    told = [
+        f"{q.name.replace('_', ' ')} ({in_time(q.noise_correlation_time)})"
+        for q in diagnosis.nominal.outputs
+        if q.correlated_noise_rms > 0.0
+    ]
+    if not told:
+        return ""
+    return (
+        f" That noise is correlated from sample to sample, of {', '.join(told)}, and follows no"
+        " input."
+    )
+
+
 def _kind(
     diagnosis: Diagnosis, findings: Sequence[Finding], fit: Mapping[str, Mapping[str, float]]
 ) -> tuple[Kind, str]:
@@ -425,7 +441,7 @@ def _kind(
         return (
             "nothing_missing",
             "Nothing is missing that these recordings can show: with refitted parameters the model"
-            " predicts them nearly to the noise of the sensors.",
+            f" predicts them nearly to the noise of the sensors.{_coloured(diagnosis)}",
         )
     return (
         "unexplained",

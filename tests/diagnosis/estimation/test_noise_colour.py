@@ -143,6 +143,7 @@ def test_a_right_model_beside_correlated_noise_lacks_nothing() -> None:
     verdict = _diagnosed(0.0, "coulomb_friction", "sensor_lag", "quadratic_drag")
     assert verdict.kind == "nothing_missing"
     assert sum("is not white" in row["note"] for row in verdict.data) == 2
+    assert "correlated from sample to sample, of motor (" in verdict.sentence
     # Sizes and times are those of the data: 0.5 and 0.3 rad/s over 0.1 s.
     floor = verdict.fit["noise_floor"]
     assert floor["motor"] == pytest.approx(0.502, rel=0.15)
