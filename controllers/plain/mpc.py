@@ -27,7 +27,7 @@ class PlainMPCSpecification(LoopSpecification):
 
     Args:
         speed: Speed of the reference's lags, in rad/s; the horizon is four of its time constants.
-            By default (0) a fiftieth of the sampling rate.
+            By default (0) a fiftieth of the sampling rate, or the fastest unstable mode's rate.
         error_scale: Error that weighs as much as a third of the command, in SI of the output; a
             hundredth of its scale by default (0).
         rate_time: Time in which the command may cross half of its range, in s; two prediction
@@ -60,7 +60,9 @@ def design_plain_mpc(
     want = specification or PlainMPCSpecification()
     loop = want.loop(linear)
     own, h = loop.linear, want.sample_time
-    speed = want.speed or SPEED / h
+    # Over many time constants of an unstable mode no prediction has a meaning.
+    growing = float(np.max(np.linalg.eigvals(own.A).real, initial=0.0))
+    speed = want.speed or min(max(SPEED / h, growing), 0.5 / h)
     step = h * max(1, round(0.1 / speed / h))
     entered = int(np.argmax(np.abs(own.B[:, 0]) / loop.linear.state_scales))
     walking = 1.0 / math.sqrt(DISTURBED * h)

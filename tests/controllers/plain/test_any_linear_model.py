@@ -13,6 +13,7 @@ import pytest
 from controllers.design import DESIGNS
 from controllers.guard import Guarded
 from controllers.pid import design_pid
+from controllers.plain.mpc import PlainMPCSpecification, design_plain_mpc
 from controllers.plain.single_loop import single_loop
 from controllers.plain.state_feedback import (
     LQISpecification,
@@ -241,3 +242,21 @@ def test_a_plant_that_nothing_drives_gets_no_controller() -> None:
     )
     with pytest.raises(WorkbenchError, match=r"'decay' has no input.*inputs=\(Input"):
         single_loop(linearise(operating_point(decay)))
+
+
+@pytest.mark.parametrize("growth", [30.0, 60.0, 150.0])
+def test_an_mpc_looks_no_further_than_an_unstable_plant_can_be_foreseen(growth: float) -> None:
+    plasma = Model(
+        "plasma",
+        lambda m: (
+            {"z": growth * m.x.z + 0.03 * m.x.i, "i": (m.u.v - 0.1 * m.x.i) / 0.03},
+            {"z": m.x.z, "i": m.x.i},
+        ),
+        states=(State("z", "m", 0.01), State("i", "A", 50.0)),
+        inputs=(Input("v", "V", 400.0, lower=-600.0, upper=600.0),),
+        outputs=(Output("z", "m", 0.01), Output("i", "A", 50.0)),
+    )
+    want = PlainMPCSpecification(measured="z", sample_time=0.002)
+    law = design_plain_mpc(linearise(operating_point(plasma)), want)
+    step = step_scenario("z", 0, 1, unit="mm", sample_time=0.002, hold=1.0)
+    assert metrics(verify(law, plasma, step))["settling_time"].value < 8.0 / growth
