@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from workbench.cli.main import run
 from workbench.errors import WorkbenchError
 from workbench.reports.style import (
     FURTHER,
@@ -20,6 +22,7 @@ from workbench.reports.style import (
     new_figure,
     palette,
     ramp,
+    told_apart,
 )
 
 
@@ -75,6 +78,15 @@ def test_families_with_a_colour() -> None:
     assert {"cascade PID", "sliding mode", "linear MPC"} <= set(controller_colours())
 
 
+def test_curves_of_many_controllers_come_in_groups_that_are_told_apart() -> None:
+    own = list(controller_colours())
+    for count in (0, 1, 6, 7, 10, 13, 40):
+        names = [*own, *(f"design {i}" for i in range(count))]
+        groups = told_apart(names)
+        assert [name for group in groups for name in group] == names
+        assert all(len(set(colours(group).values())) == len(group) for group in groups)
+
+
 def test_too_many_curves_are_refused() -> None:
     with pytest.raises(WorkbenchError, match="curves to tell apart"):
         colours([f"controller {i}" for i in range(7)])
@@ -88,3 +100,12 @@ def test_a_label_longer_than_its_panel_is_broken_before_its_unit() -> None:
         label(axes, y="pressure 1 in bar")
     assert low.get_ylabel() == "pressure 1\nin bar"
     assert high.get_ylabel() == "pressure 1 in bar"
+
+
+def test_every_controller_of_a_study_is_drawn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("workbench.reports.style.FURTHER", FURTHER[:3])
+    assert run(["verify", "--plant", "servo-axis", "--out", str(tmp_path)]) == 0
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Not drawn" not in page and "tracking-1-part-2" in page

@@ -116,6 +116,20 @@ def colours(names: Iterable[str]) -> dict[str, Colour]:
     return given
 
 
+def told_apart(names: Iterable[str]) -> list[list[str]]:
+    """Return names in groups that colours tell apart, halved until they do.
+
+    Example:
+        >>> [len(group) for group in told_apart(f"design {i}" for i in range(10))]
+        [5, 5]
+    """
+    listed = list(dict.fromkeys(names))
+    if sum(name not in controller_colours() for name in listed) <= len(FURTHER):
+        return [listed] if listed else []
+    middle = len(listed) // 2
+    return [*told_apart(listed[:middle]), *told_apart(listed[middle:])]
+
+
 def ramp(count: int) -> tuple[Colour, ...]:
     """Return colours for an ordered family, spread over the ramp."""
     check_range("number of curves in a family", count, 1, len(RAMP))

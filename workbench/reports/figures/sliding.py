@@ -12,7 +12,16 @@ from workbench.reports.figure import Figure
 from workbench.reports.figures.study_traces import nominal_runs, output_of, shown, vector, written
 from workbench.reports.page import Block, Words
 from workbench.reports.pictures import Picture
-from workbench.reports.style import INK, REFERENCE, Colour, colours, key, label, new_figure
+from workbench.reports.style import (
+    INK,
+    REFERENCE,
+    Colour,
+    colours,
+    key,
+    label,
+    new_figure,
+    told_apart,
+)
 from workbench.study.result import StudyResult
 
 if TYPE_CHECKING:
@@ -53,7 +62,8 @@ def surface(time: Vector, value: Vector, shade: Colour) -> Drawing:
 
 
 def _draw(result: StudyResult) -> list[Block]:
-    shades = colours(result.study.controllers)
+    groups = map(colours, told_apart(result.study.controllers))
+    shades = {name: shade for group in groups for name, shade in group.items()}
     found: list[Block] = []
     scenario = next(iter(result.study.scenarios))
     for number, (name, record) in enumerate(nominal_runs(result, scenario).items(), start=1):

@@ -15,7 +15,16 @@ from workbench.model.units import convert, of_difference, with_unit
 from workbench.reports.figure import Figure
 from workbench.reports.figures.study_traces import nominal_runs, output_of, shown, vector, written
 from workbench.reports.pictures import Picture
-from workbench.reports.style import INK, REFERENCE, colours, key, label, named_line, new_figure
+from workbench.reports.style import (
+    INK,
+    REFERENCE,
+    colours,
+    key,
+    label,
+    named_line,
+    new_figure,
+    told_apart,
+)
 from workbench.study.result import StudyResult
 from workbench.study.study import Study
 from workbench.study.tasks import Record
@@ -169,15 +178,18 @@ def _draw(result: StudyResult, scenario: str, case: str, suffix: str) -> list[Pi
             if linear
             else "No linear run: the plant changes during the run."
         )
-        figure = tracked(result.study, scenario, nominal)
-        name = f"tracking-{suffix}"
-        found.append(_picture(result, scenario, figure, name, case or "nominal plant", tail))
+        for i, part in enumerate(told_apart(nominal)):
+            figure = tracked(result.study, scenario, {c: nominal[c] for c in part})
+            name = f"tracking-{suffix}" + (f"-part-{i + 1}" if i else "")
+            found.append(_picture(result, scenario, figure, name, case or "nominal plant", tail))
     worst = _worst_runs(result, scenario, nominal)
-    if worst:
-        figure = tracked(result.study, scenario, worst, lines=("worst plant", "nominal plant"))
+    for i, part in enumerate(told_apart(worst)):
+        own = {c: worst[c] for c in part}
+        figure = tracked(result.study, scenario, own, lines=("worst plant", "nominal plant"))
         where = "each controller on its worst plant of the box"
         tail = "Dashed: the same controller on the nominal plant."
-        found.append(_picture(result, scenario, figure, f"worst-{suffix}", where, tail))
+        name = f"worst-{suffix}" + (f"-part-{i + 1}" if i else "")
+        found.append(_picture(result, scenario, figure, name, where, tail))
     return found
 
 
