@@ -726,3 +726,70 @@ def guided(
         Signal("position", read + 2e-6 * rng.normal(size=count), "m"),
     )
     return Recording(f"stage {seed}", time, signals)
+
+
+def car() -> Model:
+    """The lateral motion of a car; its speed is measured, its steering commanded."""
+
+    def equations(m: Scope) -> Equations:
+        slip, rate, speed = m.x.slip, m.x.yaw_rate, m.u.speed
+        front = m.p.front * (m.u.steering - slip - 1.2 * rate / speed)
+        rear = m.p.rear * (1.5 * rate / speed - slip)
+        return (
+            {
+                "slip": (front + rear) / (1500.0 * speed) - rate,
+                "yaw_rate": (1.2 * front - 1.5 * rear) / m.p.inertia,
+            },
+            {"yaw_rate": rate, "lateral": (front + rear) / 1500.0},
+        )
+
+    return Model(
+        "car",
+        equations,
+        states=(State("slip", "rad"), State("yaw_rate", "rad/s")),
+        inputs=(
+            Input("steering", "rad", lower=-0.3, upper=0.3),
+            Input("speed", "m/s", lower=5.0, upper=50.0, nominal=20.0, commanded=False),
+        ),
+        outputs=(Output("yaw_rate", "rad/s"), Output("lateral", "m/s2")),
+        parameters=(
+            Parameter("inertia", "kg m2", value=2500.0, lower=500.0, upper=1e4, fitted=True),
+            Parameter("front", "N/rad", value=7e4, lower=1e4, upper=3e5, fitted=True),
+            Parameter("rear", "N/rad", value=8e4, lower=1e4, upper=3e5, fitted=True),
+        ),
+    )
+
+
+@lru_cache
+def cornering(seed: int) -> Recording:
+    """Drive a car whose tyres saturate, stiffness times 70 mrad the most, by SciPy."""
+    rng, dt, n = np.random.default_rng(seed), 0.01, 2400
+    steps = np.repeat(rng.uniform(-0.06, 0.06, n // 80), 80)
+    steering = np.convolve(steps, np.ones(20) / 20.0, "same")
+    speed = 22.0 + 8.0 * np.sin(2.0 * np.pi * np.arange(n) * dt / 23.0 + seed)
+
+    def forces(x: Vector, u: float, v: float) -> tuple[float, float]:
+        ahead, behind = u - x[0] - 1.2 * x[1] / v, 1.5 * x[1] / v - x[0]
+        return 5320.0 * math.tanh(ahead / 0.07), 6370.0 * math.tanh(behind / 0.07)
+
+    x, rows = np.zeros(2), []
+    for u, v in zip(steering, speed, strict=True):
+        front, rear = forces(x, u, v)
+        rows.append((x[1], (front + rear) / 1500.0))
+
+        def rates(_: float, x: Vector, u: float = u, v: float = v) -> list[float]:
+            f, r = forces(x, u, v)
+            return [(f + r) / (1500.0 * v) - x[1], (1.2 * f - 1.5 * r) / 2800.0]
+
+        x = solve_ivp(rates, (0.0, dt), x, rtol=1e-8, atol=1e-10).y[:, -1]
+    read = np.array(rows) + rng.normal(size=(n, 2)) * [0.002, 0.05]
+    return Recording(
+        f"corners {seed}",
+        dt * np.arange(n),
+        (
+            Signal("steering", steering, "rad", role="command"),
+            Signal("speed", speed, "m/s", role="command"),
+            Signal("yaw_rate", read[:, 0], "rad/s"),
+            Signal("lateral", read[:, 1], "m/s2"),
+        ),
+    )

@@ -11,7 +11,9 @@ import pytest
 
 from tests.diagnosis.newcomers import (
     DAY,
+    car,
     carriage,
+    cornering,
     crane,
     damper,
     drivetrain,
@@ -424,3 +426,33 @@ def test_what_a_later_law_makes_needless_leaves_no_successor(
     # 1.4 times 1.066 N at standstill.
     level = found.verdict.findings[0].parameters["break_away"].value
     assert level == pytest.approx(1.493, rel=0.05)
+
+
+def test_tyres_that_saturate_are_curves_over_their_slip(monkeypatch: pytest.MonkeyPatch) -> None:
+    only(monkeypatch, "parameter_curve", "sensor_lag")
+    found = diagnose(car(), [cornering(1)], [cornering(2)], jobs=1, advise=False)
+    verdict = found.verdict
+    assert verdict is not None and verdict.kind == "named"
+    names = {f.effect for f in verdict.findings}
+    assert names == {"parameter_curve_front_over_argument", "parameter_curve_rear_over_argument"}
+    # The runs come from 10 times the noise to the noise.
+    floor, fit = verdict.fit["noise_floor"], verdict.fit
+    assert fit["refitted"]["lateral"] > 4.0 * floor["lateral"]
+    assert fit["extended"]["lateral"] < 1.1 * floor["lateral"]
+
+
+def test_a_curve_over_what_it_multiplies_is_that_of_a_plain_sum() -> None:
+    ranges = {"argument of front": (-0.1, 0.1)}
+    (curve,) = (
+        h for h in library(car(), ranges=ranges) if h.name == "parameter_curve_front_over_argument"
+    )
+    bent = car().with_effect(curve.at_size(-2e4).with_parameters({"bend": np.pi / 2}))
+    slip, rate, steering, speed = 0.02, 0.3, 0.05, 25.0
+    angle = steering - slip - 1.2 * rate / speed
+    change = -2e4 * (angle / 0.1) ** 2
+    front = 7e4**2 / (7e4 - change) * angle
+    rear = 8e4 * (-slip + 1.5 * rate / speed)
+    _, lateral = np.asarray(
+        bent.exact.outputs_function([slip, rate], [steering, speed], bent.values)
+    ).ravel()
+    assert lateral == pytest.approx((front + rear) / 1500.0, rel=1e-12)

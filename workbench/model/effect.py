@@ -21,12 +21,14 @@ class About:
         source: Book, paper or manufacturer that the law comes from.
         look_alikes: Names of effects that the same data may not separate.
         separated_by: The experiment that tells it from its look-alikes.
+        subject: Name of the parameter of the model that it changes; empty if it changes none.
     """
 
     equation: str = ""
     source: str = ""
     look_alikes: tuple[str, ...] = ()
     separated_by: str = ""
+    subject: str = ""
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import casadi as ca
 
 from workbench.errors import TIMES_S
 from workbench.model import Parameter, PortView, State
+from workbench.model.cofactor import cofactor
 from workbench.model.regularisation import Expression
 from workbench.model.scope import EffectView
 from workbench.physics.law import (
@@ -224,6 +225,7 @@ parameter_jump = replace(
     where=_each_parameter,
     parameters=lambda at: (_amount(at), *when(at)),
     transform=lambda at: _changed(at, passed(at)),
+    of_parameter=True,
     source="an event: a part that slipped, seized, or was switched",
     look_alikes=("parameter_fade", "gain_jump", "offset_jump"),
 )
@@ -238,6 +240,7 @@ parameter_fade = replace(
         *_warmed(at),
     ),
     transform=lambda at: _changed(at, at.x.warm),
+    of_parameter=True,
     source="warming, wear, ageing",
     look_alikes=("parameter_jump", "gain_fade"),
 )
@@ -263,7 +266,8 @@ def _one_sided(at: Place) -> Own:
 
 
 def _bent(at: PortView) -> Expression:
-    along = (at.signals.over - at.p.middle) / at.p.reach
+    over = at.signals["over"] if "over" in at.signals else cofactor(ca.SX(at.value), at.subject)
+    along = (over - at.p.middle) / at.p.reach
     change = at.p.amount * (ca.cos(at.p.bend) * along + ca.sin(at.p.bend) * along**2)
     own = ca.SX(at.subject)
     # Iron that saturates: half where the change is all of it, never negative.
@@ -288,6 +292,7 @@ parameter_curve = Law(
     ),
     _bent,
     shapes=lambda at: [{"bend": 0.0}, {"bend": 0.5 * math.pi}],
+    of_parameter=True,
     source="saturating iron, warm windings, fields that fade at the ends of a travel",
     look_alikes=("parameter_fade", "parameter_jump", "cubic_stiffness"),
     separated_by="the same motion about several positions",

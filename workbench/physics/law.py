@@ -208,6 +208,7 @@ class Law:
         stiff: Whether it brings rates well beyond 1000 1/s.
         far: Whether its usual sizes are beyond where the derivative at size zero tells of them.
         whole: Whether the largest size is all that there can be.
+        of_parameter: Whether it changes a parameter of the model.
         downhill: Whether it acts at the first of its ports, the others only take what it gives off.
         same_as: Names of hypotheses that give the very same measurements, of a model and the
             place where the law acts.
@@ -240,6 +241,7 @@ class Law:
     stiff: bool = False
     far: bool = False
     whole: bool = False
+    of_parameter: bool = False
     downhill: bool = False
     same_as: Callable[[Survey, Place], tuple[str, ...]] = lambda *_: ()
     family: str = ""
@@ -352,6 +354,10 @@ class Law:
             for site in names
         )
 
+    def _subject(self, sites: tuple[Site, ...]) -> str:
+        changed = _first(sites).parameters if self.of_parameter else ()
+        return changed[0].name if changed else ""
+
     def _effect(
         self,
         sites: tuple[Site, ...],
@@ -385,7 +391,11 @@ class Law:
         def seen(at: PortView) -> PortView:
             number, index, place = sites_of[at.port]
             own = dict(at.signals)
-            found = {alias: q.value(own, at.known) for alias, q in place.signals.items()}
+            found = {
+                alias: q.value(own, at.known)
+                for alias, q in place.signals.items()
+                if not q.multiplied
+            }
             return replace(
                 at,
                 index=index,
@@ -418,7 +428,13 @@ class Law:
             ),
             rates=(lambda view: each(rates, view)) if rates else None,
             start=(lambda view: each(start, view)) if start else None,
-            about=About(self.equation, self.source, self.look_alikes, self.separated_by),
+            about=About(
+                self.equation,
+                self.source,
+                self.look_alikes,
+                self.separated_by,
+                self._subject(sites),
+            ),
             dry=self.dry,
         )
 

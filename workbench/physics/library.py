@@ -102,7 +102,8 @@ def _same(hypothesis: Hypothesis, attached: Effect, downhill: set[str]) -> bool:
         alike = hypothesis.law in attached.about.look_alikes
         if alike and hypothesis.effect.states and attached.states:
             return True
-    if hypothesis.effect.about.equation == attached.about.equation:
+    own, other = hypothesis.effect.about, attached.about
+    if own.equation == other.equation and own.subject == other.subject:
         if hypothesis.law in downhill:
             return hypothesis.ports[0] == attached.ports[0]
         return bool(set(hypothesis.ports) & set(attached.ports))

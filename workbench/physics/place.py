@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from workbench.errors import check_choice
 from workbench.model import Model, Output, Parameter, Port, State
+from workbench.model.cofactor import cofactor
 from workbench.model.quantities import Quantity
 from workbench.model.regularisation import Expression
 from workbench.model.units import powers, same_dimension
@@ -66,6 +67,11 @@ def difference(ahead: str, behind: str) -> str:
     return f"{ahead} - {behind}"
 
 
+def argument_of(parameter: str) -> str:
+    """Return the name under which the range of what a parameter multiplies is kept."""
+    return f"argument of {parameter}"
+
+
 def per(unit: str, divisor: str, power: float = 1) -> str:
     """Return the unit of a quantity per power of another one.
 
@@ -105,6 +111,8 @@ class Local:
         seen: Smallest and largest value along the recordings, in ``unit``; None if not known.
         minus: Name of a state that is subtracted: the place or speed of one body over another.
         sign: 1, or -1 where the signal of the port counts the other way, dimensionless.
+        multiplied: Whether it is what the parameter that changes multiplies, of which there is no
+            other name.
     """
 
     source: str
@@ -116,6 +124,7 @@ class Local:
     seen: tuple[float, float] | None = None
     minus: str = ""
     sign: float = 1.0
+    multiplied: bool = False
 
     def turned(self, sign: float) -> Local:
         """Return the signal as it is counted the other way, if the sign (a factor) is negative."""
@@ -591,18 +600,43 @@ class Survey:
         t, names = self.trace, [s.name for s in self.model.states]
         k = [p.name for p in self.model.parameters].index(q.name)
         ports = [port.name for port in t.ports]
-        slopes = [ca.jacobian(self._port_value(ports.index(at.name)), t.p[k]) for at in places]
+        index = [ports.index(at.name) for at in places]
+        slopes = [ca.jacobian(self._port_value(i), t.p[k]) for i in index]
         found = []
         for name in dict.fromkeys(self._measured.values()):
             other = [t.x[i] for i, n in enumerate(names) if n != name]
             rest = ca.vertcat(*other, t.u)
             if "." not in name and any(ca.depends_on(s, rest) for s in slopes):
                 found.append(self._of(name))
+        if argument := self._argument(q.name, slopes, [self._port_value(i) for i in index]):
+            found.append(argument)
         read = any(at.output for at in places)
         for i, u in enumerate(self.model.inputs):
             if read and any(ca.depends_on(s, t.u[i]) for s in slopes):
                 found.append(self._of(u.name))
         return tuple(found)
+
+    def _argument(
+        self, name: str, slopes: Sequence[ca.SX], values: Sequence[ca.SX]
+    ) -> Local | None:
+        """Return what a parameter multiplies where that is made of several signals, as a slip is.
+
+        Of a single state, of an input and of how far two states are apart other laws are curves.
+        """
+        t = self.trace
+        k = [p.name for p in self.model.parameters].index(name)
+        seen = self.ranges.get(argument_of(name))
+        found = [cofactor(value, t.p[k]) for value in values]
+        if seen is None or seen[0] == seen[1] or any(e is None for e in found):
+            return None
+        first = ca.SX(found[0])
+        others = [ca.is_equal(first, ca.SX(e), 8) for e in found[1:]]
+        signals = ca.vertcat(t.x, t.u)
+        many = sum(ca.depends_on(first, signals[i]) for i in range(signals.numel()))
+        apart = all(d.is_symbolic() for d in (first.dep(i) for i in range(first.n_dep())))
+        if not all(others) or many < 2 or apart or not ca.depends_on(first, t.x):
+            return None
+        return Local("argument", "1", _largest(seen), seen=seen, multiplied=True)
 
     @cached_property
     def _entering(self) -> tuple[tuple[Parameter, ...], ...]:

@@ -24,8 +24,9 @@ from workbench.diagnosis.estimation.refit import ENOUGH, refit
 from workbench.diagnosis.estimation.refit_result import Refit
 from workbench.errors import NumericalError
 from workbench.model import Model
+from workbench.model.cofactor import cofactor
 from workbench.model.model import index_of
-from workbench.physics.place import difference
+from workbench.physics.place import argument_of, difference
 
 LADDER = (3000.0, 300.0, 30.0, 3.0, 1.0, 0.3, 0.03, 0.003)
 """Process-noise scales that are tried, from a poor model to a perfect one."""
@@ -219,7 +220,8 @@ def ranges_along(
 ) -> dict[str, tuple[float, float]]:
     """Return smallest and largest value of every port and state along recordings, in SI.
 
-    With them those of the difference of each two states of the plant in one unit.
+    With them those of the difference of each two states of the plant in one unit, and of what each
+    refitted parameter multiplies.
 
     Those of a sensor's port are measured, all others follow from the filtered states. A few of the
     samples at each end are left out.
@@ -234,14 +236,24 @@ def ranges_along(
         if model.states[a].unit == model.states[b].unit
         and "." not in model.states[a].name + model.states[b].name
     ]
+    values_of = dict(zip(trace.signal_names, ca.vertsplit(trace.signals), strict=True))
+    entering = {
+        argument_of(q.name): [cofactor(values_of[port.name], trace.p[i]) for port in trace.ports]
+        for i, q in enumerate(model.parameters)
+        if q.fitted and "." not in q.name
+    }
+    arguments = {name: [e for e in each if e is not None] for name, each in entering.items()}
+    told = {name: each[0] for name, each in arguments.items() if each}
     seen: dict[str, list[Vector]] = {}
     for observed in recordings:
         filter_ = filter_of(model, observed, fit.noise_scale)
         every = max(1, len(observed.outputs) // _LOOKS)
         states = filter_.run(observed, model.values).states[::every]
-        signals = trace.along(states, observed.inputs[::every], model.values, trace.signals)[0]
+        along = trace.signals, ca.vcat([*told.values()] or [ca.SX(0, 1)])
+        signals, own = trace.along(states, observed.inputs[::every], model.values, *along)
         named = dict(zip(trace.signal_names, signals[:, :, 0].T, strict=True))
         named |= dict(zip((q.name for q in model.states), states.T, strict=True))
+        named |= dict(zip(told, own[:, :, 0].T, strict=True))
         named |= {
             difference(model.states[a].name, model.states[b].name): states[:, a] - states[:, b]
             for a, b in pairs

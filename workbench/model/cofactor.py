@@ -1,0 +1,36 @@
+"""What a parameter multiplies: the argument of a characteristic that is written as a product."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+
+def cofactor(expression: ca.SX, symbol: ca.SX) -> ca.SX | None:
+    """Find what a symbol multiplies or divides in an expression; None unless that is one thing.
+
+    Example:
+        >>> import casadi as ca
+        >>> k, x, y = (ca.SX.sym(n) for n in "kxy")
+        >>> cofactor(2.0 + k * (x - y), k), cofactor((x + y) / k, k)
+        (SX((x-y)), SX((x+y)))
+        >>> cofactor(k * x + k**2, k) is None
+        True
+    """
+    own, found, seen = symbol.element_hash(), list[ca.SX](), set[int]()
+    waiting = [e for e in expression.elements() if not e.is_constant()]
+    while waiting:
+        node = waiting.pop()
+        if node.is_symbolic() or node.is_constant() or node.element_hash() in seen:
+            continue
+        seen.add(node.element_hash())
+        parts = [node.dep(i) for i in range(node.n_dep())]
+        mine = [part.is_symbolic() and part.element_hash() == own for part in parts]
+        if any(mine):
+            product = node.op() == ca.OP_MUL and not all(mine)
+            if not product and not (node.op() == ca.OP_DIV and not mine[0]):
+                return None
+            found.append(parts[mine.index(False)])
+        waiting += [part for part, is_it in zip(parts, mine, strict=True) if not is_it]
+    if not found or not all(ca.is_equal(other, found[0], 8) for other in found[1:]):
+        return None
+    return found[0]
