@@ -6,7 +6,7 @@ import casadi as ca
 
 
 def cofactor(expression: ca.SX, symbol: ca.SX) -> ca.SX | None:
-    """Find what a symbol multiplies or divides in an expression; None unless that is one thing.
+    """Find what a symbol multiplies or divides in an expression, any unit; None unless it is one.
 
     Example:
         >>> import casadi as ca

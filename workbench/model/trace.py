@@ -152,7 +152,9 @@ class Trace:
         function = self.function("along", *map(ca.densify, expressions)).map(n)
         p = parameters.T if parameters.ndim == 2 else np.tile(parameters[:, None], (1, n))
         return [
-            np.asarray(values, dtype=float).reshape(values.shape[0], n, -1).transpose(1, 0, 2)
+            np.asarray(values, dtype=float)
+            .reshape(values.shape[0], n, values.shape[1] // n)
+            .transpose(1, 0, 2)
             for values in function.call([states.T, inputs.T, p])
         ]
 
