@@ -41,6 +41,7 @@ from workbench.diagnosis.selection.rules import (
     LEAST_OF_REST,
     LEAST_SHOWN,
     NEAR_NOISE,
+    SAME,
     Limits,
     selection_penalty,
 )
@@ -258,8 +259,8 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
         if without is None:
             continue
         base, free = without
-        if base.cost - state.extended.cost < _least(scored, base, number):
-            # The others make it needless: it goes, and nothing comes in its place.
+        if base.cost - state.extended.cost < SAME.value:
+            # The others leave nothing to it: it goes, and nothing comes in its place.
             continue
         task.say(f"choosing again beside what was found since {found.candidate.name}")
         begun = task.started(task.fitting, base.model)
