@@ -6,6 +6,7 @@ import hashlib
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypedDict, TypeVar
 
@@ -137,14 +138,19 @@ def stages(
     model, noise = with_correlated_noise(model, both)
     for note in (*notes, *(row["note"] for row in (*rows, *noise))):
         say(note)
-
-    def run(model: Model, data: Sequence[Row], folder: Path | None) -> Iterator[Diagnosis]:
-        return _stages(
-            model, fit_on, hold_out, data, entries, extra, priors, jobs, advise, folder, say
-        )
-
+    run = partial(
+        _stages,
+        fit_on=fit_on,
+        hold_out=hold_out,
+        entries=entries,
+        extra=extra,
+        priors=priors,
+        jobs=jobs,
+        advise=advise,
+        say=say,
+    )
     found = None
-    for found in run(model, (*rows, *noise), folder):
+    for found in run(model, rows=(*rows, *noise), folder=folder):
         if found.verdict is None:
             yield found
     assert found is not None
@@ -152,7 +158,8 @@ def stages(
         other, noise = with_correlated_noise(model, both, _left(found))
         if noise:
             say("searching again beside noise that is correlated")
-            for again in run(other, (*rows, *noise), folder and folder / "correlated_noise"):
+            own = folder and folder / "correlated_noise"
+            for again in run(other, rows=(*rows, *noise), folder=own):
                 if again.verdict is None:
                     yield again
             found = again if _explained(again) else found
@@ -180,6 +187,7 @@ def _left(found: Diagnosis) -> dict[str, Leftover]:
 
 def _stages(
     model: Model,
+    *,
     fit_on: Sequence[Recording],
     hold_out: Sequence[Recording],
     rows: Sequence[Row],

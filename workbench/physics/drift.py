@@ -10,7 +10,6 @@ import casadi as ca
 
 from workbench.errors import TIMES_S
 from workbench.model import Parameter, PortView, State
-from workbench.model.cofactor import cofactor
 from workbench.model.regularisation import Expression
 from workbench.model.scope import EffectView
 from workbench.physics.law import (
@@ -266,8 +265,7 @@ def _one_sided(at: Place) -> Own:
 
 
 def _bent(at: PortView) -> Expression:
-    over = at.signals["over"] if "over" in at.signals else cofactor(ca.SX(at.value), at.subject)
-    along = (over - at.p.middle) / at.p.reach
+    along = (at.signals.over - at.p.middle) / at.p.reach
     change = at.p.amount * (ca.cos(at.p.bend) * along + ca.sin(at.p.bend) * along**2)
     own = ca.SX(at.subject)
     # Iron that saturates: half where the change is all of it, never negative.

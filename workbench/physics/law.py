@@ -13,6 +13,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
+import casadi as ca
+
 from workbench.errors import WorkbenchError, check_choice
 from workbench.model import (
     About,
@@ -24,6 +26,7 @@ from workbench.model import (
     PortView,
     State,
 )
+from workbench.model.cofactor import cofactor
 from workbench.model.regularisation import Expression
 from workbench.physics.hypothesis import Group, Hypothesis
 from workbench.physics.place import DRIVES, Place, Survey, unknown_place
@@ -390,19 +393,20 @@ class Law:
 
         def seen(at: PortView) -> PortView:
             number, index, place = sites_of[at.port]
-            own = dict(at.signals)
+            subject = at.parameters[place.parameters[0].name] if place.parameters else None
             found = {
-                alias: q.value(own, at.known)
+                alias: cofactor(ca.SX(at.value), ca.SX(subject))
+                if q.multiplied
+                else q.value(at.signals, at.known)
                 for alias, q in place.signals.items()
-                if not q.multiplied
             }
             return replace(
                 at,
                 index=index,
-                signals=Names(f"signal at port {at.port}", own | found),
+                signals=Names(f"signal at port {at.port}", {**at.signals, **found}),
                 x=_numbered(at.x, number) if several else at.x,
                 scale=place.scale,
-                subject=at.parameters[place.parameters[0].name] if place.parameters else None,
+                subject=subject,
             )
 
         def each(function: Rates, view: EffectView) -> Mapping[str, Expression]:

@@ -151,10 +151,10 @@ def resample(
     """Return a recording on another time base.
 
     Commands and references keep their value until the next sample (zero-order hold), measurements
-    are interpolated by straight lines; of uneven steps a command has its mean between two instants,
-    a measurement comes from the nearest sample; where it is missing a line
-    bridges it, which is excluded. If the new step is more than 1.2 times the old one
-    measurements are low-passed at 0.4 of the new rate before, so that nothing folds down.
+    are interpolated by straight lines. Of uneven steps a command has its mean between two instants,
+    and a measurement comes from the nearest sample. Where one is missing a line bridges the gap,
+    which is excluded. If the new step is more than 1.2 times the old one measurements are
+    low-passed at 0.4 of the new rate before, so that nothing folds down.
 
     Args:
         rate_Hz: Rate of a uniform time base that starts at the first sample.
