@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -17,6 +18,7 @@ from workbench.model import (
     Scope,
     State,
 )
+from workbench.model.cofactor import cofactor
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
 
@@ -278,3 +280,13 @@ def test_an_accelerometer_feels_what_acts_at_a_rate(tilted: bool) -> None:
     assert more == pytest.approx([0.0, 3.0])
     seen = np.subtract(pushed.read(x, u), cabin.read(x, u))
     assert seen == pytest.approx([1.5 if tilted else 3.0, 0.0, 0.0])
+
+
+def test_a_parameter_that_multiplies_two_things_has_no_argument() -> None:
+    k, x, y = (ca.SX.sym(name) for name in "kxy")
+    found = cofactor(k * x + 1.0, k)
+    assert found is not None
+    assert ca.is_equal(found, x)
+    assert cofactor(k * x + k * y, k) is None
+    assert cofactor(x / k - y, k) is not None
+    assert cofactor(k / x, k) is None

@@ -12,9 +12,15 @@ from scipy.linalg import expm, toeplitz
 from scipy.signal import lfilter
 
 from workbench.diagnosis.diagnose import diagnose
-from workbench.diagnosis.estimation.noise_colour import follows, with_correlated_noise
+from workbench.diagnosis.estimation.noise_colour import (
+    follows,
+    leftovers,
+    with_correlated_noise,
+)
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import PredictionError
+from workbench.diagnosis.estimation.priors import default_priors
+from workbench.diagnosis.estimation.start import fit_with_likely_starts
 from workbench.diagnosis.verdict import Verdict
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
@@ -53,14 +59,24 @@ def drum() -> Model:
     )
 
 
-def _recorded(name: str, seed: int, *, drag: float = 0.0) -> Recording:
-    """Return what SciPy gives, with noise of both sensors that is correlated over 0.1 s."""
+def _slow(n: int, rng: np.random.Generator) -> npt.NDArray[np.float64]:
+    return np.asarray(lfilter([1.0], [1.0, -0.97], rng.normal(size=n)))
+
+
+def _recorded(name: str, seed: int, *, drag: float = 0.0, pulled: float = 0.0) -> Recording:
+    """Return what SciPy gives, with noise of both sensors that is correlated over 0.1 s.
+
+    Args:
+        drag: Dry friction, in N m.
+        pulled: Torque that nobody reads, rms of about four times it, in N m.
+    """
     rng = np.random.default_rng(seed)
+    unread = pulled * _slow(SAMPLES, np.random.default_rng(seed + 100))
     torque = np.repeat(rng.uniform(-3.0, 3.0, SAMPLES // 40 + 1), 40)[:SAMPLES]
     a = np.array([[-0.17 / 0.025, 0.13 / 0.025], [0.13 / 0.05, -0.13 / 0.05]])
     x, rows, parts = np.zeros(2), [], 10
     kept = expm(np.block([[a, np.eye(2)], [np.zeros((2, 4))]]) * INTERVAL / parts)
-    for u in torque:
+    for u in torque + unread:
         rows.append(x.copy())
         for _ in range(parts):
             rub = drag * np.tanh(x[0] / 0.05)
@@ -160,24 +176,32 @@ def test_friction_is_found_beside_correlated_noise() -> None:
     assert level.value == pytest.approx(16.0, rel=0.1)
 
 
-def test_what_follows_the_input_is_no_noise() -> None:
-    fitting = [_recorded("fit", 1, drag=0.4), _recorded("judge", 2, drag=0.4)]
+@pytest.mark.parametrize("drag", [0.06, 0.4])
+def test_what_follows_the_input_is_no_noise(drag: float) -> None:
     model = drum()
-    assert with_correlated_noise(model, fitting)[0] is model
+    read = [_recorded("fit", 1, drag=drag), _recorded("judge", 2, drag=drag)]
+    assert with_correlated_noise(model, read)[0] is model
+
+
+def test_what_lasts_as_long_as_a_response_is_no_noise() -> None:
+    model = drum()
+    read = [_recorded("fit", 1, pulled=0.01), _recorded("judge", 2, pulled=0.01)]
+    fit, seen = fit_with_likely_starts(
+        model, [observe(model, r) for r in read], default_priors(model)
+    )
+    left = {n: replace(x, rest=x.errors) for n, x in leftovers(fit, model, seen).items()}
+    assert with_correlated_noise(model, read, left)[0] is model
 
 
 def test_errors_that_follow_a_signal_are_told_from_those_that_do_not() -> None:
     rng = np.random.default_rng(3)
-
-    def slow(n: int) -> npt.NDArray[np.float64]:
-        return np.asarray(lfilter([1.0], [1.0, -0.97], rng.normal(size=n)))
-
     chances = []
     for _ in range(200):
-        error, regressors = slow(800), np.column_stack([slow(800) for _ in range(12)])
+        error = _slow(800, rng)
+        regressors = np.column_stack([_slow(800, rng) for _ in range(12)])
         chances.append(follows([error], [regressors])[0])
     # Probabilities of what is there by chance are uniform, however slow the signals are.
     assert 0.35 < np.mean(chances) < 0.65
     assert np.mean(np.array(chances) < 0.05) < 0.12
-    signal = slow(800)
-    assert follows([slow(800) + 0.5 * signal], [signal[:, None]])[0] < 1e-6
+    signal = _slow(800, rng)
+    assert follows([_slow(800, rng) + 0.5 * signal], [signal[:, None]])[0] < 1e-6
