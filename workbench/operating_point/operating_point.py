@@ -181,10 +181,7 @@ def operating_point(
             with suppress(WorkbenchError):
                 return operating_point(model, {name: float(held[0])}, bounds=bounds, near=near)
         raise _impossible(problem, solution)
-    clocks = [model.states[i].name for i in clocks_of(model)]
-    open_ = tuple(name for name in solution.undetermined if name not in clocks)
-    solution = replace(solution, undetermined=open_)
-    if any("." in name for name in open_):
+    if any("." in name for name in solution.undetermined):
         solution = _with_effects_at_start(problem, solution, x, u)
     _snap(model, wanted, solution)
     values = derivatives_of(model, EXACT).values(solution.x, solution.u, model.values)

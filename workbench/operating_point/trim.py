@@ -263,8 +263,10 @@ class _Equations:
         null = right[len(kept) :]
         open_ = tuple(
             name
-            for name, share in zip(names, np.sqrt((null**2).sum(axis=0)), strict=False)
-            if share > 0.1
+            for name, share, free in zip(
+                names, np.sqrt((null**2).sum(axis=0)), self.lower < self.upper, strict=False
+            )
+            if share > 0.1 and free
         )
         full = z * self.size
         worst = int(np.argmax(np.abs(error)))
