@@ -244,13 +244,13 @@ class Plant:
 
         By default the first that no command moves within the sample, as it does an acceleration.
         """
-        if self.controlled or len(model.outputs) < 2:
-            return self.controlled or tuple(q.name for q in model.outputs)
-        trace, commands = model.exact, {q.name for q in model.commands}
-        moved = [trace.u[i] for i, q in enumerate(model.inputs) if q.name in commands]
-        at_once = ca.which_depends(trace.outputs, ca.vertcat(*moved), 1, True) if moved else []
-        late = [q.name for q, now in zip(model.outputs, at_once, strict=bool(moved)) if not now]
-        return (*late, model.outputs[0].name)[:1]
+        names = tuple(q.name for q in model.outputs)
+        commands = [i for i, q in enumerate(model.inputs) if q.commanded]
+        if self.controlled or len(names) < 2 or not commands:
+            return self.controlled or names[:1]
+        at_once = ca.which_depends(model.exact.outputs, model.exact.u[commands], 1, True)
+        late = [name for name, now in zip(names, at_once, strict=True) if not now]
+        return (*late, *names)[:1]
 
     def __str__(self) -> str:
         """Return what may be chosen, one option per line."""
