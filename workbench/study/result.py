@@ -112,6 +112,11 @@ class StudyResult(Drawn):
         return tuple(r for r in self.robustness if r.missed)
 
     @property
+    def judged(self) -> bool:
+        """Whether anything was held against a requirement, or against a baseline."""
+        return bool(self.judgements) or self.baseline is not None
+
+    @property
     def passed(self) -> bool:
         """Whether nothing failed, nothing hard is missed, and nothing is worse or weaker."""
         return not (self.failed or self.missed or self.worse or self.fragile or self.weakened)
@@ -170,9 +175,8 @@ class StudyResult(Drawn):
 
     def verdict(self) -> str:
         """Return "passed", "failed" or "nothing required", with what a pass leaves open."""
-        said = ["passed" if self.passed else "failed"]
-        if self.passed and not self.judgements and self.baseline is None:
-            said = ["nothing required"]
+        passed = "passed" if self.judged else "nothing required"
+        said = [passed if self.passed else "failed"]
         if self.box_missed:
             said.append("box missed")
         if self.weakened:

@@ -35,8 +35,7 @@ LONGEST = 60_000
 def summary(outcome: StudyResult) -> str:
     """Write the outcome as Markdown."""
     study = outcome.study
-    told = bool(outcome.judgements) or outcome.baseline is not None
-    mark = ("✅ " if told else "") if outcome.passed else "❌ "
+    mark = ("✅ " if outcome.judged else "") if outcome.passed else "❌ "
     headline = escaped(f"{study.name} {outcome.verdict()}: {outcome.headline()}")
     lines = [f"## {mark}{headline}", ""]
     lines += _scores(outcome)
