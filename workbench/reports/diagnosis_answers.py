@@ -58,11 +58,8 @@ def _named(finding: Finding) -> str:
     """Return the name of what was found, with its size: the first of its parameters."""
     name = plain(finding.effect or "")
     for parameter, size in finding.parameters.items():
-        unit = readably(0.0, size.unit, size.shown)[1]
-        value, std = (
-            number(readably(x, size.unit, size.shown)[0], digits)
-            for x, digits in ((size.value, 3), (size.std, 2))
-        )
+        factor, unit = readably(1.0, size.unit, size.shown)
+        value, std = (number(factor * x, digits) for x, digits in ((size.value, 3), (size.std, 2)))
         return f"{name}, {plain(parameter)} {value} ± {std} {unit}".removesuffix(" 1")
     return name
 

@@ -127,10 +127,9 @@ def _held_out(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
         )
     ]
     for i, (title, refitted) in enumerate(diagnosis.runs["refitted"].items()):
-        runs = [r for r in (refitted, extended.get(title)) if r is not None]
-        run, after = (*(as_read(model, r) for r in runs), None)[:2]
-        error, less = (*(as_read(model, r, errors=True) for r in runs), None)[:2]
-        assert run is not None and error is not None
+        later = extended.get(title)
+        run, error = (as_read(model, refitted, errors=e) for e in (False, True))
+        after, less = (later and as_read(model, later, errors=e) for e in (False, True))
         name = _plain_title(title)
         blocks += [
             Picture(

@@ -221,14 +221,13 @@ def diagnosis_answer(
     """
     heights = [1.7, 1.3] if located is None else [1.5, 1.2, 1.7]
     figure, panels = new_figure(heights, share_x=False)
-    first, then = (run and as_read(model, run) for run in (before, after))
-    assert first is not None
+    first, then = as_read(model, before), after and as_read(model, after)
     draw_run(panels[0], first, then, 0, farthest_off(first))
     label(panels[0], x="time in s, where the refitted model is farthest off")
-    first, then = (run and as_read(model, run, errors=True) for run in (before, after))
-    assert first is not None
-    draw_error(panels[1], first, sizes_as_read(model, noise), then, 0)
-    label(panels[1], x="time in s", y=f"error in {readable(first.units[0])[0]}")
+    error = as_read(model, before, errors=True)
+    less = after and as_read(model, after, errors=True)
+    draw_error(panels[1], error, sizes_as_read(model, noise), less, 0)
+    label(panels[1], x="time in s", y=f"error in {readable(error.units[0])[0]}")
     key(panels[0], columns=3, handles=run_key(after))
     if located is not None:
         _draw_law(panels[2], located)
