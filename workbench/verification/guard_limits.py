@@ -177,7 +177,7 @@ def _curve(
 ) -> tuple[Vector, Vector]:
     """Return commands, and those that do the same along straight lines, shape (n_inputs, n)."""
     values = np.linspace(-1.0, 1.0, 81)
-    commands, entered = np.zeros((len(curves), 81)), np.zeros((len(curves), 81))
+    commands, entered = np.zeros((2, len(curves), len(values)))
     for curve in curves:
         i, k = places_of(point.model, curve)
         off = straight.u[k] - straight.x[i]
