@@ -36,7 +36,6 @@ from workbench.physics.library import Hypothesis
 from workbench.work.processes import Call, in_order
 
 _FINALISTS = 4
-
 _MOST_SENSORS = 2
 
 _FIELD = 12
