@@ -20,7 +20,7 @@ from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
-    from workbench.model import Input, Model
+    from workbench.model import Input, Model, Output
     from workbench.study.designs import ControllerRecipe
     from workbench.study.study import Demand, Study
     from workbench.verification import Scenario
@@ -174,7 +174,9 @@ def step_of(
     own = name == chosen.plant.controlled_outputs(chosen.model)[0]
     # A size that nobody declared is all that the inputs bring about, from end to end.
     size = (
-        about.scale if about.sized else _reached(chosen.model, name, y0[name], 0.25 * about.scale)
+        about.scale
+        if about.sized
+        else _reached(chosen.model, about, y0[name], _command_of_loop(linear, name))
     )
     first, last = (own and chosen.plant.step) or (y0[name], y0[name] + size)
     levels = [
@@ -203,14 +205,16 @@ def step_of(
     return replace(asked, references=dict(sorted({**asked.references, **others}.items())))
 
 
-def _reached(model: Model, name: str, start: float, size: float) -> float:
+def _reached(model: Model, output: Output, start: float, command: str) -> float:
     """Return a step, halved until the plant rests behind it with what one loop commands."""
     from workbench.operating_point import operating_point
 
+    size = 0.25 * output.scale
     for halvings in range(6):
         part = 0.5**halvings * size
+        at = ((output.name, start + part),)
         with suppress(WorkbenchError):
-            operating_point(model, dict(_as_the_loop_rests(model, ((name, start + part),))))
+            operating_point(model, dict(_as_the_loop_rests(model, at, command)))
             return part
     return size
 
@@ -275,15 +279,10 @@ def _stated(base: ControllerRecipe, names: Sequence[str]) -> float | None:
 
 
 def _as_the_loop_rests(
-    model: Model, at: tuple[tuple[str, float], ...], command: str = ""
+    model: Model, at: tuple[tuple[str, float], ...], command: str
 ) -> tuple[tuple[str, float], ...]:
-    """Hold what a single loop does not command at its nominal value, where the loop leaves it.
-
-    Args:
-        command: What it commands; by default the first command.
-    """
-    used = command or next((q.name for q in model.commands), "")
-    idle = [q for q in model.inputs if q.name != used and q.name not in dict(at)]
+    """Hold what a single loop does not command at its nominal value, where the loop leaves it."""
+    idle = [q for q in model.inputs if q.name != command and q.name not in dict(at)]
     room = len(model.inputs) - len(at) if at else 0
     return (*at, *((q.name, q.nominal) for q in idle[: max(room, 0)]))
 
@@ -307,17 +306,16 @@ def recipes_of(
 
     linear = base.linear()
     model, measured = linear.operating_point.model, next(iter(scenario.references))
-    # The first command is declared for the first output.
-    several = len(model.commands) > 1 and measured != model.outputs[0].name
-    taken = _strongest(linear, measured) if several else ""
-    if taken:
-        told = (*told, ("actuator", taken))
+    taken = _command_of_loop(linear, measured)
+    other = taken if taken and taken != model.commands[0].name else ""
+    if other:
+        told = (*told, ("actuator", other))
     held = _as_the_loop_rests(model, base.at, taken)
     one = {n: d for n, d in DESIGNS.members().items() if d.needs == "linear"}
     for name in names:
         if (design := DESIGNS.get(name, folder=Path.cwd())).needs != "linear":
             check_choice("controller", design.name, one)
-    only_measured = [q.name for q in linear.operating_point.model.inputs if not q.commanded]
+    only_measured = [q.name for q in model.inputs if not q.commanded]
     found: list[ControllerRecipe] = []
     partly: list[ControllerRecipe] = []
     refused: dict[str, list[str]] = {}
@@ -341,32 +339,30 @@ def recipes_of(
     if partly and not found:
         # Of designs that nobody asked for, those that command every input come first.
         typer.echo(f"what a design does not command rests, such as {', '.join(idle)}", err=True)
-        _tell_taken(taken, measured)
-        return partly
+        found = partly
     if not found:
         raise WorkbenchError(
-            f"no design of the workbench fits {linear.operating_point.model.name!r}; give one of"
-            " your own with --controller module:function"
+            f"no design of the workbench fits {model.name!r}; give one of your own with"
+            " --controller module:function"
         )
-    if any(made.specification[: len(told)] == told for made in found):
-        _tell_taken(taken, measured)
+    if other and any(made.specification == told for made in found):
+        typer.echo(f"a single loop commands {other}, which acts most on {measured}", err=True)
     return found
 
 
-def _tell_taken(command: str, measured: str) -> None:
-    if command:
-        typer.echo(f"a single loop commands {command}, which acts most on {measured}", err=True)
+def _command_of_loop(linear: LinearModel, measured: str) -> str:
+    """Return what a single loop commands: for the first output the first, else the strongest.
 
-
-def _strongest(linear: LinearModel, measured: str) -> str:
-    """Return the command whose range moves an output most in the time that a step takes.
-
-    The gain is abs(C (i w - A)^-1 B + D) at w = 1 / `step_time`, times what the command may change.
+    The strongest is that whose range moves the output most in the time that a step takes: by its
+    gain abs(C (i w - A)^-1 B + D) at w = 1 / `step_time`, times what the command may change.
     """
     import numpy as np
 
     from workbench.linearisation.pace import step_time
 
+    model = linear.operating_point.model
+    if len(model.commands) < 2 or measured == model.outputs[0].name:
+        return next((q.name for q in model.commands), "")
     row = linear.output_names.index(measured)
     pole = 1j / step_time(linear) * np.eye(len(linear.A)) - linear.A
     gain = np.abs(linear.C[row] @ np.linalg.solve(pole, linear.B) + linear.D[row])
@@ -376,4 +372,4 @@ def _strongest(linear: LinearModel, measured: str) -> str:
         size = span if math.isfinite(span) else command.scale
         return float(size * gain[linear.input_names.index(command.name)])
 
-    return max(linear.operating_point.model.commands, key=moved).name
+    return max(model.commands, key=moved).name
