@@ -109,11 +109,12 @@ def test_gains_that_a_design_reads_from_elsewhere_are_seen(tmp_path: Path, jobs:
     assert kept_run(store_of(study, tmp_path / "out"), task) is None
 
 
+@pytest.mark.parametrize("edited", ["module", "gains"])
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_a_module_that_is_edited_between_two_studies_of_a_session(
-    tmp_path: Path, jobs: int
+def test_what_is_edited_between_two_studies_of_a_session(
+    tmp_path: Path, jobs: int, edited: str
 ) -> None:
-    own = tmp_path / f"edited_with_{jobs}.py"
+    own, gains = tmp_path / f"{edited}_edited_with_{jobs}.py", tmp_path / "gains.txt"
     by_hand = (
         'design = "pid"\nspecification = { bandwidth = 30.0 }',
         f'design = "{own.stem}:design"',
@@ -121,11 +122,16 @@ def test_a_module_that_is_edited_between_two_studies_of_a_session(
     place = small_study(tmp_path, by_hand)
 
     def rmse(bandwidth: float) -> tuple[list[float], list[str]]:
-        own.write_text(
+        gains.write_text(str(bandwidth))
+        given = bandwidth if edited == "module" else f"float(Path({str(gains)!r}).read_text())"
+        text = (
+            "from pathlib import Path\n"
             "from controllers.pid import PIDSpecification, design_pid\n"
             "def design(linear, specification):\n"
-            f"    return design_pid(linear, PIDSpecification(bandwidth={bandwidth}))\n"
+            f"    return design_pid(linear, PIDSpecification(bandwidth={given}))\n"
         )
+        if not own.exists() or own.read_text() != text:
+            own.write_text(text)
         said: list[str] = []
         study = load_study(place)
         workers = Workers(store_of(study, tmp_path / "out"), jobs=jobs)
