@@ -162,6 +162,14 @@ def test_an_estimate_that_runs_away_starts_anew(mpc: NonlinearMPC, size: float) 
     assert info["fallback"] == 0.0 and math.isfinite(voltage)
 
 
+def test_an_estimate_that_may_be_anywhere_starts_anew(mpc: NonlinearMPC) -> None:
+    y = (math.radians(30), 4.2e5, 4.2e5)
+    state = mpc.initial_state(y)
+    anywhere = state._replace(covariance=1e12 * np.eye(len(state.covariance)))
+    _, after, info = mpc.step(anywhere, y, (math.radians(33),))
+    assert info["fallback"] == 1.0 and after.covariance.max() <= state.covariance.max()
+
+
 @pytest.mark.filterwarnings("error")
 def test_measurements_that_no_plant_has_leave_numbers(mpc: NonlinearMPC) -> None:
     y, state = (math.radians(30), 4.2e5, 4.2e5), mpc.initial_state((math.radians(30), 4.2e5, 4.2e5))

@@ -125,6 +125,7 @@ def test_a_long_move_is_planned_anew_half_way_for_a_joint_that_is_behind() -> No
     half = int(0.5 * duration / H)
     jumps = np.abs(np.diff(late[:, 0]) - H * late[1:, 1])
     assert jumps.max() == pytest.approx(0.1 * late[half, 0], rel=0.15)
+    assert late[half + 1, 1] == pytest.approx(0.9 * late[half, 1], rel=1e-3)
     # A short move is not.
     short = replace(own, renewal=1.0)
     state = short.start(0.0)
