@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -11,6 +12,9 @@ import pytest
 
 from controllers.angle_stiffness import Air, AngleStiffness, design_angle_stiffness
 from controllers.arithmetic import FLOATS, SYMBOLS
+from controllers.guard import Guarded
+from tests.controllers.in_c import InC
+from tests.controllers.test_fault_campaign import check
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linearise
 from workbench.model import Model
@@ -153,17 +157,40 @@ def test_a_model_with_one_valve_is_refused(linear: LinearModel) -> None:
         design_angle_stiffness(linear)
 
 
+LATE = SignalFault(0.56, "deadline", "missing", until=0.66)
+
+
+def guarded_move(both: AngleStiffness, plant: Model) -> tuple[Guarded, Scenario]:
+    """Return the guarded law, and a move of the angle at one mean pressure."""
+    law = guarded(both, plant, at={"angle": math.radians(30), "mean_pressure": 3e5})
+    move = step_scenario("angle", 20, 40, unit="deg", hold=0.8)
+    mean = {"mean_pressure": Steps((0.0,), (3e5,))}
+    return law, replace(move, references={**move.references, **mean}, settle=0.1)
+
+
 @pytest.mark.parametrize("begin", [0.56, 0.583, 0.61])
 def test_deadlines_missed_in_a_move_end_before_the_stop(
-    both: AngleStiffness, two_valves: Model, begin: float
+    both: AngleStiffness, two_valves: Model, begin: float, tmp_path: Path
 ) -> None:
-    at = {"angle": math.radians(30), "mean_pressure": 3e5}
-    law = guarded(both, two_valves, at=at)
-    move = step_scenario("angle", 20, 40, unit="deg", hold=0.8)
-    late = SignalFault(begin, "deadline", "missing", until=begin + 0.1)
-    mean = {"mean_pressure": Steps((0.0,), (3e5,))}
-    move = replace(move, references={**move.references, **mean}, settle=0.1, faults=(late,))
-    done = verify(law, two_valves, move)
+    law, move = guarded_move(both, two_valves)
+    late = replace(LATE, time=begin, until=begin + 0.1)
+    done = verify(law, two_valves, replace(move, faults=(late,)))
     assert done["angle"].max() < math.radians(55.0)
     assert done["angle"][-1] == pytest.approx(math.radians(40.0), abs=math.radians(0.1))
     assert done.infos[-1].get("guard", "clear") == "clear"
+    check(done, law, InC(law, tmp_path))
+
+
+def test_what_jumps_after_missed_deadlines_is_seen_by_each_valve_s_own_curve(
+    both: AngleStiffness, two_valves: Model, tmp_path: Path
+) -> None:
+    law, move = guarded_move(both, two_valves)
+    own = law.guard.estimator
+    assert own is not None
+    # The shipped valves are alike; a second one of another gain is not.
+    other = replace(own, curve_entered=own.curve_entered * [[1.0], [0.8]])
+    law = Guarded(law.controller, replace(law.guard, estimator=other))
+    spike = SignalFault(0.68, "angle", "offset", 0.5, until=0.682)
+    done = verify(law, two_valves, replace(move, faults=(LATE, spike)))
+    assert "jump" in {str(info.get("guard")) for info in done.infos}
+    check(done, law, InC(law, tmp_path))
