@@ -263,3 +263,35 @@ def test_a_step_is_of_what_no_command_moves_at_once(
     lines = capsys.readouterr().err.splitlines()
     reason = [line for line in lines if "within the sample" in line]
     assert len(reason) == 1 and "lqi" in reason[0] and "plain-pid" in reason[0]
+
+
+BOILER = """
+from workbench.model import Input, Model, Output, Parameter, State
+
+def boiler():
+    return Model(
+        "boiler",
+        lambda m: (
+            {"warmth": m.port("boiler.heat", m.u.heater, unit="W") / m.p.capacity},
+            {"warmth": m.x.warmth, "level": 0.1 * m.x.warmth},
+        ),
+        states=(State("warmth", "Kelvins"),),
+        inputs=(Input("heater", "kW"), Input("pump", "m3/s", display_unit="bar")),
+        outputs=(Output("warmth", "K"), Output("level", "inchess")),
+        parameters=(Parameter("capacity", "J/K", value=5e3),),
+    )
+"""
+
+
+def test_all_wrong_units_of_a_plant_are_told_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "boilers.py").write_text(BOILER, encoding="utf-8")
+    assert run(["linearise", "--plant", "boilers:boiler"]) == WRONG_USE
+    (told,) = capsys.readouterr().err.splitlines()
+    for name, why in (
+        ("warmth", "'Kelvins'"), ("heater", "'kW'"), ("pump", "'bar'"), ("level", "'inchess'"),
+    ):  # fmt: skip
+        assert any(name in part and why in part for part in told.split("; "))
+    assert told.count("known: the units") == 1

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 
 from workbench.errors import WorkbenchError
 from workbench.model.units import (
+    KNOWN,
     in_symbols,
     of_difference,
     parse_unit,
@@ -15,6 +18,39 @@ from workbench.model.units import (
     same_dimension,
     shown_unit,
 )
+
+_REFUSED: ContextVar[list[str] | None] = ContextVar("refused", default=None)
+"""Why units were refused, while they are collected."""
+
+
+@contextmanager
+def units_together() -> Iterator[None]:
+    """Refuse the units of all quantities that are declared inside at once.
+
+    Raises:
+        WorkbenchError: With a reason for each quantity, instead of for the first one.
+
+    Example:
+        >>> with units_together():
+        ...     State("level", "metre/minut"), Input("heat", "kW")
+        Traceback (most recent call last):
+            ...
+        workbench.errors.WorkbenchError: level: unit 'm/minut' ...; heat is declared in 'kW'; ...
+    """
+    refused: list[str] = []
+    token = _REFUSED.set(refused)
+    try:
+        yield
+    except Exception:
+        # What a placeholder for a unit leads to tells nothing.
+        if not refused:
+            raise
+    finally:
+        _REFUSED.reset(token)
+    if refused:
+        own = list(dict.fromkeys(reason.removesuffix(KNOWN) for reason in refused))
+        tail = KNOWN if any(reason.endswith(KNOWN) for reason in refused) else ""
+        raise WorkbenchError("; ".join(own) + tail)
 
 
 @dataclass(frozen=True)
@@ -40,7 +76,25 @@ class Quantity:
             raise WorkbenchError(
                 f"quantity name {self.name!r} may hold letters, digits, underscores and dots only"
             )
-        unit = parse_unit(self.unit)
+        try:
+            self._check_units()
+        except WorkbenchError as error:
+            refused = _REFUSED.get()
+            if refused is None:
+                raise
+            refused.append(str(error))
+            for name in ("unit", "display_unit"):
+                object.__setattr__(self, name, "1")
+        if not (math.isfinite(self.scale) and self.scale >= 0):
+            raise WorkbenchError(
+                f"scale of {self.name} is {self.scale!r}; give a positive typical size"
+            )
+
+    def _check_units(self) -> None:
+        try:
+            unit = parse_unit(self.unit)
+        except WorkbenchError as error:
+            raise WorkbenchError(f"{self.name}: {error}") from None
         object.__setattr__(self, "unit", in_symbols(self.unit))
         if not math.isclose(unit.factor, 1.0) or unit.offset:
             size = (
@@ -52,10 +106,6 @@ class Quantity:
                 f"{self.name} is declared in {self.unit!r}; quantities of a model are in SI units,"
                 f" convert it ({size}); an input or output is still read in {self.unit} with"
                 f" display_unit={self.unit!r}"
-            )
-        if not (math.isfinite(self.scale) and self.scale >= 0):
-            raise WorkbenchError(
-                f"scale of {self.name} is {self.scale!r}; give a positive typical size"
             )
 
 
@@ -89,9 +139,9 @@ class Channel(Quantity):
 
     display_unit: str = field(default="", kw_only=True)
 
-    def __post_init__(self) -> None:
-        """Check the quantity and fall back to the SI unit for display."""
-        super().__post_init__()
+    def _check_units(self) -> None:
+        """Check both units; the SI unit is the default for display."""
+        super()._check_units()
         if not self.display_unit:
             object.__setattr__(self, "display_unit", self.unit)
         if not same_dimension(self.display_unit, self.unit):

@@ -167,16 +167,19 @@ def _parts(token: str) -> tuple[str, ...]:
     return ()
 
 
+KNOWN = (
+    " (known: the units of the SI, such as m, kg, s, K, A, mol, N, Pa, V, W, with their prefixes,"
+    " and bar, l, h, rpm, deg, % and the like, joined by spaces and /)"
+)
+"""End of a sentence about a unit that is not known."""
+
+
 def _unknown(text: str, token: str) -> WorkbenchError:
     typed = difflib.get_close_matches(token, _SYMBOLS, n=1, cutoff=0.85)
     near = difflib.get_close_matches(token, _SYMBOLS, n=1, cutoff=0.5)
     meant = "".join(typed) or " ".join(_parts(token)) or "".join(near)
     hint = f"; did you mean {meant!r}?" if meant else ""
-    return WorkbenchError(
-        f"unit {text!r} has the unknown part {token!r}{hint} (known: the units of the SI, such as"
-        " m, kg, s, K, A, mol, N, Pa, V, W, with their prefixes, and bar, l, h, rpm, deg, % and the"
-        " like, joined by spaces and /)"
-    )
+    return WorkbenchError(f"unit {text!r} has the unknown part {token!r}{hint}{KNOWN}")
 
 
 def in_symbols(text: str) -> str:

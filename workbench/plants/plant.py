@@ -16,6 +16,7 @@ import casadi as ca
 
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.model import Effect, Model
+from workbench.model.quantities import units_together
 from workbench.model.units import ends_a_name, parse_unit, quantity, same_dimension, to_si
 from workbench.physics.law import Law
 from workbench.physics.place import Survey
@@ -196,7 +197,7 @@ class Plant:
         """
         given = self.parse(options or {})
         keywords = {o.keyword: given.get(o.name, o.default) for o in self.options}
-        with user_code(f"plant {self.name!r}"):
+        with user_code(f"plant {self.name!r}"), units_together():
             model = self.build(**keywords)
         if not isinstance(model, Model):
             raise WorkbenchError(
