@@ -1,6 +1,7 @@
 """Frozen, clipped, constant and wrongly scaled sensors are found; sound ones are not."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -280,6 +281,46 @@ def test_a_cause_that_hardly_acts_does_not_tell_its_sign(strength: float, result
     found = check_signs(trial, Expected(signs={pair: 1}, slopes={pair: 1.0}))
     assert found.result.startswith(result)
     assert ("hardly acts" in found.note) is (result == "not")
+
+
+def test_what_no_reversed_column_explains_is_a_doubt() -> None:
+    # b drives a as the model says, a drives b the other way: turning either column turns both.
+    rng = np.random.default_rng(0)
+    time, pushes = 0.002 * np.arange(5000), np.repeat(rng.normal(size=(2, 100)), 50, axis=1)
+    x, v = np.zeros((2, len(time))), np.zeros(2)
+    for k in range(1, len(time)):
+        a, b = x[:, k - 1]
+        force = np.array([30.0 * b - 50.0 * a, -30.0 * a - 50.0 * b])
+        v += 0.002 * (force - 8.0 * v + pushes[:, k])
+        x[:, k] = x[:, k - 1] + 0.002 * v
+    moved = [Signal(name, y, "m") for name, y in zip("ab", x, strict=True)]
+    given = [Signal(f"push_{i}", u, "N", role="command") for i, u in enumerate(pushes)]
+    trial = Recording("two", time, (*moved, *given))
+    pairs = {("a", "b"): 1, ("b", "a"): 1}
+    found = check_signs(trial, Expected(signs=pairs, slopes=dict.fromkeys(pairs, 30.0)))
+    assert found.result == "pass" and found.doubt
+    assert "as expected: b -> a; a -> b has the wrong sign" in found.note
+    turned = check_signs(trial, Expected(signs={("a", "b"): 1}, slopes={("a", "b"): 30.0}))
+    assert turned.result == "unfit" and "reversed" in turned.note
+
+
+def test_what_begins_the_other_way_than_it_goes_has_no_sign() -> None:
+    def converter(m: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        off = 1.0 - m.u.duty
+        current = (m.u.supply - off * m.x.voltage) / 47e-6
+        voltage = (off * m.x.current - m.x.voltage / 24.0) / 220e-6
+        return {"current": current, "voltage": voltage}, {
+            "current": m.x.current, "voltage": m.x.voltage,
+        }  # fmt: skip
+
+    boost = Model(
+        "boost",
+        converter,
+        states=(State("current", "A", initial=2.0), State("voltage", "V", initial=24.0)),
+        inputs=(Input("duty", "1", nominal=0.5), Input("supply", "V", nominal=12.0)),
+        outputs=(Output("current", "A"), Output("voltage", "V")),
+    )
+    assert response_signs(boost) == {("duty", "current"): 1, ("supply", "current"): 1}
 
 
 def test_a_command_that_moves_cause_and_motion_does_not_turn_a_sign() -> None:

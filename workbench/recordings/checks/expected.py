@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import WorkbenchError
+from workbench.model.sizes import horizon
 from workbench.recordings.recording import Recording
 
 if TYPE_CHECKING:
@@ -57,8 +58,9 @@ def response_signs(model: Model) -> dict[tuple[str, str], int]:
 
     With the linear model (A, B, C, D) at the start, an input u first shows in an output y through
     the first of D, CB, CAB, ... that is not zero; the outputs in which it shows earliest count,
-    because all others answer to them. A measured state accelerates a measured position (a
-    state whose rate is another state) if it stands in its second derivative.
+    because all others answer to them, unless they swing twice as far the other way afterwards, as
+    the voltage of a boost converter does. A measured state accelerates a measured position (a state
+    whose rate is another state) if it stands in its second derivative.
     """
     A, B, C, D = _at_start(model)
     n = len(model.states)
@@ -69,12 +71,27 @@ def response_signs(model: Model) -> dict[tuple[str, str], int]:
             if np.any(reached):
                 break
             reached, first = C @ first, A @ first
+        swings = np.sign(reached) * _pulse(A, B[:, j], C)
+        begins = np.where(np.minimum.accumulate(swings) >= 0.0, swings, 0.0).max(axis=0)
+        kept = (reached != 0.0) & (2.0 * begins >= -swings.min(axis=0))
         signs |= {
             (cause.name, y.name): int(np.sign(reached[i]))
             for i, y in enumerate(model.outputs)
-            if reached[i]
+            if kept[i] or D[i, j]
         }
     return signs | {pair: int(np.sign(slope)) for pair, slope in acceleration_slopes(model).items()}
+
+
+def _pulse(
+    A: npt.NDArray[np.float64], b: npt.NDArray[np.float64], C: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Return C exp(A t) b at times from a thousandth of the fastest on, shape (n_times, n)."""
+    from scipy.linalg import expm
+
+    poles = np.linalg.eigvals(A).astype(complex)
+    longest = horizon(poles)
+    first = 1e-3 * min(longest, 1.0 / np.abs(poles).max(initial=1e-9))
+    return np.array([C @ expm(A * t) @ b for t in np.geomspace(first, longest, 80)])
 
 
 def acceleration_slopes(model: Model) -> dict[tuple[str, str], float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from itertools import combinations
 
 import numpy as np
@@ -131,17 +131,22 @@ def check_signs(recording: Recording, expected: Expected) -> Finding:
     wrong = [k for k in wrong if k not in faint]
     right = [k for k, s in told.items() if s > _SURE]
     values = {"strength": {f"{c}->{r}": s for (c, r), s in found.items()}}
-    if not wrong:
-        doubts = [f"the sign of {c} -> {r} cannot be told: it swings both ways" for c, r in both]
-        doubts += [f"the sign of {c} -> {r} cannot be told: it hardly acts" for c, r in faint]
-        doubts += _of_another_size(right, slopes, expected.slopes)
-        if not right:
-            note = "; ".join(doubts) or "too little motion to tell"
-            return Finding("not checked", note, values, doubt=bool(doubts))
-        seen = ", ".join(f"{c} -> {r}" for c, r in right)
-        note = "; ".join([f"as expected: {seen}", *doubts])
-        return Finding("pass", note, values, doubt=bool(doubts))
-    return Finding("unfit", _explanation(wrong, right, found, expected.signs), values)
+    if mistake := _mistake(wrong, right, expected.signs):
+        listed = ", ".join(f"{c} -> {r}" for c, r in wrong)
+        return Finding("unfit", f"the response has the wrong sign: {listed}; {mistake}", values)
+    doubts = [f"the sign of {c} -> {r} cannot be told: it swings both ways" for c, r in both]
+    doubts += [f"the sign of {c} -> {r} cannot be told: it hardly acts" for c, r in faint]
+    doubts += [
+        f"{c} -> {r} has the wrong sign, which no reversed or exchanged column explains"
+        for c, r in wrong
+    ]
+    doubts += _of_another_size(right, slopes, expected.slopes)
+    if not right:
+        note = "; ".join(doubts) or "too little motion to tell"
+        return Finding("not checked", note, values, doubt=bool(doubts))
+    seen = ", ".join(f"{c} -> {r}" for c, r in right)
+    note = "; ".join([f"as expected: {seen}", *doubts])
+    return Finding("pass", note, values, doubt=bool(doubts))
 
 
 def _exchanged(wrong: Pairs, signs: Signs) -> str:
@@ -156,15 +161,12 @@ def _exchanged(wrong: Pairs, signs: Signs) -> str:
     return ""
 
 
-def _explanation(wrong: Pairs, right: Pairs, told: Iterable[tuple[str, str]], signs: Signs) -> str:
-    listed = ", ".join(f"{c} -> {r}" for c, r in wrong)
-    names = {n for pair in wrong for n in pair}
-    turned = sorted(n for n in names if all(pair in wrong for pair in told if n in pair))
-    exchanged = _exchanged(wrong, signs) if not right and len(wrong) > 2 else ""
-    if exchanged:
-        cause = f"{exchanged} are probably exchanged"
-    elif turned:
-        cause = f"{' or '.join(turned)} is probably reversed (sign = -1 in the mapping)"
-    else:
-        cause = "two columns are probably exchanged"
-    return f"the response has the wrong sign: {listed}; {cause}"
+def _mistake(wrong: Pairs, right: Pairs, signs: Signs) -> str:
+    """Return which columns explain the wrong signs and contradict no right one, ``""`` if none."""
+    if exchanged := _exchanged(wrong, signs) if not right and len(wrong) > 2 else "":
+        return f"{exchanged} are probably exchanged"
+    sound = {n for pair in right for n in pair}
+    if not wrong or any(sound.issuperset(pair) for pair in wrong):
+        return ""
+    turned = sorted({n for pair in wrong for n in pair} - sound)
+    return f"{' or '.join(turned)} is probably reversed (sign = -1 in the mapping)"
