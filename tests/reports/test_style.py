@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from itertools import combinations
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from workbench.cli.main import run
 from workbench.errors import WorkbenchError
+from workbench.reports.figures.study_traces import parts
 from workbench.reports.style import (
     FURTHER,
     INK,
@@ -18,12 +22,16 @@ from workbench.reports.style import (
     SIMULATED,
     colours,
     controller_colours,
+    key,
     label,
+    named_line,
     new_figure,
     palette,
     ramp,
+    shades,
     told_apart,
 )
+from workbench.study.study import Report
 
 
 def rgb(text: str) -> np.ndarray:
@@ -82,9 +90,11 @@ def test_curves_of_many_controllers_come_in_groups_that_are_told_apart() -> None
     own = list(controller_colours())
     for count in (0, 1, 6, 7, 10, 13, 40):
         names = [*own, *(f"design {i}" for i in range(count))]
-        groups = told_apart(names)
-        assert [name for group in groups for name in group] == names
-        assert all(len(set(colours(group).values())) == len(group) for group in groups)
+        given = shades(names)
+        groups = told_apart(given)
+        assert [name for group in groups for name in group] == list(given)
+        assert sorted(given) == sorted(names) and len(groups) == max(1, math.ceil(count / 6))
+        assert all(len({given[name] for name in group}) == len(group) for group in groups)
 
 
 def test_too_many_curves_are_refused() -> None:
@@ -109,3 +119,26 @@ def test_every_controller_of_a_study_is_drawn(
     assert run(["verify", "--plant", "servo-axis", "--out", str(tmp_path)]) == 0
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "Not drawn" not in page and "tracking-1-part-2" in page
+
+
+def test_a_family_has_one_colour_whatever_it_was_designed_for() -> None:
+    names = ("plain-pid", "lqi")
+    kin = tuple((f"{n}, {word}", n) for word in ("nominal", "redesigned") for n in names)
+    study = cast(Any, SimpleNamespace(controllers=dict(kin), report=Report(kin=kin)))
+    first, second = parts(study, dict.fromkeys(dict(kin), cast(Any, None)))
+    assert (first.tail, second.tail) == ("", "-part-2")
+    for part in (first, second):
+        assert list(part.shades.values()) == [colours(names)[name] for name in names]
+
+
+def test_panels_keep_their_height_under_a_long_legend() -> None:
+    def heights(names: list[str]) -> list[float]:
+        figure, panels = new_figure([2.2, 1.1, 1.0])
+        key(panels[0], handles=[named_line(name, shade) for name, shade in colours(names).items()])
+        figure.draw_without_rendering()
+        return [axes.get_window_extent().height / figure.dpi for axes in panels]
+
+    short = heights([f"pid {i}" for i in range(6)])
+    assert heights([f"plain-sliding-mode {i}, redesigned" for i in range(6)]) == pytest.approx(
+        short, rel=0.05
+    )

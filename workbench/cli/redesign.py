@@ -84,8 +84,12 @@ def _redesigned(verdict: str, designs: Sequence[str], at: Sequence[str], out: Pa
         for known, word in ((before, "nominal"), (after, "redesigned"))
         for recipe in known
     ]
+    study = study_of_step(found, recipes, scenario, ())
+    # A family has one colour, whatever it was designed for.
+    kin = tuple((r.name, own.name) for r, own in zip(recipes, (*before, *after), strict=True))
+    study = replace(study, report=replace(study.report, kin=kin))
     with counting() as counter:
-        result = run_study(study_of_step(found, recipes, scenario, ()), out, progress=counter)
+        result = run_study(study, out, progress=counter)
     units = {q.name: q.unit for q in (*found.model.outputs, *found.model.inputs)}
     for recipe in after:
         export_c(recipe.build(), out, name=recipe.name.replace("-", "_"), units=units)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -90,6 +90,9 @@ WIDTH_INCHES = 5.2
 FONT_POINTS = 11.0
 
 _POINTS_PER_LETTER = 0.58 * FONT_POINTS
+_INCHES_PER_ROW = 1.5 * (FONT_POINTS - 1.0) / 72.0
+_ROWS = 2
+"""Rows of a legend that a picture has room for, and the height of a further one."""
 
 
 def colours(names: Iterable[str]) -> dict[str, Colour]:
@@ -116,18 +119,33 @@ def colours(names: Iterable[str]) -> dict[str, Colour]:
     return given
 
 
-def told_apart(names: Iterable[str]) -> list[list[str]]:
-    """Return names in groups that colours tell apart, halved until they do.
+def shades(names: Iterable[str]) -> dict[str, Colour]:
+    """Return a colour for each of any number of names: `colours`, begun anew where all are given.
 
     Example:
-        >>> [len(group) for group in told_apart(f"design {i}" for i in range(10))]
-        [5, 5]
+        >>> len(set(shades(f"design {i}" for i in range(10)).values()))
+        6
     """
     listed = list(dict.fromkeys(names))
-    if sum(name not in controller_colours() for name in listed) <= len(FURTHER):
-        return [listed] if listed else []
-    middle = len(listed) // 2
-    return [*told_apart(listed[:middle]), *told_apart(listed[middle:])]
+    further = [name for name in listed if name not in controller_colours()]
+    size = len(FURTHER)
+    given = [colours(further[i : i + size]) for i in range(0, len(further), size)]
+    return {n: c for some in (colours(set(listed) - set(further)), *given) for n, c in some.items()}
+
+
+def told_apart(shades: Mapping[str, Colour]) -> list[list[str]]:
+    """Return names in groups, as they come, in which no colour is there twice.
+
+    Example:
+        >>> [len(group) for group in told_apart(shades(f"design {i}" for i in range(10)))]
+        [6, 4]
+    """
+    groups: list[list[str]] = []
+    for name, shade in shades.items():
+        if not groups or shade in {shades[other] for other in groups[-1]}:
+            groups.append([])
+        groups[-1].append(name)
+    return groups
 
 
 def ramp(count: int) -> tuple[Colour, ...]:
@@ -229,12 +247,18 @@ def key(axes: Axes, *, columns: int = 3, handles: list[Line2D] | None = None) ->
         columns: Entries side by side; fewer where they are too long for that.
     """
     named = axes.get_legend_handles_labels()[0] if handles is None else handles
+    columns = _fitting([len(str(line.get_label())) for line in named], columns)
+    figure = axes.get_figure(root=True)
+    if figure is not None and (more := math.ceil(len(named) / columns) - _ROWS) > 0:
+        # The picture grows, lest the panels shrink.
+        width, height = figure.get_size_inches()
+        figure.set_size_inches(width, height + more * _INCHES_PER_ROW)
     axes.legend(
         handles=named,
         loc="lower left",
         bbox_to_anchor=(0.0, 1.0, 1.0, 0.1),
         borderaxespad=0.2,
-        ncols=_fitting([len(str(line.get_label())) for line in named], columns),
+        ncols=columns,
         frameon=False,
         fontsize=FONT_POINTS - 1,
         labelcolor=INK.light,

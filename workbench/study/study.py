@@ -155,6 +155,7 @@ class Report:
 
     Args:
         limit_steps: Steps that are compared, as pairs of references in SI; all if empty.
+        kin: Controllers, each with the name whose colour it has in pictures, if that is another's.
     """
 
     physical_limit: bool = False
@@ -163,6 +164,7 @@ class Report:
     limitations: Limitations | None = None
     figures: tuple[str, ...] = ()
     traced: tuple[str, ...] = ()
+    kin: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)

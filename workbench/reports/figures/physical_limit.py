@@ -7,10 +7,19 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from workbench.reports.figure import Figure
-from workbench.reports.figures.study_traces import output_of, value_text
+from workbench.reports.figures.study_traces import output_of, shades_of, value_text
 from workbench.reports.page import Block, Words, methods
 from workbench.reports.pictures import Picture
-from workbench.reports.style import FONT_POINTS, INK, REFERENCE, colours, key, label, new_figure
+from workbench.reports.style import (
+    FONT_POINTS,
+    INK,
+    REFERENCE,
+    Colour,
+    key,
+    label,
+    new_figure,
+    told_apart,
+)
 from workbench.reports.tables import Cell, Table, number
 from workbench.study.limits import Distances, Move, StepDistance
 from workbench.study.result import StudyResult
@@ -22,10 +31,11 @@ MOST = 8
 """Steps that a picture shows; of more, each scenario shows its worst."""
 
 
-def _draw_ratios(ratios: Mapping[str, Mapping[str, float]]) -> Drawing:
+def _draw_ratios(
+    ratios: Mapping[str, Mapping[str, float]], shades: Mapping[str, Colour]
+) -> Drawing:
     """Draw settling over the limit as a bar per controller and step, the limit at 1."""
-    names = list(dict.fromkeys(name for own in ratios.values() for name in own))
-    shades = colours(names)
+    names = list(shades)
     rows = len(ratios) * (len(names) + 0.8)
     figure, (axes,) = new_figure([0.3 + 0.22 * rows])
     ticks = []
@@ -53,7 +63,7 @@ def _draw_ratios(ratios: Mapping[str, Mapping[str, float]]) -> Drawing:
                 color=INK.light,
             )
     axes.axvline(1.0, color=REFERENCE.light, linewidth=1.2, linestyle="--", label="physical limit")
-    known = [v for own in ratios.values() for v in own.values() if not math.isnan(v)]
+    known = [own[n] for own in ratios.values() for n in names if own.get(n, math.nan) >= 0.0]
     axes.set_xlim(0.0, 1.18 * max([1.0, *known]))
     axes.set_ylim(rows - 0.8, -0.8)
     axes.set_yticks(ticks, list(ratios))
@@ -69,13 +79,17 @@ def _draw(result: StudyResult) -> list[Block]:
         return []
     blocks: list[Block] = [Words(_lead(result))]
     if any(not math.isnan(s.limit.value) for s in found.steps):
-        figure = _draw_ratios(_bars(result))
+        ratios, every = _bars(result), shades_of(result.study)
+        drawn = {n: every[n] for own in ratios.values() for n in own}
         caption = (
             "Settling time of each step over the shortest time that the nominal plant allows; "
             "a controller whose bar ends at the dashed line could not be faster."
         )
         words = "settling times of the controllers over the physical limit"
-        blocks.append(Picture("physical-limit", figure, caption, words))
+        for i, names in enumerate(told_apart(drawn)):
+            figure = _draw_ratios(ratios, {name: drawn[name] for name in names})
+            title = "physical-limit" + (f"-part-{i + 1}" if i else "")
+            blocks.append(Picture(title, figure, caption, words))
     if found.steps:
         blocks.append(_steps(result))
     missing = _missing(found)

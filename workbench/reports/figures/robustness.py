@@ -9,11 +9,11 @@ import numpy as np
 
 from workbench.arrays import Vector
 from workbench.reports.figure import Figure
-from workbench.reports.figures.study_traces import breakable
+from workbench.reports.figures.study_traces import breakable, shades_of
 from workbench.reports.metrics_table import demand_text, metric_title, score_cell
 from workbench.reports.page import Block, Words, methods
 from workbench.reports.pictures import Picture
-from workbench.reports.style import INK, REFERENCE, colours, label, new_figure
+from workbench.reports.style import INK, REFERENCE, Colour, label, new_figure
 from workbench.reports.tables import Cell, Table, number
 from workbench.study.result import StudyResult
 from workbench.study.summary import parameter_text
@@ -22,12 +22,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
 
-def _draw_scores(scores: Mapping[str, tuple[Vector, int]]) -> Drawing:
+def _draw_scores(scores: Mapping[str, tuple[Vector, int]], shades: Mapping[str, Colour]) -> Drawing:
     """Draw the score at every plant and how many were drawn, a line of dots per controller."""
     from matplotlib.ticker import FixedLocator, NullLocator
 
     figure, (axes,) = new_figure([0.6 + 0.5 * len(scores)])
-    shades = colours(scores)
     rng = np.random.default_rng(0)
     for row, (name, (values, drawn)) in enumerate(scores.items()):
         # Spread a little, so that equal scores do not hide each other.
@@ -117,7 +116,7 @@ def _draw(result: StudyResult) -> list[Block]:
     drawn = {r.controller: (r.scores, r.drawn) for r in result.robustness}
     picture = Picture(
         "box-scores",
-        _draw_scores(drawn),
+        _draw_scores(drawn, shades_of(result.study)),
         "Score of each controller at every plant of the box; right of the dashed line a hard "
         "requirement is missed.",
         "scores of the controllers over drawn plants",

@@ -9,18 +9,23 @@ import numpy as np
 from workbench.arrays import Vector
 from workbench.model.units import of_difference, parse_unit
 from workbench.reports.figure import Figure
-from workbench.reports.figures.study_traces import nominal_runs, output_of, shown, vector, written
+from workbench.reports.figures.study_traces import (
+    nominal_runs,
+    output_of,
+    shades_of,
+    shown,
+    vector,
+    written,
+)
 from workbench.reports.page import Block, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.style import (
     INK,
     REFERENCE,
     Colour,
-    colours,
     key,
     label,
     new_figure,
-    told_apart,
 )
 from workbench.study.result import StudyResult
 
@@ -62,8 +67,7 @@ def surface(time: Vector, value: Vector, shade: Colour) -> Drawing:
 
 
 def _draw(result: StudyResult) -> list[Block]:
-    groups = map(colours, told_apart(result.study.controllers))
-    shades = {name: shade for group in groups for name, shade in group.items()}
+    shades = shades_of(result.study)
     found: list[Block] = []
     scenario = next(iter(result.study.scenarios))
     for number, (name, record) in enumerate(nominal_runs(result, scenario).items(), start=1):

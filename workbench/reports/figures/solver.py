@@ -5,26 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.reports.figure import Figure
-from workbench.reports.figures.study_traces import breakable, nominal_runs, vector
+from workbench.reports.figures.study_traces import Part, breakable, nominal_runs, parts, vector
 from workbench.reports.page import Block
 from workbench.reports.pictures import Picture
-from workbench.reports.style import REFERENCE, colours, key, label, new_figure
+from workbench.reports.style import REFERENCE, key, label, new_figure
 from workbench.reports.tables import Table, number
 from workbench.study.result import StudyResult
 
 
-def _draw(result: StudyResult) -> list[Block]:
-    scenario = next(iter(result.study.scenarios))
-    runs = {c: r for c, r in nominal_runs(result, scenario).items() if "solve_time" in r.traces}
-    if not runs:
-        return []
+def _times(result: StudyResult, scenario: str, part: Part) -> Picture:
     # Iterations that no solver tells are NaN and not drawn.
-    counts = {c: vector(r.traces["iterations"]) for c, r in runs.items()}
+    counts = {c: vector(r.traces["iterations"]) for c, r in part.runs.items()}
     counted = any(np.isfinite(count).any() for count in counts.values())
     figure, panels = new_figure([1.8, 1.1] if counted else [2.4])
-    shades = colours(runs)
-    for name, record in runs.items():
-        shade, time = shades[name].light, record.traces["time"]
+    for name, record in part.runs.items():
+        shade, time = part.shades[name].light, record.traces["time"]
         seconds = vector(record.traces["solve_time"])
         panels[0].semilogy(time, 1e3 * seconds, color=shade, linewidth=1.0, label=name)
         if counted:
@@ -38,13 +33,21 @@ def _draw(result: StudyResult) -> list[Block]:
     label(panels[-1], x="time in s")
     key(panels[0])
     figure.align_ylabels()
-    picture = Picture(
-        "solver",
+    return Picture(
+        f"solver{part.tail}",
         figure,
         f"{scenario}: longest solve time among the samples that one point stands for, measured on "
         "the machine that ran the study.",
         "solve time and iterations over time",
     )
+
+
+def _draw(result: StudyResult) -> list[Block]:
+    scenario = next(iter(result.study.scenarios))
+    runs = {c: r for c, r in nominal_runs(result, scenario).items() if "solve_time" in r.traces}
+    if not runs:
+        return []
+    pictures = [_times(result, scenario, part) for part in parts(result.study, runs)]
     rows = []
     for record in result.records:
         metrics = record.metrics
@@ -71,7 +74,7 @@ def _draw(result: StudyResult) -> list[Block]:
         "fallbacks",
         "status",
     )
-    return [picture, Table("How the solver ended, nominal plant", head, tuple(rows))]
+    return [*pictures, Table("How the solver ended, nominal plant", head, tuple(rows))]
 
 
 SOLVER = Figure("solver", _draw, title="Optimisation at every sample", order=30, folded=True)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
-from typing import Any
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from workbench.arrays import Vector
 from workbench.model.quantities import Channel, Output
 from workbench.model.units import from_si, with_unit
+from workbench.reports.style import Colour, shades, told_apart
 from workbench.study.result import StudyResult
 from workbench.study.study import Study
 from workbench.study.tasks import Record
@@ -25,6 +27,33 @@ def nominal_runs(result: StudyResult, scenario: str, case: str = "") -> dict[str
     chosen = result.study.cases[result.study.nominal(case).case].controllers
     records = {c: result.record(c, scenario, case) for c in chosen}
     return {c: r for c, r in records.items() if r is not None and r.traces}
+
+
+def shades_of(study: Study) -> dict[str, Colour]:
+    """Return the colour of each controller of a study: one in all pictures, by name."""
+    kin = {name: dict(study.report.kin).get(name, name) for name in study.controllers}
+    given = shades(kin.values())
+    return {name: given[other] for name, other in kin.items()}
+
+
+class Part(NamedTuple):
+    """What one of several pictures shows, in whose colours.
+
+    Args:
+        tail: What its file's name has behind that of the first.
+    """
+
+    tail: str
+    runs: dict[str, Record]
+    shades: dict[str, Colour]
+
+
+def parts(study: Study, runs: Mapping[str, Record]) -> Iterator[Part]:
+    """Yield runs, by controller, so that colours tell those of one picture apart."""
+    every = shades_of(study)
+    for i, names in enumerate(told_apart({name: every[name] for name in runs})):
+        own = {name: every[name] for name in names}
+        yield Part(f"-part-{i + 1}" if i else "", {name: runs[name] for name in names}, own)
 
 
 def output_of(study: Study, name: str) -> Output:

@@ -13,17 +13,25 @@ import numpy.typing as npt
 from workbench.arrays import Vector
 from workbench.model.units import convert, of_difference, with_unit
 from workbench.reports.figure import Figure
-from workbench.reports.figures.study_traces import nominal_runs, output_of, shown, vector, written
+from workbench.reports.figures.study_traces import (
+    nominal_runs,
+    output_of,
+    parts,
+    shades_of,
+    shown,
+    vector,
+    written,
+)
 from workbench.reports.pictures import Picture
 from workbench.reports.style import (
     INK,
     REFERENCE,
+    Colour,
     colours,
     key,
     label,
     named_line,
     new_figure,
-    told_apart,
 )
 from workbench.study.result import StudyResult
 from workbench.study.study import Study
@@ -62,6 +70,7 @@ def tracking(
     command: str,
     error_limit: float | None = None,
     lines: tuple[str, str] = ("full plant", "linear model"),
+    shades: Mapping[str, Colour] | None = None,
 ) -> Drawing:
     """Draw what several controllers did with one reference.
 
@@ -74,7 +83,7 @@ def tracking(
     figure, (position, error, actuator) = new_figure([2.2, 1.1, 1.0])
     t, reference = np.asarray(time, dtype=float), np.asarray(reference, dtype=float)
     position.step(t, reference, where="post", color=REFERENCE.light, linewidth=1.0)
-    shades = colours(trajectory.controller for trajectory in trajectories)
+    shades = shades or colours(trajectory.controller for trajectory in trajectories)
     handles = []
     for trajectory in trajectories:
         shade = shades[trajectory.controller].light
@@ -150,6 +159,7 @@ def tracked(
         command=f"{command} in {written(driven.display_unit)}",
         error_limit=steady_limit(study, scenario),
         lines=lines,
+        shades=shades_of(study),
     )
 
 
@@ -178,17 +188,16 @@ def _draw(result: StudyResult, scenario: str, case: str, suffix: str) -> list[Pi
             if linear
             else "No linear run: the plant changes during the run."
         )
-        for i, part in enumerate(told_apart(nominal)):
-            figure = tracked(result.study, scenario, {c: nominal[c] for c in part})
-            name = f"tracking-{suffix}" + (f"-part-{i + 1}" if i else "")
+        for part in parts(result.study, nominal):
+            figure = tracked(result.study, scenario, part.runs)
+            name = f"tracking-{suffix}{part.tail}"
             found.append(_picture(result, scenario, figure, name, case or "nominal plant", tail))
     worst = _worst_runs(result, scenario, nominal)
-    for i, part in enumerate(told_apart(worst)):
-        own = {c: worst[c] for c in part}
-        figure = tracked(result.study, scenario, own, lines=("worst plant", "nominal plant"))
+    for part in parts(result.study, worst):
+        figure = tracked(result.study, scenario, part.runs, lines=("worst plant", "nominal plant"))
         where = "each controller on its worst plant of the box"
         tail = "Dashed: the same controller on the nominal plant."
-        name = f"worst-{suffix}" + (f"-part-{i + 1}" if i else "")
+        name = f"worst-{suffix}{part.tail}"
         found.append(_picture(result, scenario, figure, name, where, tail))
     return found
 
