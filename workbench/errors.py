@@ -64,11 +64,12 @@ def check_range(
     return number
 
 
-def check_choice(name: str, value: str, choices: Iterable[str]) -> str:
+def check_choice(name: str, value: str, choices: Iterable[str], *, listed: str = "") -> str:
     """Return ``value`` if it is one of ``choices``, else raise with the nearest spelling.
 
     Args:
         name: What the word is, as the user knows it.
+        listed: Command that lists the choices, where they are too many for a sentence.
 
     Raises:
         WorkbenchError: If the word is not one of the choices.
@@ -82,7 +83,8 @@ def check_choice(name: str, value: str, choices: Iterable[str]) -> str:
         return value
     near = difflib.get_close_matches(str(value), known, n=1)
     hint = f"; did you mean {near[0]!r}?" if near else ""
-    raise WorkbenchError(f"{name} is {value!r}; it must be one of {', '.join(known)}{hint}")
+    offered = f"those that {listed!r} lists" if listed else ", ".join(known)
+    raise WorkbenchError(f"{name} is {value!r}; it must be one of {offered}{hint}")
 
 
 def check_finite(name: str, values: npt.ArrayLike) -> npt.NDArray[np.float64]:

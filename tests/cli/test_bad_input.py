@@ -61,6 +61,10 @@ CASES: dict[str, tuple[list[str], tuple[str, ...]]] = {
         ["linearise", "--without", "frictoin"],
         ("effect is 'frictoin'", "bearing_friction"),
     ),
+    "unknown effect to attach": (
+        ["linearise", "--plant", "servo-axis", "--effect", "cubic_dragg"],
+        ("one of those that 'workbench plants servo-axis' lists; did you mean 'cubic_drag'?",),
+    ),
     "unknown controller": (
         ["verify", "-c", "pdi"],
         ("design is 'pdi'", "did you mean 'pid'"),

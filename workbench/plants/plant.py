@@ -237,7 +237,8 @@ class Plant:
         from workbench.physics.library import every_name
 
         known = every_name(model)
-        check_choice("effect", name, [*known, *self.effects])
+        place = f"workbench plants {self.name}"
+        check_choice("effect", name, [*known, *self.effects], listed=place)
         return known[name].effect
 
     def controlled_outputs(self, model: Model) -> tuple[str, ...]:
