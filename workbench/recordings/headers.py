@@ -145,10 +145,16 @@ def _suffix(column: str) -> tuple[str, str, str] | None:
 
 
 def _quotient(column: str) -> tuple[str, str, str] | None:
-    """Split ``Time/ms``, ``flow l/min``; a unit as a whole, such as ``m/s``, names nothing."""
-    name, _, last = column.rpartition(" ")
-    if name and "/" in last and (known := _known(last)):
-        return name, known, ""
+    """Split ``Time/ms``, ``flow_l/min``; a unit as a whole, such as ``m/s``, names nothing."""
+    for sign in " _":
+        name, _, last = column.rpartition(sign)
+        above = last.partition("/")[0]
+        if not name or above == last or not (known := _known(last)):
+            continue
+        # "P_A/bar" is the pressure of a chamber A, and "p_1/bar" the first one.
+        unclear = sign == "_" and (above in _AMBIGUOUS or above == "1")
+        if not unclear or kind_of(known).name not in (kind_of(known).unit, "dimensionless"):
+            return name, known, ""
     match = _TIGHT_SLASH.match(column)
     if match is None or (_known(column) is not None and match["name"] != "t"):
         return None
