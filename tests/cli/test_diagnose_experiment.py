@@ -15,6 +15,7 @@ from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
 from workbench.diagnosis.selection import task
 from workbench.physics.library import library
 from workbench.physics.stiffness import linear_spring
+from workbench.plants.registry import PLANTS
 from workbench.plants.servo_axis import servo_axis
 from workbench.recordings.saving import write_recording
 
@@ -132,5 +133,12 @@ def test_a_law_without_a_name_becomes_a_law_of_the_user(
     assert "Shapes of the library" in (tmp_path / "out/report.html").read_text()
     monkeypatch.chdir(tmp_path / "out")
     there = [word.replace("1.csv", "../1.csv").replace("2.csv", "../2.csv") for word in asked]
-    assert run([*there, "--effects", "law:found"]) == 0
+    assert run([*there, "--effects", "law:found", "--out", "again"]) == 0
     assert "named: Missing: found at axis.force, size -200" in capsys.readouterr().out
+    # The verdict is a plant, with the law of the user.
+    (attached,) = PLANTS.get("again/verdict.json", folder=Path()).model().effects[-1:]
+    assert attached.name == "found" and attached.ports == ("axis.force",)
+    # So it is where the law was attached from the start.
+    options = ["--effect", "law:found", "-p", "found.size=-200", "--out", "given"]
+    assert run([*there, *options]) == 0
+    assert "found" in {e.name for e in PLANTS.get("given/verdict.json").model().effects}

@@ -68,7 +68,7 @@ def diagnose(
             your own with a method play(experiment) that returns a Recording.
         out: Folder for verdict.json, report.html and the pictures.
     """
-    from workbench.diagnosis.problem import own_laws
+    from workbench.plants.own_effects import own_laws
 
     begin = time.perf_counter()
     limit = _limit(time_limit, quick=quick)
@@ -84,7 +84,7 @@ def diagnose(
         )
     own = own_laws(problem.model, effects or (), folder=Path.cwd())
     machine = None if experiment is None else _machine(experiment, loaded)
-    asked = _Asked(loaded, own, workers, out, begin, limit, as_json)
+    asked = _Asked(loaded, own, tuple(effects or ()), workers, out, begin, limit, as_json)
     found = asked.diagnosed()
     if propose is not None:
         _propose(found, propose, as_json=as_json)
@@ -98,10 +98,15 @@ def diagnose(
 
 @dataclass(frozen=True)
 class _Asked:
-    """What is diagnosed, how, and since when, in s of a running clock."""
+    """What is diagnosed, how, and since when, in s of a running clock.
+
+    Args:
+        references: Where the laws of the user's own come from, as ``module:object``.
+    """
 
     loaded: Loaded
     own: tuple[Law | Hypothesis, ...]
+    references: tuple[str, ...]
     jobs: int
     out: Path | None
     begin: float
@@ -198,9 +203,23 @@ class _Asked:
         """Return the verdict's JSON, with its model as a plant that every verb takes."""
         from workbench.plants.saved import saved_plant
 
-        own = self.loaded.chosen
-        chosen = own.recipe.kind, dict(own.recipe.options)
-        return verdict.to_json(saved_plant(*chosen, own.nominal, verdict.model))
+        chosen = self.loaded.chosen
+        recipe, nominal = chosen.recipe, chosen.nominal
+        given = {
+            chosen.plant.effect(nominal, name, folder=recipe.folder).name: name
+            for name in recipe.effects
+            if ":" in name
+        }
+        return verdict.to_json(
+            saved_plant(
+                recipe.kind,
+                dict(recipe.options),
+                nominal,
+                verdict.model,
+                given=given,
+                own=self.references,
+            )
+        )
 
     def _write(self, found: Diagnosis, out: Path) -> None:
         from workbench.diagnosis.comparison import proof_of

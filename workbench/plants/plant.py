@@ -7,7 +7,7 @@ is adopted: its keyword parameters become options, with the unit that their name
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin, get_type_hints
@@ -188,11 +188,13 @@ class Plant:
         without: Iterable[str] = (),
         parameters: Iterable[str] = (),
         folder: Path | None = None,
+        own: Sequence[str] = (),
     ) -> Model:
         """Build the model that options, effects and parameters describe.
 
         Args:
             options: Values by name; text with or without unit, bare numbers in the option's unit.
+            own: Laws of the user's own as ``module:object``, of which effects are named too.
             folder: Where modules of the user may stand, beside the Python path.
         """
         given = self.parse(options or {})
@@ -206,11 +208,13 @@ class Plant:
             )
         for effect in effects:
             # One may change a parameter of another that stands before it.
-            model = model.with_effect(self.effect(model, effect, folder=folder))
+            model = model.with_effect(self.effect(model, effect, folder=folder, own=own))
         model = model.without(*without)
         return model.with_parameters(dict(parse_parameter(model, text) for text in parameters))
 
-    def effect(self, model: Model, name: str, *, folder: Path | None = None) -> Effect:
+    def effect(
+        self, model: Model, name: str, *, folder: Path | None = None, own: Sequence[str] = ()
+    ) -> Effect:
         """Return an effect that fits a model of this plant.
 
         Args:
@@ -230,13 +234,17 @@ class Plant:
                     " function that returns one"
                 )
             return found
-        own = {n.replace("-", "_"): build for n, build in self.effects.items()}
-        if name.replace("-", "_") in own:
-            return own[name.replace("-", "_")]()
+        words = {n.replace("-", "_"): build for n, build in self.effects.items()}
+        if name.replace("-", "_") in words:
+            return words[name.replace("-", "_")]()
         # The library is large; a plant without further effects does not wait for it.
-        from workbench.physics.library import every_name
+        from workbench.physics.library import every_name, library
+        from workbench.plants.own_effects import own_laws
 
         known = every_name(model)
+        if own:
+            extra = library(model, extra=own_laws(model, own, folder=folder))
+            known |= {one.name: one for h in extra for one in (h, *h.alone)}
         place = f"workbench plants {self.name}"
         check_choice("effect", name, [*known, *self.effects], listed=place)
         return known[name].effect

@@ -16,7 +16,7 @@ class Plants(Registry[Plant]):
         """Return a plant."""
         if name.endswith(".json"):
             path = Path(name) if folder is None else folder / name
-            return plant_of_file(path, lambda other: self.get(other, folder=folder))
+            return plant_of_file(path, lambda other: self.get(other, folder=folder), folder=folder)
         return super().get(name, folder=folder)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,22 +14,31 @@ from workbench.plants.plant import Plant, Value
 
 
 def saved_plant(
-    reference: str, options: Mapping[str, Value], nominal: Model, model: Model
+    reference: str,
+    options: Mapping[str, Value],
+    nominal: Model,
+    model: Model,
+    *,
+    given: Mapping[str, str] | None = None,
+    own: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Return what a file must say so that `plant_of_file` builds a model again.
 
     Args:
         options: Its options that are not at their defaults, in their units.
         model: The model to keep: the nominal one with other effects and parameters.
+        given: Effects of the user's own as ``module:object``, by the name that they have.
+        own: Laws of the user's own as ``module:object`` that further effects come from.
     """
     before, after = ([e.name for e in m.effects] for m in (nominal, model))
     known = {q.name: q.value for q in nominal.parameters}
     return {
         "name": reference,
         "options": dict(options),
-        "effects": [name for name in after if name not in before],
+        "effects": [(given or {}).get(name, name) for name in after if name not in before],
         "without": [name for name in before if name not in after],
         "parameters": {q.name: q.value for q in model.parameters if known.get(q.name) != q.value},
+        **({"own": list(own)} if own else {}),
     }
 
 
@@ -42,6 +51,7 @@ _FILE = TableShape(
                 "effects": listed(text),
                 "without": listed(text),
                 "parameters": named(number),
+                "own": listed(text),
             },
         )
     }
@@ -79,10 +89,13 @@ def nominal_of_file(path: Path) -> tuple[str, tuple[tuple[str, Value], ...]]:
     return kept["name"], tuple(kept.get("options", {}).items())
 
 
-def plant_of_file(path: Path, find: Any) -> Plant:
+def plant_of_file(path: Path, find: Any, *, folder: Path | None = None) -> Plant:
     """Return the plant that a file such as ``verdict.json`` keeps, as `saved_plant` returns it.
 
     Its options start from those that were kept; ``find`` returns a plant by its name.
+
+    Args:
+        folder: Where modules of the user may stand, beside the Python path.
     """
     kept = _kept(path)
     base: Plant = find(kept["name"])
@@ -90,7 +103,13 @@ def plant_of_file(path: Path, find: Any) -> Plant:
 
     def build(**options: Any) -> Model:
         chosen = {o.name: options[o.keyword] for o in base.options}
-        model = base.model(chosen, effects=kept.get("effects", ()), without=kept.get("without", ()))
+        model = base.model(
+            chosen,
+            effects=kept.get("effects", ()),
+            without=kept.get("without", ()),
+            folder=folder,
+            own=kept.get("own", ()),
+        )
         return _with_found(model, kept.get("parameters", {}))
 
     return replace(

@@ -13,13 +13,13 @@ from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.nonparametric.law_file import NAME, law_file
 from workbench.diagnosis.nonparametric.result import Likeness, NonparametricTerm
 from workbench.diagnosis.nonparametric.shapes import SHAPES, shape_effect
-from workbench.diagnosis.problem import own_laws
 from workbench.diagnosis.verdict import Verdict
 from workbench.errors import WorkbenchError
 from workbench.physics.law import Law
 from workbench.physics.library import library
 from workbench.physics.place import Survey
 from workbench.plants.cascaded_tanks import cascaded_tanks
+from workbench.plants.own_effects import own_laws
 from workbench.plants.servo_axis import servo_axis
 from workbench.registry import load_object
 
