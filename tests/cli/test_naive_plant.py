@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -230,6 +231,56 @@ def test_a_single_loop_takes_the_command_that_acts_most(
     limit = ["--require", "settling_time=60s"]
     assert run(["verify", "--plant", "tanks:tank", *step, *limit]) == 0
     assert ("a single loop commands heater" in capsys.readouterr().err) == bool(command)
+
+
+BOTH = """
+from dataclasses import dataclass
+
+@dataclass(frozen=True)
+class Both:
+    name: str = "both"
+    sample_time: float = 0.05
+    sensors: tuple = ("level", "warmth")
+    controlled: tuple = ("level", "warmth")
+    actuators: tuple = ("pump", "heater")
+    preview: int = 0
+
+    def initial_state(self, measurement):
+        return (0.0, 0.0)
+
+    def step(self, state, measurement, reference):
+        errors = [r - y for r, y in zip(reference, measurement)]
+        sums = tuple(s + 0.05 * e for s, e in zip(state, errors))
+        return tuple(2.0 * e + 0.5 * s for e, s in zip(errors, sums)), sums, {}
+
+    def linear_command(self, command):
+        return command
+
+def design(linear, specification):
+    return Both()
+"""
+
+
+def test_two_outputs_step_together_by_two_inputs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tanks.py").write_text(TWO_COMMANDS, encoding="utf-8")
+    (tmp_path / "laws.py").write_text(BOTH, encoding="utf-8")
+    step = ["verify", "--plant", "tanks:tank", "--from", "level=0m,warmth=0K"]
+    step += ["--to", "level=0.1m,warmth=0.2K", "--json"]
+    assert run([*step, "-c", "laws:design", "--out", "both"]) == 0
+    page = Path("both/report.html").read_text(encoding="utf-8")
+    assert all(f"{name}, error and command over time" in page for name in ("level", "warmth"))
+    (record,) = json.loads(capsys.readouterr().out)["runs"]
+    for name, size in (("level", 0.1), ("warmth", 0.2)):
+        assert record["metrics"][f"{name}.highest"]["value"] == pytest.approx(size, rel=0.3)
+        assert record["metrics"][f"{name}.steady_error"]["value"] < 0.05 * size
+    # One loop follows one output.
+    assert run(step) == WRONG_USE
+    (reason, said) = capsys.readouterr().err.splitlines()
+    assert "plain-pid" in reason and reason.endswith("follows level, not warmth too")
+    assert "one of your own" in said
 
 
 CABIN = """

@@ -1,13 +1,19 @@
 """Figures of a user's own stand on a page like those of the workbench."""
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from workbench.errors import WorkbenchError
+from workbench.model import Input, Model, Output, State
 from workbench.reports.figure import FIGURES, Figure, own_figures, sections
+from workbench.reports.figures.tracking import tracked
 from workbench.reports.page import Words
 from workbench.reports.pictures import Picture
+from workbench.study.study import Report
 
 MODULE = '''
 from workbench.reports.figure import Figure
@@ -58,3 +64,34 @@ def test_a_figure_that_fails_leaves_a_note(tmp_path: Path) -> None:
 def test_a_name_that_no_figure_has() -> None:
     with pytest.raises(WorkbenchError, match="write one of your own as module:object"):
         FIGURES.get("nowhere")
+
+
+def test_each_followed_output_stands_beside_a_command_that_moves() -> None:
+    tank = Model(
+        "tank",
+        lambda m: (
+            {"level": m.u.pump - m.x.level, "warmth": m.u.heater - m.x.warmth},
+            {"level": m.x.level, "warmth": m.x.warmth},
+        ),
+        states=(State("level", "m", 1.0), State("warmth", "K", 1.0)),
+        inputs=(Input("valve", "1"), Input("pump", "m/s"), Input("heater", "K/s")),
+        outputs=(Output("level", "m", 1.0), Output("warmth", "K", 1.0)),
+    )
+    traces = {name: np.zeros(3) for name in ("input.valve",)}
+    for name in ("input.pump", "input.heater", *(f"output.{q.name}" for q in tank.outputs)):
+        traces[name] = np.arange(3.0)
+    traces |= {
+        "time": np.arange(3.0),
+        "reference.level": np.ones(3),
+        "reference.warmth": np.ones(3),
+    }
+    study = SimpleNamespace(
+        plant=SimpleNamespace(build=lambda: tank),
+        controllers=("mine",),
+        report=Report(),
+        demands=(),
+    )
+    runs = cast(Any, {"mine": SimpleNamespace(traces=traces)})
+    for output, command in (("level", "pump in m/s"), ("warmth", "heater in K/s")):
+        *_, below = tracked(cast(Any, study), "step", runs, output).axes
+        assert below.get_ylabel().replace("\n", " ") == command

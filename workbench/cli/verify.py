@@ -57,9 +57,9 @@ def verify(
         design (NAME=VALUE): What the design takes for another than the plant has: an option, or a
             value at rest, such as load=1kg or angle=30deg; the short form is --design-load 1kg.
         start (--from VALUE): Controlled output before the step, the plant's first that no command
-            moves at once, or another as NAME=VALUE; a plant that declares no point of its own is
-            designed for there.
-        end (--to VALUE): Controlled output after the step.
+            moves at once, or another as NAME=VALUE; several that step together are
+            NAME=VALUE,NAME=VALUE; a plant that declares no point of its own is designed for there.
+        end (--to VALUE): Controlled output after the step, or several as before it.
         hold (TIME): Time between the steps. By default what the linear model takes to respond.
         sample_time (TIME): Sample time of controllers and loop. By default the controllers' own, or
             a thousandth of that.
@@ -72,14 +72,15 @@ def verify(
     from workbench.study.result import run_study
     from workbench.study.summary import plain_summary
 
-    controlled, (start, end) = _controlled(chosen, start, end)
+    controlled, begins, ends = _controlled(chosen, start, end)
     changes = [*(design or ()), *chosen.design]
-    if start is not None and not changes and not chosen.plant.design_point:
+    if not changes and not chosen.plant.design_point:
         # What declares no point of its own is designed for where the step starts.
-        _level(chosen.model, f"{controlled[0]}={start}", f"{controlled[0]} before the step")
-        changes = [f"{controlled[0]}={start}"]
+        for name, value in begins.items():
+            _level(chosen.model, f"{name}={value}", f"{name} before the step")
+            changes.append(f"{name}={value}")
     base = nominal_design(chosen, changes)
-    scenario = step_of(chosen, controlled, base, start, end, hold, sample_time, controller or ())
+    scenario = step_of(chosen, controlled, base, begins, ends, hold, sample_time, controller or ())
     recipes = recipes_of(base, controller or (), scenario)
     study = replace(study_of_step(chosen, recipes, scenario, require or ()), seeds=(seed,))
     with tempfile.TemporaryDirectory() as folder, counting() as counter:
@@ -140,52 +141,66 @@ def study_of_step(
 
 def _controlled(
     chosen: Chosen, start: str | None, end: str | None
-) -> tuple[tuple[str, ...], tuple[str | None, str | None]]:
-    """Return the controlled outputs, and the levels without the name that may stand before them."""
-    pairs = [(text or "").rpartition("=") for text in (start, end)]
-    named = sorted({name.strip() for name, _, _ in pairs} - {""})
-    if len(named) > 1:
-        raise WorkbenchError(f"--from is of {named[0]} and --to of {named[1]}; step one output")
+) -> tuple[tuple[str, ...], dict[str, str], dict[str, str]]:
+    """Return the controlled outputs, and the levels before and after the step by name."""
+    controlled = chosen.plant.controlled_outputs(chosen.model)
+    texts = [[] if text is None else text.split(",") for text in (start, end)]
+    pairs = [[part.rpartition("=") for part in parts] for parts in texts]
+    named = dict.fromkeys(name.strip() for found in pairs for name, _, _ in found if name)
     for name in named:
         check_choice("controlled output", name, [q.name for q in chosen.model.outputs])
-    found = tuple(named) or chosen.plant.controlled_outputs(chosen.model)
-    return found, (start and pairs[0][2], end and pairs[1][2])
+    only = next(iter(named), controlled[0])
+    begins, ends = ({name.strip() or only: value for name, _, value in found} for found in pairs)
+    if begins and ends and begins.keys() != ends.keys():
+        raise WorkbenchError(
+            f"--from is of {', '.join(begins)} and --to of {', '.join(ends)}; step one output, or"
+            " name all that step in both"
+        )
+    return tuple(named) or controlled, begins, ends
 
 
 def step_of(
     chosen: Chosen,
     controlled: tuple[str, ...],
     base: ControllerRecipe,
-    start: str | None = None,
-    end: str | None = None,
+    begins: Mapping[str, str] | None = None,
+    ends: Mapping[str, str] | None = None,
     hold: str | None = None,
     sample_time: str | None = None,
     controllers: Sequence[str] = (),
 ) -> Scenario:
-    """Return a step of the first controlled output and back, as given or as the plant has it."""
+    """Return a step of controlled outputs and back, as given or of the first as the plant has it.
+
+    Args:
+        begins: Levels before the step by output, as text; those of the design by default.
+        ends: The same after the step.
+    """
     from workbench.linearisation.pace import step_time
     from workbench.model.units import from_si, quantity
     from workbench.verification import Steps, step_scenario
 
-    linear = base.linear()
-    name = controlled[0]
+    linear, begins, ends = base.linear(), begins or {}, ends or {}
     y0 = {n: float(y) for n, y in zip(linear.output_names, linear.y0, strict=True)}
-    about = next(q for q in chosen.model.outputs if q.name == name)
-    own = name == chosen.plant.controlled_outputs(chosen.model)[0]
-    # A size that nobody declared is all that the inputs bring about, from end to end.
-    size = (
-        about.scale
-        if about.sized
-        else _reached(chosen.model, about, y0[name], _command_of_loop(linear, name))
-    )
-    first, last = (own and chosen.plant.step) or (y0[name], y0[name] + size)
-    levels = [
-        default if given is None else _level(chosen.model, f"{name}={given}", what)
-        for given, default, what in (
-            (start, first, f"{name} before the step"),
-            (end, last, f"{name} after the step"),
+
+    def levels(name: str) -> tuple[float, float]:
+        about = next(q for q in chosen.model.outputs if q.name == name)
+        own = name == chosen.plant.controlled_outputs(chosen.model)[0]
+        # A size that nobody declared is all that the inputs bring about, from end to end.
+        size = (
+            about.scale
+            if about.sized
+            else _reached(chosen.model, about, y0[name], _command_of_loop(linear, name))
         )
-    ]
+        first, last = (own and chosen.plant.step) or (y0[name], y0[name] + size)
+        begin, end = (
+            _level(chosen.model, f"{name}={given[name]}", f"{name} {when} the step")
+            if name in given
+            else default
+            for given, default, when in ((begins, first, "before"), (ends, last, "after"))
+        )
+        return begin, end
+
+    moved = {name: levels(name) for name in (ends or begins or controlled[:1])}
     shown = step_time(linear)
     held = shown if hold is None else quantity("time", hold, "s")
     check_range("time between the steps", held, *TIMES_S, "s")
@@ -195,14 +210,27 @@ def step_of(
         else quantity("sample time", sample_time, "s")
     )
     check_range("sample time", step, TIMES_S[0], held, "s")
-    unit = about.display_unit
-    begin, end_ = (float(from_si(v, unit)) for v in levels)
-    asked = step_scenario(
-        name, begin, end_, unit=unit, back=True, lead=0.25 * held, hold=held, sample_time=step
-    )
+    units = {q.name: q.display_unit for q in chosen.model.outputs}
+    each = [
+        step_scenario(
+            name,
+            *(float(from_si(level, units[name])) for level in ends_of),
+            unit=units[name],
+            back=True,
+            lead=0.25 * held,
+            hold=held,
+            sample_time=step,
+        )
+        for name, ends_of in moved.items()
+    ]
     # Other controlled outputs stay as they are at the design point.
-    others = {n: Steps((0.0,), (y0[n],)) for n in controlled[1:]}
-    return replace(asked, references=dict(sorted({**asked.references, **others}.items())))
+    references = {n: Steps((0.0,), (y0[n],)) for n in controlled if n not in moved}
+    stepped = {name: signal for asked in each for name, signal in asked.references.items()}
+    return replace(
+        each[0],
+        name=", ".join(asked.name for asked in each),
+        references=dict(sorted({**references, **stepped}.items())),
+    )
 
 
 def _reached(model: Model, output: Output, start: float, command: str) -> float:
@@ -316,12 +344,14 @@ def recipes_of(
         if (design := DESIGNS.get(name, folder=Path.cwd())).needs != "linear":
             check_choice("controller", design.name, one)
     only_measured = [q.name for q in model.inputs if not q.commanded]
+    stepped = [name for name, asked in scenario.references.items() if asked.changes]
+    stepped = stepped if len(stepped) > 1 else []
     found: list[ControllerRecipe] = []
     partly: list[ControllerRecipe] = []
     refused: dict[str, list[str]] = {}
     for made in map(recipe, names or [design.name for design in designs_for(linear)]):
         try:
-            commanded = made.build().actuators
+            law = made.build()
         except WorkbenchError as error:
             # Of designs that nobody asked for, those count that suit the plant; of several that
             # were, one that does not is a run that failed.
@@ -332,7 +362,11 @@ def recipes_of(
             else:
                 refused.setdefault(str(error), []).append(made.name)
         else:
-            idle = [n for n in linear.input_names if n not in (*commanded, *only_measured)]
+            if left := [name for name in stepped if name not in law.controlled]:
+                reason = f"follows {', '.join(law.controlled)}, not {', '.join(left)} too"
+                refused.setdefault(reason, []).append(made.name)
+                continue
+            idle = [n for n in linear.input_names if n not in (*law.actuators, *only_measured)]
             (partly if idle and not names else found).append(made)
     for reason, which in refused.items():
         typer.echo(f"{', '.join(which)}: {reason}", err=True)

@@ -72,7 +72,7 @@ def closed_loop_part() -> Part:
 def _pictures(result: StudyResult, plant: str) -> list[Picture]:
     scenario = next(iter(result.study.scenarios))
     runs = {r.controller: r for r in result.records if r.variation == plant}
-    limit = with_unit(f"{steady_limit(result.study, scenario):g}", "deg")
+    limit = with_unit(f"{steady_limit(result.study, scenario, 'angle'):g}", "deg")
     return [
         Picture(
             f"steps-{plant.replace(' ', '-')}-{way}",

@@ -118,6 +118,7 @@ def tracked(
     study: Study,
     scenario: str,
     runs: Mapping[str, Record],
+    output: str = "",
     *,
     window: tuple[float, float] | None = None,
     lines: tuple[str, str] = ("full plant", "linear model"),
@@ -125,11 +126,17 @@ def tracked(
     """Draw what the runs of a scenario kept of their trajectories, by controller.
 
     Args:
+        output: Output that they follow, the first by default. With the first of several stands the
+            first command that moves, with the second the second.
         window: First and last time that is drawn, in s.
     """
+    outputs = followed(runs)
+    output = output or outputs[0]
+    runs = {c: r for c, r in runs.items() if f"reference.{output}" in r.traces}
     first = next(iter(runs.values())).traces
-    output = next(n.removeprefix("reference.") for n in first if n.startswith("reference."))
-    command = next(n.removeprefix("input.") for n in first if n.startswith("input."))
+    commands = [n.removeprefix("input.") for n in first if n.startswith("input.")]
+    moved = [n for n in commands if any(np.ptp(r.traces[f"input.{n}"]) for r in runs.values())]
+    command = (moved or commands)[: outputs.index(output) + 1][-1]
     quantity, plant = output_of(study, output), study.plant.build()
     driven = next(q for q in plant.inputs if q.name == command)
 
@@ -157,23 +164,30 @@ def tracked(
         quantity=output,
         unit=written(quantity.display_unit),
         command=f"{command} in {written(driven.display_unit)}",
-        error_limit=steady_limit(study, scenario),
+        error_limit=steady_limit(study, scenario, output),
         lines=lines,
         shades=shades_of(study),
     )
 
 
-def steady_limit(study: Study, scenario: str) -> float | None:
+def followed(runs: Mapping[str, Record]) -> list[str]:
+    """Return the outputs that runs follow a reference with, each once."""
+    names = (name for run in runs.values() for name in run.traces)
+    return list(
+        dict.fromkeys(n.removeprefix("reference.") for n in names if n.startswith("reference."))
+    )
+
+
+def steady_limit(study: Study, scenario: str, output: str) -> float | None:
     """Return the steady error that a study allows after steps, in the display unit, or None."""
-    reference = next(iter(study.scenarios[scenario].references))
     for demand in study.demands:
         limit = demand.requirement
         if (
-            limit.metric == "steady_error"
+            limit.metric in ("steady_error", f"{output}.steady_error")
             and limit.scenario in ("", scenario)
-            and study.scenarios[scenario].references[reference].changes
+            and study.scenarios[scenario].references[output].changes
         ):
-            unit = of_difference(output_of(study, reference).display_unit)
+            unit = of_difference(output_of(study, output).display_unit)
             return float(convert(limit.limit, limit.unit, unit))
     return None
 
@@ -189,16 +203,19 @@ def _draw(result: StudyResult, scenario: str, case: str, suffix: str) -> list[Pi
             else "No linear run: the plant changes during the run."
         )
         for part in parts(result.study, nominal):
-            figure = tracked(result.study, scenario, part.runs)
-            name = f"tracking-{suffix}{part.tail}"
-            found.append(_picture(result, scenario, figure, name, case or "nominal plant", tail))
+            for i, output in enumerate(followed(part.runs)):
+                figure = tracked(result.study, scenario, part.runs, output)
+                name = f"tracking-{suffix}{part.tail}" + (f"-{output}" if i else "")
+                where = case or "nominal plant"
+                found.append(_picture(result, scenario, output, figure, name, where, tail))
     worst = _worst_runs(result, scenario, nominal)
     for part in parts(result.study, worst):
         figure = tracked(result.study, scenario, part.runs, lines=("worst plant", "nominal plant"))
         where = "each controller on its worst plant of the box"
         tail = "Dashed: the same controller on the nominal plant."
         name = f"worst-{suffix}{part.tail}"
-        found.append(_picture(result, scenario, figure, name, where, tail))
+        output = followed(part.runs)[0]
+        found.append(_picture(result, scenario, output, figure, name, where, tail))
     return found
 
 
@@ -217,10 +234,15 @@ def _worst_runs(
 
 
 def _picture(
-    result: StudyResult, scenario: str, figure: Drawing, name: str, where: str, tail: str
+    result: StudyResult,
+    scenario: str,
+    output: str,
+    figure: Drawing,
+    name: str,
+    where: str,
+    tail: str,
 ) -> Picture:
-    output = next(iter(result.study.scenarios[scenario].references))
-    limit = steady_limit(result.study, scenario)
+    limit = steady_limit(result.study, scenario, output)
     unit = output_of(result.study, output).display_unit
     dotted = f" (dotted: ± {with_unit(f'{limit:g}', unit)})" if limit else ""
     caption = f"{scenario}, {where}: {output}, error{dotted} and command. {tail}"
