@@ -1,8 +1,10 @@
 """Frozen, clipped, constant and wrongly scaled sensors are found; sound ones are not."""
 
+import math
 from dataclasses import replace
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -321,6 +323,23 @@ def test_what_begins_the_other_way_than_it_goes_has_no_sign() -> None:
         outputs=(Output("current", "A"), Output("voltage", "V")),
     )
     assert response_signs(boost) == {("duty", "current"): 1, ("supply", "current"): 1}
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("rate", [-1e6, 1e6, math.inf])
+def test_a_plant_of_any_speed_has_signs(rate: float) -> None:
+    def equations(m: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        own = rate * m.x.a if math.isfinite(rate) else ca.sqrt(m.x.a)
+        return {"a": m.u.drive + own, "b": 2.0 * m.x.a - 1e-3 * m.x.b}, {"a": m.x.a, "b": m.x.b}
+
+    plant = Model(
+        "any",
+        equations,
+        states=(State("a", "m", 1.0), State("b", "m", 1.0)),
+        inputs=(Input("drive", "N", 1.0),),
+        outputs=(Output("a", "m", 1.0), Output("b", "m", 1.0)),
+    )
+    assert response_signs(plant) == {("drive", "a"): 1}
 
 
 def test_a_command_that_moves_cause_and_motion_does_not_turn_a_sign() -> None:

@@ -85,11 +85,16 @@ def response_signs(model: Model) -> dict[tuple[str, str], int]:
 def _pulse(
     A: npt.NDArray[np.float64], b: npt.NDArray[np.float64], C: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
-    """Return C exp(A t) b at times from a thousandth of the fastest on, shape (n_times, n)."""
+    """Return C exp(A t) b at times from a thousandth of the fastest on, shape (n_times, n).
+
+    It ends after three time constants of an unstable mode; without finite slopes it is zero.
+    """
     from scipy.linalg import expm
 
+    if not np.isfinite(A).all():
+        return np.zeros((1, len(C)))
     poles = np.linalg.eigvals(A).astype(complex)
-    longest = horizon(poles)
+    longest = min(horizon(poles), 3.0 / max(poles.real.max(initial=0.0), 1e-9))
     first = 1e-3 * min(longest, 1.0 / np.abs(poles).max(initial=1e-9))
     return np.array([C @ expm(A * t) @ b for t in np.geomspace(first, longest, 80)])
 
