@@ -159,19 +159,35 @@ def loops_at(
     at_rest = tuple(values[name] for name in controller.sensors)
     reference = tuple(values[name] for name in controller.controlled)
     law = linear_law(controller, at_rest, reference * (1 + controller.preview))
-    h = controller.sample_time
-    found = []
-    for delay, lag in corners:
-        seen = A, B, C
-        if lag > 0.0:
-            noisy = {q.name for q in linear.operating_point.model.outputs if q.noise_rms > 0.0}
-            seen = _lagging(*seen, [name in noisy for name in controller.sensors], lag)
-        found.append(LoopMatrices(*_late(*seen, delay, h), *law))
-    return tuple(found)
+    noisy = {q.name for q in linear.operating_point.model.outputs if q.noise_rms > 0.0}
+    lagging = [name in noisy for name in controller.sensors]
+    sampled = sampled_at(A, B, C, lagging, corners, controller.sample_time)
+    return tuple(LoopMatrices(*plant, *law) for plant in sampled)
+
+
+def sampled_at(
+    A: Matrix,
+    B: Matrix,
+    C: Matrix,
+    lagging: Sequence[bool],
+    corners: Sequence[tuple[float, float]],
+    sample_time: float,
+) -> list[tuple[Matrix, Matrix, Matrix]]:
+    """Return a plant with held inputs, late and seen with a lag, at each corner.
+
+    Args:
+        lagging: The outputs, one for each row of C, that a lag is put behind.
+        corners: Pairs of delay and time constant, in s.
+        sample_time: Time between samples, in s.
+    """
+    return [
+        _late(*(_lagging(A, B, C, lagging, lag) if lag > 0.0 else (A, B, C)), delay, sample_time)
+        for delay, lag in corners
+    ]
 
 
 def _lagging(
-    A: Matrix, B: Matrix, C: Matrix, which: list[bool], lag: float
+    A: Matrix, B: Matrix, C: Matrix, which: Sequence[bool], lag: float
 ) -> tuple[Matrix, Matrix, Matrix]:
     """Put a first-order lag behind some outputs."""
     slow = np.flatnonzero(which)

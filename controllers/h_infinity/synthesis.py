@@ -136,26 +136,28 @@ def synthesise(
     generalised = ct.ss(*generalised_plant(plant, weights))
     try:
         full, _, gamma, _ = ct.hinfsyn(generalised, 1, 1)
+        enough = (1.0 + tolerance) * gamma
+        # At the least norm the controller has poles towards infinity, and rounding decides on them;
+        # a little above it they are finite.
+        for back_off in (0.0, 0.01, 0.02, 0.05, 0.1, 0.2):
+            above = (1.0 + back_off) * gamma
+            whole = _system(full) if back_off == 0.0 else _central(generalised, above)
+            found, norm = _reduced(whole, plant, weights, enough, 2.0 / h)
+            if norm <= enough:
+                break
+        else:
+            raise NumericalError(
+                f"without its fast poles the H-infinity controller has a norm of {norm:.3g} instead"
+                f" of {gamma:.3g}; take a smaller speed or a smaller sample time"
+            )
     except (RuntimeError, ValueError, ArithmeticError) as error:
+        if isinstance(error, NumericalError):
+            raise
+        said = " ".join(str(error).split())
         raise NumericalError(
-            f"no H-infinity controller was found for a speed of {weights.speed:g} rad/s ({error});"
-            " take a smaller speed or a smaller disturbance"
+            f"no H-infinity controller was found for a speed of {weights.speed:g} rad/s ({said});"
+            " take another speed or a smaller disturbance"
         ) from None
-    enough = (1.0 + tolerance) * gamma
-    # At the least norm the controller has poles towards infinity, and rounding decides on them; a
-    # little above it they are finite.
-    for back_off in (0.0, 0.01, 0.02, 0.05, 0.1, 0.2):
-        whole = (
-            _system(full) if back_off == 0.0 else _central(generalised, (1.0 + back_off) * gamma)
-        )
-        found, norm = _reduced(whole, plant, weights, enough, 2.0 / h)
-        if norm <= enough:
-            break
-    else:
-        raise NumericalError(
-            f"without its fast poles the H-infinity controller has a norm of {norm:.3g} instead of"
-            f" {gamma:.3g}; take a smaller speed or a smaller sample time"
-        )
     sampled = ct.c2d(ct.ss(*found), h, method="bilinear")
     A, B, C, D = (np.asarray(m, dtype=float) for m in (sampled.A, sampled.B, sampled.C, sampled.D))
     return Synthesis(A, B, C, D, found, float(gamma), norm, len(whole[0]))

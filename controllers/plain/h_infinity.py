@@ -8,15 +8,18 @@ same for every plant; its disturbance enters with the command.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from controllers.design import Design
 from controllers.h_infinity.synthesis import Weights, synthesise
-from controllers.plain.single_loop import SPEED, LoopSpecification
+from controllers.plain.limits import LoopLimits
+from controllers.plain.single_loop import LoopSpecification, SingleLoop
+from controllers.plain.state_feedback import reachable_speed
 from controllers.plain.transfer_law import TransferLaw, transfer_controller
-from workbench.errors import TIMES_S, check_range
+from workbench.errors import check_range
 from workbench.linearisation.transfer import transfer_function
 
 if TYPE_CHECKING:
@@ -28,18 +31,22 @@ class PlainHInfinitySpecification(LoopSpecification):
     """What an H-infinity controller for any linear model is designed for.
 
     Args:
-        speed: Speed w below which the error is made small, in rad/s; by default (0) a
-            fiftieth of the sampling rate.
-        delay: Delay of sample and converter, in s; one and a half samples by default (0).
+        speed: Speed w below which the error is made small, in rad/s; by default (0) that of the
+            best loop within its limits.
     """
 
     speed: float = 0.0
-    delay: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_range("speed", self.speed, 0.0, 0.5 / self.sample_time, "rad/s")
-        check_range("delay", self.delay, 0.0, TIMES_S[1], "s")
+
+
+FACTORS = (0.15, 0.3, 0.5, 0.8, 1.2, 2.0)
+"""Speeds that are tried, over that of a state feedback."""
+
+INPUT_SIZES = (8.0, 1.0, 0.2)
+"""Sizes of the command that are tried, over that at which the plant moves the output by itself."""
 
 
 def design_plain_h_infinity(
@@ -51,18 +58,35 @@ def design_plain_h_infinity(
         WorkbenchError: If slycot is not installed.
         NumericalError: If there is no such controller.
     """
-    import control as ct
-
     want = specification or PlainHInfinitySpecification()
     loop = want.loop(linear)
+    limits, family = LoopLimits(loop, want), "an H-infinity controller"
+    without_lags: dict[TransferLaw, tuple[TransferLaw, float]] = {}
+
+    def designed(speed: float, input_size: float) -> TransferLaw:
+        law = _h_infinity(loop, want, speed, input_size)
+        led = law.behind_lags(speed)
+        without_lags[led] = law, speed
+        return led
+
+    tried = [want.speed] if want.speed else [reachable_speed(limits, want) * k for k in FACTORS]
+    designs = [partial(designed, w, size) for w in tried for size in INPUT_SIZES]
+    law, speed = without_lags[limits.best(designs, family)]
+    return limits.led(law.behind_lags, speed, family)
+
+
+def _h_infinity(
+    loop: SingleLoop, want: PlainHInfinitySpecification, w: float, input_size: float
+) -> TransferLaw:
+    import control as ct
+
     own, h = loop.linear, want.sample_time
-    w = want.speed or SPEED / h
     size = abs(complex(transfer_function(own.A, own.B, own.C, own.D, np.array([1j * w]))[0, 0, 0]))
     unit = 1.0 / size
     # Time counts in 1 / w and states in scales, so that no machine is too slow or too small for the
     # numbers. The command passes a delay (first-order Pade); a disturbance enters beside it.
     states = own.state_scales / loop.output_scale
-    p = 2.0 / (w * (want.delay or 1.5 * h))
+    p = 2.0 / (w * (want.delay + 1.5 * h))
     n = len(own.A)
     B = own.B / states[:, None] * (unit / w)
     A = np.block(
@@ -71,7 +95,7 @@ def design_plain_h_infinity(
     entries = np.block([[B, -B], [np.zeros((1, 1)), np.array([[p]])]])
     C = np.hstack([own.C * states, np.zeros((1, 1))])
     plant = A, entries, C, np.zeros((1, 2))
-    found = synthesise(plant, Weights(1.0), tolerance=0.3, sample_time=h * w)
+    found = synthesise(plant, Weights(1.0, input_size=input_size), tolerance=0.3, sample_time=h * w)
     law = ct.ss(found.A, found.B, unit * found.C, unit * found.D, h)
     return transfer_controller(
         law, tracking_time=1.0 / w, sample_time=h, name="H-infinity", **loop.ends

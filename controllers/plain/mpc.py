@@ -8,17 +8,29 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from controllers.mpc.whole_model import LinearMPC, MPCSpecification, design_mpc, linear_mpc_design
-from controllers.plain.single_loop import DISTURBED, SPEED, LoopSpecification
+from controllers.plain.limits import LoopLimits
+from controllers.plain.single_loop import LoopSpecification, SingleLoop, speeds
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import check_range
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
+
+
+FASTEST = 0.15
+"""Largest speed of a reference that is tried, times the sample time: a horizon has its samples."""
+
+DISTURBANCES = (1.0, 0.1, 0.01)
+"""Disturbances of the command that are tried, as fractions of it."""
+
+ERRORS = (0.1, 1.0)
+"""Errors that are tried, over what the command moves the output by at the speed."""
 
 
 @dataclass(frozen=True)
@@ -27,24 +39,24 @@ class PlainMPCSpecification(LoopSpecification):
 
     Args:
         speed: Speed of the reference's lags, in rad/s; the horizon is four of its time constants.
-            By default (0) a fiftieth of the sampling rate, or the fastest unstable mode's rate.
-        error_scale: Error that weighs as much as a third of the command, in SI of the output; a
-            hundredth of its scale by default (0).
+            By default (0) that of the best loop within its limits.
+        error_scale: Error that weighs as much as a third of the command, in SI of the output; by
+            default (0) what makes the best loop.
         rate_time: Time in which the command may cross half of its range, in s; two prediction
             samples by default (0).
-        noise: Noise rms of the measurement, in SI; by default what the sensor declares, and 1e-4
-            of its scale at least (0).
+        disturbance: What the disturbance of the command is taken to walk by in ten time constants
+            of the loop, rms, as a fraction of the command; what suits the loop by default (0).
     """
 
     speed: float = 0.0
     error_scale: float = 0.0
     rate_time: float = 0.0
-    noise: float = 0.0
+    disturbance: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_range("speed", self.speed, 0.0, 0.5 / self.sample_time, "rad/s")
-        for name in ("error_scale", "rate_time", "noise"):
+        for name in ("error_scale", "rate_time", "disturbance"):
             check_range(name.replace("_", " "), getattr(self, name), 0.0, 1e30)
 
 
@@ -58,23 +70,42 @@ def design_plain_mpc(
             equation has no solution.
     """
     want = specification or PlainMPCSpecification()
-    loop = want.loop(linear)
-    own, h = loop.linear, want.sample_time
+    loop, h = want.loop(linear), want.sample_time
     # Over many time constants of an unstable mode no prediction has a meaning.
-    growing = float(np.max(np.linalg.eigvals(own.A).real, initial=0.0))
-    speed = want.speed or min(max(SPEED / h, growing), 0.5 / h)
+    growing = float(np.max(np.linalg.eigvals(loop.linear.A).real, initial=0.0))
+    top = min(max(2.0 * growing, 0.02 / h) if growing > 1e-6 / h else FASTEST / h, 0.3 / h)
+    low = min(growing, 0.5 * top)
+    tried = [want.speed] if want.speed else [w for w in speeds(h, 16) if low <= w <= top]
+    designs = [
+        partial(_mpc, loop, want, speed, disturbance, error)
+        for speed in tried
+        for disturbance in ([want.disturbance] if want.disturbance else DISTURBANCES)
+        for error in (
+            [want.error_scale]
+            if want.error_scale
+            else [share * loop.sizes([speed])[0] for share in ERRORS]
+        )
+    ]
+    return LoopLimits(loop, want).best(designs, "a linear MPC")
+
+
+def _mpc(
+    loop: SingleLoop, want: PlainMPCSpecification, speed: float, disturbance: float, error: float
+) -> LinearMPC:
+    own, h = loop.linear, want.sample_time
     step = h * max(1, round(0.1 / speed / h))
-    entered = int(np.argmax(np.abs(own.B[:, 0]) / loop.linear.state_scales))
-    walking = 1.0 / math.sqrt(DISTURBED * h)
-    walk = float(abs(own.B[entered, 0])) * loop.command_scale * walking
+    entered = int(np.argmax(np.abs(own.B[:, 0]) / own.state_scales))
+    # Over ten time constants.
+    walking = math.sqrt(0.1 * speed)
+    walk = disturbance * float(abs(own.B[entered, 0])) * loop.command_scale * walking
     plain = MPCSpecification(
-        angle_scale=want.error_scale or 0.01 * loop.output_scale,
+        angle_scale=error,
         prediction_time=step,
         rate_limit=1.0 / (want.rate_time or 2.0 * step),
         state_noise=MPCSpecification.state_noise * walking,
         disturbances={own.state_names[entered]: walk},
-        sensor_noise=(want.noise or max(loop.noise, 1e-4 * loop.output_scale),),
-        reference_speed=speed,
+        sensor_noise=(want.loop_noise(loop),),
+        reference_speed=min(speed, 0.5 / h),
         sample_time=h,
     )
     straight = ValveInverse((0.0, loop.command_scale), (0.0, 1.0), loop.rest_command)

@@ -6,6 +6,7 @@ Units: SI.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,6 +16,7 @@ from controllers.arithmetic import Numbers, Told
 from controllers.law import ClosedForm
 from controllers.protocol import Command
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
+from workbench.linearisation.transfer import transfer_function
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -40,6 +42,16 @@ class SingleLoop(NamedTuple):
     command_scale: float
     noise: float
 
+    def sizes(self, speeds: Sequence[float]) -> list[float]:
+        """Return what all of the command makes the output swing by at each speed, in its SI.
+
+        At a speed, in rad/s, it is the largest of those at it and above.
+        """
+        m = self.linear
+        P = transfer_function(m.A, m.B, m.C, m.D, 1j * np.array(speeds))[:, 0, 0]
+        sizes = np.maximum.accumulate(np.abs(P) * self.command_scale)
+        return [float(size) for size in sizes]
+
     @property
     def ends(self) -> dict[str, Any]:
         """What a `PlainLaw` of this loop is told: names, rest and ends of the command."""
@@ -53,11 +65,9 @@ class SingleLoop(NamedTuple):
         }
 
 
-SPEED = 0.02
-"""Usual speed of a loop, times the sample time, dimensionless."""
-
-DISTURBED = 500.0
-"""Samples over which the disturbance of a command is taken to walk as far as it declares."""
+def speeds(sample_time: float, number: int = 40) -> list[float]:
+    """Return speeds of a loop that may be tried, in rad/s, from fast to slow."""
+    return [float(w) / sample_time for w in np.geomspace(0.3, 1e-5, number)]
 
 
 def single_loop(plant: Any, measured: str = "", actuator: str = "") -> SingleLoop:
@@ -129,14 +139,52 @@ class LoopSpecification:
         measured: Name of the controlled output; the first one by default.
         actuator: Name of the command; the first one by default.
         sample_time: Time between steps, in s.
+        maximum_sensitivity: Limit on Ms, the peak of the sensitivity (ratio); by default (0) 1.8,
+            or the least that a loop of this plant has.
+        maximum_complementary: Limit on Mt, the peak of the complementary sensitivity (ratio); by
+            default (0) 1.6, or the least that a loop of this plant has.
+        delay: Delay beside that of sampling with which the limits hold as well, in s.
+        sensor_lag: Time constant of the sensor with which the limits hold as well, in s.
+        trusted_frequency: Frequency above which nothing of the model is trusted, in rad/s; every
+            one is by default (0).
+        quiet: What the noise of the measurement may move the command by, rms, as a fraction of half
+            its range.
+        overshoot: Overshoot of a step within the command's ends that is allowed, as a fraction of
+            the step.
+        noise: Noise rms of the measurement, in SI of the output; by default (0) what the sensor
+            declares, and 1e-4 of its scale at least.
     """
 
     measured: str = ""
     actuator: str = ""
     sample_time: float = field(default=0.002, kw_only=True)
+    maximum_sensitivity: float = field(default=0.0, kw_only=True)
+    maximum_complementary: float = field(default=0.0, kw_only=True)
+    delay: float = field(default=0.0, kw_only=True)
+    sensor_lag: float = field(default=0.0, kw_only=True)
+    trusted_frequency: float = field(default=0.0, kw_only=True)
+    quiet: float = field(default=0.02, kw_only=True)
+    overshoot: float = field(default=0.02, kw_only=True)
+    noise: float = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
         check_range("sample time", self.sample_time, *TIMES_S, "s")
+        for name, value, least in (
+            ("Ms", self.maximum_sensitivity, 1.05),
+            ("Mt", self.maximum_complementary, 1.0),
+        ):
+            if value:
+                check_range(f"limit on {name}", value, least, 10.0)
+        check_range("delay", self.delay, 0.0, TIMES_S[1], "s")
+        check_range("lag of the sensor", self.sensor_lag, 0.0, TIMES_S[1], "s")
+        check_range("trusted frequency", self.trusted_frequency, 0.0, 1.0 / TIMES_S[0], "rad/s")
+        check_range("share of the command that noise may take", self.quiet, 1e-9, 1e9)
+        check_range("overshoot", self.overshoot, 0.0, 1.0)
+        check_range("noise", self.noise, 0.0, 1e30)
+
+    def loop_noise(self, loop: SingleLoop) -> float:
+        """Return the noise rms that is reckoned with, in SI of the output."""
+        return self.noise or max(loop.noise, 1e-4 * loop.output_scale)
 
     def loop(self, linear: Any) -> SingleLoop:
         """Return the loop to control."""

@@ -23,17 +23,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
 from controllers.design import Design
-from controllers.plain.single_loop import DISTURBED, SPEED, LoopSpecification, PlainLaw, SingleLoop
+from controllers.plain.limits import LoopLimits
+from controllers.plain.single_loop import LoopSpecification, PlainLaw, SingleLoop, speeds
 from controllers.reference.horizon import lagged
 from controllers.sampling import Rows, rows, total
-from controllers.sensitivity import peak_sensitivities
 from controllers.sliding_mode import sliding_design
 from workbench.arrays import Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_range
@@ -129,27 +130,33 @@ class ObserverLaw(PlainLaw):
         return (command,), ObservedState(predicted, free, filtered, r), {"asked": asked, **told}
 
 
+DISTURBANCES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003)
+"""Disturbances of the command that are tried for a Kalman filter, as fractions of it."""
+
+
 @dataclass(frozen=True)
 class ObserverSpecification(LoopSpecification):
     """What every law on a Kalman filter of the states is told.
 
     Args:
-        reference_speed: Speed of the reference's lags, in rad/s; by default (0) twice that of the
-            slowest pole of a state feedback without its integral, or the slope of a surface.
-        noise: Noise rms of the measurement for the Kalman filter, in SI; by default what the
-            sensor declares, and 1e-4 of its scale at least (0).
-        disturbance: Random disturbance of the command for the Kalman filter, as a fraction of it.
+        reference_speed: Speed of the reference's lags, in rad/s; by default (0) what leads a step
+            best.
+        disturbance: What the disturbance of the command is taken to walk by in ten time constants
+            of the loop, rms, as a fraction of the command; what suits the loop by default (0).
     """
 
     reference_speed: float = 0.0
-    noise: float = 0.0
-    disturbance: float = 0.3
+    disturbance: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_range("reference speed", self.reference_speed, 0.0, 1.0 / TIMES_S[0])
-        check_range("noise", self.noise, 0.0, 1e30)
-        check_range("disturbance of the command", self.disturbance, 1e-9, 1e3)
+        check_range("disturbance of the command", self.disturbance, 0.0, 1e3)
+
+    @property
+    def disturbances(self) -> tuple[float, ...]:
+        """Disturbances that are tried, fractions."""
+        return (self.disturbance,) if self.disturbance else DISTURBANCES
 
 
 @dataclass(frozen=True)
@@ -157,15 +164,13 @@ class LQISpecification(ObserverSpecification):
     """What a state feedback for any linear model is designed for.
 
     Args:
-        error_scale: Error that weighs as much as all of the command, in SI of the output; a
-            tenth of its scale by default (0). It is raised until the limit on Ms holds.
-        maximum_sensitivity: Limit on Ms, the peak of the sensitivity (ratio).
+        error_scale: Error that weighs as much as all of the command, in SI of the output; by
+            default (0) what makes the best loop within its limits.
         integral_time: Time T in which the integral of an error weighs as much as the error, in s;
-            by default twice the slowest time constant of the feedback without it (0).
+            by default (0) two time constants of the loop.
     """
 
     error_scale: float = 0.0
-    maximum_sensitivity: float = 1.8
     integral_time: float = 0.0
 
     def __post_init__(self) -> None:
@@ -177,47 +182,88 @@ class LQISpecification(ObserverSpecification):
 def design_lqi(linear: LinearModel, specification: LQISpecification | None = None) -> ObserverLaw:
     """Design a state feedback with integral action for any linear model.
 
-    A Kalman filter takes away the margins that an LQR has: the command is made dearer until Ms of
-    the sampled loop is within its limit.
+    The loop is as fast as the frequency w at which the plant makes the error that weighs as much as
+    all of the command from all of the command. A Kalman filter takes away the margins that an LQR
+    has: of all w and filters it is the law that `controllers.plain.limits` takes.
 
     Raises:
-        WorkbenchError: If the output cannot be led to a reference by the command, or a Riccati
-            equation has no solution.
+        WorkbenchError: If the output cannot be led to a reference by the command, a Riccati
+            equation has no solution, or a limit that was given is not held.
     """
     want = specification or LQISpecification()
     loop = want.loop(linear)
-    first = want.error_scale or 0.1 * loop.output_scale
-    for error in np.geomspace(first, 1e4 * first, 60).tolist():
-        law = _lqi(loop, want, error)
-        if peak_sensitivities(law, loop.linear)[0] <= want.maximum_sensitivity:
-            return law
-    raise WorkbenchError(
-        f"no state feedback of {loop.measured} by {loop.actuator} has Ms <="
-        f" {want.maximum_sensitivity:g} behind its Kalman filter; allow a larger peak, or say that"
-        " the command is disturbed more"
-    )
+    limits = LoopLimits(loop, want)
+    law, _ = _fastest(limits, want, speeds(want.sample_time), want.disturbances)
+    if want.reference_speed:
+        return law
+    return limits.led(lambda w: replace(law, reference_speed=w), law.reference_speed, FEEDBACK)
 
 
-def _lqi(loop: SingleLoop, want: LQISpecification, error: float) -> ObserverLaw:
+def reachable_speed(limits: LoopLimits, want: LoopSpecification) -> float:
+    """Return about how fast a loop within limits is, in rad/s: that of a state feedback."""
+    told = {f.name: getattr(want, f.name) for f in fields(LoopSpecification)}
+    coarse = speeds(want.sample_time, 20)
+    return _fastest(limits, LQISpecification(**told), coarse, DISTURBANCES[::2])[1]
+
+
+def _fastest(
+    limits: LoopLimits, want: LQISpecification, tried: list[float], disturbances: Sequence[float]
+) -> tuple[ObserverLaw, float]:
+    """Return the best state feedback and its speed, in rad/s."""
+    sizes = limits.loop.sizes(tried)
+    if want.error_scale:
+        k = int(np.searchsorted(sizes, want.error_scale))
+        tried = tried[min(k, len(tried) - 1) :][:1]
+        sizes = [want.error_scale]
+    speed_of: dict[ObserverLaw, float] = {}
+
+    def designed(speed: float, error: float, disturbance: float) -> ObserverLaw:
+        law = _lqi(limits.loop, want, speed, error, disturbance)
+        speed_of[law] = speed
+        return law
+
+    designs = [
+        partial(designed, w, error, disturbance)
+        for w, error in zip(tried, sizes, strict=True)
+        for disturbance in disturbances
+    ]
+    law = limits.best(designs, FEEDBACK)
+    return law, speed_of[law]
+
+
+FEEDBACK = "a state feedback"
+
+
+def _lqi(
+    loop: SingleLoop, want: LQISpecification, speed: float, error: float, disturbance: float
+) -> ObserverLaw:
     h = want.sample_time
     F, G = zero_order_hold(loop.linear.A, loop.linear.B, h)
     C = loop.linear.C
     cost = np.array([[1.0 / loop.command_scale**2]])
-    size = loop.linear.state_scales
-    gain = _regulator(F, G, C.T @ C / error**2, cost, size)
-    slowest = np.max(np.abs(np.linalg.eigvals(F - G @ gain)))
-    speed = -math.log(min(max(slowest, 1e-12), 1.0 - 1e-9)) / h
     time = want.integral_time or 2.0 / speed
     n = len(F)
     joined = np.block([[F, np.zeros((n, 1))], [-h * C, np.ones((1, 1))]])
     weight = np.zeros((n + 1, n + 1))
     weight[:n, :n], weight[n, n] = C.T @ C / error**2, 1.0 / (time * error) ** 2
-    size = np.append(size, time * loop.output_scale)
+    size = np.append(loop.linear.state_scales, time * loop.output_scale)
     gains = _regulator(joined, np.vstack([G, [[0.0]]]), weight, cost, size)[0]
     closed = np.linalg.eigvals(joined - np.vstack([G, [[0.0]]]) @ gains[None, :])
     slow = -math.log(min(max(np.max(np.abs(closed)), 1e-12), 1.0 - 1e-9)) / h
-    speed = min(want.reference_speed or 2.0 * speed, 0.5 / h)
-    return _observed(loop, want, gains[:n], -float(gains[n]), slow, reference_speed=speed)
+    return _observed(
+        loop,
+        want,
+        gains[:n],
+        -float(gains[n]),
+        slow,
+        walk=_walk(disturbance, speed),
+        reference_speed=min(want.reference_speed or 2.0 * speed, 0.5 / h),
+    )
+
+
+def _walk(disturbance: float, speed: float) -> float:
+    """Return the random walk of the integral of the command's disturbance, a fraction, per s."""
+    return disturbance * math.sqrt(10.0 / speed)
 
 
 def state_feedback_by_hand(
@@ -248,7 +294,9 @@ def state_feedback_by_hand(
             f"the gain has {len(gain)} entries and the model the states"
             f" {', '.join(loop.linear.state_names)}; give one entry for each"
         )
-    return _observed(loop, want, np.asarray(gain, dtype=float), integral_gain)
+    h = want.sample_time
+    walk = _walk(want.disturbance or 0.3, 0.02 / h)
+    return _observed(loop, want, np.asarray(gain, dtype=float), integral_gain, walk=walk)
 
 
 @dataclass(frozen=True)
@@ -257,7 +305,7 @@ class PlainSlidingModeSpecification(ObserverSpecification):
 
     Args:
         slope: Speed of the poles on the surface, in rad/s; poles of the model that are faster stay.
-            By default (0) a fiftieth of the sampling rate.
+            By default (0) the best loop within its limits.
         reach: What may lead to the surface, as a fraction of the command.
         layer_bandwidth: Pole inside the boundary layer, in rad/s; twice the slope by default (0).
     """
@@ -283,10 +331,25 @@ def design_plain_sliding_mode(
         WorkbenchError: If the command does not reach all states.
     """
     want = specification or PlainSlidingModeSpecification()
-    loop = want.loop(linear)
+    loop, h = want.loop(linear), want.sample_time
+    slopes = [want.slope] if want.slope else [w for w in speeds(h) if w <= 0.2 / h]
+    designs = [
+        partial(_sliding, loop, want, slope, disturbance)
+        for slope in slopes
+        for disturbance in want.disturbances
+    ]
+    limits, family = LoopLimits(loop, want), "a sliding mode"
+    law = limits.best(designs, family)
+    if want.reference_speed:
+        return law
+    return limits.led(lambda w: replace(law, reference_speed=w), law.reference_speed, family)
+
+
+def _sliding(
+    loop: SingleLoop, want: PlainSlidingModeSpecification, slope: float, disturbance: float
+) -> ObserverLaw:
     A, B, C = loop.linear.A, loop.linear.B, loop.linear.C
     n = len(A)
-    slope = want.slope or SPEED / want.sample_time
     # With q' = -C x in the place of the error's integral, whose reference is at rest.
     joined = np.block([[A, np.zeros((n, 1))], [-C, np.zeros((1, 1))]])
     entry = np.vstack([B, [[0.0]]])
@@ -302,6 +365,7 @@ def design_plain_sliding_mode(
         kept[:n],
         -float(kept[n]),
         slow=slope,
+        walk=_walk(disturbance, slope),
         name="sliding mode",
         surface=tuple(surface[:n].tolist()),
         surface_integral=-float(surface[n]),
@@ -352,20 +416,27 @@ def _observed(
     gain: Matrix,
     integral_gain: float,
     slow: float = 0.0,
+    walk: float = 0.0,
     name: str = "state feedback",
     surface: tuple[float, ...] = (),
     surface_integral: float = 0.0,
     **more: Any,
 ) -> ObserverLaw:
-    """Put a state feedback on a Kalman filter; slow is the pole that a zero takes the place of."""
+    """Put a state feedback on a Kalman filter.
+
+    Args:
+        slow: Pole that a zero takes the place of, in rad/s; none by default (0).
+        walk: Random walk of the integral of the command's disturbance over one second, as a
+            fraction of the command, times s.
+    """
     own, h = loop.linear, want.sample_time
     F, G = zero_order_hold(own.A, own.B, h)
     n = len(F)
-    noise = want.noise or max(loop.noise, 1e-4 * loop.output_scale)
-    # The disturbance is white noise that moves the integral of the command as a random walk.
-    walk = want.disturbance * loop.command_scale
-    q = DISTURBED * walk * walk * (G @ G.T)
-    q = q + 1e-12 / DISTURBED * np.diag(np.diag(q)) + 1e-300 * np.eye(n)
+    noise = want.loop_noise(loop)
+    # The disturbance is white noise, held over a sample.
+    walk *= loop.command_scale
+    q = walk * walk / h * (G @ G.T)
+    q = q + 1e-15 * np.diag(np.diag(q)) + 1e-300 * np.eye(n)
     size = loop.linear.state_scales
     predictor = _regulator(F.T, own.C.T, q, np.array([[noise * noise]]), 1.0 / size).ravel()
     # From the gain of the predictor to that of the correction.

@@ -20,17 +20,20 @@ Source: Åström and Wittenmark, Computer-Controlled Systems, 1997, sections 8.5
 
 from __future__ import annotations
 
+import itertools
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
 from controllers.design import Design
-from controllers.plain.single_loop import LoopSpecification, PlainLaw, SingleLoop
+from controllers.linear_law import LinearLaw
+from controllers.plain.limits import Among, Answer, LoopLimits, answer
+from controllers.plain.single_loop import LoopSpecification, PlainLaw
 from controllers.sampling import Rows, anti_windup, rows, total
-from controllers.sensitivity import peak_sensitivities
 from workbench.errors import TIMES_S, WorkbenchError, check_range
 from workbench.linearisation.transfer import transfer_function
 
@@ -61,6 +64,23 @@ class TransferLaw(PlainLaw):
     output_gain: float
     back: tuple[float, ...]
     at_rest: tuple[float, ...]
+
+    def behind_lags(self, speed: float) -> TransferLaw:
+        """Return the law with its reference behind two lags of a speed, in rad/s."""
+        fresh, n = min(speed * self.sample_time, 1.0), len(self.A)
+        A = np.zeros((n + 2, n + 2))
+        A[:n, :n], A[:n, n + 1] = self.A, self.by_reference
+        A[n:, n:] = [[1.0 - fresh, 0.0], [fresh, 1.0 - fresh]]
+        return replace(
+            self,
+            A=rows(A),
+            by_reference=(0.0,) * n + (fresh, 0.0),
+            by_output=(*self.by_output, 0.0, 0.0),
+            C=(*self.C, 0.0, self.reference_gain),
+            reference_gain=0.0,
+            back=(*self.back, 0.0, 0.0),
+            at_rest=(*self.at_rest, 1.0, 1.0),
+        )
 
     def initial_state(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> Numbers:
         """Return the state of a loop at rest where it is measured."""
@@ -219,34 +239,36 @@ def transfer_controller(
     )
 
 
+ZEROS = (0.4, 1.0, 2.5, 6.0, 15.0)
+"""Times of the integral that are tried, in time constants of the crossover."""
+
+PHASE_MARGINS = (1.15, 0.95, 0.75, 0.55)
+"""Phase margins that are tried, in rad."""
+
+STEPS = (2.0, 1.5, 1.5, 1.5, 1.3, 1.3, 1.3, 1.15, 1.15, 1.15, 1.07, 1.07)
+"""Factors by which each gain is changed, as long as that is better."""
+
+WEIGHTS = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.0)
+"""Weights of the reference that are tried, dimensionless."""
+
+
 @dataclass(frozen=True)
 class PlainPIDSpecification(LoopSpecification):
     """What a PID for any linear model is designed for.
 
     Args:
-        bandwidth: Largest crossover frequency, in rad/s; by default a tenth of the sampling's.
-        phase_margin: Phase margin aimed at, in rad.
-        error_scale: Smallest error for which all of the command may be used, in SI of the output; a
-            tenth of its scale by default (0).
-        maximum_sensitivity: Limit on Ms, the peak of the sensitivity (ratio).
-        maximum_complementary: Limit on Mt, the peak of the complementary sensitivity (ratio).
-        delay: Delay beside that of sampling that the loop must have in its phase, in s.
+        bandwidth: Largest crossover frequency, in rad/s; by default (0) a tenth of the sampling's.
+        error_scale: Smallest error for which all of the command may be used, in SI of the output;
+            by default (0) noise alone limits the gain.
     """
 
     bandwidth: float = 0.0
-    phase_margin: float = 1.05
     error_scale: float = 0.0
-    maximum_sensitivity: float = 1.8
-    maximum_complementary: float = 1.6
-    delay: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_range("bandwidth", self.bandwidth, 0.0, 1.0 / self.sample_time, "rad/s")
-        check_range("phase margin", self.phase_margin, 0.2, 1.5, "rad")
-        check_range("limit on Ms", self.maximum_sensitivity, 1.05, 10.0)
-        check_range("limit on Mt", self.maximum_complementary, 1.0, 10.0)
-        check_range("delay", self.delay, 0.0, TIMES_S[1], "s")
+        check_range("error scale", self.error_scale, 0.0, 1e30)
 
 
 def design_plain_pid(
@@ -254,12 +276,13 @@ def design_plain_pid(
 ) -> TransferLaw:
     """Design a PID between one command and one output of any linear model.
 
-    At a crossover frequency w, a zero at w / 4 integrates, a lead network gives the phase that is
-    missing, and the gain is what is left; w is lowered from ``bandwidth`` until Ms and Mt of the
-    sampled loop are within their limits and the gain within the command's.
+    At a crossover frequency w, a zero at a share of w integrates, a lead network gives the phase
+    that is missing to a phase margin, and the gain is what is left. Of all w, shares and margins it
+    is the best by `controllers.plain.limits`, the reference weighted by what lets a step overshoot
+    no further than it may; its four gains are then changed one by one as long as that helps.
 
     Raises:
-        WorkbenchError: If no crossover frequency meets the limits.
+        WorkbenchError: If no such loop is stable, or a limit that was given is not held.
 
     Source:
         Loop shaping with lag and lead: Åström and Murray, Feedback Systems, 2008, section 11.4.
@@ -267,69 +290,89 @@ def design_plain_pid(
     want = specification or PlainPIDSpecification()
     loop = want.loop(linear)
     own, h = loop.linear, want.sample_time
-    fastest = want.bandwidth or 0.1 * 2.0 * math.pi / h
-    error = want.error_scale or 0.1 * loop.output_scale
-    largest = loop.command_scale / error
-    tried = np.geomspace(fastest, 1e-4 * fastest, 120)
+    largest = loop.command_scale / want.error_scale if want.error_scale else math.inf
+    top = want.bandwidth or 0.1 * 2.0 * math.pi / h
+    tried = np.geomspace(top, 1e-5 * top, 70)
     response = transfer_function(own.A, own.B, own.C, own.D, 1j * tried)[:, 0, 0]
     response = response * np.exp(-1j * tried * (0.5 * h + want.delay))
-    pairs = zip(tried.tolist(), response.tolist(), strict=True)
-    found = [_at_crossover(loop, want, w, plant) for w, plant in pairs]
-    laws = [law for law in found if law is not None]
-    for law in (law for law in laws if abs(law.output_gain) <= 4.0 * largest):
-        ms, mt = peak_sensitivities(law, loop.linear)
-        if ms <= want.maximum_sensitivity and mt <= want.maximum_complementary:
-            return law
-    if not any(math.isfinite(peak_sensitivities(law, loop.linear)[0]) for law in laws):
-        raise WorkbenchError(
-            f"a PID makes no stable loop of {loop.measured} by {loop.actuator} at any crossover"
-            f" from {tried[-1]:.3g} to {tried[0]:.3g} rad/s; take a state feedback, such as lqi"
-        )
-    raise WorkbenchError(
-        f"no crossover from {tried[-1]:.3g} to {tried[0]:.3g} rad/s gives {loop.measured} a PID"
-        f" with Ms <= {want.maximum_sensitivity:g} and Mt <= {want.maximum_complementary:g}; allow"
-        f" larger peaks or a smaller error_scale than {error:.3g} (left out, a tenth of the scale"
-        f" of {loop.measured}, which is {loop.output_scale:g}), or take a state feedback"
-    )
+    limits = LoopLimits(loop, want)
+
+    def made(gains: Gains) -> TransferLaw:
+        kp, ki, kd, filter_time = gains
+        own: dict[str, Any] = {"filter_time": filter_time, "tracking_time": abs(kp / ki)}
+        return pid_by_hand(kp, ki, kd, sample_time=h, **own, **loop.ends)
+
+    tries = [
+        (gains, limits.judge(_around_rest(made(gains))))
+        for w, plant in zip(tried.tolist(), response.tolist(), strict=True)
+        for zero, margin in itertools.product(ZEROS, PHASE_MARGINS)
+        for gains in _at_crossover(w, plant, zero / w, margin)
+        if abs(made(gains).output_gain) <= largest
+    ]
+    found = [
+        (gains, judged, *_weighed(limits, made(gains)))
+        for gains, judged in limits.held(tries, "a PID")
+    ]
+    among = Among.of([(judged, reached) for _, judged, _, reached in found], want.overshoot)
+    gains, judged, law, reached = min(found, key=lambda one: among.cost(one[1], one[3]))
+    least = among.cost(judged, reached)
+    for step in STEPS:
+        for k, factor in itertools.product(range(4), (step, 1.0 / step)):
+            changed = gains._replace(**{Gains._fields[k]: gains[k] * factor})
+            other = made(changed)
+            judged = limits.judge(_around_rest(other))
+            if judged.excess > among.excess or abs(other.output_gain) > largest:
+                continue
+            other, reached = _weighed(limits, other)
+            if (cost := among.cost(judged, reached)) < least:
+                gains, law, least = changed, other, cost
+    return law
 
 
-def _at_crossover(
-    loop: SingleLoop, want: PlainPIDSpecification, w: float, plant: complex
-) -> TransferLaw | None:
-    """Return the PID that gives the loop its phase margin at a frequency, or None."""
-    if not plant:
-        return None
-    integrating = 4.0 / w
-    # Up to the sign of the plant, the phase of the controller lies between lag and lead.
-    missing = -math.pi + want.phase_margin - math.atan2(plant.imag, plant.real)
+class Gains(NamedTuple):
+    """Kp, Ki, Kd and Tf of a PID, in SI."""
+
+    proportional: float
+    integral: float
+    derivative: float
+    filter_time: float
+
+
+def _around_rest(law: TransferLaw) -> LinearLaw:
+    """Return a PID from measurement, reference beside its weight, and reference by its weight."""
+    kp, h_ki = law.reference_gain, law.by_reference[0]
+    G = np.array([[-law.by_output[0], h_ki, 0.0], [-law.by_output[1], 0.0, 0.0]])
+    return LinearLaw(np.array(law.A), G, np.array([law.C]), np.array([[-law.output_gain, 0.0, kp]]))
+
+
+def _weighed(limits: LoopLimits, law: TransferLaw) -> tuple[TransferLaw, Answer]:
+    """Return a PID with the largest weight that lets a step overshoot no further than it may."""
+    time, seen = limits.steps(_around_rest(law))
+    steps = seen[:, [0]] + seen[:, [1]] * np.array(WEIGHTS)
+    over = steps.max(axis=0) - 1.0
+    allowed = limits.want.overshoot
+    k = next((k for k, top in enumerate(over) if top <= allowed), len(WEIGHTS) - 1)
+    kp, weight = law.reference_gain, WEIGHTS[k]
+    own = replace(law, reference_gain=weight * kp, at_rest=((1.0 - weight) * kp, -1.0))
+    return own, answer(time, np.column_stack([steps[:, k], seen[:, 2]]))
+
+
+def _at_crossover(w: float, plant: complex, integrating: float, margin: float) -> Iterator[Gains]:
+    """Yield PIDs, of either sign, that give the loop a phase margin at a frequency, or more."""
+    missing = -math.pi + margin - math.atan2(plant.imag, plant.real)
     missing += math.atan(1.0 / (w * integrating))
-    missing = math.remainder(missing, 2.0 * math.pi)
-    sign = 1.0
-    if not -1.8 <= missing <= 1.2:
-        missing, sign = math.remainder(missing + math.pi, 2.0 * math.pi), -1.0
-        if not -1.8 <= missing <= 1.2:
-            return None
-    if missing < -0.6:
-        # A plant that hardly lags there: the integral is what lags.
-        integrating = 1.0 / (w * math.tan(min(math.atan(0.25) - missing, 1.5)))
-    lead = fast = 0.0
-    if missing > 0.0:
-        ratio = (1.0 + math.sin(missing)) / (1.0 - math.sin(missing))
+    for sign in (1.0, -1.0):
+        lift = math.remainder(missing if sign > 0.0 else missing + math.pi, 2.0 * math.pi)
+        if not plant or lift > 1.4:
+            continue
+        lift = max(lift, 0.2)
+        ratio = (1.0 + math.sin(lift)) / (1.0 - math.sin(lift))
         lead, fast = math.sqrt(ratio) / w, 1.0 / (w * math.sqrt(ratio))
-    shape = (1.0 + 1.0 / (1j * w * integrating)) * (1.0 + 1j * w * lead) / (1.0 + 1j * w * fast)
-    gain = sign / abs(plant * shape)
-    # (1 + 1 / Ti s) (1 + Td s) / (1 + Tf s) as a sum of its three parts.
-    kp = gain * (integrating + lead - fast) / integrating
-    return pid_by_hand(
-        kp,
-        gain / integrating,
-        gain * lead - kp * fast,
-        filter_time=fast,
-        setpoint_weight=0.6,
-        tracking_time=integrating,
-        sample_time=want.sample_time,
-        **loop.ends,
-    )
+        shape = (1.0 + 1.0 / (1j * w * integrating)) * (1.0 + 1j * w * lead) / (1.0 + 1j * w * fast)
+        gain = sign / abs(plant * shape)
+        # (1 + 1 / Ti s) (1 + Td s) / (1 + Tf s) as a sum of its three parts.
+        kp = gain * (integrating + lead - fast) / integrating
+        yield Gains(kp, gain / integrating, gain * lead - kp * fast, fast)
 
 
 PLAIN_PID = Design(

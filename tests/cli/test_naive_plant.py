@@ -128,6 +128,14 @@ def ball():
         inputs=(Input("u1", "V", lower=0.0, upper=24.0),),
         outputs=(Output("gap", "m", display_unit="mm"),),
         parameters=(Parameter("R", "ohm", value=10.0),))
+
+def boxes():
+    return Model("boxes",
+        lambda m: (
+            {"x": m.x.v, "v": m.x.a + 9.0 * m.x.x, "a": m.x.j, "j": m.u.push}, {"way": m.x.x}),
+        states=(State("x", "m"), State("v", "m/s"), State("a", "m/s2"), State("j", "m/s3")),
+        inputs=(Input("push", "m/s4", lower=-100.0, upper=100.0),),
+        outputs=(Output("way", "m", noise_rms=1e-5),))
 """
 
 
@@ -171,11 +179,20 @@ def test_a_rest_that_divides_by_zero_is_said(
 def test_a_plant_that_no_pid_makes_stable_is_said(
     others: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    step = ["--from", "gap=10mm", "--to", "gap=10.5mm"]
-    assert run(["verify", "--plant", "others:ball", *step, "-c", "plain-pid"]) == WRONG_USE
+    step = ["--from", "0m", "--to", "0.01m"]
+    assert run(["verify", "--plant", "others:boxes", *step, "-c", "plain-pid"]) == WRONG_USE
     said = capsys.readouterr().err
-    assert "a PID makes no stable loop of gap by u1" in said and "such as lqi" in said
-    assert run(["verify", "--plant", "others:ball", *step, "-c", "lqi"]) == 0
+    assert "a PID makes no stable loop of way by push" in said and "such as lqi" in said
+    assert run(["verify", "--plant", "others:boxes", *step, "-c", "lqi"]) == 0
+
+
+def test_a_ball_below_a_magnet_is_held_by_every_family(
+    others: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--plant", "others:ball", "--from", "gap=10mm", "--to", "gap=10.5mm"]
+    limits = ["--require", "settling_time=0.2s", "--require", "overshoot=10%"]
+    assert run(["verify", *words, *limits]) == 0
+    assert capsys.readouterr().out.count(" on ball, step 10 to 10.5 mm") == 5
 
 
 def test_an_absolute_temperature_is_plausible_without_a_scale(

@@ -22,7 +22,7 @@ from controllers.plain.state_feedback import (
     state_feedback_by_hand,
 )
 from controllers.plain.transfer_law import design_plain_pid, pid_by_hand, transfer_controller
-from controllers.sensitivity import peak_sensitivities
+from controllers.sensitivity import frequencies, loops_at, peak_sensitivities, peaks_of
 from tests.controllers.in_c import InC
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linear_model, linearise
@@ -257,6 +257,85 @@ def test_an_mpc_looks_no_further_than_an_unstable_plant_can_be_foreseen(growth: 
         outputs=(Output("z", "m", 0.01), Output("i", "A", 50.0)),
     )
     want = PlainMPCSpecification(measured="z", sample_time=0.002)
-    law = design_plain_mpc(linearise(operating_point(plasma)), want)
+    linear = linearise(operating_point(plasma))
+    law = design_plain_mpc(linear, want)
     step = step_scenario("z", 0, 1, unit="mm", sample_time=0.002, hold=1.0)
-    assert metrics(verify(law, plasma, step))["settling_time"].value < 8.0 / growth
+    assert metrics(verify(law, plasma, step))["settling_time"].value < 15.0 / growth
+    # A faster one has Ms 3 to 5.2 here.
+    assert peak_sensitivities(law, linear)[0] < 2.5
+
+
+def dead_time(late: float, lag: float, gain: float) -> Model:
+    """Ten equal lags in the place of a dead time, and a lag; noise of a thousandth."""
+
+    def equations(m: Any) -> Any:
+        rates = {"y": (m.x.p9 - m.x.y) / lag}
+        for k in range(10):
+            before = getattr(m.x, f"p{k - 1}") if k else gain * m.u.u
+            rates[f"p{k}"] = (before - getattr(m.x, f"p{k}")) / (late / 10)
+        return rates, {"y": m.x.y}
+
+    states = tuple(State(n, "K", abs(gain)) for n in ("y", *(f"p{k}" for k in range(10))))
+    outputs = (Output("y", "K", abs(gain), noise_rms=1e-3 * abs(gain)),)
+    return Model("pipe", equations, states, (Input("u", "1", lower=-1.0, upper=1.0),), outputs)
+
+
+def drum() -> Model:
+    """The level of a drum: it integrates, and answers the wrong way for 30 s."""
+    return Model(
+        "drum",
+        lambda m: (
+            {
+                "mass": 2.5e-5 * m.x.feed,
+                "swell": (-1e-3 * m.x.feed - m.x.swell) / 10.0,
+                "feed": (m.u.feedwater - m.x.feed) / 5.0,
+            },
+            {"level": m.x.mass + m.x.swell},
+        ),
+        states=(State("mass", "m"), State("swell", "m"), State("feed", "kg/s")),
+        inputs=(Input("feedwater", "kg/s", lower=-50.0, upper=70.0),),
+        outputs=(Output("level", "m", noise_rms=1e-3),),
+    )
+
+
+LIMITS = {
+    # Time of settling that a PID by hand reaches, by SIMC's rule or a search on its gains, in s.
+    "dead time": (dead_time(300.0, 60.0, -80.0), "y", 5.0, 0.5, 800.0),
+    "fast dead time": (dead_time(300e-6, 60e-6, 80.0), "y", 5.0, 0.5e-6, 800e-6),
+    "drum": (drum(), "level", 0.05, 0.1, 200.0),
+}
+
+
+SLOWER = {("drum", "lqi"): 2.5, ("drum", "plain-mpc"): 3.0, ("drum", "plain-sliding-mode"): 4.0}
+"""Families that need longer, in times of the PID by hand."""
+
+
+@pytest.mark.parametrize("name", [name for name in PLAIN if "infinity" not in name])
+@pytest.mark.parametrize("case", LIMITS)
+def test_a_design_is_as_fast_as_the_plant_lets_it_be(case: str, name: str) -> None:
+    model, output, step, h, by_hand = LIMITS[case]
+    linear = linearise(operating_point(model, {output: 0.0}), verdict=False)
+    design = DESIGNS.get(name)
+    law = design.controller(linear, design.specified({"sample_time": h}))
+    assert peak_sensitivities(law, linear)[0] < 1.85
+    scenario = step_scenario(output, 0.0, step, lead=by_hand, hold=4.0 * by_hand, sample_time=h)
+    run = verify(law, linear, scenario)
+    assert metrics(run)["overshoot"].value < 0.05
+    away = np.abs(run[output] - step) > 0.05 * step
+    assert run.time[away][-1] < (1.0 + SLOWER.get((case, name), 1.5)) * by_hand
+
+
+@pytest.mark.parametrize("name", [name for name in PLAIN if "infinity" not in name])
+def test_what_a_design_shall_tolerate_costs_speed(name: str) -> None:
+    linear = linearise(operating_point(motor(), {"encoder": 0.0}), verdict=False)
+    design = DESIGNS.get(name)
+    told = {"measured": "encoder", "delay": 0.02, "trusted_frequency": 60.0}
+    plain, tolerant = (design.controller(linear, design.specified(given)) for given in ({}, told))
+    corner = [
+        peaks_of(loops_at(law, linear, ((0.02, 0.0),))[0], frequencies()).sensitivity
+        for law in (plain, tolerant)
+    ]
+    assert corner[1] < 1.85 < corner[0]
+    with pytest.raises(WorkbenchError, match="is not to be had; the nearest has Ms"):
+        hard = {"measured": "encoder", "maximum_sensitivity": 1.06, "quiet": 1e-9}
+        design.controller(linear, design.specified(hard))
