@@ -106,6 +106,7 @@ def single_loop(plant: Any, measured: str = "", actuator: str = "") -> SingleLoo
             f"{actuator} does not move {measured} near the operating point; take another, where it"
             " does: --from or --at, or the nominal of an input"
         )
+    linear = linear.without_unreached()
     model = whole.operating_point.model
     output = next(q for q in model.outputs if q.name == measured)
     inputs = {q.name: q for q in model.inputs}

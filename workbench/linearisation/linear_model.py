@@ -172,7 +172,22 @@ class LinearModel(Drawn):
         seen = np.any(self.C != 0.0, axis=0)
         for _ in self.state_names:
             seen = seen | np.any(self.A[seen] != 0.0, axis=0)
-        k = np.flatnonzero(seen)
+        return self._with_states(seen)
+
+    def without_unreached(self) -> LinearModel:
+        """Return the model without the states that no input moves, now or later, and that decay.
+
+        Such as a tank that another pump fills.
+        """
+        reached = np.any(self.B != 0.0, axis=1)
+        for _ in self.state_names:
+            reached = reached | np.any(self.A[:, reached] != 0.0, axis=1)
+        left = np.flatnonzero(~reached)
+        rates = np.linalg.eigvals(self.A[np.ix_(left, left)])
+        return self if np.any(rates.real >= 0.0) else self._with_states(reached)
+
+    def _with_states(self, kept: npt.NDArray[np.bool_]) -> LinearModel:
+        k = np.flatnonzero(kept)
         return replace(
             self,
             A=self.A[np.ix_(k, k)],

@@ -231,6 +231,30 @@ def test_an_angle_that_nobody_measures_keeps_no_design_from_its_speed(name: str)
     assert metrics(verify(law, drive, scenario))["steady_error"].value < 0.01
 
 
+@pytest.mark.parametrize("name", PLAIN)
+def test_a_tank_that_another_pump_fills_keeps_no_design_from_its_level(name: str) -> None:
+    model = Model(
+        "tanks",
+        lambda m: (
+            {
+                "low": 0.01 * m.u.pump + 0.02 * m.x.high - 0.01 * m.x.low,
+                "high": 0.005 * m.u.other - 0.02 * m.x.high,
+            },
+            {"level": m.x.low},
+        ),
+        states=(State("low", "m", 0.2), State("high", "m", 0.2)),
+        inputs=(Input("pump", "V", lower=-5.0, upper=5.0), Input("other", "V")),
+        outputs=(Output("level", "m", 0.2, noise_rms=1e-4),),
+    )
+    linear = linearise(operating_point(model, {"level": 0.0}), verdict=False)
+    assert single_loop(linear).linear.state_names == ("low",)
+    assert single_loop(linear, actuator="other").linear.state_names == ("low", "high")
+    design = DESIGNS.get(name)
+    law = design.controller(linear, design.specified({"sample_time": 1.0}))
+    scenario = step_scenario("level", 0.0, 0.1, lead=1.0, hold=900.0, sample_time=1.0)
+    assert metrics(verify(law, linear, scenario))["settling_time"].value < 300.0
+
+
 def test_a_plant_that_nothing_drives_gets_no_controller() -> None:
     decay = Model(
         "decay",
