@@ -1,7 +1,7 @@
 """Of many laws between one measurement and one command, the best within limits.
 
-A law is within them if its sampled loop, at each corner of the delay and the lag that it must
-tolerate, has
+A law is within them if its sampled loop, with every delay up to that which it must tolerate, and
+with the lag and without, has
 
     Ms = max |1 / (1 + L)|, Mt = max |L / (1 + L)| within their limits,   |T| w <= trusted frequency
 
@@ -18,7 +18,6 @@ of optimum transient response, AIEE Trans. 72, 1953 (time by absolute error).
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
@@ -29,7 +28,7 @@ import numpy as np
 from controllers.linear_law import LinearLaw, linear_law
 from controllers.protocol import Controller
 from controllers.sensitivity import sampled_at
-from workbench.arrays import Matrix, Vector
+from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import WorkbenchError
 from workbench.linearisation.transfer import transfer_function
 
@@ -64,6 +63,9 @@ class Judged(NamedTuple):
     excess: float
 
 
+UNSTABLE = 15.0
+"""Ms, a ratio, of a loop that is not stable with a delay near to those that are looked at."""
+
 NONE = Judged(math.inf, math.inf, math.inf)
 """What a loop reaches that is not stable."""
 
@@ -73,10 +75,10 @@ class LoopLimits:
 
     def __init__(self, loop: SingleLoop, want: LoopSpecification) -> None:
         h, own, size = want.sample_time, loop.linear, loop.linear.state_scales
-        corners = itertools.product({0.0, want.delay}, {0.0, want.sensor_lag})
         A, B, C = own.A * size / size[:, None], own.B / size[:, None], own.C * size
         self.want, self.loop = want, loop
-        self.plants = sampled_at(A, B, C, (True,), sorted(corners), h)
+        lags = [(0.0, lag) for lag in sorted({0.0, want.sensor_lag})]
+        self.plants = sampled_at(A, B, C, (True,), lags, h)
         z = np.exp(1j * ANGLE)
         self.responses = [
             transfer_function(a, b, c, np.zeros((1, 1)), z)[:, 0, 0] for a, b, c in self.plants
@@ -94,11 +96,14 @@ class LoopLimits:
             closed = np.block([[A + B @ J @ C, B @ H], [G @ C, F]])
             if not np.max(np.abs(np.linalg.eigvals(closed))) < 1.0:
                 return NONE
-            s = 1.0 / (1.0 + P * K)
-            t = np.abs(P * K * s)
+            L = P * K * self._delays(P * K)
+            s = 1.0 / (1.0 + L)
+            if not (len(L) and np.abs(s).max() <= UNSTABLE):
+                return NONE
+            t = np.abs(L * s)
             ms, mt = max(ms, float(np.abs(s).max())), max(mt, float(t.max()))
             beyond = max(beyond, float((t * ANGLE).max()) / want.sample_time)
-            noisy = np.abs(K * s) ** 2
+            noisy = np.max(np.abs(K * s), axis=0) ** 2
             stirred = max(stirred, self.noise * math.sqrt(np.trapezoid(noisy, ANGLE) / np.pi))
         excess = max(
             ms / (want.maximum_sensitivity or USUAL_SENSITIVITY),
@@ -107,6 +112,21 @@ class LoopLimits:
             stirred / want.quiet,
         )
         return Judged(ms, mt, excess)
+
+    def _delays(self, loop: Complex) -> Complex:
+        """Return what delays from none to the largest multiply a loop by, shape (n_delays, n).
+
+        From one to the next the phase at a crossover moves by a tenth, so that none on the way at
+        which the loop is not stable is passed over; there are none where that is certain.
+        """
+        late = self.want.delay / self.want.sample_time
+        if not late:
+            return np.ones((1, 1), dtype=complex)
+        crossover = ANGLE[np.abs(loop) >= 1.0].max(initial=0.0)
+        if crossover * late > 2.0 * np.pi:
+            return np.ones((0, 1), dtype=complex)
+        delays = np.linspace(0.0, late, max(8, math.ceil(10.0 * crossover * late)))
+        return np.asarray(np.exp(-1j * delays[:, None] * ANGLE))
 
     def held(self, tries: Sequence[tuple[T, Judged]], family: str) -> list[tuple[T, Judged]]:
         """Return the tries that hold the limits, or else those that exceed them least.

@@ -232,6 +232,25 @@ def test_an_angle_that_nobody_measures_keeps_no_design_from_its_speed(name: str)
 
 
 @pytest.mark.parametrize("name", PLAIN)
+def test_a_delay_of_many_samples_is_tolerated(name: str) -> None:
+    model = Model(
+        "oven",
+        lambda m: ({"T": (50.0 * m.u.duty - m.x.T) / 60.0}, {"T": m.x.T}),
+        states=(State("T", "K", 50.0),),
+        inputs=(Input("duty", "1", lower=-1.0, upper=1.0),),
+        outputs=(Output("T", "K", 50.0, noise_rms=0.05),),
+    )
+    linear = linearise(operating_point(model, {"T": 0.0}), verdict=False)
+    design = DESIGNS.get(name)
+    law = design.controller(linear, design.specified({"sample_time": 0.5, "delay": 150.0}))
+    for delay in (0.0, 40.0, 150.0):
+        loop = loops_at(law, linear, ((delay, 0.0),))[0]
+        assert peaks_of(loop, frequencies()).sensitivity < 1.9
+    scenario = step_scenario("T", 0.0, 10.0, lead=1.0, hold=4000.0, sample_time=0.5)
+    assert metrics(verify(law, linear, scenario))["steady_error"].value < 0.5
+
+
+@pytest.mark.parametrize("name", PLAIN)
 def test_a_tank_that_another_pump_fills_keeps_no_design_from_its_level(name: str) -> None:
     model = Model(
         "tanks",
