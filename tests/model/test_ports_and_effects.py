@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -18,7 +20,8 @@ from workbench.model import (
     Scope,
     State,
 )
-from workbench.model.cofactor import cofactor
+from workbench.model.parts import cofactor
+from workbench.physics.friction import coulomb_friction
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
 
@@ -290,3 +293,29 @@ def test_a_parameter_that_multiplies_two_things_has_no_argument() -> None:
     assert cofactor(k * x + k * y, k) is None
     assert cofactor(x / k - y, k) is not None
     assert cofactor(k / x, k) is None
+
+
+def test_a_law_means_the_state_where_an_input_has_its_name() -> None:
+    press = Model(
+        "press",
+        lambda m: (
+            {"ram": m.x.speed, "speed": m.u.speed - 2.0 * m.x.speed},
+            {"ram": m.x.ram},
+        ),
+        states=(State("ram", "m"), State("speed", "m/s")),
+        inputs=(Input("speed", "m/s2"),),
+        outputs=(Output("ram", "m"),),
+    )
+    rubbed = press.with_effect(coulomb_friction("speed.rate", level=3.0, transition_speed=1e-6))
+    assert rubbed.rates([0.0, -1.0], [7.0])[1] == pytest.approx(7.0 + 2.0 + 3.0)
+
+
+def test_functions_of_numbers_are_refused_where_symbols_stand() -> None:
+    with pytest.raises(WorkbenchError, match="rate of level of 'tank' is not a number"):
+        Model(
+            "tank",
+            lambda m: ({"level": m.u.inflow - math.sin(m.x.level)}, {"level": m.x.level}),
+            states=(State("level", "m"),),
+            inputs=(Input("inflow", "m/s"),),
+            outputs=(Output("level", "m"),),
+        )

@@ -11,11 +11,13 @@ from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.held_out import explained, held_out_errors
+from workbench.diagnosis.selection.moments import moments
 from workbench.diagnosis.selection.rules import IMPERFECT, MOST_LEFT, NEAR_NOISE
 from workbench.diagnosis.selection.score import COLLINEAR
 from workbench.diagnosis.selection.weights import Weighted
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Kind, Value, Verdict
+from workbench.model import Effect
 from workbench.model.units import in_time
 
 _MOST_SAID = 5
@@ -215,6 +217,25 @@ def _own(fit: ProcessNoiseFit, effect: str) -> dict[str, Value]:
     }
 
 
+def _when(diagnosis: Diagnosis, effect: Effect) -> str:
+    """Say when an event came in each recording, if not in all at one time."""
+    model, prepared = diagnosis.extended.model, diagnosis.prepared
+    elsewhere = moments(model, effect)
+    if not elsewhere:
+        return ""
+    usual = model.parameter(f"{effect.name}.{effect.about.moment}").value
+    said = []
+    for seen in (*prepared.fitting, *prepared.judging):
+        time = elsewhere.get(seen.name, usual)
+        if time < seen.sample_time:
+            said.append(f"before {seen.name} begins")
+        elif time > seen.sample_time * (len(seen.outputs) - 2):
+            said.append(f"not in {seen.name}")
+        else:
+            said.append(f"at {in_time(time)} of {seen.name}")
+    return f", {', '.join(said)}"
+
+
 def _weights(diagnosis: Diagnosis) -> tuple[Weighted, ...]:
     return diagnosis.selected.weights if diagnosis.selected is not None else ()
 
@@ -255,6 +276,7 @@ def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]])
             f", {name} {value:.3g} +- {std:.2g} {unit}".removesuffix(" 1")
             for name, (value, std, unit) in ((name, v.read) for name, v in told.items())
         )
+        + _when(diagnosis, entry.effect)
         + (f"; cannot be told from {', '.join(alike[1:])}" if len(alike) > 1 else "")
         + (f"; {about.separated_by} would decide" if len(alike) > 1 and about.separated_by else "")
         + "."

@@ -22,6 +22,7 @@ class About:
         look_alikes: Names of effects that the same data may not separate.
         separated_by: The experiment that tells it from its look-alikes.
         subject: Name of the parameter of the model that it changes; empty if it changes none.
+        moment: Name of the own parameter that is the time of an event; empty if there is none.
     """
 
     equation: str = ""
@@ -29,6 +30,7 @@ class About:
     look_alikes: tuple[str, ...] = ()
     separated_by: str = ""
     subject: str = ""
+    moment: str = ""
 
 
 @dataclass(frozen=True)

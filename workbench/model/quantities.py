@@ -120,6 +120,7 @@ class State(Quantity):
         start_rms: How far a recording may start from ``initial``, root mean square, in ``unit``;
             0, the default, stands for the scale.
         display_unit: Unit in which people read it; by default that of an output of its name.
+        start_in: Names of recordings that begin otherwise, each with the value there, in ``unit``.
     """
 
     initial: float = 0.0
@@ -127,6 +128,7 @@ class State(Quantity):
     upper: float = math.inf
     start_rms: float = 0.0
     display_unit: str = field(default="", kw_only=True)
+    start_in: tuple[tuple[str, float], ...] = field(default=(), kw_only=True)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -218,7 +219,8 @@ def trace(model: Written, form: Form) -> Trace:
     seen: dict[str, dict[str, PortView]] = {effect.name: {} for effect in model.effects}
     # What is added to the signal of each port, zero but for its derivatives.
     perturbations: dict[str, ca.SX] = {}
-    known = Names("state or input", symbols["state"] | symbols["input"])
+    # Of a state and an input of one name a law means the state: the input has its port.
+    known = Names("state or input", symbols["input"] | symbols["state"])
     local: dict[str, Names] = {}
 
     def transform(port: Port, value: Expression, signals: Names) -> Expression:
@@ -301,6 +303,8 @@ def trace(model: Written, form: Form) -> Trace:
     written = [perturbed_rates, perturbed_outputs, start, signals, *own_signals]
     nothing = [perturbation], [ca.SX.zeros(perturbation.numel())]
     still = ca.substitute(written, *nothing)
+    _require_numbers(model, still[0], [f"rate of {q.name}" for q in model.states])
+    _require_numbers(model, still[1], [f"output {q.name}" for q in model.outputs])
     if _leaves_the_numbers(model, symbols, still[:2]):
         written = with_real_roots(written)
         perturbed_rates, perturbed_outputs = written[:2]
@@ -346,6 +350,23 @@ def _leaves_the_numbers(
     reach = np.array([q.scale or abs(at) or 1.0 for q, at in zip(model.states, x, strict=True)])
     own = [_vector(symbols[kind]) for kind in ("state", "input", "parameter")]
     return leave_the_numbers(expressions, own, x, reach, u, p)
+
+
+def _require_numbers(model: Written, values: ca.SX, names: Sequence[str]) -> None:
+    """Refuse what is no number wherever a model is, as ``math.sin`` makes of a symbol."""
+    if not _never_a_number(values):
+        return
+    name = next(n for v, n in zip(values.elements(), names, strict=True) if _never_a_number(v))
+    raise WorkbenchError(
+        f"the {name} of {model.name!r} is not a number, wherever the model is; the functions of"
+        " Python's math know no symbols: take sin, sqrt and the like from casadi"
+    )
+
+
+def _never_a_number(values: ca.SX) -> bool:
+    f = ca.Function("given", [ca.vcat([*ca.symvar(values)])], [values])
+    constants = (k for k in range(f.n_instructions()) if f.instruction_id(k) == ca.OP_CONST)
+    return any(math.isnan(f.instruction_constant(k)) for k in constants)
 
 
 def _symbolic(value: Expression) -> ca.SX:

@@ -138,6 +138,7 @@ offset_jump = Law(
     ),
     rates=lambda e: {"clock": 1.0 + 0.0 * e.x.clock},
     shapes=lambda at: [{"time": k * at.lasting} for k in _FRACTIONS],
+    moment="time",
     source="an event: something slipped, came loose or was switched",
     look_alikes=("offset", "gain_jump", "constant_torque", "constant_force", "valve_offset"),
     separated_by="a repetition of the recording: an event does not repeat",

@@ -26,7 +26,7 @@ from workbench.model import (
     PortView,
     State,
 )
-from workbench.model.cofactor import cofactor
+from workbench.model.parts import cofactor
 from workbench.model.regularisation import Expression
 from workbench.physics.hypothesis import Group, Hypothesis
 from workbench.physics.place import DRIVES, Place, Survey, unknown_place
@@ -212,6 +212,7 @@ class Law:
         far: Whether its usual sizes are beyond where the derivative at size zero tells of them.
         whole: Whether the largest size is all that there can be.
         of_parameter: Whether it changes a parameter of the model.
+        moment: Name of the parameter that is the time of an event, on a clock that is a state.
         downhill: Whether it acts at the first of its ports, the others only take what it gives off.
         same_as: Names of hypotheses that give the very same measurements, of a model and the
             place where the law acts.
@@ -245,6 +246,7 @@ class Law:
     far: bool = False
     whole: bool = False
     of_parameter: bool = False
+    moment: str = ""
     downhill: bool = False
     same_as: Callable[[Survey, Place], tuple[str, ...]] = lambda *_: ()
     family: str = ""
@@ -438,6 +440,7 @@ class Law:
                 self.look_alikes,
                 self.separated_by,
                 self._subject(sites),
+                self.moment,
             ),
             dry=self.dry,
         )

@@ -11,6 +11,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import combinations, permutations
 
 import casadi as ca
 import numpy as np
@@ -18,7 +19,7 @@ import numpy.typing as npt
 
 from workbench.errors import check_choice
 from workbench.model import Model, Output, Parameter, Port, State
-from workbench.model.cofactor import cofactor
+from workbench.model.parts import cofactor
 from workbench.model.quantities import Quantity
 from workbench.model.regularisation import Expression
 from workbench.model.units import powers, same_dimension
@@ -70,6 +71,11 @@ def difference(ahead: str, behind: str) -> str:
 def argument_of(parameter: str) -> str:
     """Return the name under which the range of what a parameter multiplies is kept."""
     return f"argument of {parameter}"
+
+
+def term_of(port: str, number: int) -> str:
+    """Return the name under which the range of one term of a port's signal is kept."""
+    return f"term {number} of {port}"
 
 
 def per(unit: str, divisor: str, power: float = 1) -> str:
@@ -180,6 +186,8 @@ class Place:
         duration: Length of the recordings, in s; 0 if it is not known.
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
         seen: Smallest and largest value along the recordings, in its unit; None if not known.
+        terms: How far the terms that add up to the signal, and may balance, go along recordings:
+            half of the range of the largest one, in its unit; 0 if a size is declared.
     """
 
     port: Port
@@ -203,6 +211,7 @@ class Place:
     duration: float = 0.0
     sample_time: float = 0.0
     seen: tuple[float, float] | None = None
+    terms: float = 0.0
 
     @property
     def name(self) -> str:
@@ -219,7 +228,8 @@ class Place:
         """Typical size of the signal, in its unit; what was seen of it if none is declared."""
         if self.output is not None:
             return self.output.scale
-        return self.port.scale if self.port.sized else _largest(self.seen) or self.port.scale
+        own = self.port.scale if self.port.sized else _largest(self.seen) or self.port.scale
+        return max(own, self.terms)
 
     @property
     def interval(self) -> float:
@@ -378,7 +388,17 @@ class Survey:
             whole=self._whole(index), elastic=(shared or role in EFFORTS) and elastic,
             directed=directed, output=output, horizon=self.model.horizon, duration=self.duration,
             sample_time=self.sample_time, seen=self.ranges.get(name),
+            terms=self._terms(port),
         )  # fmt: skip
+
+    def _terms(self, port: Port) -> float:
+        """Return how far the largest term of a port's signal goes, if its author gives no size."""
+        size, number = 0.0, 0
+        if port.sized and port.name not in dict(self.model.traits.sizes):
+            return size
+        while (seen := self.ranges.get(term_of(port.name, number))) is not None:
+            size, number = max(size, 0.5 * (seen[1] - seen[0])), number + 1
+        return size
 
     def _role(self, port: Port, index: int) -> str:
         if port.role:
@@ -407,7 +427,12 @@ class Survey:
         speeds += [s for s in origins if s.endswith(("_speed", "_velocity")) and s not in speeds]
         moved = [q for q in self._moved[index] if self._is_speed(q, unit)]
         # A force moves first what has a speed in m/s, a torque what has one in rad/s.
-        moved.sort(key=lambda q: not same_dimension(q.unit, f"{unit}/s"))
+        moved.sort(
+            key=lambda q: (
+                not same_dimension(q.unit, f"{unit}/s"),
+                q.name != self._collocated.get(index),
+            )
+        )
         found: dict[str, Local] = {}
         place = ""
         if speeds:
@@ -426,6 +451,29 @@ class Survey:
             found["coordinate"] = self._of(place)
         elif "speed" in found and (where := self._integral_of(index, found["speed"], own)):
             found["coordinate"] = where
+        return found
+
+    @cached_property
+    def _collocated(self) -> dict[int, str]:
+        """Return the speed that each of several commands works on, where all move all bodies.
+
+        Of two forces each raises the speed of the other as much as the other raises its own (E.
+        Betti 1872): the inverse of a mass matrix is symmetric.
+        """
+        names = [q.name for q in self.model.states]
+        speeds = {
+            i: [names.index(q.name) for q in self._moved[i] if q.name in self._integral]
+            for i in self._commanded
+        }
+        found: dict[int, str] = {}
+        for i, j in combinations([i for i, own in speeds.items() if len(own) > 1], 2):
+            ways = [
+                (a, b)
+                for a, b in permutations(sorted({*speeds[i], *speeds[j]}), 2)
+                if _same(self._raised(i)[:, b], self._raised(j)[:, a])
+            ]
+            if len(ways) == 1:
+                found |= {i: names[ways[0][0]], j: names[ways[0][1]]}
         return found
 
     def _between(self, index: int, moved: list[str]) -> Local:

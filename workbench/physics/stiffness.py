@@ -6,6 +6,7 @@ The rest position of a spring is held in a fit; a constant force tells where it 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import casadi as ca
 
@@ -120,6 +121,91 @@ stop_compliance = Law(
     look_alikes=("cubic_stiffness", "local_catch"),
     separated_by="slow approaches to both stops",
 )  # fmt: skip
+
+_TOUCHES = (0.02, 0.08, 0.2, 0.4)
+"""Parts of the travel seen, before its end, where a stop may be touched first."""
+
+
+def _seen(at: Place) -> tuple[float, float]:
+    return at.coordinate.seen or at.travel
+
+
+def _stop(at: Place, *places: Own) -> tuple[Own, ...]:
+    low, high = _seen(at)
+    # A twentieth of the travel deep it pushes as hard as all else together.
+    typical = 20.0 * at.scale / (high - low or 1.0)
+    return (
+        size("stiffness", per(at.unit, at.coordinate.unit), typical, 1e3 * typical,
+             "stiffness of the stop", resists=True),
+        *places,
+        shape("loss", per("1", at.speed.unit), 0.0, "force lost over speed, relative to it",
+              around=None, between=(0.0, 10.0 / at.speed.scale), scale=0.1 / at.speed.scale),
+        shape("touch", at.coordinate.unit, 1e-4 * (high - low or 1.0),
+              "distance over which a contact begins in regularised equations",
+              around=(1.0, 1.0), source="", fitted=False),
+    )  # fmt: skip
+
+
+def _touched(at: Place, name: str, side: float, part: float = _TOUCHES[2]) -> dict[str, float]:
+    low, high = _seen(at)
+    return {name: high - part * (high - low) if side > 0.0 else low + part * (high - low)}
+
+
+def _place_of_stop(at: Place, name: str, side: float, text: str) -> Own:
+    low, high = _seen(at)
+    reach = high - low or 1.0
+    return shape(name, at.coordinate.unit, _touched(at, name, side)[name], text, around=None,
+                 between=(low - reach, high + reach), scale=0.1 * reach)  # fmt: skip
+
+
+def _held_off(at: PortView, place: Expression, side: Expression) -> Expression:
+    """Return the force of a stop on what moves beyond its place to one side."""
+    deep = at.form.ramp(side * (at.signals.coordinate - place), at.p.touch)
+    lost = at.form.ramp(1.0 + at.p.loss * side * at.signals.speed, 1e-3)
+    return side * at.p.stiffness * deep * lost
+
+
+end_stop = Law(
+    "end_stop",
+    "T = -side stiffness d (1 + loss side v), d = max(0, side (x - place))",
+    each(*RESISTED, needs=("coordinate", "speed")),
+    lambda at: _stop(
+        at,
+        _place_of_stop(at, "place", 1.0, "position at which it touches"),
+        shape("side", "1", 1.0, "1 for a stop above, -1 below", around=None, between=(-1.0, 1.0),
+              source="", fitted=False),
+    ),
+    lambda at: at.value - _held_off(at, at.p.place, at.p.side),
+    shapes=lambda at: [
+        {"side": side, **_touched(at, "place", side, part)}
+        for side in (1.0, -1.0)
+        for part in _TOUCHES
+    ],
+    stiff=True,
+    far=True,
+    source="K. H. Hunt and F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440",
+    look_alikes=("end_stops", "polynomial_stiffness", "cubic_stiffness", "local_catch"),
+    separated_by="slow motion to both ends of the travel",
+)  # fmt: skip
+
+end_stops = replace(
+    end_stop,
+    name="end_stops",
+    equation="T = -stiffness (max(0, x - upper) - max(0, lower - x)), each loses as end_stop does",
+    parameters=lambda at: _stop(
+        at,
+        _place_of_stop(at, "upper", 1.0, "position at which the upper one touches"),
+        _place_of_stop(at, "lower", -1.0, "position at which the lower one touches"),
+    ),
+    transform=lambda at: (
+        at.value - _held_off(at, at.p.upper, 1.0) - _held_off(at, at.p.lower, -1.0)
+    ),
+    shapes=lambda at: [
+        {**_touched(at, "upper", 1.0, part), **_touched(at, "lower", -1.0, part)}
+        for part in _TOUCHES
+    ],
+    look_alikes=("end_stop", "polynomial_stiffness", "cubic_stiffness", "elastic_play"),
+)
 
 _TEETH = (6.0, 9.0, 12.0, 15.0, 18.0, 21.0, 24.0, 27.0, 30.0, 36.0, 42.0, 50.0, 60.0)
 _WHOLE_TURNS = (*range(1, 25), *_TEETH[8:], 28, 32, 40, 44, 48, 54, 72, 84, 96, 100)

@@ -24,9 +24,9 @@ from workbench.diagnosis.estimation.refit import ENOUGH, refit
 from workbench.diagnosis.estimation.refit_result import Refit
 from workbench.errors import NumericalError
 from workbench.model import Model
-from workbench.model.cofactor import cofactor
 from workbench.model.model import index_of
-from workbench.physics.place import argument_of, difference
+from workbench.model.parts import cofactor, terms
+from workbench.physics.place import argument_of, difference, term_of
 
 LADDER = (3000.0, 300.0, 30.0, 3.0, 1.0, 0.3, 0.03, 0.003)
 """Process-noise scales that are tried, from a poor model to a perfect one."""
@@ -81,6 +81,8 @@ def extended_start(observed: Observed, model: Model, extended: Model) -> Observe
     if len(extended.effects) == len(model.effects):
         return observed
     given = dict(zip((q.name for q in model.states), observed.start.tolist(), strict=True))
+    own = {q.name: dict(q.start_in) for q in extended.states}
+    given |= {name: at[observed.name] for name, at in own.items() if observed.name in at}
     start = extended.initial_state(given, u=observed.inputs[0])
     reopened = _misread(model, extended, observed, start)
     known = {
@@ -220,8 +222,8 @@ def ranges_along(
 ) -> dict[str, tuple[float, float]]:
     """Return smallest and largest value of every port and state along recordings, in SI.
 
-    With them those of the difference of each two states of the plant in one unit, and of what each
-    refitted parameter multiplies.
+    With them those of the terms that add up at a port, of the difference of each two states of the
+    plant in one unit, and of what each refitted parameter multiplies.
 
     Those of a sensor's port are measured, all others follow from the filtered states. A few of the
     samples at each end are left out.
@@ -244,6 +246,9 @@ def ranges_along(
     }
     arguments = {name: [e for e in each if e is not None] for name, each in entering.items()}
     told = {name: each[0] for name, each in arguments.items() if each}
+    for port in trace.ports:
+        added = terms(values_of[port.name])
+        told |= {term_of(port.name, k): e for k, e in enumerate(added) if len(added) > 1}
     seen: dict[str, list[Vector]] = {}
     for observed in recordings:
         filter_ = filter_of(model, observed, fit.noise_scale)

@@ -26,8 +26,9 @@ from workbench.diagnosis.estimation.windows import windows
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.decision import decided
 from workbench.diagnosis.selection.held_out import NO_RUNS, RunErrors, held_out_gain, run_errors
+from workbench.diagnosis.selection.moments import with_own_moments
 from workbench.diagnosis.selection.rules import SURPASSED, UNTRIED, Limits
-from workbench.diagnosis.selection.score import Score
+from workbench.diagnosis.selection.score import COLLINEAR, Score
 from workbench.diagnosis.selection.shortlist import LEAST_SCORE
 from workbench.diagnosis.selection.simulation_error import closest_runs
 from workbench.errors import NumericalError
@@ -67,6 +68,9 @@ _STEEP = (3.0, 0.3, 0.03)
 
 _SIZES = (0.3, 1.0, 3.0)
 """Multiples of the usual size from which a refit may start."""
+
+_PARTS = (0.1, 0.3)
+"""Parts of the largest size from which a refit starts of which small sizes tell nothing."""
 
 _STEP, _STEPS = 3.0, 6
 """Factor between sizes that are tried from there on as long as the recordings become likelier, and
@@ -373,6 +377,8 @@ def _first(
             ways.append(_Way(means, _STEEP, shapes=True))
         if thorough:
             ways.append(_Way(means, (base.noise_scale,), shapes=True))
+        if score.entry.far and score.collinearity >= COLLINEAR:
+            ways += _far_ways(score, means)
     fits: list[tuple[Score, ProcessNoiseFit]] = []
     failed: Exception | None = None
 
@@ -422,6 +428,17 @@ def _from_nothing(base: ProcessNoiseFit, score: Score) -> _Way:
     own = entry_priors(score.entry, score.size)[1] | {e.name: e.value for e in base.refit.estimates}
     size = f"{score.entry.name}.{score.entry.size_parameter}"
     return _Way({}, (base.noise_scale,), (own, own | {size: 0.0}))
+
+
+def _far_ways(score: Score, means: Mapping[str, float]) -> list[_Way]:
+    """Return ways that begin at large sizes, where other parameters are a law at small ones."""
+    entry, own = score.entry, entry_priors(score.entry)[1]
+    size = f"{entry.name}.{entry.size_parameter}"
+    if entry.replaces or not math.isfinite(entry.size.upper):
+        return []
+    return [
+        _Way({}, _STEEP, ({**own, **means, size: part * entry.size.upper},)) for part in _PARTS
+    ]
 
 
 def _starts(score: Score, start: Mapping[str, float], *, shapes: bool) -> list[dict[str, float]]:
@@ -640,6 +657,25 @@ def _judged_on(
         entry = wider
     assert best is not None
     entry, fit, started = best
+    effect = with_own_moments(entry.effect, fit, base.model, fit_on, hold_out)
+    if effect is not entry.effect:
+        entry = replace(entry, effect=effect)
+        ended = {e.name: e.value for e in fit.refit.estimates}
+        ended |= {
+            f"{entry.name}.{q.name}": q.value
+            for q in effect.parameters
+            if q.name == effect.about.moment
+        }
+        model = base.model.with_effect(entry.at_size(1.0 if entry.replaces else 0.0))
+        started = [extended_start(r, base.model, model) for r in fit_on]
+        fit = fit_with_process_noise(
+            model,
+            started,
+            (*priors, *entry_priors(entry)[0]),
+            start=ended,
+            noise_scale=fit.noise_scale,
+            enough=_NEARER,
+        )
     model = fit.model
     held_out, blocks, shift = (0.0, -math.inf, math.inf), [blocks_of_cost(fit, started)], math.nan
     if before is not None:

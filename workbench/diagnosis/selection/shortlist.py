@@ -87,7 +87,15 @@ def to_refit(
     located = {group for group, gain in alone.items() if gain > 0.0 and gain >= 0.5 * best}
     room = room_for(task, most, model)
     rest = [s for s in scores.scores if s not in chosen]
-    here = [s for s in rest if any(groups.get(port) in located for port in s.entry.ports)]
+    moved = _moved(task.base.model)
+    reach = {state for port, own in moved.items() if groups[port] in located for state in own}
+
+    def acts_here(port: str) -> bool:
+        # At a command no unknown input was tried: it is where what it drives at once is.
+        group = groups.get(port)
+        return group in located or (group not in alone and bool(moved.get(port, set()) & reach))
+
+    here = [s for s in rest if any(map(acts_here, s.entry.ports))]
     # A law whose derivative at size zero tells nothing is tried wherever it may be.
     far = [s for s in here if s.entry.far]
     if quiet:
@@ -97,6 +105,15 @@ def to_refit(
     # A small plant has room for the whole library, wherever the mismatch was located.
     later = tuple(elsewhere) if within(rest, room) == rest else ()
     return (*chosen, *taken), later
+
+
+def _moved(model: Model) -> dict[str, set[int]]:
+    """Return the numbers of the states whose rates each port enters at once."""
+    raised = model.exact.rates_by_port
+    return {
+        port.name: {i for i in range(raised.size1()) if not raised[i, k].is_zero()}
+        for k, port in enumerate(model.ports)
+    }
 
 
 def room_for(task: Task, most: int, model: Model) -> float:

@@ -1,4 +1,4 @@
-"""The simpler law that an effect is where its shape ended on a bound."""
+"""The simpler law that an effect is where its shape ended on a bound or shows nowhere."""
 
 from __future__ import annotations
 
@@ -12,6 +12,9 @@ from workbench.diagnosis.selection.selected import Accepted, Selected
 from workbench.diagnosis.selection.task import Task
 from workbench.physics.library import Hypothesis, look_alikes
 
+_UNTOLD = 0.9
+"""Standard deviation over that of its prior from which on recordings tell nothing of a shape."""
+
 
 def simplified(task: Task, state: Selected) -> Selected:
     """Take a simpler law instead of an effect whose shape ended where it is that law."""
@@ -19,7 +22,9 @@ def simplified(task: Task, state: Selected) -> Selected:
         entry, full = found.candidate.entry, state.extended
         name, size = entry.effect.name, f"{entry.effect.name}.{entry.size_parameter}"
         own = {e.name: e for e in full.refit.estimates if e.name.startswith(f"{name}.")}
-        ended = any(e.on_bound for e in own.values() if e.name != size)
+        ended = any(
+            e.on_bound or e.std > _UNTOLD * e.prior.std for e in own.values() if e.name != size
+        )
         without = task.without(state, found) if ended and size in own else None
         if without is None:
             continue

@@ -1,4 +1,4 @@
-"""What a parameter multiplies: the argument of a characteristic that is written as a product."""
+"""Parts of an expression: what a parameter multiplies, and the terms that add up."""
 
 from __future__ import annotations
 
@@ -34,3 +34,25 @@ def cofactor(expression: ca.SX, symbol: ca.SX) -> ca.SX | None:
     if not found or not all(ca.is_equal(other, found[0], 8) for other in found[1:]):
         return None
     return found[0]
+
+
+def terms(expression: ca.SX) -> list[ca.SX]:
+    """Return what adds up to an expression, any unit, each over what all of it is divided by.
+
+    The difference of two bare symbols is one term: what counts is how far they are apart.
+
+    Example:
+        >>> import casadi as ca
+        >>> a, k, m, p, x, y = (ca.SX.sym(n) for n in "akmpxy")
+        >>> terms((a * p - k * (x - y)) / m)
+        [SX(((a*p)/m)), SX((-((k*(x-y))/m)))]
+    """
+    parts = [expression.dep(i) for i in range(expression.n_dep())]
+    op = expression.op() if parts else None
+    if op == ca.OP_NEG:
+        return [-part for part in terms(parts[0])]
+    if op == ca.OP_DIV:
+        return [part / parts[1] for part in terms(parts[0])]
+    if op in (ca.OP_ADD, ca.OP_SUB) and any(part.n_dep() for part in parts):
+        return [*terms(parts[0]), *terms(parts[1] if op == ca.OP_ADD else -parts[1])]
+    return [expression]

@@ -1,0 +1,197 @@
+"""Events that come once, stops and thresholds, against data from SciPy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from casadi import cos
+from scipy.integrate import solve_ivp
+
+from tests.diagnosis.newcomers import levels, oscillator, recorded
+from tests.diagnosis.test_newcomers import only
+from workbench.diagnosis.diagnose import diagnose
+from workbench.diagnosis.verdict import Verdict
+from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.trace import Equations
+from workbench.physics.place import Survey, term_of
+from workbench.recordings.recording import Recording, Signal
+
+STEP, SAMPLES = 0.02, 600
+
+
+def _pushed(jumps: tuple[float, ...]) -> Verdict:
+    """Diagnose an oscillator on which 9 N more act from a time on, in s, another in each run."""
+    runs = []
+    for seed, time in enumerate(jumps, 1):
+        more = 9.0 * (STEP * np.arange(SAMPLES) >= time)
+        drive = levels(SAMPLES, seed, 30.0, 20, 80)
+        spring = lambda x, v: -30.0 * x - 0.6 * v  # noqa: E731
+        name = f"run {seed}"
+        runs.append(recorded(1.0, spring, drive, STEP, 1e-3, seed=seed, name=name, unread=more))
+    found = diagnose(oscillator(), runs[:1], runs[1:], jobs=1, advise=False).verdict
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize(
+    ("jumps", "said"),
+    [
+        ((5.0, 8.2, 3.1), "at 5 s of run 1, at 8.2 s of run 2, at 3.1 s of run 3"),
+        ((5.0, 8.2, 99.0), "at 5 s of run 1, at 8.2 s of run 2, not in run 3"),
+        ((5.0, 8.2, -1.0), "at 5 s of run 1, at 8.2 s of run 2, before run 3 begins"),
+    ],
+)
+def test_an_event_comes_at_its_own_time_in_each_recording(
+    monkeypatch: pytest.MonkeyPatch, jumps: tuple[float, ...], said: str
+) -> None:
+    only(monkeypatch, "offset_jump", "sensor_jump", "offset", "sensor_lag")
+    verdict = _pushed(jumps)
+    (finding,) = verdict.findings
+    assert finding.effect == "offset_jump_mass_force", verdict
+    assert finding.parameters["amount"].value == pytest.approx(9.0, rel=0.02)
+    assert finding.parameters["time"].value == pytest.approx(5.0, abs=STEP)
+    assert said in finding.sentence
+    assert verdict.fit["extended"]["position"] < 1.5 * verdict.fit["noise_floor"]["position"]
+
+
+@pytest.mark.parametrize("both", [False, True])
+def test_a_stop_that_nobody_modelled_is_named(monkeypatch: pytest.MonkeyPatch, both: bool) -> None:
+    only(monkeypatch, "end_stop", "end_stops", "cubic_stiffness", "polynomial_stiffness", "gain")
+
+    def force(x: float, v: float) -> float:
+        deep = max(0.0, x - 0.5) - (max(0.0, -0.7 - x) if both else 0.0)
+        return -30.0 * x - 0.6 * v - 900.0 * deep
+
+    runs = [
+        recorded(1.0, force, levels(SAMPLES, s, 30.0, 20, 80), STEP, 1e-3, seed=s, name=f"run {s}")
+        for s in (1, 2)
+    ]
+    model = oscillator(scale=30.0)
+    verdict = diagnose(model, runs[:1], runs[1:], jobs=1, advise=False).verdict
+    assert verdict is not None
+    (finding,) = verdict.findings
+    assert finding.effect == ("end_stops" if both else "end_stop"), verdict
+    found = {name: value.value for name, value in finding.parameters.items()}
+    assert found["stiffness"] == pytest.approx(900.0, rel=0.05)
+    assert found["upper" if both else "place"] == pytest.approx(0.5, abs=2e-3)
+    if both:
+        assert found["lower"] == pytest.approx(-0.7, abs=2e-3)
+
+
+def cooled() -> Model:
+    """A heated block that a fan cools."""
+
+    def equations(m: Scope) -> Equations:
+        lost = (m.p.still + m.p.blown * m.u.fan) * (m.x.block - 298.0)
+        return {"block": (m.u.power - lost) / 450.0}, {"block": m.x.block}
+
+    return Model(
+        "cooled",
+        equations,
+        states=(State("block", "K", initial=310.0),),
+        inputs=(
+            Input("power", "W", lower=0.0, upper=200.0),
+            Input("fan", "rad/s", lower=0.0, upper=500.0),
+        ),
+        outputs=(Output("block", "K"),),
+        parameters=(
+            Parameter("still", "W/K", value=0.5, lower=0.05, upper=5.0, fitted=True),
+            Parameter("blown", "W s/(K rad)", value=0.01, lower=1e-3, upper=0.1, fitted=True),
+        ),
+    )
+
+
+def _blown(seed: int, threshold: float) -> Recording:
+    rng, dt, n = np.random.default_rng(seed), 2.0, 700
+    power, fan = 95.0 + levels(n, seed, 85.0, 10, 150), 240.0 + levels(n, 9 + seed, 240.0, 20, 200)
+    x, read = np.array([310.0]), np.empty(n)
+    for k in range(n):
+        read[k] = x[0]
+        through = 0.7 + 0.012 * max(0.0, fan[k] - threshold)
+        given = power[k], through
+        x = solve_ivp(
+            lambda _, x, p, g: (p - g * (x - 298.0)) / 450.0, (0.0, dt), x, args=given, rtol=1e-8
+        ).y[:, -1]
+    return Recording(
+        f"block {seed}",
+        dt * np.arange(n),
+        (
+            Signal("power", power, "W", role="command"),
+            Signal("fan", fan, "rad/s", role="command"),
+            Signal("block", read + 0.05 * rng.normal(size=n), "K"),
+        ),
+    )
+
+
+def test_a_threshold_that_a_parameter_takes_over_at_first_is_found(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # Of a fan that never turns back a small threshold is a smaller loss in still air.
+    only(monkeypatch, "dead_band", "gain_jump", "gain")
+    runs = [_blown(seed, 120.0) for seed in (1, 2)]
+    verdict = diagnose(cooled(), runs[:1], runs[1:], jobs=1, advise=False).verdict
+    assert verdict is not None
+    (finding,) = verdict.findings
+    assert finding.effect == "dead_band_fan_command", verdict
+    assert finding.parameters["half_width"].value == pytest.approx(120.0, rel=0.01)
+
+
+def test_each_torque_of_a_robot_works_on_its_own_joint() -> None:
+    def equations(m: Scope) -> Equations:
+        cross = m.p.inner + m.p.coupling * cos(m.x.elbow)
+        first, second = m.p.outer + 2.0 * m.p.coupling * cos(m.x.elbow), m.p.inner
+        det = first * second - cross**2
+        return (
+            {
+                "shoulder": m.x.shoulder_speed,
+                "elbow": m.x.elbow_speed,
+                "shoulder_speed": (second * m.u.hip - cross * m.u.knee) / det,
+                "elbow_speed": (first * m.u.knee - cross * m.u.hip) / det,
+            },
+            {"shoulder": m.x.shoulder, "elbow": m.x.elbow},
+        )
+
+    robot = Model(
+        "robot",
+        equations,
+        states=(
+            State("shoulder", "rad"),
+            State("elbow", "rad"),
+            State("shoulder_speed", "rad/s"),
+            State("elbow_speed", "rad/s"),
+        ),
+        inputs=(Input("knee", "N m", 1.0), Input("hip", "N m", 1.0)),
+        outputs=(Output("shoulder", "rad"), Output("elbow", "rad")),
+        parameters=(
+            Parameter("outer", "kg m2", value=0.9),
+            Parameter("inner", "kg m2", value=0.2),
+            Parameter("coupling", "kg m2", value=0.15),
+        ),
+    )
+    places = Survey(robot)
+    assert places.place("knee.command").speed.source == "elbow_speed"
+    assert places.place("hip.command").speed.source == "shoulder_speed"
+    assert places.place("knee.command").coordinate.source == "elbow"
+
+
+def test_terms_that_balance_tell_how_large_a_law_may_be() -> None:
+    def equations(m: Scope) -> Equations:
+        force = 2e-3 * m.x.pressure - 5e5 * m.x.ram - 9e3 * m.x.speed
+        flow = 1e9 * (m.u.flow - 2e-3 * m.x.speed)
+        return {"ram": m.x.speed, "speed": force / 80.0, "pressure": flow}, {"ram": m.x.ram}
+
+    press = Model(
+        "press",
+        equations,
+        states=(State("ram", "m"), State("speed", "m/s"), State("pressure", "Pa")),
+        inputs=(Input("flow", "m3/s", 1e-4),),
+        outputs=(Output("ram", "m"),),
+    )
+    seen = {"speed.rate": (-2.0, 2.0), "pressure.rate": (-1e7, 1e7)}
+    terms = {
+        term_of("speed.rate", 0): (30.0, 270.0),
+        term_of("speed.rate", 1): (-260.0, -40.0),
+        term_of("speed.rate", 2): (-4.0, 4.0),
+    }
+    assert Survey(press, ranges=seen).place("speed.rate").scale == pytest.approx(2.0)
+    assert Survey(press, ranges=seen | terms).place("speed.rate").scale == pytest.approx(120.0)
