@@ -436,9 +436,7 @@ def _far_ways(score: Score, means: Mapping[str, float]) -> list[_Way]:
     size = f"{entry.name}.{entry.size_parameter}"
     if entry.replaces or not math.isfinite(entry.size.upper):
         return []
-    return [
-        _Way({}, _STEEP, ({**own, **means, size: part * entry.size.upper},)) for part in _PARTS
-    ]
+    return [_Way({}, _STEEP, ({**own, **means, size: part * entry.size.upper},)) for part in _PARTS]
 
 
 def _starts(score: Score, start: Mapping[str, float], *, shapes: bool) -> list[dict[str, float]]:
