@@ -269,9 +269,10 @@ def _bent(at: PortView) -> Expression:
     along = (at.signals.over - at.p.middle) / at.p.reach
     change = at.p.amount * (ca.cos(at.p.bend) * along + ca.sin(at.p.bend) * along**2)
     own = ca.SX(at.subject)
-    # Iron that saturates: half where the change is all of it, never negative.
-    falls = ca.logic_and(change < 0.0, at.p.one_sided > 0.5)
-    return _with_subject(at, ca.if_else(falls, own * own / (own - change + 1e-300), own + change))
+    # What saturates, as iron or an enzyme does, falls as a hyperbola and is never negative.
+    most = ca.fmin(change, 0.5 * own)
+    saturating = own * own / (own - most + 1e-300) + 4.0 * (change - most)
+    return _with_subject(at, ca.if_else(at.p.one_sided > 0.5, saturating, own + change))
 
 
 # A parameter that is none: it changes with what is measured. Bl of a loudspeaker with the excursion

@@ -352,7 +352,7 @@ def test_a_guess_on_a_plateau_is_left_by_a_leap() -> None:
     model = damper().with_parameters({"damping": 2.0}).with_effect(friction)
     fit = cast(Any, SimpleNamespace(model=model, noise_scale=0.3))
     seen = [observe(model, run) for run in rubbed()]
-    tuned = refits._tuned(Hypothesis(friction, "level", 1.0), fit, seen).effect
+    tuned = refits.tuned(Hypothesis(friction, "level", 1.0), fit, seen).effect
     (speed,) = (q.value for q in tuned.parameters if q.name == "transition_speed")
     # A reversal is sampled some ten times; the recordings round it over 0.05 m/s.
     assert speed == pytest.approx(0.05, rel=0.2)
@@ -365,7 +365,7 @@ def test_what_is_tuned_serves_every_recording() -> None:
     seen = [observe(model, run) for run in rubbed()]
     still = replace(seen[0], inputs=0.0 * seen[0].inputs, outputs=0.0 * seen[0].outputs)
     for recordings in ([still, *seen], [*seen, still]):
-        tuned = refits._tuned(Hypothesis(friction, "level", 1.0), fit, recordings).effect
+        tuned = refits.tuned(Hypothesis(friction, "level", 1.0), fit, recordings).effect
         (speed,) = (q.value for q in tuned.parameters if q.name == "transition_speed")
         assert speed == pytest.approx(0.05, rel=0.2)
 

@@ -48,6 +48,9 @@ _BY_SCORE = 4
 _HEADS = (1500, 5000)
 """Samples of each recording that the first refits of a hypothesis use, one after the other."""
 
+_RACED = 1.3
+"""Length of a recording over its head from which on a first refit uses the head only."""
+
 _ROUGHLY = 3
 """Steps per sample at bends that tell which hypotheses are worth a longer refit."""
 
@@ -113,7 +116,7 @@ def refit_candidates(
     given = tuple(priors)
     field, lost = list(chosen), []
     begun: list[Candidate | None] = [None] * len(field)
-    if max(len(r.outputs) for r in fit_on) > 2 * _HEADS[0]:
+    if max(len(r.outputs) for r in fit_on) > _RACED * _HEADS[0]:
         if progress and field:
             progress(f"racing {len(field)} effects on the beginning of the recordings")
         raced = _first_refits(base, field, given, fit_on, _HEADS[0], _FAR, begun, jobs, thorough)
@@ -343,7 +346,7 @@ def _refitted(
         if best is not None and fit.cost > best[1].cost - enough:
             break
         best = score, fit
-        wider = widened(entry, fit, started[0].sample_time) or _tuned(entry, fit, started)
+        wider = widened(entry, fit, started[0].sample_time) or tuned(entry, fit, started)
         if wider is entry:
             break
         score = replace(score, entry=wider)
@@ -527,7 +530,7 @@ def _stepped(
     return here
 
 
-def _tuned(entry: Hypothesis, fit: ProcessNoiseFit, fit_on: Sequence[Observed]) -> Hypothesis:
+def tuned(entry: Hypothesis, fit: ProcessNoiseFit, fit_on: Sequence[Observed]) -> Hypothesis:
     """Improve what no refit changes and whose usual value is a guess, such as a rounded step.
 
     Returns:
@@ -647,7 +650,7 @@ def _judged_on(
         if best is not None and fit.cost > best[1].cost - _NEARER:
             break
         best = entry, fit, started
-        wider = widened(entry, fit, started[0].sample_time) or _tuned(entry, fit, started)
+        wider = widened(entry, fit, started[0].sample_time) or tuned(entry, fit, started)
         if wider is entry:
             wider = _sharper(entry)
         if wider is entry and fit.refit.converged:

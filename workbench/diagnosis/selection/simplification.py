@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, fit_with_process_noise
-from workbench.diagnosis.selection.refits import entry_priors
+from workbench.diagnosis.selection.refits import entry_priors, tuned
 from workbench.diagnosis.selection.rules import SAME
 from workbench.diagnosis.selection.selected import Accepted, Selected
 from workbench.diagnosis.selection.task import Task
+from workbench.model import Model
 from workbench.physics.library import Hypothesis, look_alikes
+
+_TUNINGS = 4
+"""Refits of a simpler law, each after what no refit changes was tuned."""
 
 _UNTOLD = 0.9
 """Standard deviation over that of its prior from which on recordings tell nothing of a shape."""
@@ -18,6 +23,7 @@ _UNTOLD = 0.9
 
 def simplified(task: Task, state: Selected) -> Selected:
     """Take a simpler law instead of an effect whose shape ended where it is that law."""
+    judged = {c.name for r in state.rounds for c in r.candidates if c.followed}
     for found in state.accepted:
         entry, full = found.candidate.entry, state.extended
         name, size = entry.effect.name, f"{entry.effect.name}.{entry.size_parameter}"
@@ -25,31 +31,59 @@ def simplified(task: Task, state: Selected) -> Selected:
         ended = any(
             e.on_bound or e.std > _UNTOLD * e.prior.std for e in own.values() if e.name != size
         )
-        without = task.without(state, found) if ended and size in own else None
+        shorter = [
+            e
+            for e in look_alikes(entry, task.tried(state.extended.model.without(name)))
+            if e.ports == entry.ports and len(entry_priors(e)[0]) < len(own)
+            if ended or e.name not in judged
+        ]
+        without = task.without(state, found) if shorter and size in own else None
         if without is None:
             continue
         base, free = without
         values = {e.name: e.value for e in full.refit.estimates if e.name not in own}
-        alike = look_alikes(entry, [e for e in task.tried(base.model) if e.ports == entry.ports])
-        for simpler in alike:
+        for simpler in shorter:
             other = _begun(simpler, entry, own[size].value)
-            priors = entry_priors(other)[0]
-            if len(priors) >= len(own) or other.replaces or other.unit != entry.unit:
+            if other.replaces or other.unit != entry.unit:
                 continue
-            model = base.model.with_effect(other.at_size(0.0))
             begin = values | {f"{other.name}.{other.size_parameter}": own[size].value}
             try:
-                fit = fit_with_process_noise(
-                    model, task.started(task.fitting, model), (*free, *priors), start=begin,
-                    noise_scale=full.noise_scale,
-                )  # fmt: skip
+                other, fit = _refitted(task, base.model, other, free, begin, full.noise_scale)
             except Exception:  # noqa: BLE001
                 # What cannot be fitted is no simpler law.
                 continue
             if fit.cost < state.extended.cost + SAME.value:
-                state = _renamed(state, found, other, replace(fit, passed=None), (*free, *priors))
+                known = (*free, *entry_priors(other)[0])
+                state = _renamed(state, found, other, replace(fit, passed=None), known)
                 break
     return state
+
+
+def _refitted(
+    task: Task,
+    base: Model,
+    entry: Hypothesis,
+    free: Sequence[Prior],
+    begin: Mapping[str, float],
+    noise_scale: float,
+) -> tuple[Hypothesis, ProcessNoiseFit]:
+    """Refit a law beside a model, and again as long as what no refit changes is tuned."""
+    best: tuple[Hypothesis, ProcessNoiseFit] | None = None
+    for _ in range(_TUNINGS):
+        model = base.with_effect(entry.at_size(0.0))
+        recordings = task.started(task.fitting, model)
+        known = (*free, *entry_priors(entry)[0])
+        fit = fit_with_process_noise(model, recordings, known, start=begin, noise_scale=noise_scale)
+        if best is not None and fit.cost > best[1].cost - SAME.value:
+            break
+        best = entry, fit
+        begin = {e.name: e.value for e in fit.refit.estimates}
+        better = tuned(entry, fit, recordings)
+        if better is entry:
+            break
+        entry = better
+    assert best is not None
+    return best
 
 
 def _begun(simpler: Hypothesis, entry: Hypothesis, value: float) -> Hypothesis:
