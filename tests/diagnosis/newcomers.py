@@ -588,17 +588,19 @@ def swinging_out(start: float) -> Recording:
     return Recording(f"from {start:g}", time, (Signal("angle", run.y[0] + noise, "rad"),))
 
 
-def drivetrain() -> Model:
-    """A motor, an elastic shaft and a load, written down without a port of its own."""
+def drivetrain(gear: float = 1.0) -> Model:
+    """A motor, a gear, an elastic shaft and a load, written down without a port of its own."""
 
     def equations(m: Scope) -> Equations:
-        twist, slip = m.x.motor - m.x.load, m.x.motor_speed - m.x.load_speed
+        twist = m.x.motor / m.p.gear - m.x.load
+        slip = m.x.motor_speed / m.p.gear - m.x.load_speed
         shaft = m.p.stiffness * twist + m.p.damping * slip
         return (
             {
                 "motor": m.x.motor_speed,
                 "load": m.x.load_speed,
-                "motor_speed": (m.u.torque - shaft - m.p.drag * m.x.motor_speed) / m.p.rotor,
+                "motor_speed": (m.u.torque - shaft / m.p.gear - m.p.drag * m.x.motor_speed)
+                / m.p.rotor,
                 "load_speed": shaft / m.p.inertia,
             },
             {"motor": m.x.motor, "load": m.x.load},
@@ -621,16 +623,18 @@ def drivetrain() -> Model:
             Parameter("stiffness", "N m/rad", value=40.0, lower=4.0, upper=1e3, fitted=True),
             Parameter("damping", "N m s/rad", value=0.05, lower=0.0, upper=1.0, fitted=True),
             Parameter("drag", "N m s/rad", value=0.02, lower=0.0, upper=0.5, fitted=True),
+            Parameter("gear", "1", value=gear),
         ),
     )
 
 
 def turned(
-    seed: int, *, play: float = 0.0, relaxing: float = 0.0, samples: int = 1000
+    seed: int, *, gear: float = 1.0, play: float = 0.0, relaxing: float = 0.0, samples: int = 1000
 ) -> Recording:
     """Return a drivetrain of 50 N m/rad under random torques, every 5 ms.
 
     Args:
+        gear: Turns of the motor per turn of the load.
         play: Half of the backlash of its coupling, in rad.
         relaxing: Further stiffness of its coupling, in N m/rad, which is let go within 0.1 s.
     """
@@ -639,12 +643,12 @@ def turned(
     x, rows = np.zeros(5), []
 
     def rates(_: float, x: Vector, u: float) -> list[float]:
-        twist = x[0] - x[1]
+        twist = x[0] / gear - x[1]
         engaged = np.sign(twist) * max(abs(twist) - play, 0.0)
-        shaft = 50.0 * engaged + (0.08 * (x[2] - x[3]) if engaged else 0.0)
+        shaft = 50.0 * engaged + (0.08 * (x[2] / gear - x[3]) if engaged else 0.0)
         held = twist - x[4]
         shaft += relaxing * held
-        return [x[2], x[3], (u - shaft - 0.03 * x[2]) / 0.012, shaft / 0.025, held / 0.1]
+        return [x[2], x[3], (u - shaft / gear - 0.03 * x[2]) / 0.012, shaft / 0.025, held / 0.1]
 
     for u in torque:
         rows.append(x[:2] + 2e-4 * rng.normal(size=2))

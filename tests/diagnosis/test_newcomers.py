@@ -246,12 +246,13 @@ def test_steps_of_the_filter_follow_where_a_recording_leads() -> None:
     assert substeps_along(model, near) > 5
 
 
+@pytest.mark.parametrize("gear", [1.0, 4.0])
 def test_the_backlash_of_a_coupling_is_found_between_two_bodies(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, gear: float
 ) -> None:
     only(monkeypatch, "backlash", "cubic_stiffness", "coulomb_friction", "viscous_friction")
-    runs = [turned(seed, play=0.01) for seed in (1, 2)]
-    verdict = diagnose(drivetrain(), runs[:1], runs[1:], jobs=1, advise=False).verdict
+    runs = [turned(seed, gear=gear, play=0.01) for seed in (1, 2)]
+    verdict = diagnose(drivetrain(gear), runs[:1], runs[1:], jobs=1, advise=False).verdict
     assert verdict is not None
     (finding,) = verdict.findings
     assert finding.effect.startswith("elastic_play") and finding.belief == "sure"

@@ -75,6 +75,17 @@ def test_a_coupling_is_one_force_with_all_its_parts() -> None:
     )
 
 
+@pytest.mark.parametrize("gear", [0.25, 4.0])
+def test_a_geared_coupling_is_as_far_apart_as_it_is_bent(gear: float) -> None:
+    # The slower body tells: the other's place is reduced to it.
+    place = Survey(drivetrain(gear)).place("motor_speed_load_speed.exchange")
+    ends = ("motor", "load") if gear > 1.0 else ("load", "motor")
+    for local, suffix in ((place.coordinate, ""), (place.speed, "_speed")):
+        assert (local.source, local.minus) == tuple(end + suffix for end in ends)
+        assert local.ratio == pytest.approx(0.25)
+    assert place.elastic
+
+
 def test_no_exchange_turns_on_what_parameters_or_commands_are() -> None:
     model = drivetrain()
     equal = model.with_parameters({"rotor": 0.02, "inertia": 0.02, "damping": 0.0})

@@ -63,11 +63,6 @@ _ROLES = {
 _ENDINGS = {".reading": "measurement", ".command": "command", ".outflow": "flow", ".inflow": "flow"}
 
 
-def difference(ahead: str, behind: str) -> str:
-    """Return the name under which the range of a difference of two states is kept."""
-    return f"{ahead} - {behind}"
-
-
 def argument_of(parameter: str) -> str:
     """Return the name under which the range of what a parameter multiplies is kept."""
     return f"argument of {parameter}"
@@ -104,6 +99,10 @@ def per(unit: str, divisor: str, power: float = 1) -> str:
     return (" ".join(over) or "1") + (f"/{divided}" if divided else "")
 
 
+Points = list[tuple[Vector, Vector, Vector]]
+"""States, inputs and parameters at which expressions are compared."""
+
+
 @dataclass(frozen=True)
 class Local:
     """A signal that a law sees at a place.
@@ -116,6 +115,8 @@ class Local:
         start: Usual value at the start of a run, in ``unit``.
         seen: Smallest and largest value along the recordings, in ``unit``; None if not known.
         minus: Name of a state that is subtracted: the place or speed of one body over another.
+        ratio: Factor of the source before that, in ``unit`` per unit of the source: of a gear or
+            lever.
         sign: 1, or -1 where the signal of the port counts the other way, dimensionless.
         multiplied: Whether it is what the parameter that changes multiplies, of which there is no
             other name.
@@ -129,8 +130,14 @@ class Local:
     start: float = 0.0
     seen: tuple[float, float] | None = None
     minus: str = ""
+    ratio: float = 1.0
     sign: float = 1.0
     multiplied: bool = False
+
+    @property
+    def apart(self) -> str:
+        """Name under which the range of a difference of two states is kept."""
+        return f"{self.ratio:.9g} {self.source} - {self.minus}"
 
     def turned(self, sign: float) -> Local:
         """Return the signal as it is counted the other way, if the sign (a factor) is negative."""
@@ -150,7 +157,7 @@ class Local:
             known: States and inputs of the model, by name, in SI.
         """
         value = own[self.source] if self.source in own else known[self.source]
-        value = value - known[self.minus] if self.minus else value
+        value = self.ratio * value - known[self.minus] if self.minus else value
         return value if self.sign == 1.0 else self.sign * value
 
 
@@ -487,17 +494,38 @@ class Survey:
             # What pushes one body off another does so wherever they are: a rope that hangs askew
             # passes a pull on to one side or the other.
             steady = np.all(np.nanmax(np.abs(columns - pair), axis=0) < _STEADY * np.abs(pair))
-            if steady and self._known[name].unit == first.unit and pair[0] * pair[1] < 0.0:
-                ahead, behind = (name, moved[0]) if pair[0] < 0.0 else (moved[0], name)
-                return self._over(ahead, behind)
+            if not steady or pair[0] * pair[1] >= 0.0:
+                continue
+            ratio = self._geared(index, moved[0], name)
+            if ratio < 1.0:
+                return self._over(moved[0], name, ratio)
+            if ratio > 1.0:
+                return self._over(name, moved[0], 1.0 / ratio)
+            if self._known[name].unit == first.unit:
+                return self._over(*((name, moved[0]) if pair[0] < 0.0 else (moved[0], name)))
         return first
 
-    def _over(self, ahead: str, behind: str) -> Local:
-        """Return the value of one state over another, both in one unit."""
+    def _geared(self, index: int, one: str, other: str) -> float:
+        """Return how far one body moves another through a port, in the unit of that; or 1.
+
+        The signal is a function of ``ratio * one - other``: of their places, or of their speeds.
+        """
+        value, own = self._port_value(index), self._symbols
+        for pair in ([self._integral.get(one), self._integral.get(other)], [one, other]):
+            slopes = [ca.jacobian(value, own[name]) for name in pair if name]
+            if len(slopes) == 2 and not any(slope.is_zero() for slope in slopes):
+                ratios = -self._sampled(slopes[0] / slopes[1], self._usual)
+                if _same(ratios, np.full_like(ratios, ratios[0])) and ratios[0] > 0.0:
+                    return 1.0 if abs(ratios[0, 0] - 1.0) < 1e-9 else float(ratios[0, 0])
+        return 1.0
+
+    def _over(self, ahead: str, behind: str, ratio: float = 1.0) -> Local:
+        """Return how far one state is from another, in the unit of that."""
         first, second = self._of(ahead), self._of(behind)
-        seen = self.ranges.get(difference(ahead, behind))
-        scale = _largest(seen) or max(first.scale, second.scale)
-        return Local(ahead, first.unit, scale, seen=seen, minus=behind)
+        found = Local(ahead, second.unit, minus=behind, ratio=ratio)
+        seen = self.ranges.get(found.apart)
+        scale = _largest(seen) or max(ratio * first.scale, second.scale)
+        return replace(found, scale=scale, seen=seen)
 
     def _own_motion(
         self, port: Port, index: int, own: Mapping[str, Local]
@@ -524,12 +552,15 @@ class Survey:
             return None
         states = [q for q in self.model.states if "." not in q.name]
         single = [*own.values(), *(self._of(q.name) for q in states)]
-        pairs = (
+        pairs = [
             self._over(a.name, b.name)
             for i, a in enumerate(states)
             for b in states[i + 1 :]
             if a.unit == b.unit
-        )
+        ]
+        ends = [self._integral.get(name, "") for name in (speed.source, speed.minus)]
+        if speed.ratio != 1.0 and all(ends):
+            pairs.append(self._over(ends[0], ends[1], speed.ratio))
         for local in (*single, *pairs):
             rate = self._rate(index, local)
             for sign in (1.0, -1.0):
@@ -588,7 +619,10 @@ class Survey:
         return (
             bool(slopes)
             and not any(ca.depends_on(q, self.trace.x) for q in slopes)
-            and all(_same(self._sampled(q), self._sampled(slopes[0])) for q in slopes)
+            and all(
+                _same(self._sampled(q, self._usual), self._sampled(slopes[0], self._usual))
+                for q in slopes
+            )
         )
 
     def _symbol(self, index: int, local: Local) -> ca.SX | None:
@@ -751,13 +785,19 @@ class Survey:
         share = self.trace.rates_by_port[i, index] * self._port_value(index)
         return _same(self._sampled(share), self._sampled(self.trace.rates[i]))
 
-    def _sampled(self, expression: ca.SX) -> Vector:
+    def _sampled(self, expression: ca.SX, points: Points | None = None) -> Vector:
         """Evaluate an expression at some points, shape (n_points, n)."""
         function = self.trace.function("sampled", ca.SX(expression))
-        return np.array([np.asarray(function(*at)).ravel() for at in self._points])
+        return np.array([np.asarray(function(*at)).ravel() for at in points or self._points])
 
     @cached_property
-    def _points(self) -> list[tuple[Vector, Vector, Vector]]:
+    def _usual(self) -> Points:
+        """Those points with the values of what is not fitted, such as the ratio of a gear."""
+        fitted = np.array([q.fitted for q in self.model.parameters], dtype=bool)
+        return [(x, u, np.where(fitted, p, self.model.values)) for x, u, p in self._points]
+
+    @cached_property
+    def _points(self) -> Points:
         """Some states, inputs and parameters about the usual ones, by a fixed rule."""
         m, rng = self.model, np.random.default_rng(1)
         x = np.array([q.initial for q in m.states], dtype=float)

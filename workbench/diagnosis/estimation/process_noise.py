@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import permutations
 
 import casadi as ca
 import numpy as np
@@ -26,7 +25,7 @@ from workbench.errors import NumericalError
 from workbench.model import Model
 from workbench.model.model import index_of
 from workbench.model.parts import cofactor, terms
-from workbench.physics.place import argument_of, difference, term_of
+from workbench.physics.place import Survey, argument_of, term_of
 
 LADDER = (3000.0, 300.0, 30.0, 3.0, 1.0, 0.3, 0.03, 0.003)
 """Process-noise scales that are tried, from a poor model to a perfect one."""
@@ -232,12 +231,8 @@ def ranges_along(
         NumericalError: If the filter leaves the finite numbers.
     """
     model, trace = fit.model, fit.model.exact
-    pairs = [
-        (a, b)
-        for a, b in permutations(range(len(model.states)), 2)
-        if model.states[a].unit == model.states[b].unit
-        and "." not in model.states[a].name + model.states[b].name
-    ]
+    places = Survey(model).places
+    apart = {q.apart: q for place in places for q in place.signals.values() if q.minus}
     values_of = dict(zip(trace.signal_names, ca.vertsplit(trace.signals), strict=True))
     entering = {
         argument_of(q.name): [cofactor(values_of[port.name], trace.p[i]) for port in trace.ports]
@@ -259,10 +254,7 @@ def ranges_along(
         named = dict(zip(trace.signal_names, signals[:, :, 0].T, strict=True))
         named |= dict(zip((q.name for q in model.states), states.T, strict=True))
         named |= dict(zip(told, own[:, :, 0].T, strict=True))
-        named |= {
-            difference(model.states[a].name, model.states[b].name): states[:, a] - states[:, b]
-            for a, b in pairs
-        }
+        named |= {name: q.ratio * named[q.source] - named[q.minus] for name, q in apart.items()}
         named |= {
             f"{name}.reading": column
             for name, column in zip(observed.used, observed.outputs.T, strict=True)
