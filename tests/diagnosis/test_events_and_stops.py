@@ -36,9 +36,9 @@ def _pushed(jumps: tuple[float, ...]) -> Verdict:
 @pytest.mark.parametrize(
     ("jumps", "said"),
     [
-        ((5.0, 8.2, 3.1), "at 5 s of run 1, at 8.2 s of run 2, at 3.1 s of run 3"),
-        ((5.0, 8.2, 99.0), "at 5 s of run 1, at 8.2 s of run 2, not in run 3"),
-        ((5.0, 8.2, -1.0), "at 5 s of run 1, at 8.2 s of run 2, before run 3 begins"),
+        ((5.0, 8.2, 3.1), "from 5 s of run 1 on, from 8.2 s of run 2 on, from 3.1 s of run 3 on"),
+        ((5.0, 8.2, 99.0), "from 5 s of run 1 on, from 8.2 s of run 2 on, not in run 3"),
+        ((5.0, 8.2, -1.0), "from 5 s of run 1 on, from 8.2 s of run 2 on, throughout run 3"),
     ],
 )
 def test_an_event_comes_at_its_own_time_in_each_recording(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.estimation.refit_result import Estimate
@@ -217,23 +218,24 @@ def _own(fit: ProcessNoiseFit, effect: str) -> dict[str, Value]:
     }
 
 
-def _when(diagnosis: Diagnosis, effect: Effect) -> str:
-    """Say when an event came in each recording, if not in all at one time."""
+def _since(diagnosis: Diagnosis, effect: Effect) -> str:
+    """Say from when on an event acts in each recording; empty if it is none."""
     model, prepared = diagnosis.extended.model, diagnosis.prepared
-    elsewhere = moments(model, effect)
-    if not elsewhere:
+    attached = next((e for e in model.effects if e.name == effect.name), None)
+    if attached is None or not attached.about.moment:
         return ""
+    elsewhere = moments(model, attached)
     usual = model.parameter(f"{effect.name}.{effect.about.moment}").value
     said = []
     for seen in (*prepared.fitting, *prepared.judging):
         time = elsewhere.get(seen.name, usual)
         if time < seen.sample_time:
-            said.append(f"before {seen.name} begins")
+            said.append(f"throughout {seen.name}")
         elif time > seen.sample_time * (len(seen.outputs) - 2):
             said.append(f"not in {seen.name}")
         else:
-            said.append(f"at {in_time(time)} of {seen.name}")
-    return f", {', '.join(said)}"
+            said.append(f"from {in_time(time)} of {seen.name} on")
+    return ", ".join(said)
 
 
 def _weights(diagnosis: Diagnosis) -> tuple[Weighted, ...]:
@@ -276,13 +278,14 @@ def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]])
             f", {name} {value:.3g} +- {std:.2g} {unit}".removesuffix(" 1")
             for name, (value, std, unit) in ((name, v.read) for name, v in told.items())
         )
-        + _when(diagnosis, entry.effect)
         + (f"; cannot be told from {', '.join(alike[1:])}" if len(alike) > 1 else "")
         + (f"; {about.separated_by} would decide" if len(alike) > 1 and about.separated_by else "")
         + "."
         + (f" Only likely: {'; '.join(doubts)}." if doubts else "")
     )
     occurrence = diagnosis.validated.occurrence(index) if diagnosis.validated else None
+    if occurrence is not None:
+        occurrence = replace(occurrence, since=_since(diagnosis, entry.effect))
     return Finding(
         where=entry.ports,
         effect=entry.name,

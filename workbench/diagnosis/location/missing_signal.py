@@ -87,6 +87,7 @@ class Occurrence:
         period: Period with which it repeats in time, in s, where no local signal explains it; NaN
             if it does not.
         shown: Unit declared for reading it; empty if none.
+        since: From when on an event acts in each recording, in words; empty if it is none.
     """
 
     port: str
@@ -98,10 +99,13 @@ class Occurrence:
     places: tuple[Place, ...]
     period: float = math.nan
     shown: str = ""
+    since: str = ""
 
     @property
     def when(self) -> str:
         """Times at which it acts, in words."""
+        if self.since:
+            return self.since
         if self.active >= THROUGHOUT or not self.spans:
             return "throughout"
         shown = self.spans[:_MOST_SPANS]
