@@ -43,6 +43,8 @@ def _said(found: Diagnosis) -> dict[str, Any]:
     assert found.verdict is not None
     data: dict[str, Any] = json.loads(found.verdict.to_json())
     del data["seconds"]
+    # What was compiled before, in whatever test, is not compiled again.
+    del data["work"]["compilations"]
     return data
 
 
