@@ -165,3 +165,32 @@ def test_a_parameter_that_enters_several_ports_may_fade_in_all_of_them() -> None
     found = {h.name: h.ports for h in library(model)}
     assert {"parameter_fade_UA", "parameter_jump_UA"} <= found.keys()
     assert set(found["parameter_fade_UA"]) == {"hot.rate", "cold.rate", "wall.rate"}
+
+
+def test_a_parameter_that_saturates_is_a_hyperbola_to_both_sides() -> None:
+    tank = Model(
+        "plankton",
+        lambda m: (
+            {
+                "algae": m.u.light * m.x.algae - m.p.graze * m.x.algae * m.x.daphnia,
+                "daphnia": 0.3 * m.p.graze * m.x.algae * m.x.daphnia - 0.2 * m.x.daphnia,
+            },
+            {"algae": m.x.algae, "daphnia": m.x.daphnia},
+        ),
+        states=(State("algae", "1", initial=50.0), State("daphnia", "1", initial=20.0)),
+        inputs=(Input("light", "1/s", lower=0.0, upper=1.0),),
+        outputs=(Output("algae", "1"), Output("daphnia", "1")),
+        parameters=(Parameter("graze", "1/s", value=0.02, lower=1e-3, upper=0.2, fitted=True),),
+    )
+    seen = {"algae": (0.0, 100.0), "daphnia": (0.0, 40.0)}
+    curve = next(
+        h
+        for h in library(tank, duration=100.0, sample_time=0.1, ranges=seen)
+        if h.name == "parameter_curve_graze_over_algae"
+    )
+    bent = tank.with_effect(curve.at_size(0.01, {"bend": math.pi}))
+    for algae in (10.0, 50.0, 100.0):
+        # Holling's grazing: half of the rate in the middle over the half of the range.
+        graze = 0.02 / (1.0 + 0.5 * (algae - 50.0) / 50.0)
+        eaten = -float(bent.rates([algae, 20.0], [0.0])[0])
+        assert eaten == pytest.approx(graze * algae * 20.0, rel=1e-9)
