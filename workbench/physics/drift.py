@@ -23,6 +23,7 @@ from workbench.physics.law import (
     shape,
     size,
     together,
+    with_subject,
 )
 from workbench.physics.offset_gain import sensor_error
 from workbench.physics.place import EFFORTS, Local, Place, Survey
@@ -208,12 +209,7 @@ def _amount(at: Place) -> Own:
 
 
 def _changed(at: PortView, part: Expression) -> Expression:
-    return _with_subject(at, at.subject + at.p.amount * part)
-
-
-def _with_subject(at: PortView, value: Expression) -> Expression:
-    """Return the signal at a port with another value for the parameter that changes."""
-    return ca.substitute(ca.SX(at.value), ca.SX(at.subject), ca.SX(value))
+    return with_subject(at, at.subject + at.p.amount * part)
 
 
 # Offered for every refitted parameter, of the plant or of an effect of it, that enters the
@@ -272,7 +268,7 @@ def _bent(at: PortView) -> Expression:
     # What saturates, as iron or an enzyme does, falls as a hyperbola and is never negative.
     most = ca.fmin(change, 0.5 * own)
     saturating = own * own / (own - most + 1e-300) + 4.0 * (change - most)
-    return _with_subject(at, ca.if_else(at.p.one_sided > 0.5, saturating, own + change))
+    return with_subject(at, ca.if_else(at.p.one_sided > 0.5, saturating, own + change))
 
 
 # A parameter that is none: it changes with what is measured. Bl of a loudspeaker with the excursion

@@ -556,6 +556,15 @@ def by_end(place: Place) -> str:
     return place.name.partition(".")[2]
 
 
+def with_subject(at: PortView, value: Expression) -> Expression:
+    """Return the signal at a port, in SI, with another value for the parameter that changes.
+
+    Args:
+        value: That value, in SI.
+    """
+    return ca.substitute(ca.SX(at.value), ca.SX(at.subject), ca.SX(value))
+
+
 _survey = lru_cache(maxsize=4)(Survey)
 
 

@@ -672,6 +672,25 @@ class Survey:
         t = self.trace
         return self._sampled(ca.jacobian(ca.vertcat(t.rates, t.outputs), t.p[k]))
 
+    @cached_property
+    def joints(self) -> tuple[tuple[Parameter, tuple[Place, ...], Local], ...]:
+        """Damping parameters that several ports bring in, with the speed that each resists.
+
+        They are those of joints that no command works on: what rubs there turns all the bodies of a
+        machine, each through its inertia, as the damping does.
+        """
+        t, names, found = self.trace, [q.name for q in self.model.parameters], []
+        ports = [port.name for port in t.ports]
+        commanded = {at.speed.source for at in self.places if at.shared}
+        for q, places in self.spread:
+            symbol = t.p[names.index(q.name)]
+            resisted = [cofactor(self._port_value(ports.index(at.name)), symbol) for at in places]
+            over = {str(e) for e in resisted}
+            speed = next(iter(over))
+            if len(over) == 1 and speed in self._integral and speed not in commanded:
+                found.append((q, places, self._of(speed)))
+        return tuple(found)
+
     def may_bend_over(self, q: Parameter, places: Sequence[Place]) -> tuple[Local, ...]:
         """Return the measured states and inputs over which a parameter at some ports may change.
 

@@ -257,8 +257,26 @@ ripple = Law(
         for phase in (0.0, 1.5708)
     ],
     source="cogging and meshing torque",
-    look_alikes=("local_catch", "linear_spring"),
+    look_alikes=("local_catch", "linear_spring", "unbalanced_mass"),
     separated_by="one slow, steady sweep of the whole travel in each direction",
+)  # fmt: skip
+
+
+unbalanced_mass = Law(
+    "unbalanced_mass",
+    "T = moment sin(x + phase)",
+    each(*RESISTED, needs=("coordinate",), only=lambda at: at.coordinate.unit == "rad"),
+    lambda at: (
+        size("moment", at.unit, 0.1 * at.scale, 5.0 * at.scale,
+             "torque of gravity on the mass when it is level with the axis", signed=True),
+        shape("phase", "rad", 0.0, "angle of the mass over its equilibrium at position zero",
+              around=None, between=(-6.3, 6.3), scale=1.0, source=""),
+    ),
+    lambda at: at.value + at.p.moment * ca.sin(at.signals.coordinate + at.p.phase),
+    shapes=lambda at: [{"phase": phase} for phase in (0.0, 0.5 * math.pi)],
+    source="gravity on a mass beside its axis",
+    look_alikes=("ripple", "linear_spring", "tilt_gravity", "cubic_stiffness"),
+    separated_by="holding positions over a whole turn",
 )  # fmt: skip
 
 

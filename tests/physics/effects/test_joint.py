@@ -17,8 +17,10 @@ from workbench.physics.stiffness import (
     local_friction,
     ripple,
     stop_compliance,
+    unbalanced_mass,
 )
 from workbench.plants.arm import arm
+from workbench.plants.arm.inertia import ArmBody
 from workbench.plants.arm.load_laws import load_error, loose_load, tilt_gravity
 
 TORQUE = "joint.torque"
@@ -35,6 +37,20 @@ def test_an_error_of_one_kilogram_is_an_arm_with_one_more(plane) -> None:
     right = arm(4.0, plane=plane)
     x = right.initial_state(MOVING)
     np.testing.assert_allclose(wrong.rates(x, [5.5]), right.rates(x, [5.5]), rtol=1e-9)
+
+
+def test_gravity_on_a_mass_beside_the_axis_is_that_of_the_upright_arm() -> None:
+    """Its two parameters follow from the arm's torque at two angles and give that at any other."""
+    torque = lambda angle: -ArmBody().gravity_torque(angle, 3.0, plane="vertical")  # noqa: E731
+    at_zero, at_right = float(torque(0.0)), float(torque(0.5 * math.pi))
+    law = unbalanced_mass(
+        "joint.torque",
+        moment=math.hypot(at_zero, at_right),
+        phase=math.atan2(at_zero, at_right),
+    )
+    model = bench(law, "N m", "angle")
+    for angle in (-0.4, 0.3, 2.0):
+        assert read(model, angle=angle) == pytest.approx(float(torque(angle)), rel=1e-9)
 
 
 def test_tilt_by_a_right_angle_is_the_vertical_plane() -> None:

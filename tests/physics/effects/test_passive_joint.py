@@ -1,0 +1,94 @@
+"""What rubs in a joint that no command works on, beside a SciPy reference with a mass matrix."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.trace import Equations
+from workbench.physics.joint import joint_drag, joint_friction
+from workbench.physics.library import library
+from workbench.physics.place import Survey
+
+CART, BOB, LENGTH, DAMPING, HINGE = 1.1, 0.25, 0.4, 4.0, 0.01
+
+
+def crane() -> Model:
+    """A trolley with a hanging load, its accelerations solved for by hand."""
+
+    def equations(m: Scope) -> Equations:
+        s, c = ca.sin(m.x.angle), ca.cos(m.x.angle)
+        turn = m.p.hinge * m.x.rate
+        push = m.u.force - m.p.damping * m.x.speed
+        a = (push + BOB * s * (LENGTH * m.x.rate**2 + 9.81 * c) + turn * c / LENGTH) / (
+            CART + BOB * s * s
+        )
+        swing = -(9.81 * s + a * c) / LENGTH - turn / (BOB * LENGTH**2)
+        rates = {"place": m.x.speed, "speed": a, "angle": m.x.rate, "rate": swing}
+        return rates, {"place": m.x.place, "angle": m.x.angle}
+
+    return Model(
+        "crane",
+        equations,
+        states=(
+            State("place", "m"),
+            State("speed", "m/s"),
+            State("angle", "rad"),
+            State("rate", "rad/s"),
+        ),
+        inputs=(Input("force", "N"),),
+        outputs=(Output("place", "m"), Output("angle", "rad")),
+        parameters=(
+            Parameter("damping", "N s/m", value=DAMPING, lower=0.0, upper=40.0, fitted=True),
+            Parameter("hinge", "N m s/rad", value=HINGE, lower=0.0, upper=0.2, fitted=True),
+        ),
+    )
+
+
+def test_only_the_joint_without_a_command_is_offered_them() -> None:
+    """What rubs under the trolley acts where the command does."""
+    joints = [h.name for h in library(crane()) if h.name.startswith("joint_")]
+    assert {"joint_friction_hinge", "joint_drag_hinge"} <= set(joints)
+    assert not any("damping" in name for name in joints)
+    ((q, places, speed),) = Survey(crane()).joints
+    assert q.name == "hinge"
+    assert [at.name for at in places] == ["speed.rate", "rate.rate"]
+    assert speed.source == "rate"
+
+
+@pytest.mark.parametrize("dry", [True, False])
+def test_it_turns_both_bodies(dry: bool) -> None:
+    """The reference has M q'' = forces with the torque of the joint at the load alone."""
+
+    def torque(w: float) -> float:
+        more = 0.05 * np.tanh(w / 0.1) if dry else 0.02 * w * abs(w)
+        return float(-HINGE * w - more)
+
+    def reference(t: float, x: np.ndarray) -> np.ndarray:
+        _, v, q, w = x
+        coupling = BOB * LENGTH * np.cos(q)
+        mass = [[CART + BOB, coupling], [coupling, BOB * LENGTH**2]]
+        pushed = 3.0 * np.sin(4.0 * t) - DAMPING * v + BOB * LENGTH * w * w * np.sin(q)
+        turned = torque(w) - BOB * 9.81 * LENGTH * np.sin(q)
+        a, b = np.linalg.solve(mass, [pushed, turned])
+        return np.array([v, a, w, b])
+
+    effect = (
+        joint_friction(level=0.05, transition_speed=0.1) if dry else joint_drag(coefficient=0.02)
+    )
+    model = crane().with_effect(effect)
+    start = [0.0, 0.0, 0.6, 0.0]
+
+    def of(plant: Model) -> np.ndarray:
+        return ended(lambda t, x: plant.rates(x, [3.0 * np.sin(4.0 * t)]))
+
+    def ended(f: Callable[[float, np.ndarray], np.ndarray]) -> np.ndarray:
+        return solve_ivp(f, (0.0, 2.0), start, rtol=1e-9, atol=1e-11).y[:, -1]
+
+    np.testing.assert_allclose(of(model), ended(reference), atol=1e-6)
+    assert np.max(np.abs(of(crane()) - ended(reference))) > 1e-2
