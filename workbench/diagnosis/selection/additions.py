@@ -15,12 +15,14 @@ from workbench.diagnosis.estimation.process_noise import (
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.decision import closer_unseen, degenerates_to, preferred
 from workbench.diagnosis.selection.held_out import told_apart
+from workbench.diagnosis.selection.moments import is_event, with_own_moments
 from workbench.diagnosis.selection.refits import entry_priors, refit_candidates
 from workbench.diagnosis.selection.rules import FREE_RUN, REFIT, SAME, SURPASSED, Limits
 from workbench.diagnosis.selection.score import Score, Scores
 from workbench.diagnosis.selection.selected import Accepted, Round, Selected
 from workbench.diagnosis.selection.task import Task
 from workbench.diagnosis.selection.weights import Compared
+from workbench.errors import NumericalError
 
 
 def refits_beside(
@@ -103,6 +105,56 @@ def polished(
         if final.cost <= best.cost + (INDIFFERENT if final.noise_scale < best.noise_scale else 0.0):
             best = replace(final, passed=fit.passed)
     return best
+
+
+def retimed(task: Task, state: Selected) -> Selected:
+    """Look once more when the events came, now that everything else is part of the model.
+
+    Events that came together may hold each other where only one of them would move.
+    """
+    names = [a.candidate.entry.name for a in state.accepted]
+    events = [n for n in names if is_event(state.extended.model.effect(n))]
+    groups = [events] * (len(events) > 1) + [[name] for name in events]
+    for group in groups if len(names) > 1 else ():
+        task.say(f"looking again when {' and '.join(group)} came")
+        state = _moved(task, state, group)
+    return state
+
+
+def _moved(task: Task, state: Selected, events: Sequence[str]) -> Selected:
+    full = state.extended
+    before = tuple(map(full.model.effect, events))
+    after = with_own_moments(before, full, task.nominal, task.fitting, task.judging)
+    if all(new is old for new, old in zip(after, before, strict=True)):
+        return state
+    model = full.model.without(*events).with_effect(*after)
+    begin = {e.name: e.value for e in full.refit.estimates}
+    begin |= {
+        f"{e.name}.{q.name}": q.value
+        for e in after
+        for q in e.parameters
+        if q.name == e.about.moment
+    }
+    recordings = task.started(task.fitting, model)
+    try:
+        fit = fit_with_process_noise(
+            model, recordings, state.free, start=begin, noise_scale=full.noise_scale
+        )
+    except NumericalError:
+        return state
+    states, accepted = {e.name: e.states for e in after}, []
+    for found in state.accepted:
+        candidate = found.candidate
+        own = states.get(candidate.entry.name, candidate.entry.effect.states)
+        entry = replace(candidate.entry, effect=replace(candidate.entry.effect, states=own))
+        accepted.append(Accepted(replace(candidate, entry=entry), found.alike))
+    extended = replace(fit, passed=full.passed)
+    return replace(
+        state,
+        accepted=tuple(accepted),
+        extended=extended,
+        fits=(*state.fits[:-1], extended),
+    )
 
 
 def explain_as_well(

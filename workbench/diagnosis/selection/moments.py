@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
 from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, disturbances
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, extended_start
 from workbench.errors import NumericalError
-from workbench.model import Effect, Model
+from workbench.model import Effect, Model, State
+
+Vector = npt.NDArray[np.float64]
 
 _MOMENTS, _STEPS = 100, 20
 """Starts of a clock along a recording that are tried, and steps from the best one on."""
@@ -22,46 +25,66 @@ _CLEARLY = 10.0
 
 
 def with_own_moments(
-    effect: Effect,
+    effects: Sequence[Effect],
     fit: ProcessNoiseFit,
     before: Model,
     fit_on: Sequence[Observed],
     hold_out: Sequence[Observed],
-) -> Effect:
-    """Return an event with the time at which it came in each recording, where that is clear.
+) -> tuple[Effect, ...]:
+    """Return events with the time at which they came in each recording, where that is clear.
 
-    Its parameter is the time in the first fitting recording. In others the clock starts late or
-    early: the event comes at another time, is over before they begin, or does not come.
+    Their parameter is the time in the first fitting recording. In others the clocks start late or
+    early: the events come at another time, are over before they begin, or do not come.
 
     Args:
-        fit: The refitted model, the effect its last one.
+        effects: Effects of the fitted model; several come as long one after the other as in the
+            first recording.
+        fit: The refitted model.
         before: The model that the recordings have a start for.
 
     Returns:
-        The effect; the same one if it is no event, or all times are as they were.
+        The effects; the same ones if one is no event, or all times are as they were.
     """
-    clocks = [q for q in effect.states if q.unit == "s"]
-    if not effect.about.moment or len(clocks) != 1:
-        return effect
-    clock, model = clocks[0], fit.model
-    place = [q.name for q in model.states].index(f"{effect.name}.{clock.name}")
+    model = fit.model
+    if not all(map(is_event, effects)):
+        return tuple(effects)
+    names = [q.name for q in model.states]
+    clocks = {names.index(f"{e.name}.{_clock(e).name}"): _clock(e).initial for e in effects}
     rms = disturbances(model, fit.noise_scale)
-    starts = {}
+    late = {}
     for observed in (*fit_on, *hold_out):
         begun = extended_start(observed, before, model)
-        start = _likeliest(PredictionError(model, begun, (), rms), begun, place)
-        if start is not None:
-            starts[observed.name] = start
-    if not starts:
+        shift = _likeliest(PredictionError(model, begun, (), rms), begun, clocks)
+        if shift is not None:
+            late[observed.name] = shift
+    others = [r.name for r in (*fit_on[1:], *hold_out)]
+    return tuple(_moved(e, model, dict(late), fit_on[0].name, others) for e in effects)
+
+
+def is_event(effect: Effect) -> bool:
+    """Whether an effect comes at a time, on a clock of its own."""
+    return bool(effect.about.moment) and sum(q.unit == "s" for q in effect.states) == 1
+
+
+def _clock(effect: Effect) -> State:
+    return next(q for q in effect.states if q.unit == "s")
+
+
+def _moved(
+    effect: Effect, model: Model, late: dict[str, float], first: str, others: Sequence[str]
+) -> Effect:
+    """Return an event whose clock starts late or early in some recordings, by a time in s."""
+    if not late:
         return effect
+    clock = _clock(effect)
     # Relative to the first recording, whose time is the parameter.
-    early = starts.pop(fit_on[0].name, clock.initial) - clock.initial
+    early = late.pop(first, 0.0)
     moment = model.parameter(f"{effect.name}.{effect.about.moment}")
     time = float(np.clip(moment.value - early, moment.lower, moment.upper))
-    found = {**dict(clock.start_in), **starts}
+    found = dict(clock.start_in) | {name: clock.initial + shift for name, shift in late.items()}
     if early:
-        everywhere = {r.name: clock.initial for r in (*fit_on[1:], *hold_out)}
-        found = {name: start - early for name, start in (everywhere | found).items()}
+        everywhere = dict.fromkeys(others, clock.initial) | found
+        found = {name: start - early for name, start in everywhere.items()}
     states = tuple(
         replace(q, start_in=tuple(sorted(found.items()))) if q is clock else q
         for q in effect.states
@@ -77,30 +100,39 @@ def moments(model: Model, effect: Effect) -> dict[str, float]:
     return {name: time - start for q in effect.states for name, start in q.start_in}
 
 
-def _likeliest(filter_: PredictionError, observed: Observed, place: int) -> float | None:
-    """Return where a clock starts in a recording, in s; None if not clearly elsewhere."""
-    reach = observed.sample_time * len(observed.outputs)
+def _likeliest(
+    filter_: PredictionError, observed: Observed, clocks: Mapping[int, float]
+) -> float | None:
+    """Return how late clocks start in a recording, in s; None if not clearly otherwise than now.
 
-    def cost(start: float) -> float:
+    Args:
+        clocks: Number of each one's state, and its usual start in s.
+    """
+    reach = observed.sample_time * len(observed.outputs)
+    usual, places = np.array(list(clocks.values())), list(clocks)
+
+    def cost(start: Vector) -> float:
         x = observed.start.copy()
-        x[place] = start
+        x[places] = start
         try:
             return filter_.run(replace(observed, start=x), filter_.model.values).cost
         except NumericalError:
             return math.inf
 
-    tried = observed.start[place] + np.linspace(-reach, reach, 2 * _MOMENTS + 1)
-    costs = np.array([cost(start) for start in tried])
+    def late(shift: float) -> float:
+        return cost(usual + shift)
+
+    tried = np.linspace(-reach, reach, 2 * _MOMENTS + 1)
+    costs = np.array([late(shift) for shift in tried])
     best = int(np.argmin(costs))
-    usual = costs[_MOMENTS]
-    start, least = float(tried[best]), float(costs[best])
+    shift, least = float(tried[best]), float(costs[best])
     if 0 < best < len(tried) - 1:
         near = minimize_scalar(
-            cost,
+            late,
             bounds=(tried[best - 1], tried[best + 1]),
             method="bounded",
             options={"maxiter": _STEPS},
         )
         if near.fun < least:
-            start, least = float(near.x), float(near.fun)
-    return start if least < usual - _CLEARLY else None
+            shift, least = float(near.x), float(near.fun)
+    return shift if least < cost(observed.start[places]) - _CLEARLY else None

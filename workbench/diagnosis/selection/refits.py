@@ -658,7 +658,7 @@ def _judged_on(
         entry = wider
     assert best is not None
     entry, fit, started = best
-    effect = with_own_moments(entry.effect, fit, base.model, fit_on, hold_out)
+    (effect,) = with_own_moments((entry.effect,), fit, base.model, fit_on, hold_out)
     if effect is not entry.effect:
         entry = replace(entry, effect=effect)
         ended = {e.name: e.value for e in fit.refit.estimates}

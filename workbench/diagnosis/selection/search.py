@@ -28,6 +28,7 @@ from workbench.diagnosis.selection.additions import (
     polished,
     refits_beside,
     remembered,
+    retimed,
     with_candidate,
 )
 from workbench.diagnosis.selection.decision import is_sensor
@@ -142,7 +143,7 @@ def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
     if len(state.accepted) > 1:
         task.say("leaving out one effect at a time")
         state = left_out(task, state, max(state.penalty, LEAST_OF_ALL.value * scored.excess))
-    state, share = run_as_found(task, simplified(task, state))
+    state, share = run_as_found(task, retimed(task, simplified(task, state)))
     failed = (*state.failed, state.began)
     shown = any(a.shown for a in state.aside)
     if not state.accepted and state.began and len(failed) < (2 if shown else MOST_SEARCHES):
