@@ -1,0 +1,89 @@
+"""Times of events that came together, beside SciPy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from tests.diagnosis.newcomers import levels
+from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.process_noise import (
+    extended_start,
+    fit_with_process_noise,
+)
+from workbench.diagnosis.selection.moments import moments, with_own_moments
+from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.trace import Equations
+from workbench.physics.library import library
+from workbench.recordings.recording import Recording, Signal
+
+STEP, SAMPLES = 0.02, 600
+
+
+def driven() -> Model:
+    """A damped oscillator with a drive of some gain."""
+
+    def equations(m: Scope) -> Equations:
+        pull = m.p.gain * m.u.drive - m.p.stiffness * m.x.position - 0.6 * m.x.speed
+        return {"position": m.x.speed, "speed": pull}, {"position": m.x.position}
+
+    return Model(
+        "driven",
+        equations,
+        states=(State("position", "m"), State("speed", "m/s")),
+        inputs=(Input("drive", "N"),),
+        outputs=(Output("position", "m", noise_rms=1e-3),),
+        parameters=(
+            Parameter("gain", "1/kg", value=1.0, lower=0.1, upper=5.0, fitted=True),
+            Parameter("stiffness", "1/s2", value=30.0, lower=5.0, upper=90.0, fitted=True),
+        ),
+    )
+
+
+def _changed(seed: int, when: float) -> Recording:
+    """Return an oscillator that from a time on, in s, has half as much more spring and drive."""
+    rng, drive = np.random.default_rng(seed), levels(SAMPLES, seed, 30.0, 20, 80)
+    x, read = np.zeros(2), np.empty(SAMPLES)
+    for k, u in enumerate(drive):
+        read[k] = x[0]
+        more = 1.5 if STEP * k >= when else 1.0
+        x = solve_ivp(
+            lambda _, x, u, more: [x[1], more * (u - 30.0 * x[0]) - 0.6 * x[1]],
+            (0.0, STEP), x, args=(u, more), rtol=1e-7, atol=1e-9,
+        ).y[:, -1]  # fmt: skip
+    position = Signal("position", read + 1e-3 * rng.normal(size=SAMPLES), "m")
+    return Recording(
+        f"run {seed}",
+        STEP * np.arange(SAMPLES),
+        (Signal("drive", drive, "N", role="command"), position),
+    )
+
+
+def test_events_that_came_together_are_moved_together() -> None:
+    """Alone one goes to another wrong time in the second recording: it needs the other."""
+    plain = driven()
+    seen = [observe(plain, _changed(1, 5.0)), observe(plain, _changed(2, 8.0))]
+    laws = {h.name: h for h in library(plain, duration=SAMPLES * STEP, sample_time=STEP)}
+    found = {"parameter_jump_gain": 0.5, "parameter_jump_stiffness": 15.0}
+    events = []
+    for name, amount in found.items():
+        effect = laws[name].effect.with_parameters({"amount": amount, "time": 5.0, "width": 0.02})
+        clock = next(q for q in effect.states if q.unit == "s")
+        # At 3 s in the second one.
+        states = tuple(
+            replace(q, start_in=(("run 2", clock.initial + 2.0),)) if q is clock else q
+            for q in effect.states
+        )
+        events.append(replace(effect, states=states))
+    model = plain.with_effect(*events)
+    fit = fit_with_process_noise(
+        model, [extended_start(seen[0], plain, model)], (), noise_scale=0.01
+    )
+    alone = [with_own_moments([e], fit, plain, seen[:1], seen[1:])[0] for e in events]
+    both = with_own_moments(events, fit, plain, seen[:1], seen[1:])
+    assert abs(moments(model, alone[0])["run 2"] - 8.0) > 1.0
+    for event in both:
+        assert moments(model, event)["run 2"] == pytest.approx(8.0, abs=STEP)
