@@ -797,3 +797,63 @@ def cornering(seed: int) -> Recording:
             Signal("lateral", read[:, 1], "m/s2"),
         ),
     )
+
+
+def pipeline() -> Model:
+    """A pump, a pipe, a vessel and a drain, as a newcomer writes them."""
+
+    def equations(m: Scope) -> Equations:
+        lost = m.p.resistance * m.x.flow
+        return (
+            {
+                "flow": (m.u.pump - m.x.pressure - lost) / m.p.inertance,
+                "pressure": (m.x.flow - m.x.pressure * m.p.drain) / m.p.compliance,
+            },
+            {"pressure": m.x.pressure, "flow": m.x.flow},
+        )
+
+    return Model(
+        "pipeline",
+        equations,
+        states=(State("flow", "m3/s"), State("pressure", "Pa")),
+        inputs=(Input("pump", "Pa", lower=0.0, upper=1e6),),
+        outputs=(Output("pressure", "Pa"), Output("flow", "m3/s")),
+        parameters=(
+            Parameter("resistance", "Pa s/m3", value=4e6, lower=1e5, upper=5e7, fitted=True),
+            Parameter("inertance", "Pa s2/m3", value=4e6, lower=4e5, upper=4e7, fitted=True),
+            Parameter("compliance", "m3/Pa", value=4e-7, lower=4e-8, upper=4e-6, fitted=True),
+            Parameter("drain", "m3/(s Pa)", value=1e-7, lower=1e-8, upper=1e-6, fitted=True),
+        ),
+    )
+
+
+def pumped(seed: int, *, turbulent: float = 0.0, burst: float = np.inf) -> Recording:
+    """Eighty seconds of a line: 5e6 Pa s/m3, 3.2e6 Pa s2/m3, 5e-7 m3/Pa, 1.4e-7 m3/(s Pa).
+
+    Args:
+        turbulent: Pressure lost over the squared flow, in Pa s2/m6.
+        burst: Time from which the vessel loses 5 l/s, in s.
+    """
+    rng = np.random.default_rng(seed)
+    pump = 3e5 + levels(400, seed, 1.5e5, 15, 60)
+    x, step = np.array([0.02, 2e5]), 0.2
+    seen = np.empty((400, 2))
+    for k, given in enumerate(pump):
+        seen[k] = x
+
+        def rates(t: float, s: Vector, given: float = given) -> list[float]:
+            lost = 5e6 * s[0] + turbulent * s[0] * abs(s[0])
+            spilt = 1.4e-7 * s[1] + (5e-3 if t > burst else 0.0)
+            return [(given - s[1] - lost) / 3.2e6, (s[0] - spilt) / 5e-7]
+
+        x = solve_ivp(rates, (k * step, k * step + step), x, rtol=1e-7, atol=1e-9).y[:, -1]
+    seen += rng.normal(0.0, [2e-5, 200.0], seen.shape)
+    return Recording(
+        f"line {seed}",
+        step * np.arange(400),
+        (
+            Signal("pump", pump, "Pa", role="command"),
+            Signal("pressure", seen[:, 1], "Pa", role="measurement"),
+            Signal("flow", seen[:, 0], "m3/s", role="measurement"),
+        ),
+    )

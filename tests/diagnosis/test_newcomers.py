@@ -28,6 +28,8 @@ from tests.diagnosis.newcomers import (
     maglev,
     oscillations,
     oscillator,
+    pipeline,
+    pumped,
     recorded,
     resonator,
     ringing,
@@ -457,3 +459,24 @@ def test_a_curve_over_what_it_multiplies_is_that_of_a_plain_sum() -> None:
         bent.exact.outputs_function([slip, rate], [steering, speed], bent.values)
     ).ravel()
     assert lateral == pytest.approx((front + rear) / 1500.0, rel=1e-12)
+
+
+def test_what_flows_in_a_pipe_is_slowed_as_a_body_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    only(monkeypatch, "quadratic_drag", "offset", "gain", "sensor_offset")
+    runs = [pumped(seed, turbulent=1.3e8) for seed in (1, 2)]
+    verdict = diagnose(pipeline(), runs[:1], runs[1:], jobs=1, advise=False).verdict
+    assert verdict is not None
+    (finding,) = verdict.findings
+    assert (finding.effect, finding.where) == ("quadratic_drag", ("flow.rate",))
+    assert finding.parameters["coefficient"].value == pytest.approx(1.3e8 / 3.2e6, rel=0.03)
+
+
+def test_a_store_that_no_input_fills_may_spring_a_leak(monkeypatch: pytest.MonkeyPatch) -> None:
+    only(monkeypatch, "offset_jump", "offset", "orifice_outflow", "sensor_jump")
+    runs = [pumped(1, burst=34.0), pumped(2, burst=51.0)]
+    verdict = diagnose(pipeline(), runs[:1], runs[1:], jobs=1, advise=False).verdict
+    assert verdict is not None
+    (finding,) = verdict.findings
+    assert finding.where == ("pressure.rate",)
+    # 5 l/s out of 5e-7 m3/Pa.
+    assert finding.parameters["amount"].value == pytest.approx(-1e4, rel=0.03)

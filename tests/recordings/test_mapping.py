@@ -147,6 +147,20 @@ def test_an_output_without_a_column_is_told(tmp_path: Path) -> None:
     assert not everything.notes
 
 
+class _Line:
+    inputs = (Input("pump", "Pa"),)
+    outputs = (Output("level", "m"), Output("outflow", "m3/s"))
+
+
+@pytest.mark.parametrize(("header", "taken"), [("flow [L/s]", True), ("inflow [L/s]", False)])
+def test_a_header_may_say_part_of_a_name(tmp_path: Path, header: str, taken: bool) -> None:
+    path = _file(tmp_path, "t [s]", "pump [bar]", "level [cm]", header)
+    recording = read_recording(path, signals=driven_by(_Line()))
+    assert ("outflow" in recording) is taken and bool(recording.notes) is not taken
+    two = _file(tmp_path, "t [s]", "pump [bar]", "level [cm]", header, "spill [L/s]")
+    assert "outflow" not in read_recording(two, signals=driven_by(_Line()))
+
+
 @pytest.mark.parametrize("headers", [("q1_deg", "u_V"), ("t [s]", "q1_deg")])
 def test_what_to_write_into_a_mapping_file_is_what_such_a_file_may_hold(
     tmp_path: Path, headers: tuple[str, ...]

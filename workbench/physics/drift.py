@@ -26,7 +26,7 @@ from workbench.physics.law import (
     with_subject,
 )
 from workbench.physics.offset_gain import sensor_error
-from workbench.physics.place import EFFORTS, Local, Place, Survey
+from workbench.physics.place import EFFORTS, FLOWS, Local, Place, Survey
 
 _WIDTH = 0.03
 """Half-width of a jump whose time is still to be found, as a fraction of the recording."""
@@ -126,6 +126,7 @@ offset_jump = Law(
     together(
         drives("force", "acceleration", "flow", only=lambda at: at.driven),
         each(*EFFORTS, needs=("speed",), label=by_port),
+        each(*FLOWS, label=by_port, only=lambda at: bool(at.store) and not at.empty),
         each("valve_command", label=by_port),
     ),
     lambda at: (

@@ -433,6 +433,9 @@ class Survey:
         speeds += [s for s, o in origins.items() if o in self._integral and s not in speeds]
         speeds += [s for s in origins if s.endswith(("_speed", "_velocity")) and s not in speeds]
         moved = [q for q in self._moved[index] if self._is_speed(q, unit)]
+        if unit == "1" and len(self._moved[index]) == 1:
+            # The water in a pipe: what accelerates it acts on a flow in m3/s.
+            moved = list(self._moved[index])
         # A force moves first what has a speed in m/s, a torque what has one in rad/s.
         moved.sort(
             key=lambda q: (

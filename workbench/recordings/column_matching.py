@@ -149,6 +149,12 @@ def _partly(requested: Requested, header: Header) -> bool:
     )
 
 
+def _shortened(requested: Requested, header: Header) -> bool:
+    """Tell whether a header says part of a name, as ``flow`` does of ``outflow``."""
+    plain = _plain(header.name)
+    return len(plain) > 3 and plain in _plain(requested.name)
+
+
 def _units_agree(requested: Requested, header: Header) -> bool:
     return not requested.unit or not header.unit or same_dimension(requested.unit, header.unit)
 
@@ -231,8 +237,6 @@ def match_requested(
     for signal in requested:
         if signal.name in found or not signal.unit:
             continue
-        if signal.optional and any(w.optional and w.name in found for w in requested):
-            continue  # Another sensor of the same unit is no reason to take it for this one.
         rivals = [
             w
             for w in requested
@@ -243,7 +247,10 @@ def match_requested(
             for i, h in enumerate(headers)
             if i not in used and h.unit and same_dimension(h.unit, signal.unit)
         ]
-        if len(left) == 1 and len(rivals) == 1:
+        # Where other sensors are found, a unit alone is no reason to take one more for this one.
+        beside = signal.optional and any(w.optional and w.name in found for w in requested)
+        sure = len(left) == len(rivals) == 1
+        if sure and (not beside or _shortened(signal, headers[left[0]])):
             found[signal.name] = (left[0], "unit")
             used.add(left[0])
     for signal in requested:
