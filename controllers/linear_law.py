@@ -41,45 +41,26 @@ class LinearLaw(NamedTuple):
 
 
 def linear_law(
-    controller: Controller,
-    measurement: tuple[float, ...],
-    reference: tuple[float, ...],
-    *,
-    referred: bool = False,
+    controller: Controller, measurement: tuple[float, ...], reference: tuple[float, ...]
 ) -> LinearLaw:
     """Linearise a controller from measurement to linear command around rest, given in SI.
 
     Its law must be smooth there.
-
-    Args:
-        measurement: At rest, in SI.
-        reference: At rest, in SI.
-        referred: Whether m holds the reference too, behind the measurement; of laws that are
-            written for symbols.
     """
     controller = unguarded(controller)
     if hasattr(controller, "linear_law"):
-        return _differentiated(controller, measurement, reference, referred)
+        return _differentiated(controller, measurement, reference)
     return _differenced(controller, measurement, reference)
 
 
 def _differentiated(
-    controller: Any,
-    measurement: tuple[float, ...],
-    reference: tuple[float, ...],
-    referred: bool,
+    controller: Any, measurement: tuple[float, ...], reference: tuple[float, ...]
 ) -> LinearLaw:
     example = controller.initial_state(measurement)
     z0 = np.array(flat(example), dtype=float)
-    m0 = np.array([*measurement, *(reference if referred else ())])
-    z, m = ca.SX.sym("z", len(z0)), ca.SX.sym("m", len(m0))
-    seen, asked = ca.vertsplit(m)[: len(measurement)], ca.vertsplit(m)[len(measurement) :]
+    z, m = ca.SX.sym("z", len(z0)), ca.SX.sym("m", len(measurement))
     command, following = controller.linear_law(
-        restored(example, ca.vertsplit(z)),
-        tuple(seen),
-        tuple(asked) if referred else reference,
-        SYMBOLS,
-        measurement,
+        restored(example, ca.vertsplit(z)), tuple(ca.vertsplit(m)), reference, SYMBOLS, measurement
     )
     u, after = ca.vcat(command), ca.vcat(flat(following))
     # By the structure of the law.
@@ -88,7 +69,7 @@ def _differentiated(
     by = ca.vertcat(z[moved], m)
     slopes = ca.Function("slopes", [z, m], [ca.jacobian(ca.vertcat(after[moved], u), by)])
     # Tables have corners: there the mean of the slopes on both sides.
-    sides = [slopes(z0, (1.0 + sign * 1e-9) * m0) for sign in (1.0, -1.0)]
+    sides = [slopes(z0, (1.0 + sign * 1e-9) * np.array(measurement)) for sign in (1.0, -1.0)]
     table = 0.5 * sum(side.full() for side in sides)
     n = len(moved)
     F, G, H, J = table[:n, :n], table[:n, n:], table[n:, :n], table[n:, n:]

@@ -101,6 +101,7 @@ def formulated(
     moves, slack, estimate, path, before = ca.vertsplit(symbols, ends)
 
     openings = ca.vcat([ca.repmat(moves[i], length, 1) for i, length in enumerate(blocks)])
+    phi, gamma = ca.DM(phi), ca.DM(gamma)
     z, states = estimate, []
     for j in range(N):
         z = ca.mtimes(phi, z) + gamma * openings[j]

@@ -38,7 +38,8 @@ import numpy as np
 from controllers.arithmetic import Arithmetic, Number
 from controllers.c_source import CSource
 from controllers.design import Design
-from controllers.joint.model import opening_input
+from controllers.joint.model import OpeningInput, opening_input
+from controllers.linear_law import LinearLaw
 from controllers.mpc.c_text import mpc_source
 from controllers.mpc.disturbance_observer import (
     DisturbanceObserver,
@@ -172,6 +173,25 @@ class LinearMPC(ValveController):
         following = MPCState(tuple(ca.vertsplit(predicted)), opening, filtered, target)
         return (self.valve.tangent(opening),), following
 
+    def around_rest(self) -> LinearLaw:
+        """Return the law without preview within its limits, from measurements and reference."""
+        p, o = self.prediction, self.observer
+        n, sensors = len(o.F), len(self.sensors)
+        # Rows of what is linear in prediction, opening and lags before, measurements, reference.
+        units = np.eye(n + 3 + sensors + 1)
+        estimate, measured = units[:n], units[n + 3 : -1]
+        estimate = estimate + o.M @ (measured - o.C @ estimate)
+        fresh = self.reference_speed * self.sample_time
+        lags = lagged(units[n + 1], units[n + 2], units[-1], fresh)
+        path = self.path @ np.vstack([units[-1], *lags])
+        gradient = p.g_estimate @ estimate + p.g_reference @ path
+        move = -np.linalg.inv(p.H)[:1] @ (gradient + np.outer(p.g_before, units[n]))
+        table = np.vstack([o.F @ estimate + o.G @ move, move, *lags])
+        command = move / self.valve.gain_at_rest
+        return LinearLaw(
+            table[:, : n + 3], table[:, n + 3 :], command[:, : n + 3], command[:, n + 3 :]
+        )
+
     def c_source(self, name: str) -> CSource:
         """Write the controller as C: tables of its problem, factored in advance, and one step."""
         p, o = self.prediction, self.observer
@@ -239,14 +259,10 @@ def told(opening: float, solution: Solution, slack: float) -> dict[str, float | 
 
 def _reference_path(fresh: float, index: tuple[int, ...]) -> Matrix:
     """Return the trajectory of the second lag per (reference, filtered, target)."""
-    columns = []
-    for reference, *lags in np.eye(3).tolist():
-        path, lag = [], (lags[0], lags[1])
-        for _ in range(index[-1]):
-            lag = lagged(*lag, reference, fresh)
-            path.append(lag[1])
-        columns.append([path[i - 1] for i in index])
-    return np.array(columns).T
+    k = np.array(index)
+    kept = (1.0 - fresh) ** k
+    passed = k * fresh * kept
+    return np.column_stack([1.0 - kept - passed, passed, kept])
 
 
 @dataclass(frozen=True)
@@ -327,17 +343,7 @@ def design_mpc(
     valve = valve or ValveInverse()
     entry = opening_input(linear, valve, actuator)
     disturbed = tuple(want.disturbances)
-    observer = design_disturbance_observer(
-        linear,
-        sensors=sensors,
-        actuators=(entry.name,),
-        disturbances=want.disturbances,
-        sensor_noise=want.sensor_noise,
-        state_noise=want.state_noise,
-        sample_time=want.sample_time,
-    )
-    # From here on the input is the opening.
-    observer = replace(observer, G=observer.G * entry.per_opening)
+    observer = observer_of(linear, want, sensors, entry)
     A, B, E = continuous_matrices(linear, (entry.name,), disturbed)
     prediction = condense(
         A,
@@ -376,6 +382,22 @@ def design_mpc(
         actuators=(actuator,),
         preview=prediction.preview_index[-1] if want.preview else 0,
     )
+
+
+def observer_of(
+    linear: LinearModel, want: MPCSpecification, sensors: tuple[str, ...], entry: OpeningInput
+) -> DisturbanceObserver:
+    """Design the observer of an MPC, whose input is the opening, a fraction."""
+    observer = design_disturbance_observer(
+        linear,
+        sensors=sensors,
+        actuators=(entry.name,),
+        disturbances=want.disturbances,
+        sensor_noise=want.sensor_noise,
+        state_noise=want.state_noise,
+        sample_time=want.sample_time,
+    )
+    return replace(observer, G=observer.G * entry.per_opening)
 
 
 linear_mpc_design = partial(Design, family="linear MPC", solves=True, colour=("#00805c", "#36d6a4"))

@@ -69,7 +69,8 @@ def design_plain_h_infinity(
         without_lags[led] = law, speed
         return led
 
-    tried = [want.speed] if want.speed else [reachable_speed(limits, want) * k for k in FACTORS]
+    about = 0.0 if want.speed else reachable_speed(limits, want)
+    tried = [about * factor for factor in FACTORS] if about else [want.speed]
     designs = [partial(designed, w, size) for w in tried for size in INPUT_SIZES]
     law, speed = without_lags[limits.best(designs, family)]
     return limits.led(law.behind_lags, speed, family)

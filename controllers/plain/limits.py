@@ -21,12 +21,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
-from controllers.linear_law import LinearLaw, linear_law
-from controllers.protocol import Controller
+from controllers.linear_law import LinearLaw
 from controllers.sensitivity import sampled_at
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import WorkbenchError
@@ -35,8 +35,16 @@ from workbench.linearisation.transfer import transfer_function
 if TYPE_CHECKING:
     from controllers.plain.single_loop import LoopSpecification, SingleLoop
 
-C = TypeVar("C", bound=Controller)
-T = TypeVar("T")
+
+class AroundRest(Protocol):
+    """A law that tells its linear form."""
+
+    def around_rest(self) -> LinearLaw:
+        """Return the law between its ends, from measurement and reference as deviations."""
+        ...
+
+
+C = TypeVar("C", bound=AroundRest)
 
 ANGLE = np.geomspace(1e-6, 0.98 * np.pi, 300)
 """Frequencies at which a loop is judged, in rad per sample."""
@@ -50,24 +58,18 @@ USUAL_COMPLEMENTARY = 2.8
 
 
 class Judged(NamedTuple):
-    """What a loop reaches.
+    """What loops reach.
 
     Args:
-        sensitivity: Largest Ms over the corners, a ratio.
-        complementary: Largest Mt over the corners, a ratio.
-        excess: Largest ratio to a limit; at most 1 if all are held, infinite if it is not stable.
+        sensitivity: Largest Ms of each over the corners, shape (n,), ratios.
+        complementary: Largest Mt of each over the corners, shape (n,), ratios.
+        excess: Largest ratio of each to a limit, shape (n,); at most 1 if all are held, infinite if
+            it is not stable.
     """
 
-    sensitivity: float
-    complementary: float
-    excess: float
-
-
-UNSTABLE = 15.0
-"""Ms, a ratio, of a loop that is not stable with a delay near to those that are looked at."""
-
-NONE = Judged(math.inf, math.inf, math.inf)
-"""What a loop reaches that is not stable."""
+    sensitivity: Vector
+    complementary: Vector
+    excess: Vector
 
 
 class LoopLimits:
@@ -86,96 +88,118 @@ class LoopLimits:
         half = 0.5 * (loop.upper - loop.lower)
         self.noise = want.loop_noise(loop) / (half if half < math.inf else loop.command_scale)
 
-    def judge(self, law: LinearLaw) -> Judged:
-        """Tell the peaks of the loop of a law around rest, whose first input is the measurement."""
-        F, G, H, J = law.F, law.G[:, :1], law.H, law.J[:, :1]
-        want, z = self.want, np.exp(1j * ANGLE)
-        K = -transfer_function(F, G, H, J, z)[:, 0, 0]
-        ms = mt = beyond = stirred = 0.0
-        for (A, B, C), P in zip(self.plants, self.responses, strict=True):
-            closed = np.block([[A + B @ J @ C, B @ H], [G @ C, F]])
-            if not np.max(np.abs(np.linalg.eigvals(closed))) < 1.0:
-                return NONE
-            L = P * K * self._delays(P * K)
-            s = 1.0 / (1.0 + L)
-            if not (len(L) and np.abs(s).max() <= UNSTABLE):
-                return NONE
-            t = np.abs(L * s)
-            ms, mt = max(ms, float(np.abs(s).max())), max(mt, float(t.max()))
-            beyond = max(beyond, float((t * ANGLE).max()) / want.sample_time)
-            noisy = np.max(np.abs(K * s), axis=0) ** 2
-            stirred = max(stirred, self.noise * math.sqrt(np.trapezoid(noisy, ANGLE) / np.pi))
-        excess = max(
-            ms / (want.maximum_sensitivity or USUAL_SENSITIVITY),
-            mt / (want.maximum_complementary or USUAL_COMPLEMENTARY),
-            beyond / (want.trusted_frequency or math.inf),
-            stirred / want.quiet,
-        )
-        return Judged(ms, mt, excess)
+    def judge(self, laws: LinearLaw) -> Judged:
+        """Tell the peaks of loops of laws around rest, whose first input is the measurement.
 
-    def _delays(self, loop: Complex) -> Complex:
-        """Return what delays from none to the largest multiply a loop by, shape (n_delays, n).
-
-        From one to the next the phase at a crossover moves by a tenth, so that none on the way at
-        which the loop is not stable is passed over; there are none where that is certain.
+        Where some hold the limits, those that a few frequencies show not to are told as unstable.
         """
-        late = self.want.delay / self.want.sample_time
-        if not late:
-            return np.ones((1, 1), dtype=complex)
-        crossover = ANGLE[np.abs(loop) >= 1.0].max(initial=0.0)
-        if crossover * late > 2.0 * np.pi:
-            return np.ones((0, 1), dtype=complex)
-        delays = np.linspace(0.0, late, max(8, math.ceil(10.0 * crossover * late)))
-        return np.asarray(np.exp(-1j * delays[:, None] * ANGLE))
+        rough = self._ratio(*self._peaks(laws, slice(None, None, 8))[:3])
+        near = np.flatnonzero(rough <= 1.05)
+        if 0 < len(near) < len(rough):
+            found = self._judged(chosen(laws, near))
+            if found.excess.min() <= 1.0:
+                told = np.full((3, len(rough)), math.inf)
+                told[:, near] = found
+                return Judged(*told)
+        return self._judged(laws)
 
-    def held(self, tries: Sequence[tuple[T, Judged]], family: str) -> list[tuple[T, Judged]]:
-        """Return the tries that hold the limits, or else those that exceed them least.
+    def _judged(self, laws: LinearLaw) -> Judged:
+        ms, mt, beyond, stirred, stable = self._peaks(laws, slice(None))
+        for plant in self.plants:
+            stable &= np.abs(np.linalg.eigvals(_closed(plant, laws)[0])).max(axis=1) < 1.0
+        excess = np.maximum(self._ratio(ms, mt, beyond), stirred / self.want.quiet)
+        return Judged(ms, mt, np.where(stable, excess, math.inf))
+
+    def _ratio(self, ms: Vector, mt: Vector, beyond: Vector) -> Vector:
+        """Return the largest ratio of peaks, as of `_peaks`, to their limits."""
+        want = self.want
+        ms = ms / (want.maximum_sensitivity or USUAL_SENSITIVITY)
+        mt = mt / (want.maximum_complementary or USUAL_COMPLEMENTARY)
+        return np.maximum(np.maximum(ms, mt), beyond / (want.trusted_frequency or math.inf))
+
+    def _peaks(
+        self, laws: LinearLaw, which: slice
+    ) -> tuple[Vector, Vector, Vector, Vector, npt.NDArray[np.bool_]]:
+        """Return what loops reach at some frequencies if they are stable without a delay.
+
+        A delay turns the loop at each frequency: of all up to the largest, the worst is the one
+        that turns it to -1, or is nearest to that.
+
+        Returns:
+            Ms, Mt, |T| w in rad/s, noise of the command as a share of half its range, and whether
+            no delay turns a crossover to -1.
+        """
+        h, angle = self.want.sample_time, ANGLE[which]
+        K = -response(laws, np.exp(1j * angle))
+        late = angle * (self.want.delay / h)
+        ms, mt, beyond, stirred = np.zeros((4, len(K)))
+        stable = np.ones(len(K), dtype=bool)
+        for P in self.responses:
+            L = P[which] * K
+            gain, margin = np.abs(L), np.mod(np.angle(L) + np.pi, 2.0 * np.pi)
+            reached = margin <= late
+            stable &= ~np.any(np.diff(gain < 1.0, append=True) & reached, axis=1)
+            turned = np.where(reached, 0.0, np.minimum(margin - late, 2.0 * np.pi - margin))
+            # |1 + L| with -L = gain exp(j turned), without the difference of near numbers.
+            near = np.hypot(gain - 1.0, 2.0 * np.sqrt(gain) * np.sin(0.5 * turned))
+            s = 1.0 / np.maximum(near, 1e-300)
+            ms, mt = np.maximum(ms, s.max(axis=1)), np.maximum(mt, (gain * s).max(axis=1))
+            beyond = np.maximum(beyond, (gain * s * angle).max(axis=1) / h)
+            noisy = np.trapezoid((np.abs(K) * s) ** 2, angle) / np.pi
+            stirred = np.maximum(stirred, self.noise * np.sqrt(noisy))
+        return ms, mt, beyond, stirred, stable
+
+    def held(self, judged: Judged, family: str) -> list[int]:
+        """Return which loops hold the limits, or else which exceed them least.
 
         Raises:
             WorkbenchError: If none is stable, or a limit that was given is not held.
         """
         ends = f"{self.loop.measured} by {self.loop.actuator}"
-        nearest = min((judged for _, judged in tries), key=lambda one: one.excess, default=NONE)
-        if not math.isfinite(nearest.excess):
+        least = float(np.min(judged.excess, initial=math.inf))
+        if not math.isfinite(least):
             raise WorkbenchError(
                 f"{family} makes no stable loop of {ends}; take another family, such as lqi"
             )
         want = self.want
         given = (("Ms", want.maximum_sensitivity), ("Mt", want.maximum_complementary))
         asked = [f"{name} <= {limit:g}" for name, limit in given if limit]
-        if asked and nearest.excess > 1.0:
+        if asked and least > 1.0:
+            k = int(np.argmin(judged.excess))
             raise WorkbenchError(
                 f"{family} of {ends} that holds {' and '.join(asked)} is not to be had; the nearest"
-                f" has Ms {nearest.sensitivity:.3g} and Mt {nearest.complementary:.3g}: allow"
+                f" has Ms {judged.sensitivity[k]:.3g} and Mt {judged.complementary[k]:.3g}: allow"
                 " larger peaks, tolerate less, or let noise move the command more (quiet)"
             )
-        top = max(1.0, 1.05 * nearest.excess)
-        return [(tried, judged) for tried, judged in tries if judged.excess <= top]
+        return np.flatnonzero(judged.excess <= max(1.0, 1.05 * least)).tolist()
 
-    def steps(self, law: LinearLaw) -> tuple[Vector, Matrix]:
-        """Return the output of the linear loop after unit steps.
+    def steps(self, laws: LinearLaw) -> tuple[Vector, Matrix, Matrix]:
+        """Return the outputs of linear loops after unit steps.
 
         Returns:
-            Times, shape (n,), in s, eight to an octave, and outputs, shape (n, n_steps), in SI: for
-            each input of the law behind the measurement, and for the load of the command.
+            Times, shape (n,), in s, eight to an octave; outputs, shape (n_loops, n, n_steps), in
+            SI, for each input of the law behind the measurement and for the load of the command;
+            and 1 as long as a loop has not settled, shape (n_loops, n).
         """
-        (A, B, C), (F, G, H, J) = self.plants[0], law
-        n, k = len(A) + len(F), G.shape[1]
-        closed = np.block([[A + B @ J[:, :1] @ C, B @ H], [G[:, :1] @ C, F]])
-        load = np.vstack([B, np.zeros((len(F), 1))])
-        entry = np.hstack([np.vstack([B @ J[:, 1:], G[:, 1:]]), load])
-        slowest = float(np.max(np.abs(np.linalg.eigvals(closed))))
-        over = np.block([[closed, entry], [np.zeros((k, n)), np.eye(k)]])
-        x = np.vstack([np.zeros((n, k)), np.eye(k)])
-        times, seen, t, stride = [0.0], [np.zeros(k)], 0, 1
-        while t * (1.0 - slowest) < 8.0 and t < 1e9:
+        closed, entry = _closed(self.plants[0], laws)
+        (count, n), k = closed.shape[:2], entry.shape[2]
+        slowest = np.abs(np.linalg.eigvals(closed)).max(axis=1)
+        over = np.zeros((count, n + k, n + k))
+        over[:, :n, :n], over[:, :n, n:], over[:, n:, n:] = closed, entry, np.eye(k)
+        x = np.zeros((count, n + k, k))
+        x[:, n:] = np.eye(k)
+        C = self.plants[0][2][0]
+        times, seen, going, t, stride = [0.0], [np.zeros((count, k))], [np.ones(count)], 0, 1
+        while np.any(lasts := (t * (1.0 - slowest) < 8.0) & (t < 1e9)):
             for _ in range(8):
                 x, t = over @ x, t + stride
                 times.append(t)
-                seen.append(C[0] @ x[: len(A)])
+                seen.append(C @ x[:, : len(C)])
+                going.append(lasts.astype(float))
             if t >= 16 * stride:
                 over, stride = over @ over, 2 * stride
-        return np.array(times) * self.want.sample_time, np.array(seen)
+        time = np.array(times) * self.want.sample_time
+        return time, np.stack(seen, axis=1), np.stack(going, axis=1)
 
     def best(self, designs: Iterable[Callable[[], C]], family: str) -> C:
         """Return the best law of those that can be designed.
@@ -183,26 +207,21 @@ class LoopLimits:
         Raises:
             WorkbenchError: If there is none, none is stable, or a limit that was given is not held.
         """
-        tries = []
+        found = []
         reason: WorkbenchError | None = None
-        rest = (self.loop.rest_output,)
         for design in designs:
             try:
-                law = design()
+                found.append(design())
             except WorkbenchError as error:
                 reason = error
-                continue
-            around = linear_law(law, rest, rest * (1 + law.preview), referred=True)
-            judged = self.judge(around)
-            tries.append(((law, around), judged))
-        if reason and not tries:
+        if reason and not found:
             raise reason
-        found = [
-            (law, judged, answer(*self.steps(around)))
-            for (law, around), judged in self.held(tries, family)
-        ]
-        among = Among.of([one[1:] for one in found], self.want.overshoot)
-        return min(found, key=lambda one: among.cost(*one[1:]))[0]
+        laws = stacked([law.around_rest() for law in found])
+        judged = self.judge(laws)
+        held = self.held(judged, family)
+        reached = answer(*self.steps(chosen(laws, held)))
+        errors = cost(reached, reached.errors.min(axis=0), self.want.overshoot)
+        return found[held[int(np.argmin(errors))]]
 
     def led(self, lagging: Callable[[float], C], speed: float, family: str) -> C:
         """Return the best of a law's lags of the reference, whose speed is about this, in rad/s."""
@@ -214,50 +233,81 @@ LAGS = (4.0, 2.8, 2.0, 1.4, 1.0, 0.7, 0.5, 0.35, 0.25)
 """Factors by which the speed of lags of the reference is changed."""
 
 
+def stacked(laws: Sequence[LinearLaw]) -> LinearLaw:
+    """Return laws one behind the other, each matrix of shape (n_laws, ...)."""
+    n = max(len(law.F) for law in laws)
+
+    def padded(part: Matrix, *shape: int) -> Matrix:
+        return np.pad(part, [(0, to - had) for to, had in zip(shape, part.shape, strict=True)])
+
+    k = laws[0].G.shape[1]
+    filled = [(padded(F, n, n), padded(G, n, k), padded(H, 1, n), J) for F, G, H, J in laws]
+    return LinearLaw(*(np.stack(parts) for parts in zip(*filled, strict=True)))
+
+
+def chosen(laws: LinearLaw, which: Any) -> LinearLaw:
+    """Return some of laws."""
+    return LinearLaw(*(part[which] for part in laws))
+
+
+def response(laws: LinearLaw, z: Complex) -> Complex:
+    """Return the transfer functions of laws by their first input, shape (n_laws, n_z), in SI."""
+    from scipy.linalg import matrix_balance, schur
+
+    T, b, c = laws.F.astype(complex), laws.G[:, :, 0].astype(complex), laws.H[:, 0].astype(complex)
+    n = T.shape[1]
+    for k in np.flatnonzero(np.any(np.tril(laws.F, -1), axis=(1, 2))):
+        even, (size, _) = matrix_balance(laws.F[k], permute=False, separate=True)
+        T[k], Z = schur(even, output="complex")
+        b[k], c[k] = Z.conj().T @ (b[k] / size), (c[k] * size) @ Z
+    x = np.zeros((len(T), n, len(z)), dtype=complex)
+    for i in reversed(range(n)):
+        right = (T[:, None, i, i + 1 :] @ x[:, i + 1 :])[:, 0]
+        x[:, i] = (b[:, i, None] + right) / (z - T[:, i, i, None])
+    return np.asarray((c[:, None] @ x)[:, 0] + laws.J[:, :1, 0])
+
+
+def _closed(plant: tuple[Matrix, Matrix, Matrix], laws: LinearLaw) -> tuple[Matrix, Matrix]:
+    """Return loops, shape (n_loops, n, n), and what references and load enter them by."""
+    (A, B, C), (F, G, H, J) = plant, laws
+    n, count = len(A), len(F)
+    closed = np.zeros((count, n + F.shape[1], n + F.shape[1]))
+    closed[:, :n, :n], closed[:, :n, n:] = A + B @ J[:, :, :1] @ C, B @ H
+    closed[:, n:, :n], closed[:, n:, n:] = G[:, :, :1] @ C, F
+    entry = np.zeros((count, n + F.shape[1], G.shape[2]))
+    entry[:, :n, :-1], entry[:, n:, :-1], entry[:, :n, -1] = B @ J[:, :, 1:], G[:, :, 1:], B[:, 0]
+    return closed, entry
+
+
 class Answer(NamedTuple):
-    """What a loop answers to steps of reference and load.
+    """What loops answer to steps of reference and load.
 
     Args:
-        overshoot: Of a step of the reference, as a fraction of it.
-        errors: Integrals of time by absolute error after a unit step of the reference, in s2, and
-            of the load, in SI of the output per SI of the command, times s2.
+        overshoot: Of a step of the reference, shape (n,), as fractions of it.
+        errors: Integrals of time by absolute error, shape (n, 2), after a unit step of the
+            reference, in s2, and of the load, in SI of the output per SI of the command, times s2.
     """
 
-    overshoot: float
-    errors: Vector
+    overshoot: Vector
+    errors: Matrix
 
 
-def answer(time: Vector, seen: Matrix) -> Answer:
-    """Measure the output after a unit step of the reference and of the load; see `LoopLimits`."""
-    away = np.abs(seen - np.array([1.0, 0.0]))
-    errors = np.trapezoid(time[:, None] * away, time, axis=0)
-    return Answer(float(seen[:, 0].max()) - 1.0, errors)
+def answer(time: Vector, seen: Matrix, going: Matrix) -> Answer:
+    """Measure outputs after unit steps of reference and load; see `LoopLimits.steps`."""
+    away = time[:, None] * np.abs(seen - np.array([1.0, 0.0]))
+    each = 0.5 * (away[:, 1:] + away[:, :-1]) * np.diff(time)[:, None] * going[:, 1:, None]
+    return Answer((seen[:, :, 0] * going).max(axis=1) - 1.0, each.sum(axis=1))
 
 
-class Among(NamedTuple):
-    """What loops are compared with.
+def cost(found: Answer, least: Vector, overshoot: float) -> Vector:
+    """Return the errors of loops, shape (n,), dimensionless.
 
     Args:
-        excess: Ratio to a limit that is allowed.
+        least: Errors that they count over, shape (2,), in the units of `Answer.errors`.
         overshoot: Of a step of the reference that is allowed, as a fraction of it.
-        errors: The least of `Answer.errors`, in their units.
     """
-
-    excess: float
-    overshoot: float
-    errors: Vector
-
-    @classmethod
-    def of(cls, found: Sequence[tuple[Judged, Answer]], overshoot: float) -> Among:
-        """Return what loops are compared with that may overshoot a step by a fraction of it."""
-        excess = max(1.0, *(judged.excess for judged, _ in found))
-        return cls(excess, overshoot, np.min([one.errors for _, one in found], axis=0))
-
-    def cost(self, judged: Judged, found: Answer) -> tuple[float, float]:
-        """Return the ratio to a limit and the error, dimensionless: both small, the first first."""
-        beyond = max(found.overshoot - self.overshoot, 0.0)
-        error = float(np.sum(found.errors / self.errors)) * (1.0 + OVERSHOT * beyond)
-        return max(judged.excess, self.excess), error
+    beyond = np.maximum(found.overshoot - overshoot, 0.0)
+    return np.asarray(np.sum(found.errors / least, axis=1) * (1.0 + OVERSHOT * beyond))
 
 
 OVERSHOT = 10.0

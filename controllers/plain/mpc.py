@@ -8,12 +8,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controllers.mpc.whole_model import LinearMPC, MPCSpecification, design_mpc, linear_mpc_design
+from controllers.joint.model import opening_input
+from controllers.mpc.disturbance_observer import DisturbanceObserver
+from controllers.mpc.whole_model import (
+    LinearMPC,
+    MPCSpecification,
+    design_mpc,
+    linear_mpc_design,
+    observer_of,
+)
 from controllers.plain.limits import LoopLimits
 from controllers.plain.single_loop import LoopSpecification, SingleLoop, speeds
 from controllers.valve_inverse import ValveInverse
@@ -76,8 +84,28 @@ def design_plain_mpc(
     top = min(max(2.0 * growing, 0.02 / h) if growing > 1e-6 / h else FASTEST / h, 0.3 / h)
     low = min(growing, 0.5 * top)
     tried = [want.speed] if want.speed else [w for w in speeds(h, 16) if low <= w <= top]
+
+    # The horizon does not depend on the disturbance, nor the observer on the error.
+    @cache
+    def horizon(speed: float, error: float) -> LinearMPC:
+        own = _specified(loop, want, speed, DISTURBANCES[0], error)
+        law = design_mpc(loop.linear, own, valve=curve, sensors=sensors, actuator=loop.actuator)
+        return replace(law, name="linear MPC")
+
+    @cache
+    def observer(speed: float, disturbance: float) -> DisturbanceObserver:
+        own = _specified(loop, want, speed, disturbance, loop.output_scale)
+        return observer_of(
+            loop.linear, own, sensors, opening_input(loop.linear, curve, loop.actuator)
+        )
+
+    def designed(speed: float, disturbance: float, error: float) -> LinearMPC:
+        return replace(horizon(speed, error), observer=observer(speed, disturbance))
+
+    curve = ValveInverse((0.0, loop.command_scale), (0.0, 1.0), loop.rest_command)
+    sensors = (loop.measured,)
     designs = [
-        partial(_mpc, loop, want, speed, disturbance, error)
+        partial(designed, speed, disturbance, error)
         for speed in tried
         for disturbance in ([want.disturbance] if want.disturbance else DISTURBANCES)
         for error in (
@@ -89,16 +117,16 @@ def design_plain_mpc(
     return LoopLimits(loop, want).best(designs, "a linear MPC")
 
 
-def _mpc(
+def _specified(
     loop: SingleLoop, want: PlainMPCSpecification, speed: float, disturbance: float, error: float
-) -> LinearMPC:
+) -> MPCSpecification:
     own, h = loop.linear, want.sample_time
     step = h * max(1, round(0.1 / speed / h))
     entered = int(np.argmax(np.abs(own.B[:, 0]) / own.state_scales))
     # Over ten time constants.
     walking = math.sqrt(0.1 * speed)
     walk = disturbance * float(abs(own.B[entered, 0])) * loop.command_scale * walking
-    plain = MPCSpecification(
+    return MPCSpecification(
         angle_scale=error,
         prediction_time=step,
         rate_limit=1.0 / (want.rate_time or 2.0 * step),
@@ -108,9 +136,6 @@ def _mpc(
         reference_speed=min(speed, 0.5 / h),
         sample_time=h,
     )
-    straight = ValveInverse((0.0, loop.command_scale), (0.0, 1.0), loop.rest_command)
-    law = design_mpc(own, plain, valve=straight, sensors=(loop.measured,), actuator=loop.actuator)
-    return replace(law, name="linear MPC")
 
 
 PLAIN_MPC = linear_mpc_design(

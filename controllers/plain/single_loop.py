@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from controllers.arithmetic import Numbers, Told
+from controllers.arithmetic import Number, Numbers, Told
 from controllers.law import ClosedForm
+from controllers.linear_law import LinearLaw
+from controllers.named_state import flat, restored
 from controllers.protocol import Command
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 from workbench.linearisation.transfer import transfer_function
@@ -192,6 +194,19 @@ class LoopSpecification:
         return single_loop(linear, self.measured, self.actuator)
 
 
+class _Endless:
+    """Arithmetic, on arrays of any shape, of a law whose limits are all out of reach."""
+
+    def clip(self, x: Number, lower: Number, upper: Number) -> Number:
+        return x
+
+    def where(self, condition: Any, yes: Number, no: Number) -> Number:
+        return yes
+
+
+ENDLESS: Any = _Endless()
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class PlainLaw(ClosedForm):
     """A law in closed form from one measurement to one command, within its ends.
@@ -214,6 +229,16 @@ class PlainLaw(ClosedForm):
     def rest_command(self) -> Command:
         """Command at rest, in SI."""
         return (self.rest,)
+
+    def around_rest(self) -> LinearLaw:
+        """Return the law between its ends, from measurement and reference as deviations."""
+        law = replace(self, rest=0.0, rest_output=0.0)
+        example = law.initial_state((0.0,))
+        n = len(flat(example))
+        *states, y, r = np.eye(n + 2)
+        _, following, told = law.law(restored(example, states), (y,), (r,), ENDLESS)
+        table = np.vstack([*following, *law.straight(told)])
+        return LinearLaw(table[:n, :n], table[:n, n:], table[n:, :n], table[n:, n:])
 
     def straight(self, told: Told) -> Numbers:
         """Return the command before its ends, in SI."""

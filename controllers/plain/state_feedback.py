@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -210,15 +210,27 @@ def _fastest(
     limits: LoopLimits, want: LQISpecification, tried: list[float], disturbances: Sequence[float]
 ) -> tuple[ObserverLaw, float]:
     """Return the best state feedback and its speed, in rad/s."""
-    sizes = limits.loop.sizes(tried)
+    loop, model = limits.loop, ObservedModel(limits.loop, want)
+    sizes = loop.sizes(tried)
     if want.error_scale:
         k = int(np.searchsorted(sizes, want.error_scale))
         tried = tried[min(k, len(tried) - 1) :][:1]
         sizes = [want.error_scale]
     speed_of: dict[ObserverLaw, float] = {}
 
+    @cache
+    def regulated(speed: float, error: float) -> tuple[Vector, float]:
+        return _lqi(model, want, speed, error)
+
     def designed(speed: float, error: float, disturbance: float) -> ObserverLaw:
-        law = _lqi(limits.loop, want, speed, error, disturbance)
+        gains, slow = regulated(speed, error)
+        law = model.law(
+            gains[:-1],
+            -float(gains[-1]),
+            slow,
+            walk=_walk(disturbance, speed),
+            reference_speed=min(want.reference_speed or 2.0 * speed, 0.5 / want.sample_time),
+        )
         speed_of[law] = speed
         return law
 
@@ -235,30 +247,22 @@ FEEDBACK = "a state feedback"
 
 
 def _lqi(
-    loop: SingleLoop, want: LQISpecification, speed: float, error: float, disturbance: float
-) -> ObserverLaw:
-    h = want.sample_time
-    F, G = zero_order_hold(loop.linear.A, loop.linear.B, h)
+    model: ObservedModel, want: LQISpecification, speed: float, error: float
+) -> tuple[Vector, float]:
+    """Return gains on states and integral, in SI, and the slowest pole, in rad/s."""
+    h, loop, F, G = want.sample_time, model.loop, model.F, model.G
     C = loop.linear.C
-    cost = np.array([[1.0 / loop.command_scale**2]])
     time = want.integral_time or 2.0 / speed
     n = len(F)
     joined = np.block([[F, np.zeros((n, 1))], [-h * C, np.ones((1, 1))]])
+    entry = np.vstack([G, [[0.0]]])
     weight = np.zeros((n + 1, n + 1))
     weight[:n, :n], weight[n, n] = C.T @ C / error**2, 1.0 / (time * error) ** 2
     size = np.append(loop.linear.state_scales, time * loop.output_scale)
-    gains = _regulator(joined, np.vstack([G, [[0.0]]]), weight, cost, size)[0]
-    closed = np.linalg.eigvals(joined - np.vstack([G, [[0.0]]]) @ gains[None, :])
+    gains = _regulator(joined, entry, weight * loop.command_scale**2, size)
+    closed = np.linalg.eigvals(joined - entry * gains)
     slow = -math.log(min(max(np.max(np.abs(closed)), 1e-12), 1.0 - 1e-9)) / h
-    return _observed(
-        loop,
-        want,
-        gains[:n],
-        -float(gains[n]),
-        slow,
-        walk=_walk(disturbance, speed),
-        reference_speed=min(want.reference_speed or 2.0 * speed, 0.5 / h),
-    )
+    return gains, slow
 
 
 def _walk(disturbance: float, speed: float) -> float:
@@ -296,7 +300,8 @@ def state_feedback_by_hand(
         )
     h = want.sample_time
     walk = _walk(want.disturbance or 0.3, 0.02 / h)
-    return _observed(loop, want, np.asarray(gain, dtype=float), integral_gain, walk=walk)
+    model = ObservedModel(loop, want)
+    return model.law(np.asarray(gain, dtype=float), integral_gain, walk=walk)
 
 
 @dataclass(frozen=True)
@@ -333,8 +338,9 @@ def design_plain_sliding_mode(
     want = specification or PlainSlidingModeSpecification()
     loop, h = want.loop(linear), want.sample_time
     slopes = [want.slope] if want.slope else [w for w in speeds(h) if w <= 0.2 / h]
+    model = ObservedModel(loop, want)
     designs = [
-        partial(_sliding, loop, want, slope, disturbance)
+        partial(_sliding, model, want, slope, disturbance)
         for slope in slopes
         for disturbance in want.disturbances
     ]
@@ -346,8 +352,9 @@ def design_plain_sliding_mode(
 
 
 def _sliding(
-    loop: SingleLoop, want: PlainSlidingModeSpecification, slope: float, disturbance: float
+    model: ObservedModel, want: PlainSlidingModeSpecification, slope: float, disturbance: float
 ) -> ObserverLaw:
+    loop = model.loop
     A, B, C = loop.linear.A, loop.linear.B, loop.linear.C
     n = len(A)
     # With q' = -C x in the place of the error's integral, whose reference is at rest.
@@ -359,9 +366,7 @@ def _sliding(
     kept = surface @ joined
     bandwidth = want.layer_bandwidth or 2.0 * slope
     reach = want.reach * loop.command_scale
-    return _observed(
-        loop,
-        want,
+    return model.law(
         kept[:n],
         -float(kept[n]),
         slow=slope,
@@ -394,100 +399,136 @@ def _surface(A: Matrix, B: Matrix, poles: list[float], size: Vector, actuator: s
     return np.asarray(row / float((row @ B)[0]))
 
 
-def _regulator(F: Matrix, G: Matrix, weight: Matrix, cost: Matrix, size: Vector) -> Matrix:
-    from scipy.linalg import LinAlgError, solve_discrete_are
+def _regulator(F: Matrix, G: Matrix, weight: Matrix, size: Vector) -> Vector:
+    """Return the gains, shape (n,), of one command whose square weighs 1, states of these sizes.
+
+    Source: Laub, A Schur method for solving algebraic Riccati equations, IEEE Trans. AC-24, 1979;
+    Benner, Symplectic balancing of Hamiltonian matrices, SIAM J. Sci. Comput. 22, 2001.
+    """
+    from scipy.linalg import matrix_balance
+    from scipy.linalg.lapack import dgges
 
     f, g = F * size / size[:, None], G / size[:, None]
-    q = weight * size * size[:, None] / cost[0, 0]
-    try:
-        p = solve_discrete_are(f, g, q + 1e-12 * np.trace(q) * np.eye(len(f)), np.eye(1))
-    except (LinAlgError, ValueError) as error:
+    q = weight * size * size[:, None]
+    q = q + 1e-12 * np.trace(q) * np.eye(len(f))
+    n, one, nothing = len(f), np.eye(len(f)), np.zeros_like(f)
+    left, right = np.block([[f, nothing], [-q, one]]), np.block([[one, g @ g.T], [nothing, f.T]])
+    both = np.abs(left) + np.abs(right)
+    np.fill_diagonal(both, 0.0)
+    exponent = np.log2(matrix_balance(both, permute=False, separate=True)[1][0])
+    even = np.exp2(np.round(0.5 * (exponent[n:] - exponent[:n])))
+    scale = np.concatenate([even, 1.0 / even])
+    left, right = left * scale[:, None] / scale, right * scale[:, None] / scale
+    _, _, found, *_, ends, _, _ = dgges(_decays, left, right, jobvsl=0, sort_t=1)
+    ends = ends[:, :n] * np.concatenate([1.0 / even, even])[:, None]
+    if found != n or not abs(np.linalg.det(ends[:n])) > 0.0:
         raise WorkbenchError(
-            f"no regulator exists for this linear model ({str(error).rstrip('.')}); a mode that"
-            " grows or integrates is out of the command's reach, or hardly shows in the output:"
-            " follow another output, or take a PID"
-        ) from None
-    return np.asarray(np.linalg.solve(1.0 + g.T @ p @ g, g.T @ p @ f) / size)
-
-
-def _observed(
-    loop: SingleLoop,
-    want: ObserverSpecification,
-    gain: Matrix,
-    integral_gain: float,
-    slow: float = 0.0,
-    walk: float = 0.0,
-    name: str = "state feedback",
-    surface: tuple[float, ...] = (),
-    surface_integral: float = 0.0,
-    **more: Any,
-) -> ObserverLaw:
-    """Put a state feedback on a Kalman filter.
-
-    Args:
-        slow: Pole that a zero takes the place of, in rad/s; none by default (0).
-        walk: Random walk of the integral of the command's disturbance over one second, as a
-            fraction of the command, times s.
-    """
-    own, h = loop.linear, want.sample_time
-    F, G = zero_order_hold(own.A, own.B, h)
-    n = len(F)
-    noise = want.loop_noise(loop)
-    # The disturbance is white noise, held over a sample.
-    walk *= loop.command_scale
-    q = walk * walk / h * (G @ G.T)
-    q = q + 1e-15 * np.diag(np.diag(q)) + 1e-300 * np.eye(n)
-    size = loop.linear.state_scales
-    predictor = _regulator(F.T, own.C.T, q, np.array([[noise * noise]]), 1.0 / size).ravel()
-    # From the gain of the predictor to that of the correction.
-    correction = np.linalg.solve(F, predictor)
-    rest = np.block([[own.A, own.B], [own.C, np.zeros((1, 1))]])
-    right = np.append(np.zeros(n), 1.0)
-    rest = rest * np.append(size, loop.command_scale)
-    scale = np.maximum(np.max(np.abs(rest), axis=1), 1e-300)
-    rest, right = rest / scale[:, None], right / scale
-    target = np.linalg.lstsq(rest, right, rcond=None)[0]
-    if np.max(np.abs(rest @ target - right)) > 1e-6 * np.max(right):
-        raise WorkbenchError(
-            f"{loop.measured} cannot be held at a reference by {loop.actuator}; follow another"
-            " output"
+            "no regulator exists for this linear model; a mode that grows or integrates is out of"
+            " the command's reach, or hardly shows in the output: follow another output, or take a"
+            " PID"
         )
-    xs = target[:n] * size
-    forward = float(target[n] * loop.command_scale + gain @ xs)
-    share = start = along = 0.0
-    if surface:
-        along = float(np.array(surface) @ xs)
-        share = min(max(surface_integral / (slow * along), 0.0), 1.0)
-        start = (1.0 - share) * along / surface_integral
-        along *= share
-    elif integral_gain:
-        share = min(max(integral_gain / (slow * forward), 0.0), 1.0) if slow else 1.0
-        start = (1.0 - share) * forward / integral_gain
-        forward *= share
-    return ObserverLaw(
-        F=rows(F),
-        G=tuple(G[:, 0].tolist()),
-        C=tuple(own.C[0].tolist()),
-        M=tuple(correction.tolist()),
-        gain=tuple(np.asarray(gain, dtype=float).tolist()),
-        integral_gain=float(integral_gain),
-        reference_gain=forward,
-        target=tuple(xs.tolist()),
-        start=start,
-        surface=surface,
-        surface_integral=surface_integral,
-        surface_reference=along,
-        rest_output=loop.rest_output,
-        sensors=(loop.measured,),
-        controlled=(loop.measured,),
-        actuators=(loop.actuator,),
-        rest=loop.rest_command,
-        lower=loop.lower,
-        upper=loop.upper,
-        sample_time=h,
-        name=name,
-        **more,
-    )
+    p = np.linalg.solve(ends[:n].T, ends[n:].T)
+    p = 0.5 * (p + p.T)
+    return np.asarray((g.T @ p @ f / (1.0 + g.T @ p @ g))[0] / size)
+
+
+def _decays(real: float, imaginary: float, over: float) -> bool:
+    return real * real + imaginary * imaginary < over * over
+
+
+class ObservedModel:
+    """What every law on a Kalman filter of a loop's states shares.
+
+    Raises:
+        WorkbenchError: If the output cannot be held at a reference by the command.
+    """
+
+    def __init__(self, loop: SingleLoop, want: ObserverSpecification) -> None:
+        own, size = loop.linear, loop.linear.state_scales
+        self.loop, self.want = loop, want
+        self.F, self.G = zero_order_hold(own.A, own.B, want.sample_time)
+        n = len(self.F)
+        rest = np.block([[own.A, own.B], [own.C, np.zeros((1, 1))]])
+        right = np.append(np.zeros(n), 1.0)
+        rest = rest * np.append(size, loop.command_scale)
+        scale = np.maximum(np.max(np.abs(rest), axis=1), 1e-300)
+        rest, right = rest / scale[:, None], right / scale
+        target = np.linalg.lstsq(rest, right, rcond=None)[0]
+        if np.max(np.abs(rest @ target - right)) > 1e-6 * np.max(right):
+            raise WorkbenchError(
+                f"{loop.measured} cannot be held at a reference by {loop.actuator}; follow another"
+                " output"
+            )
+        self.target, self.command = target[:n] * size, float(target[n] * loop.command_scale)
+
+    def filtered(self, walk: float) -> Vector:
+        """Return the gain of a Kalman filter, shape (n,), in SI.
+
+        Args:
+            walk: Random walk of the integral of the command's disturbance over one second, as a
+                fraction of the command, times s.
+        """
+        # The disturbance is white noise, held over a sample.
+        q = (walk * self.loop.command_scale) ** 2 / self.want.sample_time * (self.G @ self.G.T)
+        q = q + 1e-15 * np.diag(np.diag(q)) + 1e-300 * np.eye(len(q))
+        noise, size = self.want.loop_noise(self.loop), self.loop.linear.state_scales
+        predictor = _regulator(self.F.T, self.loop.linear.C.T / noise, q, 1.0 / size) / noise
+        # From the gain of the predictor to that of the correction.
+        return np.asarray(np.linalg.solve(self.F, predictor))
+
+    def law(
+        self,
+        gain: Vector,
+        integral_gain: float,
+        slow: float = 0.0,
+        walk: float = 0.0,
+        name: str = "state feedback",
+        surface: tuple[float, ...] = (),
+        surface_integral: float = 0.0,
+        **more: Any,
+    ) -> ObserverLaw:
+        """Put a state feedback on a Kalman filter.
+
+        Args:
+            slow: Pole that a zero takes the place of, in rad/s; none by default (0).
+            walk: See `filtered`.
+        """
+        loop, xs = self.loop, self.target
+        forward = self.command + float(gain @ xs)
+        share = start = along = 0.0
+        if surface:
+            along = float(np.array(surface) @ xs)
+            share = min(max(surface_integral / (slow * along), 0.0), 1.0)
+            start = (1.0 - share) * along / surface_integral
+            along *= share
+        elif integral_gain:
+            share = min(max(integral_gain / (slow * forward), 0.0), 1.0) if slow else 1.0
+            start = (1.0 - share) * forward / integral_gain
+            forward *= share
+        return ObserverLaw(
+            F=rows(self.F),
+            G=tuple(self.G[:, 0].tolist()),
+            C=tuple(loop.linear.C[0].tolist()),
+            M=tuple(self.filtered(walk).tolist()),
+            gain=tuple(gain.tolist()),
+            integral_gain=float(integral_gain),
+            reference_gain=forward,
+            target=tuple(xs.tolist()),
+            start=start,
+            surface=surface,
+            surface_integral=surface_integral,
+            surface_reference=along,
+            rest_output=loop.rest_output,
+            sensors=(loop.measured,),
+            controlled=(loop.measured,),
+            actuators=(loop.actuator,),
+            rest=loop.rest_command,
+            lower=loop.lower,
+            upper=loop.upper,
+            sample_time=self.want.sample_time,
+            name=name,
+            **more,
+        )
 
 
 LQI = Design(

@@ -20,20 +20,19 @@ Source: Åström and Wittenmark, Computer-Controlled Systems, 1997, sections 8.5
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
 from controllers.design import Design
 from controllers.linear_law import LinearLaw
-from controllers.plain.limits import Among, Answer, LoopLimits, answer
+from controllers.plain.limits import Answer, LoopLimits, answer, cost
 from controllers.plain.single_loop import LoopSpecification, PlainLaw
 from controllers.sampling import Rows, anti_windup, rows, total
+from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_range
 from workbench.linearisation.transfer import transfer_function
 
@@ -297,82 +296,91 @@ def design_plain_pid(
     response = response * np.exp(-1j * tried * (0.5 * h + want.delay))
     limits = LoopLimits(loop, want)
 
-    def made(gains: Gains) -> TransferLaw:
-        kp, ki, kd, filter_time = gains
-        own: dict[str, Any] = {"filter_time": filter_time, "tracking_time": abs(kp / ki)}
-        return pid_by_hand(kp, ki, kd, sample_time=h, **own, **loop.ends)
-
-    tries = [
-        (gains, limits.judge(_around_rest(made(gains))))
-        for w, plant in zip(tried.tolist(), response.tolist(), strict=True)
-        for zero, margin in itertools.product(ZEROS, PHASE_MARGINS)
-        for gains in _at_crossover(w, plant, zero / w, margin)
-        if abs(made(gains).output_gain) <= largest
-    ]
-    found = [
-        (gains, judged, *_weighed(limits, made(gains)))
-        for gains, judged in limits.held(tries, "a PID")
-    ]
-    among = Among.of([(judged, reached) for _, judged, _, reached in found], want.overshoot)
-    gains, judged, law, reached = min(found, key=lambda one: among.cost(one[1], one[3]))
-    least = among.cost(judged, reached)
+    tries = _at_crossover(tried, response)
+    tries = tries[np.abs(tries[:, 0] + tries[:, 2] / (tries[:, 3] + h)) <= largest]
+    judged = limits.judge(_around_rest(tries, h))
+    held = limits.held(judged, "a PID")
+    top = max(1.0, float(judged.excess[held].max()))
+    weights, found = _weighed(limits, tries[held])
+    least = found.errors.min(axis=0)
+    errors = cost(found, least, want.overshoot)
+    k = int(np.argmin(errors))
+    gains, weight, error = tries[held][k], weights[k], errors[k]
     for step in STEPS:
-        for k, factor in itertools.product(range(4), (step, 1.0 / step)):
-            changed = gains._replace(**{Gains._fields[k]: gains[k] * factor})
-            other = made(changed)
-            judged = limits.judge(_around_rest(other))
-            if judged.excess > among.excess or abs(other.output_gain) > largest:
-                continue
-            other, reached = _weighed(limits, other)
-            if (cost := among.cost(judged, reached)) < least:
-                gains, law, least = changed, other, cost
-    return law
+        changes = np.kron(np.eye(4), [[step], [1.0 / step]])
+        changes[changes == 0.0] = 1.0
+        while len(changes):
+            tries = gains * changes
+            may = np.abs(tries[:, 0] + tries[:, 2] / (tries[:, 3] + h)) <= largest
+            may &= limits.judge(_around_rest(tries, h)).excess <= top
+            weights, found = _weighed(limits, tries[may])
+            errors = cost(found, least, want.overshoot)
+            better = np.flatnonzero(errors < error)
+            if not len(better):
+                break
+            k = better[0]
+            gains, weight, error = tries[may][k], weights[k], errors[k]
+            changes = changes[np.flatnonzero(may)[k] + 1 :]
+    kp, ki, kd, filter_time = gains.tolist()
+    return pid_by_hand(
+        kp,
+        ki,
+        kd,
+        filter_time=filter_time,
+        setpoint_weight=float(weight),
+        tracking_time=abs(kp / ki),
+        sample_time=h,
+        **loop.ends,
+    )
 
 
-class Gains(NamedTuple):
-    """Kp, Ki, Kd and Tf of a PID, in SI."""
+def _around_rest(gains: Matrix, sample_time: float) -> LinearLaw:
+    """Return PIDs of Kp, Ki, Kd and Tf, shape (n, 4), in SI.
 
-    proportional: float
-    integral: float
-    derivative: float
-    filter_time: float
-
-
-def _around_rest(law: TransferLaw) -> LinearLaw:
-    """Return a PID from measurement, reference beside its weight, and reference by its weight."""
-    kp, h_ki = law.reference_gain, law.by_reference[0]
-    G = np.array([[-law.by_output[0], h_ki, 0.0], [-law.by_output[1], 0.0, 0.0]])
-    return LinearLaw(np.array(law.A), G, np.array([law.C]), np.array([[-law.output_gain, 0.0, kp]]))
-
-
-def _weighed(limits: LoopLimits, law: TransferLaw) -> tuple[TransferLaw, Answer]:
-    """Return a PID with the largest weight that lets a step overshoot no further than it may."""
-    time, seen = limits.steps(_around_rest(law))
-    steps = seen[:, [0]] + seen[:, [1]] * np.array(WEIGHTS)
-    over = steps.max(axis=0) - 1.0
-    allowed = limits.want.overshoot
-    k = next((k for k, top in enumerate(over) if top <= allowed), len(WEIGHTS) - 1)
-    kp, weight = law.reference_gain, WEIGHTS[k]
-    own = replace(law, reference_gain=weight * kp, at_rest=((1.0 - weight) * kp, -1.0))
-    return own, answer(time, np.column_stack([steps[:, k], seen[:, 2]]))
+    From measurement, reference beside its weight, and reference by its weight.
+    """
+    kp, ki, kd, filter_time = gains.T
+    fade, slope = filter_time / (filter_time + sample_time), kd / (filter_time + sample_time)
+    F, G = np.zeros((len(gains), 2, 2)), np.zeros((len(gains), 2, 3))
+    H, J = np.ones((len(gains), 1, 2)), np.zeros((len(gains), 1, 3))
+    F[:, 0, 0], F[:, 1, 1] = 1.0, fade
+    G[:, 0, 0], G[:, 0, 1], G[:, 1, 0] = -sample_time * ki, sample_time * ki, fade - 1.0
+    H[:, 0, 1], J[:, 0, 0], J[:, 0, 2] = -slope, -kp - slope, kp
+    return LinearLaw(F, G, H, J)
 
 
-def _at_crossover(w: float, plant: complex, integrating: float, margin: float) -> Iterator[Gains]:
-    """Yield PIDs, of either sign, that give the loop a phase margin at a frequency, or more."""
-    missing = -math.pi + margin - math.atan2(plant.imag, plant.real)
-    missing += math.atan(1.0 / (w * integrating))
-    for sign in (1.0, -1.0):
-        lift = math.remainder(missing if sign > 0.0 else missing + math.pi, 2.0 * math.pi)
-        if not plant or lift > 1.4:
-            continue
-        lift = max(lift, 0.2)
-        ratio = (1.0 + math.sin(lift)) / (1.0 - math.sin(lift))
-        lead, fast = math.sqrt(ratio) / w, 1.0 / (w * math.sqrt(ratio))
-        shape = (1.0 + 1.0 / (1j * w * integrating)) * (1.0 + 1j * w * lead) / (1.0 + 1j * w * fast)
-        gain = sign / abs(plant * shape)
-        # (1 + 1 / Ti s) (1 + Td s) / (1 + Tf s) as a sum of its three parts.
-        kp = gain * (integrating + lead - fast) / integrating
-        yield Gains(kp, gain / integrating, gain * lead - kp * fast, fast)
+def _weighed(limits: LoopLimits, gains: Matrix) -> tuple[Vector, Answer]:
+    """Return the largest weights that let a step overshoot no further than it may, and answers."""
+    time, seen, going = limits.steps(_around_rest(gains, limits.want.sample_time))
+    steps = seen[:, :, [0]] + seen[:, :, [1]] * np.array(WEIGHTS)
+    fits = np.max(steps * going[:, :, None], axis=1) - 1.0 <= limits.want.overshoot
+    fits[:, -1] = True
+    k = np.argmax(fits, axis=1)
+    chosen = np.take_along_axis(steps, k[:, None, None], axis=2)
+    return np.array(WEIGHTS)[k], answer(time, np.dstack([chosen, seen[:, :, 2:]]), going)
+
+
+def _at_crossover(speeds: Vector, plant: Complex) -> Matrix:
+    """Return PIDs, of either sign, that give the loop a phase margin at a speed, or more.
+
+    Returns:
+        Kp, Ki, Kd and Tf, shape (n, 4), in SI.
+    """
+    grid = np.meshgrid(np.arange(len(speeds)), ZEROS, PHASE_MARGINS, (1.0, -1.0), indexing="ij")
+    which, zero, margin, sign = (part.ravel() for part in grid)
+    w, P = speeds[which.astype(int)], plant[which.astype(int)]
+    missing = margin - np.pi - np.angle(P) + np.arctan(1.0 / zero) + np.where(sign < 0.0, np.pi, 0)
+    lift = missing - 2.0 * np.pi * np.round(missing / (2.0 * np.pi))
+    may = (P != 0.0) & (lift <= 1.4)
+    w, P, zero, sign, lift = w[may], P[may], zero[may], sign[may], np.maximum(lift[may], 0.2)
+    integrating = zero / w
+    ratio = np.sqrt((1.0 + np.sin(lift)) / (1.0 - np.sin(lift)))
+    lead, fast = ratio / w, 1.0 / (w * ratio)
+    shape = (1.0 - 1j / zero) * (1.0 + 1j * ratio) / (1.0 + 1j / ratio)
+    gain = sign / np.abs(P * shape)
+    # (1 + 1 / Ti s) (1 + Td s) / (1 + Tf s) as a sum of its three parts.
+    kp = gain * (integrating + lead - fast) / integrating
+    return np.column_stack([kp, gain / integrating, gain * lead - kp * fast, fast])
 
 
 PLAIN_PID = Design(

@@ -117,7 +117,23 @@ def test_every_family_controls_any_plant(
     np.testing.assert_array_equal(verify(guarded(law, model), model, scenario).inputs, run.inputs)
     ms, _ = peak_sensitivities(law, linear)
     assert 1.0 < ms < 2.5
+    _check_around_rest(law)
     _check_c(law, run, tmp_path)
+
+
+def _check_around_rest(law: Any) -> None:
+    """Let the linear form of a law see what moves it a little from rest."""
+    (rest,) = law.rest_command
+    F, G, H, J = law.around_rest()
+    state, z = law.initial_state((0.0,)), np.zeros(len(F))
+    seen, linear = [], []
+    for k in range(60):
+        m = 1e-9 * np.array([math.sin(0.7 * k), math.cos(0.2 * k)])
+        (command,), state, _ = law.step(state, (float(m[0]),), (float(m[1]),))
+        seen.append(command - rest)
+        linear.append(float((H @ z + J @ m)[0]))
+        z = F @ z + G @ m
+    np.testing.assert_allclose(linear, seen, atol=1e-6 * np.max(np.abs(seen)))
 
 
 def _check_c(law: Any, run: Any, folder: Path) -> None:
