@@ -57,6 +57,7 @@ from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.library import Hypothesis, library
 from workbench.physics.place import Survey
+from workbench.recordings.recording import Signal
 
 
 def only(monkeypatch: pytest.MonkeyPatch, *laws: str) -> None:
@@ -480,3 +481,26 @@ def test_a_store_that_no_input_fills_may_spring_a_leak(monkeypatch: pytest.Monke
     assert finding.where == ("pressure.rate",)
     # 5 l/s out of 5e-7 m3/Pa.
     assert finding.parameters["amount"].value == pytest.approx(-1e4, rel=0.03)
+
+
+def test_a_sensor_whose_curve_bends_is_no_spring_that_hardens(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    only(monkeypatch, "sensor_bend", "sensor_gain", "cubic_stiffness", "polynomial_stiffness")
+    runs = []
+    for seed in (1, 2):
+        drive = levels(500, seed, 30.0, 20, 80)
+        straight = recorded(
+            1.0, lambda x, v: -30.0 * x - 0.6 * v, drive, 0.02, 0.0, seed=seed, name=f"run {seed}"
+        )
+        true = straight["position"]
+        read = true + 0.06 * (true - 0.3) ** 2 + 1e-3 * np.random.default_rng(seed).normal(size=500)
+        runs.append(straight.with_signal(Signal("position", read, "m")))
+    verdict = diagnose(oscillator(scale=30.0), runs[:1], runs[1:], jobs=1, advise=False).verdict
+    assert verdict is not None
+    (finding,) = verdict.findings
+    assert finding.effect == "sensor_bend_position", verdict
+    found = {name: value.value for name, value in finding.parameters.items()}
+    assert found["straight"] == pytest.approx(0.3, abs=0.05)
+    reach = np.ptp(runs[0]["position"])
+    assert found["amount"] == pytest.approx(0.06 * reach**2, rel=0.1)

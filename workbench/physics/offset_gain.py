@@ -1,10 +1,12 @@
-"""A signal that is off by a constant, by a factor, or by a factor on one side only."""
+"""A signal that is off by a constant, by a factor, by one on one side only, or that is bent."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
 
+from workbench.model import PortView
+from workbench.model.regularisation import Expression
 from workbench.physics.law import (
     Law,
     Own,
@@ -148,3 +150,53 @@ asymmetric_gain = Law(
     look_alikes=("valve_offset", "silencer", "edge_gain"),
     separated_by="steps of several sizes to both sides: an offset fades for large ones",
 )  # fmt: skip
+
+
+def _reach(at: Place) -> tuple[float, float, float]:
+    """Return the ends of a signal's range, and its length, in its unit."""
+    low, high = at.seen or (-at.scale, at.scale)
+    return low, high, (high - low) or 1.0
+
+
+def _bend(typical: Callable[[Place], float]) -> Callable[[Place], tuple[Own, ...]]:
+    def parameters(at: Place) -> tuple[Own, ...]:
+        low, high, reach = _reach(at)
+        usual = 2.0 * typical(at) * reach
+        return (
+            size("amount", at.unit, usual, 20.0 * usual, "deviation at one reach from the place",
+                 signed=True),
+            shape("straight", at.unit, 0.5 * (low + high), "where the curve has no error",
+                  around=None, between=(low - 10.0 * reach, high + 10.0 * reach), scale=reach),
+            shape("reach", at.unit, reach, "length of the range seen", around=(1.0, 1.0),
+                  source="", fitted=False),
+        )  # fmt: skip
+
+    return parameters
+
+
+def _bent(at: PortView) -> Expression:
+    along = (at.value - at.p.straight) / at.p.reach
+    return at.value + at.p.amount * along * along
+
+
+bend = Law(
+    "bend",
+    "y = u + amount ((u - straight) / reach)^2",
+    drives("flow", only=lambda at: at.commanded),
+    _bend(lambda at: 0.05),
+    _bent,
+    shapes=lambda at: [{"straight": at_} for at_ in (0.5 * sum(_reach(at)[:2]), *_reach(at)[:2])],
+    source="characteristic of a valve, pump or amplifier, to second order",
+    look_alikes=("gain", "saturation", "asymmetric_gain"),
+    separated_by="the same small step about several levels of the signal",
+)
+
+sensor_bend = replace(
+    bend,
+    name="sensor_bend",
+    where=sensors(),
+    parameters=_bend(sensor_error),
+    group="sensor",
+    source="characteristic of a sensor, to second order",
+    look_alikes=("sensor_gain", "sensor_clipping"),
+)
