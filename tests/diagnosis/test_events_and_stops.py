@@ -195,3 +195,27 @@ def test_terms_that_balance_tell_how_large_a_law_may_be() -> None:
     }
     assert Survey(press, ranges=seen).place("speed.rate").scale == pytest.approx(2.0)
     assert Survey(press, ranges=seen | terms).place("speed.rate").scale == pytest.approx(120.0)
+
+
+@pytest.mark.parametrize("square", [False, True])
+def test_what_repeats_is_named_with_its_phase_in_each_recording(
+    monkeypatch: pytest.MonkeyPatch, square: bool
+) -> None:
+    only(monkeypatch, "periodic_push", "sensor_hum", "sensor_lag", "offset")
+    runs = []
+    for seed, late in ((1, 0.31), (2, 1.13)):
+        wave = np.sin(2.0 * np.pi * (STEP * np.arange(SAMPLES) - late) / 1.6)
+        drive = levels(SAMPLES, seed, 30.0, 20, 80)
+        spring = lambda x, v: -30.0 * x - 0.6 * v  # noqa: E731
+        more = 4.0 * (np.sign(wave) if square else wave)
+        run = recorded(1.0, spring, drive, STEP, 1e-3, seed=seed, name=f"run {seed}", unread=more)
+        runs.append(run)
+    verdict = diagnose(oscillator(), runs[:1], runs[1:], jobs=1, advise=False).verdict
+    assert verdict is not None
+    (finding,) = verdict.findings
+    assert finding.effect == "periodic_push_mass_force", verdict
+    found = {name: value.value for name, value in finding.parameters.items()}
+    assert abs(found["amplitude"]) == pytest.approx(4.0, rel=0.02)
+    assert found["period"] == pytest.approx(1.6, rel=1e-3)
+    assert found["flatness"] > 50.0 if square else found["flatness"] < 0.1
+    assert verdict.fit["extended"]["position"] < 1.5 * verdict.fit["noise_floor"]["position"]

@@ -222,7 +222,7 @@ def _since(diagnosis: Diagnosis, effect: Effect) -> str:
     """Say from when on an event acts in each recording; empty if it is none."""
     model, prepared = diagnosis.extended.model, diagnosis.prepared
     attached = next((e for e in model.effects if e.name == effect.name), None)
-    if attached is None or not attached.about.moment:
+    if attached is None or not attached.about.moment or attached.about.period:
         return ""
     elsewhere = moments(model, attached)
     usual = model.parameter(f"{effect.name}.{effect.about.moment}").value

@@ -23,6 +23,7 @@ class About:
         separated_by: The experiment that tells it from its look-alikes.
         subject: Name of the parameter of the model that it changes; empty if it changes none.
         moment: Name of the own parameter that is the time of an event; empty if there is none.
+        period: Name of the own parameter with which that event repeats, in s; empty if it does not.
     """
 
     equation: str = ""
@@ -31,6 +32,7 @@ class About:
     separated_by: str = ""
     subject: str = ""
     moment: str = ""
+    period: str = ""
 
 
 @dataclass(frozen=True)

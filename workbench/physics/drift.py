@@ -19,6 +19,7 @@ from workbench.physics.law import (
     by_port,
     drives,
     each,
+    floor,
     sensors,
     shape,
     size,
@@ -146,6 +147,66 @@ offset_jump = Law(
     separated_by="a repetition of the recording: an event does not repeat",
 )  # fmt: skip
 
+
+def _wave(usual: Callable[[Place], float]) -> Callable[[Place], tuple[Own, ...]]:
+    def parameters(at: Place) -> tuple[Own, ...]:
+        period = at.period or at.horizon
+        apart = min(0.5, period / at.lasting)
+        return (
+            size("amplitude", at.unit, usual(at) * at.scale, 200.0 * usual(at) * at.scale,
+                 "amplitude", signed=True),
+            shape("period", "s", period, "period", around=(1.0 - apart, 1.0 + apart),
+                  scale=0.1 * apart * period, source=""),
+            shape("time", "s", 0.0, "when it first rises through zero", around=None,
+                  between=(-2.0 * period, 2.0 * period), scale=0.1 * period, source=""),
+            shape("flatness", "1", 0.0, "0 for a sine, large for a square wave", around=None,
+                  between=(0.0, 1e3), scale=1.0, source=""),
+            floor(at, 0.5),
+        )  # fmt: skip
+
+    return parameters
+
+
+def _waved(at: PortView) -> Expression:
+    wave = ca.sin(2.0 * math.pi * (at.x.clock - at.p.time) / at.p.period)
+    # No edge is steeper than samples show.
+    flatness = at.p.flatness / (1.0 + at.p.flatness * (math.pi * at.p.floor / at.p.period) ** 2)
+    flattened = ca.sqrt((1.0 + flatness * wave * wave) / (1.0 + flatness))
+    return at.value + at.p.amplitude * wave / flattened
+
+
+# Its period is that of what the model has left of the recordings.
+periodic_push = replace(
+    offset_jump,
+    name="periodic_push",
+    equation="y = u + amplitude s sqrt((1 + flatness) / (1 + flatness s^2)),"
+    " s = sin(2 pi (t - time) / period)",
+    where=each(
+        *EFFORTS, "flow", "heat", "current",
+        only=lambda at: at.period > 0.0 and not at.commanded, label=by_port,
+    ),
+    parameters=_wave(lambda at: 0.1),
+    transform=_waved,
+    shapes=lambda at: [
+        {"time": part * (at.period or at.horizon), "flatness": flatness}
+        for flatness in (0.0, 10.0)
+        for part in (0.0, 0.25)
+    ],
+    period="period",
+    source="a machine beside it, mains, day and night",
+    look_alikes=("sensor_hum", "ripple"),
+    separated_by="a recording at rest: it goes on there",
+)  # fmt: skip
+
+sensor_hum = replace(
+    periodic_push,
+    name="sensor_hum",
+    where=sensors(together=False, only=lambda at: at.period > 0.0),
+    parameters=_wave(sensor_error),
+    group="sensor",
+    source="pick-up of mains, light or vibration",
+    look_alikes=("periodic_push",),
+)
 
 gain_jump = replace(
     offset_jump,

@@ -213,6 +213,7 @@ class Law:
         whole: Whether the largest size is all that there can be.
         of_parameter: Whether it changes a parameter of the model.
         moment: Name of the parameter that is the time of an event, on a clock that is a state.
+        period: Name of the parameter with which that event repeats, in s.
         downhill: Whether it acts at the first of its ports, the others only take what it gives off.
         same_as: Names of hypotheses that give the very same measurements, of a model and the
             place where the law acts.
@@ -247,6 +248,7 @@ class Law:
     whole: bool = False
     of_parameter: bool = False
     moment: str = ""
+    period: str = ""
     downhill: bool = False
     same_as: Callable[[Survey, Place], tuple[str, ...]] = lambda *_: ()
     family: str = ""
@@ -441,6 +443,7 @@ class Law:
                 self.separated_by,
                 self._subject(sites),
                 self.moment,
+                self.period,
             ),
             dry=self.dry,
         )

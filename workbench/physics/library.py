@@ -21,6 +21,7 @@ def library(
     extra: Iterable[Law | Hypothesis] = (),
     duration: float = 0.0,
     sample_time: float = 0.0,
+    period: float = 0.0,
     ranges: Mapping[str, tuple[float, float]] | None = None,
     more_of: Collection[str] = (),
     found: Collection[str] = (),
@@ -37,6 +38,7 @@ def library(
         duration: Length of the recordings, in s, for times at which something may have happened;
             0 if it is not known.
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
+        period: Period with which something repeats that nobody read, in s; 0 if nothing does.
         ranges: Smallest and largest value along the recordings of ports and states, by name, in
             SI, for limits that lie there.
         more_of: Names of attached effects of which there may be more than their parameters allow.
@@ -50,8 +52,9 @@ def library(
         (True, False)
     """
     survey = Survey(
-        model, outputs, duration=duration, sample_time=sample_time, ranges=ranges, found=found
-    )
+        model, outputs, duration=duration, sample_time=sample_time, period=period, ranges=ranges,
+        found=found,
+    )  # fmt: skip
     given = [item for item in extra if isinstance(item, Hypothesis)]
     laws = dict.fromkeys([*LAWS.members().values(), *(x for x in extra if isinstance(x, Law))])
     own = {hypothesis.name for hypothesis in given}
@@ -73,7 +76,8 @@ def every_name(
     """Return whatever a diagnosis of a model may name, by name.
 
     Beside `library` that is a law at one of the places that it shares, and what is offered only
-    after a refit: a change of a parameter that is zero until then, more of what is attached.
+    after a refit: a change of a parameter that is zero until then, more of what is attached, what
+    repeats.
 
     Args:
         duration: Length of the recordings, in s; 0 if it is not known.
@@ -90,7 +94,9 @@ def every_name(
     )
     found: dict[str, Hypothesis] = {}
     for known, more_of in ((model, ()), (refitted, [e.name for e in model.effects])):
-        offered = library(known, duration=duration, sample_time=sample_time, more_of=more_of)
+        offered = library(
+            known, duration=duration, sample_time=sample_time, period=model.horizon, more_of=more_of
+        )
         for hypothesis in (one for h in offered for one in (h, *h.alone)):
             found.setdefault(hypothesis.name, hypothesis)
     return found

@@ -193,6 +193,7 @@ class Place:
         duration: Length of the recordings, in s; 0 if it is not known.
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
         seen: Smallest and largest value along the recordings, in its unit; None if not known.
+        period: Period with which something repeats that nobody read, in s; 0 if nothing does.
         terms: How far the terms that add up to the signal, and may balance, go along recordings:
             half of the range of the largest one, in its unit; 0 if a size is declared.
     """
@@ -217,6 +218,7 @@ class Place:
     horizon: float = 1.0
     duration: float = 0.0
     sample_time: float = 0.0
+    period: float = 0.0
     seen: tuple[float, float] | None = None
     terms: float = 0.0
 
@@ -287,6 +289,7 @@ class Survey:
         outputs: Names of the outputs that are recorded; all by default.
         duration: Length of the recordings, in s; 0 if it is not known.
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
+        period: Period with which something repeats that nobody read, in s; 0 if nothing does.
         ranges: Smallest and largest value along the recordings of ports and states, by name, and
             of differences of two states, in SI.
         found: Names of attached effects whose parameters are not offered a change with time.
@@ -305,11 +308,12 @@ class Survey:
         *,
         duration: float = 0.0,
         sample_time: float = 0.0,
+        period: float = 0.0,
         ranges: Mapping[str, tuple[float, float]] | None = None,
         found: Collection[str] = (),
     ) -> None:
         self.model, self.trace, self._found = model, model.exact, found
-        self.ranges = ranges or {}
+        self.ranges, self.period = ranges or {}, period
         # A recording that is to be refused later may have no sensible time base.
         self.duration = duration if 0.0 < duration < math.inf else 0.0
         self.sample_time = sample_time if 0.0 < sample_time < math.inf else 0.0
@@ -394,7 +398,7 @@ class Survey:
             parameters=self._entering[index],
             whole=self._whole(index), elastic=(shared or role in EFFORTS) and elastic,
             directed=directed, output=output, horizon=self.model.horizon, duration=self.duration,
-            sample_time=self.sample_time, seen=self.ranges.get(name),
+            sample_time=self.sample_time, period=self.period, seen=self.ranges.get(name),
             terms=self._terms(port),
         )  # fmt: skip
 

@@ -114,7 +114,8 @@ def retimed(task: Task, state: Selected) -> Selected:
     """
     names = [a.candidate.entry.name for a in state.accepted]
     events = [n for n in names if is_event(state.extended.model.effect(n))]
-    groups = [events] * (len(events) > 1) + [[name] for name in events]
+    once = [n for n in events if not state.extended.model.effect(n).about.period]
+    groups = [once] * (len(once) > 1) + [[name] for name in events]
     for group in groups if len(names) > 1 else ():
         task.say(f"looking again when {' and '.join(group)} came")
         state = _moved(task, state, group)

@@ -13,12 +13,13 @@ from scipy.optimize import minimize_scalar
 from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, disturbances
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, extended_start
 from workbench.errors import NumericalError
-from workbench.model import Effect, Model, State
+from workbench.model import Effect, Model, Parameter, State
 
 Vector = npt.NDArray[np.float64]
 
-_MOMENTS, _STEPS = 100, 20
-"""Starts of a clock along a recording that are tried, and steps from the best one on."""
+_MOMENTS, _PHASES, _STEPS = 100, 33, 20
+"""Starts of a clock along a recording that are tried, or along two periods of what repeats, and
+steps from the best one on."""
 
 _CLEARLY = 10.0
 """Log likelihood by which a recording must be likelier: more than so many tries give by chance."""
@@ -54,7 +55,11 @@ def with_own_moments(
     late = {}
     for observed in (*fit_on, *hold_out):
         begun = extended_start(observed, before, model)
-        shift = _likeliest(PredictionError(model, begun, (), rms), begun, clocks)
+        length = begun.sample_time * len(begun.outputs)
+        periods = [_own(model, e, e.about.period).value for e in effects if e.about.period]
+        reach = min([length, *periods])
+        tried = np.linspace(-reach, reach, 2 * _MOMENTS + 1 if reach == length else _PHASES)
+        shift = _likeliest(PredictionError(model, begun, (), rms), begun, clocks, tried)
         if shift is not None:
             late[observed.name] = shift
     others = [r.name for r in (*fit_on[1:], *hold_out)]
@@ -64,6 +69,10 @@ def with_own_moments(
 def is_event(effect: Effect) -> bool:
     """Whether an effect comes at a time, on a clock of its own."""
     return bool(effect.about.moment) and sum(q.unit == "s" for q in effect.states) == 1
+
+
+def _own(model: Model, effect: Effect, name: str) -> Parameter:
+    return model.parameter(f"{effect.name}.{name}")
 
 
 def _clock(effect: Effect) -> State:
@@ -79,7 +88,7 @@ def _moved(
     clock = _clock(effect)
     # Relative to the first recording, whose time is the parameter.
     early = late.pop(first, 0.0)
-    moment = model.parameter(f"{effect.name}.{effect.about.moment}")
+    moment = _own(model, effect, effect.about.moment)
     time = float(np.clip(moment.value - early, moment.lower, moment.upper))
     found = dict(clock.start_in) | {name: clock.initial + shift for name, shift in late.items()}
     if early:
@@ -94,21 +103,21 @@ def _moved(
 
 def moments(model: Model, effect: Effect) -> dict[str, float]:
     """Return when an event came in recordings where that is not the time of its parameter, in s."""
-    if not effect.about.moment:
+    if not effect.about.moment or effect.about.period:
         return {}
-    time = model.parameter(f"{effect.name}.{effect.about.moment}").value
+    time = _own(model, effect, effect.about.moment).value
     return {name: time - start for q in effect.states for name, start in q.start_in}
 
 
 def _likeliest(
-    filter_: PredictionError, observed: Observed, clocks: Mapping[int, float]
+    filter_: PredictionError, observed: Observed, clocks: Mapping[int, float], tried: Vector
 ) -> float | None:
     """Return how late clocks start in a recording, in s; None if not clearly otherwise than now.
 
     Args:
         clocks: Number of each one's state, and its usual start in s.
+        tried: Delays to begin with, shape (n,), in s, at equal distances.
     """
-    reach = observed.sample_time * len(observed.outputs)
     usual, places = np.array(list(clocks.values())), list(clocks)
 
     def cost(start: Vector) -> float:
@@ -122,7 +131,6 @@ def _likeliest(
     def late(shift: float) -> float:
         return cost(usual + shift)
 
-    tried = np.linspace(-reach, reach, 2 * _MOMENTS + 1)
     costs = np.array([late(shift) for shift in tried])
     best = int(np.argmin(costs))
     shift, least = float(tried[best]), float(costs[best])

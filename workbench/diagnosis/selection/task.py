@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from workbench.diagnosis.estimation.prediction_error import Observed, substeps_along
+import numpy as np
+
+from workbench.diagnosis.estimation.prediction_error import Observed, filter_of, substeps_along
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import (
     ProcessNoiseFit,
@@ -15,6 +18,8 @@ from workbench.diagnosis.estimation.process_noise import (
     ranges_along,
 )
 from workbench.diagnosis.location.locate import Location
+from workbench.diagnosis.location.missing_signal import period_of
+from workbench.diagnosis.location.unknown_input import unknown_input
 from workbench.diagnosis.selection.selected import Accepted, Selected
 from workbench.diagnosis.selection.simulation_error import closest_runs
 from workbench.errors import NumericalError
@@ -75,6 +80,7 @@ class Task:
                 extra=self.extra,
                 duration=longest.sample_time * (len(longest.outputs) - 1),
                 sample_time=longest.sample_time,
+                period=self._period,
                 ranges=self._ranges,
                 more_of=self._more_of,
                 found=attached - given,
@@ -135,6 +141,29 @@ class Task:
             return ranges_along(self.base, self.fitting)
         except NumericalError:
             return {}
+
+    @cached_property
+    def _period(self) -> float:
+        """Period of what the refitted model lacks, in s: where it was located, or of its errors."""
+        model, left = self.base.model, []
+        ports = self.location.ports(model) if self.location else ()
+        try:
+            for seen in self.started(self.fitting, model):
+                time = seen.sample_time * np.arange(len(seen.outputs), dtype=np.float64)
+                run = filter_of(model, seen, self.base.noise_scale).run(seen, model.values)
+                parts = [(time, error) for error in np.nan_to_num(run.whitened).T]
+                if ports:
+                    found = unknown_input(model, seen, ports)
+                    parts = [*((found.time, signal) for signal in found.signal.T), *parts]
+                left.append(parts)
+        except (NumericalError, np.linalg.LinAlgError):
+            return 0.0
+        for same in zip(*left, strict=True):
+            times = [(r.name, time) for r, (time, _) in zip(self.fitting, same, strict=True)]
+            period = period_of(times, np.concatenate([signal for _, signal in same]))
+            if math.isfinite(period):
+                return period
+        return 0.0
 
     @cached_property
     def _more_of(self) -> set[str]:
