@@ -21,18 +21,19 @@ few percent, and Tustin's rule makes the sampled controller.
 
 Source: Skogestad and Postlethwaite, Multivariable Feedback Control, 2005, sections 2.8.3 (weights),
 9.3 (mixed sensitivity, generalised plant), 11.3 (balanced truncation); Glover and Doyle, Systems
-and Control Letters 11, 1988 (synthesis, as in SLICOT's SB10AD).
+and Control Letters 11, 1988 (synthesis, as in SLICOT's SB10FD).
 """
 
 from __future__ import annotations
 
 import importlib.util
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from controllers.joint.model import JointModel
+from controllers.sampling import tustin
 from workbench.arrays import Matrix
 from workbench.errors import NumericalError, WorkbenchError, check_range
 from workbench.linearisation.transfer import transfer_function
@@ -130,18 +131,15 @@ def synthesise(
         NumericalError: If there is no stabilising controller, or no stable one.
     """
     require_slycot()
-    import control as ct
-
     h = sample_time
-    generalised = ct.ss(*generalised_plant(plant, weights))
+    generalised = generalised_plant(plant, weights)
     try:
-        full, _, gamma, _ = ct.hinfsyn(generalised, 1, 1)
+        gamma, least = _least(generalised)
         enough = (1.0 + tolerance) * gamma
         # At the least norm the controller has poles towards infinity, and rounding decides on them;
         # a little above it they are finite.
         for back_off in (0.0, 0.01, 0.02, 0.05, 0.1, 0.2):
-            above = (1.0 + back_off) * gamma
-            whole = _system(full) if back_off == 0.0 else _central(generalised, above)
+            whole = least if back_off == 0.0 else _central(generalised, (1.0 + back_off) * gamma)
             found, norm = _reduced(whole, plant, weights, enough, 2.0 / h)
             if norm <= enough:
                 break
@@ -158,9 +156,7 @@ def synthesise(
             f"no H-infinity controller was found for a speed of {weights.speed:g} rad/s ({said});"
             " take another speed or a smaller disturbance"
         ) from None
-    sampled = ct.c2d(ct.ss(*found), h, method="bilinear")
-    A, B, C, D = (np.asarray(m, dtype=float) for m in (sampled.A, sampled.B, sampled.C, sampled.D))
-    return Synthesis(A, B, C, D, found, float(gamma), norm, len(whole[0]))
+    return Synthesis(*tustin(*found, h), found, gamma, norm, len(whole[0]))
 
 
 def has_slycot() -> bool:
@@ -232,12 +228,11 @@ def generalised_plant(plant: System, weights: Weights) -> System:
 
 def closed_loop_norm(plant: System, weights: Weights, controller: System) -> float:
     """Compute the norm from (n, d) to (z1, z2, z3), a ratio, on a grid; infinite if not stable."""
-    A, B, C, D = generalised_plant(plant, weights)
-    a, b, c, d = controller
-    # y has no direct path from u, so that the loop closes without an inverse.
+    generalised = generalised_plant(plant, weights)
+    (_, B, C, D), (_, b, c, d) = generalised, controller
     Bw, Bu, Cz, Cy = B[:, :2], B[:, 2:], C[:3], C[3:]
     Dzw, Dzu, Dyw = D[:3, :2], D[:3, 2:], D[3:, :2]
-    closed = np.block([[A + Bu @ d @ Cy, Bu @ c], [b @ Cy, a]])
+    closed = _closed(generalised, controller)
     if np.max(np.linalg.eigvals(closed).real) >= 0.0:
         return float("inf")
     entry = np.vstack([Bw + Bu @ d @ Dyw, b @ Dyw])
@@ -261,17 +256,49 @@ def _reduced(
     return slow, closed_loop_norm(plant, weights, slow)
 
 
-def _system(system: Any) -> System:
-    return tuple(np.asarray(m, dtype=float) for m in (system.A, system.B, system.C, system.D))  # type: ignore[return-value]
+def _least(generalised: System) -> tuple[float, System]:
+    """Return the least norm, a ratio, with which a controller is found, and that controller.
+
+    Raises:
+        ArithmeticError: If there is none.
+    """
+    low, high, found = 0.0, 1.0, None
+    while found is None or high - low > LEAST * high:
+        tried = high if found is None else 0.5 * (low + high)
+        try:
+            found, high = _central(generalised, tried), tried
+        except ArithmeticError:
+            if tried > LARGEST:
+                raise
+            low, high = tried, 4.0 * high if found is None else high
+    return high, found
 
 
-def _central(generalised: Any, gamma: float) -> System:
-    """Return the central controller with a norm below ``gamma``: one measurement, one command."""
+LEAST, LARGEST = 1e-8, 1e9
+"""How closely the least norm is found, as a fraction of it, and the largest that is looked for."""
+
+
+def _central(generalised: System, gamma: float) -> System:
+    """Return the central controller with a norm below ``gamma``: one measurement, one command.
+
+    Raises:
+        ArithmeticError: If there is none that makes the loop stable.
+    """
     import slycot
 
-    plant = _system(generalised)
-    n, m, outputs = len(plant[0]), plant[1].shape[1], plant[2].shape[0]
-    return slycot.sb10fd(n, m, outputs, 1, 1, gamma, *plant)[:4]  # type: ignore[no-any-return]
+    A, B, C, _ = generalised
+    found: System = slycot.sb10fd(len(A), B.shape[1], len(C), 1, 1, gamma, *generalised)[:4]
+    if np.max(np.linalg.eigvals(_closed(generalised, found)).real) >= 0.0:
+        raise ArithmeticError("the closed loop is not stable")
+    return found
+
+
+def _closed(generalised: System, controller: System) -> Matrix:
+    """Return the state matrix of a loop; y has no direct path from u, so it needs no inverse."""
+    A, B, C, _ = generalised
+    a, b, c, d = controller
+    Bu, Cy = B[:, -1:], C[-1:]
+    return np.block([[A + Bu @ d @ Cy, Bu @ c], [b @ Cy, a]])
 
 
 def _first_order(b1: float, b0: float, a1: float, a0: float) -> System:

@@ -18,7 +18,7 @@ from controllers.h_infinity.synthesis import Weights, synthesise
 from controllers.plain.limits import LoopLimits
 from controllers.plain.single_loop import LoopSpecification, SingleLoop
 from controllers.plain.state_feedback import reachable_speed
-from controllers.plain.transfer_law import TransferLaw, transfer_controller
+from controllers.plain.transfer_law import TransferLaw, sampled_controller
 from workbench.errors import check_range
 from workbench.linearisation.transfer import transfer_function
 
@@ -79,8 +79,6 @@ def design_plain_h_infinity(
 def _h_infinity(
     loop: SingleLoop, want: PlainHInfinitySpecification, w: float, input_size: float
 ) -> TransferLaw:
-    import control as ct
-
     own, h = loop.linear, want.sample_time
     size = abs(complex(transfer_function(own.A, own.B, own.C, own.D, np.array([1j * w]))[0, 0, 0]))
     unit = 1.0 / size
@@ -97,8 +95,8 @@ def _h_infinity(
     C = np.hstack([own.C * states, np.zeros((1, 1))])
     plant = A, entries, C, np.zeros((1, 2))
     found = synthesise(plant, Weights(1.0, input_size=input_size), tolerance=0.3, sample_time=h * w)
-    law = ct.ss(found.A, found.B, unit * found.C, unit * found.D, h)
-    return transfer_controller(
+    law = found.A, found.B, unit * found.C, unit * found.D
+    return sampled_controller(
         law, tracking_time=1.0 / w, sample_time=h, name="H-infinity", **loop.ends
     )
 

@@ -210,7 +210,7 @@ def _fastest(
     limits: LoopLimits, want: LQISpecification, tried: list[float], disturbances: Sequence[float]
 ) -> tuple[ObserverLaw, float]:
     """Return the best state feedback and its speed, in rad/s."""
-    loop, model = limits.loop, ObservedModel(limits.loop, want)
+    loop, model = limits.loop, _ObservedModel(limits.loop, want)
     sizes = loop.sizes(tried)
     if want.error_scale:
         k = int(np.searchsorted(sizes, want.error_scale))
@@ -247,7 +247,7 @@ FEEDBACK = "a state feedback"
 
 
 def _lqi(
-    model: ObservedModel, want: LQISpecification, speed: float, error: float
+    model: _ObservedModel, want: LQISpecification, speed: float, error: float
 ) -> tuple[Vector, float]:
     """Return gains on states and integral, in SI, and the slowest pole, in rad/s."""
     h, loop, F, G = want.sample_time, model.loop, model.F, model.G
@@ -300,7 +300,7 @@ def state_feedback_by_hand(
         )
     h = want.sample_time
     walk = _walk(want.disturbance or 0.3, 0.02 / h)
-    model = ObservedModel(loop, want)
+    model = _ObservedModel(loop, want)
     return model.law(np.asarray(gain, dtype=float), integral_gain, walk=walk)
 
 
@@ -338,7 +338,7 @@ def design_plain_sliding_mode(
     want = specification or PlainSlidingModeSpecification()
     loop, h = want.loop(linear), want.sample_time
     slopes = [want.slope] if want.slope else [w for w in speeds(h) if w <= 0.2 / h]
-    model = ObservedModel(loop, want)
+    model = _ObservedModel(loop, want)
     designs = [
         partial(_sliding, model, want, slope, disturbance)
         for slope in slopes
@@ -352,7 +352,7 @@ def design_plain_sliding_mode(
 
 
 def _sliding(
-    model: ObservedModel, want: PlainSlidingModeSpecification, slope: float, disturbance: float
+    model: _ObservedModel, want: PlainSlidingModeSpecification, slope: float, disturbance: float
 ) -> ObserverLaw:
     loop = model.loop
     A, B, C = loop.linear.A, loop.linear.B, loop.linear.C
@@ -436,7 +436,7 @@ def _decays(real: float, imaginary: float, over: float) -> bool:
     return real * real + imaginary * imaginary < over * over
 
 
-class ObservedModel:
+class _ObservedModel:
     """What every law on a Kalman filter of a loop's states shares.
 
     Raises:

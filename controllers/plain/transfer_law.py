@@ -31,7 +31,7 @@ from controllers.design import Design
 from controllers.linear_law import LinearLaw
 from controllers.plain.limits import Answer, LoopLimits, answer, cost
 from controllers.plain.single_loop import LoopSpecification, PlainLaw
-from controllers.sampling import Rows, anti_windup, rows, total
+from controllers.sampling import Rows, anti_windup, rows, total, tustin
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_range
 from workbench.linearisation.transfer import transfer_function
@@ -209,10 +209,36 @@ def transfer_controller(
             f"the controller has a sample time of {system.dt:g} s and shall step every {h:g} s;"
             " give sample_time, or the controller in continuous time"
         )
-    sampled = ct.ss(system)
-    if not system.isdtime(strict=True):
-        sampled = ct.c2d(sampled, h, "bilinear")
-    A, B, C, D = (np.asarray(m, dtype=float) for m in (sampled.A, sampled.B, sampled.C, sampled.D))
+    found = ct.ss(system)
+    A, B, C, D = (np.asarray(m, dtype=float) for m in (found.A, found.B, found.C, found.D))
+    return sampled_controller(
+        (A, B, C, D) if system.isdtime(strict=True) else tustin(A, B, C, D, h),
+        measured=measured,
+        actuator=actuator,
+        tracking_time=tracking_time or 50.0 * h,
+        rest=rest,
+        rest_output=rest_output,
+        lower=lower,
+        upper=upper,
+        sample_time=h,
+        name=name,
+    )
+
+
+def sampled_controller(
+    system: tuple[Matrix, ...],
+    *,
+    measured: str,
+    actuator: str,
+    tracking_time: float,
+    sample_time: float,
+    **more: Any,
+) -> TransferLaw:
+    """Return a controller from error to command given by sampled matrices A, B, C and D, in SI.
+
+    The time constant Tt of its anti-windup is in s.
+    """
+    A, B, C, D = system
     if not len(A):
         # A gain: one state that nothing enters keeps the form of the law.
         A, B, C = np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1))
@@ -224,17 +250,13 @@ def transfer_controller(
         C=tuple(C[0].tolist()),
         reference_gain=float(D[0, 0]),
         output_gain=float(D[0, 0]),
-        back=anti_windup(A, C, math.exp(-h / (tracking_time or 50.0 * h))),
+        back=anti_windup(A, C, math.exp(-sample_time / tracking_time)),
         at_rest=(0.0,) * len(A),
-        rest_output=rest_output,
         sensors=(measured,),
         controlled=(measured,),
         actuators=(actuator,),
-        rest=rest,
-        lower=lower,
-        upper=upper,
-        sample_time=h,
-        name=name,
+        sample_time=sample_time,
+        **more,
     )
 
 
