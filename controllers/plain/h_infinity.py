@@ -97,7 +97,7 @@ def _h_infinity(
     found = synthesise(plant, Weights(1.0, input_size=input_size), tolerance=0.3, sample_time=h * w)
     law = found.A, found.B, unit * found.C, unit * found.D
     return sampled_controller(
-        law, tracking_time=1.0 / w, sample_time=h, name="H-infinity", **loop.ends
+        law, loop.ends, tracking_time=1.0 / w, sample_time=h, name="H-infinity"
     )
 
 

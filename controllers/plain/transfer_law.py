@@ -213,13 +213,15 @@ def transfer_controller(
     A, B, C, D = (np.asarray(m, dtype=float) for m in (found.A, found.B, found.C, found.D))
     return sampled_controller(
         (A, B, C, D) if system.isdtime(strict=True) else tustin(A, B, C, D, h),
-        measured=measured,
-        actuator=actuator,
+        {
+            "measured": measured,
+            "actuator": actuator,
+            "rest": rest,
+            "rest_output": rest_output,
+            "lower": lower,
+            "upper": upper,
+        },
         tracking_time=tracking_time or 50.0 * h,
-        rest=rest,
-        rest_output=rest_output,
-        lower=lower,
-        upper=upper,
         sample_time=h,
         name=name,
     )
@@ -227,17 +229,20 @@ def transfer_controller(
 
 def sampled_controller(
     system: tuple[Matrix, ...],
+    ends: dict[str, Any],
     *,
-    measured: str,
-    actuator: str,
     tracking_time: float,
     sample_time: float,
-    **more: Any,
+    name: str,
 ) -> TransferLaw:
     """Return a controller from error to command given by sampled matrices A, B, C and D, in SI.
 
-    The time constant Tt of its anti-windup is in s.
+    Args:
+        ends: As `SingleLoop.ends`, in SI.
+        tracking_time: Time constant Tt of the anti-windup, in s.
     """
+    of_loop = dict(ends)
+    measured, actuator = of_loop.pop("measured"), of_loop.pop("actuator")
     A, B, C, D = system
     if not len(A):
         # A gain: one state that nothing enters keeps the form of the law.
@@ -256,7 +261,8 @@ def sampled_controller(
         controlled=(measured,),
         actuators=(actuator,),
         sample_time=sample_time,
-        **more,
+        name=name,
+        **of_loop,
     )
 
 
