@@ -258,11 +258,11 @@ def test_a_delay_of_many_samples_is_tolerated(name: str) -> None:
     )
     linear = linearise(operating_point(model, {"T": 0.0}), verdict=False)
     design = DESIGNS.get(name)
-    law = design.controller(linear, design.specified({"sample_time": 0.5, "delay": 150.0}))
+    law = design.controller(linear, design.specified({"sample_time": 1.0, "delay": 150.0}))
     for delay in (0.0, 40.0, 150.0):
         loop = loops_at(law, linear, ((delay, 0.0),))[0]
         assert peaks_of(loop, frequencies()).sensitivity < 1.9
-    scenario = step_scenario("T", 0.0, 10.0, lead=1.0, hold=4000.0, sample_time=0.5)
+    scenario = step_scenario("T", 0.0, 10.0, lead=1.0, hold=4000.0, sample_time=1.0)
     assert metrics(verify(law, linear, scenario))["steady_error"].value < 0.5
 
 
