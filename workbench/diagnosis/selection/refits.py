@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.filter import STEPS
@@ -78,6 +79,9 @@ _PARTS = (0.1, 0.3)
 _STEP, _STEPS = 3.0, 6
 """Factor between sizes that are tried from there on as long as the recordings become likelier, and
 how many: the usual size may be wrong by a hundred."""
+
+_FINE, _FINEST = 0.02, 8
+"""Logarithm within which what was found in steps is searched between them, and in how many runs."""
 
 _LEAP = 100.0
 """Factor of a step from a guess that small steps do not improve: where a reversal is far sharper or
@@ -530,6 +534,17 @@ def _stepped(
     return here
 
 
+def _between(
+    cost: Callable[[float], float], near: float, q: Parameter, factor: float, here: float
+) -> float:
+    """Return the best value within a step of one; the value itself where that gains little."""
+    ends = np.log(np.clip((near / factor, near * factor), q.lower, q.upper))
+    options = {"xatol": _FINE, "maxiter": _FINEST}
+    found = minimize_scalar(lambda v: cost(math.exp(v)), bounds=ends, options=options)
+    value = float(np.clip(math.exp(found.x), q.lower, q.upper))
+    return value if found.fun < min(cost(near), cost(here) - 1.0) else near
+
+
 def tuned(entry: Hypothesis, fit: ProcessNoiseFit, fit_on: Sequence[Observed]) -> Hypothesis:
     """Improve what no refit changes and whose usual value is a guess, such as a rounded step.
 
@@ -553,7 +568,7 @@ def tuned(entry: Hypothesis, fit: ProcessNoiseFit, fit_on: Sequence[Observed]) -
 
     fine = (_STEP, math.sqrt(_STEP), _STEP**0.25)
     for q in guessed:
-        of = functools.partial(cost, q.name)
+        of = functools.cache(functools.partial(cost, q.name))
         here = model.parameter(f"{entry.name}.{q.name}").value
         least = of(here) - 1.0
         value = _stepped(of, here, q, least, steps=fine)
@@ -561,6 +576,7 @@ def tuned(entry: Hypothesis, fit: ProcessNoiseFit, fit_on: Sequence[Observed]) -
             value = _stepped(of, here, q, least, steps=(_LEAP,))
             if value != here:
                 value = _stepped(of, value, q, of(value), steps=fine)
+        value = _between(of, value, q, fine[-1], here)
         if value != here:
             better[q.name] = value
     return _valued(entry, better) if better else entry
