@@ -329,12 +329,14 @@ def design_mpc(
     valve: ValveInverse | None = None,
     sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2"),
     actuator: str = "valve",
+    opening_range: tuple[float, float] = (-1.0, 1.0),
     change: Change | None = None,
 ) -> LinearMPC:
     """Design a linear MPC from a linear model.
 
     Args:
         sensors: Names of the followed output and of the limited ones.
+        opening_range: Lowest and highest opening that there is, fractions.
         change: Takes the `controllers.mpc.formulation.Formulation`, expressions of CasADi, and
             returns the one that is solved.
     """
@@ -354,7 +356,10 @@ def design_mpc(
         prediction_time=want.prediction_time,
         stride=max(1, round(want.prediction_time / want.sample_time)),
         blocks=want.blocks,
-        opening_limits=(-want.opening_limit - entry.at_rest, want.opening_limit - entry.at_rest),
+        opening_limits=(
+            max(-want.opening_limit, opening_range[0]) - entry.at_rest,
+            min(want.opening_limit, opening_range[1]) - entry.at_rest,
+        ),
         move_limit=want.rate_limit * want.prediction_time,
         output_limits=tuple(
             (want.pressure_limits[0] - rest, want.pressure_limits[1] - rest)

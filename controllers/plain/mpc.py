@@ -1,7 +1,8 @@
 """Linear MPC of one output by one command, for any linear model.
 
-It is that of `controllers.mpc.whole_model`: the command's range takes the place of the opening, -1
-to 1 about rest, on a curve that is a straight line, and the disturbance is one of the command.
+It is that of `controllers.mpc.whole_model`: the command takes the place of the opening, on a curve
+that is a straight line through rest, fully open at the farther end of the command's range, and the
+disturbance is one of the command.
 """
 
 from __future__ import annotations
@@ -39,6 +40,10 @@ DISTURBANCES = (1.0, 0.1, 0.01)
 
 ERRORS = (0.1, 1.0)
 """Errors that are tried, over what the command moves the output by at the speed."""
+
+
+ENDLESS = 10.0
+"""Where a command without an end is taken to end, over what it may change by."""
 
 
 @dataclass(frozen=True)
@@ -88,13 +93,20 @@ def design_plain_mpc(
     # The horizon does not depend on the disturbance, nor the observer on the error.
     @cache
     def horizon(speed: float, error: float) -> LinearMPC:
-        own = _specified(loop, want, speed, DISTURBANCES[0], error)
-        law = design_mpc(loop.linear, own, valve=curve, sensors=sensors, actuator=loop.actuator)
+        own = _specified(loop, want, speed, DISTURBANCES[0], error, full)
+        law = design_mpc(
+            loop.linear,
+            own,
+            valve=curve,
+            sensors=sensors,
+            actuator=loop.actuator,
+            opening_range=(-below / full, above / full),
+        )
         return replace(law, name="linear MPC")
 
     @cache
     def observer(speed: float, disturbance: float) -> DisturbanceObserver:
-        own = _specified(loop, want, speed, disturbance, loop.output_scale)
+        own = _specified(loop, want, speed, disturbance, loop.output_scale, full)
         return observer_of(
             loop.linear, own, sensors, opening_input(loop.linear, curve, loop.actuator)
         )
@@ -102,7 +114,12 @@ def design_plain_mpc(
     def designed(speed: float, disturbance: float, error: float) -> LinearMPC:
         return replace(horizon(speed, error), observer=observer(speed, disturbance))
 
-    curve = ValveInverse((0.0, loop.command_scale), (0.0, 1.0), loop.rest_command)
+    below, above = (
+        room if room < math.inf else ENDLESS * loop.command_scale
+        for room in (loop.rest_command - loop.lower, loop.upper - loop.rest_command)
+    )
+    full = max(below, above)
+    curve = ValveInverse((0.0, full), (0.0, 1.0), loop.rest_command)
     sensors = (loop.measured,)
     designs = [
         partial(designed, speed, disturbance, error)
@@ -118,8 +135,15 @@ def design_plain_mpc(
 
 
 def _specified(
-    loop: SingleLoop, want: PlainMPCSpecification, speed: float, disturbance: float, error: float
+    loop: SingleLoop,
+    want: PlainMPCSpecification,
+    speed: float,
+    disturbance: float,
+    error: float,
+    full: float,
 ) -> MPCSpecification:
+    """Return what an MPC is told, whose openings are fractions of a full one, in SI."""
+    share = loop.command_scale / full
     own, h = loop.linear, want.sample_time
     step = h * max(1, round(0.1 / speed / h))
     entered = int(np.argmax(np.abs(own.B[:, 0]) / own.state_scales))
@@ -128,8 +152,10 @@ def _specified(
     walk = disturbance * float(abs(own.B[entered, 0])) * loop.command_scale * walking
     return MPCSpecification(
         angle_scale=error,
+        opening_scale=MPCSpecification.opening_scale * share,
+        move_scale=MPCSpecification.move_scale * share,
         prediction_time=step,
-        rate_limit=1.0 / (want.rate_time or 2.0 * step),
+        rate_limit=share / (want.rate_time or 2.0 * step),
         state_noise=MPCSpecification.state_noise * walking,
         disturbances={own.state_names[entered]: walk},
         sensor_noise=(want.loop_noise(loop),),

@@ -165,38 +165,44 @@ class LinearModel(Drawn):
         )
 
     def without_unseen(self) -> LinearModel:
-        """Return the model without the states that no output depends on, now or later.
+        """Return the model without what no output depends on, now or later.
 
-        Such as the way that a ship has covered, where its heading is controlled.
+        Such as the way that a ship has covered, where its heading is controlled. Of states that
+        show by their differences alone, such as the angles of two bodies on one shaft whose speed
+        is measured, one is left out, and those left count from it.
         """
-        seen = np.any(self.C != 0.0, axis=0)
-        for _ in self.state_names:
-            seen = seen | np.any(self.A[seen] != 0.0, axis=0)
-        return self._with_states(seen)
+        size = self.state_scales
+        _, hidden = _reached((self.A * size / size[:, None]).T, (self.C * size).T)
+        if not hidden.shape[1]:
+            return self
+        left = _pivots(hidden)
+        kept = np.delete(np.arange(len(size)), left)
+        # x_kept - W x_left, where W = V_kept V_left^-1 and V spans what does not show.
+        V = hidden * size[:, None]
+        W = np.linalg.solve(V[left].T, V[kept].T).T
+        change = np.zeros((len(kept), len(size)))
+        change[:, kept], change[:, left] = np.eye(len(kept)), -W
+        return self._with_states(kept, change @ self.A[:, kept], change @ self.B, self.C[:, kept])
 
     def without_unreached(self) -> LinearModel:
-        """Return the model without the states that no input moves, now or later, and that decay.
+        """Return the model without what no input moves, now or later, and that decays.
 
-        Such as a tank that another pump fills.
+        Such as a tank that another pump fills, or the difference of two equal tanks that one fills.
         """
-        reached = np.any(self.B != 0.0, axis=1)
-        for _ in self.state_names:
-            reached = reached | np.any(self.A[:, reached] != 0.0, axis=1)
-        left = np.flatnonzero(~reached)
-        rates = np.linalg.eigvals(self.A[np.ix_(left, left)])
-        return self if np.any(rates.real >= 0.0) else self._with_states(reached)
+        size = self.state_scales
+        A = self.A * size / size[:, None]
+        moved, rest = _reached(A, self.B / size[:, None])
+        if not rest.shape[1] or np.any(np.linalg.eigvals(rest.T @ A @ rest).real >= 0.0):
+            return self
+        kept = np.sort(_pivots(moved))
+        R = moved * size[:, None]
+        back = np.linalg.solve(R[kept].T, R.T).T
+        return self._with_states(kept, self.A[kept] @ back, self.B[kept], self.C @ back)
 
-    def _with_states(self, kept: npt.NDArray[np.bool_]) -> LinearModel:
-        k = np.flatnonzero(kept)
-        return replace(
-            self,
-            A=self.A[np.ix_(k, k)],
-            B=self.B[k],
-            C=self.C[:, k],
-            state_names=tuple(self.state_names[i] for i in k),
-            x0=self.x0[k],
-            drift=self.drift[k],
-        )
+    def _with_states(self, k: npt.NDArray[np.int_], A: Vector, B: Vector, C: Vector) -> LinearModel:
+        names = tuple(self.state_names[i] for i in k)
+        drift = self.drift[k]
+        return replace(self, A=A, B=B, C=C, state_names=names, x0=self.x0[k], drift=drift)
 
     def discretise(self, sample_time: float) -> tuple[Vector, Vector, Vector, Vector]:
         """Return the matrices for inputs that are held over a sample, in s."""
@@ -260,3 +266,34 @@ def _indices(kind: str, wanted: Sequence[str] | None, names: tuple[str, ...]) ->
     for name in wanted:
         check_choice(kind, name, names)
     return [names.index(name) for name in wanted]
+
+
+UNSEEN = 1e-10
+"""What rounding may leave of a direction that a matrix does not lead to, relative to the rest."""
+
+
+def _reached(A: Vector, B: Vector) -> tuple[Vector, Vector]:
+    """Return orthonormal bases of what columns reach through a matrix, and of the rest.
+
+    Source: Saad, Iterative Methods for Sparse Linear Systems, 2003, section 6.3 (Arnoldi).
+    """
+    found = np.zeros((len(A), 0))
+    waiting = list(B.T)
+    while waiting:
+        v = waiting.pop(0)
+        whole = np.linalg.norm(v)
+        for _ in range(2):
+            v = v - found @ (found.T @ v)
+        if np.linalg.norm(v) > UNSEEN * whole:
+            found = np.column_stack([found, v / np.linalg.norm(v)])
+            waiting.append(A @ found[:, -1])
+    n = found.shape[1]
+    return found, np.linalg.qr(found, mode="complete")[0][:, n:]
+
+
+def _pivots(columns: Vector) -> npt.NDArray[np.int_]:
+    """Return as many rows as columns that tell them best apart."""
+    from scipy.linalg import qr
+
+    order = qr(columns.T, mode="r", pivoting=True)[1]
+    return np.asarray(order[: columns.shape[1]])

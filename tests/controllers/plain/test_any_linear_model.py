@@ -401,3 +401,80 @@ def test_what_a_design_shall_tolerate_costs_speed(name: str) -> None:
     with pytest.raises(WorkbenchError, match="is not to be had; the nearest has Ms"):
         hard = {"measured": "encoder", "maximum_sensitivity": 1.06, "quiet": 1e-9}
         design.controller(linear, design.specified(hard))
+
+
+def step_on(
+    law: Any,
+    rate: Callable[[Any, float], Any],
+    x: Any,
+    output: Callable[[Any], float],
+    to: float,
+    seconds: float,
+) -> Any:
+    """Run a sampled law on equations of NumPy, by the classical Runge-Kutta rule."""
+    h = law.sample_time
+    state = law.initial_state((output(x),))
+    seen = []
+    for _ in range(round(seconds / h)):
+        seen.append(output(x))
+        (u,), state, _ = law.step(state, (seen[-1],), (to,))
+        for _ in range(2):
+            k1 = rate(x, u)
+            k2 = rate(x + 0.25 * h * k1, u)
+            k3 = rate(x + 0.25 * h * k2, u)
+            x = x + 0.5 * h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rate(x + 0.5 * h * k3, u))
+    return np.array(seen)
+
+
+@pytest.mark.parametrize("name", PLAIN)
+def test_a_command_that_rests_near_one_end_may_be_used_to_the_other(name: str) -> None:
+    kettle = Model(
+        "kettle",
+        lambda m: (
+            {"T": (m.u.heat - 50.0 * m.x.T) / 4e3, "probe": (m.x.T - m.x.probe) / 5.0},
+            {"probe": m.x.probe},
+        ),
+        states=(State("T", "K", 50.0), State("probe", "K", 50.0)),
+        inputs=(Input("heat", "W", 1000.0, lower=0.0, upper=6000.0),),
+        outputs=(Output("probe", "K", 50.0, noise_rms=0.02),),
+    )
+    linear = linearise(operating_point(kettle, {"probe": 10.0}), verdict=False)
+    design = DESIGNS.get(name)
+    law = design.controller(linear, design.specified({"sample_time": 0.5}))
+
+    def rate(x: Any, u: float) -> Any:
+        return np.array([(u - 50.0 * x[0]) / 4e3, (x[0] - x[1]) / 5.0])
+
+    # 5 kW hold 100 K; ten times the command at rest.
+    seen = step_on(law, rate, np.array([10.0, 10.0]), lambda x: x[1], 100.0, 600.0)
+    assert abs(seen[-1] - 100.0) < 2.0
+    assert seen.max() < 112.0
+
+
+@pytest.mark.parametrize("name", PLAIN)
+def test_angles_that_show_by_their_difference_alone_keep_no_design_from_a_speed(name: str) -> None:
+    import control as ct
+
+    A = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [-4500, 4500, -6, 5], [1800, -1800, 2, -2.2]])
+    B, C = np.array([[0.0], [0.0], [25.0], [0.0]]), np.array([[0.0, 0.0, 0.0, 1.0]])
+    linear = linear_model(ct.ss(A, B, C, 0, inputs="torque", outputs="speed"))
+    reduced, angle = linear.without_unseen(), 1j * np.array([0.1, 3.0, 80.0, 500.0])
+    assert len(reduced.state_names) == 3
+    np.testing.assert_allclose(reduced.system(angle), ct.ss(A, B, C, 0)(angle), rtol=1e-9)
+    design = DESIGNS.get(name)
+    law = design.controller(linear, design.specified({"sample_time": 5e-4}))
+    seen = step_on(law, lambda x, u: A @ x + B[:, 0] * u, np.zeros(4), lambda x: x[3], 1.0, 2.0)
+    assert np.abs(seen[2000:] - 1.0).max() < 0.05
+
+
+def test_what_two_equal_tanks_share_is_what_their_pump_moves() -> None:
+    import control as ct
+
+    A, B = np.diag([-1.0, -1.0, -3.0]), np.array([[1.0], [1.0], [0.0]])
+    A[2, :2] = 2.0, 1.0
+    linear = linear_model(ct.ss(A, B, [[0.0, 0.0, 1.0]], 0))
+    reached = linear.without_unreached()
+    assert len(reached.state_names) == 2
+    np.testing.assert_allclose(reached.system(2j), linear.system(2j), rtol=1e-9)
+    growing = linear_model(ct.ss(A + 2.0 * np.eye(3), B, [[0.0, 0.0, 1.0]], 0))
+    assert growing.without_unreached() is growing
