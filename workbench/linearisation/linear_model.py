@@ -22,6 +22,9 @@ Inverse = Callable[[npt.ArrayLike], Vector]
 """Turns an input of the linear model into the input of the plant, in SI."""
 
 
+_STAYS = 1e-9
+"""Growth of what counts as staying, over the fastest rate."""
+
 _RESPONSE = frozenset(
     (
         "frdata", "omega", "ninputs", "noutputs", "input_labels", "output_labels", "sysname",
@@ -185,14 +188,18 @@ class LinearModel(Drawn):
         return self._with_states(kept, change @ self.A[:, kept], change @ self.B, self.C[:, kept])
 
     def without_unreached(self) -> LinearModel:
-        """Return the model without what no input moves, now or later, and that decays.
+        """Return the model without what no input moves, now or later, and that does not grow.
 
-        Such as a tank that another pump fills, or the difference of two equal tanks that one fills.
+        Such as a tank that another pump fills, the difference of two equal tanks that one fills, or
+        what two tanks hold together that a pump empties into one another.
         """
         size = self.state_scales
         A = self.A * size / size[:, None]
         moved, rest = _reached(A, self.B / size[:, None])
-        if not rest.shape[1] or np.any(np.linalg.eigvals(rest.T @ A @ rest).real >= 0.0):
+        if not rest.shape[1]:
+            return self
+        rates = np.linalg.eigvals(rest.T @ A @ rest)
+        if np.any(rates.real > _STAYS * np.max(np.abs(np.linalg.eigvals(A)))):
             return self
         kept = np.sort(_pivots(moved))
         R = moved * size[:, None]

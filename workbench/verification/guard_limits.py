@@ -48,6 +48,12 @@ SWINGS = 12.0
 SETTLED = 0.1
 """Share of its way by which a settled output still moves, and by which another plant's differs."""
 
+AWAY = 10.0
+"""Way, in tolerances, behind which a plant is stopped to tell how long that takes."""
+
+LONGEST = 20_000
+"""Most samples for which stopping a plant is looked at."""
+
 LEAST_PATIENCE = 2000.0
 """Fewest samples after which nothing gets better."""
 
@@ -58,7 +64,8 @@ def guarded(
     """Put a controller into a guard with the limits that its plant declares.
 
     A command may be at its end, or an error may stay, for 100 times what the plant needs, and
-    `LEAST_PATIENCE` at least; other times are those of `Guard`.
+    `LEAST_PATIENCE` at least; the inner law acts for as long as it needs to stop the plant from
+    full speed; other times, and that as the least, are those of `Guard`.
 
     Args:
         at: Where the plant rests, values by name in SI; by default where its nominal inputs hold
@@ -114,15 +121,59 @@ def guarded(
         CommandLimits(inputs[name].nominal, inputs[name].lower, inputs[name].upper)
         for name in controller.actuators
     )
+    estimator = _estimator(controller, plant, point, held, tolerances)
+    ends = [[getattr(own, side) for own in commands] for side in ("lower", "upper")]
     guard = Guard(
         sensors,
         references,
         commands,
-        estimator=_estimator(controller, plant, point, held, tolerances),
+        estimator=estimator,
+        inner=max(
+            Guard.inner, _to_rest(estimator, references, [x - point.x for _, x in held], *ends)
+        ),
         patience=max(100.0 * response, LEAST_PATIENCE),
         swings=SWINGS,
     )
     return Guarded(controller, guard)
+
+
+def _to_rest(
+    estimator: Estimator | None,
+    references: Sequence[ReferenceLimits],
+    held: Sequence[Vector],
+    lower: Sequence[float],
+    upper: Sequence[float],
+) -> float:
+    """Return after how many samples the inner law has stopped the followed outputs.
+
+    In as long again they move by less than a tolerance then. It stops the linear model
+    where it is after a held command has moved an output by `AWAY` tolerances, or as far as it can.
+    """
+    most = 0
+    if estimator is None or not len(estimator.K):
+        return most
+    own, n = estimator, estimator.F.shape[0] - len(references)
+    sensors = [int(limits.sensor) for limits in references]
+    if min(sensors) < 0:
+        return most
+    tolerance = np.array([limits.tolerance for limits in references])
+    for x in held:
+        moved = np.abs(x @ own.C[sensors, :n].T) / tolerance
+        far = np.flatnonzero(moved.max(axis=1) > AWAY)
+        z = np.append(x[far[0] if len(far) else -1], np.zeros(len(references)))
+        start = own.C[sensors] @ z
+        target = tuple(own.rest_followed + start)
+        last = 0
+        for k in range(LONGEST):
+            before = own.C[sensors] @ z
+            z = own.predicted(z, tuple(np.clip(own.inner(z, target), lower, upper)))
+            moves = np.abs(own.C[sensors] @ z - before) * (k + Guard.inner)
+            if np.any(np.maximum(np.abs(before - start), moves) > tolerance):
+                last = k
+            elif k > 1.2 * last + Guard.inner:
+                break
+        most = max(most, last)
+    return float(most)
 
 
 def _tolerance(output: Output, reach: tuple[float, float]) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,12 @@ from controllers.plain.state_feedback import (
     design_plain_sliding_mode,
     state_feedback_by_hand,
 )
-from controllers.plain.transfer_law import design_plain_pid, pid_by_hand, transfer_controller
+from controllers.plain.transfer_law import (
+    PlainPIDSpecification,
+    design_plain_pid,
+    pid_by_hand,
+    transfer_controller,
+)
 from controllers.sensitivity import frequencies, loops_at, peak_sensitivities, peaks_of
 from tests.controllers.in_c import InC
 from workbench.errors import WorkbenchError
@@ -31,7 +37,7 @@ from workbench.operating_point import operating_point
 from workbench.plants.servo_axis import servo_axis
 from workbench.study.designs import ControllerRecipe
 from workbench.study.plants import PlantRecipe
-from workbench.verification import guarded, metrics, step_scenario, verify
+from workbench.verification import SignalFault, guarded, metrics, step_scenario, verify
 
 
 def motor() -> Model:
@@ -245,6 +251,40 @@ def test_an_angle_that_nobody_measures_keeps_no_design_from_its_speed(name: str)
     law = design.controller(linear, design.specified({"sample_time": 0.02}))
     scenario = step_scenario("tacho", 0.0, 1.0, hold=20.0, sample_time=0.02)
     assert metrics(verify(law, drive, scenario))["steady_error"].value < 0.01
+
+
+@pytest.mark.parametrize("name", PLAIN)
+def test_what_a_pump_moves_between_two_vessels_is_no_more_than_they_hold(name: str) -> None:
+    import control as ct
+
+    A, B = np.array([[-0.5, 0.5], [0.5, -0.5]]), np.array([[1.0], [-1.0]])
+    linear = linear_model(ct.ss(A, B, [[1.0, 0.0]], 0, inputs="pump", outputs="level"))
+    less = single_loop(linear).linear
+    assert len(less.A) == 1
+    np.testing.assert_allclose(less.system(2j), linear.system(2j), rtol=1e-9)
+    design = DESIGNS.get(name)
+    law = design.controller(linear, design.specified({"sample_time": 0.02}))
+    seen = step_on(law, lambda x, u: A @ x + B[:, 0] * u, np.zeros(2), lambda x: x[0], 1.0, 40.0)
+    assert np.abs(seen[-100:] - 1.0).max() < 0.01
+
+
+def test_a_slow_plant_whose_sensor_is_lost_in_a_move_is_stopped_and_not_let_go() -> None:
+    sledge = Model(
+        "sledge",
+        lambda m: ({"x": m.x.v, "v": m.u.a}, {"y": m.x.x}),
+        states=(State("x", "m", 0.1), State("v", "m/s", 0.2)),
+        inputs=(Input("a", "m/s2", 1.0, lower=-1.0, upper=1.0),),
+        outputs=(Output("y", "m", 0.1, lower=-2.0, upper=2.0, noise_rms=1e-4),),
+    )
+    linear, h = linearise(operating_point(sledge, {"y": 0.0}), verdict=False), 0.001
+    law = guarded(design_plain_pid(linear, PlainPIDSpecification(sample_time=h)), sledge)
+    lost = SignalFault(0.9, "y", "missing")
+    asked = step_scenario("y", 0.0, 1.0, hold=10.0, sample_time=h)
+    run = verify(law, sledge, replace(asked, faults=(lost,)))
+    # v = integral of a, which nothing but the commands tells.
+    speed = np.cumsum(run["a"]) * h
+    assert abs(speed).max() > 0.3
+    assert abs(speed[-1]) < 0.02
 
 
 @pytest.mark.parametrize("name", PLAIN)
