@@ -21,10 +21,12 @@ from controllers.guard import (
 )
 from controllers.joint.schedule import JointSchedule
 from controllers.linear_law import linear_law
+from controllers.plain.transfer_law import PlainPIDSpecification, design_plain_pid
 from tests.controllers.families import family as family_of
 from workbench.errors import WorkbenchError
-from workbench.linearisation import LinearModel
-from workbench.model import Model
+from workbench.linearisation import LinearModel, linearise
+from workbench.model import Input, Model, Output, State
+from workbench.operating_point import operating_point
 from workbench.verification import Run, SignalFault, guarded, metrics, step_scenario, verify
 
 DEG = math.pi / 180.0
@@ -321,3 +323,53 @@ def test_refusals(linear: LinearModel) -> None:
     with pytest.raises(WorkbenchError, match="hold of a guard"):
         told(hold=-1)
     assert len({fault.name for fault in FAULTS}) == len(FAULTS)
+
+
+def two_pumps(noise: float = 0.0) -> Model:
+    """A tank that one pump fills through a pipe, and another that nobody steps."""
+    return Model(
+        "tank",
+        lambda m: (
+            {"flow": (m.u.pump - m.x.flow) / 5.0, "h": 0.01 * (m.x.flow + m.u.other - m.x.h)},
+            {"h": m.x.h},
+        ),
+        states=(State("flow", "m/s", 1.0), State("h", "m", 1.0)),
+        inputs=(
+            Input("other", "m/s", 1.0, lower=-5.0, upper=5.0),
+            Input("pump", "m/s", 1.0, lower=-5.0, upper=5.0),
+        ),
+        outputs=(Output("h", "m", 1.0, noise_rms=noise),),
+    )
+
+
+def test_a_stuck_sensor_is_found_where_another_input_is_not_commanded() -> None:
+    plant = two_pumps(1e-3)
+    linear = linearise(operating_point(plant, {"h": 0.0, "other": 0.0}), verdict=False)
+    want = PlainPIDSpecification(actuator="pump", sample_time=0.5)
+    guard = guarded(design_plain_pid(linear, want), plant, at={"h": 0.0, "other": 0.0})
+    assert guard.guard.estimator is not None
+    random, x, highest, found = np.random.default_rng(3), np.zeros(2), 0.0, set()
+    state, stuck = guard.initial_state((0.0,)), 0.0
+    for k in range(800):
+        # Stuck at rest, 10 s before a step, for 200 s.
+        seen = stuck if 20 <= k < 420 else x[1] + random.normal(0.0, 1e-3)
+        stuck = seen if k < 20 else stuck
+        (u,), state, info = guard.step(state, (float(seen),), (0.0 if k < 40 else 1.0,))
+        found.add(info.get("guard", ""))
+        # The exact answer of both lags over half a second, in ten steps.
+        for _ in range(10):
+            x = x + 0.05 * np.array([(u - x[0]) / 5.0, 0.01 * (x[0] - x[1])])
+        highest = max(highest, x[1])
+    assert "stuck" in found
+    assert highest < 1.3 and abs(x[1] - 1.0) < 0.1
+
+
+def test_noise_is_no_oscillation() -> None:
+    plant = two_pumps(0.03)
+    linear = linearise(operating_point(plant, {"h": 0.0, "other": 0.0}), verdict=False)
+    want = PlainPIDSpecification(actuator="pump", sample_time=0.5)
+    guard = guarded(design_plain_pid(linear, want), plant, at={"h": 0.0, "other": 0.0})
+    state, random = guard.initial_state((0.0,)), np.random.default_rng(5)
+    for _ in range(2000):
+        _, state, info = guard.step(state, (float(random.normal(0.0, 0.03)),), (0.0,))
+        assert "guard" not in info

@@ -178,7 +178,9 @@ def _to_rest(
 
 def _tolerance(output: Output, reach: tuple[float, float]) -> float:
     span = reach[1] - reach[0] if reach[1] - reach[0] < math.inf else 2.0 * output.scale
-    return max(TOLERANCE * span, 20.0 * output.resolution)
+    # A quarter of it that changes its side is a swing (`Guard`), which noise shall not be.
+    noise = math.hypot(output.noise_rms, output.correlated_noise_rms)
+    return max(TOLERANCE * span, 20.0 * output.resolution, 20.0 * noise)
 
 
 def _estimator(
@@ -188,15 +190,13 @@ def _estimator(
     held: Sequence[tuple[dict[str, Vector], Vector]],
     tolerances: Mapping[str, float],
 ) -> Estimator | None:
-    """Return the estimator of a plant; None where the controller reads or commands too much."""
+    """Return the estimator of a plant, whose other inputs rest; None if much is measured."""
     model = point.model
     followed = tuple(controller.controlled)
-    actuators = {q.name for q in model.inputs}
     if (
         not held
         or not set(followed) & set(controller.sensors)
         or len(controller.sensors) > MOST_SENSORS
-        or actuators != set(controller.actuators)
     ):
         return None
     straight = point
@@ -204,12 +204,19 @@ def _estimator(
     if curves:
         straight = straightened_point(point, curves)
     linear = linearise(straight, verdict=False) if curves or isinstance(plant, Model) else plant
+    places = [[q.name for q in model.inputs].index(name) for name in controller.actuators]
+    if len(linear.input_names) == len(model.inputs):
+        linear = linear.select(inputs=[linear.input_names[k] for k in places])
+    elif linear.input_names != tuple(controller.actuators):
+        return None
     outputs = {q.name: q for q in model.outputs}
     noise = [
         max(math.hypot(outputs[n].noise_rms, 0.3 * outputs[n].resolution), 1e-3 * tolerances[n])
         for n in controller.sensors
     ]
-    reach = [min(q.upper - q.nominal, q.nominal - q.lower) for q in model.inputs]
+    commands = [model.inputs[k] for k in places]
+    reach = [min(q.upper - q.nominal, q.nominal - q.lower) for q in commands]
+    commanded, entered = _curve(point, straight, curves)
     return design_estimator(
         linear,
         sensors=controller.sensors,
@@ -218,7 +225,7 @@ def _estimator(
         noise=np.array(noise),
         tolerance=np.array([tolerances[name] for name in followed]),
         reach=np.array(reach),
-        curve=_curve(point, straight, curves),
+        curve=(commanded[places], entered[places]) if curves else (commanded, entered),
         sample_time=controller.sample_time,
     )
 
