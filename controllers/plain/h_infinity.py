@@ -73,7 +73,7 @@ def design_plain_h_infinity(
     tried = [about * factor for factor in FACTORS] if about else [want.speed]
     designs = [partial(designed, w, size) for w in tried for size in INPUT_SIZES]
     law, speed = without_lags[limits.best(designs, family)]
-    return limits.led(law.behind_lags, speed, family)
+    return limits.at_pace(limits.led(law.behind_lags, speed, family))
 
 
 def _h_infinity(

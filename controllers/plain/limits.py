@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
@@ -27,6 +28,8 @@ import numpy as np
 import numpy.typing as npt
 
 from controllers.linear_law import LinearLaw
+from controllers.named_state import flat, restored
+from controllers.plain.single_loop import ARRAYS, ENDLESS, PlainLaw
 from controllers.sensitivity import sampled_at
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import WorkbenchError
@@ -45,6 +48,7 @@ class AroundRest(Protocol):
 
 
 C = TypeVar("C", bound=AroundRest)
+P = TypeVar("P", bound=PlainLaw)
 
 ANGLE = np.geomspace(1e-6, 0.98 * np.pi, 300)
 """Frequencies at which a loop is judged, in rad per sample."""
@@ -227,6 +231,76 @@ class LoopLimits:
         """Return the best of a law's lags of the reference, whose speed is about this, in rad/s."""
         top = 0.5 / self.want.sample_time
         return self.best([partial(lagging, min(k * speed, top)) for k in LAGS], family)
+
+    def at_pace(self, law: P) -> P:
+        """Return the law at the pace of its reference that suits steps beyond the command's ends.
+
+        The linear plant is run through steps, up and down, of half of what the command is just
+        enough for, and of up to ten times that, as far as the command can hold it there. Of paces,
+        the best is that whose errors and overshoots are least (as by `cost`); the loop is the same.
+        """
+        loop, want = self.loop, self.want
+        ends = np.array([loop.lower, loop.upper]) - loop.rest_command
+        around = replace(law, rest=0.0, rest_output=0.0, lower=ends[0], upper=ends[1])
+        once, endless = np.ones(1), np.full(1, math.inf)
+        y, asked = (part[:, 0] for part in self._run(around, once, endless, ENDLESS))
+        peak, held = asked[np.argmax(np.abs(asked))], asked[-1]
+        if not (np.isfinite(ends).any() and math.isfinite(peak) and peak):
+            return law
+        most = 0.9 * np.sort(ends / held) if held else np.array([-math.inf, math.inf])
+        sizes = set()
+        for sign, top in zip((-1.0, 1.0), np.abs(most), strict=True):
+            enough = float(abs(ends[int(sign * peak > 0.0)] / peak))
+            if 0.0 < enough < top:
+                sizes |= {sign * min(share * enough, top) for share in LARGE}
+        if not sizes:
+            return law
+        size, smallest = np.array(sorted(sizes)), min(map(abs, sizes))
+        arrived = max(int(np.argmax(y > 0.63)), 1)
+        paces = np.array([share * smallest / LARGE[0] / arrived for share in PACES])
+        step, pace = (part.ravel() for part in np.meshgrid(size, paces))
+        with np.errstate(over="ignore", invalid="ignore"):
+            away = self._run(around, step, pace, ARRAYS)[0] / step - 1.0
+        away = np.nan_to_num(away, nan=1e9, posinf=1e9, neginf=-1e9)
+        errors = (np.arange(len(away)) @ np.abs(away)).reshape(len(paces), -1)
+        beyond = np.maximum(away.max(axis=0) - want.overshoot, 0.0).reshape(len(paces), -1)
+        total = np.sum(errors / errors.min(axis=0) * (1.0 + OVERSHOT * beyond), axis=1)
+        best = int(np.argmin(total))
+        return replace(law, pace=float(paces[best])) if total[best] < 0.9 * total[0] else law
+
+    def _run(
+        self, law: PlainLaw, step: Vector, pace: Vector, arithmetic: Any
+    ) -> tuple[Matrix, Matrix]:
+        """Return outputs and commands asked for, shape (n_samples, n), after steps from rest.
+
+        Args:
+            step: Sizes of the steps, shape (n,), in SI of the output.
+            pace: Largest change of the reference, shape (n,), in SI of the output per sample.
+        """
+        A, B, C = self.plants[0]
+        nothing, x = np.zeros_like(step), np.zeros((len(A), len(step)))
+        state: Any = law.initial_state((0.0,))
+        state = restored(state, [nothing] * len(flat(state)))
+        outputs, commands, r = [], [], nothing
+        for k in range(MOST_SAMPLES):
+            y, r = (C @ x)[0], r + np.clip(step - r, -pace, pace)
+            (u,), state, told = law.law(state, (y,), (r,), arithmetic)
+            x = A @ x + B * u
+            outputs.append(y)
+            commands.append(told["asked"])
+            if k % 100 == 99 and np.all(np.abs(np.array(outputs[-100:]) / step - 1.0) < 0.01):
+                break
+        return np.array(outputs), np.array(commands)
+
+
+LARGE = (0.5, 3.0, 10.0)
+"""Steps of which the reference's pace is chosen, over that which the command is just enough for."""
+
+PACES = (math.inf, 3.0, 1.5, 0.75, 0.4)
+"""Paces that are tried: what the command is just enough for, in the time of a small step's rise."""
+
+MOST_SAMPLES = 2000
+"""Samples for which large steps are looked at."""
 
 
 LAGS = (4.0, 2.8, 2.0, 1.4, 1.0, 0.7, 0.5, 0.35, 0.25)

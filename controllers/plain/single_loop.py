@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from controllers.arithmetic import Number, Numbers, Told
+from controllers.arithmetic import Arithmetic, Number, Numbers, Told
 from controllers.law import ClosedForm
 from controllers.linear_law import LinearLaw
 from controllers.named_state import flat, restored
@@ -194,6 +194,16 @@ class LoopSpecification:
         return single_loop(linear, self.measured, self.actuator)
 
 
+class _Arrays:
+    """Arithmetic of a law on arrays of any shape."""
+
+    clip = staticmethod(np.clip)
+    where = staticmethod(np.where)
+
+
+ARRAYS: Any = _Arrays()
+
+
 class _Endless:
     """Arithmetic, on arrays of any shape, of a law whose limits are all out of reach."""
 
@@ -212,6 +222,9 @@ class PlainLaw(ClosedForm):
     """A law in closed form from one measurement to one command, within its ends.
 
     What it tells has ``asked``, the command before its ends.
+
+    Args:
+        pace: Largest change of the reference that is followed, in SI of the output per sample.
     """
 
     sensors: tuple[str, ...]
@@ -222,8 +235,15 @@ class PlainLaw(ClosedForm):
     rest_output: float = 0.0
     lower: float = -math.inf
     upper: float = math.inf
+    pace: float = math.inf
     preview: int = 0
     name: str = "plain"
+
+    def followed(self, before: Number, r: Number, arithmetic: Arithmetic) -> Number:
+        """Return the reference at its pace, from that of the sample before, in SI."""
+        if self.pace == math.inf:
+            return r
+        return before + arithmetic.clip(r - before, -self.pace, self.pace)
 
     @property
     def rest_command(self) -> Command:
@@ -235,9 +255,10 @@ class PlainLaw(ClosedForm):
         law = replace(self, rest=0.0, rest_output=0.0)
         example = law.initial_state((0.0,))
         n = len(flat(example))
-        *states, y, r = np.eye(n + 2)
-        _, following, told = law.law(restored(example, states), (y,), (r,), ENDLESS)
-        table = np.vstack([*following, *law.straight(told)])
+        *before, y, r = np.eye(n + 2)
+        _, following, told = law.law(restored(example, before), (y,), (r,), ENDLESS)
+        states = [part for part in following if part is not None]
+        table = np.vstack([*states, *law.straight(told)])
         return LinearLaw(table[:n, :n], table[:n, n:], table[n:, :n], table[n:, n:])
 
     def straight(self, told: Told) -> Numbers:

@@ -52,12 +52,14 @@ class ObservedState(NamedTuple):
         error_integral: Integral q of the error, in SI of the output times s.
         filtered: Reference after the first lag, a deviation in SI.
         target: Reference after the second lag, a deviation in SI.
+        paced: Reference before the lags at its pace, a deviation in SI; None without a pace.
     """
 
     predicted: Numbers
     error_integral: Number
     filtered: Number
     target: Number
+    paced: Number | None = None
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -101,12 +103,15 @@ class ObserverLaw(PlainLaw):
     def initial_state(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> ObservedState:
         """Return the state of a plant that the command at rest holds where it is measured."""
         y = measurement[0] - self.rest_output
-        return ObservedState(tuple(gain * y for gain in self.target), self.start * y, y, y)
+        paced = None if self.pace == math.inf else y
+        return ObservedState(tuple(gain * y for gain in self.target), self.start * y, y, y, paced)
 
     def law(
         self, state: ObservedState, measurement: Numbers, reference: Numbers, arithmetic: Arithmetic
     ) -> tuple[Numbers, ObservedState, Told]:
-        y, r = measurement[0] - self.rest_output, reference[0] - self.rest_output
+        y = measurement[0] - self.rest_output
+        r = self.followed(state.paced, reference[0] - self.rest_output, arithmetic)
+        paced = None if self.pace == math.inf else r
         filtered = r
         if self.reference_speed:
             fresh = self.reference_speed * self.sample_time
@@ -127,7 +132,8 @@ class ObserverLaw(PlainLaw):
         free = arithmetic.where(command == asked, summed, q)
         move = command - self.rest
         predicted = tuple(total(g * move, row, x) for row, g in zip(self.F, self.G, strict=True))
-        return (command,), ObservedState(predicted, free, filtered, r), {"asked": asked, **told}
+        following = ObservedState(predicted, free, filtered, r, paced)
+        return (command,), following, {"asked": asked, **told}
 
 
 DISTURBANCES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003)
@@ -195,8 +201,9 @@ def design_lqi(linear: LinearModel, specification: LQISpecification | None = Non
     limits = LoopLimits(loop, want)
     law, _ = _fastest(limits, want, speeds(want.sample_time), want.disturbances)
     if want.reference_speed:
-        return law
-    return limits.led(lambda w: replace(law, reference_speed=w), law.reference_speed, FEEDBACK)
+        return limits.at_pace(law)
+    led = limits.led(lambda w: replace(law, reference_speed=w), law.reference_speed, FEEDBACK)
+    return limits.at_pace(led)
 
 
 def reachable_speed(limits: LoopLimits, want: LoopSpecification) -> float:
@@ -347,8 +354,9 @@ def design_plain_sliding_mode(
     limits, family = LoopLimits(loop, want), "a sliding mode"
     law = limits.best(designs, family)
     if want.reference_speed:
-        return law
-    return limits.led(lambda w: replace(law, reference_speed=w), law.reference_speed, family)
+        return limits.at_pace(law)
+    led = limits.led(lambda w: replace(law, reference_speed=w), law.reference_speed, family)
+    return limits.at_pace(led)
 
 
 def _sliding(

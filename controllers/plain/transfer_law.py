@@ -5,8 +5,9 @@ With r and y as deviations from rest, sample k, and the command u clipped to its
     u[k]   = u0 + C z[k] + Dr r[k] - Dy y[k]
     z[k+1] = A z[k] + Br r[k] - By y[k] + L (u_clipped - u)[k]
 
-L moves a mode of A that integrates, or nearly does, to the time constant Tt while the command is at
-its end (anti-windup in observer form). A PID has the integral and the filtered derivative as z:
+r may follow what is asked at a limited pace. L moves a mode of A that integrates, or nearly does,
+to the time constant Tt while the command is at its end (anti-windup in observer form). A PID has
+the integral and the filtered derivative as z:
 
     u = u0 + Kp (beta r - y) + I + Kd (v - w) / (Tf + h)         v = c r - y
     I[k+1] = I[k] + h Ki (r - y) + (h / Tt) (u_clipped - u)
@@ -83,12 +84,17 @@ class TransferLaw(PlainLaw):
 
     def initial_state(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> Numbers:
         """Return the state of a loop at rest where it is measured."""
-        return tuple(gain * (measurement[0] - self.rest_output) for gain in self.at_rest)
+        y = measurement[0] - self.rest_output
+        states = tuple(gain * y for gain in self.at_rest)
+        return states if self.pace == math.inf else (*states, y)
 
     def law(
         self, state: Numbers, measurement: Numbers, reference: Numbers, arithmetic: Arithmetic
     ) -> tuple[Numbers, Any, Told]:
-        y, r = measurement[0] - self.rest_output, reference[0] - self.rest_output
+        y = measurement[0] - self.rest_output
+        r = self.followed(state[-1], reference[0] - self.rest_output, arithmetic)
+        kept = () if self.pace == math.inf else (r,)
+        state = state[: len(self.A)]
         start = self.rest + self.reference_gain * r - self.output_gain * y
         asked = total(start, self.C, state)
         command = arithmetic.clip(asked, self.lower, self.upper)
@@ -99,7 +105,7 @@ class TransferLaw(PlainLaw):
                 self.A, self.by_reference, self.by_output, self.back, strict=True
             )
         )
-        return (command,), following, {"asked": asked}
+        return (command,), following + kept, {"asked": asked}
 
 
 def pid_by_hand(
@@ -350,7 +356,7 @@ def design_plain_pid(
             gains, weight, error = tries[may][k], weights[k], errors[k]
             changes = changes[np.flatnonzero(may)[k] + 1 :]
     kp, ki, kd, filter_time = gains.tolist()
-    return pid_by_hand(
+    law = pid_by_hand(
         kp,
         ki,
         kd,
@@ -360,6 +366,7 @@ def design_plain_pid(
         sample_time=h,
         **loop.ends,
     )
+    return limits.at_pace(law)
 
 
 def _around_rest(gains: Matrix, sample_time: float) -> LinearLaw:

@@ -518,3 +518,34 @@ def test_what_two_equal_tanks_share_is_what_their_pump_moves() -> None:
     np.testing.assert_allclose(reached.system(2j), linear.system(2j), rtol=1e-9)
     growing = linear_model(ct.ss(A + 2.0 * np.eye(3), B, [[0.0, 0.0, 1.0]], 0))
     assert growing.without_unreached() is growing
+
+
+@pytest.mark.parametrize("name", PLAIN)
+def test_a_step_that_the_command_can_just_hold_tips_no_pendulum(name: str, tmp_path: Path) -> None:
+    rod = Model(
+        "rod",
+        lambda m: (
+            {"angle": m.x.rate, "rate": 20.0 * m.x.angle + 10.0 * m.u.torque},
+            {"angle": m.x.angle},
+        ),
+        states=(State("angle", "rad", 0.2), State("rate", "rad/s", 1.0)),
+        inputs=(Input("torque", "N m", lower=-1.0, upper=1.0),),
+        outputs=(Output("angle", "rad", 0.2, resolution=5e-4),),
+    )
+    linear = linearise(operating_point(rod, {"angle": 0.0}), verdict=False)
+    design = DESIGNS.get(name)
+    law = design.controller(linear, design.specified({"sample_time": 0.004}))
+
+    def rate(x: Any, u: float) -> Any:
+        return np.array([x[1], 20.0 * x[0] + 10.0 * u])
+
+    # 1 N m holds 0.5 rad and no more.
+    for step in (0.1, 0.4):
+        seen = step_on(law, rate, np.zeros(2), lambda x: x[0], step, 6.0)
+        assert seen.max() < 1.15 * step
+        assert abs(seen[-1] - step) < 0.03 * step
+    _check_c(
+        law,
+        verify(law, rod, step_scenario("angle", 0.0, 0.4, hold=2.0, sample_time=0.004)),
+        tmp_path,
+    )
