@@ -29,14 +29,15 @@ import numpy.typing as npt
 
 from controllers.linear_law import LinearLaw
 from controllers.named_state import flat, restored
-from controllers.plain.single_loop import ARRAYS, ENDLESS, PlainLaw
+from controllers.plain.single_loop import ARRAYS, ENDLESS, LoopSpecification, PlainLaw
 from controllers.sensitivity import sampled_at
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import WorkbenchError
 from workbench.linearisation.transfer import transfer_function
 
 if TYPE_CHECKING:
-    from controllers.plain.single_loop import LoopSpecification, SingleLoop
+    from controllers.plain.single_loop import SingleLoop
+    from workbench.linearisation import LinearModel
 
 
 class AroundRest(Protocol):
@@ -351,6 +352,19 @@ def _closed(plant: tuple[Matrix, Matrix, Matrix], laws: LinearLaw) -> tuple[Matr
     entry = np.zeros((count, n + F.shape[1], G.shape[2]))
     entry[:, :n, :-1], entry[:, n:, :-1], entry[:, :n, -1] = B @ J[:, :, 1:], G[:, :, 1:], B[:, 0]
     return closed, entry
+
+
+def settled_after(law: Any, linear: LinearModel, step: float) -> float:
+    """Return the time, in s, after which a step, in SI of the output, has settled within 2 %.
+
+    The law, of one measurement and one command, is within its ends on the linear model.
+    """
+    want = LoopSpecification(law.sensors[0], law.actuators[0], sample_time=law.sample_time)
+    limits = LoopLimits(want.loop(linear), want)
+    time, seen, _ = limits.steps(stacked([law.around_rest()]))
+    away = np.flatnonzero(np.abs(seen[0, :, 0] - 1.0) > 0.02)
+    paced = abs(step) / getattr(law, "pace", math.inf) * law.sample_time
+    return float(time[min(away[-1] + 1, len(time) - 1)]) + paced if len(away) else paced
 
 
 class Answer(NamedTuple):

@@ -70,3 +70,28 @@ def test_a_recording_may_be_short_beside_the_plant(
     assert "doubtful: time base" in capsys.readouterr().out
     assert run(["recording", "a.csv", "--capacity", "5"]) == WRONG_USE
     assert "name it with --plant" in capsys.readouterr().err
+
+
+def test_a_loop_that_is_slower_than_the_plants_poles_is_run_until_it_settles(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # The only pole that decays is that of the motor, 20 ms; the ball rolls for seconds.
+    (tmp_path / "balls.py").write_text(
+        """
+from workbench.model import Input, Model, Output, State
+
+def ball():
+    return Model("ball",
+        lambda m: ({"x": m.x.v, "v": 7.0 * m.x.tilt, "tilt": 50.0 * (m.u.asked - m.x.tilt)},
+                   {"x": m.x.x}),
+        states=(State("x", "m", 0.1), State("v", "m/s", 0.2), State("tilt", "rad", 0.1)),
+        inputs=(Input("asked", "rad", 0.1, lower=-0.2, upper=0.2),),
+        outputs=(Output("x", "m", 0.1, noise_rms=5e-4),))
+"""
+    )
+    monkeypatch.chdir(tmp_path)
+    words = ["verify", "--plant", "balls:ball", "-c", "lqi", "--from", "0m", "--to", "0.1m"]
+    assert run([*words, "--require", "settling_time=10s", "--json"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)["runs"]
+    assert found["metrics"]["settling_time"]["value"] > 0.2
+    assert run([*words, "--require", "settling_time=10s", "--hold", "0.2s"]) == 1

@@ -60,7 +60,8 @@ def verify(
             moves at once, or another as NAME=VALUE; several that step together are
             NAME=VALUE,NAME=VALUE; a plant that declares no point of its own is designed for there.
         end (--to VALUE): Controlled output after the step, or several as before it.
-        hold (TIME): Time between the steps. By default what the linear model takes to respond.
+        hold (TIME): Time between the steps. By default what the linear model takes to respond, or
+            twice what the slowest loop of it takes to settle.
         sample_time (TIME): Sample time of controllers and loop. By default the controllers' own, or
             a thousandth of that.
         require (METRIC=LIMIT): Largest value of a metric, such as settling_time=0.5s; may be given
@@ -82,6 +83,9 @@ def verify(
     base = nominal_design(chosen, changes)
     scenario = step_of(chosen, controlled, base, begins, ends, hold, sample_time, controller or ())
     recipes = recipes_of(base, controller or (), scenario)
+    if hold is None and (long := _settling(recipes, base.linear(), scenario)):
+        same = f"{scenario.sample_time!r} s"
+        scenario = step_of(chosen, controlled, base, begins, ends, f"{long!r} s", same)
     study = replace(study_of_step(chosen, recipes, scenario, require or ()), seeds=(seed,))
     with tempfile.TemporaryDirectory() as folder, counting() as counter:
         result = run_study(study, out or Path(folder), progress=counter)
@@ -231,6 +235,29 @@ def step_of(
         name=", ".join(asked.name for asked in each),
         references=dict(sorted({**references, **stepped}.items())),
     )
+
+
+def _settling(
+    recipes: Sequence[ControllerRecipe], linear: LinearModel, scenario: Scenario
+) -> float:
+    """Return the time between steps, in s, that the slowest loop needs; 0 if they have it."""
+    from controllers.plain.limits import settled_after
+    from workbench.linearisation.pace import rounded_up
+
+    changes = [change for signal in scenario.references.values() for change in signal.changes]
+    if not changes:
+        return 0.0
+    there, before, after = changes[0]
+    back = max(time for time, _, _ in changes)
+    long = 0.0
+    for recipe in recipes:
+        # One that cannot be built is a run that failed.
+        with suppress(WorkbenchError):
+            law: Any = recipe.build()
+            if hasattr(law, "around_rest") and len(law.sensors) == len(law.actuators) == 1:
+                long = max(long, settled_after(law, linear, after - before))
+    held = rounded_up(2.0 * long) if long else 0.0
+    return held if held > back - there else 0.0
 
 
 def _reached(model: Model, output: Output, start: float, command: str) -> float:

@@ -16,10 +16,14 @@ def horizon_of(linear: LinearModel) -> float:
 
 
 def step_time(linear: LinearModel) -> float:
-    """Return a round time, in s, in which a step shows: two horizons, up to 1, 2 or 5 times 10^n.
+    """Return a round time, in s, in which a step shows: two horizons.
 
     A thousandth of it is a sample time that shows the response.
     """
-    long = 2.0 * horizon_of(linear)
+    return rounded_up(2.0 * horizon_of(linear))
+
+
+def rounded_up(long: float) -> float:
+    """Return a time, in s, up to 1, 2 or 5 times 10^n."""
     decade = 10.0 ** math.floor(math.log10(long))
     return float(f"{next(n for n in (1, 2, 5, 10) if n * decade >= long) * decade:.1g}")
