@@ -257,7 +257,7 @@ def told(opening: float, solution: Solution, slack: float) -> dict[str, float | 
     }
 
 
-def _reference_path(fresh: float, index: tuple[int, ...]) -> Matrix:
+def reference_path(fresh: float, index: tuple[int, ...]) -> Matrix:
     """Return the trajectory of the second lag per (reference, filtered, target)."""
     k = np.array(index)
     kept = (1.0 - fresh) ** k
@@ -376,7 +376,7 @@ def design_mpc(
         observer=observer,
         prediction=prediction,
         start=start,
-        path=_reference_path(want.reference_speed * want.sample_time, prediction.preview_index),
+        path=reference_path(want.reference_speed * want.sample_time, prediction.preview_index),
         rest_opening=entry.at_rest,
         reference_speed=want.reference_speed,
         solver=want.solver,

@@ -363,7 +363,7 @@ def settled_after(law: Any, linear: LinearModel, step: float) -> float:
     limits = LoopLimits(want.loop(linear), want)
     time, seen, _ = limits.steps(stacked([law.around_rest()]))
     away = np.flatnonzero(np.abs(seen[0, :, 0] - 1.0) > 0.02)
-    paced = abs(step) / getattr(law, "pace", math.inf) * law.sample_time
+    paced: float = abs(step) / getattr(law, "pace", math.inf) * law.sample_time
     return float(time[min(away[-1] + 1, len(time) - 1)]) + paced if len(away) else paced
 
 

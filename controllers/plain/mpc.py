@@ -22,6 +22,7 @@ from controllers.mpc.whole_model import (
     design_mpc,
     linear_mpc_design,
     observer_of,
+    reference_path,
 )
 from controllers.plain.limits import LoopLimits
 from controllers.plain.single_loop import LoopSpecification, SingleLoop, speeds
@@ -52,7 +53,8 @@ class PlainMPCSpecification(LoopSpecification):
 
     Args:
         speed: Speed of the reference's lags, in rad/s; the horizon is four of its time constants.
-            By default (0) that of the best loop within its limits.
+            By default (0) the horizon is that of the best loop within its limits, and the lags are
+            what leads a step best.
         error_scale: Error that weighs as much as a third of the command, in SI of the output; by
             default (0) what makes the best loop.
         rate_time: Time in which the command may cross half of its range, in s; two prediction
@@ -131,7 +133,16 @@ def design_plain_mpc(
             else [share * loop.sizes([speed])[0] for share in ERRORS]
         )
     ]
-    return LoopLimits(loop, want).best(designs, "a linear MPC")
+    limits, family = LoopLimits(loop, want), "a linear MPC"
+    law = limits.best(designs, family)
+    if want.speed:
+        return law
+
+    def lagging(speed: float) -> LinearMPC:
+        path = reference_path(speed * h, law.prediction.preview_index)
+        return replace(law, reference_speed=speed, path=path)
+
+    return limits.led(lagging, law.reference_speed, family)
 
 
 def _specified(
