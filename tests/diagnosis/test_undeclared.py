@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from tests.diagnosis.newcomers import oscillator
+from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.problem import problem_of_files
 from workbench.diagnosis.undeclared import as_coarse_as_recorded
-from workbench.model import Output
+from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.trace import Equations
+from workbench.physics.library import LAWS
+from workbench.plants.servo_axis import servo_axis
 from workbench.recordings.recording import Recording, Signal
 
 
@@ -62,3 +67,64 @@ def test_steps_below_the_declared_noise_or_resolution_change_nothing() -> None:
     fine = replace(declared, outputs=(replace(declared.outputs[0], resolution=0.02),))
     for model, step in ((declared, 0.0), (declared, 1e-3), (fine, 0.02)):
         assert as_coarse_as_recorded(model, [_swinging(step)]) == (model, ())
+
+
+def _cell() -> Model:
+    """A cell of which the author suspects the terminal only."""
+
+    def equations(m: Scope) -> Equations:
+        voltage = m.port(
+            "terminal.voltage",
+            3.3 + 0.9 * m.x.soc + m.p.r_0 * m.u.current,
+            unit="V",
+            signals={"current": m.u.current},
+            disturbance=0.003,
+        )
+        return {"soc": m.u.current / m.p.capacity}, {"u": voltage}
+
+    return Model(
+        "cell",
+        equations,
+        states=(State("soc", "1", 0.5, initial=0.6, start_rms=0.2),),
+        inputs=(Input("current", "A", 2.0, lower=-10.0, upper=10.0),),
+        outputs=(Output("u", "V", 0.3, noise_rms=5e-4),),
+        parameters=(
+            Parameter("capacity", "A s", value=9000.0),
+            Parameter("r_0", "Ohm", value=0.03, lower=0.001, upper=0.3, fitted=True),
+        ),
+    )
+
+
+def _charged(seed: int, misread: float) -> Recording:
+    """Record the cell with an ammeter that reads too little, summed by hand."""
+    rng = np.random.default_rng(seed)
+    current, step = np.repeat(rng.uniform(-5.0, 4.4, 20), 10), 4.0
+    soc = 0.55 + np.r_[0.0, np.cumsum(current + misread)[:-1]] * step / 9000.0
+    volts = 3.3 + 0.9 * soc + 0.036 * current + rng.normal(0.0, 5e-4, current.size)
+    signals = Signal("current", current, "A", role="command"), Signal("u", volts, "V")
+    return Recording(f"charge_{seed}", step * np.arange(current.size), signals)
+
+
+def test_ports_beside_those_of_the_author_stand_at_inputs_and_rates_that_none_carries() -> None:
+    cell = _cell()
+    names = [q.name for q in cell.opened().ports]
+    assert [n for n in names if n not in [q.name for q in cell.ports]] == [
+        "current.command",
+        "soc.rate",
+    ]
+    axis = servo_axis()
+    assert axis.opened() is axis  # One port carries the force and all that turns into speed.
+
+
+def test_an_error_where_the_author_opened_no_port_is_found_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    few = {n: LAWS.members()[n] for n in ("offset", "gain", "sensor_gain", "sensor_drift")}
+    monkeypatch.setattr("workbench.physics.library.LAWS", SimpleNamespace(members=lambda: few))
+    recordings = [_charged(seed, 0.12) for seed in (1, 2)]
+    found = diagnose(_cell(), recordings[:1], recordings[1:], advise=False, jobs=1)
+    verdict = found.verdict
+    assert verdict is not None
+    assert "offset_current_command" in verdict.findings[0].alike
+    fit = verdict.fit
+    assert fit["extended"]["u"] < 1.2 * fit["noise_floor"]["u"]

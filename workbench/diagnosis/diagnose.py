@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -30,14 +31,14 @@ from workbench.diagnosis.location.located_signal import missing_signals
 from workbench.diagnosis.nonparametric.fit import nonparametric_term
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.held_out import settled_run
-from workbench.diagnosis.selection.rules import LEAST_SHOWN, NO_NAME
+from workbench.diagnosis.selection.rules import LEAST_SHOWN, NO_NAME, OFF_NOISE
 from workbench.diagnosis.selection.search import score, search
 from workbench.diagnosis.selection.selected import Scored, Selected
 from workbench.diagnosis.selection.task import Task
 from workbench.diagnosis.selection.withdrawal import all_withdrawn, likely, run_freely
 from workbench.diagnosis.stage_files import StageFiles, fingerprint
 from workbench.diagnosis.stages import Diagnosis, Fitted, Located, Prepared, Validated
-from workbench.diagnosis.undeclared import as_coarse_as_recorded, with_undeclared
+from workbench.diagnosis.undeclared import as_coarse_as_recorded, opened, with_undeclared
 from workbench.diagnosis.verdict import Verdict
 from workbench.display import notebook_progress
 from workbench.errors import NumericalError, WorkbenchError
@@ -163,7 +164,43 @@ def stages(
                 if again.verdict is None:
                     yield again
             found = again if _explained(again) else found
+    if entries is None and _left_over(found):
+        other, places = opened(model, both)
+        if places:
+            say(f"searching again where {model.name} has no port: {', '.join(places)}")
+            own = folder and folder / "opened"
+            for again in run(other, rows=(*rows, *noise), folder=own):
+                if again.verdict is None:
+                    yield again
+            found = again if _closer(again, found) else found
     yield found
+
+
+def _left_over(found: Diagnosis) -> bool:
+    """Whether a free run of what was found is well off the noise, or nothing was found surely."""
+    if found.validated is None or found.complete:
+        return False
+    assert found.verdict is not None
+    return found.verdict.kind in ("unexplained", "likely") or _misfit(found) > OFF_NOISE.value
+
+
+def _misfit(found: Diagnosis) -> float:
+    """Return the largest error of free runs of what was found, over that of noise alone."""
+    assert found.verdict is not None
+    fit = found.verdict.fit
+    return max(
+        (fit["extended"][o] / max(n, 1e-300) for o, n in fit["noise_floor"].items()),
+        default=math.inf,
+    )
+
+
+def _closer(again: Diagnosis, found: Diagnosis) -> bool:
+    """Whether the second diagnosis names something and leaves less than half of what is left."""
+    assert again.verdict is not None
+    if again.validated is None or not again.accepted:
+        return False
+    unsure = again.verdict.kind in ("unexplained", "likely")
+    return not unsure and _misfit(again) ** 2 - 1.0 < 0.5 * (_misfit(found) ** 2 - 1.0)
 
 
 def _may_be_noise(found: Diagnosis) -> bool:

@@ -118,6 +118,21 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
     return told, tuple(notes)
 
 
+def opened(model: Model, recordings: Sequence[Recording]) -> tuple[Model, tuple[str, ...]]:
+    """Open ports where the author of a plant trusts its equations, and give them disturbances.
+
+    Args:
+        model: A plant that declares noise, or has taken it from its recordings.
+
+    Returns:
+        The plant with further ports, the same one where there are none; their names.
+    """
+    further = model.opened()
+    known = {q.name for q in model.ports}
+    new = tuple(q.name for q in further.ports if q.name not in known)
+    return (_with_data(further, recordings)[0], new) if new else (model, ())
+
+
 def _growing(q: Output) -> str:
     part = q.relative_noise_rms
     return f", and {100.0 * part:.2g} % of what it reads" if part else ""
@@ -201,7 +216,8 @@ def _with_data(model: Model, recordings: Sequence[Recording]) -> tuple[Model, di
         else:
             outputs.append(q)
     model = replace(model, outputs=tuple(outputs))
-    if any(p.disturbance or p.relative_disturbance for p in model.ports):
+    declares = any(p.disturbance or p.relative_disturbance for p in model.ports)
+    if declares and not model.traits.opened:
         return model, {}
     sizes: dict[str, float] = {}
     for recording in recordings:

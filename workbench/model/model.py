@@ -215,13 +215,19 @@ class Model(Shown):
     def with_effect(self, *effects: Effect) -> Model:
         """Return a model with effects attached, behind those that are there.
 
+        An effect at an input or rate where the plant has no port opens those (`opened`).
+
         Raises:
             WorkbenchError: If a port does not exist or an effect of the name is attached already.
         """
         if not effects:
             return self
-        effects = tuple(e.settle(e, self) if e.settle else e for e in effects)
         ports = [port.name for port in self.ports]
+        if any(port not in ports for e in effects for port in e.ports):
+            further = self.opened()
+            if all(port in [q.name for q in further.ports] for e in effects for port in e.ports):
+                return further.with_effect(*effects)
+        effects = tuple(e.settle(e, self) if e.settle else e for e in effects)
         taken = [effect.name for effect in self.effects]
         for effect in effects:
             if effect.name in taken:
@@ -241,6 +247,13 @@ class Model(Shown):
                 *(_prefixed(e, q) for e in effects for q in e.parameters),
             ),
         )
+
+    def opened(self) -> Model:
+        """Return the model with ports at inputs and rates that pass no port of their own."""
+        if self.traits.opened:
+            return self
+        further = replace(self, traits=replace(self.traits, opened=True, scales=()))
+        return self if len(further.ports) == len(self.ports) else further
 
     @property
     def dry_effects(self) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
@@ -222,9 +222,10 @@ def trace(model: Written, form: Form) -> Trace:
     # Of a state and an input of one name a law means the state: the input has its port.
     known = Names("state or input", symbols["input"] | symbols["state"])
     local: dict[str, Names] = {}
+    written: dict[str, Expression] = {}
 
     def transform(port: Port, value: Expression, signals: Names) -> Expression:
-        local[port.name] = signals
+        local[port.name], written[port.name] = signals, value
         for effect in model.effects:
             if port.name in effect.ports:
                 view = PortView(
@@ -257,8 +258,10 @@ def trace(model: Written, form: Form) -> Trace:
     scope = scope_of(symbols["input"])
     rates, outputs = model.equations(scope)
     sizes = dict(model.traits.sizes)
-    if not scope.ports:
+    declared = dict(written)
+    if not declared or model.traits.opened:
         plain = rates
+        covered = _covered(symbols, declared)
         scope = scope_of({})
         read = {q.name for q in model.outputs}
         places = {
@@ -267,14 +270,18 @@ def trace(model: Written, form: Form) -> Trace:
         scope.u = Names(
             "input",
             {
-                q.name: _opened(scope, q, places[q.name], symbols["input"][q.name], sizes)
+                q.name: symbols["input"][q.name]
+                if q.name in covered or f"{q.name}.{places[q.name]}" in declared
+                else _opened(scope, q, places[q.name], symbols["input"][q.name], sizes)
                 for q in model.inputs
             },
         )
         rates, outputs = model.equations(scope)
         written_rates = rates
-        rates = _default_exchanges(model, scope, plain, rates, symbols, sizes)
-        rates = _default_rates(model, scope, rates, sizes)
+        if not declared:
+            rates = _default_exchanges(model, scope, plain, rates, symbols, sizes)
+        whole = _whole(rates, declared, scope, perturbations)
+        rates = _default_rates(model, scope, rates, sizes, whole)
         outputs = _felt(model, written_rates, rates, outputs)
     outputs = _default_measurements(model, scope, outputs, sizes)
     rates = dict(rates)
@@ -300,15 +307,15 @@ def trace(model: Written, form: Form) -> Trace:
     perturbation = _vector(perturbations)
     sources = {**scope.values, **symbols["parameter"], **known}
     own_signals = [ca.vcat([_symbolic(v) for v in local[q.name].values()]) for q in scope.ports]
-    written = [perturbed_rates, perturbed_outputs, start, signals, *own_signals]
+    traced = [perturbed_rates, perturbed_outputs, start, signals, *own_signals]
     nothing = [perturbation], [ca.SX.zeros(perturbation.numel())]
-    still = ca.substitute(written, *nothing)
+    still = ca.substitute(traced, *nothing)
     _require_numbers(model, still[0], [f"rate of {q.name}" for q in model.states])
     _require_numbers(model, still[1], [f"output {q.name}" for q in model.outputs])
     if _leaves_the_numbers(model, symbols, still[:2]):
-        written = with_real_roots(written)
-        perturbed_rates, perturbed_outputs = written[:2]
-        still = ca.substitute(written, *nothing)
+        traced = with_real_roots(traced)
+        perturbed_rates, perturbed_outputs = traced[:2]
+        still = ca.substitute(traced, *nothing)
     named = _origins(sources)
     return Trace(
         x=_vector(symbols["state"]),
@@ -427,8 +434,45 @@ def _default_exchanges(
     return changed
 
 
-def _default_rates(model: Written, scope: Scope, rates: Named, sizes: Mapping[str, float]) -> Named:
-    """Open a port at every rate that is not a state itself."""
+def _covered(symbols: Mapping[str, Mapping[str, ca.SX]], declared: Named) -> set[str]:
+    """Return the inputs that a port of the author carries alone: what acts on them acts there.
+
+    Args:
+        declared: Signals at the author's ports before effects have acted, by name, in SI.
+    """
+    x = _vector(symbols["state"])
+    found = set()
+    for value in map(_symbolic, declared.values()):
+        entering = [n for n, u in symbols["input"].items() if ca.depends_on(value, u)]
+        if len(entering) == 1 and not ca.depends_on(value, x):
+            found.add(entering[0])
+    return found
+
+
+def _whole(
+    rates: Named, declared: Named, scope: Scope, perturbations: Mapping[str, ca.SX]
+) -> set[str]:
+    """Return the states whose rate is a multiple of the signal at a port of the author."""
+    found: set[str] = set()
+    for name, rate in rates.items():
+        for port in declared:
+            slope = ca.jacobian(_symbolic(rate), perturbations[port])
+            if slope.is_zero():
+                continue
+            beside = _symbolic(rate) - slope * _symbolic(scope.values[port])
+            symbols = ca.symvar(ca.vertcat(beside, _symbolic(rate)))
+            values = ca.Function("beside", symbols, [beside, _symbolic(rate)])
+            rng = np.random.default_rng(1)
+            looks = (values.call(list(rng.uniform(0.5, 1.5, len(symbols)))) for _ in range(3))
+            if all(abs(float(a)) <= 1e-9 * abs(float(b)) for a, b in looks):
+                found.add(name)
+    return found
+
+
+def _default_rates(
+    model: Written, scope: Scope, rates: Named, sizes: Mapping[str, float], whole: Collection[str]
+) -> Named:
+    """Open a port at every rate that is not a state itself, nor all of what a port carries."""
     states = [scope.x[q.name] for q in model.states]
     own = {q.name: q for q in model.states}
 
@@ -437,7 +481,7 @@ def _default_rates(model: Written, scope: Scope, rates: Named, sizes: Mapping[st
 
     return {
         name: rate
-        if defined(rate) or name not in own
+        if defined(rate) or name not in own or name in whole or f"{name}.rate" in scope.values
         else _opened(scope, own[name], "rate", rate, sizes)
         for name, rate in rates.items()
     }

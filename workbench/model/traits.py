@@ -82,6 +82,7 @@ class Traits:
         sizes: Root mean square of the signals at ports along recordings, in SI: of a plant that
             declares no disturbance anywhere, `LEFT_OUT` of it may be left out there.
         scales: Typical sizes of ports that declare none (`workbench.model.sizes`), in SI by name.
+        opened: Whether inputs and rates have ports beside those that its author opened.
     """
 
     sums: tuple[DriftingSum, ...] = ()
@@ -91,6 +92,7 @@ class Traits:
     curves: tuple[ActuatorCurve, ...] = ()
     sizes: tuple[tuple[str, float], ...] = ()
     scales: tuple[tuple[str, float], ...] = ()
+    opened: bool = False
 
     def curve(self, name: str) -> ActuatorCurve:
         """Return a curve by the name of its input.

@@ -242,6 +242,8 @@ class Plant:
         from workbench.plants.own_effects import own_laws
 
         known = every_name(model)
+        if name not in known:
+            known = every_name(model.opened()) | known
         if own:
             extra = library(model, extra=own_laws(model, own, folder=folder))
             known |= {one.name: one for h in extra for one in (h, *h.alone)}

@@ -257,6 +257,12 @@ NEAR_NOISE = Threshold(
     "Held-out error over what noise and the uncertainty of the parameters leave, up to which"
     " nothing is missing.",
 )
+OFF_NOISE = Threshold(
+    "off the noise",
+    1.2,
+    "Held-out error over that of noise alone from which on something may be missing beside what"
+    " was found, where its author trusts the equations.",
+)
 AT_NOISE = Threshold(
     "at the noise",
     1.1,
