@@ -102,7 +102,7 @@ def guarded(
     references = tuple(
         ReferenceLimits(
             *ranges[name],
-            tolerances[name],
+            _above_noise(outputs[name], tolerances[name]),
             float(controller.sensors.index(name) if name in controller.sensors else -1),
             pace=PACE * tolerances[name],
             **_braking([y[name] for y, _ in held], *ranges[name], tolerances[name]),
@@ -178,9 +178,12 @@ def _to_rest(
 
 def _tolerance(output: Output, reach: tuple[float, float]) -> float:
     span = reach[1] - reach[0] if reach[1] - reach[0] < math.inf else 2.0 * output.scale
-    # A quarter of it that changes its side is a swing (`Guard`), which noise shall not be.
-    noise = math.hypot(output.noise_rms, output.correlated_noise_rms)
-    return max(TOLERANCE * span, 20.0 * output.resolution, 20.0 * noise)
+    return max(TOLERANCE * span, 20.0 * output.resolution)
+
+
+def _above_noise(output: Output, tolerance: float) -> float:
+    """Return a tolerance of which a quarter that changes its side, a swing, is no noise."""
+    return max(tolerance, 20.0 * math.hypot(output.noise_rms, output.correlated_noise_rms))
 
 
 def _estimator(
