@@ -168,12 +168,22 @@ def stages(
         other, places = opened(model, both)
         if places:
             say(f"searching again where {model.name} has no port: {', '.join(places)}")
-            own = folder and folder / "opened"
-            for again in run(other, rows=(*rows, *noise), folder=own):
-                if again.verdict is None:
-                    yield again
-            found = again if _closer(again, found) else found
+            # An early end keeps what the first search found.
+            *_, again = run(other, rows=(*rows, *noise), folder=folder and folder / "opened")
+            better, worse = (again, found) if _closer(again, found) else (found, again)
+            found = _beside(better, worse)
     yield found
+
+
+def _beside(found: Diagnosis, other: Diagnosis) -> Diagnosis:
+    """Return a diagnosis with time and work of another that was made beside it."""
+    assert found.verdict is not None
+    units = {**found.work, **other.work}
+    spent: _Spent = {
+        "seconds": found.seconds + other.seconds,
+        "work": {u: found.work.get(u, 0) + other.work.get(u, 0) for u in units},
+    }
+    return replace(found, **spent, verdict=replace(found.verdict, **spent))
 
 
 def _left_over(found: Diagnosis) -> bool:

@@ -101,6 +101,15 @@ gain_fade = Law(
     separated_by="the same motion at the start and at the end of a recording",
 )  # fmt: skip
 
+sensor_fade = replace(
+    gain_fade,
+    name="sensor_fade",
+    where=sensors(together=False),
+    group="sensor",
+    source="fouling of a probe, ageing of a light source",
+    look_alikes=("sensor_gain", "sensor_drift", "gain_fade"),
+)
+
 
 def passed(at: PortView) -> Expression:
     """Return the fraction of a jump that is over: 0 before its time, 1 after."""

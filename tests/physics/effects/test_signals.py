@@ -7,7 +7,7 @@ import pytest
 
 from tests.physics.effects.bench import bench, read, response, run, triangle
 from workbench.physics.delay import delay, sensor_delay
-from workbench.physics.drift import sensor_drift
+from workbench.physics.drift import sensor_drift, sensor_fade
 from workbench.physics.lag import sensor_lag
 from workbench.physics.library import library
 from workbench.physics.offset_gain import asymmetric_gain, gain, offset
@@ -181,6 +181,15 @@ def test_drift_reaches_its_final_value() -> None:
     assert y[0] == 0.0
     assert np.interp(2.0, times, y) == pytest.approx(5e3 * (1 - np.exp(-1.0)), rel=1e-3)
     assert y[-1] == pytest.approx(5e3, rel=1e-3)
+
+
+def test_a_probe_that_fouls_reads_ever_less_of_what_is_there() -> None:
+    fouled = sensor_fade(("p.reading",), amount=-0.2, time_constant=2.0)
+    times = np.linspace(0.0, 20.0, 201)
+    y = run(bench(fouled, "Pa"), lambda t: {"value": 3.0}, times)
+    assert y[0] == 3.0
+    assert np.interp(2.0, times, y) == pytest.approx(3.0 - 0.6 * (1 - np.exp(-1.0)), rel=1e-3)
+    assert y[-1] == pytest.approx(2.4, rel=1e-3)
 
 
 def test_offset_gain_and_asymmetry() -> None:
