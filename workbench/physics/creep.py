@@ -82,7 +82,7 @@ maxwell_element = Law(
 
 def _read_at_once(survey: Survey) -> Iterator[Fit]:
     for place in survey.fitting("measurement"):
-        for cause in survey.causes(place):
+        for cause in () if place.commanded else survey.causes(place):
             own = place.output.name if place.output else place.port.group
             site = replace(place, signals={**place.signals, "cause": cause})
             yield f"_{own}_{cause.source}", ((site,),)

@@ -10,6 +10,9 @@ from workbench.model.units import same_dimension
 from workbench.physics.law import Fit, Law, Own, shape, size
 from workbench.physics.place import Place, Survey, per
 
+_FAR = 10.0
+"""Distance of what is around from the temperature at the start, over the latter's typical size."""
+
 _ZERO = 273.15
 """Absolute temperature at 0 degC, K."""
 
@@ -17,9 +20,11 @@ _ZERO = 273.15
 def heat_stores(survey: Survey) -> Iterator[Fit]:
     """Yield the last heat flow into each store: it carries all that came before.
 
-    So does the rate of a temperature.
+    So does the rate of a temperature, or, where no heat flows in, what takes heat from it alone.
     """
     found = {
+        q.store: survey.with_level(q) for q in survey.fitting("heat") if q.store and q.fills < 0.0
+    } | {
         q.level.source: q
         for q in survey.fitting("heat", "flow", needs=("level",))
         if q.role == "heat" or same_dimension(q.level.unit, "K")
@@ -28,9 +33,16 @@ def heat_stores(survey: Survey) -> Iterator[Fit]:
         yield f"_{place.port.group}", ((place,),)
 
 
+def sense(at: Place) -> Own:
+    """State whether what flows at a place fills a store, 1, or empties it, -1; dimensionless."""
+    return shape("sense", "1", at.fills, "whether the port's flow fills or empties the store",
+                 around=None, between=(-1.0, 1.0), source="", fitted=False)  # fmt: skip
+
+
 def _around(at: Place) -> Own:
-    return shape("ambient", at.level.unit, at.level.start, "temperature around", around=None,
-                 scale=at.level.scale, fitted=False)  # fmt: skip
+    start, reach = at.level.start, _FAR * at.level.scale
+    return shape("ambient", at.level.unit, start, "temperature around", around=None,
+                 between=(start - reach, start + reach), scale=at.level.scale)  # fmt: skip
 
 
 def _conductance(at: Place, text: str, *, signed: bool = False) -> Own:
@@ -44,8 +56,8 @@ heat_loss = Law(
     "heat_loss",
     "Q = Q - conductance (T - ambient)",
     heat_stores,
-    lambda at: (_conductance(at, "heat lost over difference", signed=True), _around(at)),
-    lambda at: at.value - at.p.conductance * (at.signals.level - at.p.ambient),
+    lambda at: (_conductance(at, "heat lost over difference", signed=True), _around(at), sense(at)),
+    lambda at: at.value - at.p.sense * at.p.conductance * (at.signals.level - at.p.ambient),
     source="I. Newton 1701",
     look_alikes=("radiation", "second_store", "offset"),
     separated_by="let it cool from high: the temperature falls along an exponential",
@@ -55,7 +67,7 @@ heat_loss = Law(
 def _radiated(at: PortView) -> Expression:
     around = at.p.ambient + at.p.zero
     warm, cool = (at.signals.level + at.p.zero) / around, 1.0
-    return at.value - at.p.conductance * around * (warm**4 - cool) / 4.0
+    return at.value - at.p.sense * at.p.conductance * around * (warm**4 - cool) / 4.0
 
 
 # The conductance is that of small differences, 4 emissivity area sigma ambient^3.
@@ -68,6 +80,7 @@ radiation = Law(
         _around(at),
         shape("zero", at.level.unit, _ZERO if abs(at.level.start) < 0.5 * _ZERO else 0.0,
               "absolute temperature at zero of the scale", around=None, scale=_ZERO, fitted=False),
+        sense(at),
     ),
     _radiated,
     source="J. Stefan 1879, L. Boltzmann 1884",

@@ -14,7 +14,7 @@ import casadi as ca
 
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression, sqrt
-from workbench.physics.heat_loss import heat_stores
+from workbench.physics.heat_loss import heat_stores, sense
 from workbench.physics.law import Fit, Law, Own, each, floor, shape, size
 from workbench.physics.place import Place, Survey, per
 
@@ -34,11 +34,6 @@ def _stores(survey: Survey) -> list[Place]:
         if "level" in place.signals and place.fills > 0.0:
             found.setdefault(place.level.source, place)
     return list(found.values())
-
-
-def _sense(at: Place) -> Own:
-    return shape("sense", "1", at.fills, "whether the port's flow fills or empties the store",
-                 around=None, between=(-1.0, 1.0), source="", fitted=False)  # fmt: skip
 
 
 def _over_brims(survey: Survey) -> Iterator[Fit]:
@@ -78,14 +73,14 @@ def _brim(at: Place) -> tuple[Own, ...]:
              "spill over excess level"),
         shape("limit", level.unit, _brims(at)[0], "level of the brim", around=(0.1, 10.0)),
         shape("level_scale", level.unit, level.scale, "typical level", source="", fitted=False),
-        _sense(at),
+        sense(at),
         floor(at, 0.5),
         *((caught, _below(at.others[0])) if at.others else ()),
     )  # fmt: skip
 
 
 def _below(at: Place) -> Own:
-    return replace(_sense(at), name="sense_below")
+    return replace(sense(at), name="sense_below")
 
 
 overflow = Law(
@@ -124,7 +119,7 @@ def _outlet(at: Place) -> tuple[Own, ...]:
     return (
         shape("outlet", level.unit, 0.0, "level of the outlet", around=None, scale=level.scale,
               fitted=False),
-        _sense(at),
+        sense(at),
         shape("level_scale", level.unit, level.scale, "typical level", source="", fitted=False),
     )  # fmt: skip
 
@@ -234,7 +229,7 @@ second_store = Law(
              10.0 * at.scale / at.level.scale, "flow to the other store over the difference"),
         shape("time_constant", "s", 0.03 * at.lasting, "time in which the other store follows",
               around=(0.01, 100.0)),
-        _sense(at),
+        sense(at),
     ),
     lambda at: at.value - at.p.sense * at.p.conductance * (at.signals.level - at.x.beside),
     states=lambda at: (

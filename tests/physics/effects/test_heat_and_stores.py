@@ -12,7 +12,8 @@ from workbench.evaluation.foreign.plants.crane import crane
 from workbench.evaluation.foreign.plants.drive import drive
 from workbench.evaluation.foreign.plants.tank import ROOM, tank
 from workbench.evaluation.machines.plants import muscle
-from workbench.model import Model
+from workbench.model import Input, Model, Output, Scope, State
+from workbench.model.trace import Equations
 from workbench.physics.library import Hypothesis, library
 
 
@@ -182,3 +183,36 @@ def test_no_bristle_is_faster_than_samples_show() -> None:
     )
     floors = [next(q.value for q in own if q.name == "floor") for own in (slow, fast)]
     assert floors == pytest.approx([0.01, 0.001])
+
+
+def reactor() -> Model:
+    """Return a tank with one port, where the author counts the heat that it gives to a jacket."""
+
+    def equations(m: Scope) -> Equations:
+        given = m.port("jacket.heat", 20.0 * (m.x.warmth - m.u.coolant), unit="W")
+        return {"warmth": -given / 4e5}, {"warmth": m.x.warmth}
+
+    return Model(
+        "reactor",
+        equations,
+        states=(State("warmth", "K", 20.0, initial=340.0),),
+        inputs=(Input("coolant", "K", 20.0, nominal=300.0),),
+        outputs=(Output("warmth", "K", 20.0),),
+    )
+
+
+@pytest.mark.parametrize("law", ["heat_loss", "radiation", "second_store"])
+def test_what_counts_heat_that_leaves_a_store_may_count_too_little(law: str) -> None:
+    offer = offered(reactor(), f"{law}_jacket")
+    lossy = reactor().with_effect(offer.at_size(3.0))
+    # Warmer than what is around by 10 K the store gives 30 W more than the equations say.
+    start = lossy.initial_state({"warmth": 340.0})
+    start[0] += 10.0
+    rate, told = lossy.rates(start, [300.0])[0], reactor().rates([350.0], [300.0])[0]
+    assert rate - told == pytest.approx(-30.0 / 4e5, rel=0.06 if law == "radiation" else 1e-6)
+
+
+def test_what_is_around_a_lossy_store_is_refitted() -> None:
+    around = next(q for q in offered(reactor(), "heat_loss_jacket").effect.parameters[1:])
+    assert around.name == "ambient" and around.fitted
+    assert around.lower == pytest.approx(140.0) and around.upper == pytest.approx(540.0)
