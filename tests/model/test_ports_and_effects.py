@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 
 import casadi as ca
 import numpy as np
@@ -319,3 +320,21 @@ def test_functions_of_numbers_are_refused_where_symbols_stand() -> None:
             inputs=(Input("inflow", "m/s"),),
             outputs=(Output("level", "m"),),
         )
+
+
+def test_functions_of_numpy_stand_in_equations_without_a_word() -> None:
+    def model() -> Model:
+        return Model(
+            "cooling",
+            lambda m: (
+                {"warmth": m.u.heat - np.maximum(np.exp(m.x.warmth), np.sqrt(m.x.warmth))},
+                {"warmth": m.x.warmth},
+            ),
+            states=(State("warmth", "1"),),
+            inputs=(Input("heat", "1"),),
+            outputs=(Output("warmth", "1"),),
+        )
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert model().rates([0.25], [0.0])[0] == pytest.approx(-math.exp(0.25))

@@ -22,6 +22,9 @@ from workbench.model.scope import EffectView, Names, Port, PortView, Scope, Vali
 from workbench.model.traits import LEFT_OUT, Traits
 from workbench.model.units import rate_unit, same_dimension
 
+# NumPy's functions of a symbol give a symbol, in equations too, and say nothing of it.
+ca.GlobalOptions.setNumpyMode(-1)
+
 Named = Mapping[str, Expression]
 
 Equations = tuple[Mapping[str, Expression], Mapping[str, Expression]]
