@@ -21,22 +21,36 @@ typedef struct {
     double *work;
 } Filter;
 
+/* Columns j to j + WIDTH of a row of the product below, which stay in registers. */
+#define STRIPE(WIDTH)                                                                              \
+    for (; j + (WIDTH) <= m; j += (WIDTH)) {                                                       \
+        double sum[WIDTH];                                                                         \
+        for (int q = 0; q < (WIDTH); q++)                                                          \
+            sum[q] = add ? to[j + q] : 0.0;                                                        \
+        for (int64_t l = 0; l < k; l++) {                                                          \
+            const double factor = from[l], *other = b + l * m + j;                                 \
+            if (factor == 0.0)                                                                     \
+                continue;                                                                          \
+            for (int q = 0; q < (WIDTH); q++)                                                      \
+                sum[q] += factor * other[q];                                                       \
+        }                                                                                          \
+        for (int q = 0; q < (WIDTH); q++)                                                          \
+            to[j + q] = sum[q];                                                                    \
+    }
+
 /* c = a b, or c += a b, for a of shape (n, k) that may be sparse and b of shape (k, m). */
 static void product(double *restrict c, const double *restrict a, const double *restrict b, int64_t n,
                     int64_t k, int64_t m, int add)
 {
-    for (int64_t i = 0; i < n; i++) {
-        double *row = c + i * m;
-        if (!add)
-            memset(row, 0, (size_t)m * sizeof(double));
-        for (int64_t l = 0; l < k; l++) {
-            const double factor = a[i * k + l];
-            if (factor == 0.0)
-                continue;
-            const double *other = b + l * m;
-            for (int64_t j = 0; j < m; j++)
-                row[j] += factor * other[j];
-        }
+    for (int64_t i = 0, j; i < n; i++) {
+        const double *from = a + i * k;
+        double *to = c + i * m;
+        j = 0;
+        STRIPE(16)
+        STRIPE(8)
+        STRIPE(4)
+        STRIPE(2)
+        STRIPE(1)
     }
 }
 

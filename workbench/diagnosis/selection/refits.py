@@ -350,7 +350,8 @@ def _refitted(
         if best is not None and fit.cost > best[1].cost - enough:
             break
         best = score, fit
-        wider = widened(entry, fit, started[0].sample_time) or tuned(entry, fit, started)
+        wider = widened(entry, fit, started[0].sample_time)
+        wider = wider or tuned(entry, fit, started, enough)
         if wider is entry:
             break
         score = replace(score, entry=wider)
@@ -512,41 +513,50 @@ def _best_start(
 
 
 def _stepped(
-    cost: Callable[[float], float],
-    here: float,
-    q: Parameter,
-    least: float,
-    *,
-    steps: Sequence[float] = (_STEP,),
+    cost: Callable[[float], float], here: float, q: Parameter, least: float, step: float = _STEP
 ) -> float:
     """Go on from a value in steps, up or down, as long as that gains."""
-    for step in steps:
-        for factor in (step, 1.0 / step):
-            moved = False
-            for _ in range(_STEPS):
-                value = float(np.clip(factor * here, q.lower, q.upper))
-                now = cost(value) if value != here else math.inf
-                if not now < least:
-                    break
-                least, here, moved = now, value, True
-            if moved:
+    for factor in (step, 1.0 / step):
+        moved = False
+        for _ in range(_STEPS):
+            value = float(np.clip(factor * here, q.lower, q.upper))
+            now = cost(value) if value != here else math.inf
+            if not now < least:
                 break
+            least, here, moved = now, value, True
+        if moved:
+            break
     return here
 
 
-def _between(
-    cost: Callable[[float], float], near: float, q: Parameter, factor: float, here: float
-) -> float:
-    """Return the best value within a step of one; the value itself where that gains little."""
-    ends = np.log(np.clip((near / factor, near * factor), q.lower, q.upper))
+def _between(cost: Callable[[float], float], here: float, q: Parameter, enough: float) -> float:
+    """Return the best value within a step of one, if it promises to gain enough."""
+    for step in (_STEP, math.sqrt(_STEP)):
+        points = [
+            float(np.clip(v, q.lower, q.upper)) for v in (1.0 / step * here, here, step * here)
+        ]
+        costs = [cost(v) for v in points]
+        if points[0] < here < points[2] and all(map(math.isfinite, costs)):
+            break
+    else:
+        return here
+    x = np.log(points)
+    # A parabola a x^2 + b x gains b^2 / (4 a) at its lowest point.
+    curvature, slope, _ = np.polyfit(x - x[1], costs, 2)
+    if curvature <= 0.0 or slope**2 < 4.0 * curvature * enough:
+        return here
     options = {"xatol": _FINE, "maxiter": _FINEST}
-    found = minimize_scalar(lambda v: cost(math.exp(v)), bounds=ends, options=options)
-    value = float(np.clip(math.exp(found.x), q.lower, q.upper))
-    return value if found.fun < min(cost(near), cost(here) - 1.0) else near
+    found = minimize_scalar(lambda v: cost(math.exp(v)), bounds=(x[0], x[2]), options=options)
+    return math.exp(found.x) if found.fun < costs[1] else here
 
 
-def tuned(entry: Hypothesis, fit: ProcessNoiseFit, fit_on: Sequence[Observed]) -> Hypothesis:
+def tuned(
+    entry: Hypothesis, fit: ProcessNoiseFit, fit_on: Sequence[Observed], enough: float = _NEARER
+) -> Hypothesis:
     """Improve what no refit changes and whose usual value is a guess, such as a rounded step.
+
+    Args:
+        enough: Log likelihood that a better value has to gain.
 
     Returns:
         The effect with better values; itself where there are none.
@@ -556,28 +566,28 @@ def tuned(entry: Hypothesis, fit: ProcessNoiseFit, fit_on: Sequence[Observed]) -
     if not guessed:
         return entry
     rms = disturbances(model, fit.noise_scale)
-    filter_ = PredictionError(model, fit_on[0], (), rms)
     better: dict[str, float] = {}
 
     def cost(name: str, value: float) -> float:
+        valued = model.with_parameters({f"{entry.name}.{name}": value})
         try:
-            values = model.with_parameters({f"{entry.name}.{name}": value}).values
-            return sum(part.cost for part in filter_.along(fit_on, values))
+            # What is steeper takes shorter steps.
+            filter_ = PredictionError(valued, fit_on[0], (), rms)
+            return sum(part.cost for part in filter_.along(fit_on, valued.values))
         except NumericalError:
             return math.inf
 
-    fine = (_STEP, math.sqrt(_STEP), _STEP**0.25)
     for q in guessed:
         of = functools.cache(functools.partial(cost, q.name))
         here = model.parameter(f"{entry.name}.{q.name}").value
-        least = of(here) - 1.0
-        value = _stepped(of, here, q, least, steps=fine)
+        least = of(here) - enough
+        value = _stepped(of, here, q, least)
         if value == here:
-            value = _stepped(of, here, q, least, steps=(_LEAP,))
+            value = _stepped(of, here, q, least, _LEAP)
             if value != here:
-                value = _stepped(of, value, q, of(value), steps=fine)
-        value = _between(of, value, q, fine[-1], here)
-        if value != here:
+                value = _stepped(of, value, q, of(value))
+        value = _between(of, value, q, enough)
+        if of(value) < least:
             better[q.name] = value
     return _valued(entry, better) if better else entry
 
