@@ -83,6 +83,9 @@ how many: the usual size may be wrong by a hundred."""
 _FINE, _FINEST = 0.02, 8
 """Logarithm within which what was found in steps is searched between them, and in how many runs."""
 
+_CRAWL = 0.25
+"""Change of the logarithm of an event's width below which another one would follow at once."""
+
 _LEAP = 100.0
 """Factor of a step from a guess that small steps do not improve: where a reversal is far sharper or
 rounder than what was sampled, they change nothing."""
@@ -566,6 +569,7 @@ def tuned(
     if not guessed:
         return entry
     rms = disturbances(model, fit.noise_scale)
+    timed = {q.unit for q in entry.effect.parameters if q.name == entry.effect.about.moment}
     better: dict[str, float] = {}
 
     def cost(name: str, value: float) -> float:
@@ -587,7 +591,9 @@ def tuned(
             if value != here:
                 value = _stepped(of, value, q, of(value))
         value = _between(of, value, q, enough)
-        if of(value) < least:
+        # The width of an event that changes little waits for its time, which moves with it.
+        crawls = q.unit in timed and abs(math.log(value / here)) < _CRAWL
+        if of(value) < least and not crawls:
             better[q.name] = value
     return _valued(entry, better) if better else entry
 
