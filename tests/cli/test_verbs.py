@@ -134,6 +134,21 @@ def test_redesign_of_a_machine_that_is_no_arm(
     assert "on servo axis, step 100 to" in capsys.readouterr().out
 
 
+def test_a_redesign_is_run_until_its_loops_have_settled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from workbench.cli import verify
+
+    (tmp_path / "verdict.json").write_text(json.dumps({"plant": {"name": "servo-axis"}}))
+    monkeypatch.setattr(verify, "settling", lambda recipes, linear, scenario: 4.0)
+    out = tmp_path / "out"
+    assert run(["redesign", str(tmp_path / "verdict.json"), "-f", "lqi", "--out", str(out)]) == 0
+    conditions = json.loads((out / "results.json").read_text())["conditions"]
+    (scenario,) = conditions["scenarios"].values()
+    (signal,) = scenario["references"].values()
+    assert np.diff(signal["times"]).tolist() == [1.0, 4.0]
+
+
 def test_verify_says_when_a_requirement_is_missed(capsys: pytest.CaptureFixture[str]) -> None:
     # A controller designed for 1 kg moves eight times that inertia: it cannot stay within 10 %.
     arguments = ["verify", "-c", "pid", "--load", "8kg", "--design-load", "1kg"]

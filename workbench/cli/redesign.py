@@ -65,7 +65,7 @@ def _redesigned(verdict: str, designs: Sequence[str], at: Sequence[str], out: Pa
     from controllers.c_export import export_c
     from workbench.cli.plant import chosen_plant
     from workbench.cli.running import counting, typed
-    from workbench.cli.verify import nominal_design, recipes_of, step_of, study_of_step
+    from workbench.cli.verify import nominal_design, recipes_of, settling, step_of, study_of_step
     from workbench.plants.saved import nominal_of_file
     from workbench.reports.study_files import write_study_files
     from workbench.study.plants import PlantRecipe
@@ -79,6 +79,9 @@ def _redesigned(verdict: str, designs: Sequence[str], at: Sequence[str], out: Pa
     nominal = replace(base, plant=PlantRecipe(kind, options, folder=base.plant.folder))
     scenario = step_of(found, controlled, base, controllers=designs)
     before, after = (recipes_of(recipe, designs, scenario) for recipe in (nominal, base))
+    if long := settling(after, base.linear(), scenario):
+        times = f"{long!r} s", f"{scenario.sample_time!r} s"
+        scenario = step_of(found, controlled, base, None, None, *times)
     recipes = [
         replace(recipe, name=f"{recipe.name}, {word}")
         for known, word in ((before, "nominal"), (after, "redesigned"))

@@ -83,7 +83,7 @@ def verify(
     base = nominal_design(chosen, changes)
     scenario = step_of(chosen, controlled, base, begins, ends, hold, sample_time, controller or ())
     recipes = recipes_of(base, controller or (), scenario)
-    if hold is None and (long := _settling(recipes, base.linear(), scenario)):
+    if hold is None and (long := settling(recipes, base.linear(), scenario)):
         same = f"{scenario.sample_time!r} s"
         scenario = step_of(chosen, controlled, base, begins, ends, f"{long!r} s", same)
     study = replace(study_of_step(chosen, recipes, scenario, require or ()), seeds=(seed,))
@@ -237,9 +237,7 @@ def step_of(
     )
 
 
-def _settling(
-    recipes: Sequence[ControllerRecipe], linear: LinearModel, scenario: Scenario
-) -> float:
+def settling(recipes: Sequence[ControllerRecipe], linear: LinearModel, scenario: Scenario) -> float:
     """Return the time between steps, in s, that the slowest loop needs; 0 if they have it."""
     from controllers.plain.limits import settled_after
     from workbench.linearisation.pace import rounded_up
