@@ -63,7 +63,7 @@ def test_diagnose_writes_verdict_page_and_pictures(
     assert run(["diagnose", *axis_options, "--out", str(out)]) == 0
     said = capsys.readouterr()
     assert "refitting the nominal model" in said.err and "stribeck friction" in said.out
-    assert re.search(r"^work: .*[1-9] \S+ filtered samples", said.out, re.MULTILINE)
+    assert re.search(r"^work: [1-9][0-9.]* \S+ filtered samples", said.out, re.MULTILINE)
     data = json.loads((out / "verdict.json").read_text())
     assert data["schema"] == "workbench.verdict/2" and data["verdict"].startswith("named")
     assert data["findings"][0]["effect"] == "stribeck_friction"

@@ -559,7 +559,7 @@ def tuned(
     """Improve what no refit changes and whose usual value is a guess, such as a rounded step.
 
     Args:
-        enough: Log likelihood that a better value has to gain.
+        enough: Log likelihood (dimensionless) that a better value has to gain.
 
     Returns:
         The effect with better values; itself where there are none.
