@@ -190,8 +190,7 @@ def _left_over(found: Diagnosis) -> bool:
     """Whether a free run of what was found is well off the noise, or nothing was found surely."""
     if found.validated is None or found.complete:
         return False
-    assert found.verdict is not None
-    return found.verdict.kind in ("unexplained", "likely") or _misfit(found) > OFF_NOISE.value
+    return _unsure(found) or _misfit(found) > OFF_NOISE.value
 
 
 def _misfit(found: Diagnosis) -> float:
@@ -206,16 +205,18 @@ def _misfit(found: Diagnosis) -> float:
 
 def _closer(again: Diagnosis, found: Diagnosis) -> bool:
     """Whether the second diagnosis names something and leaves less than half of what is left."""
-    assert again.verdict is not None
     if again.validated is None or not again.accepted:
         return False
-    unsure = again.verdict.kind in ("unexplained", "likely")
-    return not unsure and _misfit(again) ** 2 - 1.0 < 0.5 * (_misfit(found) ** 2 - 1.0)
+    return not _unsure(again) and _misfit(again) ** 2 - 1.0 < 0.5 * (_misfit(found) ** 2 - 1.0)
 
 
 def _may_be_noise(found: Diagnosis) -> bool:
+    return found.fitted is not None and _unsure(found)
+
+
+def _unsure(found: Diagnosis) -> bool:
     assert found.verdict is not None
-    return found.fitted is not None and found.verdict.kind in ("unexplained", "likely")
+    return found.verdict.kind in ("unexplained", "likely")
 
 
 def _explained(found: Diagnosis) -> bool:
