@@ -12,13 +12,13 @@ from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.held_out import explained, held_out_errors
-from workbench.diagnosis.selection.moments import moments
+from workbench.diagnosis.selection.moments import levels, moments
 from workbench.diagnosis.selection.rules import IMPERFECT, MOST_LEFT, NEAR_NOISE
 from workbench.diagnosis.selection.score import COLLINEAR
 from workbench.diagnosis.selection.weights import Weighted
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Kind, Value, Verdict
-from workbench.model import Effect
+from workbench.model import Effect, Model
 from workbench.model.units import in_time
 
 _MOST_SAID = 5
@@ -238,6 +238,19 @@ def _since(diagnosis: Diagnosis, effect: Effect) -> str:
     return ", ".join(said)
 
 
+def _by_recording(model: Model, effect: Effect) -> str:
+    """Say where what differs from recording to recording begins; empty if nothing does."""
+    attached = next((e for e in model.effects if e.name == effect.name), effect)
+    found = levels(model, attached)
+    if not found or (not attached.about.level and max(found.values()) == min(found.values())):
+        return ""
+    subject, size = attached.about.subject, attached.parameters[0]
+    unit = model.parameter(subject).unit if subject else size.unit
+    told = (f"{model.size_text(v, unit, effect.ports, 3)} in {k}" for k, v in found.items())
+    begins = "" if attached.about.level else "begins at "
+    return f"; {subject or 'it'} {begins or 'is '}{', '.join(told)}"
+
+
 def _weights(diagnosis: Diagnosis) -> tuple[Weighted, ...]:
     return diagnosis.selected.weights if diagnosis.selected is not None else ()
 
@@ -278,6 +291,7 @@ def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]])
             f", {name} {value:.3g} +- {std:.2g} {unit}".removesuffix(" 1")
             for name, (value, std, unit) in ((name, v.read) for name, v in told.items())
         )
+        + _by_recording(diagnosis.extended.model, entry.effect)
         + (f"; cannot be told from {', '.join(alike[1:])}" if len(alike) > 1 else "")
         + (f"; {about.separated_by} would decide" if len(alike) > 1 and about.separated_by else "")
         + "."

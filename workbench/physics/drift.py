@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import casadi as ca
@@ -83,6 +83,23 @@ sensor_drift = Law(
     look_alikes=("sensor_offset", "creep", "chamber_leakage"),
     separated_by="the same holding position at the start and at the end of a recording",
 )
+
+
+def from_first(
+    begins: Mapping[str, float], first: str, reached: float
+) -> tuple[float, dict[str, float]]:
+    """Count the share that was reached in each recording from that at the start of the first one.
+
+    Args:
+        begins: Share of the amount reached at the start of each recording, dimensionless.
+        reached: ``1 - exp(-lasting / tau)``, dimensionless.
+
+    Returns:
+        The factor of the amount that goes with it, and the shares; dimensionless.
+    """
+    rest = 1.0 - begins[first] * reached
+    return rest, {name: (share - begins[first]) / rest for name, share in begins.items()}
+
 
 gain_fade = Law(
     "gain_fade",
@@ -297,19 +314,84 @@ parameter_jump = replace(
     look_alikes=("parameter_fade", "gain_jump", "offset_jump"),
 )
 
+# What ages goes on from one recording to the next: where it begins there is not known.
 parameter_fade = replace(
     gain_fade,
     name="parameter_fade",
-    equation="parameter + amount w, w = (1 - exp(-t / tau)) / (1 - exp(-lasting / tau))",
+    equation="parameter + amount w, w' = (1 / (1 - exp(-lasting / tau)) - w) / tau",
     where=_each_parameter,
     parameters=lambda at: (
         _amount(at),
         *_warmed(at),
     ),
     transform=lambda at: _changed(at, at.x.warm),
+    states=lambda at: (replace(_warm()[0], start_rms=1.0),),
+    begins="warm",
     of_parameter=True,
     source="warming, wear, ageing",
-    look_alikes=("parameter_jump", "gain_fade"),
+    look_alikes=("parameter_jump", "gain_fade", "parameter_by_recording"),
+)
+
+
+# A load that was changed, a room that was warmer, a zero that is set when the power comes on.
+offset_by_recording = Law(
+    "offset_by_recording",
+    "y = u + amount level, one level in each recording",
+    together(
+        drives("force", "acceleration", "flow", only=lambda at: at.driven),
+        each(*EFFORTS, needs=("speed",), label=by_port),
+        each(*FLOWS, label=by_port, only=lambda at: bool(at.store) and not at.empty),
+        each("valve_command", label=by_port),
+    ),
+    lambda at: (size("amount", at.unit, 0.05 * at.scale, at.scale, "offset at a level of one"),),
+    lambda at: at.value + at.p.amount * at.x.level,
+    states=lambda at: (State("level", "1", 1.0, "level of a recording", 1.0, start_rms=2.0),),
+    rates=lambda e: {"level": 0.0 * e.x.level},
+    begins="level",
+    level=True,
+    source="what was changed between recordings",
+    look_alikes=("offset", "offset_jump", "constant_force", "constant_torque"),
+    separated_by="two recordings that follow one another without a break",
+)
+
+sensor_offset_by_recording = replace(
+    offset_by_recording,
+    name="sensor_offset_by_recording",
+    where=sensors(together=False),
+    parameters=lambda at: (
+        size("amount", at.unit, sensor_error(at) * at.scale, 5.0 * sensor_error(at) * at.scale,
+             "offset at a level of one"),
+    ),
+    group="sensor",
+    source="a zero that is set at power-on",
+    look_alikes=("sensor_offset", "sensor_drift"),
+)  # fmt: skip
+
+# At a force that is all that moves a body: of another load it moves more, or less.
+gain_by_recording = replace(
+    offset_by_recording,
+    name="gain_by_recording",
+    equation="y = u (1 + amount level), one level in each recording",
+    where=together(
+        drives("force", "acceleration", "flow", only=lambda at: at.driven),
+        each(*EFFORTS, needs=("speed",), label=by_port, only=lambda at: at.whole),
+    ),
+    parameters=lambda at: (
+        size("amount", "1", 0.1, 1.0, "relative change at a level of one"),
+    ),
+    transform=lambda at: at.value * (1.0 + at.p.amount * at.x.level),
+    look_alikes=("gain", "gain_fade", "parameter_by_recording"),
+)  # fmt: skip
+
+parameter_by_recording = replace(
+    offset_by_recording,
+    name="parameter_by_recording",
+    equation="parameter + amount level, one level in each recording",
+    where=_each_parameter,
+    parameters=lambda at: (replace(_amount(at), lower=0.0),),
+    transform=lambda at: _changed(at, at.x.level),
+    of_parameter=True,
+    look_alikes=("parameter_fade", "parameter_jump", "gain_by_recording"),
 )
 
 

@@ -214,6 +214,8 @@ class Law:
         of_parameter: Whether it changes a parameter of the model.
         moment: Name of the parameter that is the time of an event, on a clock that is a state.
         period: Name of the parameter with which that event repeats, in s.
+        begins: Name of the state that begins otherwise in each recording.
+        level: Whether that state stays as it begins.
         downhill: Whether it acts at the first of its ports, the others only take what it gives off.
         same_as: Names of hypotheses that give the very same measurements, of a model and the
             place where the law acts.
@@ -249,6 +251,8 @@ class Law:
     of_parameter: bool = False
     moment: str = ""
     period: str = ""
+    begins: str = ""
+    level: bool = False
     downhill: bool = False
     same_as: Callable[[Survey, Place], tuple[str, ...]] = lambda *_: ()
     family: str = ""
@@ -444,6 +448,8 @@ class Law:
                 self._subject(sites),
                 self.moment,
                 self.period,
+                self.begins,
+                self.level,
             ),
             dry=self.dry,
         )

@@ -15,7 +15,7 @@ from workbench.diagnosis.estimation.process_noise import (
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.decision import closer_unseen, degenerates_to, preferred
 from workbench.diagnosis.selection.held_out import told_apart
-from workbench.diagnosis.selection.moments import is_event, with_own_moments
+from workbench.diagnosis.selection.moments import changed_values, is_event, with_own_starts
 from workbench.diagnosis.selection.refits import entry_priors, refit_candidates
 from workbench.diagnosis.selection.rules import FREE_RUN, REFIT, SAME, SURPASSED, Limits
 from workbench.diagnosis.selection.score import Score, Scores
@@ -113,9 +113,10 @@ def retimed(task: Task, state: Selected) -> Selected:
     Events that came together may hold each other where only one of them would move.
     """
     names = [a.candidate.entry.name for a in state.accepted]
-    events = [n for n in names if is_event(state.extended.model.effect(n))]
-    once = [n for n in events if not state.extended.model.effect(n).about.period]
-    groups = [once] * (len(once) > 1) + [[name] for name in events]
+    found = [state.extended.model.effect(n) for n in names]
+    once = [e.name for e in found if is_event(e) and not e.about.period]
+    groups = [once] * (len(once) > 1)
+    groups += [[e.name] for e in found if is_event(e) or e.about.begins]
     for group in groups if len(names) > 1 else ():
         task.say(f"looking again when {' and '.join(group)} came")
         state = _moved(task, state, group)
@@ -125,17 +126,11 @@ def retimed(task: Task, state: Selected) -> Selected:
 def _moved(task: Task, state: Selected, events: Sequence[str]) -> Selected:
     full = state.extended
     before = tuple(map(full.model.effect, events))
-    after = with_own_moments(before, full, task.nominal, task.fitting, task.judging)
+    after = with_own_starts(before, full, task.nominal, task.fitting, task.judging)
     if all(new is old for new, old in zip(after, before, strict=True)):
         return state
     model = full.model.without(*events).with_effect(*after)
-    begin = {e.name: e.value for e in full.refit.estimates}
-    begin |= {
-        f"{e.name}.{q.name}": q.value
-        for e in after
-        for q in e.parameters
-        if q.name == e.about.moment
-    }
+    begin = {e.name: e.value for e in full.refit.estimates} | changed_values(before, after)
     recordings = task.started(task.fitting, model)
     try:
         fit = fit_with_process_noise(

@@ -1,4 +1,4 @@
-"""When an event came in each recording: it does not repeat."""
+"""When an event came in each recording, and where what ages or was changed begins there."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from workbench.diagnosis.estimation.prediction_error import Observed, Prediction
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, extended_start
 from workbench.errors import NumericalError
 from workbench.model import Effect, Model, Parameter, State
+from workbench.physics.drift import from_first
 
 Vector = npt.NDArray[np.float64]
 
@@ -23,6 +24,116 @@ steps from the best one on."""
 
 _CLEARLY = 10.0
 """Log likelihood by which a recording must be likelier: more than so many tries give by chance."""
+
+_REACH, _KNOWN = 4.0, 1e-3
+"""Range of the beginnings that are tried at first, and how well one is known that was found, both
+over the usual one."""
+
+
+def with_own_starts(
+    effects: Sequence[Effect],
+    fit: ProcessNoiseFit,
+    before: Model,
+    fit_on: Sequence[Observed],
+    hold_out: Sequence[Observed],
+) -> tuple[Effect, ...]:
+    """Return effects with when, or where, they begin in each recording, where that is clear.
+
+    Args:
+        effects: Effects of the fitted model.
+        fit: The refitted model.
+        before: The model that the recordings have a start for.
+
+    Returns:
+        The effects, with the values of those of their parameters that change with it; the same
+        ones where nothing does.
+    """
+    events = tuple(e for e in effects if is_event(e))
+    own = with_own_moments(events, fit, before, fit_on, hold_out) if events else ()
+    moved = dict(zip((e.name for e in events), own, strict=True))
+    return tuple(
+        _begun(e, fit, before, (*fit_on, *hold_out)) if e.about.begins else moved.get(e.name, e)
+        for e in effects
+    )
+
+
+def changed_values(before: Sequence[Effect], after: Sequence[Effect]) -> dict[str, float]:
+    """Return parameters whose values differ between effects, by full name, in SI."""
+    return {
+        f"{new.name}.{q.name}": q.value
+        for old, new in zip(before, after, strict=True)
+        for q, was in zip(new.parameters, old.parameters, strict=True)
+        if q.value != was.value
+    }
+
+
+def _begun(
+    effect: Effect, fit: ProcessNoiseFit, before: Model, recordings: Sequence[Observed]
+) -> Effect:
+    """Return an effect with where it begins in each recording, in multiples of its amount."""
+    model, about = fit.model, effect.about
+    place = [q.name for q in model.states].index(f"{effect.name}.{about.begins}")
+    rms, found = disturbances(model, fit.noise_scale), {}
+    for observed in recordings:
+        begun = extended_start(observed, before, model)
+        sure = begun.start_rms.copy()
+        sure[place] = _KNOWN
+        filter_ = PredictionError(model, begun, (), rms)
+
+        def cost(
+            start: float,
+            filter_: PredictionError = filter_,
+            begun: Observed = begun,
+            sure: Vector = sure,
+        ) -> float:
+            x = begun.start.copy()
+            x[place] = start
+            try:
+                return filter_.run(replace(begun, start=x, start_rms=sure), model.values).cost
+            except NumericalError:
+                return math.inf
+
+        middle, step = float(begun.start[place]), _REACH / 8.0
+        tried = middle + np.linspace(-_REACH, _REACH, 17)
+        costs = [cost(start) for start in tried]
+        best = float(tried[int(np.argmin(costs))])
+        while best in (tried[0], tried[-1]) and step < 1e3:
+            # Far away it goes on in longer steps.
+            step *= 2.0
+            tried = best + step * np.array([-1.0, 0.0, 1.0, 2.0]) * (1 if best > middle else -1)
+            best = float(tried[int(np.argmin([cost(start) for start in tried]))])
+        options = {"xatol": _KNOWN, "maxiter": _STEPS}
+        near = minimize_scalar(
+            cost, bounds=(best - step, best + step), method="bounded", options=options
+        )
+        if not math.isfinite(near.fun):
+            return effect
+        found[observed.name] = float(near.x)
+    own = {q.name: q for q in effect.parameters}
+    size = next(iter(own))
+    if about.level:
+        # Its amount is the root mean square of the levels.
+        factor = math.sqrt(sum(v * v for v in found.values()) / len(found)) or 1.0
+        found = {name: v / factor for name, v in found.items()}
+    else:
+        lasting, pace = (_own(model, effect, n).value for n in ("lasting", "time_constant"))
+        reached = 1.0 - math.exp(-lasting / pace)
+        factor, found = from_first(found, recordings[0].name, reached)
+    value = factor * _own(model, effect, size).value
+    lower, upper = min(own[size].lower, 2.0 * value), max(own[size].upper, 2.0 * value)
+    own[size] = replace(own[size], value=value, lower=lower, upper=upper)
+    states = tuple(
+        replace(
+            q,
+            initial=sum(found.values()) / len(found),
+            start_rms=_KNOWN,
+            start_in=tuple(sorted(found.items())),
+        )
+        if q.name == about.begins
+        else q
+        for q in effect.states
+    )
+    return replace(effect, states=states, parameters=tuple(own.values()))
 
 
 def with_own_moments(
@@ -99,6 +210,16 @@ def _moved(
         for q in effect.states
     )
     return replace(effect, states=states).with_parameters({effect.about.moment: time})
+
+
+def levels(model: Model, effect: Effect) -> dict[str, float]:
+    """Return what an effect adds at the start of each recording, in its SI unit; empty if one."""
+    if not effect.about.begins:
+        return {}
+    size = model.parameter(f"{effect.name}.{effect.parameters[0].name}").value
+    subject = model.parameter(effect.about.subject).value if effect.about.subject else 0.0
+    own = next(q for q in effect.states if q.name == effect.about.begins)
+    return {name: subject + size * start for name, start in own.start_in}
 
 
 def moments(model: Model, effect: Effect) -> dict[str, float]:

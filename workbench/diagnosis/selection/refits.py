@@ -27,7 +27,7 @@ from workbench.diagnosis.estimation.windows import windows
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.decision import decided
 from workbench.diagnosis.selection.held_out import NO_RUNS, RunErrors, held_out_gain, run_errors
-from workbench.diagnosis.selection.moments import with_own_moments
+from workbench.diagnosis.selection.moments import changed_values, with_own_starts
 from workbench.diagnosis.selection.rules import SURPASSED, UNTRIED, Limits
 from workbench.diagnosis.selection.score import COLLINEAR, Score
 from workbench.diagnosis.selection.shortlist import LEAST_SCORE
@@ -690,15 +690,11 @@ def _judged_on(
         entry = wider
     assert best is not None
     entry, fit, started = best
-    (effect,) = with_own_moments((entry.effect,), fit, base.model, fit_on, hold_out)
+    (effect,) = with_own_starts((entry.effect,), fit, base.model, fit_on, hold_out)
     if effect is not entry.effect:
-        entry = replace(entry, effect=effect)
         ended = {e.name: e.value for e in fit.refit.estimates}
-        ended |= {
-            f"{entry.name}.{q.name}": q.value
-            for q in effect.parameters
-            if q.name == effect.about.moment
-        }
+        ended |= changed_values((entry.effect,), (effect,))
+        entry = replace(entry, effect=effect)
         model = base.model.with_effect(entry.at_size(1.0 if entry.replaces else 0.0))
         started = [extended_start(r, base.model, model) for r in fit_on]
         fit = fit_with_process_noise(

@@ -32,6 +32,9 @@ COLLINEAR = 0.99
 _SIGMA = 4.0
 """Multiple of the standard deviation of its size from which an effect is clear."""
 
+_DIFFERS = 15.0
+"""Gain of log likelihood by which one size in each recording has to beat one in all of them."""
+
 _DUE = 0.1
 """Part of what an effect does to the predictions after which it counts as seen."""
 
@@ -263,6 +266,7 @@ class _Totals:
         self.split = n_parameters
         self.information = np.zeros((n, n))
         self.gradient = np.zeros(n)
+        self.each: list[tuple[Vector, Vector]] = []
         self.blocks: list[Vector] = []
         self.begins: list[Vector] = []
         self.shown: list[Vector] = []
@@ -275,14 +279,51 @@ class _Totals:
         others = [part.jacobian[:, :, self.split :] for part in parts[1:]]
         jacobian = np.concatenate([parts[0].jacobian, *others], axis=2)
         rows = jacobian.reshape(-1, jacobian.shape[2])
-        self.information += rows.T @ rows
         products = np.einsum("kyf,ky->kf", jacobian, errors)
-        self.gradient += products.sum(axis=0)
+        self.each.append((rows.T @ rows, products.sum(axis=0)))
+        self.information += self.each[-1][0]
+        self.gradient += self.each[-1][1]
         blocks = summed_over_blocks(products)
         self.blocks.append(blocks)
         self.begins.append(np.linspace(0.0, len(errors), len(blocks), endpoint=False))
         own = jacobian[:, :, self.split :]
         self.shown.append(summed_over_blocks(np.einsum("kyf,kyf->kf", own, own)))
+
+    @np.errstate(over="ignore", invalid="ignore")
+    def leveled(self, levels: Sequence[int], prior: Vector) -> list[int]:
+        """Give each recording the size of its own that some effects score best with.
+
+        Args:
+            levels: Numbers of these effects, whose root mean square size the totals then hold.
+            prior: Information of the priors of the free parameters, shape (n_free, n_free).
+
+        Returns:
+            Those whose sizes do not differ from recording to recording.
+        """
+        n, same = self.split, []
+        shared = self.information[:n, :n] + prior
+        weights = np.ones((len(self.each), len(self.gradient)))
+        for k in levels:
+            cross = np.array([i[:n, n + k] for i, _ in self.each])
+            slopes = np.array([g[n + k] for _, g in self.each])
+            slopes -= cross @ np.linalg.solve(shared, self.gradient[:n])
+            curvature = np.diag([i[n + k, n + k] for i, _ in self.each])
+            curvature -= cross @ np.linalg.solve(shared, cross.T)
+            if not np.isfinite(curvature).all():
+                same.append(k)
+                continue
+            sizes = -np.linalg.pinv(curvature, rcond=1e-6, hermitian=True) @ slopes
+            alike = 0.5 * slopes.sum() ** 2 / max(curvature.sum(), 1e-6 * np.trace(curvature))
+            if not -0.5 * slopes @ sizes - alike > _DIFFERS:
+                same.append(k)
+                continue
+            weights[:, n + k] = sizes / np.sqrt(np.mean(sizes**2))
+        pairs = [(np.outer(w, w) * i, w * g) for w, (i, g) in zip(weights, self.each, strict=True)]
+        self.information = np.sum([i for i, _ in pairs], axis=0)
+        self.gradient = np.sum([g for _, g in pairs], axis=0)
+        self.blocks = [w * b for w, b in zip(weights, self.blocks, strict=True)]
+        self.shown = [w[n:] ** 2 * b for w, b in zip(weights, self.shown, strict=True)]
+        return same
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -290,9 +331,10 @@ def _scores(
     totals: _Totals, variants: Sequence[_Variant], scale: Vector, std: Vector, noise_scale: float
 ) -> Scores:
     n = totals.split
+    prior = np.diag((scale[:n] / std) ** 2)
+    same = totals.leveled([i for i, v in enumerate(variants) if v.effect.about.level], prior)
     information, gradient = totals.information, totals.gradient
     blocks = np.concatenate(totals.blocks)
-    prior = np.diag((scale[:n] / std) ** 2)
     collinear = np.linalg.solve(information[:n, :n] + prior, information[:n, n:])
     projected = information[n:, n:] - information[n:, :n] @ collinear
     slopes = gradient[n:] - collinear.T @ gradient[:n]
@@ -312,6 +354,8 @@ def _scores(
     # Of each effect the shape that gains the most, best effect first.
     best: dict[str, int] = {}
     for i in np.argsort(-gain):
+        if i in same:
+            continue
         best.setdefault(variants[i].entry.name, int(i))
     order = list(best.values())
     due = _due(np.concatenate(totals.shown), np.concatenate(totals.begins))
