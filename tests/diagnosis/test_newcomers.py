@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from tests.diagnosis.newcomers import (
     DAY,
@@ -57,7 +58,7 @@ from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.library import Hypothesis, library
 from workbench.physics.place import Survey
-from workbench.recordings.recording import Signal
+from workbench.recordings.recording import Recording, Signal
 
 
 def only(monkeypatch: pytest.MonkeyPatch, *laws: str) -> None:
@@ -504,3 +505,47 @@ def test_a_sensor_whose_curve_bends_is_no_spring_that_hardens(
     assert found["straight"] == pytest.approx(0.3, abs=0.05)
     reach = np.ptp(runs[0]["position"])
     assert found["amount"] == pytest.approx(0.06 * reach**2, rel=0.1)
+
+
+def _winding(seed: int) -> Recording:
+    """A coil behind two diodes: 0.5 V drop in the direction of the current, beside SciPy."""
+    rng, volts = np.random.default_rng(seed), levels(400, seed, 4.0, 10, 40)
+    current, read = 0.0, np.empty(400)
+    for k, u in enumerate(volts):
+        read[k] = current
+        current = solve_ivp(
+            lambda _, i, u=u: (u - 2.0 * i - 0.5 * np.tanh(i / 0.005)) / 8e-3,
+            (0.0, 1e-3), [current], method="LSODA", rtol=1e-7, atol=1e-9,
+        ).y[0, -1]  # fmt: skip
+    signals = (
+        Signal("voltage", volts, "V", role="command"),
+        Signal("current", read + 2e-3 * rng.normal(size=400), "A"),
+    )
+    return Recording(f"run {seed}", 1e-3 * np.arange(400), signals)
+
+
+def test_what_drops_with_the_direction_of_a_current_is_named_without_a_port(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    only(monkeypatch, "coulomb_friction", "offset", "saturating_outflow", "second_store")
+    coil = Model(
+        "coil",
+        lambda m: (
+            {"current": (m.u.voltage - m.p.ohms * m.x.current) / m.p.henries},
+            {"current": m.x.current},
+        ),
+        states=(State("current", "A"),),
+        inputs=(Input("voltage", "V"),),
+        outputs=(Output("current", "A"),),
+        parameters=(
+            Parameter("ohms", "Ohm", value=1.5, lower=0.1, upper=10.0, fitted=True),
+            Parameter("henries", "H", value=6e-3, lower=1e-3, upper=5e-2, fitted=True),
+        ),
+    )
+    runs = [_winding(seed) for seed in (1, 2, 3)]
+    verdict = diagnose(coil, runs[:2], runs[2:], jobs=1, advise=False).verdict
+    assert verdict is not None
+    (finding,) = verdict.findings
+    assert finding.effect == "coulomb_friction"
+    # 0.5 V over 8 mH.
+    assert finding.parameters["level"].value == pytest.approx(62.5, rel=0.03)

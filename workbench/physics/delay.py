@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
+import casadi as ca
+
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression
 from workbench.model.scope import Names
 from workbench.physics.law import Fit, Law, Own, by_port, drives, each, floor, sensors, size
-from workbench.physics.place import DRIVES, EFFORTS, Place, Survey
+from workbench.physics.place import DRIVES, EFFORTS, Local, Place, Survey
 
 
 def _spare(p: Names) -> Expression:
@@ -162,11 +164,48 @@ valve_delay = replace(
     separated_by="steps of the command beside a fast spool or flow sensor",
 )
 
+
+def _driven(survey: Survey) -> Iterator[Fit]:
+    """Yield the inputs that enter the equations through an effort alone, each as its cause."""
+    efforts = survey.fitting(*EFFORTS, needs=("speed",))
+    pairs = [(at, u) for at in efforts if at.role not in DRIVES for u in survey.own_causes(at)]
+    for at, cause in pairs:
+        end = f"_{cause.source}" if len(pairs) > 1 else ""
+        yield end, ((replace(at, signals={**at.signals, "cause": cause}),),)
+
+
+def _by_cause(at: PortView) -> PortView:
+    # Attached to a port by its name it delays all of the signal.
+    return replace(at, value=at.signals.cause) if "cause" in at.signals else at
+
+
+def _late_cause(at: PortView) -> Expression:
+    cause = _by_cause(at).value
+    late = _delayed_command(replace(at, value=cause))
+    return (
+        ca.substitute(ca.SX(at.value), ca.SX(cause), ca.SX(late)) if cause is not at.value else late
+    )
+
+
+def _cause_states(at: Place) -> tuple[State, ...]:
+    cause = at.signals.get("cause", Local("cause", at.unit, at.scale))
+    return tuple(
+        replace(q, unit=cause.unit, scale=cause.scale, start_rms=0.05 * cause.scale)
+        for q in _states(at)
+    )
+
+
+# What else acts on the body there is not late: friction, a spring.
 drive_delay = replace(
     delay,
     name="drive_delay",
-    where=each(*EFFORTS, needs=("speed",), only=lambda at: at.driven and at.role not in DRIVES),
+    equation="signal with U exp(-D s) for an input U, Pade function of second over third order",
+    where=_driven,
     parameters=_times(2.5, 50),
+    transform=_late_cause,
+    states=_cause_states,
+    rates=lambda e: _command_rates(replace(e, at={k: _by_cause(v) for k, v in e.at.items()})),
+    start=lambda e: {"late": _by_cause(e.here).value},
     same_as=lambda *_: (),
     look_alikes=("clock_shift", "sensor_delay"),
     separated_by="steps of the command beside a force sensor",

@@ -353,6 +353,20 @@ class Survey:
         entering = zip(self.model.inputs, self._entered[index], strict=True)
         return tuple(self._of(q.name) for q, enters in entering if enters)
 
+    def own_causes(self, place: Place) -> tuple[Local, ...]:
+        """Return the inputs that enter the equations through a place alone."""
+        index = [q.name for q in self.trace.ports].index(place.name)
+        found = []
+        for k, q in enumerate(self.model.inputs):
+            u = self.trace.u[k]
+            slope = ca.jacobian(self._port_value(index), u)
+            whole = ca.jacobian(ca.vertcat(self.trace.rates, self.trace.outputs), u)
+            if not slope.is_zero() and _same(
+                self._sampled(self._by_port[:, index] * slope), self._sampled(whole)
+            ):
+                found.append(self._of(q.name))
+        return tuple(found)
+
     def attached(self, equation: str) -> bool:
         """Tell whether an effect of that equation is part of the model."""
         return any(e.about.equation == equation for e in self.model.effects)
@@ -425,6 +439,9 @@ class Survey:
                 return "circuit" if circuit else role
         for state in self._moved[index]:
             if same_dimension(port.unit, per(state.unit, "s")):
+                if state.unit == "A":
+                    # What changes a current is a voltage over a coil.
+                    return "circuit"
                 fast = state.name in self._integral or state.unit.endswith("/s")
                 return "acceleration" if fast else "flow"
         return "flow" if port.name.endswith(".flow") else ""

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
+from tests.diagnosis.newcomers import oscillator
 from tests.physics.effects.bench import bench, read, response, run, triangle
 from workbench.physics.delay import delay, sensor_delay
 from workbench.physics.drift import sensor_drift, sensor_fade
@@ -246,3 +248,23 @@ def test_a_sensor_that_filters_its_samples(time: float) -> None:
         return float(np.abs(read - filtered).max() / np.abs(plain - filtered).max())
 
     assert off(1.0) < 0.02 < 0.04 < off(0.0)
+
+
+def test_a_late_drive_delays_its_input_and_not_the_spring_beside_it() -> None:
+    model, late, step = oscillator(), 0.06, 0.02
+    entry = next(e for e in library(model, sample_time=step) if e.law == "drive_delay")
+    drive = np.sin(2.0 * np.arange(400) * step)
+    run = simulate(model.with_effect(entry.at_size(late)), drive[:, None], sample_time=step)
+    # The same equations beside SciPy, with the input as held as it was, three samples later.
+    held = np.r_[np.zeros(3), drive[:-3]]
+    p = {q.name: q.value for q in model.parameters}
+    x, read = np.zeros(2), []
+    for u in held:
+        read.append(x[0])
+        x = solve_ivp(
+            lambda _, s, u=u: [
+                s[1], (u - p["stiffness"] * s[0] - p["damping"] * s[1]) / p["mass"],
+            ],
+            (0.0, step), x, rtol=1e-8, atol=1e-10,
+        ).y[:, -1]  # fmt: skip
+    assert run.outputs[:, 0] == pytest.approx(np.array(read), abs=0.02 * np.ptp(read))
