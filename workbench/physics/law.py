@@ -79,8 +79,11 @@ class Own:
         value = self.value if given is None else float(given)
         lower, upper = self.lower, self.upper
         if self.relative:
-            around = abs(value if not bounded else self.value)
-            lower, upper = lower * around, upper * around
+            around = value if not bounded else self.value
+            # Of a level below zero, or at it, no multiple is a bound.
+            lower, upper = (
+                (lower * around, upper * around) if around > 0.0 else (-math.inf, math.inf)
+            )
         elif self.typical and not bounded:
             # The size that an author gives says more than the scale of a port.
             upper = upper if value <= upper else 20.0 * abs(value)
