@@ -153,7 +153,11 @@ def design_h_infinity(
         tuple(found.B.ravel().tolist()),
         tuple(found.C.ravel().tolist()),
         float(found.D[0, 0]),
-        anti_windup(found.A, found.C, math.exp(-weights.speed * want.sample_time)),
+        tuple(
+            anti_windup(found.A, found.C, math.exp(-weights.speed * want.sample_time))
+            .ravel()
+            .tolist()
+        ),
         joint.a0,
         found.gamma,
         found.norm,

@@ -96,9 +96,9 @@ class Synthesis(NamedTuple):
 
     Args:
         A: State matrix of the sampled controller, shape (n, n).
-        B: From the error, in rad, shape (n, 1).
-        C: To the acceleration, in rad/s2, shape (1, n).
-        D: Direct gain, in rad/s2 per rad, shape (1, 1).
+        B: From the errors, of a joint in rad, shape (n, p).
+        C: To the commands, of a joint in rad/s2, shape (m, n).
+        D: Direct gain, of a joint in rad/s2 per rad, shape (m, p).
         continuous: The same before Tustin's rule.
         gamma: Least norm that the synthesis found, a ratio.
         norm: Norm with the controller of reduced order, a ratio.
@@ -121,8 +121,8 @@ def synthesise(
     """Synthesise the controller of least weighted norm, reduce its order and sample it.
 
     Args:
-        plant: From (disturbance, command) to the output, no direct path; about as large as a double
-            integrator at the speed of the weights.
+        plant: From (disturbances, commands) to the outputs, no direct path; about as large as a
+            double integrator at the speed of the weights.
         tolerance: How much larger the norm may become by the reduction, a fraction.
         sample_time: Time between samples, in s.
 
@@ -134,12 +134,14 @@ def synthesise(
     h = sample_time
     generalised = generalised_plant(plant, weights)
     try:
-        gamma, least = _least(generalised)
+        ways = plant[1].shape[1] // 2, len(plant[2])
+        gamma, least = _least(generalised, ways)
         enough = (1.0 + tolerance) * gamma
         # At the least norm the controller has poles towards infinity, and rounding decides on them;
         # a little above it they are finite.
         for back_off in (0.0, 0.01, 0.02, 0.05, 0.1, 0.2):
-            whole = least if back_off == 0.0 else _central(generalised, (1.0 + back_off) * gamma)
+            above = (1.0 + back_off) * gamma
+            whole = least if back_off == 0.0 else _central(generalised, ways, above)
             found, norm = _reduced(whole, plant, weights, enough, 2.0 / h)
             if norm <= enough:
                 break
@@ -196,33 +198,28 @@ def joint_behind_pressure_loop(joint: JointModel, inner_bandwidth: float, delay:
 
 
 def generalised_plant(plant: System, weights: Weights) -> System:
-    """Join plant and weights: from (n, d, u) to (z1, z2, z3, y)."""
+    """Join plant and weights, one for each output: from (n, d, u) to (z1, z2, z3, y)."""
     A, B, C, _ = plant
-    a1, b1, c1, d1 = weights.performance()
-    a3, b3, c3, d3 = weights.robustness()
-    n = len(A)
-    whole = np.block(
-        [
-            [A, np.zeros((n, 2))],
-            [-b1 @ C, a1, np.zeros((1, 1))],
-            [b3 @ C, np.zeros((1, 1)), a3],
-        ]
-    )
-    entries = np.zeros((n + 2, 3))
-    entries[n, 0] = b1[0, 0]
-    entries[:n, 1] = weights.disturbance * weights.speed**2 * B[:, 0]
-    entries[:n, 2] = B[:, 1]
-    none = np.zeros((1, 1))
+    (p, n), m = C.shape, B.shape[1] // 2
+    one, square = np.eye(p), np.zeros((p, p))
+    a1, b1, c1, d1 = (part[0, 0] * one for part in weights.performance())
+    a3, b3, c3, d3 = (part[0, 0] * one for part in weights.robustness())
+    whole = np.block([[A, np.zeros((n, 2 * p))], [-b1 @ C, a1, square], [b3 @ C, square, a3]])
+    entries = np.zeros((n + 2 * p, p + 2 * m))
+    entries[n : n + p, :p] = b1
+    entries[:n, p:] = B
+    entries[:n, p : p + m] *= weights.disturbance * weights.speed**2
     outputs = np.vstack(
         [
-            np.hstack([-d1 @ C, c1, none]),
-            np.zeros((1, n + 2)),
-            np.hstack([d3 @ C, none, c3]),
-            np.hstack([-C, none, none]),
+            np.hstack([-d1 @ C, c1, square]),
+            np.zeros((m, n + 2 * p)),
+            np.hstack([d3 @ C, square, c3]),
+            np.hstack([-C, square, square]),
         ]
     )
-    direct = np.zeros((4, 3))
-    direct[0, 0], direct[1, 2], direct[3, 0] = d1[0, 0], weights.input_weight(), 1.0
+    direct = np.zeros((3 * p + m, p + 2 * m))
+    direct[:p, :p], direct[2 * p + m :, :p] = d1, one
+    direct[p : p + m, p + m :] = weights.input_weight() * np.eye(m)
     return whole, entries, outputs, direct
 
 
@@ -230,8 +227,9 @@ def closed_loop_norm(plant: System, weights: Weights, controller: System) -> flo
     """Compute the norm from (n, d) to (z1, z2, z3), a ratio, on a grid; infinite if not stable."""
     generalised = generalised_plant(plant, weights)
     (_, B, C, D), (_, b, c, d) = generalised, controller
-    Bw, Bu, Cz, Cy = B[:, :2], B[:, 2:], C[:3], C[3:]
-    Dzw, Dzu, Dyw = D[:3, :2], D[:3, 2:], D[3:, :2]
+    z, w = len(C) - d.shape[1], B.shape[1] - d.shape[0]
+    Bw, Bu, Cz, Cy = B[:, :w], B[:, w:], C[:z], C[z:]
+    Dzw, Dzu, Dyw = D[:z, :w], D[:z, w:], D[z:, :w]
     closed = _closed(generalised, controller)
     if np.max(np.linalg.eigvals(closed).real) >= 0.0:
         return float("inf")
@@ -256,7 +254,7 @@ def _reduced(
     return slow, closed_loop_norm(plant, weights, slow)
 
 
-def _least(generalised: System) -> tuple[float, System]:
+def _least(generalised: System, ways: tuple[int, int]) -> tuple[float, System]:
     """Return the least norm, a ratio, with which a controller is found, and that controller.
 
     Raises:
@@ -266,7 +264,7 @@ def _least(generalised: System) -> tuple[float, System]:
     while found is None or high - low > LEAST * high:
         tried = high if found is None else 0.5 * (low + high)
         try:
-            found, high = _central(generalised, tried), tried
+            found, high = _central(generalised, ways, tried), tried
         except ArithmeticError:
             if tried > LARGEST:
                 raise
@@ -278,8 +276,8 @@ LEAST, LARGEST = 1e-8, 1e9
 """How closely the least norm is found, as a fraction of it, and the largest that is looked for."""
 
 
-def _central(generalised: System, gamma: float) -> System:
-    """Return the central controller with a norm below ``gamma``: one measurement, one command.
+def _central(generalised: System, ways: tuple[int, int], gamma: float) -> System:
+    """Return the central controller with a norm below ``gamma``, of so many commands and outputs.
 
     Raises:
         ArithmeticError: If there is none that makes the loop stable.
@@ -287,7 +285,8 @@ def _central(generalised: System, gamma: float) -> System:
     import slycot
 
     A, B, C, _ = generalised
-    found: System = slycot.sb10fd(len(A), B.shape[1], len(C), 1, 1, gamma, *generalised)[:4]
+    m, p = ways
+    found: System = slycot.sb10fd(len(A), B.shape[1], len(C), m, p, gamma, *generalised)[:4]
     if np.max(np.linalg.eigvals(_closed(generalised, found)).real) >= 0.0:
         raise ArithmeticError("the closed loop is not stable")
     return found
@@ -297,7 +296,7 @@ def _closed(generalised: System, controller: System) -> Matrix:
     """Return the state matrix of a loop; y has no direct path from u, so it needs no inverse."""
     A, B, C, _ = generalised
     a, b, c, d = controller
-    Bu, Cy = B[:, -1:], C[-1:]
+    Bu, Cy = B[:, -d.shape[0] :], C[-d.shape[1] :]
     return np.block([[A + Bu @ d @ Cy, Bu @ c], [b @ Cy, a]])
 
 

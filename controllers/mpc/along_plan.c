@@ -84,11 +84,12 @@ static int mpc_step(const double *measurement, const double *reference, double *
   res[0] = next;
   AFTER_KERNEL(arg, res, iw, w, 0);
   for (i = 0; i < STATES; ++i) state[i] = next[i];
-  status = given(opening, status, x[QP_N - 1] * SLACK_SCALE, iterations, command, report);
+  status = given(&opening, status, x[QP_N - 1] * SLACK_SCALE, iterations, command, report);
 #ifdef LEARNED
-  command[0] = clipped(voltage_for(opening - state[LEARNED]) +
-                           (voltage_for(state[KNOWN] + state[LEARNED]) - voltage_for(state[KNOWN])),
-                       VALVE_CENTRE - VOLTAGE[VALVE_LAST], VALVE_CENTRE + VOLTAGE[VALVE_LAST]);
+  command[0] = clipped(voltage_of(0, opening - state[LEARNED]) +
+                           (voltage_of(0, state[KNOWN] + state[LEARNED]) - voltage_of(0, state[KNOWN])),
+                       VALVE_CENTRE[0] - VOLTAGE[VALVE_LAST],
+                       VALVE_CENTRE[0] + VOLTAGE[VALVE_LAST]);
 #endif
   return status;
 }

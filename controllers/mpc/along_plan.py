@@ -132,7 +132,8 @@ class ScheduledMPC(ValveController):
             return np.asarray(a + share * (b - a))
 
         before, z = state.deviation, np.array(problem.errors)
-        gradient = product(between(low.g_estimate, high.g_estimate), z) + low.g_before * before
+        gradient = product(between(low.g_estimate, high.g_estimate), z)
+        gradient += low.g_before[:, 0] * before
         pressures = product(between(low.rows_estimate, high.rows_estimate), z)
         n_u = low.size[0] - 1
         room = self.pressure_limits[1] - self.pressure_limits[0]
@@ -164,10 +165,10 @@ class ScheduledMPC(ValveController):
         if solution.solved:
             move, slack = float(solution.x[0]), float(solution.x[-1]) * low.slack_scale
         else:
-            gain = between(low.gain, high.gain)[None, :]
+            gain = between(low.gain, high.gain)
             move, slack = -float(product(gain, z)[0]), float("nan")
         opening = min(max(forward + move, -1.0), 1.0)
-        info = {**told(opening, solution, slack), "plan": problem.plan}
+        info = {**told((opening,), solution, slack), "plan": problem.plan}
         after = self.after(state, problem, front, opening, FLOATS)
         return (self.tracking.command(self.valve, after.tracking, opening),), after, info
 
@@ -239,7 +240,7 @@ class ScheduledMPC(ValveController):
         share_now = (measurement[0] - rest[0]) / schedule.spacing
         if not schedule.angles[0] <= rest[0] <= schedule.angles[-1]:
             share_now = 0.0
-        move = -(first @ low.g_before) * state.deviation - float(first @ turned) * share_now
+        move = -(first @ low.g_before[:, 0]) * state.deviation - float(first @ turned) * share_now
         for gain, error in zip((first @ G).tolist(), problem.errors, strict=True):
             move = move - gain * error
         opening = arithmetic.clip(problem.opening, -1.0, 1.0) + move
@@ -274,7 +275,8 @@ class ScheduledMPC(ValveController):
         return mpc_source(
             name,
             "along_plan.c",
-            valve=self.valve,
+            curves=(self.valve,),
+            actuators=self.actuators,
             size=(n, m),
             factor=True,
             defined={

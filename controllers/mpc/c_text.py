@@ -7,7 +7,7 @@ them. The solver is that of `controllers.quadratic_program`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,19 +20,19 @@ from controllers.quadratic_program.solver import most_iterations
 from controllers.valve_inverse import ValveInverse
 
 REPORTS = (
-    "opening applied, a fraction of the full one",
     "slack: largest pressure out of its limits over the horizon, Pa; NaN with a fallback",
     "iterations of the solver",
     "fallback: 1 where the solver failed, else 0",
 )
-"""What a step of an exported MPC tells about itself."""
+"""What a step of an exported MPC tells about itself, behind its openings."""
 
 
 def mpc_source(
     name: str,
     step: str,
     *,
-    valve: ValveInverse,
+    curves: Sequence[ValveInverse],
+    actuators: Sequence[str],
     size: tuple[int, int],
     factor: bool,
     defined: Mapping[str, float | int | str],
@@ -54,10 +54,18 @@ def mpc_source(
     """
     n, m = size
     limit = most_iterations(n, m)
-    curve = {"FRACTION": np.array(valve.fractions), "VOLTAGE": np.array(valve.voltages)}
+    # Curves of as many points: the last one again where one has fewer.
+    most = max(len(own.fractions) for own in curves)
+    curve = {
+        key: np.array([(*points, *points[-1:] * (most - len(points))) for points in values])
+        for key, values in (
+            ("FRACTION", [own.fractions for own in curves]),
+            ("VOLTAGE", [own.voltages for own in curves]),
+        )
+    } | {"VALVE_CENTRE": np.array([own.centre for own in curves])}
     numbers = {
-        "VALVE_LAST": len(valve.fractions) - 1,
-        "VALVE_CENTRE": valve.centre,
+        "VALVE_LAST": most - 1,
+        "OPENINGS": len(curves),
         "ROWS_A": m,
         **defined,
     }
@@ -87,7 +95,7 @@ static int {name}_step(const double *measurement, const double *reference, doubl
     # An iteration that lets go the first of n active rows.
     iteration = (n + m) * n + 7 * n * n + 5 * n**3
     notes = (
-        f"Each step solves a quadratic program with {n} variables (the moves of the opening and",
+        f"Each step solves a quadratic program with {n} variables (the moves of the openings and",
         f"one slack), {m} constraints and {n} bounds by a dual active-set method.",
         "Status of the law: 0 solved, 1 given up after too many iterations, 2 constraints that",
         "contradict each other, 3 a number that is not finite.",
@@ -99,7 +107,12 @@ static int {name}_step(const double *measurement, const double *reference, doubl
         "Fallback where the status is not 0: the unconstrained regulator, clipped to the",
         "opening's limits.",
     )
-    return CSource(source, states, notes, REPORTS, prepared + limit * iteration)
+    several = len(curves) > 1
+    applied = tuple(
+        f"opening{f' of {own}' if several else ''} applied, a fraction of the full one"
+        for own in actuators
+    )
+    return CSource(source, states, notes, (*applied, *REPORTS), prepared + limit * iteration)
 
 
 def _text(name: str) -> str:

@@ -82,7 +82,7 @@ def design_disturbance_observer(
     *,
     sensors: tuple[str, ...],
     actuators: tuple[str, ...],
-    disturbances: Mapping[str, float],
+    disturbances: Mapping[str, float] | tuple[Matrix, float],
     sensor_noise: tuple[float, ...],
     state_noise: float,
     sample_time: float,
@@ -91,7 +91,8 @@ def design_disturbance_observer(
 
     Args:
         disturbances: States whose rates are disturbed, each with the random walk of its
-            disturbance: rms change over one second, in the state's SI unit per second.
+            disturbance: rms change over one second, in the state's SI unit per second. Or E, shape
+            (n_states, n_disturbances), in SI, and the random walk of its disturbances.
         sensor_noise: Noise rms of each sensor, in SI.
         state_noise: Random walk of every state over one second, as a fraction of its scale.
         sample_time: Time between samples, in s.
@@ -103,9 +104,7 @@ def design_disturbance_observer(
     Source:
         Pannocchia and Rawlings 2003, proposition 1 (observability of the joined system).
     """
-    for name in disturbances:
-        check_choice("disturbed state", name, linear.state_names)
-    A, B, E = continuous_matrices(linear, actuators, tuple(disturbances))
+    A, B, E, walk, said = continuous_matrices(linear, actuators, disturbances)
     rows = [linear.output_names.index(name) for name in sensors]
     n, w = E.shape
     joined = np.block([[A, E], [np.zeros((w, n + w))]])
@@ -113,9 +112,8 @@ def design_disturbance_observer(
     C = np.hstack([np.asarray(linear.C)[rows], np.zeros((len(rows), w))])
     described = {q.name: q for q in linear.operating_point.model.states}
     scale = np.array([described[name].scale for name in linear.state_names])
-    walk = np.array(list(disturbances.values()))
     size = np.concatenate([scale, walk])
-    _check_told_apart(A, E, C[:, :n], size, np.array(sensor_noise), tuple(disturbances))
+    _check_told_apart(A, E, C[:, :n], size, np.array(sensor_noise), said)
     noise = np.concatenate([state_noise * scale, walk]) ** 2 * sample_time
     gain = _kalman_gain(F, C, noise, np.array(sensor_noise) ** 2, size)
     rest = np.array(linear.y0)[rows]
@@ -123,15 +121,26 @@ def design_disturbance_observer(
 
 
 def continuous_matrices(
-    linear: LinearModel, actuators: tuple[str, ...], disturbed: tuple[str, ...]
-) -> tuple[Matrix, Matrix, Matrix]:
-    """Return A, the columns of B for some inputs, and E for disturbed states, in SI."""
+    linear: LinearModel,
+    actuators: tuple[str, ...],
+    disturbed: Mapping[str, float] | tuple[Matrix, float],
+) -> tuple[Matrix, Matrix, Matrix, Matrix, tuple[str, ...]]:
+    """Return A, columns of B, and E of disturbances, in SI; their walks, and what they are called.
+
+    Args:
+        disturbed: As `design_disturbance_observer` takes it, in SI.
+    """
     columns = [linear.input_names.index(name) for name in actuators]
-    n = len(linear.state_names)
-    E = np.zeros((n, len(disturbed)))
+    A, B = np.asarray(linear.A, dtype=float), np.asarray(linear.B, dtype=float)[:, columns]
+    if not isinstance(disturbed, Mapping):
+        said = tuple(f"of {name}" for name in actuators)
+        E, walk = disturbed
+        return A, B, E, np.full(E.shape[1], walk), said
+    E = np.zeros((len(A), len(disturbed)))
     for i, name in enumerate(disturbed):
+        check_choice("disturbed state", name, linear.state_names)
         E[linear.state_names.index(name), i] = 1.0
-    return np.asarray(linear.A, dtype=float), np.asarray(linear.B, dtype=float)[:, columns], E
+    return A, B, E, np.array(list(disturbed.values())), tuple(disturbed)
 
 
 def _check_told_apart(

@@ -1,12 +1,15 @@
 """A linear MPC problem in CasADi symbols: what is predicted, what it costs, what is limited.
 
 Everything is an expression of the moves u, the slack eps, the estimate z = (x, w) of states and
-disturbances now, the reference over the horizon and the opening before:
+disturbances now, the references over the horizon and the openings before. An opening is a command
+as a fraction of its full one:
 
     x_{j+1} = Phi x_j + Gamma u_block(j) + Omega w,   y_j = C x_j
     cost    = sum_j q (y_j - r_j)^2 + R (u_j - us)^2 + S sum_i (u_i - u_{i-1})^2
               + |x_N - xs|^2_P + softness eps^2
     rows    : the changes of the moves, then the limited outputs + eps and - eps
+
+Of several followed outputs and openings, the sums are over all of them.
 
 A design hands its `Formulation` to a function of the user's, which may return another one: another
 cost, other limits. `condensed` reads the matrices of the quadratic program off it, whatever it is,
@@ -24,7 +27,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from workbench.arrays import Matrix
+from workbench.arrays import Matrix, Vector
 from workbench.errors import WorkbenchError
 
 LINEAR = 1e-9
@@ -36,20 +39,21 @@ class Formulation:
     """A linear MPC problem in symbols; openings are deviations from the operating point.
 
     Args:
-        symbols: Moves, slack, estimate, reference and opening before, one below the other, in their
-            units.
-        moves: Blocked moves u, shape (n_u,), fractions.
+        symbols: Moves, slack, estimate, references and openings before, one below the other, in
+            their units.
+        moves: Blocked moves u, those of a block together, shape (n_u,), fractions.
         slack: Slack eps, in the unit of the limited outputs' rows.
         estimate: States and disturbances now, shape (n_z,), in SI.
-        path: Reference over the horizon, shape (N,), deviations in SI.
-        before: Opening before, a fraction.
+        path: References over the horizon, one behind the other, shape (N * n_followed,),
+            deviations in SI.
+        before: Openings before, shape (n_openings,), fractions.
         states: Predicted states, shape (n_x, N), in SI.
-        outputs: Predicted outputs, followed one first, shape (1 + n_limited, N), in SI.
-        openings: Openings over the horizon, shape (N,), fractions.
+        outputs: Predicted outputs, followed ones first, shape (n_followed + n_limited, N), in SI.
+        openings: Openings over the horizon, shape (N, n_openings), fractions.
         cost: What is minimised, dimensionless.
         rows: What is limited beside the variables, shape (m,), fractions and the slack's unit; the
-            first one is the change of the
-            opening from the one before, of which it alone depends.
+            first ones are the changes of the openings from those before, which nothing else
+            depends on.
         lower: Lower limits of the rows, shape (m,), in their units.
         upper: Upper limits of the rows, shape (m,), in their units.
     """
@@ -81,9 +85,9 @@ def formulated(
     disturbances: int,
     target: Matrix,
     cost_to_go: Matrix,
-    weights: tuple[float, float, float],
+    weights: tuple[Vector, Vector, Vector],
     blocks: tuple[int, ...],
-    move_limit: float,
+    move_limit: Vector,
     output_limits: tuple[tuple[float, float], ...],
     slack_scale: float,
     softness: float,
@@ -91,44 +95,46 @@ def formulated(
     """Write down a linear MPC problem, in SI, as `controllers.mpc.prediction.condense` has it.
 
     phi and gamma hold over a prediction sample for z = (x, w), whose last entries are disturbances;
-    ``target`` is (xs, us) per (w, r), shape (n_x + 1, n_w + 1), ``cost_to_go`` P, shape (n_x, n_x).
+    ``target`` is (xs, us) per (w, r), shape (n_x + m, n_w + p), ``cost_to_go`` P, shape (n_x, n_x).
     """
-    n_z, n_u, N = len(phi), len(blocks), sum(blocks)
-    n_x = n_z - disturbances
-    q, r, s = weights
-    symbols = ca.MX.sym("symbols", n_u + 1 + n_z + N + 1)
-    ends = np.cumsum([0, n_u, 1, n_z, N, 1]).tolist()
+    (n_z, m), N, p = gamma.shape, sum(blocks), len(weights[0])
+    n_u, n_x = m * len(blocks), n_z - disturbances
+    q, r, s = (ca.sqrt(ca.DM(part)) for part in weights)
+    symbols = ca.MX.sym("symbols", n_u + 1 + n_z + N * p + m)
+    ends = np.cumsum([0, n_u, 1, n_z, N * p, m]).tolist()
     moves, slack, estimate, path, before = ca.vertsplit(symbols, ends)
 
-    openings = ca.vcat([ca.repmat(moves[i], length, 1) for i, length in enumerate(blocks)])
+    each = ca.vertsplit(moves, m)
+    openings = ca.vcat([ca.repmat(each[i].T, length, 1) for i, length in enumerate(blocks)])
     phi, gamma = ca.DM(phi), ca.DM(gamma)
     z, states = estimate, []
     for j in range(N):
-        z = ca.mtimes(phi, z) + gamma * openings[j]
+        z = ca.mtimes(phi, z) + ca.mtimes(gamma, openings[j, :].T)
         states.append(z[:n_x])
     states = ca.hcat(states)
     outputs = ca.mtimes(C, states)
 
-    at_rest = ca.mtimes(target, ca.vertcat(estimate[n_x:], path[-1]))
+    wanted = ca.reshape(path, N, p)
+    at_rest = ca.mtimes(target, ca.vertcat(estimate[n_x:], wanted[-1, :].T))
     end = states[:, -1] - at_rest[:n_x]
-    changes = moves - ca.vertcat(before, moves[:-1])
+    changes = moves - ca.vertcat(before, moves[:-m])
     cost = (
-        q * ca.sumsqr(outputs[0, :].T - path)
-        + r * ca.sumsqr(openings - at_rest[n_x])
-        + s * ca.sumsqr(changes)
+        ca.sumsqr((outputs[:p, :].T - wanted) * ca.repmat(q.T, N, 1))
+        + ca.sumsqr((openings - ca.repmat(at_rest[n_x:].T, N, 1)) * ca.repmat(r.T, N, 1))
+        + ca.sumsqr(changes * ca.repmat(s, len(blocks), 1))
         + ca.bilin(cost_to_go, end, end)
         + softness * slack**2
     )
     # Every other prediction sample is enough: pressures do not jump within 20 ms.
     checked = range(0, N, 2)
-    limited = [ca.vec(outputs[i, ::2]) / slack_scale for i in range(1, 1 + len(output_limits))]
+    limited = [ca.vec(outputs[p + i, ::2]) / slack_scale for i in range(len(output_limits))]
     soft = ca.vcat(limited) if limited else ca.MX(0, 1)
     low, high = (
         np.repeat([limits[i] / slack_scale for limits in output_limits], len(checked))
         for i in (0, 1)
     )
     endless = np.full(len(low), 1e9)
-    steps = np.full(n_u, move_limit)
+    steps = np.asarray(move_limit, dtype=float)
     return Formulation(
         symbols,
         moves,
@@ -150,16 +156,16 @@ def condensed(problem: Formulation) -> tuple[Matrix, Matrix, Matrix, Matrix, Mat
     """Return the matrices of the quadratic program of a formulation.
 
     Returns:
-        H, gradients per estimate, per reference and per opening before, rows per variable and per
-        estimate, in the units of the problem.
+        H, gradients per estimate, per references and per openings before, rows per variable and
+        per estimate, in the units of the problem.
 
     Raises:
         WorkbenchError: If the cost is not quadratic, the rows are not linear, or they hold what the
-            program cannot: constants, or the opening before in another row than the first.
+            program cannot: constants, or the openings before in other rows than the first.
     """
     sizes = [part.numel() for part in (problem.moves, problem.slack, problem.estimate)]
     n_u, _, n_z = sizes
-    n, N = n_u + 1, problem.path.numel()
+    n, N, m = n_u + 1, problem.path.numel(), problem.before.numel()
     slopes = ca.gradient(problem.cost, problem.symbols)[:n]
     both = ca.Function("condensed", [problem.symbols], [ca.vertcat(slopes, problem.rows)])
     count = problem.symbols.numel()
@@ -176,13 +182,12 @@ def condensed(problem: Formulation) -> tuple[Matrix, Matrix, Matrix, Matrix, Mat
                 " squares and linear rows"
             )
     size = np.abs(table[:, :n]).sum(axis=1)
-    per_before = table[:, -1]
-    first = np.zeros(len(table) - n)
-    first[0] = -1.0
+    per_before = table[:, -m:]
+    first = -np.eye(len(table) - n, m)
     if (
         np.any(np.abs(origin) > LINEAR * size)
-        or np.any(np.abs(per_before[n:] - first) > LINEAR * size[n:])
-        or np.any(np.abs(table[n:, n + n_z : -1]) > LINEAR)
+        or np.any(np.abs(per_before[n:] - first) > LINEAR * size[n:, None])
+        or np.any(np.abs(table[n:, n + n_z : -m]) > LINEAR)
     ):
         raise WorkbenchError(
             "the cost or a row of a linear MPC has a part that the quadratic program does not"

@@ -15,26 +15,31 @@ static double clipped(double value, double lower, double upper) {
   return value < lower ? lower : value > upper ? upper : value;
 }
 
-/* The voltage that gives an opening, by straight lines between the points of the valve's curve. */
-static double voltage_for(double opening) {
+/* The voltage that gives an opening, by straight lines between the points of a valve's curve. */
+static double voltage_of(int valve, double opening) {
+  const double *fraction = FRACTION + valve * (VALVE_LAST + 1);
+  const double *voltage = VOLTAGE + valve * (VALVE_LAST + 1);
   const double size = opening < 0.0 ? -opening : opening;
-  double distance = VOLTAGE[VALVE_LAST];
+  double distance = voltage[VALVE_LAST];
   int i = 1;
-  if (size < FRACTION[VALVE_LAST]) {
-    while (FRACTION[i] <= size) ++i;
-    distance = VOLTAGE[i - 1] + (size - FRACTION[i - 1]) * (VOLTAGE[i] - VOLTAGE[i - 1]) /
-                                    (FRACTION[i] - FRACTION[i - 1]);
+  if (size < fraction[VALVE_LAST]) {
+    while (fraction[i] <= size) ++i;
+    distance = voltage[i - 1] + (size - fraction[i - 1]) * (voltage[i] - voltage[i - 1]) /
+                                    (fraction[i] - fraction[i - 1]);
   }
-  return VALVE_CENTRE + (opening < 0.0 ? -distance : distance);
+  return VALVE_CENTRE[valve] + (opening < 0.0 ? -distance : distance);
 }
 
-/* Give the command for an opening, and tell how it was found. */
-static int given(double opening, int status, double slack, int iterations, double *command,
+/* Give the commands for openings, and tell how they were found. */
+static int given(const double *opening, int status, double slack, int iterations, double *command,
                  double *report) {
-  command[0] = voltage_for(opening);
-  report[0] = opening;
-  report[1] = status == QP_SUCCESS ? slack : NAN;
-  report[2] = iterations;
-  report[3] = status == QP_SUCCESS ? 0.0 : 1.0;
+  int i;
+  for (i = 0; i < OPENINGS; ++i) {
+    command[i] = voltage_of(i, opening[i]);
+    report[i] = opening[i];
+  }
+  report[OPENINGS] = status == QP_SUCCESS ? slack : NAN;
+  report[OPENINGS + 1] = iterations;
+  report[OPENINGS + 2] = status == QP_SUCCESS ? 0.0 : 1.0;
   return status;
 }

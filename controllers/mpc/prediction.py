@@ -13,11 +13,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from controllers.mpc.fixed_order import product
 from controllers.mpc.formulation import Change, condensed, formulated
 from controllers.quadratic_program.solver import Factored, factored
-from workbench.arrays import Matrix
+from workbench.arrays import Matrix, Vector
 from workbench.errors import WorkbenchError
 from workbench.linearisation.zero_order_hold import zero_order_hold
 
@@ -29,14 +30,16 @@ SLACK_SCALE = 1e4
 class Prediction:
     """Matrices of the condensed problem; openings are deviations from the operating point.
 
-    The variables are the moves (fractions of the full opening) and the slack (in 0.1 bar).
+    The variables are the moves (fractions of the full openings), those of a block together, and the
+    slack (in 0.1 bar). There are k openings and p followed outputs.
 
     Args:
         H: Hessian, shape (n, n), dimensionless.
         g_estimate: Gradient per estimate (x, w), shape (n, n_z), per SI.
-        g_reference: Gradient per reference deviation, shape (n, N), per rad.
-        g_before: Gradient per opening before, shape (n,), per fraction.
-        A: Rows of the constraints, shape (m, n): first the changes of the opening (fractions),
+        g_reference: Gradient per deviation of the references, one behind the other, shape
+            (n, N * p), per SI.
+        g_before: Gradient per openings before, shape (n, k), per fraction.
+        A: Rows of the constraints, shape (m, n): first the changes of the openings (fractions),
             then the limited outputs (in units of 1e4 SI).
         lower_a: Lower limits, shape (m,), in the units of the rows.
         upper_a: Upper limits, shape (m,), in the units of the rows.
@@ -44,8 +47,8 @@ class Prediction:
             the rows per SI.
         lower_x: Lower limits of the variables, shape (n,), fractions and 0.1 bar.
         upper_x: Upper limits of the variables, shape (n,), fractions and 0.1 bar.
-        gain: Regulator K, shape (n_x,), fraction per SI.
-        target: (xs, us) per (w, r), shape (n_x + 1, n_w + 1), in SI.
+        gain: Regulator K, shape (k, n_x), fractions per SI.
+        target: (xs, us) per (w, r), shape (n_x + k, n_w + p), in SI.
         preview_index: Sample of the controller at which each prediction sample lies.
         slack_scale: Unit of the slack, in SI.
     """
@@ -80,15 +83,15 @@ class Prediction:
         """The factored matrices, for problems whose matrices do not change."""
         return factored(self.H, self.A)
 
-    def regulator(self, estimate: Matrix, reference: float) -> float:
-        """Return the unconstrained regulator's opening, ``us - K (x - xs)``, a fraction.
+    def regulator(self, estimate: Matrix, reference: Matrix) -> Matrix:
+        """Return the unconstrained regulator's openings, ``us - K (x - xs)``, shape (k,).
 
-        The estimate (x, w), shape (n_z,), is a deviation in SI, the reference one in rad.
+        They are fractions; the estimate (x, w), shape (n_z,), and the references, shape (p,), are
+        deviations in SI.
         """
-        n = len(self.gain)
+        n = self.gain.shape[1]
         at_rest = product(self.target, np.append(estimate[n:], reference))
-        fed_back = product(self.gain[None, :], estimate[:n] - at_rest[:n])
-        return float(at_rest[n] - fed_back[0])
+        return np.asarray(at_rest[n:] - product(self.gain, estimate[:n] - at_rest[:n]))
 
 
 def condense(
@@ -97,12 +100,12 @@ def condense(
     E: Matrix,
     C: Matrix,
     *,
-    weights: tuple[float, float, float],
+    weights: tuple[npt.ArrayLike, npt.ArrayLike, npt.ArrayLike],
     prediction_time: float,
     stride: int,
     blocks: tuple[int, ...],
-    opening_limits: tuple[float, float],
-    move_limit: float,
+    opening_limits: tuple[npt.ArrayLike, npt.ArrayLike],
+    move_limit: npt.ArrayLike,
     output_limits: tuple[tuple[float, float], ...],
     softness: float,
     change: Change | None = None,
@@ -111,33 +114,36 @@ def condense(
 
     Args:
         A: Dynamics, shape (n_x, n_x), in SI.
-        B: Effect of the opening, shape (n_x, 1), in SI.
+        B: Effect of the openings, shape (n_x, k), in SI.
         E: Effect of the disturbances, shape (n_x, n_w), in SI.
-        C: Followed output, then the limited ones, shape (1 + n_limited, n_x), in SI.
-        weights: Weights of output error (per SI squared), opening and change of opening
-            (dimensionless).
+        C: Followed outputs, then the limited ones, shape (p + n_limited, n_x), in SI.
+        weights: Weights of the errors of the followed outputs, shape (p,), per SI squared; of
+            openings and of changes of openings, shape (k,), dimensionless.
         prediction_time: Time between prediction samples, in s.
         stride: The same in samples of the controller.
         blocks: Lengths of the moves, in prediction samples.
-        opening_limits: Lowest and highest opening, deviations, fractions.
-        move_limit: Largest change of the opening within a prediction sample, a fraction.
+        opening_limits: Lowest and highest openings, shape (k,), deviations, fractions.
+        move_limit: Largest changes of the openings from block to block, shape (n_blocks * k,),
+            fractions; one number holds for all, as of the weights and limits.
         output_limits: Lowest and highest value of each limited output, deviations in SI.
         softness: Cost of a violation by 1e4 SI units, dimensionless.
         change: What the user makes of the formulation; nothing by default.
 
     Raises:
-        WorkbenchError: If the regulator's Riccati equation has no solution or the controlled output
-            cannot be led to a reference.
+        WorkbenchError: If the regulator's Riccati equation has no solution or the followed outputs
+            cannot be led to references.
 
     Source:
         Maciejowski, Predictive Control with Constraints, 2002, sections 2.6 and 3.1.
     """
-    n_x, n_w, n_u, N = len(A), E.shape[1], len(blocks), sum(blocks)
-    q, r, _ = weights
+    (n_x, k), n_w, N = B.shape, E.shape[1], sum(blocks)
+    q = np.atleast_1d(np.asarray(weights[0], dtype=float))
+    r, s = (np.broadcast_to(np.asarray(part, dtype=float), k) for part in weights[1:])
+    p = len(q)
     joined = np.block([[A, E], [np.zeros((n_w, n_x + n_w))]])
-    phi, gamma = zero_order_hold(joined, np.vstack([B, np.zeros((n_w, 1))]), prediction_time)
-    target = _target(A, B, E, C[:1])
-    gain, cost_to_go = _regulator(phi[:n_x, :n_x], gamma[:n_x], C[:1], q, r)
+    phi, gamma = zero_order_hold(joined, np.vstack([B, np.zeros((n_w, k))]), prediction_time)
+    target = _target(A, B, E, C[:p])
+    gain, cost_to_go = _regulator(phi[:n_x, :n_x], gamma[:n_x], C[:p], q, r)
 
     problem = formulated(
         phi,
@@ -146,9 +152,9 @@ def condense(
         disturbances=n_w,
         target=target,
         cost_to_go=cost_to_go,
-        weights=weights,
+        weights=(q, r, s),
         blocks=blocks,
-        move_limit=move_limit,
+        move_limit=np.broadcast_to(np.asarray(move_limit, dtype=float), k * len(blocks)),
         output_limits=output_limits,
         slack_scale=SLACK_SCALE,
         softness=softness,
@@ -165,8 +171,8 @@ def condense(
         lower_a=problem.lower,
         upper_a=problem.upper,
         rows_estimate=rows_estimate,
-        lower_x=np.concatenate([np.full(n_u, opening_limits[0]), [0.0]]),
-        upper_x=np.concatenate([np.full(n_u, opening_limits[1]), [1e6]]),
+        lower_x=np.append(np.tile(np.broadcast_to(opening_limits[0], k), len(blocks)), 0.0),
+        upper_x=np.append(np.tile(np.broadcast_to(opening_limits[1], k), len(blocks)), 1e6),
         gain=gain,
         target=target,
         preview_index=tuple(stride * (j + 1) for j in range(N)),
@@ -174,36 +180,43 @@ def condense(
 
 
 def _target(A: Matrix, B: Matrix, E: Matrix, C: Matrix) -> Matrix:
-    """Return (xs, us) per (w, r): A xs + B us + E w = 0 with C xs = r."""
-    n = len(A)
-    matrix = np.block([[A, B], [C, np.zeros((1, 1))]])
-    right = np.zeros((n + 1, E.shape[1] + 1))
-    right[:n, :-1] = -E
-    right[n, -1] = 1.0
+    """Return (xs, us) per (w, r): A xs + B us + E w = 0 with C xs = r, us of least size."""
+    (n, k), p = B.shape, len(C)
+    matrix = np.block([[A, B], [C, np.zeros((p, k))]])
+    right = np.zeros((n + p, E.shape[1] + p))
+    right[:n, : E.shape[1]] = -E
+    right[n:, E.shape[1] :] = np.eye(p)
     rows = np.max(np.abs(matrix), axis=1, keepdims=True)
     matrix, right = matrix / rows, right / rows
     columns = np.max(np.abs(matrix), axis=0)
-    if np.linalg.matrix_rank(matrix / columns) < n + 1:
+    columns = np.where(columns > 0.0, columns, 1.0)
+    if np.linalg.matrix_rank(matrix / columns) < n + p:
         raise WorkbenchError(
             "the controlled output of the linear model cannot be led to a reference by its input;"
             " follow another output, or check the operating point"
         )
-    return np.asarray(np.linalg.solve(matrix / columns, right) / columns[:, None])
+    if k == p:
+        return np.asarray(np.linalg.solve(matrix / columns, right) / columns[:, None])
+    return np.asarray(np.linalg.lstsq(matrix / columns, right, rcond=None)[0] / columns[:, None])
 
 
-def _regulator(phi: Matrix, gamma: Matrix, c: Matrix, q: float, r: float) -> tuple[Matrix, Matrix]:
+def _regulator(
+    phi: Matrix, gamma: Matrix, c: Matrix, q: Vector, r: Vector
+) -> tuple[Matrix, Matrix]:
     """Return the gain and the cost to go of the unconstrained regulator."""
     from scipy.linalg import LinAlgError, solve_discrete_are
 
     # Scaled by what one unit of opening does in one sample, states count alike.
-    size = np.maximum(np.abs(gamma[:, 0]), 1e-9 * float(np.max(np.abs(gamma))))
+    size = np.max(np.abs(gamma), axis=1)
+    size = np.maximum(size, 1e-9 * float(np.max(size)))
     f, g, h = phi * size[None, :] / size[:, None], gamma / size[:, None], c * size[None, :]
+    weight = (q[:, None] * h).T @ h
     try:
-        p = solve_discrete_are(f, g, q * h.T @ h + 1e-9 * np.eye(len(f)), np.array([[r]]))
+        p = solve_discrete_are(f, g, weight + 1e-9 * np.eye(len(f)), np.diag(r))
     except (LinAlgError, ValueError) as error:
         raise WorkbenchError(
             f"no regulator exists for this linear model ({str(error).rstrip('.')}); a mode that"
             " grows is out of the input's reach"
         ) from None
-    gain = np.linalg.solve(r + g.T @ p @ g, g.T @ p @ f)
-    return np.asarray(gain[0] / size), np.asarray(p / np.outer(size, size))
+    gain = np.linalg.solve(np.diag(r) + g.T @ p @ g, g.T @ p @ f)
+    return np.asarray(gain / size), np.asarray(p / np.outer(size, size))

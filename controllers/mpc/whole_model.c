@@ -1,68 +1,85 @@
-/* A linear MPC on the whole linear model. The state is the estimate (N_Z), then opening and lags. */
+/* A linear MPC on the whole linear model. The state is the estimate (N_Z), openings, then lags. */
 
 static int mpc_start(const double *measurement, double *state) {
   double deviation[SENSORS];
   int i;
   for (i = 0; i < SENSORS; ++i) deviation[i] = measurement[i] - REST[i];
   product(START, deviation, N_Z, SENSORS, state);
-  state[N_Z] = REST_OPENING;
-  state[N_Z + 1] = state[N_Z + 2] = measurement[0];
+  for (i = 0; i < OPENINGS; ++i) state[N_Z + i] = REST_OPENING[i];
+  for (i = 0; i < FOLLOWED; ++i)
+    state[N_Z + OPENINGS + i] = state[N_Z + OPENINGS + FOLLOWED + i] = measurement[i];
   return 0;
 }
 
 /* The unconstrained regulator us - K (x - xs). */
-static double regulator(const double *estimate, double reference) {
-  double cause[N_W + 1], at_rest[N_X + 1], error[N_X], move[1];
+static void regulator(const double *estimate, const double *reference, double *move) {
+  double cause[N_W + FOLLOWED], at_rest[N_X + OPENINGS], error[N_X];
   int i;
   for (i = 0; i < N_W; ++i) cause[i] = estimate[N_X + i];
-  cause[N_W] = reference;
-  product(TARGET, cause, N_X + 1, N_W + 1, at_rest);
+  for (i = 0; i < FOLLOWED; ++i) cause[N_W + i] = reference[i];
+  product(TARGET, cause, N_X + OPENINGS, N_W + FOLLOWED, at_rest);
   for (i = 0; i < N_X; ++i) error[i] = estimate[i] - at_rest[i];
-  product(GAIN, error, 1, N_X, move);
-  return at_rest[N_X] - move[0];
+  product(GAIN, error, OPENINGS, N_X, move);
+  for (i = 0; i < OPENINGS; ++i) move[i] = at_rest[N_X + i] - move[i];
 }
 
 static int mpc_step(const double *measurement, const double *reference, double *state,
                     double *command, double *report) {
-  static double estimate[N_Z], part[N_Z], residual[SENSORS], wanted[HORIZON], lags[3];
+  static double estimate[N_Z], part[N_Z], residual[SENSORS], wanted[FOLLOWED * HORIZON], lags[3];
   static double gradient[QP_N], other[QP_N], free_rows[ROWS_A], lower[QP_ROWS], upper[QP_ROWS];
-  static double x[QP_N];
-  const double before = state[N_Z] - REST_OPENING;
-  double move, opening;
-  int i, iterations, status;
+  static double x[QP_N], before[OPENINGS], move[OPENINGS], opening[OPENINGS], last[FOLLOWED];
+  double *const filtered = state + N_Z + OPENINGS, *const target = filtered + FOLLOWED;
+  int i, k, iterations, status;
+  for (i = 0; i < OPENINGS; ++i) before[i] = state[N_Z + i] - REST_OPENING[i];
   product(C, state, SENSORS, N_Z, residual);
   for (i = 0; i < SENSORS; ++i) residual[i] = measurement[i] - REST[i] - residual[i];
   product(M, residual, N_Z, SENSORS, part);
   for (i = 0; i < N_Z; ++i) estimate[i] = state[i] + part[i];
+  for (k = 0; k < FOLLOWED; ++k) {
+    double *const own = wanted + k * HORIZON;
 #ifdef PREVIEW_STRIDE
-  for (i = 0; i < HORIZON; ++i) wanted[i] = reference[PREVIEW_STRIDE * (i + 1)] - REST[0];
-  lags[0] = lags[1] = lags[2] = reference[0];
+    for (i = 0; i < HORIZON; ++i)
+      own[i] = reference[FOLLOWED * PREVIEW_STRIDE * (i + 1) + k] - REST[k];
+    lags[0] = lags[1] = lags[2] = reference[k];
 #else
-  lags[0] = reference[0];
-  lags[1] = state[N_Z + 1] + FRESH * (reference[0] - state[N_Z + 1]);
-  lags[2] = state[N_Z + 2] + FRESH * (lags[1] - state[N_Z + 2]);
-  product(PATH, lags, HORIZON, 3, wanted);
-  for (i = 0; i < HORIZON; ++i) wanted[i] -= REST[0];
+    lags[0] = reference[k];
+    lags[1] = filtered[k] + FRESH[k] * (reference[k] - filtered[k]);
+    lags[2] = target[k] + FRESH[k] * (lags[1] - target[k]);
+    product(PATH + 3 * k * HORIZON, lags, HORIZON, 3, own);
+    for (i = 0; i < HORIZON; ++i) own[i] -= REST[k];
 #endif
+    filtered[k] = lags[1];
+    target[k] = lags[2];
+    last[k] = own[HORIZON - 1];
+  }
   product(G_ESTIMATE, estimate, QP_N, N_Z, gradient);
-  product(G_REFERENCE, wanted, QP_N, HORIZON, other);
-  for (i = 0; i < QP_N; ++i) gradient[i] = gradient[i] + other[i] + G_BEFORE[i] * before;
+  product(G_REFERENCE, wanted, QP_N, FOLLOWED * HORIZON, other);
+  for (i = 0; i < QP_N; ++i) gradient[i] += other[i];
+  product(G_BEFORE, before, QP_N, OPENINGS, other);
+  for (i = 0; i < QP_N; ++i) gradient[i] += other[i];
   product(ROWS_ESTIMATE, estimate, ROWS_A, N_Z, free_rows);
   for (i = 0; i < QP_ROWS; ++i) {
     const double free_row = i < ROWS_A ? free_rows[i] : 0.0;
     lower[i] = LOWER[i] - free_row;
     upper[i] = UPPER[i] - free_row;
   }
-  lower[0] += before;
-  upper[0] += before;
+  for (i = 0; i < OPENINGS; ++i) {
+    lower[i] += before[i];
+    upper[i] += before[i];
+  }
   status = qp_solve(INVERSE, ROWS, SIZES, gradient, lower, upper, x, &iterations);
-  move = status == QP_SUCCESS ? x[0] : regulator(estimate, wanted[HORIZON - 1]);
-  move = clipped(move, LOWER[ROWS_A], UPPER[ROWS_A]);
-  opening = clipped(move + REST_OPENING, -1.0, 1.0);
+  if (status == QP_SUCCESS)
+    for (i = 0; i < OPENINGS; ++i) move[i] = x[i];
+  else
+    regulator(estimate, last, move);
+  for (i = 0; i < OPENINGS; ++i) {
+    move[i] = clipped(move[i], LOWER[ROWS_A + i], UPPER[ROWS_A + i]);
+    opening[i] = clipped(move[i] + REST_OPENING[i], -1.0, 1.0);
+    before[i] = opening[i] - REST_OPENING[i];
+    state[N_Z + i] = opening[i];
+  }
   product(F, estimate, N_Z, N_Z, state);
-  for (i = 0; i < N_Z; ++i) state[i] += G[i] * (opening - REST_OPENING);
-  state[N_Z + 1] = lags[1];
-  state[N_Z + 2] = lags[2];
-  state[N_Z] = opening;
+  product(G, before, N_Z, OPENINGS, part);
+  for (i = 0; i < N_Z; ++i) state[i] += part[i];
   return given(opening, status, x[QP_N - 1] * SLACK_SCALE, iterations, command, report);
 }

@@ -1,11 +1,12 @@
-"""Linear model-predictive control without offset, on the valve opening.
+"""Linear model-predictive control without offset, on openings: commands behind straight curves.
 
-Without preview, the reference passes two lags of speed omega_r, and the same lags continue it over
+Without preview, each reference passes two lags of speed omega_r, and the same lags continue it over
 the horizon (the reference trajectory r_j); with preview, r_j is the reference itself.
 
 At each sample a `DisturbanceObserver` estimates states x and disturbances w. The target at rest
-(xs, us) solves A xs + B us + E w = 0 with the controlled output at its reference. Then, over N
-prediction samples of time T, the controller minimises over blocked moves u and a slack eps
+(xs, us) solves A xs + B us + E w = 0 with the followed outputs at their references. Then, over N
+prediction samples of time T, the controller minimises over blocked moves u and a slack eps, for all
+outputs and openings,
 
     sum_j q (y_j - r_j)^2 + R (u_j - us)^2 + S (u_j - u_{j-1})^2 + |x_N - xs|^2_P
         + softness eps^2
@@ -27,7 +28,7 @@ blocking, soft constraints); Rawlings, Mayne and Diehl, Model Predictive Control
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -68,27 +69,32 @@ class MPCState(NamedTuple):
 
     Args:
         predicted: Predicted states and disturbances, deviations, shape (n,), in SI.
-        opening: Opening applied last, a fraction of the full one.
-        filtered: Reference after the first lag, in rad.
-        target: Reference after the second lag, in rad.
+        opening: Openings applied last, shape (m,), fractions of the full ones.
+        filtered: References after the first lag, shape (p,), in SI.
+        target: References after the second lag, shape (p,), in SI.
     """
 
     predicted: Any
-    opening: float
-    filtered: float
-    target: float
+    opening: Any
+    filtered: Any
+    target: Any
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearMPC(ValveController):
-    """Linear MPC with constraints on opening, its rate and the pressures.
+    """Linear MPC with constraints on openings, their rates and limited outputs.
+
+    With m openings, p followed outputs, the first sensors, and a horizon of N samples.
 
     Args:
         start: Estimate of (x, w) per deviation of the measurements at rest, shape (n, n_sensors),
             in SI.
-        path: Reference trajectory per (reference, filtered, target), shape (N, 3), dimensionless.
-        rest_opening: Opening at the operating point, a fraction.
-        reference_speed: Speed omega_r of the reference's lags, in rad/s; not used with preview.
+        path: Reference trajectories per (reference, filtered, target), shape (p, N, 3),
+            dimensionless.
+        rest_opening: Openings at the operating point, shape (m,), fractions.
+        reference_speed: Speeds omega_r of the references' lags, shape (p,), in rad/s; not used with
+            preview.
+        others: Curves of the actuators behind the first.
         solver: Solver of the program, ``"own"`` or one of CasADi's; in C it is the own one.
     """
 
@@ -96,55 +102,78 @@ class LinearMPC(ValveController):
     prediction: Prediction
     start: Matrix
     path: Matrix
-    rest_opening: float
-    reference_speed: float
+    rest_opening: Matrix
+    reference_speed: tuple[float, ...]
+    others: tuple[ValveInverse, ...] = ()
     solver: str = OWN
     name: str = "linear MPC"
+
+    @property
+    def curves(self) -> tuple[ValveInverse, ...]:
+        """Curves of all actuators."""
+        return (self.valve, *self.others)
+
+    @property
+    def rest_command(self) -> Command:
+        """Commands that shut the curves, in SI."""
+        return tuple(curve.centre for curve in self.curves)
+
+    def linear_command(self, command: Command) -> Command:
+        """Return the commands that give a linear model the same openings."""
+        return tuple(curve.linear_command(u) for curve, u in zip(self.curves, command, strict=True))
 
     def initial_state(self, measurement: Measurement) -> MPCState:
         """Return the estimate that explains a measurement as rest."""
         deviation = np.array(measurement) - self.observer.rest
-        angle = measurement[0]
-        return MPCState(product(self.start, deviation), self.rest_opening, angle, angle)
+        followed = np.array(measurement[: len(self.controlled)])
+        opening = np.array(self.rest_opening)
+        return MPCState(product(self.start, deviation), opening, followed, followed)
 
     def step(
         self, state: MPCState, measurement: Measurement, reference: Reference
     ) -> tuple[Command, MPCState, Info]:
-        """Compute the valve voltage of one sample.
+        """Compute the commands of one sample.
 
         Returns:
-            Voltage in V, next state, and ``opening`` (fraction), ``status``, ``iterations``,
-            ``solve_time`` (s), ``slack`` (Pa) and ``fallback`` (1 where the regulator acted).
+            Commands in SI, next state, and ``opening`` (fraction; ``opening.NAME`` of several),
+            ``status``, ``iterations``, ``solve_time`` (s), ``slack`` (1e4 SI) and ``fallback`` (1
+            where the regulator acted).
         """
-        p = self.prediction
+        p, count = self.prediction, len(self.controlled)
         estimate = self.observer.correct(state.predicted, measurement)
+        rest, m = self.observer.rest[:count], len(self.rest_opening)
         if self.preview:
-            filtered = target = reference[0]
-            path = np.array([reference[i] for i in p.preview_index]) - self.observer.rest[0]
+            filtered = target = np.array(reference[:count])
+            coming = np.array(reference).reshape(-1, count)[list(p.preview_index)]
+            path = (coming - rest).T.ravel()
         else:
-            filtered, target = lagged(
-                state.filtered, state.target, reference[0], self.reference_speed * self.sample_time
-            )
-            path = product(self.path, (reference[0], filtered, target)) - self.observer.rest[0]
+            now, fresh = np.array(reference), np.array(self.reference_speed) * self.sample_time
+            filtered, target = lagged(state.filtered, state.target, now, fresh)
+            lags = np.array([now, filtered, target]).T
+            each = [product(own, lag) for own, lag in zip(self.path, lags, strict=True)]
+            path = (np.array(each) - rest[:, None]).ravel()
         before = state.opening - self.rest_opening
         gradient = product(p.g_estimate, estimate) + product(p.g_reference, path)
-        gradient += p.g_before * before
-        pressures = product(p.rows_estimate, estimate)
-        lower = np.concatenate([p.lower_a - pressures, p.lower_x])
-        upper = np.concatenate([p.upper_a - pressures, p.upper_x])
-        lower[0] += before
-        upper[0] += before
+        gradient += product(p.g_before, before)
+        limited = product(p.rows_estimate, estimate)
+        lower = np.concatenate([p.lower_a - limited, p.lower_x])
+        upper = np.concatenate([p.upper_a - limited, p.upper_x])
+        lower[:m] += before
+        upper[:m] += before
         solver = program(*p.size, self.solver)
         solution = solver.solve_factored(p.factors, gradient, lower, upper)
         if solution.solved:
-            move, slack = float(solution.x[0]), float(solution.x[-1]) * p.slack_scale
+            move, slack = solution.x[:m], float(solution.x[-1]) * p.slack_scale
         else:
-            move, slack = p.regulator(estimate, float(path[-1])), float("nan")
-        move = min(max(move, float(p.lower_x[0])), float(p.upper_x[0]))
-        opening = min(max(move + self.rest_opening, -1.0), 1.0)
-        predicted = self.observer.predict(estimate, np.array([opening - self.rest_opening]))
+            move, slack = p.regulator(estimate, path[p.samples - 1 :: p.samples]), float("nan")
+        move = np.clip(move, p.lower_x[:m], p.upper_x[:m])
+        opening = np.clip(move + self.rest_opening, -1.0, 1.0)
+        predicted = self.observer.predict(estimate, opening - self.rest_opening)
         following = MPCState(predicted, opening, filtered, target)
-        return (self.valve.command(opening),), following, told(opening, solution, slack)
+        command = tuple(
+            curve.command(float(o)) for curve, o in zip(self.curves, opening, strict=True)
+        )
+        return command, following, told(opening.tolist(), solution, slack, self.actuators)
 
     def linear_law(
         self,
@@ -154,52 +183,61 @@ class LinearMPC(ValveController):
         arithmetic: Arithmetic,
         rest: Measurement,
     ) -> tuple[tuple[Number, ...], MPCState]:
-        """Return command and next state on symbols where no constraint is active."""
-        p, o = self.prediction, self.observer
+        """Return commands and next state on symbols where no constraint is active."""
+        p, o, count = self.prediction, self.observer, len(self.controlled)
         residual = ca.vcat(measurement) - o.rest - o.C @ state.predicted
         estimate = state.predicted + o.M @ residual
+        now, at_rest, m = ca.vcat(reference[:count]), ca.DM(o.rest[:count]), len(self.rest_opening)
         if self.preview:
-            filtered = target = reference[0]
-            path = ca.DM([reference[i] for i in p.preview_index])
+            filtered = target = now
+            coming = ca.reshape(ca.vcat(reference), count, 1 + self.preview).T
+            path = ca.vec(coming[list(p.preview_index), :]) - ca.kron(
+                at_rest, ca.DM.ones(p.samples)
+            )
         else:
-            fresh = self.reference_speed * self.sample_time
-            filtered, target = lagged(state.filtered, state.target, reference[0], fresh)
-            path = self.path @ ca.vertcat(reference[0], filtered, target)
+            fresh = ca.DM(self.reference_speed) * self.sample_time
+            filtered, target = lagged(state.filtered, state.target, now, fresh)
+            each = (ca.vertsplit(part) for part in (now, filtered, target))
+            lags = [ca.vertcat(*own) for own in zip(*each, strict=True)]
+            ahead = [own @ lag for own, lag in zip(self.path, lags, strict=True)]
+            path = ca.vcat(ahead) - ca.kron(at_rest, ca.DM.ones(p.samples))
         before = state.opening - self.rest_opening
-        gradient = p.g_estimate @ estimate + p.g_reference @ (path - o.rest[0])
-        move = -np.linalg.inv(p.H)[:1] @ (gradient + p.g_before * before)
+        gradient = p.g_estimate @ estimate + p.g_reference @ path + p.g_before @ before
+        move = -np.linalg.inv(p.H)[:m] @ gradient
         predicted = o.F @ estimate + o.G @ move
         opening = move + self.rest_opening
-        following = MPCState(tuple(ca.vertsplit(predicted)), opening, filtered, target)
-        return (self.valve.tangent(opening),), following
+        following = MPCState(predicted, opening, filtered, target)
+        commands = zip(self.curves, ca.vertsplit(opening), strict=True)
+        return tuple(curve.tangent(part) for curve, part in commands), following
 
     def around_rest(self) -> LinearLaw:
-        """Return the law without preview within its limits, from measurements and reference."""
+        """Return the law without preview within its limits, from measurements and references."""
         p, o = self.prediction, self.observer
-        n, sensors = len(o.F), len(self.sensors)
-        # Rows of what is linear in prediction, opening and lags before, measurements, reference.
-        units = np.eye(n + 3 + sensors + 1)
-        estimate, measured = units[:n], units[n + 3 : -1]
+        n, sensors, count, m = len(o.F), len(self.sensors), len(self.controlled), o.G.shape[1]
+        # Rows of what is linear in prediction, openings and lags before, measurements, references.
+        places = np.cumsum([0, n, m, count, count, sensors, count]).tolist()
+        parts = np.split(np.eye(places[-1]), places[1:-1])
+        estimate, before, filtered, target, measured, asked = parts
         estimate = estimate + o.M @ (measured - o.C @ estimate)
-        fresh = self.reference_speed * self.sample_time
-        lags = lagged(units[n + 1], units[n + 2], units[-1], fresh)
-        path = self.path @ np.vstack([units[-1], *lags])
-        gradient = p.g_estimate @ estimate + p.g_reference @ path
-        move = -np.linalg.inv(p.H)[:1] @ (gradient + np.outer(p.g_before, units[n]))
-        table = np.vstack([o.F @ estimate + o.G @ move, move, *lags])
-        command = move / self.valve.gain_at_rest
-        return LinearLaw(
-            table[:, : n + 3], table[:, n + 3 :], command[:, : n + 3], command[:, n + 3 :]
-        )
+        fresh = np.array(self.reference_speed)[:, None] * self.sample_time
+        lags = np.array([asked, *lagged(filtered, target, asked, fresh)])
+        path = np.vstack([own @ lags[:, i] for i, own in enumerate(self.path)])
+        gradient = p.g_estimate @ estimate + p.g_reference @ path + p.g_before @ before
+        move = -np.linalg.inv(p.H)[:m] @ gradient
+        table = np.vstack([o.F @ estimate + o.G @ move, move, *lags[1:]])
+        command = move / np.array([[curve.gain_at_rest] for curve in self.curves])
+        k = places[4]
+        return LinearLaw(table[:, :k], table[:, k:], command[:, :k], command[:, k:])
 
     def c_source(self, name: str) -> CSource:
         """Write the controller as C: tables of its problem, factored in advance, and one step."""
         p, o = self.prediction, self.observer
         n, m = p.size
-        n_z, sensors, N = len(o.F), len(self.sensors), p.samples
+        n_z, sensors, N, followed = len(o.F), len(self.sensors), p.samples, len(self.controlled)
+        openings = len(self.rest_opening)
         tables = {
             "F": o.F,
-            "G": o.G[:, 0],
+            "G": o.G,
             "C": o.C,
             "M": o.M,
             "REST": o.rest,
@@ -222,33 +260,43 @@ class LinearMPC(ValveController):
             "N_X": n_z - o.disturbances,
             "SENSORS": sensors,
             "HORIZON": N,
-            "REFERENCES": 1 + self.preview,
-            "REST_OPENING": self.rest_opening,
+            "FOLLOWED": followed,
             "SLACK_SCALE": p.slack_scale,
         }
+        tables["REST_OPENING"] = np.asarray(self.rest_opening)
         if self.preview:
             defined["PREVIEW_STRIDE"] = p.preview_index[0]
         else:
             tables["PATH"] = self.path
-            defined["FRESH"] = self.reference_speed * self.sample_time
+            tables["FRESH"] = np.array(self.reference_speed) * self.sample_time
         return mpc_source(
             name,
             "whole_model.c",
-            valve=self.valve,
+            curves=self.curves,
+            actuators=self.actuators,
             size=(n, m),
             factor=False,
             defined=defined,
             tables=tables,
             states=names(self.initial_state(tuple(o.rest.tolist()))),
-            work=2 * n_z + sensors + N + 3 + 3 * n + m + 2 * (n + m),
-            prepared=n_z * (3 * sensors + n_z) + N * 3 + n * (n_z + N) + m * n_z + (n + m) * n,
+            work=2 * n_z + sensors + N * followed + 3 + 3 * n + m + 2 * (n + m) + 3 * openings,
+            prepared=n_z * (3 * sensors + n_z)
+            + N * 3 * followed
+            + n * (n_z + N * followed)
+            + m * n_z
+            + (n + m) * n,
         )
 
 
-def told(opening: float, solution: Solution, slack: float) -> dict[str, float | str]:
-    """Return what a step tells: the opening, a fraction, the solution and its slack, in Pa."""
+def told(
+    opening: Sequence[float], solution: Solution, slack: float, names: Sequence[str] = ("",)
+) -> dict[str, float | str]:
+    """Return what a step tells: the openings, fractions, the solution and its slack, in Pa."""
+    several = len(names) > 1
     return {
-        "opening": opening,
+        **{
+            f"opening.{n}" if several else "opening": o for n, o in zip(names, opening, strict=True)
+        },
         "status": solution.status,
         "iterations": solution.iterations,
         "solve_time": solution.seconds,
@@ -284,7 +332,7 @@ class MPCSpecification:
             in the state's SI unit per second. As many as sensors: no offset.
         sensor_noise: Noise rms of angle (rad) and pressures (Pa).
         state_noise: Random walk of every state over one second, as a fraction of its scale.
-        reference_speed: Speed omega_r of the reference's lags, in rad/s; not used with preview.
+        reference_speed: Speed omega_r of the references' lags, in rad/s; not used with preview.
         preview: Whether the future reference over the horizon is used.
         solver: ``"own"``, or ``"daqp"``, ``"osqp"`` or ``"qpoases"`` of CasADi's.
         sample_time: Time between steps, in s.
@@ -329,41 +377,107 @@ def design_mpc(
     valve: ValveInverse | None = None,
     sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2"),
     actuator: str = "valve",
-    opening_range: tuple[float, float] = (-1.0, 1.0),
     change: Change | None = None,
 ) -> LinearMPC:
-    """Design a linear MPC from a linear model.
+    """Design a linear MPC of one output from a linear model.
 
     Args:
         sensors: Names of the followed output and of the limited ones.
-        opening_range: Lowest and highest opening that there is, fractions.
         change: Takes the `controllers.mpc.formulation.Formulation`, expressions of CasADi, and
             returns the one that is solved.
     """
     linear = linear_model(linear)
     want = specification or MPCSpecification()
     valve = valve or ValveInverse()
-    entry = opening_input(linear, valve, actuator)
-    disturbed = tuple(want.disturbances)
-    observer = observer_of(linear, want, sensors, entry)
-    A, B, E = continuous_matrices(linear, (entry.name,), disturbed)
+    step, edge = want.prediction_time, want.opening_limit
+    return mpc_of(
+        linear,
+        Problem(
+            curves=(valve,),
+            actuators=(actuator,),
+            sensors=sensors,
+            weights=(want.angle_scale**-2, want.opening_scale**-2, want.move_scale**-2),
+            ends=((-edge,), (edge,)),
+            move_limit=(want.rate_limit * step,),
+            output_limits=(want.pressure_limits,) * (len(sensors) - 1),
+            disturbances=want.disturbances,
+            reference_speed=(want.reference_speed,),
+        ),
+        want,
+        change=change,
+    )
+
+
+class Problem(NamedTuple):
+    """What a linear MPC of any number of openings and followed outputs is told beside its numbers.
+
+    Args:
+        curves: Of each actuator, what gives the openings.
+        sensors: Names of the followed outputs, as many as ``reference_speed`` has, then of the
+            limited ones.
+        weights: Of errors (per SI squared), of openings and of their changes (dimensionless), one
+            or one for each.
+        ends: Lowest and highest openings, fractions.
+        move_limit: Largest change of each opening from block to block, a fraction.
+        output_limits: Lowest and highest value of each limited output, in SI.
+        disturbances: As `controllers.mpc.disturbance_observer.design_disturbance_observer` has
+            them, in SI.
+        reference_speed: Speed of each reference's lags, in rad/s.
+        first_limit: What the change from the openings before is limited to if less, a fraction.
+    """
+
+    curves: tuple[ValveInverse, ...]
+    actuators: tuple[str, ...]
+    sensors: tuple[str, ...]
+    weights: tuple[Any, Any, Any]
+    ends: tuple[Sequence[float], Sequence[float]]
+    move_limit: Sequence[float]
+    output_limits: tuple[tuple[float, float], ...]
+    disturbances: Mapping[str, float] | tuple[Matrix, float]
+    reference_speed: tuple[float, ...]
+    first_limit: Sequence[float] = ()
+
+
+def mpc_of(
+    linear: LinearModel,
+    problem: Problem,
+    want: MPCSpecification,
+    *,
+    change: Change | None = None,
+    observer: DisturbanceObserver | None = None,
+) -> LinearMPC:
+    """Design a linear MPC of any number of openings and followed outputs.
+
+    Args:
+        change: As of `design_mpc`.
+        observer: The observer, by default that of the problem.
+    """
+    entries = _entries(linear, problem)
+    observer = observer or observer_of(linear, problem, want)
+    names = tuple(entry.name for entry in entries)
+    A, B, E, *_ = continuous_matrices(linear, names, problem.disturbances)
+    at_rest = np.array([entry.at_rest for entry in entries])
+    followed, sensors = len(problem.reference_speed), problem.sensors
+    lower, upper = (np.clip(np.array(ends), -1.0, 1.0) - at_rest for ends in problem.ends)
+    moves = np.tile(np.array(problem.move_limit), len(want.blocks))
+    if problem.first_limit:
+        moves[: len(at_rest)] = np.minimum(moves[: len(at_rest)], problem.first_limit)
     prediction = condense(
         A,
-        B * entry.per_opening,
+        B * np.array([entry.per_opening for entry in entries]),
         E,
         observer.C[:, : len(A)],
-        weights=(1.0 / want.angle_scale**2, 1.0 / want.opening_scale**2, 1.0 / want.move_scale**2),
+        weights=problem.weights,
         prediction_time=want.prediction_time,
         stride=max(1, round(want.prediction_time / want.sample_time)),
         blocks=want.blocks,
-        opening_limits=(
-            max(-want.opening_limit, opening_range[0]) - entry.at_rest,
-            min(want.opening_limit, opening_range[1]) - entry.at_rest,
-        ),
-        move_limit=want.rate_limit * want.prediction_time,
+        opening_limits=(lower, upper),
+        move_limit=moves,
         output_limits=tuple(
-            (want.pressure_limits[0] - rest, want.pressure_limits[1] - rest)
-            for rest in observer.rest[1:].tolist()
+            (limits[0] - rest, limits[1] - rest)
+            for limits, rest in zip(
+                problem.output_limits, observer.rest[followed:].tolist(), strict=True
+            )
         ),
         softness=want.softness,
         change=change,
@@ -372,37 +486,53 @@ def design_mpc(
     start = np.column_stack(
         [observer.at_rest(tuple(observer.rest + column), A, E) for column in unit]
     )
+    index = prediction.preview_index
     return LinearMPC(
         observer=observer,
         prediction=prediction,
         start=start,
-        path=reference_path(want.reference_speed * want.sample_time, prediction.preview_index),
-        rest_opening=entry.at_rest,
-        reference_speed=want.reference_speed,
+        path=reference_paths(problem.reference_speed, want.sample_time, index),
+        rest_opening=at_rest,
+        reference_speed=problem.reference_speed,
         solver=want.solver,
         sample_time=want.sample_time,
-        valve=valve,
+        valve=problem.curves[0],
+        others=problem.curves[1:],
         sensors=sensors,
-        controlled=(sensors[0],),
-        actuators=(actuator,),
-        preview=prediction.preview_index[-1] if want.preview else 0,
+        controlled=sensors[:followed],
+        actuators=problem.actuators,
+        preview=index[-1] if want.preview else 0,
     )
 
 
+def reference_paths(speeds: Sequence[float], sample_time: float, index: tuple[int, ...]) -> Matrix:
+    """Return the trajectories of references, shape (p, N, 3), as of `LinearMPC`.
+
+    Their lags have speeds in rad/s, and are sampled every so many s.
+    """
+    return np.array([reference_path(speed * sample_time, index) for speed in speeds])
+
+
+def _entries(linear: LinearModel, problem: Problem) -> list[OpeningInput]:
+    pairs = zip(problem.curves, problem.actuators, strict=True)
+    return [opening_input(linear, curve, actuator) for curve, actuator in pairs]
+
+
 def observer_of(
-    linear: LinearModel, want: MPCSpecification, sensors: tuple[str, ...], entry: OpeningInput
+    linear: LinearModel, problem: Problem, want: MPCSpecification
 ) -> DisturbanceObserver:
-    """Design the observer of an MPC, whose input is the opening, a fraction."""
+    """Design the observer of an MPC, whose inputs are the openings, fractions."""
+    entries = _entries(linear, problem)
     observer = design_disturbance_observer(
         linear,
-        sensors=sensors,
-        actuators=(entry.name,),
-        disturbances=want.disturbances,
+        sensors=problem.sensors,
+        actuators=tuple(entry.name for entry in entries),
+        disturbances=problem.disturbances,
         sensor_noise=want.sensor_noise,
         state_noise=want.state_noise,
         sample_time=want.sample_time,
     )
-    return replace(observer, G=observer.G * entry.per_opening)
+    return replace(observer, G=observer.G * np.array([entry.per_opening for entry in entries]))
 
 
 linear_mpc_design = partial(Design, family="linear MPC", solves=True, colour=("#00805c", "#36d6a4"))

@@ -1,8 +1,9 @@
 """H-infinity mixed sensitivity for any linear model, by the synthesis of the joint's controller.
 
-The command is counted in units of |P(iw)| w^2, w the speed of the weights, so that the plant is as
-large there as a double integrator and the weights of `controllers.h_infinity.synthesis` mean the
-same for every plant; its disturbance enters with the command.
+Outputs count in what all commands make them swing by at the speed w of the weights, commands in
+what they may change by, so that the plant is as large there as a double integrator and the weights
+of `controllers.h_infinity.synthesis` mean the same for every plant; its disturbances enter with the
+commands.
 """
 
 from __future__ import annotations
@@ -16,11 +17,10 @@ import numpy as np
 from controllers.design import Design
 from controllers.h_infinity.synthesis import Weights, synthesise
 from controllers.plain.limits import LoopLimits
-from controllers.plain.single_loop import LoopSpecification, SingleLoop
+from controllers.plain.loop import Loop, LoopSpecification
 from controllers.plain.state_feedback import reachable_speed
 from controllers.plain.transfer_law import TransferLaw, sampled_controller
 from workbench.errors import check_range
-from workbench.linearisation.transfer import transfer_function
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -52,7 +52,7 @@ INPUT_SIZES = (8.0, 1.0, 0.2)
 def design_plain_h_infinity(
     linear: LinearModel, specification: PlainHInfinitySpecification | None = None
 ) -> TransferLaw:
-    """Design an H-infinity controller between one command and one output of any linear model.
+    """Design an H-infinity controller between commands and outputs of any linear model.
 
     Raises:
         WorkbenchError: If slycot is not installed.
@@ -65,7 +65,7 @@ def design_plain_h_infinity(
 
     def designed(speed: float, input_size: float) -> TransferLaw:
         law = _h_infinity(loop, want, speed, input_size)
-        led = law.behind_lags(speed)
+        led = law.behind_lags((speed,) * limits.outputs)
         without_lags[led] = law, speed
         return led
 
@@ -73,29 +73,28 @@ def design_plain_h_infinity(
     tried = [about * factor for factor in FACTORS] if about else [want.speed]
     designs = [partial(designed, w, size) for w in tried for size in INPUT_SIZES]
     law, speed = without_lags[limits.best(designs, family)]
-    return limits.at_pace(limits.led(law.behind_lags, speed, family))
+    return limits.at_pace(limits.led(law.behind_lags, (speed,) * limits.outputs))
 
 
 def _h_infinity(
-    loop: SingleLoop, want: PlainHInfinitySpecification, w: float, input_size: float
+    loop: Loop, want: PlainHInfinitySpecification, w: float, input_size: float
 ) -> TransferLaw:
     own, h = loop.linear, want.sample_time
-    size = abs(complex(transfer_function(own.A, own.B, own.C, own.D, np.array([1j * w]))[0, 0, 0]))
-    unit = 1.0 / size
+    read = np.linalg.norm(np.abs(loop.response([w])[0]) * loop.command_scale, axis=1)
     # Time counts in 1 / w and states in scales, so that no machine is too slow or too small for the
-    # numbers. The command passes a delay (first-order Pade); a disturbance enters beside it.
-    states = own.state_scales / loop.output_scale
+    # numbers. The commands pass a delay (first-order Pade); disturbances enter beside it.
+    states = own.state_scales / np.exp(np.mean(np.log(loop.output_scale)))
     p = 2.0 / (w * (want.delay + 1.5 * h))
-    n = len(own.A)
-    B = own.B / states[:, None] * (unit / w)
-    A = np.block(
-        [[own.A * states / states[:, None] / w, 2.0 * B], [np.zeros((1, n)), np.array([[-p]])]]
-    )
-    entries = np.block([[B, -B], [np.zeros((1, 1)), np.array([[p]])]])
-    C = np.hstack([own.C * states, np.zeros((1, 1))])
-    plant = A, entries, C, np.zeros((1, 2))
+    (n, m), outputs = own.B.shape, len(read)
+    B = own.B / states[:, None] * (loop.command_scale / w)
+    one, nothing = p * np.eye(m), np.zeros((m, m))
+    A = np.block([[own.A * states / states[:, None] / w, 2.0 * B], [np.zeros((m, n)), -one]])
+    entries = np.block([[B, -B], [nothing, one]])
+    C = np.hstack([own.C * states / read[:, None], np.zeros((outputs, m))])
+    plant = A, entries, C, np.zeros((outputs, 2 * m))
     found = synthesise(plant, Weights(1.0, input_size=input_size), tolerance=0.3, sample_time=h * w)
-    law = found.A, found.B, unit * found.C, unit * found.D
+    by = loop.command_scale[:, None]
+    law = found.A, found.B / read, by * found.C, by * found.D / read
     return sampled_controller(
         law, loop.ends, tracking_time=1.0 / w, sample_time=h, name="H-infinity"
     )

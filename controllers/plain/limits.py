@@ -1,25 +1,29 @@
-"""Of many laws between one measurement and one command, the best within limits.
+"""Of many laws between measurements and commands, the best within limits.
 
 A law is within them if its sampled loop, with every delay up to that which it must tolerate, and
 with the lag and without, has
 
     Ms = max |1 / (1 + L)|, Mt = max |L / (1 + L)| within their limits,   |T| w <= trusted frequency
 
-and the noise of the measurement moves its command by no more than a share of half its range. Where
-no law holds all of them, as no loop of a plant that is unstable and late does, those are taken that
-exceed them least. Of what is left, the best has the least error after steps of reference and load:
-the sum of both integrals of time by absolute error, each over the least that any has; a step that
+and the noise of the measurements moves no command by more than a share of half its range. Of
+several outputs, |S| is the largest singular value of the sensitivity, opened at all outputs or at
+all commands, each in the unit that makes it least: what the loop bears of changes of all channels
+at once, whatever their units. Where no law holds all limits, as no loop of a plant that is unstable
+and late does, those are taken that exceed them least. Of what is left, the best has the least error
+after a step of each reference and of each load: the sum of the integrals of time by absolute error,
+what other outputs do counted in their scales, each over the least that any has; a step that
 overshoots by a percent more than it may counts as a tenth of it more.
 
 Source: Panagopoulos, Åström and Hägglund, Design of PID controllers based on constrained
-optimisation, IEE Proc. Control Theory Appl. 149, 2002 (limits); Graham and Lathrop, The synthesis
-of optimum transient response, AIEE Trans. 72, 1953 (time by absolute error).
+optimisation, IEE Proc. Control Theory Appl. 149, 2002 (limits); Safonov, Stability margins of
+diagonally perturbed multivariable feedback systems, IEE Proc. D 129, 1982 (units); Graham and
+Lathrop, The synthesis of optimum transient response, AIEE Trans. 72, 1953 (time by absolute error).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
@@ -29,14 +33,14 @@ import numpy.typing as npt
 
 from controllers.linear_law import LinearLaw
 from controllers.named_state import flat, restored
-from controllers.plain.single_loop import ARRAYS, ENDLESS, LoopSpecification, PlainLaw
+from controllers.plain.loop import ARRAYS, ENDLESS, LoopSpecification, PlainLaw
 from controllers.sensitivity import sampled_at
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import WorkbenchError
 from workbench.linearisation.transfer import transfer_function
 
 if TYPE_CHECKING:
-    from controllers.plain.single_loop import SingleLoop
+    from controllers.plain.loop import Loop
     from workbench.linearisation import LinearModel
 
 
@@ -44,11 +48,12 @@ class AroundRest(Protocol):
     """A law that tells its linear form."""
 
     def around_rest(self) -> LinearLaw:
-        """Return the law between its ends, from measurement and reference as deviations."""
+        """Return the law between its ends, from measurements and references as deviations."""
         ...
 
 
 C = TypeVar("C", bound=AroundRest)
+D = TypeVar("D")
 P = TypeVar("P", bound=PlainLaw)
 
 ANGLE = np.geomspace(1e-6, 0.98 * np.pi, 300)
@@ -80,21 +85,22 @@ class Judged(NamedTuple):
 class LoopLimits:
     """The limits of a specification on a loop."""
 
-    def __init__(self, loop: SingleLoop, want: LoopSpecification) -> None:
+    def __init__(self, loop: Loop, want: LoopSpecification) -> None:
         h, own, size = want.sample_time, loop.linear, loop.linear.state_scales
         A, B, C = own.A * size / size[:, None], own.B / size[:, None], own.C * size
-        self.want, self.loop = want, loop
+        self.want, self.loop, self.outputs = want, loop, len(C)
         lags = [(0.0, lag) for lag in sorted({0.0, want.sensor_lag})]
-        self.plants = sampled_at(A, B, C, (True,), lags, h)
+        self.plants = sampled_at(A, B, C, (True,) * len(C), lags, h)
         z = np.exp(1j * ANGLE)
         self.responses = [
-            transfer_function(a, b, c, np.zeros((1, 1)), z)[:, 0, 0] for a, b, c in self.plants
+            transfer_function(a, b, c, np.zeros((len(c), b.shape[1])), z) for a, b, c in self.plants
         ]
         half = 0.5 * (loop.upper - loop.lower)
-        self.noise = want.loop_noise(loop) / (half if half < math.inf else loop.command_scale)
+        half = np.where(half < math.inf, half, loop.command_scale)
+        self.noise = want.loop_noise(loop) / half[:, None]
 
     def judge(self, laws: LinearLaw) -> Judged:
-        """Tell the peaks of loops of laws around rest, whose first input is the measurement.
+        """Tell the peaks of loops of laws around rest, whose first inputs are the measurements.
 
         Where some hold the limits, those that a few frequencies show not to are told as unstable.
         """
@@ -131,27 +137,22 @@ class LoopLimits:
         that turns it to -1, or is nearest to that.
 
         Returns:
-            Ms, Mt, |T| w in rad/s, noise of the command as a share of half its range, and whether
-            no delay turns a crossover to -1.
+            Ms, Mt, |T| w in rad/s, noise of the commands as a share of half their range, and
+            whether no delay turns a crossover to -1.
         """
         h, angle = self.want.sample_time, ANGLE[which]
-        K = -response(laws, np.exp(1j * angle))
+        K = -response(laws, np.exp(1j * angle), self.outputs)
         late = angle * (self.want.delay / h)
         ms, mt, beyond, stirred = np.zeros((4, len(K)))
         stable = np.ones(len(K), dtype=bool)
+        turned = _turned if K.shape[2:] == (1, 1) else _turned_together
         for P in self.responses:
-            L = P[which] * K
-            gain, margin = np.abs(L), np.mod(np.angle(L) + np.pi, 2.0 * np.pi)
-            reached = margin <= late
-            stable &= ~np.any(np.diff(gain < 1.0, append=True) & reached, axis=1)
-            turned = np.where(reached, 0.0, np.minimum(margin - late, 2.0 * np.pi - margin))
-            # |1 + L| with -L = gain exp(j turned), without the difference of near numbers.
-            near = np.hypot(gain - 1.0, 2.0 * np.sqrt(gain) * np.sin(0.5 * turned))
-            s = 1.0 / np.maximum(near, 1e-300)
-            ms, mt = np.maximum(ms, s.max(axis=1)), np.maximum(mt, (gain * s).max(axis=1))
-            beyond = np.maximum(beyond, (gain * s * angle).max(axis=1) / h)
-            noisy = np.trapezoid((np.abs(K) * s) ** 2, angle) / np.pi
-            stirred = np.maximum(stirred, self.noise * np.sqrt(noisy))
+            s, t, moved, crossed = turned(P[which], K, late, self.noise)
+            stable &= ~crossed
+            ms, mt = np.maximum(ms, s.max(axis=1)), np.maximum(mt, t.max(axis=1))
+            beyond = np.maximum(beyond, (t * angle).max(axis=1) / h)
+            noisy = np.trapezoid(moved, angle, axis=1) / np.pi
+            stirred = np.maximum(stirred, np.sqrt(noisy.max(axis=1)))
         return ms, mt, beyond, stirred, stable
 
     def held(self, judged: Judged, family: str) -> list[int]:
@@ -160,7 +161,7 @@ class LoopLimits:
         Raises:
             WorkbenchError: If none is stable, or a limit that was given is not held.
         """
-        ends = f"{self.loop.measured} by {self.loop.actuator}"
+        ends = self.loop.words
         least = float(np.min(judged.excess, initial=math.inf))
         if not math.isfinite(least):
             raise WorkbenchError(
@@ -182,9 +183,9 @@ class LoopLimits:
         """Return the outputs of linear loops after unit steps.
 
         Returns:
-            Times, shape (n,), in s, eight to an octave; outputs, shape (n_loops, n, n_steps), in
-            SI, for each input of the law behind the measurement and for the load of the command;
-            and 1 as long as a loop has not settled, shape (n_loops, n).
+            Times, shape (n,), in s, eight to an octave; outputs, shape (n_loops, n, n_outputs,
+            n_steps), in SI, for each input of the law behind the measurements and for the load of
+            each command; and 1 as long as a loop has not settled, shape (n_loops, n).
         """
         closed, entry = _closed(self.plants[0], laws)
         (count, n), k = closed.shape[:2], entry.shape[2]
@@ -193,18 +194,22 @@ class LoopLimits:
         over[:, :n, :n], over[:, :n, n:], over[:, n:, n:] = closed, entry, np.eye(k)
         x = np.zeros((count, n + k, k))
         x[:, n:] = np.eye(k)
-        C = self.plants[0][2][0]
-        times, seen, going, t, stride = [0.0], [np.zeros((count, k))], [np.ones(count)], 0, 1
+        C = self.plants[0][2]
+        times, seen, going, t, stride = [0.0], [C @ x[:, : C.shape[1]]], [np.ones(count)], 0, 1
         while np.any(lasts := (t * (1.0 - slowest) < 8.0) & (t < 1e9)):
             for _ in range(8):
                 x, t = over @ x, t + stride
                 times.append(t)
-                seen.append(C @ x[:, : len(C)])
+                seen.append(C @ x[:, : C.shape[1]])
                 going.append(lasts.astype(float))
             if t >= 16 * stride:
                 over, stride = over @ over, 2 * stride
         time = np.array(times) * self.want.sample_time
         return time, np.stack(seen, axis=1), np.stack(going, axis=1)
+
+    def answered(self, laws: LinearLaw) -> Answer:
+        """Return what loops answer to steps of references and loads."""
+        return answer(*self.steps(laws), self.loop.output_scale)
 
     def best(self, designs: Iterable[Callable[[], C]], family: str) -> C:
         """Return the best law of those that can be designed.
@@ -212,87 +217,193 @@ class LoopLimits:
         Raises:
             WorkbenchError: If there is none, none is stable, or a limit that was given is not held.
         """
-        found = []
-        reason: WorkbenchError | None = None
-        for design in designs:
-            try:
-                found.append(design())
-            except WorkbenchError as error:
-                reason = error
-        if reason and not found:
-            raise reason
+        found = _designed(designs)
         laws = stacked([law.around_rest() for law in found])
-        judged = self.judge(laws)
-        held = self.held(judged, family)
-        reached = answer(*self.steps(chosen(laws, held)))
+        held = self.held(self.judge(laws), family)
+        reached = self.answered(chosen(laws, held))
         errors = cost(reached, reached.errors.min(axis=0), self.want.overshoot)
         return found[held[int(np.argmin(errors))]]
 
-    def led(self, lagging: Callable[[float], C], speed: float, family: str) -> C:
-        """Return the best of a law's lags of the reference, whose speed is about this, in rad/s."""
-        top = 0.5 / self.want.sample_time
-        return self.best([partial(lagging, min(k * speed, top)) for k in LAGS], family)
+    def best_of(
+        self,
+        designed: Callable[[tuple[int, ...], D], C],
+        places: Sequence[tuple[tuple[int, ...], D]],
+        family: str,
+        count: int,
+    ) -> tuple[C, tuple[tuple[int, ...], D]]:
+        """Return the best law of a grid, and its place.
+
+        A law is designed for a step of the grid for each output, ``count`` being the number of
+        steps, and something else. Of several outputs, the step of each is then changed by itself as
+        long as that makes the law better.
+
+        Raises:
+            WorkbenchError: As of `best`.
+        """
+        at: dict[C, tuple[tuple[int, ...], D]] = {}
+
+        def made(place: tuple[tuple[int, ...], D]) -> C:
+            law = designed(*place)
+            at[law] = place
+            return law
+
+        def answers(places: Iterable[tuple[tuple[int, ...], D]]) -> tuple[list[C], Judged, Any]:
+            found = _designed([partial(made, place) for place in places])
+            laws = stacked([law.around_rest() for law in found])
+            return found, self.judge(laws), laws
+
+        found, judged, laws = answers(places)
+        held = self.held(judged, family)
+        reached = self.answered(chosen(laws, held))
+        least = reached.errors.min(axis=0)
+        errors = cost(reached, least, self.want.overshoot)
+        k = int(np.argmin(errors))
+        law, error = found[held[k]], errors[k]
+        top = max(1.0, float(judged.excess[held].max()))
+        for stride in STRIDES if self.outputs > 1 else ():
+            while True:
+                steps, other = at[law]
+                near = [
+                    tuple(s + by * (i == j) for j, s in enumerate(steps))
+                    for i in range(self.outputs)
+                    for by in (-stride, stride)
+                ]
+                near = [one for one in near if all(0 <= s < count for s in one)]
+                try:
+                    found, judged, laws = answers([(one, other) for one in near])
+                except WorkbenchError:
+                    break
+                held = np.flatnonzero(judged.excess <= top).tolist()
+                if not held:
+                    break
+                errors = cost(self.answered(chosen(laws, held)), least, self.want.overshoot)
+                k = int(np.argmin(errors))
+                if errors[k] > 0.98 * error:
+                    break
+                law, error = found[held[k]], errors[k]
+        return law, at[law]
+
+    def led(self, lagging: Callable[[tuple[float, ...]], C], speeds: Sequence[float]) -> C:
+        """Return the best of a law's lags of the references, of about these speeds, in rad/s.
+
+        They change what a loop does after steps of the references, each of its own.
+        """
+        top, p = 0.5 / self.want.sample_time, self.outputs
+        tried = [tuple(min(k * w, top) for w in speeds) for k in LAGS]
+        reached = self.answered(stacked([lagging(each).around_rest() for each in tried]))
+        best = []
+        for i in range(p):
+            own = [i, *range(p, reached.errors.shape[1])]
+            part = Answer(reached.overshoot[:, [i]], reached.errors[:, own])
+            errors = cost(part, part.errors.min(axis=0), self.want.overshoot)
+            best.append(tried[int(np.argmin(errors))][i])
+        return lagging(tuple(best))
 
     def at_pace(self, law: P) -> P:
-        """Return the law at the pace of its reference that suits steps beyond the command's ends.
+        """Return the law at the pace of its references that suits steps beyond the commands' ends.
 
-        The linear plant is run through steps, up and down, of half of what the command is just
-        enough for, and of up to ten times that, as far as the command can hold it there. Of paces,
-        the best is that whose errors and overshoots are least (as by `cost`); the loop is the same.
+        The linear plant is run through steps of each output, up and down, of half of what the
+        commands are just enough for, and of up to ten times that, as far as they can hold it there.
+        Of paces, the best is that whose errors and overshoots are least (as by `cost`); the loop is
+        the same.
         """
+        paces = tuple(self._pace(law, i) for i in range(self.outputs))
+        return replace(law, pace=paces) if min(paces) < math.inf else law
+
+    def _pace(self, law: PlainLaw, i: int) -> float:
         loop, want = self.loop, self.want
         ends = np.array([loop.lower, loop.upper]) - loop.rest_command
-        around = replace(law, rest=0.0, rest_output=0.0, lower=ends[0], upper=ends[1])
+        around = replace(
+            law,
+            rest=(0.0,) * len(law.rest),
+            rest_output=(0.0,) * len(law.rest_output),
+            lower=tuple(ends[0].tolist()),
+            upper=tuple(ends[1].tolist()),
+        )
+        free = replace(around, slew=())
         once, endless = np.ones(1), np.full(1, math.inf)
-        y, asked = (part[:, 0] for part in self._run(around, once, endless, ENDLESS))
-        peak, held = asked[np.argmax(np.abs(asked))], asked[-1]
-        if not (np.isfinite(ends).any() and math.isfinite(peak) and peak):
-            return law
-        most = 0.9 * np.sort(ends / held) if held else np.array([-math.inf, math.inf])
+        outputs, asked = (part[:, :, 0] for part in self._run(free, i, once, endless, ENDLESS))
+        y, held = outputs[:, i], asked[-1]
+        peak = asked[np.argmax(np.abs(asked), axis=0), np.arange(asked.shape[1])]
+        if not (np.isfinite(ends).any() and np.all(np.isfinite(peak)) and np.any(peak)):
+            return math.inf
         sizes = set()
-        for sign, top in zip((-1.0, 1.0), np.abs(most), strict=True):
-            enough = float(abs(ends[int(sign * peak > 0.0)] / peak))
-            if 0.0 < enough < top:
-                sizes |= {sign * min(share * enough, top) for share in LARGE}
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for sign in (-1.0, 1.0):
+                least, most = (
+                    float(
+                        np.nanmin(np.abs(ends[(sign * u > 0.0).astype(int), np.arange(len(u))] / u))
+                    )
+                    for u in (peak, held)
+                )
+                if 0.0 < least < 0.9 * most:
+                    sizes |= {sign * min(share * least, 0.9 * most) for share in LARGE}
         if not sizes:
-            return law
+            return math.inf
         size, smallest = np.array(sorted(sizes)), min(map(abs, sizes))
         arrived = max(int(np.argmax(y > 0.63)), 1)
         paces = np.array([share * smallest / LARGE[0] / arrived for share in PACES])
         step, pace = (part.ravel() for part in np.meshgrid(size, paces))
         with np.errstate(over="ignore", invalid="ignore"):
-            away = self._run(around, step, pace, ARRAYS)[0] / step - 1.0
+            seen = self._run(around, i, step, pace, ARRAYS)[0] / step
+        away = seen - (np.arange(self.outputs) == i)[:, None]
         away = np.nan_to_num(away, nan=1e9, posinf=1e9, neginf=-1e9)
-        errors = (np.arange(len(away)) @ np.abs(away)).reshape(len(paces), -1)
-        beyond = np.maximum(away.max(axis=0) - want.overshoot, 0.0).reshape(len(paces), -1)
-        total = np.sum(errors / errors.min(axis=0) * (1.0 + OVERSHOT * beyond), axis=1)
+        counted = np.abs(away) * (loop.output_scale[i] / loop.output_scale)[:, None]
+        errors = np.tensordot(np.arange(len(away)), counted.sum(axis=1), 1).reshape(len(paces), -1)
+        over = np.maximum(away[:, i].max(axis=0) - want.overshoot, 0.0).reshape(len(paces), -1)
+        total = np.sum(errors / errors.min(axis=0) * (1.0 + OVERSHOT * over), axis=1)
         best = int(np.argmin(total))
-        return replace(law, pace=float(paces[best])) if total[best] < 0.9 * total[0] else law
+        return float(paces[best]) if total[best] < 0.9 * total[0] else math.inf
 
     def _run(
-        self, law: PlainLaw, step: Vector, pace: Vector, arithmetic: Any
+        self, law: PlainLaw, i: int, step: Vector, pace: Vector, arithmetic: Any
     ) -> tuple[Matrix, Matrix]:
-        """Return outputs and commands asked for, shape (n_samples, n), after steps from rest.
+        """Return outputs and commands asked for, shape (n_samples, ..., n), after steps from rest.
 
         Args:
+            i: Number of the output that steps.
             step: Sizes of the steps, shape (n,), in SI of the output.
             pace: Largest change of the reference, shape (n,), in SI of the output per sample.
         """
         A, B, C = self.plants[0]
-        nothing, x = np.zeros_like(step), np.zeros((len(A), len(step)))
-        state: Any = law.initial_state((0.0,))
+        p, nothing, x = self.outputs, np.zeros_like(step), np.zeros((len(A), len(step)))
+        state: Any = law.initial_state((0.0,) * p)
         state = restored(state, [nothing] * len(flat(state)))
         outputs, commands, r = [], [], nothing
         for k in range(MOST_SAMPLES):
-            y, r = (C @ x)[0], r + np.clip(step - r, -pace, pace)
-            (u,), state, told = law.law(state, (y,), (r,), arithmetic)
-            x = A @ x + B * u
+            y, r = C @ x, r + np.clip(step - r, -pace, pace)
+            asked = tuple(r if j == i else nothing for j in range(p))
+            u, state, told = law.law(state, tuple(y), asked, arithmetic)
+            x = A @ x + B @ np.array([np.broadcast_to(v, step.shape) for v in u])
             outputs.append(y)
-            commands.append(told["asked"])
-            if k % 100 == 99 and np.all(np.abs(np.array(outputs[-100:]) / step - 1.0) < 0.01):
-                break
+            commands.append([np.broadcast_to(v, step.shape) for v in law.straight(told)])
+            if k % 100 == 99:
+                last = np.array(outputs[-100:])[:, i]
+                if np.all(np.abs(last / step - 1.0) < 0.01):
+                    break
         return np.array(outputs), np.array(commands)
 
+
+def _designed(designs: Iterable[Callable[[], C]]) -> list[C]:
+    """Return the laws that can be designed.
+
+    Raises:
+        WorkbenchError: If there is none.
+    """
+    found: list[C] = []
+    reason = WorkbenchError("there is nothing to design")
+    for design in designs:
+        try:
+            found.append(design())
+        except WorkbenchError as error:
+            reason = error
+    if not found:
+        raise reason
+    return found
+
+
+STRIDES = (4, 2, 1)
+"""Steps of a grid by which the speed of one output is changed."""
 
 LARGE = (0.5, 3.0, 10.0)
 """Steps of which the reference's pace is chosen, over that which the command is just enough for."""
@@ -308,6 +419,83 @@ LAGS = (4.0, 2.8, 2.0, 1.4, 1.0, 0.7, 0.5, 0.35, 0.25)
 """Factors by which the speed of lags of the reference is changed."""
 
 
+def _turned(
+    P: Complex, K: Complex, late: Vector, noise: Matrix
+) -> tuple[Vector, Vector, Vector, npt.NDArray[np.bool_]]:
+    """Return what single loops reach at each frequency, turned by the worst angle up to `late`.
+
+    Args:
+        P: Plant, shape (n_z, p, m), in SI.
+        K: Laws, shape (n_laws, n_z, m, p), in SI.
+        late: Angles, shape (n_z,), in rad.
+        noise: Noise of the measurements over half of the commands' range, shape (m, p).
+
+    Returns:
+        |S| and |T|, shape (n_laws, n_z); squares of what noise moves the commands by, over half of
+        their range, shape (n_laws, n_z, m); and whether a crossover is turned to -1, (n_laws,).
+    """
+    L = P[:, 0, 0] * K[:, :, 0, 0]
+    gain, margin = np.abs(L), np.mod(np.angle(L) + np.pi, 2.0 * np.pi)
+    reached = margin <= late
+    crossed = np.any(np.diff(gain < 1.0, append=True) & reached, axis=1)
+    turned = np.where(reached, 0.0, np.minimum(margin - late, 2.0 * np.pi - margin))
+    # |1 + L| with -L = gain exp(j turned), without the difference of near numbers.
+    near = np.hypot(gain - 1.0, 2.0 * np.sqrt(gain) * np.sin(0.5 * turned))
+    s = 1.0 / np.maximum(near, 1e-300)
+    return s, gain * s, (np.abs(K[..., 0]) * s[..., None] * noise[:, 0]) ** 2, crossed
+
+
+def _turned_together(
+    P: Complex, K: Complex, late: Vector, noise: Matrix
+) -> tuple[Vector, Vector, Vector, npt.NDArray[np.bool_]]:
+    """Return the same of loops of several outputs or commands, all turned together."""
+    one, two = (np.eye(k) for k in P.shape[1:])
+    late = np.minimum(late, 2.0 * np.pi)
+    s, t = np.zeros((2, *K.shape[:2]))
+    moved = np.zeros(K.shape[:3])
+    for share in np.linspace(0.0, 1.0, 1 + math.ceil(float(late.max()) / TURN)):
+        turned = np.exp(-1j * share * late)[:, None, None] * P
+        S = np.linalg.inv(one + turned @ K)
+        KS = K @ S
+        T = KS @ turned
+        s = np.maximum(s, np.maximum(least_gain(S), least_gain(two - T)))
+        t = np.maximum(t, np.maximum(least_gain(one - S), least_gain(T)))
+        moved = np.maximum(moved, np.sum((np.abs(KS) * noise) ** 2, axis=3))
+    # A loop that some angle makes unstable comes near to it on the way.
+    return s, t, moved, s.max(axis=1) > NEAR
+
+
+TURN = 0.4
+"""Largest step between angles by which a loop of several outputs is turned, in rad."""
+
+NEAR = 20.0
+"""Sensitivity of a loop, a ratio, that a delay between two angles may make unstable."""
+
+
+def least_gain(M: Any) -> Vector:
+    """Return the largest singular value of matrices, shape (..., k, k), in the best of units.
+
+    Those make it least: off-diagonal rows and columns of D M D^-1, D diagonal, have equal norms
+    then, exactly so for two, nearly for more.
+
+    Source: Osborne, On pre-conditioning of matrices, J. ACM 7, 1960.
+    """
+    k, size = M.shape[-1], np.abs(M) ** 2
+    w = np.ones(M.shape[:-1])
+    for i in [0] if k == 2 else [*range(k)] * 3:
+        others = [j for j in range(k) if j != i]
+        row = np.sum(size[..., i, others] / w[..., others], axis=-1) * w[..., i]
+        column = np.sum(size[..., others, i] * w[..., others], axis=-1) / w[..., i]
+        # What acts one way only is no loop: its unit is as far away as numbers bear.
+        w[..., i] *= np.clip(np.sqrt((column + 1e-200) / (row + 1e-200)), 1e-60, 1e60)
+    if k == 2:
+        total = np.sum(size * w[..., :, None] / w[..., None, :], axis=(-2, -1))
+        product = 2.0 * np.abs(M[..., 0, 0] * M[..., 1, 1] - M[..., 0, 1] * M[..., 1, 0])
+        return np.asarray(np.sqrt(0.5 * (total + np.sqrt(np.maximum(total**2 - product**2, 0.0)))))
+    scaled = M * np.sqrt(w[..., :, None] / w[..., None, :])
+    return np.asarray(np.linalg.norm(scaled, ord=2, axis=(-2, -1)))
+
+
 def stacked(laws: Sequence[LinearLaw]) -> LinearLaw:
     """Return laws one behind the other, each matrix of shape (n_laws, ...)."""
     n = max(len(law.F) for law in laws)
@@ -315,8 +503,8 @@ def stacked(laws: Sequence[LinearLaw]) -> LinearLaw:
     def padded(part: Matrix, *shape: int) -> Matrix:
         return np.pad(part, [(0, to - had) for to, had in zip(shape, part.shape, strict=True)])
 
-    k = laws[0].G.shape[1]
-    filled = [(padded(F, n, n), padded(G, n, k), padded(H, 1, n), J) for F, G, H, J in laws]
+    m, k = laws[0].J.shape
+    filled = [(padded(F, n, n), padded(G, n, k), padded(H, m, n), J) for F, G, H, J in laws]
     return LinearLaw(*(np.stack(parts) for parts in zip(*filled, strict=True)))
 
 
@@ -325,76 +513,94 @@ def chosen(laws: LinearLaw, which: Any) -> LinearLaw:
     return LinearLaw(*(part[which] for part in laws))
 
 
-def response(laws: LinearLaw, z: Complex) -> Complex:
-    """Return the transfer functions of laws by their first input, shape (n_laws, n_z), in SI."""
+def response(laws: LinearLaw, z: Complex, inputs: int = 1) -> Complex:
+    """Return the transfer functions of laws by their first inputs, in SI.
+
+    Returns:
+        Shape (n_laws, n_z, n_commands, n_inputs).
+    """
     from scipy.linalg import matrix_balance, schur
 
-    T, b, c = laws.F.astype(complex), laws.G[:, :, 0].astype(complex), laws.H[:, 0].astype(complex)
+    T, b, c = (part.astype(complex) for part in (laws.F, laws.G[:, :, :inputs], laws.H))
     n = T.shape[1]
     for k in np.flatnonzero(np.any(np.tril(laws.F, -1), axis=(1, 2))):
         even, (size, _) = matrix_balance(laws.F[k], permute=False, separate=True)
         T[k], Z = schur(even, output="complex")
-        b[k], c[k] = Z.conj().T @ (b[k] / size), (c[k] * size) @ Z
-    x = np.zeros((len(T), n, len(z)), dtype=complex)
+        b[k], c[k] = Z.conj().T @ (b[k] / size[:, None]), (c[k] * size) @ Z
+    x = np.zeros((len(T), n, len(z), inputs), dtype=complex)
     for i in reversed(range(n)):
-        right = (T[:, None, i, i + 1 :] @ x[:, i + 1 :])[:, 0]
-        x[:, i] = (b[:, i, None] + right) / (z - T[:, i, i, None])
-    return np.asarray((c[:, None] @ x)[:, 0] + laws.J[:, :1, 0])
+        right = np.einsum("lj,ljzk->lzk", T[:, i, i + 1 :], x[:, i + 1 :])
+        x[:, i] = (b[:, i, None] + right) / (z - T[:, i, i, None])[..., None]
+    return np.asarray(np.einsum("lmn,lnzk->lzmk", c, x) + laws.J[:, None, :, :inputs])
 
 
 def _closed(plant: tuple[Matrix, Matrix, Matrix], laws: LinearLaw) -> tuple[Matrix, Matrix]:
-    """Return loops, shape (n_loops, n, n), and what references and load enter them by."""
+    """Return loops, shape (n_loops, n, n), and what references and loads enter them by."""
     (A, B, C), (F, G, H, J) = plant, laws
-    n, count = len(A), len(F)
+    n, count, p = len(A), len(F), len(C)
     closed = np.zeros((count, n + F.shape[1], n + F.shape[1]))
-    closed[:, :n, :n], closed[:, :n, n:] = A + B @ J[:, :, :1] @ C, B @ H
-    closed[:, n:, :n], closed[:, n:, n:] = G[:, :, :1] @ C, F
-    entry = np.zeros((count, n + F.shape[1], G.shape[2]))
-    entry[:, :n, :-1], entry[:, n:, :-1], entry[:, :n, -1] = B @ J[:, :, 1:], G[:, :, 1:], B[:, 0]
+    closed[:, :n, :n], closed[:, :n, n:] = A + B @ J[:, :, :p] @ C, B @ H
+    closed[:, n:, :n], closed[:, n:, n:] = G[:, :, :p] @ C, F
+    asked = G.shape[2] - p
+    entry = np.zeros((count, n + F.shape[1], asked + B.shape[1]))
+    entry[:, :n, :asked], entry[:, n:, :asked], entry[:, :n, asked:] = (
+        B @ J[:, :, p:],
+        G[:, :, p:],
+        B,
+    )
     return closed, entry
 
 
-def settled_after(law: Any, linear: LinearModel, step: float) -> float:
-    """Return the time, in s, after which a step, in SI of the output, has settled within 2 %.
+def settled_after(law: Any, linear: LinearModel, steps: Mapping[str, float]) -> float:
+    """Return the time, in s, after which steps, in SI of the outputs, have settled within 2 %.
 
-    The law, of one measurement and one command, is within its ends on the linear model.
+    The law is within its ends on the linear model, and each output steps alone.
     """
-    want = LoopSpecification(law.sensors[0], law.actuators[0], sample_time=law.sample_time)
+    want = LoopSpecification(law.sensors, law.actuators, sample_time=law.sample_time)
     limits = LoopLimits(want.loop(linear), want)
     time, seen, _ = limits.steps(stacked([law.around_rest()]))
-    away = np.flatnonzero(np.abs(seen[0, :, 0] - 1.0) > 0.02)
-    paced: float = abs(step) / getattr(law, "pace", math.inf) * law.sample_time
-    return float(time[min(away[-1] + 1, len(time) - 1)]) + paced if len(away) else paced
+    long, paces = 0.0, getattr(law, "pace", ()) or (math.inf,) * len(law.sensors)
+    for i, (name, pace) in enumerate(zip(law.controlled, paces, strict=True)):
+        away = np.flatnonzero(np.abs(seen[0, :, i, i] - 1.0) > 0.02)
+        own = float(time[min(away[-1] + 1, len(time) - 1)]) if len(away) else 0.0
+        if steps.get(name):
+            long = max(long, own + abs(steps[name]) / pace * law.sample_time)
+    return long
 
 
 class Answer(NamedTuple):
-    """What loops answer to steps of reference and load.
+    """What loops answer to steps of references and loads.
 
     Args:
-        overshoot: Of a step of the reference, shape (n,), as fractions of it.
-        errors: Integrals of time by absolute error, shape (n, 2), after a unit step of the
-            reference, in s2, and of the load, in SI of the output per SI of the command, times s2.
+        overshoot: Of a step of each reference, shape (n, n_outputs), as fractions of it.
+        errors: Integrals of time by absolute error, shape (n, n_steps): after a unit step of each
+            reference, in s2, then of each load, per SI of the command, times s2.
     """
 
     overshoot: Vector
     errors: Matrix
 
 
-def answer(time: Vector, seen: Matrix, going: Matrix) -> Answer:
-    """Measure outputs after unit steps of reference and load; see `LoopLimits.steps`."""
-    away = time[:, None] * np.abs(seen - np.array([1.0, 0.0]))
+def answer(time: Vector, seen: Matrix, going: Matrix, scale: Vector) -> Answer:
+    """Measure outputs, of scales in SI, after unit steps; see `LoopLimits.steps`."""
+    p, k = seen.shape[2:]
+    target = np.eye(p, k)
+    # What a step of one output does to another counts in their scales.
+    weight = np.append(scale, np.ones(k - p)) / scale[:, None]
+    away = time[:, None] * np.sum(np.abs(seen - target) * weight, axis=2)
     each = 0.5 * (away[:, 1:] + away[:, :-1]) * np.diff(time)[:, None] * going[:, 1:, None]
-    return Answer((seen[:, :, 0] * going).max(axis=1) - 1.0, each.sum(axis=1))
+    own = seen[:, :, np.arange(p), np.arange(p)]
+    return Answer((own * going[:, :, None]).max(axis=1) - 1.0, each.sum(axis=1))
 
 
 def cost(found: Answer, least: Vector, overshoot: float) -> Vector:
     """Return the errors of loops, shape (n,), dimensionless.
 
     Args:
-        least: Errors that they count over, shape (2,), in the units of `Answer.errors`.
-        overshoot: Of a step of the reference that is allowed, as a fraction of it.
+        least: Errors that they count over, shape (n_steps,), in the units of `Answer.errors`.
+        overshoot: Of a step of a reference that is allowed, as a fraction of it.
     """
-    beyond = np.maximum(found.overshoot - overshoot, 0.0)
+    beyond = np.maximum(found.overshoot.max(axis=1) - overshoot, 0.0)
     return np.asarray(np.sum(found.errors / least, axis=1) * (1.0 + OVERSHOT * beyond))
 
 

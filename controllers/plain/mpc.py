@@ -1,32 +1,35 @@
-"""Linear MPC of one output by one command, for any linear model.
+"""Linear MPC of any followed outputs by any commands, for any linear model.
 
-It is that of `controllers.mpc.whole_model`: the command takes the place of the opening, on a curve
+It is that of `controllers.mpc.whole_model`: each command takes the place of an opening, on a curve
 that is a straight line through rest, fully open at the farther end of the command's range, and the
-disturbance is one of the command.
+disturbances are those of the commands.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
-from controllers.joint.model import opening_input
 from controllers.mpc.disturbance_observer import DisturbanceObserver
 from controllers.mpc.whole_model import (
     LinearMPC,
     MPCSpecification,
-    design_mpc,
+    Problem,
     linear_mpc_design,
+    mpc_of,
     observer_of,
-    reference_path,
+    reference_paths,
 )
 from controllers.plain.limits import LoopLimits
-from controllers.plain.single_loop import LoopSpecification, SingleLoop, speeds
+from controllers.plain.loop import Loop, LoopSpecification, speeds
+from controllers.plain.pairing import gain_at_rest
 from controllers.valve_inverse import ValveInverse
+from workbench.arrays import Matrix
 from workbench.errors import check_range
 
 if TYPE_CHECKING:
@@ -39,8 +42,11 @@ FASTEST = 0.15
 DISTURBANCES = (1.0, 0.1, 0.01)
 """Disturbances of the command that are tried, as fractions of it."""
 
-ERRORS = (0.1, 1.0)
-"""Errors that are tried, over what the command moves the output by at the speed."""
+ERRORS = tuple(10.0 ** (k / 4.0) for k in range(-12, 9))
+"""Errors between which it is chosen, over what the commands move the output by at the speed."""
+
+ALIKE = (8, 12)
+"""Places of those that are tried for all outputs alike."""
 
 
 ENDLESS = 10.0
@@ -52,19 +58,19 @@ class PlainMPCSpecification(LoopSpecification):
     """What a linear MPC for any linear model is designed for.
 
     Args:
-        speed: Speed of the reference's lags, in rad/s; the horizon is four of its time constants.
+        speed: Speed of the references' lags, in rad/s; the horizon is four of its time constants.
             By default (0) the horizon is that of the best loop within its limits, and the lags are
             what leads a step best.
-        error_scale: Error that weighs as much as a third of the command, in SI of the output; by
-            default (0) what makes the best loop.
-        rate_time: Time in which the command may cross half of its range, in s; two prediction
-            samples by default (0).
+        error_scale: Error that weighs as much as a third of the command, in SI of the output, or
+            one for each; by default (0) what makes the best loop.
+        rate_time: Time in which a command may cross half of its range, in s; by default (0) two
+            prediction samples, or what its slew lets it.
         disturbance: What the disturbance of the command is taken to walk by in ten time constants
             of the loop, rms, as a fraction of the command; what suits the loop by default (0).
     """
 
     speed: float = 0.0
-    error_scale: float = 0.0
+    error_scale: float | tuple[float, ...] = 0.0
     rate_time: float = 0.0
     disturbance: float = 0.0
 
@@ -72,7 +78,8 @@ class PlainMPCSpecification(LoopSpecification):
         super().__post_init__()
         check_range("speed", self.speed, 0.0, 0.5 / self.sample_time, "rad/s")
         for name in ("error_scale", "rate_time", "disturbance"):
-            check_range(name.replace("_", " "), getattr(self, name), 0.0, 1e30)
+            for value in np.atleast_1d(getattr(self, name)):
+                check_range(name.replace("_", " "), float(value), 0.0, 1e30)
 
 
 def design_plain_mpc(
@@ -81,7 +88,7 @@ def design_plain_mpc(
     """Design a linear MPC without offset for any linear model.
 
     Raises:
-        WorkbenchError: If the output cannot be led to a reference by the command, or a Riccati
+        WorkbenchError: If the outputs cannot be led to references by the commands, or a Riccati
             equation has no solution.
     """
     want = specification or PlainMPCSpecification()
@@ -92,87 +99,111 @@ def design_plain_mpc(
     low = min(growing, 0.5 * top)
     tried = [want.speed] if want.speed else [w for w in speeds(h, 16) if low <= w <= top]
 
+    outputs = len(loop.measured)
+    given = np.broadcast_to(np.array(want.error_scale, dtype=float), outputs)
+    walks = [want.disturbance] if want.disturbance else list(DISTURBANCES)
+    curves = _straight(loop)
+
     # The horizon does not depend on the disturbance, nor the observer on the error.
     @cache
-    def horizon(speed: float, error: float) -> LinearMPC:
-        own = _specified(loop, want, speed, DISTURBANCES[0], error, full)
-        law = design_mpc(
-            loop.linear,
-            own,
-            valve=curve,
-            sensors=sensors,
-            actuator=loop.actuator,
-            opening_range=(-below / full, above / full),
-        )
+    def horizon(speed: float, error: tuple[float, ...]) -> LinearMPC:
+        own, numbers = _problem(loop, want, curves, speed, DISTURBANCES[0], error)
+        law = mpc_of(loop.linear, own, numbers, observer=observer(speed, DISTURBANCES[0]))
         return replace(law, name="linear MPC")
 
     @cache
     def observer(speed: float, disturbance: float) -> DisturbanceObserver:
-        own = _specified(loop, want, speed, disturbance, loop.output_scale, full)
-        return observer_of(
-            loop.linear, own, sensors, opening_input(loop.linear, curve, loop.actuator)
-        )
+        own, numbers = _problem(loop, want, curves, speed, disturbance, loop.output_scale)
+        return observer_of(loop.linear, own, numbers)
 
-    def designed(speed: float, disturbance: float, error: float) -> LinearMPC:
-        return replace(horizon(speed, error), observer=observer(speed, disturbance))
+    def designed(places: tuple[int, ...], at: tuple[float, float]) -> LinearMPC:
+        speed, disturbance = at
+        sizes = np.array([ERRORS[k] for k in places]) * loop.sizes([speed])[0]
+        error = np.where(given > 0.0, given, sizes)
+        law = horizon(speed, tuple(error.tolist()))
+        return replace(law, observer=observer(speed, disturbance))
 
-    below, above = (
-        room if room < math.inf else ENDLESS * loop.command_scale
-        for room in (loop.rest_command - loop.lower, loop.upper - loop.rest_command)
-    )
-    full = max(below, above)
-    curve = ValveInverse((0.0, full), (0.0, 1.0), loop.rest_command)
-    sensors = (loop.measured,)
-    designs = [
-        partial(designed, speed, disturbance, error)
-        for speed in tried
-        for disturbance in ([want.disturbance] if want.disturbance else DISTURBANCES)
-        for error in (
-            [want.error_scale]
-            if want.error_scale
-            else [share * loop.sizes([speed])[0] for share in ERRORS]
-        )
-    ]
-    limits, family = LoopLimits(loop, want), "a linear MPC"
-    law = limits.best(designs, family)
+    alike = ALIKE[:1] if np.all(given > 0.0) else ALIKE
+    start = [((k,) * outputs, (w, walk)) for w in tried for walk in walks for k in alike]
+    limits = LoopLimits(loop, want)
+    law, _ = limits.best_of(designed, start, "a linear MPC", len(ERRORS))
     if want.speed:
         return law
 
-    def lagging(speed: float) -> LinearMPC:
-        path = reference_path(speed * h, law.prediction.preview_index)
+    def lagging(speed: tuple[float, ...]) -> LinearMPC:
+        path = reference_paths(speed, h, law.prediction.preview_index)
         return replace(law, reference_speed=speed, path=path)
 
-    return limits.led(lagging, law.reference_speed, family)
+    return limits.led(lagging, law.reference_speed)
 
 
-def _specified(
-    loop: SingleLoop,
+def _straight(loop: Loop) -> tuple[ValveInverse, ...]:
+    """Return a straight line for each command, fully open at its farther end, and to both sides."""
+    far = np.maximum(*_rooms(loop))
+    return tuple(
+        ValveInverse((0.0, full), (0.0, 1.0), rest)
+        for full, rest in zip(far.tolist(), loop.rest_command.tolist(), strict=True)
+    )
+
+
+def _rooms(loop: Loop) -> tuple[Matrix, Matrix]:
+    """Return what each command may change by below and above rest, in SI."""
+    rooms = (loop.rest_command - loop.lower, loop.upper - loop.rest_command)
+    below, above = (np.where(room < math.inf, room, ENDLESS * loop.command_scale) for room in rooms)
+    return below, above
+
+
+def _problem(
+    loop: Loop,
     want: PlainMPCSpecification,
+    curves: tuple[ValveInverse, ...],
     speed: float,
     disturbance: float,
-    error: float,
-    full: float,
-) -> MPCSpecification:
-    """Return what an MPC is told, whose openings are fractions of a full one, in SI."""
-    share = loop.command_scale / full
+    error: npt.ArrayLike,
+) -> tuple[Problem, MPCSpecification]:
+    """Return what an MPC is told, whose openings are fractions of full ones, in SI."""
+    below, above = _rooms(loop)
+    full = np.maximum(below, above)
+    share, usual = loop.command_scale / full, MPCSpecification
     own, h = loop.linear, want.sample_time
     step = h * max(1, round(0.1 / speed / h))
-    entered = int(np.argmax(np.abs(own.B[:, 0]) / own.state_scales))
+    lag = min(speed, 0.5 / h)
     # Over ten time constants.
     walking = math.sqrt(0.1 * speed)
-    walk = disturbance * float(abs(own.B[entered, 0])) * loop.command_scale * walking
-    return MPCSpecification(
-        angle_scale=error,
-        opening_scale=MPCSpecification.opening_scale * share,
-        move_scale=MPCSpecification.move_scale * share,
+    entry = own.B * loop.command_scale
+    if entry.shape[1] == 1:
+        entered = int(np.argmax(np.abs(own.B[:, 0]) / own.state_scales))
+        entry = np.where(np.arange(len(entry))[:, None] == entered, np.abs(entry), 0.0)
+    elif entry.shape[1] > len(loop.measured):
+        # As many as outputs, of the commands that hold them.
+        gain = gain_at_rest(loop) * loop.command_scale / loop.output_scale[:, None]
+        entry = entry @ np.linalg.svd(gain)[2][: len(loop.measured)].T
+    slow = loop.slew / full
+    problem = Problem(
+        curves=curves,
+        actuators=loop.actuators,
+        sensors=loop.measured,
+        weights=(
+            np.asarray(error) ** -2.0,
+            (usual.opening_scale * share) ** -2,
+            (usual.move_scale * share) ** -2,
+        ),
+        ends=((-below / full).tolist(), (above / full).tolist()),
+        move_limit=tuple(
+            (np.minimum(share / (want.rate_time or 2.0 * step), slow) * step).tolist()
+        ),
+        output_limits=(),
+        disturbances=(entry, disturbance * walking),
+        reference_speed=(lag,) * len(loop.measured),
+        first_limit=tuple((slow * h).tolist()) if np.isfinite(slow).any() else (),
+    )
+    numbers = MPCSpecification(
         prediction_time=step,
-        rate_limit=share / (want.rate_time or 2.0 * step),
-        state_noise=MPCSpecification.state_noise * walking,
-        disturbances={own.state_names[entered]: walk},
-        sensor_noise=(want.loop_noise(loop),),
-        reference_speed=min(speed, 0.5 / h),
+        state_noise=usual.state_noise * walking,
+        sensor_noise=tuple(want.loop_noise(loop).tolist()),
         sample_time=h,
     )
+    return problem, numbers
 
 
 PLAIN_MPC = linear_mpc_design(

@@ -1,19 +1,21 @@
 """State feedback and sliding mode for any linear model, on a Kalman filter of its states.
 
-With deviations from rest, the estimate x and the reference r of the output y = C x behind two lags
-of speed w_r, sample k:
+With deviations from rest, the estimate x and the references r of the outputs y = C x behind two
+lags of speeds w_r, sample k:
 
     x     = xp + M (y - C xp)                        Kalman filter, gain M
     s     = S x - Sr r - Sq q                        the surface; 0 for a state feedback
     u     = u0 + Kr r - K x + Kq q - rho sat(s / layer), clipped to its ends
-    xp+   = F x + G (u_clipped - u0),    q+ = q + h (r - y) unless u is at an end
+    xp+   = F x + G (u_clipped - u0),    q+ = q + h P (r - y)
 
-State feedback: K and Kq minimise the sum of (y / y_scale)^2 + (q / (T y_scale))^2 + (u / u_scale)^2
-(LQI), or K is given. Sliding mode: s = 0 is the surface on which the model with its integral has
-given poles (Ackermann and Utkin's formula), K, Kr and Kq keep the model on it, and rho, a share of
-the command, leads there. With xs r and us r the state and command at which the output is r, Kr is
-us + K xs, or the share of it whose zero takes the place of the slowest pole: the integral then
-holds the rest, and no overshoot is needed to empty it. Sr is found the same way.
+P leads to what moves no command that is at its end: nothing is summed while the only one is. State
+feedback: K and Kq minimise the sum of (y / y_scale)^2 + (q / (T y_scale))^2 + (u / u_scale)^2 over
+all outputs and commands (LQI), or K is given. Sliding mode, of one output by one command: s = 0 is
+the surface on which the model with its integral has given poles (Ackermann and Utkin's formula), K,
+Kr and Kq keep the model on it, and rho, a share of the command, leads there. With xs r and us r the
+state and command at which the output is r, Kr is us + K xs, or the share of it whose zero takes the
+place of the slowest pole: the integral then holds the rest, and no overshoot is needed to empty it.
+Sr is found the same way.
 
 Source: Kwakernaak and Sivan, Linear Optimal Control Systems, 1972, chapters 3 to 5; Ackermann and
 Utkin, Sliding mode control design based on Ackermann's formula, IEEE Trans. AC-43, 1998.
@@ -29,12 +31,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
+from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
 from controllers.design import Design
 from controllers.plain.limits import LoopLimits
-from controllers.plain.single_loop import LoopSpecification, PlainLaw, SingleLoop, speeds
+from controllers.plain.loop import Loop, LoopSpecification, PlainLaw, listed, speeds
 from controllers.reference.horizon import lagged
-from controllers.sampling import Rows, rows, total
+from controllers.sampling import Rows, product, rows, total
 from controllers.sliding_mode import sliding_design
 from workbench.arrays import Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_range
@@ -49,91 +51,133 @@ class ObservedState(NamedTuple):
 
     Args:
         predicted: Predicted states xp, deviations in SI.
-        error_integral: Integral q of the error, in SI of the output times s.
-        filtered: Reference after the first lag, a deviation in SI.
-        target: Reference after the second lag, a deviation in SI.
-        paced: Reference before the lags at its pace, a deviation in SI; None without a pace.
+        error_integral: Integrals q of the errors, in SI of the outputs times s.
+        filtered: References after the first lag, deviations in SI.
+        target: References after the second lag, deviations in SI.
+        paced: References before the lags at their pace, deviations in SI; None without a pace.
+        commands: Commands, in SI; None without a slew.
     """
 
     predicted: Numbers
-    error_integral: Number
-    filtered: Number
-    target: Number
-    paced: Number | None = None
+    error_integral: Numbers
+    filtered: Numbers
+    target: Numbers
+    paced: Numbers | None = None
+    commands: Numbers | None = None
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ObserverLaw(PlainLaw):
     """State feedback with integral action, with or without a sliding mode.
 
+    All is in SI, with n states, m commands and p outputs.
+
     Args:
-        F: Transition of the states over a sample, shape (n, n), in SI.
-        G: Effect of the command, shape (n,), in SI.
-        C: Output, shape (n,), in SI.
-        M: Gain of the Kalman filter, shape (n,), in SI.
-        gain: K, shape (n,), in SI of the command per SI of the states.
-        integral_gain: Kq, in SI of the command per SI of the output and s.
-        reference_gain: Kr, in SI of the command per SI of the output.
-        target: xs, shape (n,), in SI of the states per SI of the output.
-        start: Integral at rest, in s.
+        F: Transition of the states over a sample, shape (n, n).
+        G: Effect of the commands, shape (n, m).
+        C: Outputs, shape (p, n).
+        M: Gain of the Kalman filter, shape (n, p).
+        gain: K, shape (m, n).
+        integral_gain: Kq, shape (m, p).
+        reference_gain: Kr, shape (m, p).
+        target: xs, shape (n, p).
+        start: Integrals at rest per deviation of the outputs, shape (p, p), in s.
         surface: S, shape (n,), in SI of the command per SI of the states.
         surface_integral: Sq, in SI of the command per SI of the output and s.
         surface_reference: Sr, in SI of the command per SI of the output.
         reach: rho, in SI of the command per s; 0 for a state feedback.
         layer: Half width of the boundary layer, in the unit of the surface.
-        reference_speed: Speed w_r of the reference's lags, in rad/s; 0 for none.
+        reference_speed: Speeds w_r of the references' lags, in rad/s; 0 for none.
     """
 
     F: Rows
-    G: tuple[float, ...]
-    C: tuple[float, ...]
-    M: tuple[float, ...]
-    gain: tuple[float, ...]
-    integral_gain: float
-    reference_gain: float
-    target: tuple[float, ...]
-    start: float = 0.0
+    G: Rows
+    C: Rows
+    M: Rows
+    gain: Rows
+    integral_gain: Rows
+    reference_gain: Rows
+    target: Rows
+    start: Rows
     surface: tuple[float, ...] = ()
     surface_integral: float = 0.0
     surface_reference: float = 0.0
     reach: float = 0.0
     layer: float = 1.0
-    reference_speed: float = 0.0
+    reference_speed: tuple[float, ...]
 
     def initial_state(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> ObservedState:
-        """Return the state of a plant that the command at rest holds where it is measured."""
-        y = measurement[0] - self.rest_output
-        paced = None if self.pace == math.inf else y
-        return ObservedState(tuple(gain * y for gain in self.target), self.start * y, y, y, paced)
+        """Return the state of a plant that the commands at rest hold where it is measured."""
+        y = self.deviations(measurement)
+        x, q = product(self.target, y), product(self.start, y)
+        return ObservedState(x, q, y, y, *self.kept(y, self.rest))
 
     def law(
         self, state: ObservedState, measurement: Numbers, reference: Numbers, arithmetic: Arithmetic
     ) -> tuple[Numbers, ObservedState, Told]:
-        y = measurement[0] - self.rest_output
-        r = self.followed(state.paced, reference[0] - self.rest_output, arithmetic)
-        paced = None if self.pace == math.inf else r
-        filtered = r
-        if self.reference_speed:
-            fresh = self.reference_speed * self.sample_time
-            filtered, r = lagged(state.filtered, state.target, r, fresh)
-        residual = y - total(0.0, self.C, state.predicted)
-        x = tuple(p + m * residual for p, m in zip(state.predicted, self.M, strict=True))
+        y = self.deviations(measurement)
+        paced = self.followed(state.paced, reference, arithmetic)
+        lags = [
+            lagged(first, second, asked, speed * self.sample_time) if speed else (asked, asked)
+            for first, second, asked, speed in zip(
+                state.filtered, state.target, paced, self.reference_speed, strict=True
+            )
+        ]
+        filtered, r = (tuple(part) for part in zip(*lags, strict=True))
+        residual = tuple(v - total(0.0, c, state.predicted) for v, c in zip(y, self.C, strict=True))
+        x = product(self.M, residual, state.predicted)
         q = state.error_integral
-        asked = self.rest + self.reference_gain * r + self.integral_gain * q
-        asked = asked - total(0.0, self.gain, x)
+        asked = product(self.reference_gain, r, self.rest)
+        asked = product(self.integral_gain, q, asked)
+        asked = tuple(u - total(0.0, k, x) for u, k in zip(asked, self.gain, strict=True))
         told: Told = {}
         if self.reach:
             s = total(0.0, self.surface, x)
-            s = s - self.surface_reference * r - self.surface_integral * q
-            asked = asked - self.reach * arithmetic.clip(s / self.layer, -1.0, 1.0)
+            s = s - self.surface_reference * r[0] - self.surface_integral * q[0]
+            asked = (asked[0] - self.reach * arithmetic.clip(s / self.layer, -1.0, 1.0),)
             told["surface"] = s
-        command = arithmetic.clip(asked, self.lower, self.upper)
-        summed = q + self.sample_time * (r - y)
-        free = arithmetic.where(command == asked, summed, q)
-        move = command - self.rest
-        predicted = tuple(total(g * move, row, x) for row, g in zip(self.F, self.G, strict=True))
-        following = ObservedState(predicted, free, filtered, r, paced)
-        return (command,), following, {"asked": asked, **told}
+        command = self.applied(state.commands, asked, arithmetic)
+        change = tuple(self.sample_time * (a - b) for a, b in zip(r, y, strict=True))
+        free = [u == v for u, v in zip(command, asked, strict=True)]
+        change = _freed(change, self.integral_gain, free, arithmetic)
+        summed = tuple(a + b for a, b in zip(q, change, strict=True))
+        move = tuple(u - rest for u, rest in zip(command, self.rest, strict=True))
+        predicted = product(self.G, move, product(self.F, x))
+        following = ObservedState(predicted, summed, filtered, r, *self.kept(paced, command))
+        return command, following, {**self.told(asked), **told}
+
+
+def _freed(change: Numbers, gain: Rows, free: Sequence[Any], arithmetic: Arithmetic) -> Numbers:
+    """Return what of a change, in any units, moves no command that is not free.
+
+    Each such command's row of the gain is made orthogonal to those before it, and taken away.
+    """
+    taken: list[tuple[Numbers, Any]] = []
+    for row, may in zip(gain, free, strict=True):
+        if len(row) == 1:
+            # What is left of the only one is nothing, to the last digit, by whatever it enters.
+            change = (arithmetic.where(may, change[0], 0.0 * change[0]),)
+            continue
+        if not any(row):
+            continue
+        size = sum(k * k for k in row)
+        own: Numbers = row
+        for other, norm in taken:
+            share = total(0.0, row, other) / norm
+            own = tuple(a - share * b for a, b in zip(own, other, strict=True))
+        norm = total(0.0, (1.0,) * len(own), tuple(a * a for a in own))
+        # What the others already hold back leaves nothing but rounding.
+        small = norm < 1e-12 * size
+        norm = arithmetic.where(small, size, norm)
+        own = tuple(
+            arithmetic.where(may, 0.0 * a, arithmetic.where(small, 0.0 * a, a)) for a in own
+        )
+        share = total(
+            0.0, (1.0,) * len(own), tuple(a * b for a, b in zip(own, change, strict=True))
+        )
+        change = tuple(c - share / norm * a for a, c in zip(own, change, strict=True))
+        taken.append((own, norm))
+    return change
 
 
 DISTURBANCES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003)
@@ -170,18 +214,19 @@ class LQISpecification(ObserverSpecification):
     """What a state feedback for any linear model is designed for.
 
     Args:
-        error_scale: Error that weighs as much as all of the command, in SI of the output; by
-            default (0) what makes the best loop within its limits.
+        error_scale: Error that weighs as much as all of the command, in SI of the output, or one
+            for each; by default (0) what makes the best loop within its limits.
         integral_time: Time T in which the integral of an error weighs as much as the error, in s;
             by default (0) two time constants of the loop.
     """
 
-    error_scale: float = 0.0
+    error_scale: float | tuple[float, ...] = 0.0
     integral_time: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_range("error scale", self.error_scale, 0.0, 1e30)
+        for scale in np.atleast_1d(self.error_scale):
+            check_range("error scale", float(scale), 0.0, 1e30)
         check_range("integral time", self.integral_time, 0.0, TIMES_S[1])
 
 
@@ -189,11 +234,12 @@ def design_lqi(linear: LinearModel, specification: LQISpecification | None = Non
     """Design a state feedback with integral action for any linear model.
 
     The loop is as fast as the frequency w at which the plant makes the error that weighs as much as
-    all of the command from all of the command. A Kalman filter takes away the margins that an LQR
-    has: of all w and filters it is the law that `controllers.plain.limits` takes.
+    all of the commands from all of the commands. A Kalman filter takes away the margins that an LQR
+    has: of all w and filters it is the law that `controllers.plain.limits` takes. With several
+    outputs, the speed of each is then changed by itself as long as that is better.
 
     Raises:
-        WorkbenchError: If the output cannot be led to a reference by the command, a Riccati
+        WorkbenchError: If the outputs cannot be led to references by the commands, a Riccati
             equation has no solution, or a limit that was given is not held.
     """
     want = specification or LQISpecification()
@@ -202,72 +248,76 @@ def design_lqi(linear: LinearModel, specification: LQISpecification | None = Non
     law, _ = _fastest(limits, want, speeds(want.sample_time), want.disturbances)
     if want.reference_speed:
         return limits.at_pace(law)
-    led = limits.led(lambda w: replace(law, reference_speed=w), law.reference_speed, FEEDBACK)
-    return limits.at_pace(led)
+    return limits.at_pace(limits.led(partial(_led, law), law.reference_speed))
+
+
+def _led(law: ObserverLaw, reference_speed: tuple[float, ...]) -> ObserverLaw:
+    return replace(law, reference_speed=reference_speed)
 
 
 def reachable_speed(limits: LoopLimits, want: LoopSpecification) -> float:
     """Return about how fast a loop within limits is, in rad/s: that of a state feedback."""
     told = {f.name: getattr(want, f.name) for f in fields(LoopSpecification)}
     coarse = speeds(want.sample_time, 20)
-    return _fastest(limits, LQISpecification(**told), coarse, DISTURBANCES[::2])[1]
+    reached = _fastest(limits, LQISpecification(**told), coarse, DISTURBANCES[::2])[1]
+    return float(np.exp(np.mean(np.log(reached))))
 
 
 def _fastest(
     limits: LoopLimits, want: LQISpecification, tried: list[float], disturbances: Sequence[float]
-) -> tuple[ObserverLaw, float]:
-    """Return the best state feedback and its speed, in rad/s."""
+) -> tuple[ObserverLaw, tuple[float, ...]]:
+    """Return the best state feedback and the speed of each output, in rad/s."""
     loop, model = limits.loop, _ObservedModel(limits.loop, want)
-    sizes = loop.sizes(tried)
-    if want.error_scale:
-        k = int(np.searchsorted(sizes, want.error_scale))
-        tried = tried[min(k, len(tried) - 1) :][:1]
-        sizes = [want.error_scale]
-    speed_of: dict[ObserverLaw, float] = {}
+    outputs, sizes = len(loop.measured), loop.sizes(tried)
+    given = np.broadcast_to(np.array(want.error_scale, dtype=float), outputs)
 
     @cache
-    def regulated(speed: float, error: float) -> tuple[Vector, float]:
-        return _lqi(model, want, speed, error)
+    def regulated(chosen: tuple[int, ...]) -> tuple[Matrix, float]:
+        error = np.array([sizes[k, i] for i, k in enumerate(chosen)])
+        speed = np.array([tried[k] for k in chosen])
+        return _lqi(model, want, speed, np.where(given > 0.0, given, error))
 
-    def designed(speed: float, error: float, disturbance: float) -> ObserverLaw:
-        gains, slow = regulated(speed, error)
-        law = model.law(
-            gains[:-1],
-            -float(gains[-1]),
+    def designed(chosen: tuple[int, ...], disturbance: float) -> ObserverLaw:
+        gains, slow = regulated(chosen)
+        n, speed = len(model.F), [tried[k] for k in chosen]
+        top = 0.5 / want.sample_time
+        return model.law(
+            gains[:, :n],
+            -gains[:, n:],
             slow,
-            walk=_walk(disturbance, speed),
-            reference_speed=min(want.reference_speed or 2.0 * speed, 0.5 / want.sample_time),
+            walk=_walk(disturbance, float(np.exp(np.mean(np.log(speed))))),
+            reference_speed=tuple(min(want.reference_speed or 2.0 * w, top) for w in speed),
         )
-        speed_of[law] = speed
-        return law
 
-    designs = [
-        partial(designed, w, error, disturbance)
-        for w, error in zip(tried, sizes, strict=True)
-        for disturbance in disturbances
-    ]
-    law = limits.best(designs, FEEDBACK)
-    return law, speed_of[law]
+    all_alike = range(len(tried))
+    if np.all(given > 0.0):
+        # The speed at which all of the command makes such an error, of the first output.
+        k = min(int(np.searchsorted(sizes[:, 0], given[0])), len(tried) - 1)
+        all_alike = range(k, k + 1)
+    start = [((k,) * outputs, d) for k in all_alike for d in disturbances]
+    law, (chosen, _) = limits.best_of(designed, start, FEEDBACK, len(tried))
+    return law, tuple(tried[k] for k in chosen)
 
 
 FEEDBACK = "a state feedback"
 
 
 def _lqi(
-    model: _ObservedModel, want: LQISpecification, speed: float, error: float
-) -> tuple[Vector, float]:
-    """Return gains on states and integral, in SI, and the slowest pole, in rad/s."""
+    model: _ObservedModel, want: LQISpecification, speed: Vector, error: Vector
+) -> tuple[Matrix, float]:
+    """Return gains on states and integrals, shape (m, n + p), in SI; the slowest pole, in rad/s."""
     h, loop, F, G = want.sample_time, model.loop, model.F, model.G
     C = loop.linear.C
-    time = want.integral_time or 2.0 / speed
-    n = len(F)
-    joined = np.block([[F, np.zeros((n, 1))], [-h * C, np.ones((1, 1))]])
-    entry = np.vstack([G, [[0.0]]])
-    weight = np.zeros((n + 1, n + 1))
-    weight[:n, :n], weight[n, n] = C.T @ C / error**2, 1.0 / (time * error) ** 2
+    time = np.full_like(speed, want.integral_time) if want.integral_time else 2.0 / speed
+    (n, m), p = G.shape, len(C)
+    joined = np.block([[F, np.zeros((n, p))], [-h * C, np.eye(p)]])
+    entry = np.vstack([G * loop.command_scale, np.zeros((p, m))])
+    weight = np.zeros((n + p, n + p))
+    weight[:n, :n] = (C / error[:, None] ** 2).T @ C
+    weight[n:, n:] = np.diag(1.0 / (time * error) ** 2)
     size = np.append(loop.linear.state_scales, time * loop.output_scale)
-    gains = _regulator(joined, entry, weight * loop.command_scale**2, size)
-    closed = np.linalg.eigvals(joined - entry * gains)
+    gains = loop.command_scale[:, None] * _regulator(joined, entry, weight, size)
+    closed = np.linalg.eigvals(joined - (entry / loop.command_scale) @ gains)
     slow = -math.log(min(max(np.max(np.abs(closed)), 1e-12), 1.0 - 1e-9)) / h
     return gains, slow
 
@@ -279,9 +329,9 @@ def _walk(disturbance: float, speed: float) -> float:
 
 def state_feedback_by_hand(
     linear: LinearModel,
-    gain: Sequence[float],
+    gain: Sequence[float] | Sequence[Sequence[float]],
     *,
-    integral_gain: float = 0.0,
+    integral_gain: float | Sequence[Sequence[float]] = 0.0,
     specification: ObserverSpecification | None = None,
 ) -> ObserverLaw:
     """Return the state feedback u = u0 + (us + K xs) r - K x + Kq q with K given.
@@ -289,26 +339,36 @@ def state_feedback_by_hand(
     The states are those of the linear model, in its order, estimated by a Kalman filter.
 
     Args:
-        gain: K, shape (n_states,), in SI of the command per SI of the states.
-        integral_gain: Kq, in SI of the command per SI of the output and s; 0 for none.
+        gain: K, shape (n_states,), or a row for each command, in SI of the command per SI of the
+            states.
+        integral_gain: Kq, a number or shape (n_commands, n_outputs), in SI of the command per SI of
+            the output and s; 0 for none.
 
     Example:
         >>> import control
         >>> plant = control.ss([[0, 1], [0, -2]], [[0], [1]], [[1, 0]], 0)
         >>> state_feedback_by_hand(plant, (9.0, 4.0)).gain
-        (9.0, 4.0)
+        ((9.0, 4.0),)
     """
     want = specification or ObserverSpecification()
     loop = want.loop(linear)
-    if len(gain) != len(loop.linear.state_names):
+    K, Kq = (np.atleast_2d(np.asarray(given, dtype=float)) for given in (gain, integral_gain))
+    states, shape = loop.linear.state_names, (len(loop.actuators), len(loop.measured))
+    if K.shape != (shape[0], len(states)):
         raise WorkbenchError(
-            f"the gain has {len(gain)} entries and the model the states"
-            f" {', '.join(loop.linear.state_names)}; give one entry for each"
+            f"the gain has {' x '.join(map(str, np.shape(gain)))} entries and the model the states"
+            f" {', '.join(states)}; give one entry for each, a row for each of"
+            f" {', '.join(loop.actuators)}"
+        )
+    Kq = np.zeros(shape) if not np.any(Kq) else Kq
+    if Kq.shape != shape:
+        raise WorkbenchError(
+            f"the integral gain has shape {Kq.shape}; give {shape}: a row for each of"
+            f" {', '.join(loop.actuators)}, an entry for each of {', '.join(loop.measured)}"
         )
     h = want.sample_time
     walk = _walk(want.disturbance or 0.3, 0.02 / h)
-    model = _ObservedModel(loop, want)
-    return model.law(np.asarray(gain, dtype=float), integral_gain, walk=walk)
+    return _ObservedModel(loop, want).law(K, Kq, walk=walk)
 
 
 @dataclass(frozen=True)
@@ -340,10 +400,16 @@ def design_plain_sliding_mode(
     """Design a sliding mode with boundary layer and integral for any linear model.
 
     Raises:
-        WorkbenchError: If the command does not reach all states.
+        WorkbenchError: If the command does not reach all states, or several outputs are followed.
     """
     want = specification or PlainSlidingModeSpecification()
     loop, h = want.loop(linear), want.sample_time
+    if len(loop.actuators) > 1 or len(loop.measured) > 1:
+        raise WorkbenchError(
+            f"a sliding mode of the workbench has one surface, and {loop.words} needs"
+            f" {len(loop.actuators)}; follow one output by one command, or take another family,"
+            " such as lqi"
+        )
     slopes = [want.slope] if want.slope else [w for w in speeds(h) if w <= 0.2 / h]
     model = _ObservedModel(loop, want)
     designs = [
@@ -355,8 +421,7 @@ def design_plain_sliding_mode(
     law = limits.best(designs, family)
     if want.reference_speed:
         return limits.at_pace(law)
-    led = limits.led(lambda w: replace(law, reference_speed=w), law.reference_speed, family)
-    return limits.at_pace(led)
+    return limits.at_pace(limits.led(partial(_led, law), law.reference_speed))
 
 
 def _sliding(
@@ -370,20 +435,20 @@ def _sliding(
     entry = np.vstack([B, [[0.0]]])
     poles = [-abs(p) if abs(p) > slope else -slope for p in np.linalg.eigvals(A)]
     size = np.append(loop.linear.state_scales, loop.output_scale / slope)
-    surface = _surface(joined, entry, sorted(poles)[:n], size, loop.actuator)
+    surface = _surface(joined, entry, sorted(poles)[:n], size, loop.actuators[0])
     kept = surface @ joined
     bandwidth = want.layer_bandwidth or 2.0 * slope
-    reach = want.reach * loop.command_scale
+    reach = want.reach * float(loop.command_scale[0])
     return model.law(
-        kept[:n],
-        -float(kept[n]),
+        kept[None, :n],
+        -kept[None, n:],
         slow=slope,
         walk=_walk(disturbance, slope),
         name="sliding mode",
         surface=tuple(surface[:n].tolist()),
         surface_integral=-float(surface[n]),
         reach=reach,
-        reference_speed=want.reference_speed or slope,
+        reference_speed=(want.reference_speed or slope,),
         layer=reach / bandwidth,
     )
 
@@ -407,8 +472,8 @@ def _surface(A: Matrix, B: Matrix, poles: list[float], size: Vector, actuator: s
     return np.asarray(row / float((row @ B)[0]))
 
 
-def _regulator(F: Matrix, G: Matrix, weight: Matrix, size: Vector) -> Vector:
-    """Return the gains, shape (n,), of one command whose square weighs 1, states of these sizes.
+def _regulator(F: Matrix, G: Matrix, weight: Matrix, size: Vector) -> Matrix:
+    """Return the gains, shape (m, n), of commands whose squares weigh 1, states of these sizes.
 
     Source: Laub, A Schur method for solving algebraic Riccati equations, IEEE Trans. AC-24, 1979;
     Benner, Symplectic balancing of Hamiltonian matrices, SIAM J. Sci. Comput. 22, 2001.
@@ -432,12 +497,12 @@ def _regulator(F: Matrix, G: Matrix, weight: Matrix, size: Vector) -> Vector:
     if found != n or not abs(np.linalg.det(ends[:n])) > 0.0:
         raise WorkbenchError(
             "no regulator exists for this linear model; a mode that grows or integrates is out of"
-            " the command's reach, or hardly shows in the output: follow another output, or take a"
+            " the commands' reach, or hardly shows in the outputs: follow another output, or take a"
             " PID"
         )
     p = np.linalg.solve(ends[:n].T, ends[n:].T)
     p = 0.5 * (p + p.T)
-    return np.asarray((g.T @ p @ f / (1.0 + g.T @ p @ g))[0] / size)
+    return np.asarray(np.linalg.solve(np.eye(g.shape[1]) + g.T @ p @ g, g.T @ p @ f) / size)
 
 
 def _decays(real: float, imaginary: float, over: float) -> bool:
@@ -448,46 +513,50 @@ class _ObservedModel:
     """What every law on a Kalman filter of a loop's states shares.
 
     Raises:
-        WorkbenchError: If the output cannot be held at a reference by the command.
+        WorkbenchError: If the outputs cannot be held at references by the commands.
     """
 
-    def __init__(self, loop: SingleLoop, want: ObserverSpecification) -> None:
+    def __init__(self, loop: Loop, want: ObserverSpecification) -> None:
         own, size = loop.linear, loop.linear.state_scales
         self.loop, self.want = loop, want
         self.F, self.G = zero_order_hold(own.A, own.B, want.sample_time)
-        n = len(self.F)
-        rest = np.block([[own.A, own.B], [own.C, np.zeros((1, 1))]])
-        right = np.append(np.zeros(n), 1.0)
+        n, (p, m) = len(self.F), own.D.shape
+        rest = np.block([[own.A, own.B], [own.C, np.zeros((p, m))]])
+        right = np.vstack([np.zeros((n, p)), np.diag(loop.output_scale)])
         rest = rest * np.append(size, loop.command_scale)
-        scale = np.maximum(np.max(np.abs(rest), axis=1), 1e-300)
-        rest, right = rest / scale[:, None], right / scale
+        scale = np.maximum(np.max(np.abs(rest), axis=1), 1e-300)[:, None]
+        rest, right = rest / scale, right / scale
         target = np.linalg.lstsq(rest, right, rcond=None)[0]
         if np.max(np.abs(rest @ target - right)) > 1e-6 * np.max(right):
             raise WorkbenchError(
-                f"{loop.measured} cannot be held at a reference by {loop.actuator}; follow another"
-                " output"
+                f"{listed(loop.measured)} cannot be held at a reference by"
+                f" {listed(loop.actuators)}; follow another output"
             )
-        self.target, self.command = target[:n] * size, float(target[n] * loop.command_scale)
+        target = target / loop.output_scale
+        self.target = target[:n] * size[:, None]
+        self.command = target[n:] * loop.command_scale[:, None]
 
-    def filtered(self, walk: float) -> Vector:
-        """Return the gain of a Kalman filter, shape (n,), in SI.
+    def filtered(self, walk: float) -> Matrix:
+        """Return the gain of a Kalman filter, shape (n, p), in SI.
 
         Args:
-            walk: Random walk of the integral of the command's disturbance over one second, as a
+            walk: Random walk of the integral of each command's disturbance over one second, as a
                 fraction of the command, times s.
         """
         # The disturbance is white noise, held over a sample.
-        q = (walk * self.loop.command_scale) ** 2 / self.want.sample_time * (self.G @ self.G.T)
+        entry = self.G * (walk * self.loop.command_scale)
+        q = entry @ entry.T / self.want.sample_time
         q = q + 1e-15 * np.diag(np.diag(q)) + 1e-300 * np.eye(len(q))
         noise, size = self.want.loop_noise(self.loop), self.loop.linear.state_scales
-        predictor = _regulator(self.F.T, self.loop.linear.C.T / noise, q, 1.0 / size) / noise
+        seen = self.loop.linear.C.T / noise
+        predictor = _regulator(self.F.T, seen, q, 1.0 / size).T / noise
         # From the gain of the predictor to that of the correction.
         return np.asarray(np.linalg.solve(self.F, predictor))
 
     def law(
         self,
-        gain: Vector,
-        integral_gain: float,
+        gain: Matrix,
+        integral_gain: Matrix,
         slow: float = 0.0,
         walk: float = 0.0,
         name: str = "state feedback",
@@ -502,40 +571,37 @@ class _ObservedModel:
             walk: See `filtered`.
         """
         loop, xs = self.loop, self.target
-        forward = self.command + float(gain @ xs)
-        share = start = along = 0.0
+        forward = self.command + gain @ xs
+        start, along = np.zeros((xs.shape[1],) * 2), 0.0
         if surface:
-            along = float(np.array(surface) @ xs)
-            share = min(max(surface_integral / (slow * along), 0.0), 1.0)
-            start = (1.0 - share) * along / surface_integral
-            along *= share
-        elif integral_gain:
-            share = min(max(integral_gain / (slow * forward), 0.0), 1.0) if slow else 1.0
-            start = (1.0 - share) * forward / integral_gain
-            forward *= share
+            along = float(np.dot(surface, xs[:, 0]))
+            kept = min(max(surface_integral / (slow * along), 0.0), 1.0)
+            start = np.full((1, 1), (1.0 - kept) * along / surface_integral)
+            along *= kept
+        elif np.any(integral_gain):
+            # What the integrals hold at rest is what no zero takes the place of.
+            into, out = loop.command_scale[:, None], loop.output_scale
+            scaled = integral_gain / into * out, forward / into * out
+            whole = out[:, None] * np.linalg.lstsq(*scaled, rcond=None)[0] / out
+            share = 1.0 / (slow * np.diag(whole)) if slow else np.ones(len(whole))
+            start = np.asarray(whole * (1.0 - np.clip(share, 0.0, 1.0)))
+            forward = forward - integral_gain @ start
         return ObserverLaw(
             F=rows(self.F),
-            G=tuple(self.G[:, 0].tolist()),
-            C=tuple(loop.linear.C[0].tolist()),
-            M=tuple(self.filtered(walk).tolist()),
-            gain=tuple(gain.tolist()),
-            integral_gain=float(integral_gain),
-            reference_gain=forward,
-            target=tuple(xs.tolist()),
-            start=start,
+            G=rows(self.G),
+            C=rows(loop.linear.C),
+            M=rows(self.filtered(walk)),
+            gain=rows(gain),
+            integral_gain=rows(integral_gain),
+            reference_gain=rows(forward),
+            target=rows(xs),
+            start=rows(start),
             surface=surface,
             surface_integral=surface_integral,
             surface_reference=along,
-            rest_output=loop.rest_output,
-            sensors=(loop.measured,),
-            controlled=(loop.measured,),
-            actuators=(loop.actuator,),
-            rest=loop.rest_command,
-            lower=loop.lower,
-            upper=loop.upper,
             sample_time=self.want.sample_time,
             name=name,
-            **more,
+            **{"reference_speed": (0.0,) * len(loop.measured)} | loop.ends | more,
         )
 
 

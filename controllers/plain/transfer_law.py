@@ -1,13 +1,13 @@
 """Any transfer function as a controller, the textbook PID with gains by hand among them.
 
-With r and y as deviations from rest, sample k, and the command u clipped to its ends:
+With r and y as deviations from rest, sample k, and the commands u clipped to their ends:
 
     u[k]   = u0 + C z[k] + Dr r[k] - Dy y[k]
     z[k+1] = A z[k] + Br r[k] - By y[k] + L (u_clipped - u)[k]
 
-r may follow what is asked at a limited pace. L moves a mode of A that integrates, or nearly does,
-to the time constant Tt while the command is at its end (anti-windup in observer form). A PID has
-the integral and the filtered derivative as z:
+r may follow what is asked at a limited pace. L moves modes of A that integrate, or nearly do, to
+the time constant Tt while a command is at its end (anti-windup in observer form). A PID has the
+integral and the filtered derivative as z:
 
     u = u0 + Kp (beta r - y) + I + Kd (v - w) / (Tf + h)         v = c r - y
     I[k+1] = I[k] + h Ki (r - y) + (h / Tt) (u_clipped - u)
@@ -22,8 +22,9 @@ Source: Åström and Wittenmark, Computer-Controlled Systems, 1997, sections 8.5
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -31,11 +32,11 @@ from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
 from controllers.design import Design
 from controllers.linear_law import LinearLaw
 from controllers.plain.limits import Answer, LoopLimits, answer, cost
-from controllers.plain.single_loop import LoopSpecification, PlainLaw
-from controllers.sampling import Rows, anti_windup, rows, total, tustin
+from controllers.plain.loop import Loop, LoopSpecification, PlainLaw, named
+from controllers.plain.pairing import paired
+from controllers.sampling import Rows, anti_windup, product, rows, tustin
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_range
-from workbench.linearisation.transfer import transfer_function
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -45,67 +46,83 @@ if TYPE_CHECKING:
 class TransferLaw(PlainLaw):
     """A sampled linear controller with two degrees of freedom, and anti-windup.
 
+    All is in SI, with n states, m commands and p outputs.
+
     Args:
         A: State matrix, shape (n, n), dimensionless.
-        by_reference: Br, shape (n,), per SI of the output.
-        by_output: By, shape (n,), per SI of the output.
-        C: To the command, shape (n,), in SI of the command.
-        reference_gain: Dr, in SI of the command per SI of the output.
-        output_gain: Dy, in SI of the command per SI of the output.
-        back: L, shape (n,), per SI of the command.
-        at_rest: States at rest per deviation of the output, shape (n,), per SI of the output.
+        by_reference: Br, shape (n, p).
+        by_output: By, shape (n, p).
+        C: To the commands, shape (m, n).
+        reference_gain: Dr, shape (m, p).
+        output_gain: Dy, shape (m, p).
+        back: L, shape (n, m).
+        at_rest: States at rest per deviation of the outputs, shape (n, p).
     """
 
     A: Rows
-    by_reference: tuple[float, ...]
-    by_output: tuple[float, ...]
-    C: tuple[float, ...]
-    reference_gain: float
-    output_gain: float
-    back: tuple[float, ...]
-    at_rest: tuple[float, ...]
+    by_reference: Rows
+    by_output: Rows
+    C: Rows
+    reference_gain: Rows
+    output_gain: Rows
+    back: Rows
+    at_rest: Rows
 
-    def behind_lags(self, speed: float) -> TransferLaw:
-        """Return the law with its reference behind two lags of a speed, in rad/s."""
-        fresh, n = min(speed * self.sample_time, 1.0), len(self.A)
-        A = np.zeros((n + 2, n + 2))
-        A[:n, :n], A[:n, n + 1] = self.A, self.by_reference
-        A[n:, n:] = [[1.0 - fresh, 0.0], [fresh, 1.0 - fresh]]
+    def behind_lags(self, speed: Sequence[float]) -> TransferLaw:
+        """Return the law with each reference behind two lags of a speed, in rad/s."""
+        n, p = len(self.A), len(self.sensors)
+        fresh = np.diag(np.minimum(np.array(speed) * self.sample_time, 1.0))
+        A, one, k = np.zeros((n + 2 * p, n + 2 * p)), np.eye(p), n + p
+        A[:n, :n], A[:n, k:] = self.A, self.by_reference
+        A[n:k, n:k], A[k:, n:k], A[k:, k:] = one - fresh, fresh, one - fresh
+        none = np.zeros((2 * p, p))
         return replace(
             self,
             A=rows(A),
-            by_reference=(0.0,) * n + (fresh, 0.0),
-            by_output=(*self.by_output, 0.0, 0.0),
-            C=(*self.C, 0.0, self.reference_gain),
-            reference_gain=0.0,
-            back=(*self.back, 0.0, 0.0),
-            at_rest=(*self.at_rest, 1.0, 1.0),
+            by_reference=rows(np.vstack([np.zeros((n, p)), fresh, np.zeros((p, p))])),
+            by_output=rows(np.vstack([self.by_output, none])),
+            C=rows(np.hstack([self.C, np.zeros((len(self.C), p)), self.reference_gain])),
+            reference_gain=rows(np.zeros_like(self.reference_gain)),
+            back=rows(np.vstack([self.back, np.zeros((2 * p, len(self.C)))])),
+            at_rest=rows(np.vstack([self.at_rest, one, one])),
         )
 
-    def initial_state(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> Numbers:
+    def initial_state(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> TransferState:
         """Return the state of a loop at rest where it is measured."""
-        y = measurement[0] - self.rest_output
-        states = tuple(gain * y for gain in self.at_rest)
-        return states if self.pace == math.inf else (*states, y)
+        y = self.deviations(measurement)
+        return TransferState(product(self.at_rest, y), *self.kept(y, self.rest))
 
     def law(
-        self, state: Numbers, measurement: Numbers, reference: Numbers, arithmetic: Arithmetic
-    ) -> tuple[Numbers, Any, Told]:
-        y = measurement[0] - self.rest_output
-        r = self.followed(state[-1], reference[0] - self.rest_output, arithmetic)
-        kept = () if self.pace == math.inf else (r,)
-        state = state[: len(self.A)]
-        start = self.rest + self.reference_gain * r - self.output_gain * y
-        asked = total(start, self.C, state)
-        command = arithmetic.clip(asked, self.lower, self.upper)
-        missing = command - asked
-        following = tuple(
-            total(b * r - c * y + gain * missing, row, state)
-            for row, b, c, gain in zip(
-                self.A, self.by_reference, self.by_output, self.back, strict=True
-            )
-        )
-        return (command,), following + kept, {"asked": asked}
+        self, state: TransferState, measurement: Numbers, reference: Numbers, arithmetic: Arithmetic
+    ) -> tuple[Numbers, TransferState, Told]:
+        y = self.deviations(measurement)
+        r = self.followed(state.paced, reference, arithmetic)
+        asked = product(self.reference_gain, r, self.rest)
+        # The same matrix of both sees their difference, as it does at rest.
+        seen = product(self.output_gain, y)
+        asked = tuple(u - v for u, v in zip(asked, seen, strict=True))
+        asked = product(self.C, state.states, asked)
+        command = self.applied(state.commands, asked, arithmetic)
+        missing = tuple(u - v for u, v in zip(command, asked, strict=True))
+        entering = product(self.back, missing, product(self.by_reference, r))
+        left = product(self.by_output, y)
+        entering = tuple(a - b for a, b in zip(entering, left, strict=True))
+        states = product(self.A, state.states, entering)
+        return command, TransferState(states, *self.kept(r, command)), self.told(asked)
+
+
+class TransferState(NamedTuple):
+    """What a `TransferLaw` remembers.
+
+    Args:
+        states: States z, in SI.
+        paced: References at their pace, deviations in SI; None without a pace.
+        commands: Commands, in SI; None without a slew.
+    """
+
+    states: Numbers
+    paced: Numbers | None = None
+    commands: Numbers | None = None
 
 
 def pid_by_hand(
@@ -142,57 +159,118 @@ def pid_by_hand(
         >>> pi.step(pi.initial_state((0.0,)), (0.0,), (3.0,))[0]
         (6.0,)
     """
-    h = check_range("sample time", sample_time, *TIMES_S, "s")
-    check_range("filter time", filter_time, 0.0, TIMES_S[1], "s")
-    fade = filter_time / (filter_time + h)
-    slope = derivative / (filter_time + h)
-    if tracking_time is None:
-        tracking_time = proportional / integral if proportional and integral else 50.0 * h
-    tracking = max(check_range("tracking time", abs(tracking_time), 0.0, TIMES_S[1], "s"), 2.0 * h)
+    gains = np.array([[proportional, integral, derivative, filter_time]])
+    ends = _ends((measured,), (actuator,), rest, rest_output, lower, upper)
+    return _pids(
+        gains,
+        np.eye(1),
+        np.array([setpoint_weight]),
+        ends,
+        derivative_weight=derivative_weight,
+        tracking_time=tracking_time,
+        sample_time=sample_time,
+        name=name,
+    )
+
+
+def _ends(
+    measured: Sequence[str],
+    actuators: Sequence[str],
+    rest: Sequence[float] | float,
+    rest_output: Sequence[float] | float,
+    lower: Sequence[float] | float,
+    upper: Sequence[float] | float,
+) -> dict[str, Any]:
+    """Return what a `PlainLaw` is told, as `Loop.ends`, of numbers for all or for each."""
+
+    def each(value: Sequence[float] | float, names: Sequence[str]) -> tuple[float, ...]:
+        return tuple(np.broadcast_to(np.asarray(value, dtype=float), len(names)).tolist())
+
+    return {
+        "sensors": tuple(measured),
+        "controlled": tuple(measured),
+        "actuators": tuple(actuators),
+        "rest": each(rest, actuators),
+        "rest_output": each(rest_output, measured),
+        "lower": each(lower, actuators),
+        "upper": each(upper, actuators),
+    }
+
+
+def _pids(
+    gains: Matrix,
+    mix: Matrix,
+    weight: Vector,
+    ends: dict[str, Any],
+    *,
+    derivative_weight: float = 0.0,
+    tracking_time: float | None = None,
+    sample_time: float,
+    name: str = "PID",
+) -> TransferLaw:
+    """Return PIDs of Kp, Ki, Kd and Tf, one for each output, whose sums are the commands.
+
+    Args:
+        gains: Shape (p, 4), in SI.
+        mix: What each PID adds to the commands, shape (m, p), in SI of the commands over that of
+            the PID.
+        weight: Weights of the references in the proportional parts, shape (p,), dimensionless.
+    """
+    h, p = check_range("sample time", sample_time, *TIMES_S, "s"), len(gains)
+    kp, ki, kd, filter_time = gains.T
+    for value in filter_time:
+        check_range("filter time", float(value), 0.0, TIMES_S[1], "s")
+    fade, slope = filter_time / (filter_time + h), kd / (filter_time + h)
+    A, one = np.zeros((2 * p, 2 * p)), np.eye(p)
+    A[:p, :p], A[p:, p:] = one, np.diag(fade)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        usual = np.where((kp != 0.0) & (ki != 0.0), np.abs(kp / ki), 50.0 * h)
+    tracking = usual if tracking_time is None else np.full(p, tracking_time)
+    for value in tracking:
+        check_range("tracking time", abs(float(value)), 0.0, TIMES_S[1], "s")
+    back = np.where(ki != 0.0, h / np.maximum(np.abs(tracking), 2.0 * h), 0.0)
+    # With the references at the outputs, the commands start from rest.
+    at_rest = np.vstack([np.diag((1.0 - weight) * kp), (derivative_weight - 1.0) * one])
     return TransferLaw(
-        A=((1.0, 0.0), (0.0, fade)),
-        by_reference=(h * integral, (1.0 - fade) * derivative_weight),
-        by_output=(h * integral, 1.0 - fade),
-        C=(1.0, -slope),
-        reference_gain=setpoint_weight * proportional + derivative_weight * slope,
-        output_gain=proportional + slope,
-        back=(h / tracking if integral else 0.0, 0.0),
-        # With the reference at the output, the command starts from rest.
-        at_rest=((1.0 - setpoint_weight) * proportional, derivative_weight - 1.0),
-        rest_output=rest_output,
-        sensors=(measured,),
-        controlled=(measured,),
-        actuators=(actuator,),
-        rest=rest,
-        lower=lower,
-        upper=upper,
+        A=rows(A),
+        by_reference=rows(np.vstack([np.diag(h * ki), np.diag((1.0 - fade) * derivative_weight)])),
+        by_output=rows(np.vstack([np.diag(h * ki), np.diag(1.0 - fade)])),
+        C=rows(mix @ np.hstack([one, -np.diag(slope)])),
+        reference_gain=rows(mix @ np.diag(weight * kp + derivative_weight * slope)),
+        output_gain=rows(mix @ np.diag(kp + slope)),
+        back=rows(np.vstack([back[:, None] * np.linalg.pinv(mix), np.zeros((p, len(mix)))])),
+        at_rest=rows(at_rest),
         sample_time=h,
         name=name,
+        **ends,
     )
 
 
 def transfer_controller(
     system: Any,
     *,
-    measured: str,
-    actuator: str,
+    measured: str | Sequence[str],
+    actuator: str | Sequence[str],
     tracking_time: float | None = None,
-    rest: float = 0.0,
-    rest_output: float = 0.0,
-    lower: float = -math.inf,
-    upper: float = math.inf,
+    rest: float | Sequence[float] = 0.0,
+    rest_output: float | Sequence[float] = 0.0,
+    lower: float | Sequence[float] = -math.inf,
+    upper: float | Sequence[float] = math.inf,
     sample_time: float = 0.002,
     name: str = "transfer function",
 ) -> TransferLaw:
-    """Return a controller from error to command that is a python-control system.
+    """Return a controller from errors to commands that is a python-control system.
 
     Args:
-        system: ``control.TransferFunction`` or ``control.StateSpace`` with one input, the error,
-            and one output, the command; proper. In continuous time it is sampled by Tustin's rule.
+        system: ``control.TransferFunction`` or ``control.StateSpace`` with an input for each error
+            and an output for each command; proper. In continuous time it is sampled by Tustin's
+            rule.
+        measured: Name of the output, or several with commas between or in a list.
+        actuator: Name of the command, or several.
         tracking_time: Time constant Tt of the anti-windup, in s; 50 samples by default.
 
     Raises:
-        WorkbenchError: If it has several inputs or outputs, or another sample time.
+        WorkbenchError: If it has more or fewer inputs or outputs, or another sample time.
 
     Example:
         >>> import control
@@ -204,10 +282,11 @@ def transfer_controller(
     import control as ct
 
     h = check_range("sample time", sample_time, *TIMES_S, "s")
-    if system.ninputs != 1 or system.noutputs != 1:
+    read, commanded = named(measured), named(actuator)
+    if (system.ninputs, system.noutputs) != (len(read), len(commanded)):
         raise WorkbenchError(
             f"the controller has {system.ninputs} inputs and {system.noutputs} outputs; give one"
-            " from the error to the command"
+            f" from the errors of {', '.join(read)} to {', '.join(commanded)}"
         )
     own = system.dt if system.isdtime(strict=True) and system.dt is not True else h
     if not math.isclose(own, h, rel_tol=1e-6):
@@ -219,14 +298,7 @@ def transfer_controller(
     A, B, C, D = (np.asarray(m, dtype=float) for m in (found.A, found.B, found.C, found.D))
     return sampled_controller(
         (A, B, C, D) if system.isdtime(strict=True) else tustin(A, B, C, D, h),
-        {
-            "measured": measured,
-            "actuator": actuator,
-            "rest": rest,
-            "rest_output": rest_output,
-            "lower": lower,
-            "upper": upper,
-        },
+        _ends(read, commanded, rest, rest_output, lower, upper),
         tracking_time=tracking_time or 50.0 * h,
         sample_time=h,
         name=name,
@@ -241,34 +313,28 @@ def sampled_controller(
     sample_time: float,
     name: str,
 ) -> TransferLaw:
-    """Return a controller from error to command given by sampled matrices A, B, C and D, in SI.
+    """Return a controller from errors to commands given by sampled matrices A, B, C and D, in SI.
 
     Args:
-        ends: As `SingleLoop.ends`, in SI.
+        ends: As `Loop.ends`, in SI.
         tracking_time: Time constant Tt of the anti-windup, in s.
     """
-    of_loop = dict(ends)
-    measured, actuator = of_loop.pop("measured"), of_loop.pop("actuator")
     A, B, C, D = system
     if not len(A):
         # A gain: one state that nothing enters keeps the form of the law.
-        A, B, C = np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1))
-    b = tuple(B[:, 0].tolist())
+        A, B, C = np.zeros((1, 1)), np.zeros((1, D.shape[1])), np.zeros((len(D), 1))
     return TransferLaw(
         A=rows(A),
-        by_reference=b,
-        by_output=b,
-        C=tuple(C[0].tolist()),
-        reference_gain=float(D[0, 0]),
-        output_gain=float(D[0, 0]),
-        back=anti_windup(A, C, math.exp(-sample_time / tracking_time)),
-        at_rest=(0.0,) * len(A),
-        sensors=(measured,),
-        controlled=(measured,),
-        actuators=(actuator,),
+        by_reference=rows(B),
+        by_output=rows(B),
+        C=rows(C),
+        reference_gain=rows(D),
+        output_gain=rows(D),
+        back=rows(anti_windup(A, C, math.exp(-sample_time / tracking_time))),
+        at_rest=rows(np.zeros_like(B)),
         sample_time=sample_time,
         name=name,
-        **of_loop,
+        **ends,
     )
 
 
@@ -285,6 +351,10 @@ WEIGHTS = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.0)
 """Weights of the reference that are tried, dimensionless."""
 
 
+SLOWER = (1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.12, 0.08, 0.05, 0.03, 0.02, 0.01)
+"""Crossovers that are tried of several loops at once, over those of each alone."""
+
+
 @dataclass(frozen=True)
 class PlainPIDSpecification(LoopSpecification):
     """What a PID for any linear model is designed for.
@@ -293,10 +363,13 @@ class PlainPIDSpecification(LoopSpecification):
         bandwidth: Largest crossover frequency, in rad/s; by default (0) a tenth of the sampling's.
         error_scale: Smallest error for which all of the command may be used, in SI of the output;
             by default (0) noise alone limits the gain.
+        decoupled: Whether the commands of several loops are mixed so that at rest, or at the speed
+            of the loops where the plant integrates, each moves its own output alone.
     """
 
     bandwidth: float = 0.0
     error_scale: float = 0.0
+    decoupled: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -307,47 +380,65 @@ class PlainPIDSpecification(LoopSpecification):
 def design_plain_pid(
     linear: LinearModel, specification: PlainPIDSpecification | None = None
 ) -> TransferLaw:
-    """Design a PID between one command and one output of any linear model.
+    """Design a PID between commands and outputs of any linear model, one for each output.
 
     At a crossover frequency w, a zero at a share of w integrates, a lead network gives the phase
     that is missing to a phase margin, and the gain is what is left. Of all w, shares and margins it
     is the best by `controllers.plain.limits`, the reference weighted by what lets a step overshoot
     no further than it may; its four gains are then changed one by one as long as that helps.
 
+    Several outputs are paired with commands by `controllers.plain.pairing`; of the best PIDs of
+    each pair alone, each at most so fast, those at the best share of their speeds are then changed
+    gain by gain, in the loop of all.
+
     Raises:
-        WorkbenchError: If no such loop is stable, or a limit that was given is not held.
+        WorkbenchError: If no such loop is stable, no pairing can be, or a limit that was given is
+            not held.
 
     Source:
         Loop shaping with lag and lead: Åström and Murray, Feedback Systems, 2008, section 11.4.
     """
     want = specification or PlainPIDSpecification()
-    loop = want.loop(linear)
-    own, h = loop.linear, want.sample_time
-    largest = loop.command_scale / want.error_scale if want.error_scale else math.inf
+    loop, h = want.loop(linear), want.sample_time
+    limits, p = LoopLimits(loop, want), len(loop.measured)
+    mix = np.eye(1)
+    if p > 1 or len(loop.actuators) > 1:
+        mix = paired(loop, decoupled=want.decoupled)
+    largest = 1.0 / np.maximum(
+        want.error_scale * np.abs(mix / loop.command_scale[:, None]).max(axis=0), 1e-300
+    )
     top = want.bandwidth or 0.1 * 2.0 * math.pi / h
     tried = np.geomspace(top, 1e-5 * top, 70)
-    response = transfer_function(own.A, own.B, own.C, own.D, 1j * tried)[:, 0, 0]
-    response = response * np.exp(-1j * tried * (0.5 * h + want.delay))
-    limits = LoopLimits(loop, want)
+    turned = np.exp(-1j * tried * (0.5 * h + want.delay))
+    responses = loop.response(tried) @ mix * turned[:, None, None]
 
-    tries = _at_crossover(tried, response)
-    tries = tries[np.abs(tries[:, 0] + tries[:, 2] / (tries[:, 3] + h)) <= largest]
-    judged = limits.judge(_around_rest(tries, h))
-    held = limits.held(judged, "a PID")
+    def small(gains: Matrix) -> Any:
+        fits = np.abs(gains[..., 0] + gains[..., 2] / (gains[..., 3] + h)) <= largest
+        return fits.all(axis=-1)
+
+    alone = [_at_crossover(tried, responses[:, i, i]) for i in range(p)]
+    if p == 1:
+        tries = alone[0][0][:, None]
+    else:
+        tries = _slowed(loop, want, mix, alone)
+    tries = tries[small(tries)]
+    judged = limits.judge(_around_rest(tries, mix, h))
+    held = limits.held(judged, "a PID" if p == 1 else "a PID of each output")
     top = max(1.0, float(judged.excess[held].max()))
-    weights, found = _weighed(limits, tries[held])
+    weights, found = _weighed(limits, tries[held], mix)
     least = found.errors.min(axis=0)
     errors = cost(found, least, want.overshoot)
     k = int(np.argmin(errors))
     gains, weight, error = tries[held][k], weights[k], errors[k]
     for step in STEPS:
-        changes = np.kron(np.eye(4), [[step], [1.0 / step]])
+        changes = np.kron(np.eye(4 * p), [[step], [1.0 / step]])
         changes[changes == 0.0] = 1.0
+        changes = changes.reshape(-1, p, 4)
         while len(changes):
             tries = gains * changes
-            may = np.abs(tries[:, 0] + tries[:, 2] / (tries[:, 3] + h)) <= largest
-            may &= limits.judge(_around_rest(tries, h)).excess <= top
-            weights, found = _weighed(limits, tries[may])
+            may = small(tries)
+            may &= limits.judge(_around_rest(tries, mix, h)).excess <= top
+            weights, found = _weighed(limits, tries[may], mix)
             errors = cost(found, least, want.overshoot)
             better = np.flatnonzero(errors < error)
             if not len(better):
@@ -355,51 +446,106 @@ def design_plain_pid(
             k = better[0]
             gains, weight, error = tries[may][k], weights[k], errors[k]
             changes = changes[np.flatnonzero(may)[k] + 1 :]
-    kp, ki, kd, filter_time = gains.tolist()
-    law = pid_by_hand(
-        kp,
-        ki,
-        kd,
-        filter_time=filter_time,
-        setpoint_weight=float(weight),
-        tracking_time=abs(kp / ki),
-        sample_time=h,
-        **loop.ends,
-    )
-    return limits.at_pace(law)
+    return limits.at_pace(_pids(gains, mix, weight, loop.ends, sample_time=h))
 
 
-def _around_rest(gains: Matrix, sample_time: float) -> LinearLaw:
-    """Return PIDs of Kp, Ki, Kd and Tf, shape (n, 4), in SI.
+def _slowed(
+    loop: Loop, want: PlainPIDSpecification, mix: Matrix, alone: Sequence[tuple[Matrix, Vector]]
+) -> Matrix:
+    """Return PIDs of all loops, shape (n, p, 4), of which each is the best alone that is so fast.
 
-    From measurement, reference beside its weight, and reference by its weight.
+    A pair that is late, or answers the wrong way first, is slow by itself; what it is in the loop
+    of all is left to the limits.
     """
-    kp, ki, kd, filter_time = gains.T
+    found, p = [], len(alone)
+    for i, (tries, speed) in enumerate(alone):
+        command = loop.linear.B @ mix[:, [i]]
+        own = loop._replace(
+            linear=replace(loop.linear, B=command, C=loop.linear.C[[i]], D=np.zeros((1, 1))),
+            measured=loop.measured[i : i + 1],
+            # What the PID may change its commands by, each of which it takes part of.
+            command_scale=np.array([1.0 / np.abs(mix[:, i] / loop.command_scale).max()]),
+            lower=np.array([-math.inf]),
+            upper=np.array([math.inf]),
+            output_scale=loop.output_scale[[i]],
+            noise=loop.noise[[i]],
+        )
+        limits, single = LoopLimits(own, want), np.eye(1)
+        judged = limits.judge(_around_rest(tries[:, None], single, want.sample_time))
+        if not np.isfinite(judged.excess).any():
+            # It may be made stable by the others' loops alone.
+            judged = judged._replace(excess=np.where(speed < np.inf, 1.0, np.inf))
+        held = np.flatnonzero(judged.excess <= max(1.0, 1.05 * float(judged.excess.min())))
+        reached = _weighed(limits, tries[held][:, None], single)[1]
+        errors = cost(reached, reached.errors.min(axis=0), want.overshoot)
+        fastest = speed[held][int(np.argmin(errors))]
+        best = []
+        for share in SLOWER:
+            slow = np.flatnonzero(speed[held] <= 1.001 * share * fastest)
+            if not len(slow):
+                break
+            # Slower than the best, errors grow with what is given away.
+            k = slow[int(np.argmin(errors[slow]))]
+            best.append(tries[held][k])
+        found.append(best)
+    count = [range(len(best)) for best in found]
+    each = [[k] * p for k in range(min(map(len, found)))]
+    # One loop much slower than the others is no fight between them.
+    each += [[k if j == i else 0 for j in range(p)] for i in range(p) for k in count[i][1:]]
+    each += (
+        [
+            [0 if j == i else min(k, len(found[j]) - 1) for j in range(p)]
+            for i in range(p)
+            for k in range(1, len(SLOWER))
+        ]
+        if p > 2
+        else []
+    )
+    return np.array([[found[i][k] for i, k in enumerate(one)] for one in each])
+
+
+def _around_rest(gains: Matrix, mix: Matrix, sample_time: float) -> LinearLaw:
+    """Return PIDs of Kp, Ki, Kd and Tf, shape (n, p, 4), in SI.
+
+    From measurements, references beside their weights, and references by their weights.
+    """
+    kp, ki, kd, filter_time = np.moveaxis(gains, 2, 0)
     fade, slope = filter_time / (filter_time + sample_time), kd / (filter_time + sample_time)
-    F, G = np.zeros((len(gains), 2, 2)), np.zeros((len(gains), 2, 3))
-    H, J = np.ones((len(gains), 1, 2)), np.zeros((len(gains), 1, 3))
-    F[:, 0, 0], F[:, 1, 1] = 1.0, fade
-    G[:, 0, 0], G[:, 0, 1], G[:, 1, 0] = -sample_time * ki, sample_time * ki, fade - 1.0
-    H[:, 0, 1], J[:, 0, 0], J[:, 0, 2] = -slope, -kp - slope, kp
-    return LinearLaw(F, G, H, J)
+    (n, p), at = kp.shape, np.arange(kp.shape[1])
+    F, G = np.zeros((n, 2 * p, 2 * p)), np.zeros((n, 2 * p, 3 * p))
+    H, J = np.zeros((n, p, 2 * p)), np.zeros((n, p, 3 * p))
+    F[:, at, at], F[:, p + at, p + at], H[:, at, at] = 1.0, fade, 1.0
+    G[:, at, at], G[:, at, p + at] = -sample_time * ki, sample_time * ki
+    G[:, p + at, at], H[:, at, p + at] = fade - 1.0, -slope
+    J[:, at, at], J[:, at, 2 * p + at] = -kp - slope, kp
+    return LinearLaw(F, G, mix @ H, mix @ J)
 
 
-def _weighed(limits: LoopLimits, gains: Matrix) -> tuple[Vector, Answer]:
-    """Return the largest weights that let a step overshoot no further than it may, and answers."""
-    time, seen, going = limits.steps(_around_rest(gains, limits.want.sample_time))
-    steps = seen[:, :, [0]] + seen[:, :, [1]] * np.array(WEIGHTS)
-    fits = np.max(steps * going[:, :, None], axis=1) - 1.0 <= limits.want.overshoot
-    fits[:, -1] = True
-    k = np.argmax(fits, axis=1)
-    chosen = np.take_along_axis(steps, k[:, None, None], axis=2)
-    return np.array(WEIGHTS)[k], answer(time, np.dstack([chosen, seen[:, :, 2:]]), going)
+def _weighed(limits: LoopLimits, gains: Matrix, mix: Matrix) -> tuple[Matrix, Answer]:
+    """Return the largest weights that let steps overshoot no further than they may, and answers.
+
+    The weight of a reference changes nothing but the steps of its own.
+    """
+    laws, p = _around_rest(gains, mix, limits.want.sample_time), limits.outputs
+    time, seen, going = limits.steps(laws)
+    tried = np.array(WEIGHTS)
+    kept, parts = [], []
+    for i in range(p):
+        steps = seen[:, :, :, i, None] + seen[:, :, :, p + i, None] * tried
+        fits = np.max(steps[:, :, i] * going[:, :, None], axis=1) - 1.0 <= limits.want.overshoot
+        fits[:, -1] = True
+        k = np.argmax(fits, axis=1)
+        kept.append(tried[k])
+        parts.append(np.take_along_axis(steps, k[:, None, None, None], axis=3))
+    whole = np.concatenate([*parts, seen[:, :, :, 2 * p :]], axis=3)
+    return np.column_stack(kept), answer(time, whole, going, limits.loop.output_scale)
 
 
-def _at_crossover(speeds: Vector, plant: Complex) -> Matrix:
+def _at_crossover(speeds: Vector, plant: Complex) -> tuple[Matrix, Vector]:
     """Return PIDs, of either sign, that give the loop a phase margin at a speed, or more.
 
     Returns:
-        Kp, Ki, Kd and Tf, shape (n, 4), in SI.
+        Kp, Ki, Kd and Tf, shape (n, 4), in SI, and the speeds, shape (n,), in rad/s.
     """
     grid = np.meshgrid(np.arange(len(speeds)), ZEROS, PHASE_MARGINS, (1.0, -1.0), indexing="ij")
     which, zero, margin, sign = (part.ravel() for part in grid)
@@ -415,13 +561,13 @@ def _at_crossover(speeds: Vector, plant: Complex) -> Matrix:
     gain = sign / np.abs(P * shape)
     # (1 + 1 / Ti s) (1 + Td s) / (1 + Tf s) as a sum of its three parts.
     kp = gain * (integrating + lead - fast) / integrating
-    return np.column_stack([kp, gain / integrating, gain * lead - kp * fast, fast])
+    return np.column_stack([kp, gain / integrating, gain * lead - kp * fast, fast]), w
 
 
 PLAIN_PID = Design(
     name="plain-pid",
     family="PID",
-    summary="PID of one output by one command, for any linear model",
+    summary="PID of each followed output by a command of its own, for any linear model",
     function=design_plain_pid,
     specification=PlainPIDSpecification,
 )

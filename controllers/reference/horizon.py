@@ -61,7 +61,7 @@ class ReferenceAhead:
 
 
 def lagged(
-    filtered: Number, target: Number, reference: Number, fresh: float
+    filtered: Number, target: Number, reference: Number, fresh: Number
 ) -> tuple[Number, Number]:
     """Pass a reference, in rad, through two lags for one sample.
 

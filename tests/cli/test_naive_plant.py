@@ -293,11 +293,19 @@ def test_two_outputs_step_together_by_two_inputs(
     for name, size in (("level", 0.1), ("warmth", 0.2)):
         assert record["metrics"][f"{name}.highest"]["value"] == pytest.approx(size, rel=0.3)
         assert record["metrics"][f"{name}.steady_error"]["value"] < 0.05 * size
-    # One loop follows one output.
-    assert run(step) == WRONG_USE
-    (reason, said) = capsys.readouterr().err.splitlines()
-    assert "plain-pid" in reason and reason.endswith("follows level, not warmth too")
-    assert "one of your own" in said
+    # Without a law of one's own, every family but one follows both.
+    assert run(step) == 0
+    told = capsys.readouterr()
+    assert "sliding mode of the workbench has one surface" in told.err
+    assert "pairs of single loops: level by pump, warmth by heater" in told.err
+    runs = json.loads(told.out)["runs"]
+    assert {one["controller"] for one in runs} == {
+        "plain-pid", "lqi", "plain-h-infinity", "plain-mpc",
+    }  # fmt: skip
+    for one in runs:
+        for name, size in (("level", 0.1), ("warmth", 0.2)):
+            assert one["metrics"][f"{name}.highest"]["value"] < 1.1 * size
+            assert one["metrics"][f"{name}.steady_error"]["value"] < 0.02 * size
 
 
 CABIN = """

@@ -65,7 +65,7 @@ def _redesigned(verdict: str, designs: Sequence[str], at: Sequence[str], out: Pa
     from controllers.c_export import export_c
     from workbench.cli.plant import chosen_plant
     from workbench.cli.running import counting, typed
-    from workbench.cli.verify import nominal_design, recipes_of, settling, step_of, study_of_step
+    from workbench.cli.verify import nominal_design, recipes_of, study_of_steps, tried
     from workbench.plants.saved import nominal_of_file
     from workbench.reports.study_files import write_study_files
     from workbench.study.plants import PlantRecipe
@@ -73,21 +73,17 @@ def _redesigned(verdict: str, designs: Sequence[str], at: Sequence[str], out: Pa
     from workbench.study.summary import plain_summary
 
     found = chosen_plant(verdict)
-    controlled = found.plant.controlled_outputs(found.model)
     kind, options = nominal_of_file(Path(verdict))
     base = nominal_design(found, at)
     nominal = replace(base, plant=PlantRecipe(kind, options, folder=base.plant.folder))
-    scenario = step_of(found, controlled, base, controllers=designs)
-    before, after = (recipes_of(recipe, designs, scenario) for recipe in (nominal, base))
-    if long := settling(after, base.linear(), scenario):
-        times = f"{long!r} s", f"{scenario.sample_time!r} s"
-        scenario = step_of(found, controlled, base, None, None, *times)
+    after, scenarios = tried(found, (), base, controllers=designs)
+    before = recipes_of(nominal, designs, scenarios[0])
     recipes = [
         replace(recipe, name=f"{recipe.name}, {word}")
         for known, word in ((before, "nominal"), (after, "redesigned"))
         for recipe in known
     ]
-    study = study_of_step(found, recipes, scenario, ())
+    study = study_of_steps(found, recipes, scenarios, (), "redesign")
     # A family has one colour, whatever it was designed for.
     kin = tuple((r.name, own.name) for r, own in zip(recipes, (*before, *after), strict=True))
     study = replace(study, report=replace(study.report, kin=kin))

@@ -20,7 +20,7 @@ from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
-    from workbench.model import Input, Model, Output
+    from workbench.model import Input, Model
     from workbench.study.designs import ControllerRecipe
     from workbench.study.study import Demand, Study
     from workbench.verification import Scenario
@@ -43,9 +43,9 @@ def verify(
 ) -> int:
     """Run controllers on the full plant through a step and back, and score what they do.
 
-    A study of one scenario: each controller is designed from the linear model of the nominal plant,
-    without effects that are attached here, and run on the full plant with saturation, converters
-    and sensor noise. Exit status 1 if a requirement is missed.
+    A study of one scenario, or of one for each output: each controller is designed from the linear
+    model of the nominal plant, without effects that are attached here, and run on the full plant
+    with saturation, converters and sensor noise. Exit status 1 if a requirement is missed.
 
     Examples: 'workbench verify -c pid -c mpc --from 15deg --to 45deg --hysteresis',
     'workbench verify --plant my_plants:circuit -c my_designs:integral --from 0V --to 1V'.
@@ -57,8 +57,10 @@ def verify(
         design (NAME=VALUE): What the design takes for another than the plant has: an option, or a
             value at rest, such as load=1kg or angle=30deg; the short form is --design-load 1kg.
         start (--from VALUE): Controlled output before the step, the plant's first that no command
-            moves at once, or another as NAME=VALUE; several that step together are
-            NAME=VALUE,NAME=VALUE; a plant that declares no point of its own is designed for there.
+            moves at once, or another as NAME=VALUE, which is then controlled alone; several that
+            step together are NAME=VALUE,NAME=VALUE; a plant that declares no point of its own is
+            designed for there. By default every output that the commands hold independently is
+            controlled, and each steps by itself.
         end (--to VALUE): Controlled output after the step, or several as before it.
         hold (TIME): Time between the steps. By default what the linear model takes to respond, or
             twice what the slowest loop of it takes to settle.
@@ -81,12 +83,10 @@ def verify(
             _level(chosen.model, f"{name}={value}", f"{name} before the step")
             changes.append(f"{name}={value}")
     base = nominal_design(chosen, changes)
-    scenario = step_of(chosen, controlled, base, begins, ends, hold, sample_time, controller or ())
-    recipes = recipes_of(base, controller or (), scenario)
-    if hold is None and (long := settling(recipes, base.linear(), scenario)):
-        same = f"{scenario.sample_time!r} s"
-        scenario = step_of(chosen, controlled, base, begins, ends, f"{long!r} s", same)
-    study = replace(study_of_step(chosen, recipes, scenario, require or ()), seeds=(seed,))
+    recipes, scenarios = tried(
+        chosen, controlled, base, begins, ends, hold, sample_time, controller or ()
+    )
+    study = replace(study_of_steps(chosen, recipes, scenarios, require or ()), seeds=(seed,))
     with tempfile.TemporaryDirectory() as folder, counting() as counter:
         result = run_study(study, out or Path(folder), progress=counter)
     if len(result.failed) == len(result.records):
@@ -121,18 +121,85 @@ def nominal_design(chosen: Chosen, changes: Sequence[str] = ()) -> ControllerRec
     return ControllerRecipe("", "", plant, tuple(at.items()))
 
 
-def study_of_step(
-    chosen: Chosen, recipes: Sequence[ControllerRecipe], scenario: Scenario, require: Sequence[str]
+def tried(
+    chosen: Chosen,
+    controlled: tuple[str, ...],
+    base: ControllerRecipe,
+    begins: Mapping[str, str] | None = None,
+    ends: Mapping[str, str] | None = None,
+    hold: str | None = None,
+    sample_time: str | None = None,
+    controllers: Sequence[str] = (),
+) -> tuple[list[ControllerRecipe], list[Scenario]]:
+    """Return designs, and the steps through which they run: as given, or of each output alone.
+
+    Args:
+        controlled: What is controlled; by default (nothing) all that the commands hold
+            independently, or the first alone if no design fits them.
+    """
+    own = controlled or controlled_of(chosen, base.linear())
+    begins, ends = begins or {}, ends or {}
+    moved = [tuple(ends or begins)] if ends or begins else [(name,) for name in own]
+
+    def scenarios(hold: str | None, sample_time: str | None) -> list[Scenario]:
+        return [
+            step_of(chosen, own, base, begins, ends, hold, sample_time, controllers, stepped)
+            for stepped in moved
+        ]
+
+    found = scenarios(hold, sample_time)
+    try:
+        recipes = recipes_of(base, controllers, found[0])
+    except WorkbenchError:
+        alone = chosen.plant.controlled_outputs(chosen.model)
+        if controlled or alone == own or chosen.plant.controlled or len(own) == 1:
+            raise
+        return tried(chosen, alone, base, begins, ends, hold, sample_time, controllers)
+    followed = {name for recipe in recipes for name in _follows(recipe)}
+    moved = [names for names in moved if followed & set(names)] or moved[:1]
+    same = f"{found[0].sample_time!r} s"
+    long = max(settling(recipes, base.linear(), scenario) for scenario in found)
+    if hold is None and long:
+        hold = f"{long!r} s"
+    return recipes, scenarios(hold, same)
+
+
+def controlled_of(chosen: Chosen, linear: LinearModel) -> tuple[str, ...]:
+    """Return the outputs that are controlled: what the plant declares, or its commands can hold."""
+    from controllers.plain.loop import held_outputs
+
+    first = chosen.plant.controlled_outputs(chosen.model)
+    commands = [q.name for q in chosen.model.commands]
+    if chosen.plant.controlled or len(commands) < 2:
+        return first
+    found = held_outputs(linear, commands)
+    return found if len(found) > 1 else first
+
+
+def _follows(recipe: ControllerRecipe) -> tuple[str, ...]:
+    # One that cannot be built is a run that failed.
+    with suppress(WorkbenchError):
+        return recipe.build().controlled
+    return ()
+
+
+def study_of_steps(
+    chosen: Chosen,
+    recipes: Sequence[ControllerRecipe],
+    steps: Sequence[Scenario],
+    require: Sequence[str],
+    name: str = "verify",
 ) -> Study:
-    """Return the study of the one step: controllers for the nominal plant, on the chosen one."""
+    """Return the study of steps: controllers for the nominal plant, on the chosen one."""
     from workbench.study.study import NOMINAL, Case, Study, Variation
 
     plant = chosen.recipe
-    controllers, scenarios = {r.name: r for r in recipes}, {scenario.name: scenario}
-    demands, metrics = _demands(chosen, require, scenario, controllers)
+    controllers = {r.name: r for r in recipes}
+    scenarios = {scenario.name: scenario for scenario in steps}
+    demands, metrics = _demands(chosen, require, scenarios, controllers)
     return Study(
-        "verify",
-        Path.cwd() / "verify",
+        name,
+        Path.cwd() / name,
         {"": Case("", plant, controllers, scenarios)},
         {NOMINAL: Variation(NOMINAL, plant)},
         controllers,
@@ -146,7 +213,7 @@ def study_of_step(
 def _controlled(
     chosen: Chosen, start: str | None, end: str | None
 ) -> tuple[tuple[str, ...], dict[str, str], dict[str, str]]:
-    """Return the controlled outputs, and the levels before and after the step by name."""
+    """Return the outputs that are named, and the levels before and after the step by name."""
     controlled = chosen.plant.controlled_outputs(chosen.model)
     texts = [[] if text is None else text.split(",") for text in (start, end)]
     pairs = [[part.rpartition("=") for part in parts] for parts in texts]
@@ -160,7 +227,7 @@ def _controlled(
             f"--from is of {', '.join(begins)} and --to of {', '.join(ends)}; step one output, or"
             " name all that step in both"
         )
-    return tuple(named) or controlled, begins, ends
+    return tuple(named) or (controlled if begins or ends else ()), begins, ends
 
 
 def step_of(
@@ -172,12 +239,14 @@ def step_of(
     hold: str | None = None,
     sample_time: str | None = None,
     controllers: Sequence[str] = (),
+    stepped: Sequence[str] = (),
 ) -> Scenario:
-    """Return a step of controlled outputs and back, as given or of the first as the plant has it.
+    """Return a step of controlled outputs and back, as given or as the plant has it.
 
     Args:
         begins: Levels before the step by output, as text; those of the design by default.
         ends: The same after the step.
+        stepped: Outputs that step, by default the first; the others stay where they are.
     """
     from workbench.linearisation.pace import step_time
     from workbench.model.units import from_si, quantity
@@ -190,11 +259,13 @@ def step_of(
         about = next(q for q in chosen.model.outputs if q.name == name)
         own = name == chosen.plant.controlled_outputs(chosen.model)[0]
         # A size that nobody declared is all that the inputs bring about, from end to end.
-        size = (
-            about.scale
-            if about.sized
-            else _reached(chosen.model, about, y0[name], _command_of_loop(linear, name))
-        )
+        size = about.scale
+        if len(controlled) > 1:
+            size *= 1.0 if about.sized else 0.25
+            size = _reached(chosen.model, name, size, {n: y0[n] for n in controlled})
+        elif not about.sized:
+            command = _command_of_loop(linear, name)
+            size = _reached(chosen.model, name, 0.25 * size, {name: y0[name]}, command)
         first, last = (own and chosen.plant.step) or (y0[name], y0[name] + size)
         begin, end = (
             _level(chosen.model, f"{name}={given[name]}", f"{name} {when} the step")
@@ -204,7 +275,7 @@ def step_of(
         )
         return begin, end
 
-    moved = {name: levels(name) for name in (ends or begins or controlled[:1])}
+    moved = {name: levels(name) for name in (stepped or controlled[:1])}
     shown = step_time(linear)
     held = shown if hold is None else quantity("time", hold, "s")
     check_range("time between the steps", held, *TIMES_S, "s")
@@ -229,11 +300,15 @@ def step_of(
     ]
     # Other controlled outputs stay as they are at the design point.
     references = {n: Steps((0.0,), (y0[n],)) for n in controlled if n not in moved}
-    stepped = {name: signal for asked in each for name, signal in asked.references.items()}
+    moving = {name: signal for asked in each for name, signal in asked.references.items()}
+    several = len(controlled) > 1
     return replace(
         each[0],
-        name=", ".join(asked.name for asked in each),
-        references=dict(sorted({**references, **stepped}.items())),
+        name=", ".join(
+            f"{name}: {asked.name}" if several else asked.name
+            for name, asked in zip(moved, each, strict=True)
+        ),
+        references=dict(sorted({**references, **moving}.items())),
     )
 
 
@@ -242,32 +317,36 @@ def settling(recipes: Sequence[ControllerRecipe], linear: LinearModel, scenario:
     from controllers.plain.limits import settled_after
     from workbench.linearisation.pace import rounded_up
 
-    changes = [change for signal in scenario.references.values() for change in signal.changes]
-    if not changes:
-        return 0.0
-    there, before, after = changes[0]
-    back = max(time for time, _, _ in changes)
+    changes = {name: signal.changes for name, signal in scenario.references.items()}
+    steps = {name: own[0][2] - own[0][1] for name, own in changes.items() if own}
+    times = [change[0] for own in changes.values() for change in own]
     long = 0.0
     for recipe in recipes:
         # One that cannot be built is a run that failed.
         with suppress(WorkbenchError):
             law: Any = recipe.build()
-            if hasattr(law, "around_rest") and len(law.sensors) == len(law.actuators) == 1:
-                long = max(long, settled_after(law, linear, after - before))
+            if hasattr(law, "around_rest") and law.sensors == law.controlled:
+                long = max(long, settled_after(law, linear, steps))
     held = rounded_up(2.0 * long) if long else 0.0
-    return held if held > back - there else 0.0
+    return held if held > max(times, default=0.0) - min(times, default=0.0) else 0.0
 
 
-def _reached(model: Model, output: Output, start: float, command: str) -> float:
-    """Return a step, halved until the plant rests behind it with what one loop commands."""
+def _reached(
+    model: Model, name: str, size: float, start: Mapping[str, float], command: str = ""
+) -> float:
+    """Return a step, halved until the plant rests behind it with what is commanded.
+
+    Args:
+        start: Controlled outputs before it, in SI.
+        command: What a single loop commands; all else rests.
+    """
     from workbench.operating_point import operating_point
 
-    size = 0.25 * output.scale
     for halvings in range(6):
         part = 0.5**halvings * size
-        at = ((output.name, start + part),)
+        at = tuple((n, y + part if n == name else y) for n, y in start.items())
         with suppress(WorkbenchError):
-            operating_point(model, dict(_as_the_loop_rests(model, at, command)))
+            operating_point(model, dict(_as_the_loop_rests(model, at, command) if command else at))
             return part
     return size
 
@@ -288,7 +367,7 @@ def _level(model: Model, text: str, what: str) -> float:
 def _demands(
     chosen: Chosen,
     given: Sequence[str],
-    scenario: Scenario,
+    scenarios: Mapping[str, Scenario],
     controllers: Mapping[str, ControllerRecipe],
 ) -> tuple[tuple[Demand, ...], tuple[str, ...]]:
     """Return what is required, and the metrics of the user's own that it names."""
@@ -302,7 +381,8 @@ def _demands(
     own = tuple(name for name, _ in pairs if ":" in name)
     metrics = load_metrics(own, Path.cwd())
     called = dict(zip(own, (m.name for m in metrics), strict=True))
-    units = metric_units(chosen.model, tuple(scenario.references), metrics)
+    followed = next(iter(scenarios.values())).references
+    units = metric_units(chosen.model, tuple(followed), metrics)
     wanted = []
     for name, value in pairs:
         metric = check_choice("metric", called.get(name, name), units)
@@ -314,7 +394,7 @@ def _demands(
         wanted.append(Requirement(metric, float(convert(limit, units[metric], unit)), unit))
     demands = [Demand(r) for r in wanted or (Requirement(*r) for r in chosen.plant.requirements)]
     for demand in demands:
-        check_demand(demand, units, {scenario.name: scenario}, controllers, metrics)
+        check_demand(demand, units, scenarios, controllers, metrics)
     return tuple(demands), own
 
 
@@ -345,10 +425,15 @@ def recipes_of(
 ) -> list[ControllerRecipe]:
     """Return the named designs, or those made for such a plant, or those for any plant."""
     from controllers.design import DESIGNS, designs_for
+    from controllers.plain.loop import loop_of
+    from controllers.plain.pairing import interaction
 
-    # What a design for any linear model must be told: which output, and how often.
-    told: tuple[tuple[str, str | float], ...] = (
-        ("measured", next(iter(scenario.references))),
+    linear = base.linear()
+    model = linear.operating_point.model
+    followed = tuple(name for name in linear.output_names if name in scenario.references)
+    # What a design for any linear model must be told: which outputs, and how often.
+    told: tuple[tuple[str, Any], ...] = (
+        ("measured", followed[0] if len(followed) == 1 else followed),
         ("sample_time", scenario.sample_time),
     )
 
@@ -357,13 +442,12 @@ def recipes_of(
         own = made.kind().sensors or made.kind().own
         return made if own else replace(made, specification=told, at=held)
 
-    linear = base.linear()
-    model, measured = linear.operating_point.model, next(iter(scenario.references))
-    taken = _command_of_loop(linear, measured)
-    other = taken if taken and taken != model.commands[0].name else ""
-    if other:
-        told = (*told, ("actuator", other))
-    held = _as_the_loop_rests(model, base.at, taken)
+    held, other = base.at, ""
+    if len(followed) == 1:
+        taken = _command_of_loop(linear, followed[0])
+        other = taken if taken and taken != model.commands[0].name else ""
+        told = (*told, ("actuator", other)) if other else told
+        held = _as_the_loop_rests(model, base.at, taken)
     one = {n: d for n, d in DESIGNS.members().items() if d.needs == "linear"}
     for name in names:
         if (design := DESIGNS.get(name, folder=Path.cwd())).needs != "linear":
@@ -405,7 +489,10 @@ def recipes_of(
             " --controller module:function"
         )
     if other and any(made.specification == told for made in found):
-        typer.echo(f"a single loop commands {other}, which acts most on {measured}", err=True)
+        typer.echo(f"a single loop commands {other}, which acts most on {followed[0]}", err=True)
+    if any(made.specification == told for made in found):
+        for sentence in interaction(loop_of(linear, followed, other)):
+            typer.echo(sentence, err=True)
     return found
 
 

@@ -164,6 +164,8 @@ class Input(Channel):
         lower: Saturation, in ``unit``.
         upper: Saturation, in ``unit``.
         resolution: Step of the converter that writes it, in ``unit``; 0 for none.
+        slew: Fastest change, in ``unit`` per s, such as that of a valve which moves 10 % in a
+            second; none by default.
         commanded: Whether the user of the machine sets it; a wind or the temperature of a room is
             only measured: it rests at its nominal value, and no controller, experiment or limit
             takes it for a command.
@@ -173,7 +175,17 @@ class Input(Channel):
     lower: float = -math.inf
     upper: float = math.inf
     resolution: float = 0.0
+    slew: float = field(default=math.inf, kw_only=True)
     commanded: bool = field(default=True, kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Check the slew beside the rest."""
+        super().__post_init__()
+        if not self.slew > 0.0:
+            raise WorkbenchError(
+                f"slew of {self.name} is {self.slew!r}; give its fastest change in {self.unit} per"
+                " s, or leave it out"
+            )
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,8 @@ At t = k h, in this order:
 1. the sensors read the plant: noise, then conversion (quantised), then clipped to their range;
 2. the references of sample k (and the previewed ones) are read;
 3. the controller steps;
-4. the command is clipped to the input's range and converted (quantised);
+4. the command is clipped to the input's range, changes by no more than its slew lets it, and is
+   converted (quantised);
 5. the command is held over [k h, (k + 1) h) while the plant moves.
 
 The controller's own computing time is not simulated as a delay. It runs inside its guard; one that
@@ -24,6 +25,7 @@ import numpy as np
 
 from controllers.guard import Guarded, unguarded
 from controllers.protocol import Controller
+from workbench.arrays import Vector
 from workbench.errors import NumericalError, WorkbenchError, check_choice, check_finite, check_range
 from workbench.model import Effect, Input, Model, Output, Parameter
 from workbench.operating_point import operating_point
@@ -89,6 +91,7 @@ def verify(
             model, {**idle, **start} if len(start) <= len(controller.actuators) else start
         )
         sampled = FullPlant(model, h, rest.x, tolerance=tolerance, method=method)
+        begin = rest.u
     elif scenario.changes or scenario.disturbances:
         raise WorkbenchError(
             f"scenario {scenario.name!r} changes the plant during the run, which a linear model"
@@ -96,7 +99,8 @@ def verify(
         )
     else:
         sampled = LinearPlant(plant, h, scenario.start_values())
-    return _loop(controller, sampled, scenario, seed, events)
+        begin = plant.operating_point.u
+    return _loop(controller, sampled, scenario, seed, events, begin)
 
 
 def _loop(
@@ -105,6 +109,7 @@ def _loop(
     scenario: Scenario,
     seed: int,
     events: list[tuple[int, str, float]],
+    begin: Vector,
 ) -> Run:
     name, straight = plant.name, plant.straight
     inputs, outputs = plant.commanded, plant.measured
@@ -119,7 +124,7 @@ def _loop(
     sense = _sensors([outputs[i] for i in columns], columns, scenario, warm + n, seed)
     rows, targets = _references(controller, scenario, warm, n)
     spoil, missed = _spoiled(controller, scenario)
-    convert = _actuators(controller, inputs, scenario, real=not straight)
+    convert = _actuators(controller, inputs, scenario, begin, real=not straight)
     straighten = controller.linear_command
     step, hold, late_samples = controller.step, plant.hold, scenario.late_samples
 
@@ -309,7 +314,12 @@ def _spoiled(
 
 
 def _actuators(
-    controller: Controller, inputs: Sequence[Input], scenario: Scenario, *, real: bool
+    controller: Controller,
+    inputs: Sequence[Input],
+    scenario: Scenario,
+    begin: Vector,
+    *,
+    real: bool,
 ) -> Callable[[tuple[float, ...]], tuple[float, ...]]:
     """Return a function from the controller's command to the values of all inputs.
 
@@ -332,8 +342,18 @@ def _actuators(
         for q in inputs
     ]
 
+    # What is slow starts from where the plant rests.
+    paces = [q.slew * scenario.sample_time if real else infinite for q in inputs]
+    slow = [i for i, pace in enumerate(paces) if pace < infinite]
+    held = {i: float(begin[i]) for i in slow}
+
     def convert(command: tuple[float, ...]) -> tuple[float, ...]:
-        values, given = [], (*command, *resting)
+        values, given = [], [*command, *resting]
+        for i in slow:
+            low, high = held[i] - paces[i], held[i] + paces[i]
+            source, lower, upper, _ = chain[i]
+            given[source] = min(max(given[source], low, lower), high, upper)
+            held[i] = given[source]
         for source, lower, upper, resolution in chain:
             value = given[source]
             value = lower if value < lower else upper if value > upper else value

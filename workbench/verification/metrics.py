@@ -204,6 +204,9 @@ def metrics(run: Run, own: Iterable[Metric] = ()) -> Metrics:
         "guard": run.guarded or any("guard" in info for info in run.infos),
     }
     signals = _signals(run.output_quantities, run.model)
+    # While one of several outputs steps, those that rest have no response of their own.
+    stepped = [name for name in run.controlled if run.scenario.references[name].changes]
+    stepped = stepped or list(run.controlled)
     outputs = {q.name: (q.unit, q.display_unit) for q in run.output_quantities}
     commands = {q.name: (q.unit, q.display_unit) for q in run.input_quantities if q.commanded}
     pace = time_unit(float(run.time[-1] - run.time[0]))[0]
@@ -212,6 +215,8 @@ def metrics(run: Run, own: Iterable[Metric] = ()) -> Metrics:
         if not has.get(metric.needs, True) or not metric.fits(signals):
             continue
         for label, name in _labels(metric, run.controlled, tuple(commands)):
+            if metric.needs == "step" and name not in stepped:
+                continue
             unit, shown = (outputs if metric.of == "output" else commands).get(name, ("1", ""))
             follows = paced.get(metric.unit, metric.unit if "{unit}" in metric.unit else "")
             shown = shown if metric.level else of_difference(shown)
@@ -339,6 +344,14 @@ def _error(run: Run, name: str) -> Vector:
     return np.asarray(run.references[name] - run[name])
 
 
+def _moved_by_others(run: Run, name: str) -> float:
+    changes = {own: run.scenario.references[own].changes for own in run.controlled}
+    if changes[name] or not any(changes.values()):
+        raise NoSignalError("no other reference steps")
+    begin = min(change[0] for own in changes.values() for change in own)
+    return float(np.max(np.abs(_error(run, name)[run.time >= begin - 1e-9]), initial=0.0))
+
+
 def _counted(run: Run) -> slice:
     return slice(int(np.searchsorted(run.time, run.scenario.count_from - 1e-9)), None)
 
@@ -427,6 +440,13 @@ STEADY_ERROR = _of_rest(
         )
     ),
     "mean error at the end of each step, as a magnitude; worst step",
+)
+INTERACTION = _of_error(
+    "interaction",
+    _moved_by_others,
+    "largest error of an output whose reference rests while those of others step",
+    unit="{unit}",
+    table="summary",
 )
 OSCILLATION = _of_rest(
     "oscillation",

@@ -73,7 +73,7 @@ def test_hessian_and_gradient_are_those_of_the_expression(
     rng = np.random.default_rng(5)
     x, z, path, before = rng.normal(size=n), rng.normal(size=n_z), rng.normal(size=N), 0.3
     found, rows = (v.full().ravel() for v in slope(np.concatenate([x, z, path, [before]])))
-    expected = p.H @ x + p.g_estimate @ z + p.g_reference @ path + p.g_before * before
+    expected = p.H @ x + p.g_estimate @ z + p.g_reference @ path + p.g_before[:, 0] * before
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12 * np.abs(p.H).max())
     beside = np.zeros(len(rows))
     beside[0] = -before

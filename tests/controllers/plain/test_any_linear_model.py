@@ -14,8 +14,8 @@ import pytest
 from controllers.design import DESIGNS
 from controllers.guard import Guarded
 from controllers.pid import design_pid
+from controllers.plain.loop import loop_of
 from controllers.plain.mpc import PlainMPCSpecification, design_plain_mpc
-from controllers.plain.single_loop import single_loop
 from controllers.plain.state_feedback import (
     LQISpecification,
     design_lqi,
@@ -82,7 +82,7 @@ def test_a_command_that_moves_nothing_at_the_operating_point_is_refused(design: 
         WorkbenchError, match=r"drive does not move pressure.*\(designed where.*0 Pa"
     ):
         recipe.build()
-    assert single_loop(linearise(operating_point(fan(0.5)))).actuator == "drive"
+    assert loop_of(linearise(operating_point(fan(0.5)))).actuators == ("drive",)
 
 
 PLAIN = [name for name, design in DESIGNS.members().items() if not design.sensors]
@@ -259,7 +259,7 @@ def test_what_a_pump_moves_between_two_vessels_is_no_more_than_they_hold(name: s
 
     A, B = np.array([[-0.5, 0.5], [0.5, -0.5]]), np.array([[1.0], [-1.0]])
     linear = linear_model(ct.ss(A, B, [[1.0, 0.0]], 0, inputs="pump", outputs="level"))
-    less = single_loop(linear).linear
+    less = loop_of(linear).linear
     assert len(less.A) == 1
     np.testing.assert_allclose(less.system(2j), linear.system(2j), rtol=1e-9)
     design = DESIGNS.get(name)
@@ -322,8 +322,8 @@ def test_a_tank_that_another_pump_fills_keeps_no_design_from_its_level(name: str
         outputs=(Output("level", "m", 0.2, noise_rms=1e-4),),
     )
     linear = linearise(operating_point(model, {"level": 0.0}), verdict=False)
-    assert single_loop(linear).linear.state_names == ("low",)
-    assert single_loop(linear, actuator="other").linear.state_names == ("low", "high")
+    assert loop_of(linear).linear.state_names == ("low",)
+    assert loop_of(linear, actuators="other").linear.state_names == ("low", "high")
     design = DESIGNS.get(name)
     law = design.controller(linear, design.specified({"sample_time": 1.0}))
     scenario = step_scenario("level", 0.0, 0.1, lead=1.0, hold=900.0, sample_time=1.0)
@@ -340,7 +340,7 @@ def test_a_plant_that_nothing_drives_gets_no_controller() -> None:
         parameters=(),
     )
     with pytest.raises(WorkbenchError, match=r"'decay' has no input.*inputs=\(Input"):
-        single_loop(linearise(operating_point(decay)))
+        loop_of(linearise(operating_point(decay)))
 
 
 @pytest.mark.parametrize(("growth", "settled"), [(30.0, 8.0), (60.0, 10.0), (150.0, 15.0)])

@@ -1,0 +1,445 @@
+"""Followed outputs and commands: what the plain controllers know of a plant, and what they share.
+
+Units: SI.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from controllers.arithmetic import Arithmetic, Number, Numbers, Told
+from controllers.law import ClosedForm
+from controllers.linear_law import LinearLaw
+from controllers.named_state import flat, restored
+from controllers.protocol import Command
+from workbench.arrays import Complex, Matrix, Vector
+from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
+from workbench.linearisation.transfer import transfer_function
+
+if TYPE_CHECKING:
+    from workbench.linearisation import LinearModel
+
+
+class Loop(NamedTuple):
+    """A linear model between commands and followed outputs.
+
+    All but the model has one entry for each output or command, in SI.
+
+    Args:
+        output_scale: Typical sizes of the outputs.
+        command_scale: What each command may change by.
+        noise: Noise rms of the measurements, with that of their conversion.
+        slew: Fastest changes of the commands, per s.
+    """
+
+    linear: LinearModel
+    measured: tuple[str, ...]
+    actuators: tuple[str, ...]
+    rest_output: Vector
+    rest_command: Vector
+    lower: Vector
+    upper: Vector
+    output_scale: Vector
+    command_scale: Vector
+    noise: Vector
+    slew: Vector
+
+    def response(self, speeds: npt.ArrayLike) -> Complex:
+        """Return the plant at speeds in rad/s, shape (n, n_outputs, n_commands), in SI."""
+        m = self.linear
+        return transfer_function(m.A, m.B, m.C, m.D, 1j * np.asarray(speeds))
+
+    def sizes(self, speeds: Sequence[float]) -> Matrix:
+        """Return what all of the commands make each output swing by, shape (n, n_outputs), in SI.
+
+        At a speed, in rad/s, it is the largest of those at it and above.
+        """
+        swings = np.linalg.norm(np.abs(self.response(speeds)) * self.command_scale, axis=2)
+        return np.asarray(np.maximum.accumulate(swings, axis=0))
+
+    @property
+    def words(self) -> str:
+        """Which outputs are followed by which commands, in words."""
+        return f"{listed(self.measured)} by {listed(self.actuators)}"
+
+    @property
+    def ends(self) -> dict[str, Any]:
+        """What a `PlainLaw` of this loop is told: names, rest and ends of the commands."""
+        numbers = ("rest_command", "rest_output", "lower", "upper", "slew")
+        rest, rest_output, lower, upper, slew = (
+            tuple(getattr(self, name).tolist()) for name in numbers
+        )
+        return {
+            "sensors": self.measured,
+            "controlled": self.measured,
+            "actuators": self.actuators,
+            "rest": rest,
+            "rest_output": rest_output,
+            "lower": lower,
+            "upper": upper,
+            "slew": slew,
+        }
+
+
+def speeds(sample_time: float, number: int = 40) -> list[float]:
+    """Return speeds of a loop that may be tried, in rad/s, from fast to slow."""
+    return [float(w) / sample_time for w in np.geomspace(0.3, 1e-5, number)]
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names as words: a, b and c."""
+    return " and ".join(", ".join(names).rsplit(", ", 1))
+
+
+def named(given: str | Sequence[str]) -> tuple[str, ...]:
+    """Return the names in a text, between commas, or in a list."""
+    parts = given.split(",") if isinstance(given, str) else given
+    return tuple(part.strip() for part in parts if part.strip())
+
+
+def loop_of(
+    plant: Any, measured: str | Sequence[str] = (), actuators: str | Sequence[str] = ()
+) -> Loop:
+    """Read followed outputs and commands off a linear model or a python-control system.
+
+    By default those outputs are followed, in their order, that the commands hold independently;
+    several by all commands that move something, one by the first that does.
+
+    Raises:
+        WorkbenchError: If there is no input, no output or no such signal, an output answers a
+            command at once or not at all, or they cannot be held independently.
+    """
+    from workbench.linearisation.state_space import linear_model
+
+    whole = linear_model(plant)
+    for kind, names in (("input", whole.input_names), ("output", whole.output_names)):
+        if not names:
+            raise WorkbenchError(
+                f"{whole.operating_point.model.name!r} has no {kind}, so no controller can act on"
+                f" it; declare one with {kind}s=({kind.capitalize()}(...),)"
+            )
+    model = whole.operating_point.model
+    only_measured = {q.name for q in model.inputs if not q.commanded}
+    commands = [name for name in whole.input_names if name not in only_measured]
+    given, acting = named(measured), named(actuators)
+    for name in given:
+        check_choice("measured output", name, whole.output_names)
+    for name in acting:
+        check_choice("actuator", name, commands)
+    followed = given or held_outputs(whole, acting or commands)
+    if not acting:
+        acting = _moving(whole, followed, tuple(commands or whole.input_names))
+        acting = acting[:1] if len(followed) == 1 else acting
+    linear = whole.select(inputs=acting, outputs=followed).without_unseen()
+    if np.any(linear.D):
+        row, column = np.argwhere(linear.D)[0]
+        raise WorkbenchError(
+            f"{followed[row]} answers {acting[column]} within the sample"
+            f" ({linear.D[row, column]:g} at once); add the lag of the sensor or of the actuator to"
+            " the model"
+        )
+    still = [
+        n for n, moved in zip(followed, np.any(_moved(linear), axis=1), strict=True) if not moved
+    ]
+    if still:
+        raise WorkbenchError(
+            f"{listed(acting)} {'do' if len(acting) > 1 else 'does'} not move {still[0]} near the"
+            " operating point; take another, where it does: --from or --at, or the nominal of an"
+            " input"
+        )
+    linear = linear.without_unreached()
+    if len(followed) > 1:
+        _check_independent(linear)
+    outputs = {q.name: q for q in model.outputs}
+    read = [outputs[name] for name in followed]
+    rest, ones = linear.u0.astype(float), np.ones(len(acting))
+    # By an inverted curve the command is a fraction, which no input of the plant is.
+    lower, upper, scale, slew = -ones, ones, ones, math.inf * ones
+    if whole.inverse is None:
+        inputs = {q.name: q for q in model.inputs}
+        lower, upper, scale, slew = (
+            np.array([getattr(inputs[n], end) for n in acting], dtype=float)
+            for end in ("lower", "upper", "scale", "slew")
+        )
+    # A command that rests at an end has one direction only; half of its range is its size then.
+    room = np.minimum(upper - rest, rest - lower)
+    room = np.where(room == 0.0, 0.5 * (upper - lower), room)
+    return Loop(
+        linear,
+        followed,
+        acting,
+        linear.y0.astype(float),
+        rest,
+        lower,
+        upper,
+        np.array([q.scale for q in read]),
+        np.where((room > 0.0) & (room < math.inf), room, scale),
+        np.array([math.hypot(q.noise_rms, q.resolution / math.sqrt(12.0)) for q in read]),
+        slew,
+    )
+
+
+def held_outputs(whole: LinearModel, commands: Sequence[str]) -> tuple[str, ...]:
+    """Return the outputs, in their order, that commands hold independently: one at least."""
+    found: tuple[str, ...] = ()
+    for name in whole.output_names if len(commands) > 1 else ():
+        tried = whole.select(inputs=commands, outputs=(*found, name)).without_unseen()
+        if np.any(tried.D) or not np.all(np.any(_moved(tried), axis=1)):
+            continue
+        if len(found) < len(commands) and _rank_lost(tried.without_unreached()) is None:
+            found = (*found, name)
+    return found or whole.output_names[:1]
+
+
+def _moved(linear: LinearModel) -> Matrix:
+    """Return what the inputs make of the outputs within ever more samples, one row for each."""
+    moved = [linear.B]
+    for _ in linear.A:
+        moved.append(linear.A @ moved[-1])
+    return np.asarray(linear.C @ np.hstack(moved))
+
+
+def _moving(
+    whole: LinearModel, followed: Sequence[str], commands: tuple[str, ...]
+) -> tuple[str, ...]:
+    each = {n: whole.select(inputs=(n,), outputs=followed).without_unseen() for n in commands}
+    return tuple(n for n, own in each.items() if np.any(_moved(own))) or commands
+
+
+def _rank_lost(linear: LinearModel) -> Vector | None:
+    """Return the sum of outputs, in their scales, that no inputs move to rest elsewhere, if any.
+
+    Source: Skogestad and Postlethwaite, Multivariable Feedback Control, 2005, section 4.5.
+    """
+    size, n = linear.state_scales, len(linear.A)
+    described = {q.name: q for q in linear.operating_point.model.outputs}
+    scale = np.array([described[name].scale for name in linear.output_names])
+    table = np.block([[linear.A, linear.B], [linear.C, linear.D]])
+    table = table * np.append(size, np.ones(linear.B.shape[1]))
+    table = table / np.append(np.ones(n), scale)[:, None]
+    for _ in range(3):
+        columns = np.maximum(np.abs(table).max(axis=0), 1e-300)
+        table = table / columns
+        rows = np.maximum(np.abs(table).max(axis=1), 1e-300)
+        table = table / rows[:, None]
+        scale = scale * rows[n:]
+    left, values, _ = np.linalg.svd(table)
+    if len(values) == len(table) and values[-1] > HELD * values[0]:
+        return None
+    return np.asarray(left[n:, -1])
+
+
+HELD = 1e-9
+"""What rounding may leave of a combination of outputs that no commands move, over the rest."""
+
+
+def _check_independent(linear: LinearModel) -> None:
+    """Refuse outputs that cannot be held at references of their own."""
+    outputs, inputs = linear.output_names, linear.input_names
+    if len(outputs) > len(inputs):
+        raise WorkbenchError(
+            f"{listed(outputs)} cannot all be followed by {listed(inputs)}: as many outputs as"
+            f" there are commands can be; leave out {len(outputs) - len(inputs)}"
+        )
+    lost = _rank_lost(linear)
+    if lost is not None:
+        tied = [
+            n for n, part in zip(outputs, np.abs(lost), strict=True) if part > 0.05 * max(abs(lost))
+        ]
+        raise WorkbenchError(
+            f"{listed(tied)} cannot be held independently by {listed(inputs)}: at rest"
+            " no commands move them otherwise than together (a transmission zero at 0); follow one"
+            " of them, another output, or design where they part"
+            if len(tied) > 1
+            else f"{tied[0]} cannot be held at a reference by {listed(inputs)}: at rest it is"
+            " the same whatever they are (a transmission zero at 0); follow another output"
+        )
+
+
+@dataclass(frozen=True)
+class LoopSpecification:
+    """What every design for any linear model is told.
+
+    Args:
+        measured: Name of the followed output, or several with commas between or as a list; by
+            default those that the commands hold independently.
+        actuator: Name of the command, or several; by default the first that moves one output, all
+            for several.
+        sample_time: Time between steps, in s.
+        maximum_sensitivity: Limit on Ms, the peak of the sensitivity (ratio); by default (0) 1.8,
+            or the least that a loop of this plant has.
+        maximum_complementary: Limit on Mt, the peak of the complementary sensitivity (ratio); by
+            default (0) 1.6, or the least that a loop of this plant has.
+        delay: Delay beside that of sampling up to which the limits hold, in s.
+        sensor_lag: Time constant of the sensor with which the limits hold as well, in s.
+        trusted_frequency: Frequency above which nothing of the model is trusted, in rad/s; every
+            one is by default (0).
+        quiet: What the noise of the measurement may move the command by, rms, as a fraction of half
+            its range.
+        overshoot: Overshoot of a step within the command's ends that is allowed, as a fraction of
+            the step.
+        noise: Noise rms of every measurement, in SI of the output; by default (0) what the sensor
+            declares, and 1e-4 of its scale at least.
+    """
+
+    measured: str | tuple[str, ...] = ""
+    actuator: str | tuple[str, ...] = ""
+    sample_time: float = field(default=0.002, kw_only=True)
+    maximum_sensitivity: float = field(default=0.0, kw_only=True)
+    maximum_complementary: float = field(default=0.0, kw_only=True)
+    delay: float = field(default=0.0, kw_only=True)
+    sensor_lag: float = field(default=0.0, kw_only=True)
+    trusted_frequency: float = field(default=0.0, kw_only=True)
+    quiet: float = field(default=0.02, kw_only=True)
+    overshoot: float = field(default=0.02, kw_only=True)
+    noise: float = field(default=0.0, kw_only=True)
+
+    def __post_init__(self) -> None:
+        check_range("sample time", self.sample_time, *TIMES_S, "s")
+        for name, value, least in (
+            ("Ms", self.maximum_sensitivity, 1.05),
+            ("Mt", self.maximum_complementary, 1.0),
+        ):
+            if value:
+                check_range(f"limit on {name}", value, least, 10.0)
+        check_range("delay", self.delay, 0.0, TIMES_S[1], "s")
+        check_range("lag of the sensor", self.sensor_lag, 0.0, TIMES_S[1], "s")
+        check_range("trusted frequency", self.trusted_frequency, 0.0, 1.0 / TIMES_S[0], "rad/s")
+        check_range("share of the command that noise may take", self.quiet, 1e-9, 1e9)
+        check_range("overshoot", self.overshoot, 0.0, 1.0)
+        check_range("noise", self.noise, 0.0, 1e30)
+
+    def loop_noise(self, loop: Loop) -> Vector:
+        """Return the noise rms that is reckoned with, shape (n_outputs,), in SI."""
+        least = np.maximum(loop.noise, 1e-4 * loop.output_scale)
+        return np.full_like(least, self.noise) if self.noise else least
+
+    def loop(self, linear: Any) -> Loop:
+        """Return the loop to control."""
+        return loop_of(linear, self.measured, self.actuator)
+
+
+class _Arrays:
+    """Arithmetic of a law on arrays of any shape."""
+
+    clip = staticmethod(np.clip)
+    where = staticmethod(np.where)
+
+
+ARRAYS: Any = _Arrays()
+
+
+class _Endless:
+    """Arithmetic, on arrays of any shape, of a law whose limits are all out of reach."""
+
+    def clip(self, x: Number, lower: Number, upper: Number) -> Number:
+        return x
+
+    def where(self, condition: Any, yes: Number, no: Number) -> Number:
+        return yes
+
+
+ENDLESS: Any = _Endless()
+
+
+def _arrays(state: Any) -> Iterator[Any]:
+    """Yield the entries of a state, each an array."""
+    if isinstance(state, tuple):
+        for part in state:
+            yield from _arrays(part)
+    elif state is not None:
+        yield state
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class PlainLaw(ClosedForm):
+    """A law in closed form from measurements to commands, within their ends and slews.
+
+    Each reference is that of the measurement in its place.
+
+    Args:
+        slew: Fastest changes of the commands, in SI per s.
+        pace: Largest changes of the references that are followed, in SI of the outputs per sample.
+    """
+
+    sensors: tuple[str, ...]
+    controlled: tuple[str, ...]
+    actuators: tuple[str, ...]
+    sample_time: float = 0.002
+    rest: tuple[float, ...]
+    rest_output: tuple[float, ...]
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+    slew: tuple[float, ...] = ()
+    pace: tuple[float, ...] = ()
+    preview: int = 0
+    name: str = "plain"
+
+    def deviations(self, values: Numbers) -> Numbers:
+        """Return measurements or references, in SI, as deviations from rest."""
+        return tuple(v - rest for v, rest in zip(values, self.rest_output, strict=True))
+
+    def followed(self, before: Numbers | None, reference: Numbers, a: Arithmetic) -> Numbers:
+        """Return references at their pace, from those of the sample before, deviations in SI."""
+        asked = self.deviations(reference)
+        if before is None:
+            return asked
+        return tuple(
+            b + a.clip(r - b, -pace, pace) if pace < math.inf else r
+            for b, r, pace in zip(before, asked, self.pace, strict=True)
+        )
+
+    def applied(self, before: Numbers | None, asked: Numbers, a: Arithmetic) -> Numbers:
+        """Return commands between their ends, from those of the sample before, in SI."""
+        ends = zip(self.lower, self.upper, strict=True)
+        within = tuple(a.clip(u, *end) for u, end in zip(asked, ends, strict=True))
+        if before is None:
+            return within
+        h = self.sample_time
+        return tuple(
+            b + a.clip(u - b, -h * slew, h * slew) if slew < math.inf else u
+            for b, u, slew in zip(before, within, self.slew, strict=True)
+        )
+
+    def kept(self, references: Numbers, commands: Numbers) -> tuple[Numbers | None, Numbers | None]:
+        """Return what of references and commands, in SI, the next sample needs."""
+        paced = bool(self.pace) and min(self.pace) < math.inf
+        slow = bool(self.slew) and min(self.slew) < math.inf
+        return references if paced else None, commands if slow else None
+
+    def told(self, asked: Numbers) -> Told:
+        """Tell the commands before their ends, in SI."""
+        return {f"asked.{name}": u for name, u in zip(self.actuators, asked, strict=True)}
+
+    @property
+    def rest_command(self) -> Command:
+        """Commands at rest, in SI."""
+        return self.rest
+
+    def around_rest(self) -> LinearLaw:
+        """Return the law between its ends, from measurements and references as deviations."""
+        p = len(self.sensors)
+        zero = (0.0,) * p
+        law = replace(self, rest=(0.0,) * len(self.rest), rest_output=zero, pace=(), slew=())
+        example = law.initial_state(zero)
+        n = len(flat(example))
+        units = list(np.eye(n + 2 * p))
+        _, following, told = law.law(
+            restored(example, units[:n]), tuple(units[n : n + p]), tuple(units[n + p :]), ENDLESS
+        )
+        table = np.vstack([*_arrays(following), *law.straight(told)])
+        return LinearLaw(table[:n, :n], table[:n, n:], table[n:, :n], table[n:, n:])
+
+    def straight(self, told: Told) -> Numbers:
+        """Return the commands before their ends, in SI."""
+        return tuple(told[f"asked.{name}"] for name in self.actuators)
+
+    def linear_command(self, command: Command) -> Command:
+        """Return the command unchanged."""
+        return command

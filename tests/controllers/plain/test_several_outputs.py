@@ -1,0 +1,252 @@
+"""Laws of several commands and outputs: on equations of NumPy, by SciPy's LSODA, and in C."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import control as ct
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from controllers.design import DESIGNS
+from controllers.guard import Guarded
+from controllers.h_infinity.synthesis import has_slycot
+from controllers.plain.limits import least_gain
+from controllers.plain.loop import loop_of
+from controllers.plain.pairing import best_pairing, interaction, relative_gains, zeros
+from tests.controllers.in_c import InC
+from workbench.errors import WorkbenchError
+from workbench.linearisation import LinearModel, linear_model, linearise
+from workbench.model import Input, Model, Output, State
+from workbench.operating_point import operating_point
+from workbench.verification import guarded, metrics, step_scenario, verify
+
+FAMILIES = ["plain-pid", "lqi", "plain-mpc", *(["plain-h-infinity"] if has_slycot() else [])]
+
+H, SPREAD = 2.0, np.array([0.7, 0.6])
+AREA, HOLE, PUMP = np.array([28e-4, 32e-4] * 2), np.array([7.1e-6, 5.7e-6] * 2), 3.3e-6
+
+
+def tank_rates(h: Any, u: Any, root: Callable[[Any], Any], spread: Any = SPREAD) -> list[Any]:
+    """Johansson's quadruple tank: levels in m, pumps in V."""
+    q = [hole * root(19.62 * level) for hole, level in zip(HOLE, h, strict=True)]
+    inflow = [
+        spread[0] * PUMP * u[0] + q[2],
+        spread[1] * PUMP * u[1] + q[3],
+        (1.0 - spread[1]) * PUMP * u[1],
+        (1.0 - spread[0]) * PUMP * u[0],
+    ]
+    return [(a - b) / area for a, b, area in zip(inflow, q, AREA, strict=True)]
+
+
+def tanks(spread: Any = SPREAD, slew: float = math.inf) -> Model:
+    import casadi as ca
+
+    def equations(m: Any) -> Any:
+        h, u = [getattr(m.x, f"h{i}") for i in range(4)], (m.u.left, m.u.right)
+        rates = tank_rates(h, u, lambda v: ca.sqrt(ca.fmax(v, 1e-6)), spread)
+        return {f"h{i}": rates[i] for i in range(4)}, {"low": h[0], "other": h[1]}
+
+    return Model(
+        "tanks",
+        equations,
+        states=tuple(
+            State(f"h{i}", "m", 0.1, initial=level)
+            for i, level in enumerate((0.12, 0.12, 0.02, 0.02))
+        ),
+        inputs=tuple(
+            Input(n, "V", 3.0, nominal=3.0, lower=0.0, upper=10.0, slew=slew)
+            for n in ("left", "right")
+        ),
+        outputs=tuple(Output(n, "m", 0.02, noise_rms=1e-4) for n in ("low", "other")),
+    )
+
+
+@pytest.fixture(scope="module")
+def linear() -> LinearModel:
+    return linearise(operating_point(tanks()), verdict=False)
+
+
+def designed(name: str, linear: Any, **told: Any) -> Any:
+    design = DESIGNS.get(name)
+    return design.controller(linear, design.specified({"sample_time": H, **told}))
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_each_output_follows_and_leaves_the_other(
+    name: str, linear: LinearModel, tmp_path: Path
+) -> None:
+    law = designed(name, linear)
+    assert law.controlled == ("low", "other") and law.actuators == ("left", "right")
+    x = np.array(linear.x0)
+    state = law.initial_state(tuple(linear.y0))
+    asked = np.array(linear.y0) + np.array([0.02, 0.0])
+    seen = []
+    for k in range(500):
+        if k == 250:
+            asked[1] += 0.02
+        seen.append(x[:2])
+        u, state, _ = law.step(state, tuple(x[:2]), tuple(asked))
+        held = solve_ivp(
+            lambda t, h, u=u: tank_rates(h, u, np.sqrt), (0, H), x, "LSODA", rtol=1e-9, atol=1e-12
+        )
+        x = held.y[:, -1]
+    away = np.array(seen) - linear.y0
+    # The step of one, then of the other: there within 2 %, the one that rests is left alone.
+    for i, part in ((0, away[:250, 0]), (1, away[250:, 1])):
+        assert np.abs(part[125:] - 0.02).max() < 4e-4, i
+        assert part.max() < 0.0215
+    assert np.abs(away[:250, 1]).max() < 0.008 and np.abs(away[250:, 0] - 0.02).max() < 0.008
+    scenario = step_scenario("low", linear.y0[0], linear.y0[0] + 0.02, hold=200.0, sample_time=H)
+    rest = step_scenario("other", linear.y0[1], linear.y0[1]).references
+    scenario = replace(scenario, references={**scenario.references, **rest})
+    run = verify(law, tanks(), scenario)
+    same = verify(guarded(law, tanks()), tanks(), scenario)
+    np.testing.assert_array_equal(same.inputs, run.inputs)
+    found = metrics(run)
+    assert found["other.interaction"].value < 0.008
+    assert "low.interaction" not in found and "other.settling_time" not in found
+    in_c, guard = InC(law, tmp_path), Guarded(law)
+    memory = guard.initial_state(tuple(run.measured[0].tolist()))
+    in_c.start(run.measured[0])
+    for row, *wanted in zip(run.measured, *run.references.values(), strict=True):
+        own, memory, _ = guard.step(memory, tuple(row.tolist()), tuple(wanted))
+        assert in_c.step(row, wanted) == 0
+        np.testing.assert_allclose(in_c.command, own, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_units_change_no_loop(name: str) -> None:
+    A = np.array([[-0.1, 0.02], [0.0, -0.05]])
+    B, C = np.array([[0.1, -0.06], [0.04, 0.08]]), np.eye(2)
+    ends = {"u": (-1.0, 1.0), "v": (-1.0, 1.0), "y": (-1.0, 1.0), "z": (-1.0, 1.0)}
+    sizes = {"u": 1e5, "v": 1e-3, "y": 1e-6, "z": 300.0}
+    found = []
+    for factor in (dict.fromkeys(sizes, 1.0), sizes):
+        into, out = (np.array([factor[n] for n in names]) for names in (("u", "v"), ("y", "z")))
+        system = ct.ss(A, B / into, out[:, None] * C, 0, inputs=["u", "v"], outputs=["y", "z"])
+        limits = {n: (low * factor[n], high * factor[n]) for n, (low, high) in ends.items()}
+        law = designed(name, linear_model(system, limits=limits), sample_time=0.5)
+        F, G, K, J = law.around_rest()
+        z = np.exp(1j * np.array([1e-2, 0.1, 1.0]))
+        whole = np.array([K @ np.linalg.solve(v * np.eye(len(F)) - F, G) + J for v in z])
+        found.append(whole / into[:, None] * np.tile(out, 2))
+    np.testing.assert_allclose(found[1], found[0], rtol=2e-3, atol=2e-3 * np.abs(found[0]).max())
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_a_pump_at_its_end_keeps_the_other_tank_from_nothing(name: str) -> None:
+    A, B = np.diag([-0.1, -0.1]), np.array([[0.1, 0.01], [0.02, 0.1]])
+    system = ct.ss(A, B, np.eye(2), 0, inputs=["u", "v"], outputs=["y", "z"])
+    linear = linear_model(system, limits=dict.fromkeys(("u", "v", "y", "z"), (-1.0, 1.0)))
+    law = designed(name, linear, sample_time=0.5)
+    over = np.linalg.matrix_power(np.eye(2) + 0.5 * A / 200, 200)
+    x, state, seen = np.zeros(2), law.initial_state((0.0, 0.0)), []
+    # More than can be reached, for long, and back again.
+    for k in range(900):
+        asked = (3.0 if k < 400 else 0.2, 0.4)
+        u, state, _ = law.step(state, tuple(x), asked)
+        assert max(map(abs, u)) <= 1.0
+        x = over @ x + np.linalg.solve(A, (over - np.eye(2)) @ B @ np.array(u))
+        seen.append(x)
+    assert seen[399][0] > 0.9
+    late = np.abs(np.array(seen[640:]) - [0.2, 0.4])
+    assert late.max() < 0.01
+
+
+def test_relative_gains_and_pairs_are_those_of_the_book() -> None:
+    # Wood and Berry's column: 2.0 for top by reflux; Seborg et al., Process Dynamics and Control.
+    G = np.array([[12.8, -18.9], [6.6, -19.4]])
+    np.testing.assert_allclose(relative_gains(G), [[2.01, -1.01], [-1.01, 2.01]], atol=0.01)
+    system = ct.ss(-np.eye(2), G[:, ::-1], np.eye(2), 0, inputs=["steam", "reflux"], outputs=2)
+    loop = loop_of(linear_model(system))
+    assert best_pairing(loop).commands == (1, 0)
+    assert best_pairing(loop).niederlinski == pytest.approx(0.498, abs=1e-3)
+
+
+def test_a_zero_in_the_right_half_plane_is_said_and_kept_to() -> None:
+    other = linearise(operating_point(tanks(spread=np.array([0.43, 0.34]))), verdict=False)
+    loop = loop_of(other)
+    expected = [v.real for v in ct.ss(other.A, other.B, other.C, other.D).zeros() if v.real > 0]
+    found = [v.real for v in zeros(loop) if v.real > 0.0]
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+    assert any("a zero in the right half plane at" in sentence for sentence in interaction(loop))
+    assert best_pairing(loop).commands == (1, 0)
+    law = designed("lqi", other)
+    run = verify(law, other, step_both(other, 0.02))
+    # Opposite steps excite it: slower than in the plant without.
+    assert metrics(run)["low.settling_time"].value > 1.0 / found[0]
+
+
+def step_both(linear: LinearModel, size: float) -> Any:
+    pairs = zip(linear.output_names, linear.y0, (size, -size), strict=True)
+    one, two = (step_scenario(n, y, y + d, hold=900.0, sample_time=H) for n, y, d in pairs)
+    return replace(one, references={**one.references, **two.references})
+
+
+def test_no_pairing_is_refused_and_a_decoupler_is_not() -> None:
+    # A known plant of three without a pairing whose relative gains are positive.
+    G = np.array([[1.0, 1.0, -0.1], [0.1, 2.0, -1.0], [-2.0, -3.0, 1.0]])
+    G = np.linalg.inv(G) if np.all(np.diag(relative_gains(G)) > 0.0) else G
+    system = ct.ss(-0.1 * np.eye(3), 0.1 * G, np.eye(3), 0)
+    with pytest.raises(WorkbenchError, match="no pairing of .* negative relative gain"):
+        designed("plain-pid", system)
+    law = designed("plain-pid", system, decoupled=True)
+    run = verify(law, linear_model(system), step_scenario_of_three())
+    assert np.abs(run.outputs[-1] - [1.0, 0.0, 0.0]).max() < 0.01
+
+
+def step_scenario_of_three() -> Any:
+    one = step_scenario("y_0", 0.0, 1.0, hold=400.0, sample_time=H)
+    others = {n: step_scenario(n, 0.0, 0.0).references[n] for n in ("y_1", "y_2")}
+    return replace(one, references={**one.references, **others})
+
+
+@pytest.mark.parametrize(
+    ("C", "told", "said"),
+    [
+        (np.eye(2), {"actuator": "u"}, "u does not move z"),
+        (
+            [[1.0, 0.0], [1.0, 1.0]],
+            {"actuator": "w"},
+            "cannot all be followed by w: as many outputs as there are commands",
+        ),
+        ([[1.0, 0.0], [2.0, 0.0]], {}, "y and z cannot be held independently by u and w"),
+        ([[1.0, 1.0], [0.0, 1.0]], {"measured": "y,x"}, "'x'"),
+    ],
+)
+def test_what_cannot_be_followed_together_is_said(C: Any, told: Any, said: str) -> None:
+    B = np.array([[1.0, 0.0, 1.0], [0.0, 1.0, 1.0]])
+    system = ct.ss(-np.diag([1.0, 2.0]), B, C, 0, inputs=["u", "v", "w"], outputs=["y", "z"])
+    for name in FAMILIES:
+        with pytest.raises(WorkbenchError, match=said):
+            designed(name, system, **{"measured": "y, z", **told})
+
+
+def test_by_default_those_outputs_are_followed_that_are_held_independently() -> None:
+    # A position and its speed: at rest the speed is 0, whatever the commands.
+    A = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -2.0]])
+    B = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    system = ct.ss(A, B, np.eye(3), 0, inputs=["u", "v"], outputs=["position", "speed", "heat"])
+    assert loop_of(system).measured == ("position", "heat")
+    assert loop_of(system, "heat").actuators == ("v",)
+    with pytest.raises(WorkbenchError, match="position and speed cannot all be followed by u"):
+        loop_of(system, "position, speed")
+
+
+def test_least_gain_is_that_of_the_best_units() -> None:
+    rng = np.random.default_rng(2)
+    for k in (2, 3):
+        M = rng.normal(size=(k, k)) + 1j * rng.normal(size=(k, k))
+        sizes = np.exp(rng.uniform(-6.0, 6.0, (20_000, k)))
+        tried = np.linalg.norm(sizes[:, :, None] * M / sizes[:, None], 2, axis=(1, 2)).min()
+        assert tried > (0.9999 if k == 2 else 0.95) * least_gain(M)
+        assert least_gain(np.diag(sizes[0]) @ M / sizes[0]) == pytest.approx(
+            least_gain(M), rel=1e-2
+        )
+    assert least_gain(np.array([[0.5, 1e9], [0.0, 0.3]])) == pytest.approx(0.5, rel=1e-3)
