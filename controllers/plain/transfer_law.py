@@ -21,6 +21,7 @@ Source: Åström and Wittenmark, Computer-Controlled Systems, 1997, sections 8.5
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -455,53 +456,71 @@ def _slowed(
     """Return PIDs of all loops, shape (n, p, 4), of which each is the best alone that is so fast.
 
     A pair that is late, or answers the wrong way first, is slow by itself; what it is in the loop
-    of all is left to the limits.
+    of all is left to the limits. Where a pair alone cannot be stable, such as one of two magnets
+    under one beam, all loops cross at one speed, with one phase.
     """
-    found, p = [], len(alone)
+    best = []
     for i, (tries, speed) in enumerate(alone):
-        command = loop.linear.B @ mix[:, [i]]
-        own = loop._replace(
-            linear=replace(loop.linear, B=command, C=loop.linear.C[[i]], D=np.zeros((1, 1))),
-            measured=loop.measured[i : i + 1],
-            # What the PID may change its commands by, each of which it takes part of.
-            command_scale=np.array([1.0 / np.abs(mix[:, i] / loop.command_scale).max()]),
-            lower=np.array([-math.inf]),
-            upper=np.array([math.inf]),
-            output_scale=loop.output_scale[[i]],
-            noise=loop.noise[[i]],
-        )
-        limits, single = LoopLimits(own, want), np.eye(1)
+        limits, single = LoopLimits(_pair(loop, mix, i), want), np.eye(1)
         judged = limits.judge(_around_rest(tries[:, None], single, want.sample_time))
         if not np.isfinite(judged.excess).any():
-            # It may be made stable by the others' loops alone.
-            judged = judged._replace(excess=np.where(speed < np.inf, 1.0, np.inf))
+            return _together(alone)
         held = np.flatnonzero(judged.excess <= max(1.0, 1.05 * float(judged.excess.min())))
         reached = _weighed(limits, tries[held][:, None], single)[1]
         errors = cost(reached, reached.errors.min(axis=0), want.overshoot)
         fastest = speed[held][int(np.argmin(errors))]
-        best = []
+        own = []
         for share in SLOWER:
             slow = np.flatnonzero(speed[held] <= 1.001 * share * fastest)
-            if not len(slow):
-                break
-            # Slower than the best, errors grow with what is given away.
-            k = slow[int(np.argmin(errors[slow]))]
-            best.append(tries[held][k])
-        found.append(best)
-    count = [range(len(best)) for best in found]
-    each = [[k] * p for k in range(min(map(len, found)))]
-    # One loop much slower than the others is no fight between them.
-    each += [[k if j == i else 0 for j in range(p)] for i in range(p) for k in count[i][1:]]
-    each += (
-        [
-            [0 if j == i else min(k, len(found[j]) - 1) for j in range(p)]
-            for i in range(p)
-            for k in range(1, len(SLOWER))
-        ]
-        if p > 2
-        else []
+            if len(slow):
+                own.append(tries[held][slow[int(np.argmin(errors[slow]))]])
+        best.append(own)
+    p, most = len(best), max(map(len, best))
+    # All as much slower, or one of them, or all but one.
+    steps = [[k] * p for k in range(most)]
+    for i in range(p):
+        steps += [[k if j == i else 0 for j in range(p)] for k in range(1, most)]
+        steps += [[0 if j == i else k for j in range(p)] for k in range(1, most)] if p > 2 else []
+    whole = np.array([own + own[-1:] * (most - len(own)) for own in best])
+    return np.array([whole[range(p), each] for each in steps])
+
+
+def _pair(loop: Loop, mix: Matrix, i: int) -> Loop:
+    """Return the loop of one output and what its PID adds to the commands, all others open."""
+    own, endless = loop.linear, np.array([math.inf])
+    linear = replace(
+        own,
+        B=own.B @ mix[:, [i]],
+        C=own.C[[i]],
+        D=np.zeros((1, 1)),
+        input_names=(f"PID of {loop.measured[i]}",),
+        output_names=loop.measured[i : i + 1],
     )
-    return np.array([[found[i][k] for i, k in enumerate(one)] for one in each])
+    return Loop(
+        linear.without_unseen().without_unreached(),
+        loop.measured[i : i + 1],
+        linear.input_names,
+        loop.rest_output[[i]],
+        np.zeros(1),
+        -endless,
+        endless,
+        loop.output_scale[[i]],
+        # What the PID may add to the commands, each of which it takes part of.
+        np.array([1.0 / np.abs(mix[:, i] / loop.command_scale).max()]),
+        loop.noise[[i]],
+        endless,
+    )
+
+
+def _together(alone: Sequence[tuple[Matrix, Vector]]) -> Matrix:
+    """Return PIDs of all loops, shape (n, p, 4), of one crossover, with every choice of signs."""
+    found: list[list[Vector]] = []
+    for w in sorted(set.intersection(*(set(speed.tolist()) for _, speed in alone))):
+        rows = [tries[speed == w] for tries, speed in alone]
+        for signs in itertools.product((1.0, -1.0), repeat=len(rows)):
+            own = [row[np.sign(row[:, 0]) == s] for row, s in zip(rows, signs, strict=True)]
+            found += [[row[k] for row in own] for k in range(min(map(len, own)))]
+    return np.array(found).reshape(-1, len(alone), 4)
 
 
 def _around_rest(gains: Matrix, mix: Matrix, sample_time: float) -> LinearLaw:

@@ -250,3 +250,18 @@ def test_least_gain_is_that_of_the_best_units() -> None:
             least_gain(M), rel=1e-2
         )
     assert least_gain(np.array([[0.5, 1e9], [0.0, 0.3]])) == pytest.approx(0.5, rel=1e-3)
+
+
+def test_pids_that_are_stable_together_alone() -> None:
+    # A beam over two magnets: each one alone lets the other end fall.
+    A = np.zeros((4, 4))
+    A[0, 1] = A[2, 3] = 1.0
+    A[1, 0], A[3, 2] = 40.0, 60.0
+    B = np.array([[0.0, 0.0], [1.0, 1.0], [0.0, 0.0], [3.0, -3.0]])
+    C = np.array([[1.0, 0.0, 1.0, 0.0], [1.0, 0.0, -1.0, 0.0]])
+    law = designed("plain-pid", ct.ss(A, B, C, 0), sample_time=0.002)
+    x, state = np.array([0.0, 0.0, 0.01, 0.0]), law.initial_state((0.01, -0.01))
+    for _ in range(2000):
+        u, state, _ = law.step(state, tuple(C @ x), (0.0, 0.0))
+        x = x + 0.002 * (A @ x + B @ np.array(u) + 0.001 * A @ (A @ x + B @ np.array(u)))
+    assert np.abs(x).max() < 1e-4
