@@ -38,10 +38,12 @@ from workbench.diagnosis.selection.refits import entry_priors, untried
 from workbench.diagnosis.selection.rules import (
     AT_NOISE,
     LEAST_AT_FIRST,
+    LEAST_GAIN,
     LEAST_OF_ALL,
     LEAST_OF_REST,
     LEAST_SHOWN,
     NEAR_NOISE,
+    OFF_NOISE,
     SAME,
     Limits,
     selection_penalty,
@@ -183,7 +185,9 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
                 current.model, begun, state.free, tried, noise_scale=current.noise_scale
             )
         first = not number
-        quiet = first and scored.near_noise(task.base, AT_NOISE.value)
+        # Nothing can gain what is not left out, whatever chance makes of the held-out runs.
+        within = OFF_NOISE if scored.excess < LEAST_GAIN else AT_NOISE
+        quiet = first and scored.near_noise(task.base, within.value)
         most = MOST_AT_FIRST if first else MOST_AGAIN
         chosen, later = to_refit(task, scores, most, current.model, quiet=quiet)
         samples = sum(len(r.outputs) for r in task.fitting)
