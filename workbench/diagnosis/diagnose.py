@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 import hashlib
-import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypedDict, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from workbench.diagnosis.conclude import conclude, still_missing
 from workbench.diagnosis.estimation.fixed_parameters import with_fixed_uncertainty
-from workbench.diagnosis.estimation.noise_colour import (
-    BY_CHANCE,
-    Leftover,
-    leftovers,
-    with_correlated_noise,
-)
+from workbench.diagnosis.estimation.noise_colour import with_correlated_noise
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import Prior, default_priors
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
@@ -30,15 +24,16 @@ from workbench.diagnosis.location.locate import Location, locate
 from workbench.diagnosis.location.located_signal import missing_signals
 from workbench.diagnosis.nonparametric.fit import nonparametric_term
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
+from workbench.diagnosis.second_search import VIEWS, Spent, View, beside
 from workbench.diagnosis.selection.held_out import settled_run
-from workbench.diagnosis.selection.rules import LEAST_SHOWN, NO_NAME, OFF_NOISE
+from workbench.diagnosis.selection.rules import LEAST_SHOWN, NO_NAME
 from workbench.diagnosis.selection.search import score, search
 from workbench.diagnosis.selection.selected import Scored, Selected
 from workbench.diagnosis.selection.task import Task
 from workbench.diagnosis.selection.withdrawal import all_withdrawn, likely, run_freely
 from workbench.diagnosis.stage_files import StageFiles, fingerprint
 from workbench.diagnosis.stages import Diagnosis, Fitted, Located, Prepared, Validated
-from workbench.diagnosis.undeclared import as_coarse_as_recorded, opened, with_undeclared
+from workbench.diagnosis.undeclared import as_coarse_as_recorded, with_undeclared
 from workbench.diagnosis.verdict import Verdict
 from workbench.display import notebook_progress
 from workbench.errors import NumericalError, WorkbenchError
@@ -46,11 +41,10 @@ from workbench.model import Model
 from workbench.physics.library import Hypothesis, Law, library
 from workbench.recordings.checks import check_recording
 from workbench.recordings.recording import Recording
-from workbench.work.counted import Work, add, done, since
+from workbench.work.counted import add, done, since
 from workbench.work.processes import Call, in_order
 
 Progress = Callable[[str], None]
-Row = dict[str, str]
 Stage = TypeVar("Stage")
 
 
@@ -139,7 +133,7 @@ def stages(
     model, noise = with_correlated_noise(model, both)
     for note in (*notes, *(row["note"] for row in (*rows, *noise))):
         say(note)
-    run = partial(
+    searched = partial(
         _stages,
         fit_on=fit_on,
         hold_out=hold_out,
@@ -150,95 +144,37 @@ def stages(
         advise=advise,
         say=say,
     )
+    rows = (*rows, *noise)
     found = None
-    for found in run(model, rows=(*rows, *noise), folder=folder):
+    for found in searched(View(model, rows=rows), folder=folder):
         if found.verdict is None:
             yield found
     assert found is not None
-    if not noise and _may_be_noise(found):
-        other, noise = with_correlated_noise(model, both, _left(found))
-        if noise:
-            say("searching again beside noise that is correlated")
-            own = folder and folder / "correlated_noise"
-            for again in run(other, rows=(*rows, *noise), folder=own):
-                if again.verdict is None:
-                    yield again
-            found = again if _explained(again) else found
-    if entries is None and _left_over(found):
-        other, places = opened(model, both)
-        if places:
-            say(f"searching again where {model.name} has no port: {', '.join(places)}")
-            # An early end keeps what the first search found.
-            *_, again = run(other, rows=(*rows, *noise), folder=folder and folder / "opened")
-            better, worse = (again, found) if _closer(again, found) else (found, again)
-            found = _beside(better, worse)
+    for view_of in VIEWS if entries is None else VIEWS[:1]:
+        view = view_of(found, model, both)
+        if view is None:
+            continue
+        say(view.why)
+        view, again = replace(view, rows=(*rows, *view.rows)), None
+        # An early end keeps what the first search found.
+        for again in searched(view, folder=folder and folder / view.name):
+            if view.lags(again):
+                say("what it finds there runs farther off: the first search stands")
+                break
+        assert again is not None
+        better = again.verdict is not None and view.better(again, found)
+        if better:
+            found, model, rows = beside(again, found), view.model, view.rows
+        else:
+            found = beside(found, again)
     yield found
 
 
-def _beside(found: Diagnosis, other: Diagnosis) -> Diagnosis:
-    """Return a diagnosis with time and work of another that was made beside it."""
-    assert found.verdict is not None
-    units = {**found.work, **other.work}
-    spent: _Spent = {
-        "seconds": found.seconds + other.seconds,
-        "work": {u: found.work.get(u, 0) + other.work.get(u, 0) for u in units},
-    }
-    return replace(found, **spent, verdict=replace(found.verdict, **spent))
-
-
-def _left_over(found: Diagnosis) -> bool:
-    """Whether a free run of what was found is well off the noise, or nothing was found surely."""
-    if found.validated is None or found.complete:
-        return False
-    return _unsure(found) or _misfit(found) > OFF_NOISE.value
-
-
-def _misfit(found: Diagnosis) -> float:
-    """Return the largest error of free runs of what was found, over that of noise alone."""
-    assert found.verdict is not None
-    fit = found.verdict.fit
-    return max(
-        (fit["extended"][o] / max(n, 1e-300) for o, n in fit["noise_floor"].items()),
-        default=math.inf,
-    )
-
-
-def _closer(again: Diagnosis, found: Diagnosis) -> bool:
-    """Whether the second diagnosis names something and leaves less than half of what is left."""
-    if again.validated is None or not again.accepted:
-        return False
-    return not _unsure(again) and _misfit(again) ** 2 - 1.0 < 0.5 * (_misfit(found) ** 2 - 1.0)
-
-
-def _may_be_noise(found: Diagnosis) -> bool:
-    return found.fitted is not None and _unsure(found)
-
-
-def _unsure(found: Diagnosis) -> bool:
-    assert found.verdict is not None
-    return found.verdict.kind in ("unexplained", "likely")
-
-
-def _explained(found: Diagnosis) -> bool:
-    """Whether something was found surely, and what is left follows nothing that drives."""
-    verdict = found.verdict
-    assert verdict is not None
-    if verdict.kind not in ("named", "named_class", "sensor") or found.selected is None:
-        return False
-    left = _left(found)
-    return bool(left) and all(x.chance >= BY_CHANCE for x in left.values())
-
-
-def _left(found: Diagnosis) -> dict[str, Leftover]:
-    return leftovers(found.extended, found.nominal, found.prepared.judging)
-
-
 def _stages(
-    model: Model,
+    view: View,
     *,
     fit_on: Sequence[Recording],
     hold_out: Sequence[Recording],
-    rows: Sequence[Row],
     entries: Sequence[Hypothesis] | None,
     extra: Sequence[Law | Hypothesis],
     priors: Sequence[Prior] | None,
@@ -247,27 +183,26 @@ def _stages(
     folder: Path | None,
     say: Progress,
 ) -> Iterator[Diagnosis]:
-    """Diagnose a model that declares all its noise; ``rows`` tell what was taken from the data."""
+    """Diagnose a model that declares all its noise, under a view of its recordings."""
+    model = view.model
     known = tuple(priors if priors is not None else default_priors(model))
     recorded = tuple(q.name for q in model.outputs if q.name in fit_on[0])
     longest = max(fit_on, key=lambda recording: recording.duration)
-    offered = tuple(
-        library(
+    if entries is None:
+        offered = library(
             model,
             outputs=recorded,
             extra=extra,
             duration=longest.duration,
             sample_time=longest.sample_time,
         )
-        if entries is None
-        else entries
-    )
+    offered = tuple(filter(view.tries, offered if entries is None else entries))
     files = _Files(StageFiles(folder, model, offered))
     files.add(fingerprint(model, (*fit_on, *hold_out), known, split=len(fit_on)))
 
     say("checking the recordings")
     prepared = files.reached(Prepared, lambda: prepare(model, fit_on, hold_out, known))
-    prepared = replace(prepared, data=(*prepared.data, *rows))
+    prepared = replace(prepared, data=(*prepared.data, *view.rows))
     found = Diagnosis(model, prepared, **files.spent)
     if prepared.unfit:
         yield replace(found, verdict=conclude(found))
@@ -305,6 +240,7 @@ def _stages(
         jobs,
         say,
         tuple(extra),
+        view.tries,
     )
     scored = files.reached(Scored, lambda: score(task))
     found = replace(found, scored=scored, **files.spent)
@@ -315,7 +251,12 @@ def _stages(
         found = replace(found, selected=begun, **files.spent)
     else:
         for selected in search(task, scored, begun):
-            if selected.finished and not selected.accepted and not scored.near_noise(fitted.base):
+            if (
+                selected.finished
+                and not view.among
+                and not selected.accepted
+                and not scored.near_noise(fitted.base)
+            ):
                 selected = _without_name(found, selected, say)  # noqa: PLW2901
             if selected.finished and _hollow(task, found, selected):
                 why = "beside it nearly everything that was missing is missing still"
@@ -333,11 +274,6 @@ def _stages(
     yield replace(found, verdict=conclude(found))
 
 
-class _Spent(TypedDict):
-    seconds: float
-    work: Work
-
-
 class _Files:
     """The files of a diagnosis, with the key, time and work that grow from stage to stage."""
 
@@ -347,7 +283,7 @@ class _Files:
         self._done = done()
 
     @property
-    def spent(self) -> _Spent:
+    def spent(self) -> Spent:
         """Time, in s, and work of this call and of the stages that earlier ones reached."""
         seconds = self._before + time.perf_counter() - self._began
         return {"seconds": seconds, "work": since(self._done)}

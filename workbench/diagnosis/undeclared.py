@@ -125,10 +125,16 @@ def opened(model: Model, recordings: Sequence[Recording]) -> tuple[Model, tuple[
         model: A plant that declares noise, or has taken it from its recordings.
 
     Returns:
-        The plant with further ports, the same one where there are none; their names.
+        The plant with further ports, the same one where there are none; their names. An input
+        that stays as it is is no place to look at: an error of it is one of a parameter.
     """
     further = model.opened()
-    known = {q.name for q in model.ports}
+    still = {
+        f"{q.name}.command"
+        for q in model.inputs
+        if all(np.ptp(r[q.name]) == 0.0 for r in recordings if q.name in r)
+    }
+    known = still | {q.name for q in model.ports}
     new = tuple(q.name for q in further.ports if q.name not in known)
     return (_with_data(further, recordings)[0], new) if new else (model, ())
 

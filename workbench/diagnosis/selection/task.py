@@ -47,6 +47,7 @@ class Task:
         location: Where the refitted nominal model lacks something; None if unknown.
         entries: Effects that may be missing; the whole library if None.
         extra: Laws and hypotheses that may be missing beside the library.
+        tries: Which hypotheses are tried at all.
         shorter: Models that were refitted without one of their effects, by identity and effect.
         refitted: Models that were refitted to free runs, by identity and whether with heavy tails.
         say: Called with a line of text before each step.
@@ -62,6 +63,7 @@ class Task:
     jobs: int = 2
     say: Progress = lambda text: None
     extra: tuple[Law | Hypothesis, ...] = ()
+    tries: Callable[[Hypothesis], bool] = lambda _: True
     shorter: dict[tuple[int, str], tuple[ProcessNoiseFit, Shorter]] = field(default_factory=dict)
     refitted: dict[tuple[int, bool], tuple[ProcessNoiseFit, ProcessNoiseFit]] = field(
         default_factory=dict
@@ -85,7 +87,7 @@ class Task:
                 more_of=self._more_of,
                 found=attached - given,
             )
-        return [e for e in entries if e.name not in attached]
+        return [e for e in entries if e.name not in attached and self.tries(e)]
 
     def closest(self, fit: ProcessNoiseFit, *, robust: bool = False) -> ProcessNoiseFit:
         """Return a fit as it runs closest to the recordings."""

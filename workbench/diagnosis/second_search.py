@@ -1,0 +1,156 @@
+"""A second search, where a first one leaves something: under another view of the recordings.
+
+What a free run of what was found leaves may be noise that is correlated, or something where the
+author of the plant trusts the equations. Each is a view: a model to search again, among which
+hypotheses, and when what is found so counts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypedDict
+
+from workbench.diagnosis.estimation.noise_colour import (
+    BY_CHANCE,
+    Leftover,
+    leftovers,
+    with_correlated_noise,
+)
+from workbench.diagnosis.selection.rules import OFF_NOISE
+from workbench.diagnosis.stages import Diagnosis
+from workbench.diagnosis.undeclared import opened
+from workbench.model import Model
+from workbench.physics.library import Hypothesis
+from workbench.recordings.recording import Recording
+from workbench.work.counted import Work
+
+Row = dict[str, str]
+
+
+class Spent(TypedDict):
+    """Time, in s, and work."""
+
+    seconds: float
+    work: Work
+
+
+@dataclass(frozen=True)
+class View:
+    """A view under which recordings are searched again.
+
+    Args:
+        name: Name of the folder of its stages.
+        why: What the user is told.
+        rows: What was taken from the data.
+        among: Ports whose hypotheses are tried, beside those that the first search followed; all
+            if empty.
+        better: Whether what it found takes the place of what was found first.
+    """
+
+    model: Model
+    name: str = ""
+    why: str = ""
+    better: Callable[[Diagnosis, Diagnosis], bool] = lambda *_: True
+    rows: tuple[Row, ...] = ()
+    among: tuple[str, ...] = ()
+    found: Diagnosis | None = field(default=None, repr=False)
+
+    def tries(self, hypothesis: Hypothesis) -> bool:
+        """Whether a hypothesis is tried in this search."""
+        if not self.among or self.found is None:
+            return True
+        followed = {c.name for r in self.found.rounds for c in r.candidates if c.followed}
+        return hypothesis.name in followed or any(p in self.among for p in hypothesis.ports)
+
+    def lags(self, again: Diagnosis) -> bool:
+        """Whether so many effects run clearly farther off than as many that were found first."""
+        if not self.among or self.found is None or not self.found.accepted or not again.accepted:
+            return False
+        first = self.found.accepted[min(len(again.accepted), len(self.found.accepted)) - 1]
+        runs = again.accepted[-1].candidate.run, first.candidate.run
+        return runs[0] is not None and runs[1] is not None and runs[0].spoilt_from(runs[1])
+
+
+def beside_correlated_noise(
+    found: Diagnosis, model: Model, recordings: Sequence[Recording]
+) -> View | None:
+    """View what is left as noise that is correlated, where nothing was found surely."""
+    if (
+        any(q.correlated_noise_rms for q in model.outputs)
+        or found.fitted is None
+        or not _unsure(found)
+    ):
+        return None
+    other, rows = with_correlated_noise(model, recordings, _left(found))
+    if not rows:
+        return None
+    why = "searching again beside noise that is correlated"
+    return View(other, "correlated_noise", why, lambda again, _: _explained(again), tuple(rows))
+
+
+def where_none_is_declared(
+    found: Diagnosis, model: Model, recordings: Sequence[Recording]
+) -> View | None:
+    """Look where the plant has no port, if what was found runs off the noise or is not sure."""
+    if found.validated is None or found.complete:
+        return None
+    if not _unsure(found) and _misfit(found) <= OFF_NOISE.value:
+        return None
+    other, places = opened(model, recordings)
+    if not places:
+        return None
+    why = f"searching again where {model.name} has no port: {', '.join(places)}"
+    return View(other, "opened", why, _closer, among=places, found=found)
+
+
+VIEWS = (beside_correlated_noise, where_none_is_declared)
+"""In the order in which they are taken."""
+
+
+def beside(found: Diagnosis, other: Diagnosis) -> Diagnosis:
+    """Return a diagnosis with time and work of another that was made beside it."""
+    assert found.verdict is not None
+    units = {**found.work, **other.work}
+    spent: Spent = {
+        "seconds": found.seconds + other.seconds,
+        "work": {u: found.work.get(u, 0) + other.work.get(u, 0) for u in units},
+    }
+    return replace(found, **spent, verdict=replace(found.verdict, **spent))
+
+
+def _misfit(found: Diagnosis) -> float:
+    """Return the largest error of free runs of what was found, over that of noise alone."""
+    assert found.verdict is not None
+    fit = found.verdict.fit
+    return max(
+        (fit["extended"][o] / max(n, 1e-300) for o, n in fit["noise_floor"].items()),
+        default=math.inf,
+    )
+
+
+def _closer(again: Diagnosis, found: Diagnosis) -> bool:
+    """Whether the second diagnosis names something and leaves less than half of what is left."""
+    if again.validated is None or not again.accepted:
+        return False
+    return not _unsure(again) and _misfit(again) ** 2 - 1.0 < 0.5 * (_misfit(found) ** 2 - 1.0)
+
+
+def _unsure(found: Diagnosis) -> bool:
+    assert found.verdict is not None
+    return found.verdict.kind in ("unexplained", "likely")
+
+
+def _explained(found: Diagnosis) -> bool:
+    """Whether something was found surely, and what is left follows nothing that drives."""
+    verdict = found.verdict
+    assert verdict is not None
+    if verdict.kind not in ("named", "named_class", "sensor") or found.selected is None:
+        return False
+    left = _left(found)
+    return bool(left) and all(x.chance >= BY_CHANCE for x in left.values())
+
+
+def _left(found: Diagnosis) -> dict[str, Leftover]:
+    return leftovers(found.extended, found.nominal, found.prepared.judging)
