@@ -182,7 +182,7 @@ def test_drag_on_a_plant_that_is_unstable_is_named(monkeypatch: pytest.MonkeyPat
     verdict = diagnose(maglev(), runs[:1], runs[1:], jobs=1, advise=False).verdict
     assert verdict is not None
     (finding,) = verdict.findings
-    assert finding.effect == "viscous_friction" and finding.belief == "sure"
+    assert finding.effect == "viscous_friction_speed" and finding.belief == "sure"
     # 0.25 N s/m on 50 g; the sensors' noise is a tenth of a percent of their range.
     assert finding.parameters["coefficient"].value == pytest.approx(5.0, rel=0.03)
 

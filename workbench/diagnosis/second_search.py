@@ -26,8 +26,6 @@ from workbench.physics.library import Hypothesis
 from workbench.recordings.recording import Recording
 from workbench.work.counted import Work
 
-Row = dict[str, str]
-
 
 class Spent(TypedDict):
     """Time, in s, and work."""
@@ -53,7 +51,7 @@ class View:
     name: str = ""
     why: str = ""
     better: Callable[[Diagnosis, Diagnosis], bool] = lambda *_: True
-    rows: tuple[Row, ...] = ()
+    rows: tuple[dict[str, str], ...] = ()
     among: tuple[str, ...] = ()
     found: Diagnosis | None = field(default=None, repr=False)
 
