@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypedDict, TypeVar
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from workbench.diagnosis.location.locate import Location, locate
 from workbench.diagnosis.location.located_signal import missing_signals
 from workbench.diagnosis.nonparametric.fit import nonparametric_term
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
-from workbench.diagnosis.second_search import VIEWS, Spent, View, beside
+from workbench.diagnosis.second_search import VIEWS, View, beside
 from workbench.diagnosis.selection.held_out import settled_run
 from workbench.diagnosis.selection.rules import LEAST_SHOWN, NO_NAME
 from workbench.diagnosis.selection.search import score, search
@@ -41,7 +41,7 @@ from workbench.model import Model
 from workbench.physics.library import Hypothesis, Law, library
 from workbench.recordings.checks import check_recording
 from workbench.recordings.recording import Recording
-from workbench.work.counted import add, done, since
+from workbench.work.counted import Work, add, done, since
 from workbench.work.processes import Call, in_order
 
 Progress = Callable[[str], None]
@@ -274,6 +274,11 @@ def _stages(
     yield replace(found, verdict=conclude(found))
 
 
+class _Spent(TypedDict):
+    seconds: float
+    work: Work
+
+
 class _Files:
     """The files of a diagnosis, with the key, time and work that grow from stage to stage."""
 
@@ -283,7 +288,7 @@ class _Files:
         self._done = done()
 
     @property
-    def spent(self) -> Spent:
+    def spent(self) -> _Spent:
         """Time, in s, and work of this call and of the stages that earlier ones reached."""
         seconds = self._before + time.perf_counter() - self._began
         return {"seconds": seconds, "work": since(self._done)}

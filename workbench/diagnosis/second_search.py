@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypedDict
 
 from workbench.diagnosis.estimation.noise_colour import (
     BY_CHANCE,
@@ -24,14 +23,6 @@ from workbench.diagnosis.undeclared import opened
 from workbench.model import Model
 from workbench.physics.library import Hypothesis
 from workbench.recordings.recording import Recording
-from workbench.work.counted import Work
-
-
-class Spent(TypedDict):
-    """Time, in s, and work."""
-
-    seconds: float
-    work: Work
 
 
 @dataclass(frozen=True)
@@ -110,12 +101,10 @@ VIEWS = (beside_correlated_noise, where_none_is_declared)
 def beside(found: Diagnosis, other: Diagnosis) -> Diagnosis:
     """Return a diagnosis with time and work of another that was made beside it."""
     assert found.verdict is not None
-    units = {**found.work, **other.work}
-    spent: Spent = {
-        "seconds": found.seconds + other.seconds,
-        "work": {u: found.work.get(u, 0) + other.work.get(u, 0) for u in units},
-    }
-    return replace(found, **spent, verdict=replace(found.verdict, **spent))
+    seconds = found.seconds + other.seconds
+    work = {u: found.work.get(u, 0) + other.work.get(u, 0) for u in {**found.work, **other.work}}
+    verdict = replace(found.verdict, seconds=seconds, work=work)
+    return replace(found, seconds=seconds, work=work, verdict=verdict)
 
 
 def _misfit(found: Diagnosis) -> float:
