@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,7 @@ from controllers.joint.model import OPENING
 from controllers.linear_law import linear_law
 from controllers.protocol import Controller
 from controllers.valve_inverse import ValveInverse
-from workbench.arrays import Matrix
+from workbench.arrays import Matrix, Vector
 from workbench.errors import check_choice
 from workbench.linearisation.transfer import transfer_function
 from workbench.linearisation.zero_order_hold import zero_order_hold
@@ -69,11 +69,14 @@ def frequencies(points: int = 300) -> Matrix:
 
 
 def gain_of(
-    loop_parts: LoopMatrices, angle: Matrix, sensor: int | None
+    loop_parts: LoopMatrices, angle: Matrix, sensor: int | None, command: int = 0
 ) -> tuple[npt.NDArray[np.complex128], bool]:
-    """Return the gain of a loop opened at one sensor, or at the command (None), all others closed.
+    """Return the gain of a loop opened at one sensor, or at a command (None), all others closed.
 
     Frequencies are in rad per sample.
+
+    Args:
+        command: Number of the command at which it is opened, if at one.
 
     Returns:
         Loop gain, shape (n,), dimensionless, negative feedback being L / (1 + L), and whether the
@@ -89,9 +92,11 @@ def gain_of(
     closed = np.block([[A + B @ J @ C, B @ H], [G @ C, F]])
     stable = bool(np.max(np.abs(np.linalg.eigvals(closed))) < 1.0)
     if sensor is None:
-        a = np.block([[A, np.zeros((len(A), len(F)))], [G @ C, F]])
-        b = np.vstack([B, np.zeros((len(F), B.shape[1]))])
-        c = np.hstack([J @ C, H])
+        # That command comes from outside, the others stay connected.
+        keep = np.diag(np.arange(B.shape[1]) != command)
+        a = np.block([[A + B @ keep @ J @ C, B @ keep @ H], [G @ C, F]])
+        b = np.vstack([B[:, [command]], np.zeros((len(F), 1))])
+        c = np.hstack([J @ C, H])[[command]]
     else:
         # The measurement comes from outside there, the others stay connected.
         keep = np.ones(len(C))
@@ -103,6 +108,47 @@ def gain_of(
         c = np.hstack([C[[sensor]], np.zeros((1, len(F)))])
     nothing = np.zeros((len(c), b.shape[1]))
     return -transfer_function(a, b, c, nothing, np.exp(1j * angle))[:, 0, 0], stable
+
+
+def sensitivities_of(
+    loop_parts: LoopMatrices, angle: Matrix
+) -> tuple[npt.NDArray[np.complex128], npt.NDArray[np.complex128]]:
+    """Return the sensitivities of a stable loop opened at all sensors, and at all commands.
+
+    Frequencies have shape (n,), in rad per sample; the ratios shape (n, n_sensors, n_sensors) and
+    (n, n_commands, n_commands).
+    """
+    A, B, C, F, G, H, J = loop_parts
+    z = np.exp(1j * angle)
+    P = transfer_function(A, B, C, np.zeros((len(C), B.shape[1])), z)
+    K = -transfer_function(F, G, H, J, z)
+    seen, given = np.eye(len(C)), np.eye(B.shape[1])
+    both = np.linalg.inv(seen + P @ K), np.linalg.inv(given + K @ P)
+    return both[0].astype(complex), both[1].astype(complex)
+
+
+def least_gain(M: Any) -> Vector:
+    """Return the largest singular value of matrices, shape (..., k, k), in the best of units.
+
+    Those make it least: off-diagonal rows and columns of D M D^-1, D diagonal, have equal norms
+    then, exactly so for two, nearly for more.
+
+    Source: Osborne, On pre-conditioning of matrices, J. ACM 7, 1960.
+    """
+    k, size = M.shape[-1], np.abs(M) ** 2
+    w = np.ones(M.shape[:-1])
+    for i in [0] if k == 2 else [*range(k)] * 3:
+        others = [j for j in range(k) if j != i]
+        row = np.sum(size[..., i, others] / w[..., others], axis=-1) * w[..., i]
+        column = np.sum(size[..., others, i] * w[..., others], axis=-1) / w[..., i]
+        # What acts one way only is no loop: its unit is as far away as numbers bear.
+        w[..., i] *= np.clip(np.sqrt((column + 1e-200) / (row + 1e-200)), 1e-60, 1e60)
+    if k == 2:
+        total = np.sum(size * w[..., :, None] / w[..., None, :], axis=(-2, -1))
+        product = 2.0 * np.abs(M[..., 0, 0] * M[..., 1, 1] - M[..., 0, 1] * M[..., 1, 0])
+        return np.asarray(np.sqrt(0.5 * (total + np.sqrt(np.maximum(total**2 - product**2, 0.0)))))
+    scaled = M * np.sqrt(w[..., :, None] / w[..., None, :])
+    return np.asarray(np.linalg.norm(scaled, ord=2, axis=(-2, -1)))
 
 
 class LoopMatrices(NamedTuple):

@@ -8,6 +8,9 @@ static int mpc_start(const double *measurement, double *state) {
   for (i = 0; i < OPENINGS; ++i) state[N_Z + i] = REST_OPENING[i];
   for (i = 0; i < FOLLOWED; ++i)
     state[N_Z + OPENINGS + i] = state[N_Z + OPENINGS + FOLLOWED + i] = measurement[i];
+#ifdef PACED
+  for (i = 0; i < FOLLOWED; ++i) state[N_Z + OPENINGS + 2 * FOLLOWED + i] = measurement[i];
+#endif
   return 0;
 }
 
@@ -29,6 +32,9 @@ static int mpc_step(const double *measurement, const double *reference, double *
   static double gradient[QP_N], other[QP_N], free_rows[ROWS_A], lower[QP_ROWS], upper[QP_ROWS];
   static double x[QP_N], before[OPENINGS], move[OPENINGS], opening[OPENINGS], last[FOLLOWED];
   double *const filtered = state + N_Z + OPENINGS, *const target = filtered + FOLLOWED;
+#ifdef PACED
+  double *const paced = target + FOLLOWED;
+#endif
   int i, k, iterations, status;
   for (i = 0; i < OPENINGS; ++i) before[i] = state[N_Z + i] - REST_OPENING[i];
   product(C, state, SENSORS, N_Z, residual);
@@ -43,7 +49,10 @@ static int mpc_step(const double *measurement, const double *reference, double *
     lags[0] = lags[1] = lags[2] = reference[k];
 #else
     lags[0] = reference[k];
-    lags[1] = filtered[k] + FRESH[k] * (reference[k] - filtered[k]);
+#ifdef PACED
+    lags[0] = paced[k] += clipped(reference[k] - paced[k], -PACE[k], PACE[k]);
+#endif
+    lags[1] = filtered[k] + FRESH[k] * (lags[0] - filtered[k]);
     lags[2] = target[k] + FRESH[k] * (lags[1] - target[k]);
     product(PATH + 3 * k * HORIZON, lags, HORIZON, 3, own);
     for (i = 0; i < HORIZON; ++i) own[i] -= REST[k];

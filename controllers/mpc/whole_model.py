@@ -72,12 +72,14 @@ class MPCState(NamedTuple):
         opening: Openings applied last, shape (m,), fractions of the full ones.
         filtered: References after the first lag, shape (p,), in SI.
         target: References after the second lag, shape (p,), in SI.
+        paced: References before the lags at their pace, shape (p,), in SI; None without a pace.
     """
 
     predicted: Any
     opening: Any
     filtered: Any
     target: Any
+    paced: Any = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -95,6 +97,8 @@ class LinearMPC(ValveController):
         reference_speed: Speeds omega_r of the references' lags, shape (p,), in rad/s; not used with
             preview.
         others: Curves of the actuators behind the first.
+        pace: Largest changes of the references that are followed, in SI of the outputs per sample;
+            not used with preview.
         solver: Solver of the program, ``"own"`` or one of CasADi's; in C it is the own one.
     """
 
@@ -105,6 +109,7 @@ class LinearMPC(ValveController):
     rest_opening: Matrix
     reference_speed: tuple[float, ...]
     others: tuple[ValveInverse, ...] = ()
+    pace: tuple[float, ...] = ()
     solver: str = OWN
     name: str = "linear MPC"
 
@@ -127,7 +132,8 @@ class LinearMPC(ValveController):
         deviation = np.array(measurement) - self.observer.rest
         followed = np.array(measurement[: len(self.controlled)])
         opening = np.array(self.rest_opening)
-        return MPCState(product(self.start, deviation), opening, followed, followed)
+        paced = followed if self.pace else None
+        return MPCState(product(self.start, deviation), opening, followed, followed, paced)
 
     def step(
         self, state: MPCState, measurement: Measurement, reference: Reference
@@ -148,6 +154,8 @@ class LinearMPC(ValveController):
             path = (coming - rest).T.ravel()
         else:
             now, fresh = np.array(reference), np.array(self.reference_speed) * self.sample_time
+            if self.pace:
+                now = state.paced + np.clip(now - state.paced, -np.array(self.pace), self.pace)
             filtered, target = lagged(state.filtered, state.target, now, fresh)
             lags = np.array([now, filtered, target]).T
             each = [product(own, lag) for own, lag in zip(self.path, lags, strict=True)]
@@ -169,7 +177,7 @@ class LinearMPC(ValveController):
         move = np.clip(move, p.lower_x[:m], p.upper_x[:m])
         opening = np.clip(move + self.rest_opening, -1.0, 1.0)
         predicted = self.observer.predict(estimate, opening - self.rest_opening)
-        following = MPCState(predicted, opening, filtered, target)
+        following = MPCState(predicted, opening, filtered, target, now if self.pace else None)
         command = tuple(
             curve.command(float(o)) for curve, o in zip(self.curves, opening, strict=True)
         )
@@ -206,7 +214,7 @@ class LinearMPC(ValveController):
         move = -np.linalg.inv(p.H)[:m] @ gradient
         predicted = o.F @ estimate + o.G @ move
         opening = move + self.rest_opening
-        following = MPCState(predicted, opening, filtered, target)
+        following = MPCState(predicted, opening, filtered, target, now if self.pace else None)
         commands = zip(self.curves, ca.vertsplit(opening), strict=True)
         return tuple(curve.tangent(part) for curve, part in commands), following
 
@@ -269,6 +277,9 @@ class LinearMPC(ValveController):
         else:
             tables["PATH"] = self.path
             tables["FRESH"] = np.array(self.reference_speed) * self.sample_time
+            if self.pace:
+                tables["PACE"] = np.array(self.pace)
+                defined["PACED"] = 1
         return mpc_source(
             name,
             "whole_model.c",

@@ -12,7 +12,8 @@ at once, whatever their units. Where no law holds all limits, as no loop of a pl
 and late does, those are taken that exceed them least. Of what is left, the best has the least error
 after a step of each reference and of each load: the sum of the integrals of time by absolute error,
 what other outputs do counted in their scales, each over the least that any has; a step that
-overshoots by a percent more than it may counts as a tenth of it more.
+overshoots by a percent more than it may counts as a tenth of it more, one that moves another output
+by as much as its own as twice.
 
 Source: Panagopoulos, Åström and Hägglund, Design of PID controllers based on constrained
 optimisation, IEE Proc. Control Theory Appl. 149, 2002 (limits); Safonov, Stability margins of
@@ -26,15 +27,15 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from controllers.linear_law import LinearLaw
 from controllers.named_state import flat, restored
-from controllers.plain.loop import ARRAYS, ENDLESS, LoopSpecification, PlainLaw
-from controllers.sensitivity import sampled_at
+from controllers.plain.loop import ARRAYS, LoopSpecification, PlainLaw
+from controllers.sensitivity import least_gain, sampled_at
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import WorkbenchError
 from workbench.linearisation.transfer import transfer_function
@@ -54,7 +55,7 @@ class AroundRest(Protocol):
 
 C = TypeVar("C", bound=AroundRest)
 D = TypeVar("D")
-P = TypeVar("P", bound=PlainLaw)
+P = TypeVar("P", bound=AroundRest)
 
 ANGLE = np.geomspace(1e-6, 0.98 * np.pi, 300)
 """Frequencies at which a loop is judged, in rad per sample."""
@@ -294,7 +295,8 @@ class LoopLimits:
         best = []
         for i in range(p):
             own = [i, *range(p, reached.errors.shape[1])]
-            part = Answer(reached.overshoot[:, [i]], reached.errors[:, own])
+            alone = (reached.overshoot[:, [i]], reached.interaction[:, [i]])
+            part = Answer(*alone, reached.errors[:, own])
             errors = cost(part, part.errors.min(axis=0), self.want.overshoot)
             best.append(tried[int(np.argmin(errors))][i])
         return lagging(tuple(best))
@@ -303,85 +305,135 @@ class LoopLimits:
         """Return the law at the pace of its references that suits steps beyond the commands' ends.
 
         The linear plant is run through steps of each output, up and down, of half of what the
-        commands are just enough for, and of up to ten times that, as far as they can hold it there.
+        commands are just enough for, and of up to ten times that, as far as they can hold it there;
+        commands that change slowly do so.
         Of paces, the best is that whose errors and overshoots are least (as by `cost`); the loop is
         the same.
         """
         paces = tuple(self._pace(law, i) for i in range(self.outputs))
-        return replace(law, pace=paces) if min(paces) < math.inf else law
+        return replace(cast(Any, law), pace=paces) if min(paces) < math.inf else law
 
-    def _pace(self, law: PlainLaw, i: int) -> float:
-        loop, want = self.loop, self.want
+    def _pace(self, law: Any, i: int) -> float:
+        loop = self.loop
         ends = np.array([loop.lower, loop.upper]) - loop.rest_command
-        around = replace(
-            law,
-            rest=(0.0,) * len(law.rest),
-            rest_output=(0.0,) * len(law.rest_output),
-            lower=tuple(ends[0].tolist()),
-            upper=tuple(ends[1].tolist()),
-        )
-        free = replace(around, slew=())
-        once, endless = np.ones(1), np.full(1, math.inf)
-        outputs, asked = (part[:, :, 0] for part in self._run(free, i, once, endless, ENDLESS))
-        y, held = outputs[:, i], asked[-1]
-        peak = asked[np.argmax(np.abs(asked), axis=0), np.arange(asked.shape[1])]
+        y, asked = self._freely(law.around_rest(), i)
+        peak, held = asked[np.argmax(np.abs(asked), axis=0), np.arange(asked.shape[1])], asked[-1]
         if not (np.isfinite(ends).any() and np.all(np.isfinite(peak)) and np.any(peak)):
             return math.inf
         sizes = set()
         with np.errstate(divide="ignore", invalid="ignore"):
             for sign in (-1.0, 1.0):
                 least, most = (
-                    float(
-                        np.nanmin(np.abs(ends[(sign * u > 0.0).astype(int), np.arange(len(u))] / u))
-                    )
+                    float(np.nanmin(np.abs(np.where(sign * u > 0.0, *ends[::-1]) / u)))
                     for u in (peak, held)
                 )
                 if 0.0 < least < 0.9 * most:
                     sizes |= {sign * min(share * least, 0.9 * most) for share in LARGE}
+        # A ramp moves the commands as fast as a step of its pace moves them far.
+        slow = self.want.sample_time * float(np.min(loop.slew / np.maximum(np.abs(peak), 1e-300)))
+        if slow < math.inf:
+            sizes |= set() if sizes else {-loop.output_scale[i], loop.output_scale[i]}
         if not sizes:
             return math.inf
         size, smallest = np.array(sorted(sizes)), min(map(abs, sizes))
         arrived = max(int(np.argmax(y > 0.63)), 1)
-        paces = np.array([share * smallest / LARGE[0] / arrived for share in PACES])
-        step, pace = (part.ravel() for part in np.meshgrid(size, paces))
-        with np.errstate(over="ignore", invalid="ignore"):
-            seen = self._run(around, i, step, pace, ARRAYS)[0] / step
-        away = seen - (np.arange(self.outputs) == i)[:, None]
-        away = np.nan_to_num(away, nan=1e9, posinf=1e9, neginf=-1e9)
-        counted = np.abs(away) * (loop.output_scale[i] / loop.output_scale)[:, None]
-        errors = np.tensordot(np.arange(len(away)), counted.sum(axis=1), 1).reshape(len(paces), -1)
-        over = np.maximum(away[:, i].max(axis=0) - want.overshoot, 0.0).reshape(len(paces), -1)
-        total = np.sum(errors / errors.min(axis=0) * (1.0 + OVERSHOT * over), axis=1)
+        tried = [share * smallest / LARGE[0] / arrived for share in PACES]
+        paces = np.array(tried + [share * slow for share in SLOW if slow < math.inf])
+        if isinstance(law, PlainLaw):
+            errors, penalty = self._paced(self._run, law, i, size, paces)
+        else:
+            # One that solves something is run step by step: most need no pace.
+            errors, penalty = self._paced(self._each_run, law, i, size, paces[:1])
+            if np.all(penalty < 1.1):
+                return math.inf
+            more, worse = self._paced(self._each_run, law, i, size, paces[1:])
+            errors, penalty = np.vstack([errors, more]), np.vstack([penalty, worse])
+        total = np.sum(errors / errors.min(axis=0) * penalty, axis=1)
         best = int(np.argmin(total))
         return float(paces[best]) if total[best] < 0.9 * total[0] else math.inf
 
-    def _run(
-        self, law: PlainLaw, i: int, step: Vector, pace: Vector, arithmetic: Any
+    def _paced(
+        self, run: Callable[..., Matrix], law: Any, i: int, size: Vector, paces: Vector
     ) -> tuple[Matrix, Matrix]:
-        """Return outputs and commands asked for, shape (n_samples, ..., n), after steps from rest.
+        """Return errors of steps in s2 and penalties for what is too much, by pace and size."""
+        step, pace = (part.ravel() for part in np.meshgrid(size, paces))
+        with np.errstate(over="ignore", invalid="ignore"):
+            seen = run(law, i, step, pace) / step
+        own, scale = np.arange(self.outputs) == i, self.loop.output_scale
+        away = np.nan_to_num(seen - own[:, None], nan=1e9, posinf=1e9, neginf=-1e9)
+        counted = np.abs(away) * (scale[i] / scale)[:, None]
+        errors = np.tensordot(np.arange(len(away)), counted.sum(axis=1), 1)
+        over = np.maximum(away[:, i].max(axis=0) - self.want.overshoot, 0.0)
+        moved = np.where(own[:, None], 0.0, counted).max(axis=(0, 1))
+        penalty = (1.0 + OVERSHOT * over) * (1.0 + moved)
+        return errors.reshape(len(paces), -1), penalty.reshape(len(paces), -1)
+
+    def _freely(self, law: LinearLaw, i: int) -> tuple[Vector, Matrix]:
+        """Return an output, shape (n,), and commands, shape (n, m), in SI, after its unit step."""
+        (A, B, C), (F, G, H, J) = self.plants[0], law
+        x, z, asked = np.zeros(len(A)), np.zeros(len(F)), np.eye(self.outputs)[i]
+        outputs, commands = [], []
+        for k in range(MOST_SAMPLES):
+            m = np.append(C @ x, asked)
+            u, z = H @ z + J @ m, F @ z + G @ m
+            x = A @ x + B @ u
+            outputs.append(m[i])
+            commands.append(u)
+            if k % 100 == 99 and np.all(np.abs(np.array(outputs[-100:]) - 1.0) < 0.01):
+                break
+        return np.array(outputs), np.array(commands)
+
+    def _run(self, law: PlainLaw, i: int, step: Vector, pace: Vector) -> Matrix:
+        """Return outputs, shape (n_samples, n_outputs, n), in SI, after steps from rest.
 
         Args:
             i: Number of the output that steps.
             step: Sizes of the steps, shape (n,), in SI of the output.
             pace: Largest change of the reference, shape (n,), in SI of the output per sample.
         """
-        A, B, C = self.plants[0]
+        loop, (A, B, C) = self.loop, self.plants[0]
+        law = replace(
+            law,
+            rest=(0.0,) * len(law.rest),
+            rest_output=(0.0,) * len(law.rest_output),
+            lower=tuple((loop.lower - loop.rest_command).tolist()),
+            upper=tuple((loop.upper - loop.rest_command).tolist()),
+            pace=(),
+        )
         p, nothing, x = self.outputs, np.zeros_like(step), np.zeros((len(A), len(step)))
         state: Any = law.initial_state((0.0,) * p)
         state = restored(state, [nothing] * len(flat(state)))
-        outputs, commands, r = [], [], nothing
+        outputs, r = [], nothing
         for k in range(MOST_SAMPLES):
             y, r = C @ x, r + np.clip(step - r, -pace, pace)
             asked = tuple(r if j == i else nothing for j in range(p))
-            u, state, told = law.law(state, tuple(y), asked, arithmetic)
+            u, state, _ = law.law(state, tuple(y), asked, ARRAYS)
             x = A @ x + B @ np.array([np.broadcast_to(v, step.shape) for v in u])
             outputs.append(y)
-            commands.append([np.broadcast_to(v, step.shape) for v in law.straight(told)])
-            if k % 100 == 99:
-                last = np.array(outputs[-100:])[:, i]
-                if np.all(np.abs(last / step - 1.0) < 0.01):
+            if k % 100 == 99 and np.all(np.abs(np.array(outputs[-100:])[:, i] / step - 1.0) < 0.01):
+                break
+        return np.array(outputs)
+
+    def _each_run(self, law: Any, i: int, step: Vector, pace: Vector) -> Matrix:
+        """Return the same of a law that solves something, one step after the other."""
+        loop, (A, B, C) = self.loop, self.plants[0]
+        unlimited, runs = (math.inf,) * self.outputs, []
+        for to, most in zip(step.tolist(), pace.tolist(), strict=True):
+            own = replace(law, pace=(*unlimited[:i], most, *unlimited[i + 1 :]))
+            asked, x, outputs = loop.rest_output.copy(), np.zeros(len(A)), []
+            asked[i] += to
+            state = own.initial_state(tuple(loop.rest_output.tolist()))
+            for k in range(MOST_SOLVED):
+                y = C @ x
+                seen = tuple((loop.rest_output + y).tolist())
+                u, state, _ = own.step(state, seen, tuple(asked.tolist()))
+                x = A @ x + B @ (np.array(u) - loop.rest_command)
+                outputs.append(y)
+                if k % 50 == 49 and np.all(np.abs(np.array(outputs[-50:])[:, i] / to - 1.0) < 0.01):
                     break
-        return np.array(outputs), np.array(commands)
+            runs.append(outputs)
+        longest = max(map(len, runs))
+        return np.stack([[*own, *own[-1:] * (longest - len(own))] for own in runs], axis=2)
 
 
 def _designed(designs: Iterable[Callable[[], C]]) -> list[C]:
@@ -411,8 +463,11 @@ LARGE = (0.5, 3.0, 10.0)
 PACES = (math.inf, 3.0, 1.5, 0.75, 0.4)
 """Paces that are tried: what the command is just enough for, in the time of a small step's rise."""
 
-MOST_SAMPLES = 2000
-"""Samples for which large steps are looked at."""
+SLOW = (4.0, 2.0, 1.0)
+"""Paces that are tried over that which the commands' slews let them follow."""
+
+MOST_SAMPLES, MOST_SOLVED = 2000, 400
+"""Samples for which large steps are looked at, also of a law that solves something."""
 
 
 LAGS = (4.0, 2.8, 2.0, 1.4, 1.0, 0.7, 0.5, 0.35, 0.25)
@@ -470,30 +525,6 @@ TURN = 0.4
 
 NEAR = 20.0
 """Sensitivity of a loop, a ratio, that a delay between two angles may make unstable."""
-
-
-def least_gain(M: Any) -> Vector:
-    """Return the largest singular value of matrices, shape (..., k, k), in the best of units.
-
-    Those make it least: off-diagonal rows and columns of D M D^-1, D diagonal, have equal norms
-    then, exactly so for two, nearly for more.
-
-    Source: Osborne, On pre-conditioning of matrices, J. ACM 7, 1960.
-    """
-    k, size = M.shape[-1], np.abs(M) ** 2
-    w = np.ones(M.shape[:-1])
-    for i in [0] if k == 2 else [*range(k)] * 3:
-        others = [j for j in range(k) if j != i]
-        row = np.sum(size[..., i, others] / w[..., others], axis=-1) * w[..., i]
-        column = np.sum(size[..., others, i] * w[..., others], axis=-1) / w[..., i]
-        # What acts one way only is no loop: its unit is as far away as numbers bear.
-        w[..., i] *= np.clip(np.sqrt((column + 1e-200) / (row + 1e-200)), 1e-60, 1e60)
-    if k == 2:
-        total = np.sum(size * w[..., :, None] / w[..., None, :], axis=(-2, -1))
-        product = 2.0 * np.abs(M[..., 0, 0] * M[..., 1, 1] - M[..., 0, 1] * M[..., 1, 0])
-        return np.asarray(np.sqrt(0.5 * (total + np.sqrt(np.maximum(total**2 - product**2, 0.0)))))
-    scaled = M * np.sqrt(w[..., :, None] / w[..., None, :])
-    return np.asarray(np.linalg.norm(scaled, ord=2, axis=(-2, -1)))
 
 
 def stacked(laws: Sequence[LinearLaw]) -> LinearLaw:
@@ -573,11 +604,14 @@ class Answer(NamedTuple):
 
     Args:
         overshoot: Of a step of each reference, shape (n, n_outputs), as fractions of it.
+        interaction: Most that such a step moves another output, shape (n, n_outputs), in their
+            scales as a fraction of it.
         errors: Integrals of time by absolute error, shape (n, n_steps): after a unit step of each
             reference, in s2, then of each load, per SI of the command, times s2.
     """
 
     overshoot: Vector
+    interaction: Vector
     errors: Matrix
 
 
@@ -587,10 +621,13 @@ def answer(time: Vector, seen: Matrix, going: Matrix, scale: Vector) -> Answer:
     target = np.eye(p, k)
     # What a step of one output does to another counts in their scales.
     weight = np.append(scale, np.ones(k - p)) / scale[:, None]
-    away = time[:, None] * np.sum(np.abs(seen - target) * weight, axis=2)
+    counted = np.abs(seen - target) * weight
+    others = np.where(target > 0.0, 0.0, counted)[:, :, :, :p].max(axis=2)
+    away = time[:, None] * np.sum(counted, axis=2)
     each = 0.5 * (away[:, 1:] + away[:, :-1]) * np.diff(time)[:, None] * going[:, 1:, None]
     own = seen[:, :, np.arange(p), np.arange(p)]
-    return Answer((own * going[:, :, None]).max(axis=1) - 1.0, each.sum(axis=1))
+    over, moved = ((part * going[:, :, None]).max(axis=1) for part in (own, others))
+    return Answer(over - 1.0, moved, each.sum(axis=1))
 
 
 def cost(found: Answer, least: Vector, overshoot: float) -> Vector:
@@ -601,7 +638,8 @@ def cost(found: Answer, least: Vector, overshoot: float) -> Vector:
         overshoot: Of a step of a reference that is allowed, as a fraction of it.
     """
     beyond = np.maximum(found.overshoot.max(axis=1) - overshoot, 0.0)
-    return np.asarray(np.sum(found.errors / least, axis=1) * (1.0 + OVERSHOT * beyond))
+    penalty = (1.0 + OVERSHOT * beyond) * (1.0 + found.interaction.max(axis=1))
+    return np.asarray(np.sum(found.errors / least, axis=1) * penalty)
 
 
 OVERSHOT = 10.0

@@ -128,13 +128,13 @@ def design_plain_mpc(
     limits = LoopLimits(loop, want)
     law, _ = limits.best_of(designed, start, "a linear MPC", len(ERRORS))
     if want.speed:
-        return law
+        return limits.at_pace(law)
 
     def lagging(speed: tuple[float, ...]) -> LinearMPC:
         path = reference_paths(speed, h, law.prediction.preview_index)
         return replace(law, reference_speed=speed, path=path)
 
-    return limits.led(lagging, law.reference_speed)
+    return limits.at_pace(limits.led(lagging, law.reference_speed))
 
 
 def _straight(loop: Loop) -> tuple[ValveInverse, ...]:

@@ -356,6 +356,10 @@ SLOWER = (1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.12, 0.08, 0.05, 0.03, 0.02, 0.01)
 """Crossovers that are tried of several loops at once, over those of each alone."""
 
 
+MOST_PIDS = 400
+"""Most choices of speeds of several loops that are tried."""
+
+
 @dataclass(frozen=True)
 class PlainPIDSpecification(LoopSpecification):
     """What a PID for any linear model is designed for.
@@ -476,13 +480,10 @@ def _slowed(
                 own.append(tries[held][slow[int(np.argmin(errors[slow]))]])
         best.append(own)
     p, most = len(best), max(map(len, best))
-    # All as much slower, or one of them, or all but one.
-    steps = [[k] * p for k in range(most)]
-    for i in range(p):
-        steps += [[k if j == i else 0 for j in range(p)] for k in range(1, most)]
-        steps += [[0 if j == i else k for j in range(p)] for k in range(1, most)] if p > 2 else []
     whole = np.array([own + own[-1:] * (most - len(own)) for own in best])
-    return np.array([whole[range(p), each] for each in steps])
+    few = min(most, int(MOST_PIDS ** (1.0 / p)))
+    steps = np.linspace(0.0, most - 1.0, few).round().astype(int).tolist()
+    return np.array([whole[range(p), each] for each in itertools.product(steps, repeat=p)])
 
 
 def _pair(loop: Loop, mix: Matrix, i: int) -> Loop:

@@ -35,7 +35,7 @@ class InC:
         self.is_mpc = "double *report" in exported.header.read_text()
         self.state = (ctypes.c_double * exported.states)()
         self.command = (ctypes.c_double * len(law.actuators))()
-        self.report = (ctypes.c_double * 4)()
+        self.report = (ctypes.c_double * (3 + len(law.actuators)))()
         self.reference = (ctypes.c_double * (len(law.controlled) * (1 + law.preview)))()
 
     def start(self, row: Any) -> None:

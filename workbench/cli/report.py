@@ -71,7 +71,8 @@ def report(
         for loop in loops:
             said = loop.reason or (
                 f"disk margin {loop.disk_margin:.2f}, Ms {loop.sensitivity:.2f},"
-                f" Mt {loop.complementary:.2f}, {delay_words(loop.delay_margin)}"
+                f" Mt {loop.complementary:.2f}"
+                + (f", {delay_words(loop.delay_margin)}" if len(loop.response) else "")
             )
             typer.echo(
                 f"{loop.controller:<20} {point_text(chosen, loop.point):<8} {loop.opened:<8} {said}"

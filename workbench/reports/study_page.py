@@ -28,7 +28,7 @@ from workbench.study.study import Case, Demand, Variation
 from workbench.study.summary import parameter_text, score_text
 from workbench.study.tasks import Record
 from workbench.verification import Metrics
-from workbench.verification.metrics import columns
+from workbench.verification.metrics import columns, labels_of
 from workbench.work.counted import in_words
 
 
@@ -253,7 +253,10 @@ def _nominal(
     ]
     shown = [
         c
-        for c in (*columns("page"), *(m.name for m in study.metrics))
+        for c in labels_of(
+            (*columns("page"), *(m.name for m in study.metrics)),
+            (label for m in measured.values() for label in m),
+        )
         if any(c in m and not math.isnan(m[c].value) for m in measured.values())
     ]
     title = f"{name}, {case.name}" if case.name else f"{name} on the nominal plant"

@@ -15,13 +15,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from controllers.protocol import Controller, Measurement
-from controllers.sensitivity import frequencies, gain_of, loop_matrices
+from controllers.sensitivity import (
+    LoopMatrices,
+    frequencies,
+    gain_of,
+    least_gain,
+    loop_matrices,
+    sensitivities_of,
+)
 from workbench.arrays import Complex, Vector
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
@@ -35,7 +42,8 @@ class LoopAnalysis:
 
     Args:
         point: Given values of the operating point, by name, in SI.
-        opened: Where the loop is opened: at the first sensor, or at the command.
+        opened: Where the loop is opened: at a sensor, at a command, or at all outputs, and then at
+            all commands, together.
         frequency_Hz: Frequencies, shape (n,), in Hz.
         response: Loop gain L, shape (n,), dimensionless; negative feedback is L / (1 + L).
         gain_margin: Smallest factor above 1 that makes it unstable; infinite if none does.
@@ -63,6 +71,7 @@ class LoopAnalysis:
     complementary: float = math.nan
     disk_margin: float = math.nan
     reason: str = ""
+    command: bool = False
 
     @property
     def disk_gain_margin(self) -> float:
@@ -104,14 +113,18 @@ def analyse_loop(
 ) -> tuple[LoopAnalysis, ...]:
     """Open the loop at the first sensor and at the command, and compute its margins.
 
+    Of several commands, it is opened at each controlled output and each command, all others
+    closed, and at all of them together: the disk margin is then that of all changes at once, each
+    of its own (see `controllers.sensitivity.least_gain`).
+
     Args:
         point: Given values of the operating point, by name, in SI, for the record.
         points: Number of frequencies between 0.05 Hz and 0.98 of the Nyquist frequency.
         every: Whether it is opened at the other sensors too.
 
     Returns:
-        Analyses, the command's last; with a reason instead of numbers where the law has no linear
-        form.
+        Analyses, the commands' behind the sensors', that of all together last; with a reason
+        instead of numbers where the law has no linear form.
 
     Raises:
         WorkbenchError: If the linear model lacks a sensor or an actuator, or the law is not linear
@@ -123,14 +136,42 @@ def analyse_loop(
     _check_linear(controller, at_rest, values, sizes.get(controller.sensors[0], 1.0))
     loop, h = loop_matrices(controller, linear), controller.sample_time
     angle = frequencies(points)
-    places: list[int | None] = [*range(len(controller.sensors) if every else 1), None]
+    sensors, commands = controller.sensors, controller.actuators
+    shown = sensors if every else controller.controlled if len(commands) > 1 else sensors[:1]
+    seen = [sensors.index(name) for name in shown if name in sensors]
+    places = [*((sensors[k], k, 0) for k in seen), *((n, None, k) for k, n in enumerate(commands))]
     found = []
-    for place in places:
-        name = controller.actuators[0] if place is None else controller.sensors[place]
-        gain, stable = gain_of(loop, angle, place)
-        hertz = angle / (2 * np.pi * h)
-        found.append(_margins(controller.name, point, name, hertz, gain, stable))
+    hertz = angle / (2 * np.pi * h)
+    for name, sensor, command in places:
+        gain, stable = gain_of(loop, angle, sensor, command)
+        own = _margins(controller.name, point, name, hertz, gain, stable)
+        found.append(replace(own, command=sensor is None))
+    if len(commands) > 1 and stable:
+        found.append(_together(controller.name, point, loop, angle))
     return tuple(found)
+
+
+def _together(
+    name: str, point: tuple[tuple[str, float], ...], loop: LoopMatrices, angle: Vector
+) -> LoopAnalysis:
+    """Return the peaks of a loop opened at all outputs, and at all commands, the worst of both."""
+    both = sensitivities_of(loop, angle)
+    s, t, half = (
+        max(float(np.max(least_gain(S - share * np.eye(S.shape[1])))) for S in both)
+        for share in (0.0, 1.0, 0.5)
+    )
+    return LoopAnalysis(
+        name,
+        point,
+        "all at once",
+        np.zeros(0),
+        np.zeros(0, dtype=complex),
+        True,
+        sensitivity=s,
+        complementary=t,
+        disk_margin=1.0 / half,
+        command=True,
+    )
 
 
 def _check_linear(

@@ -17,7 +17,7 @@ from workbench.study.result import StudyResult
 from workbench.study.robustness import Robustness
 from workbench.study.tasks import Record
 from workbench.verification import MetricValue
-from workbench.verification.metrics import columns
+from workbench.verification.metrics import columns, labels_of
 from workbench.work.counted import in_words
 
 MOST = 20
@@ -379,7 +379,7 @@ def _metrics(outcome: StudyResult, scenario: str, case: str) -> list[str]:
     done = {c: r.metrics for c, r in records.items() if r is not None and r.metrics is not None}
     names = [
         n
-        for n in columns("summary")
+        for n in labels_of(columns("summary"), (label for m in done.values() for label in m))
         if any(n in m and not math.isnan(m[n].value) for m in done.values())
     ]
     rows = []

@@ -177,6 +177,22 @@ def columns(table: Literal["page", "summary"]) -> tuple[str, ...]:
     return tuple(m.name for m in known_metrics() if m.table in ("summary", table) and m.table)
 
 
+def labels_of(names: Iterable[str], labels: Iterable[str]) -> tuple[str, ...]:
+    """Return the labels of metrics: their names, or those of each of several outputs or commands.
+
+    Example:
+        >>> labels_of(("rmse", "chatter"), ("level.rmse", "warmth.rmse", "chatter"))
+        ('level.rmse', 'warmth.rmse', 'chatter')
+    """
+    known = tuple(dict.fromkeys(labels))
+    return tuple(
+        label
+        for name in names
+        for label in known
+        if label == name or label.endswith(f".{name}") or label.startswith(f"{name}.")
+    )
+
+
 def metric_of(label: str, own: Iterable[Metric] = ()) -> Metric | None:
     """Return the metric that a label such as ``angle.rmse`` or ``chatter.valve`` names, or None."""
     known = {m.name: m for m in known_metrics(own)}

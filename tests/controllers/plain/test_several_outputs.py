@@ -16,14 +16,15 @@ from scipy.integrate import solve_ivp
 from controllers.design import DESIGNS
 from controllers.guard import Guarded
 from controllers.h_infinity.synthesis import has_slycot
-from controllers.plain.limits import least_gain
 from controllers.plain.loop import loop_of
 from controllers.plain.pairing import best_pairing, interaction, relative_gains, zeros
+from controllers.sensitivity import least_gain, loop_matrices
 from tests.controllers.in_c import InC
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linear_model, linearise
 from workbench.model import Input, Model, Output, State
 from workbench.operating_point import operating_point
+from workbench.study.linear_loop import analyse_loop
 from workbench.verification import guarded, metrics, step_scenario, verify
 
 FAMILIES = ["plain-pid", "lqi", "plain-mpc", *(["plain-h-infinity"] if has_slycot() else [])]
@@ -265,3 +266,74 @@ def test_pids_that_are_stable_together_alone() -> None:
         u, state, _ = law.step(state, tuple(C @ x), (0.0, 0.0))
         x = x + 0.002 * (A @ x + B @ np.array(u) + 0.001 * A @ (A @ x + B @ np.array(u)))
     assert np.abs(x).max() < 1e-4
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_a_pump_that_changes_slowly_is_asked_for_no_more(name: str, tmp_path: Path) -> None:
+    slow = 0.02
+    model = tanks(slew=slow)
+    linear = linearise(operating_point(model), verdict=False)
+    law = designed(name, linear)
+    y0 = linear.y0.tolist()
+    one = step_scenario("low", y0[0], y0[0] + 0.04, back=True, hold=500.0, sample_time=H)
+    rest = step_scenario("other", y0[1], y0[1]).references
+    scenario = replace(one, references={**one.references, **rest})
+    run = verify(law, model, scenario)
+    steps = np.abs(np.diff(run.inputs, axis=0))
+    assert steps.max() == pytest.approx(slow * H, rel=1e-6)
+    # The law knows: what it asks for is what is applied, so that nothing winds up.
+    memory, asked = law.initial_state(tuple(run.measured[0].tolist())), []
+    in_c = InC(law, tmp_path)
+    in_c.start(run.measured[0])
+    guard = Guarded(law)
+    held = guard.initial_state(tuple(run.measured[0].tolist()))
+    for row, *wanted in zip(run.measured, *run.references.values(), strict=True):
+        u, memory, _ = law.step(memory, tuple(row.tolist()), tuple(wanted))
+        own, held, _ = guard.step(held, tuple(row.tolist()), tuple(wanted))
+        asked.append(u)
+        in_c.step(row, wanted)
+        np.testing.assert_allclose(in_c.command, own, rtol=0, atol=1e-13)
+    assert np.abs(np.diff(np.array(asked), axis=0)).max() < slow * H * (1.0 + 1e-6)
+    found = metrics(run)
+    assert found["low.overshoot"].value < 0.12
+    assert found["low.steady_error"].value < 4e-4 and found["other.steady_error"].value < 4e-4
+
+
+def test_a_slew_is_positive() -> None:
+    with pytest.raises(WorkbenchError, match="slew of u is 0"):
+        Input("u", "V", slew=0.0)
+
+
+def test_an_mpc_at_a_pace_is_the_same_in_c(linear: LinearModel, tmp_path: Path) -> None:
+    law = replace(designed("plain-mpc", linear), pace=(1e-4, 3e-4))
+    in_c, y0 = InC(law, tmp_path), tuple(linear.y0.tolist())
+    state = law.initial_state(y0)
+    in_c.start(y0)
+    for k in range(60):
+        seen = (y0[0] + 1e-3 * math.sin(0.3 * k), y0[1])
+        asked = (y0[0] + 0.03, y0[1] - 0.02)
+        own, state, _ = law.step(state, seen, asked)
+        in_c.step(seen, asked)
+        np.testing.assert_allclose(in_c.command, own, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(state.paced, np.array(y0) + [6e-3, -0.018], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_what_all_channels_bear_at_once_is_what_no_change_of_less_exceeds(
+    name: str, linear: LinearModel
+) -> None:
+    law = designed(name, linear)
+    *each, whole = analyse_loop(law, linear)
+    assert [own.opened for own in each] == ["low", "other", "left", "right"]
+    assert whole.opened == "all at once"
+    # At once they bear no more than one by one.
+    assert whole.disk_margin <= min(own.disk_margin for own in each) * (1.0 + 1e-6)
+    assert whole.sensitivity >= max(own.sensitivity for own in each) * (1.0 - 1e-6)
+    # Gains of both commands within the disk, both ways, leave the loop stable; NumPy's eigenvalues.
+    A, B, C, F, G, K, J = loop_matrices(law, linear)
+    # Frequencies end a little below half of the sampling rate.
+    half = 0.5 * 0.995 * whole.disk_margin
+    for signs in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+        gain = np.diag([((1 + half) / (1 - half)) ** sign for sign in signs])
+        closed = np.block([[A + B @ gain @ J @ C, B @ gain @ K], [G @ C, F]])
+        assert np.abs(np.linalg.eigvals(closed)).max() < 1.0

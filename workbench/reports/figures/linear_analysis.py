@@ -37,11 +37,17 @@ def linear_blocks(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Block]:
     ]
     for index, name in enumerate(dict.fromkeys(a.controller for a in loops), start=1):
         own = [a for a in loops if a.controller == name]
-        outer = [a for a in own if a.opened and a.opened != _command(own)]
+        outer = [a for a in own if a.opened and not a.command]
         # A loop that nothing passes has no magnitude that a logarithm could show.
         if not any(np.any(np.abs(a.response) > 0.0) for a in outer):
             continue
-        curves = {point_text(study, a.point): a.response for a in outer}
+        places = list(dict.fromkeys(a.opened for a in outer))
+        curves = {
+            ", ".join(
+                part for part in (a.opened * (len(places) > 1), point_text(study, a.point)) if part
+            ): a.response
+            for a in outer
+        }
         margins = [a.disk_margin for a in outer if a.stable]
         loop_gain = bode(
             outer[0].frequency_Hz, curves, unit="1", quantity="loop gain", margins=True
@@ -51,8 +57,9 @@ def linear_blocks(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Block]:
             Picture(
                 f"bode-{index}",
                 loop_gain,
-                f"{name}: loop gain, opened at the {outer[0].opened}. Marked: the gain margin, from"
-                " the dot to 1, and the phase margin, from the dot to -180° or its like.",
+                f"{name}: loop gain, opened at the {' or the '.join(places)}. Marked: the gain"
+                " margin, from the dot to 1, and the phase margin, from the dot to -180° or its"
+                " like.",
                 f"Bode plot of the loop gain of {name}",
             ),
             Picture(
@@ -73,18 +80,24 @@ def _sentence(study: Study, name: str, own: list[LoopAnalysis]) -> str:
         where = ", ".join(dict.fromkeys(point_text(study, a.point) for a in own if not a.stable))
         return f"{name}: no margins at {where}; the table says why."
     least = min(stable, key=lambda a: a.disk_margin)
-    late = min(stable, key=lambda a: a.delay_margin)
-    near, slow = (point_text(study, a.point) for a in (least, late))
+    late = min((a for a in stable if not math.isnan(a.delay_margin)), key=lambda a: a.delay_margin)
+    near, slow = (
+        f" at {text}," if (text := point_text(study, a.point)) else "" for a in (least, late)
+    )
     said = (
-        f"{name}: the smallest disk margin is {number(least.disk_margin, 2)} at {near}, "
-        f"opened at the {least.opened}; "
+        f"{name}: the smallest disk margin is {number(least.disk_margin, 2)},{near} opened at"
+        f" {_place(least)}; "
     )
     if math.isinf(late.delay_margin):
         return f"{said}{delay_words(late.delay_margin)}."
     return (
-        f"{said}the smallest delay margin is {in_time(late.delay_margin, 2)} at {slow}, "
-        f"opened at the {late.opened}."
+        f"{said}the smallest delay margin is {in_time(late.delay_margin, 2)},{slow} opened at"
+        f" {_place(late)}."
     )
+
+
+def _place(loop: LoopAnalysis) -> str:
+    return loop.opened if len(loop.response) == 0 else f"the {loop.opened}"
 
 
 def delay_words(margin: float) -> str:
@@ -95,11 +108,6 @@ def delay_words(margin: float) -> str:
         ('delay margin 12.3 ms', 'no delay makes it unstable')
     """
     return f"delay margin {in_time(margin)}" if margin < math.inf else "no delay makes it unstable"
-
-
-def _command(own: list[LoopAnalysis]) -> str:
-    opened = list(dict.fromkeys(a.opened for a in own if a.opened))
-    return opened[1] if len(opened) > 1 else ""
 
 
 def plant_picture(study: Study) -> list[Picture]:
@@ -189,10 +197,18 @@ def margin_table(study: Study, loops: tuple[LoopAnalysis, ...]) -> Table:
                 a.controller,
                 point_text(study, a.point),
                 a.opened,
-                number(a.crossover_Hz, 2, unit="Hz"),
-                number(a.gain_margin, 3) + down,
-                number(math.degrees(a.phase_margin), 2) + "°",
-                in_time(a.delay_margin, 2) if a.delay_margin < math.inf else number(a.delay_margin),
+                *(
+                    (
+                        number(a.crossover_Hz, 2, unit="Hz"),
+                        number(a.gain_margin, 3) + down,
+                        number(math.degrees(a.phase_margin), 2) + "°",
+                        in_time(a.delay_margin, 2)
+                        if a.delay_margin < math.inf
+                        else number(a.delay_margin),
+                    )
+                    if len(a.response)
+                    else ("",) * 4
+                ),
                 number(a.sensitivity),
                 number(a.complementary),
                 disk,
@@ -214,10 +230,10 @@ def margin_table(study: Study, loops: tuple[LoopAnalysis, ...]) -> Table:
         ),
         tuple(rows),
         "Opened at the controlled output, inner loops stay closed; at the command, everything "
-        "opens. Gain: factor that makes the loop unstable (down: a factor below 1). Ms, Mt: "
-        "peaks of the "
-        "sensitivity 1/(1 + L) and of L/(1 + L). Disk: margin, and the factor and the "
-        "phase by which both may change together.",
+        "opens; of several, the others stay closed, and all at once are opened at all outputs, or "
+        "at all commands. Gain: factor that makes the loop unstable (down: a factor below 1). "
+        "Ms, Mt: peaks of the sensitivity 1/(1 + L) and of L/(1 + L). Disk: margin, and the factor "
+        "and the phase by which both may change together.",
     )
 
 
