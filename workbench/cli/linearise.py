@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -10,12 +12,18 @@ from workbench.cli.options import AsJson
 from workbench.cli.plant import Chosen, with_plant
 from workbench.cli.running import tell
 
+if TYPE_CHECKING:
+    from workbench.linearisation import LinearModel
+
 
 @with_plant("option", "effect", "at")
 def linearise(
     chosen: Chosen, *, verdict: bool = False, out: Path | None = None, as_json: AsJson = False
 ) -> int:
     """Trim a plant and print its linear model: modes, and how far to trust it.
+
+    Of several commands and outputs that they hold independently, relative gains, pairs of single
+    loops, ill conditioning and zeros in the right half plane too.
 
     Examples: 'workbench linearise --angle 30deg --load 3kg --mean-pressure 3bar --verdict',
     'workbench linearise --plant my_plants:circuit --at voltage=2V'.
@@ -30,6 +38,8 @@ def linearise(
     point = operating_point(chosen.model, chosen.design_point)
     linear = linear_model(point)
     typer.echo(f"{point}\n\n{linear}", err=as_json)
+    for sentence in _interaction(linear, [q.name for q in chosen.model.commands]):
+        typer.echo(f"  {sentence}", err=as_json)
     if verdict and linear.verdict is not None:
         typer.echo(f"\n{linear.verdict.amplitude}\n{linear.verdict.frequency}", err=as_json)
     if out is not None or as_json:
@@ -43,3 +53,12 @@ def linearise(
         }
         tell(content, as_json=as_json, file=out)
     return 0
+
+
+def _interaction(linear: LinearModel, commands: Sequence[str]) -> list[str]:
+    """Return what outputs that several commands hold independently mean to each other."""
+    from controllers.plain.loop import held_outputs, loop_of
+    from controllers.plain.pairing import interaction
+
+    followed = held_outputs(linear, commands) if set(commands) <= set(linear.input_names) else ()
+    return interaction(loop_of(linear, followed)) if len(followed) > 1 else []

@@ -62,17 +62,21 @@ def study_fields() -> int:
 def _of_plant(plant: str) -> dict[str, Any]:
     """Return what a study of a plant says: its first design that fits, step and parameters."""
     from workbench.cli.plant import chosen_plant
-    from workbench.cli.verify import nominal_design, recipes_of, step_of
+    from workbench.cli.verify import nominal_design, tried
     from workbench.model.units import from_si, of_difference
     from workbench.verification import Steps
 
     chosen = chosen_plant(plant)
-    controlled = chosen.plant.controlled_outputs(chosen.model)
-    base = nominal_design(chosen)
-    scenario = step_of(chosen, controlled, base)
-    design = recipes_of(base, (), scenario)[0]
-    about = next(q for q in chosen.model.outputs if q.name == controlled[0])
-    unit, reference = about.display_unit, scenario.references[about.name]
+    (design, *_), (scenario, *_) = tried(chosen, (), nominal_design(chosen))
+    outputs = {q.name: q for q in chosen.model.outputs}
+    stepped = next(name for name, own in scenario.references.items() if own.changes)
+    about, reference = outputs[stepped], scenario.references[stepped]
+    unit, held = about.display_unit, []
+    for name, own in scenario.references.items():
+        if name != stepped and isinstance(own, Steps):
+            q = outputs[name]
+            value = float(from_si(own.values[0], q.display_unit))
+            held.append((name, json.dumps(q.display_unit), f"{value:.6g}"))
     assert isinstance(reference, Steps)
     levels = [float(f"{float(from_si(v, unit)):.6g}") for v in reference.values]
     told = {
@@ -84,7 +88,9 @@ def _of_plant(plant: str) -> dict[str, Any]:
         "told": ", ".join(f"{n} = {json.dumps(v)}" for n, v in design.specification),
         "duration": f"{scenario.duration:.6g}",
         "sample_time": f"{scenario.sample_time:.6g}",
-        "output": about.name,
+        "output": stepped,
+        "held": held,
+        "prefix": f"{stepped}." if held else "",
         "unit": json.dumps(unit),
         "times": list(reference.times),
         "levels": levels,

@@ -137,7 +137,9 @@ def tried(
         controlled: What is controlled; by default (nothing) all that the commands hold
             independently, or the first alone if no design fits them.
     """
-    own = controlled or controlled_of(chosen, base.linear())
+    from workbench.study.designs import followed_by_default
+
+    own = controlled or followed_by_default(chosen.plant, base.linear())
     begins, ends = begins or {}, ends or {}
     moved = [tuple(ends or begins)] if ends or begins else [(name,) for name in own]
 
@@ -162,18 +164,6 @@ def tried(
     if hold is None and long:
         hold = f"{long!r} s"
     return recipes, scenarios(hold, same)
-
-
-def controlled_of(chosen: Chosen, linear: LinearModel) -> tuple[str, ...]:
-    """Return the outputs that are controlled: what the plant declares, or its commands can hold."""
-    from controllers.plain.loop import held_outputs
-
-    first = chosen.plant.controlled_outputs(chosen.model)
-    commands = [q.name for q in chosen.model.commands]
-    if chosen.plant.controlled or len(commands) < 2:
-        return first
-    found = held_outputs(linear, commands)
-    return found if len(found) > 1 else first
 
 
 def _follows(recipe: ControllerRecipe) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ from workbench.model.units import from_si
 from workbench.operating_point import operating_point
 from workbench.plants.plant import Plant
 from workbench.reports.page import template
+from workbench.study.designs import followed_by_default
 from workbench.study.plants import PlantRecipe
 
 
@@ -41,7 +42,7 @@ def starter_notebook(begin: Beginning) -> str:
     """Return a notebook, as text, that runs as it stands beside the modules that it names."""
     plant, recipe, model = begin.plant, begin.recipe, begin.model
     linear = linearise(operating_point(model.without(*model.dry_effects), begin.at))
-    controlled, time = plant.controlled_outputs(model), step_time(linear)
+    controlled, time = followed_by_default(plant, linear), step_time(linear)
     text = template("workbench.notebook", "starter.j2").render(
         plant=plant,
         recipe=recipe,
@@ -50,7 +51,7 @@ def starter_notebook(begin: Beginning) -> str:
         changes=_changes(recipe),
         at=", ".join(f"{name!r}: {_si(model, name, v)}" for name, v in begin.at.items()),
         controlled=controlled[0],
-        specified=_specified(model, linear, controlled[0], time / 1000),
+        specified=_specified(model, linear, controlled, time / 1000),
         steps=_steps(begin, linear, controlled, time / 4),
         time=time,
     )
@@ -81,10 +82,11 @@ def _changes(recipe: PlantRecipe) -> str:
 
 
 def _specified(
-    model: Model, linear: LinearModel, measured: str, sample_time: float
+    model: Model, linear: LinearModel, controlled: Sequence[str], sample_time: float
 ) -> dict[str, dict[str, Any]]:
     """Return the designs that command every input, with what each must be told."""
     found = {}
+    measured = controlled[0] if len(controlled) == 1 else list(controlled)
     for design in designs_for(linear):
         told = {} if design.sensors else {"measured": measured, "sample_time": sample_time}
         try:

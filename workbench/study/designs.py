@@ -14,12 +14,14 @@ from controllers.design import DESIGNS, Design
 from controllers.joint.schedule import JointSchedule, joint_schedule
 from controllers.joint.tracking import TrackingSpecification
 from controllers.largest_bandwidth import Limits, MarginedDesign, largest_bandwidth
+from controllers.plain.loop import held_outputs
 from controllers.protocol import Controller
 from controllers.uncertainty import NONE, Uncertainty
 from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation import LinearModel, linearise
 from workbench.linearisation.operating_map import default_input, operating_map
 from workbench.operating_point import operating_point
+from workbench.plants.plant import Plant
 from workbench.simulation.compiled import compiled
 from workbench.study.inputs import forgotten_with_its_code
 from workbench.study.plants import PlantRecipe
@@ -257,6 +259,16 @@ def _made(recipe: ControllerRecipe, given: Mapping[str, Any]) -> Controller:
             rest = linear.operating_point.in_words()
             raise type(error)(f"{error} (designed where it rests: {rest})") from error
     return cast(Controller, found)
+
+
+def followed_by_default(plant: Plant, linear: LinearModel) -> tuple[str, ...]:
+    """Return the outputs that are controlled: what a plant declares, or its commands can hold."""
+    model = linear.operating_point.model
+    first, commands = plant.controlled_outputs(model), [q.name for q in model.commands]
+    if plant.controlled or not set(commands) <= set(linear.input_names):
+        return first
+    found = held_outputs(linear, commands)
+    return found if len(found) > 1 else first
 
 
 def with_plan(controller: Controller, *, duration: float = 1.0, lead: float = 0.0) -> Controller:
