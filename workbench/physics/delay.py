@@ -5,13 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-import casadi as ca
-
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression
 from workbench.model.scope import Names
-from workbench.physics.law import Fit, Law, Own, by_port, drives, each, floor, sensors, size
-from workbench.physics.place import DRIVES, EFFORTS, Local, Place, Survey
+from workbench.physics.law import (
+    Fit,
+    Law,
+    Own,
+    at_inputs_too,
+    by_port,
+    drives,
+    each,
+    floor,
+    sensors,
+    size,
+)
+from workbench.physics.place import Place, Survey
 
 
 def _spare(p: Names) -> Expression:
@@ -59,6 +68,38 @@ def _states(at: Place) -> tuple[State, ...]:
     )
 
 
+def _commands(survey: Survey) -> tuple[Place, ...]:
+    return tuple(q for q in survey.places if q.role in ("command", "valve_command") or q.commanded)
+
+
+def _common_clock(survey: Survey) -> Iterator[Fit]:
+    found = survey.fitting("measurement")
+    if len(found) > 1:
+        yield "", tuple((q,) for q in found)
+
+
+def _late_input(survey: Survey, _: Place) -> tuple[str, ...]:
+    """Name the delay of the only input: whatever moves is late by it, or is read late by it."""
+    commands, alone = _commands(survey), survey.inputs_alone
+    if len(survey.model.inputs) != 1 or len(commands) + len(alone) != 1:
+        return ()
+    if alone:
+        return (f"delay_{alone[0].signals['cause'].source}",)
+    (only,) = commands
+    return ("valve_delay" if only.role == "valve_command" else f"delay_{by_port(only)}",)
+
+
+def _late_readings(survey: Survey, at: Place) -> tuple[str, ...]:
+    if not _late_input(survey, at):
+        return ()
+    read = [q.output.name for q in survey.fitting("measurement") if q.output]
+    return (f"sensor_delay_{read[0]}",) if len(read) == 1 else ("clock_shift",)
+
+
+def _late_only_reading(survey: Survey, at: Place) -> tuple[str, ...]:
+    return _late_input(survey, at) if len(survey.fitting("measurement")) == 1 else ()
+
+
 # Y / U = E(g s) / E((D + g) s) with E(x) = 1 + x + x^2 / 2 + x^3 / 6: exactly the identity for
 # D = 0, and exp(-D s) up to s^3 for all D. Its zeros are stable, so that a filter can tell the
 # signal from the measurement; the error of its amplitude is (w D)^4 / 24 at the frequency w. Down
@@ -76,44 +117,17 @@ sensor_delay = Law(
     group="sensor",
     far=True,
     source="B. Taylor 1715, of the inverse",
+    same_as=_late_only_reading,
     look_alikes=("sensor_lag",),
     separated_by="sines of two frequencies: the phase of a delay is proportional to both",
 )
-
-
-def _commands(survey: Survey) -> tuple[Place, ...]:
-    return tuple(q for q in survey.places if q.role in ("command", "valve_command") or q.commanded)
-
-
-def _common_clock(survey: Survey) -> Iterator[Fit]:
-    found = survey.fitting("measurement")
-    if len(found) > 1:
-        yield "", tuple((q,) for q in found)
-
-
-def _only_command(survey: Survey) -> Place | None:
-    found = _commands(survey)
-    return found[0] if len(survey.model.inputs) == len(found) == 1 else None
-
-
-def _late_command(survey: Survey, _: Place) -> tuple[str, ...]:
-    """Name the delay of the only command: whatever moves is late by it, or is read late by it."""
-    only = _only_command(survey)
-    if only is None:
-        return ()
-    return ("valve_delay" if only.role == "valve_command" else f"delay_{by_port(only)}",)
-
-
-def _late_readings(survey: Survey, at: Place) -> tuple[str, ...]:
-    only = _only_command(survey)
-    return ("clock_shift",) if only is not None and only.name == at.name else ()
 
 
 clock_shift = replace(
     sensor_delay,
     name="clock_shift",
     where=_common_clock,
-    same_as=_late_command,
+    same_as=_late_input,
     look_alikes=("valve_delay", "spool_bandwidth", "sensor_delay"),
     separated_by="a common event seen by command and measurements, such as a click",
 )
@@ -139,20 +153,22 @@ def _command_rates(e: EffectView) -> dict[str, Expression]:
 # exp(-D s) P(b s) up to s^3: exactly the identity for D = 0, exp(-D s) up to s^3 between, and the
 # Pade function of second over third order for D >> f, of which no part of a jump comes through at
 # once.
-delay = Law(
-    "delay",
-    "Y / U = exp(-D s), Pade function of second over third order",
-    drives(),
-    _times(5, 50),
-    _delayed_command,
-    states=_states,
-    rates=_command_rates,
-    start=lambda e: {"late": e.here.value},
-    far=True,
-    same_as=_late_readings,
-    source="H. Pade 1892",
-    look_alikes=("clock_shift", "sensor_delay"),
-    separated_by="steps of the command beside a fast sensor of what it moves",
+delay = at_inputs_too(
+    Law(
+        "delay",
+        "Y / U = exp(-D s), Pade function of second over third order",
+        drives(),
+        _times(5, 50),
+        _delayed_command,
+        states=_states,
+        rates=_command_rates,
+        start=lambda e: {"late": e.here.value},
+        far=True,
+        same_as=_late_readings,
+        source="H. Pade 1892",
+        look_alikes=("clock_shift", "sensor_delay"),
+        separated_by="steps of the command beside a fast sensor of what it moves",
+    )
 )
 
 valve_delay = replace(
@@ -162,51 +178,4 @@ valve_delay = replace(
     parameters=_times(2.5, 50),
     look_alikes=("clock_shift", "spool_bandwidth", "slew_limit"),
     separated_by="steps of the command beside a fast spool or flow sensor",
-)
-
-
-def _driven(survey: Survey) -> Iterator[Fit]:
-    """Yield the inputs that enter the equations through an effort alone, each as its cause."""
-    efforts = survey.fitting(*EFFORTS, needs=("speed",))
-    pairs = [(at, u) for at in efforts if at.role not in DRIVES for u in survey.own_causes(at)]
-    for at, cause in pairs:
-        end = f"_{cause.source}" if len(pairs) > 1 else ""
-        yield end, ((replace(at, signals={**at.signals, "cause": cause}),),)
-
-
-def _by_cause(at: PortView) -> PortView:
-    # Attached to a port by its name it delays all of the signal.
-    return replace(at, value=at.signals.cause) if "cause" in at.signals else at
-
-
-def _late_cause(at: PortView) -> Expression:
-    cause = _by_cause(at).value
-    late = _delayed_command(replace(at, value=cause))
-    return (
-        ca.substitute(ca.SX(at.value), ca.SX(cause), ca.SX(late)) if cause is not at.value else late
-    )
-
-
-def _cause_states(at: Place) -> tuple[State, ...]:
-    cause = at.signals.get("cause", Local("cause", at.unit, at.scale))
-    return tuple(
-        replace(q, unit=cause.unit, scale=cause.scale, start_rms=0.05 * cause.scale)
-        for q in _states(at)
-    )
-
-
-# What else acts on the body there is not late: friction, a spring.
-drive_delay = replace(
-    delay,
-    name="drive_delay",
-    equation="signal with U exp(-D s) for an input U, Pade function of second over third order",
-    where=_driven,
-    parameters=_times(2.5, 50),
-    transform=_late_cause,
-    states=_cause_states,
-    rates=lambda e: _command_rates(replace(e, at={k: _by_cause(v) for k, v in e.at.items()})),
-    start=lambda e: {"late": _by_cause(e.here).value},
-    same_as=lambda *_: (),
-    look_alikes=("clock_shift", "sensor_delay"),
-    separated_by="steps of the command beside a force sensor",
 )

@@ -19,7 +19,7 @@ import casadi as ca
 from workbench.model import PortView, State
 from workbench.model.regularisation import Expression
 from workbench.model.scope import Names
-from workbench.physics.law import Law, drives, floor, sensors, shape, size
+from workbench.physics.law import Law, at_inputs_too, drives, floor, sensors, shape, size
 
 
 def _constant(p: Names) -> Expression:
@@ -64,19 +64,21 @@ sensor_lag = Law(
     separated_by="steps faster than the lag, beside a fast reference sensor",
 )  # fmt: skip
 
-drive_lag = replace(
-    sensor_lag,
-    name="drive_lag",
-    where=drives(),
-    parameters=lambda at: (
-        size("time", "s", 25 * at.interval, 5e6 * at.interval, "time constant"),
-        floor(at, 0.5),
-    ),
-    transform=_lagging,
-    shapes=lambda at: ({},),
-    group="process",
-    look_alikes=("delay", "slew_limit"),
-    separated_by="steps of the command: a lag answers at once, a delay waits",
+drive_lag = at_inputs_too(
+    replace(
+        sensor_lag,
+        name="drive_lag",
+        where=drives(),
+        parameters=lambda at: (
+            size("time", "s", 25 * at.interval, 5e6 * at.interval, "time constant"),
+            floor(at, 0.5),
+        ),
+        transform=_lagging,
+        shapes=lambda at: ({},),
+        group="process",
+        look_alikes=("delay", "slew_limit"),
+        separated_by="steps of the command: a lag answers at once, a delay waits",
+    )
 )
 
 
@@ -103,6 +105,6 @@ input_interpolation = Law(
     start=lambda e: {"memory": e.here.value},
     far=True,
     source="zero-order and first-order hold of sampled signals",
-    look_alikes=("clock_shift", "drive_delay", "delay"),
+    look_alikes=("clock_shift", "delay"),
     separated_by="record the input faster than it changes",
 )

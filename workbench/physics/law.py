@@ -502,6 +502,37 @@ def drives(*roles: str, only: Callable[[Place], bool] = lambda at: True) -> Wher
     )  # fmt: skip
 
 
+def at_inputs_too(law: Law) -> Law:
+    """Let a law of commands act on inputs too that enter the equations through one port alone.
+
+    What else the port carries, such as friction beside the force of a motor, it leaves alone.
+    """
+
+    def own(at: PortView) -> PortView:
+        return replace(at, value=at.signals.cause) if "cause" in at.signals else at
+
+    def transform(at: PortView) -> Expression:
+        changed = law.transform(own(at))
+        if "cause" not in at.signals:
+            return changed
+        return ca.substitute(ca.SX(at.value), ca.SX(at.signals.cause), ca.SX(changed))
+
+    def seeing(function: Rates | None) -> Rates | None:
+        if function is None:
+            return None
+        return lambda e: function(replace(e, at={name: own(at) for name, at in e.at.items()}))
+
+    def where(survey: Survey) -> Iterator[Fit]:
+        alone = survey.inputs_alone
+        several = {at.name for at in alone}
+        yield from (fit for fit in law.where(survey) if fit[1][0][0].name not in several)
+        yield from ((f"_{at.signals['cause'].source}", ((at,),)) for at in alone)
+
+    return replace(
+        law, where=where, transform=transform, rates=seeing(law.rates), start=seeing(law.start)
+    )
+
+
 def twins(
     *roles: str, needs: tuple[str, ...] = (), only: Callable[[Place], bool] = lambda at: True
 ) -> Where:

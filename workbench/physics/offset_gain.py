@@ -10,6 +10,7 @@ from workbench.model.regularisation import Expression
 from workbench.physics.law import (
     Law,
     Own,
+    at_inputs_too,
     by_end,
     by_number,
     by_port,
@@ -95,15 +96,17 @@ def _excess(typical: float) -> Callable[[Place], tuple[Own, ...]]:
     return lambda at: (own,)
 
 
-gain = Law(
-    "gain",
-    "y = (1 + excess) u",
-    drives("flow"),
-    _excess(0.05),
-    lambda at: at.value * (1.0 + at.p.excess),
-    source="span error",
-    look_alikes=("offset",),
-    separated_by="compare with a reference at two levels of the signal",
+gain = at_inputs_too(
+    Law(
+        "gain",
+        "y = (1 + excess) u",
+        drives("flow"),
+        _excess(0.05),
+        lambda at: at.value * (1.0 + at.p.excess),
+        source="span error",
+        look_alikes=("offset",),
+        separated_by="compare with a reference at two levels of the signal",
+    )
 )
 
 sensor_gain = replace(

@@ -353,18 +353,34 @@ class Survey:
         entering = zip(self.model.inputs, self._entered[index], strict=True)
         return tuple(self._of(q.name) for q, enters in entering if enters)
 
-    def own_causes(self, place: Place) -> tuple[Local, ...]:
-        """Return the inputs that enter the equations through a place alone."""
-        index = [q.name for q in self.trace.ports].index(place.name)
-        found = []
+    @cached_property
+    def inputs_alone(self) -> tuple[Place, ...]:
+        """Inputs that enter the equations through one port alone, beside other signals there.
+
+        Each is that port as its cause alone is seen there, with its unit, scale and range.
+        """
+        t, found = self.trace, []
         for k, q in enumerate(self.model.inputs):
-            u = self.trace.u[k]
-            slope = ca.jacobian(self._port_value(index), u)
-            whole = ca.jacobian(ca.vertcat(self.trace.rates, self.trace.outputs), u)
-            if not slope.is_zero() and _same(
-                self._sampled(self._by_port[:, index] * slope), self._sampled(whole)
-            ):
-                found.append(self._of(q.name))
+            at = [i for i, entered in enumerate(self._entered) if entered[k]]
+            if len(at) != 1 or at[0] in self._commanded:
+                continue
+            slope = ca.jacobian(self._port_value(at[0]), t.u[k])
+            whole = ca.jacobian(ca.vertcat(t.rates, t.outputs), t.u[k])
+            if not _same(self._sampled(self._by_port[:, at[0]] * slope), self._sampled(whole)):
+                continue
+            cause, port = self._of(q.name), t.ports[at[0]]
+            found.append(
+                Place(
+                    replace(port, unit=cause.unit, scale=cause.scale),
+                    "command",
+                    {"cause": cause},
+                    driven=True,
+                    horizon=self.model.horizon,
+                    duration=self.duration,
+                    sample_time=self.sample_time,
+                    seen=cause.seen,
+                )
+            )
         return tuple(found)
 
     def attached(self, equation: str) -> bool:

@@ -18,6 +18,7 @@ from workbench.physics.law import (
     Fit,
     Law,
     Own,
+    at_inputs_too,
     by_port,
     drives,
     each,
@@ -27,7 +28,7 @@ from workbench.physics.law import (
     share,
     size,
 )
-from workbench.physics.place import DRIVES, EFFORTS, Place, Survey, per
+from workbench.physics.place import Place, Survey, per
 
 
 def _above(at: PortView) -> Expression:
@@ -59,16 +60,18 @@ def _limits(at: Place) -> list[dict[str, float]]:
     return [{"limit": k * max(map(abs, at.seen))} for k in (0.8, 0.6, 0.95)]
 
 
-saturation = Law(
-    "saturation",
-    "y = u - share (excess of u beyond the limit, above and below)",
-    drives("flow"),
-    _limited,
-    _beyond,
-    shapes=_limits,
-    source="end of the range of a sensor or drive",
-    look_alikes=("gain",),
-    separated_by="levels on both sides of the limit: below it nothing is changed",
+saturation = at_inputs_too(
+    Law(
+        "saturation",
+        "y = u - share (excess of u beyond the limit, above and below)",
+        drives("flow"),
+        _limited,
+        _beyond,
+        shapes=_limits,
+        source="end of the range of a sensor or drive",
+        look_alikes=("gain",),
+        separated_by="levels on both sides of the limit: below it nothing is changed",
+    )
 )
 
 _NAMED = (".inflow", ".outflow")
@@ -82,13 +85,6 @@ def _lower_limits(at: Place) -> list[dict[str, float]]:
     fractions = (0.5, 0.25) if at.name.endswith(_NAMED) else (-1.0, -0.5, 0.5)
     return [{"limit": k * at.scale} for k in fractions]
 
-
-drive_saturation = replace(
-    saturation,
-    name="drive_saturation",
-    where=each(*EFFORTS, needs=("speed",), only=lambda at: at.driven and at.role not in DRIVES),
-    look_alikes=("quadratic_drag",),
-)
 
 lower_saturation = replace(
     saturation,
@@ -186,17 +182,19 @@ def _band(at: Place) -> tuple[Own, ...]:
 
 # At zero width it is the identity on both forms, and the derivative by the width is minus the sign
 # of the distance from the centre.
-dead_band = Law(
-    "dead_band",
-    "y = max(0, u - w) - max(0, -u - w)",
-    _bands,
-    _band,
-    _shifted,
-    dry=True,
-    far=True,
-    source="overlap of a spool, threshold of a drive",
-    look_alikes=("play", "spool_hysteresis", "centre_leakage", "backlash"),
-    separated_by="a slow triangle about the centre: a dead band has no loop",
+dead_band = at_inputs_too(
+    Law(
+        "dead_band",
+        "y = max(0, u - w) - max(0, -u - w)",
+        _bands,
+        _band,
+        _shifted,
+        dry=True,
+        far=True,
+        source="overlap of a spool, threshold of a drive",
+        look_alikes=("play", "spool_hysteresis", "centre_leakage", "backlash"),
+        separated_by="a slow triangle about the centre: a dead band has no loop",
+    )
 )
 
 
@@ -206,7 +204,7 @@ def _follow(e: EffectView) -> dict[str, Expression]:
 
 
 # A lag for small differences that follows large ones at its largest rate.
-slew_limit = Law(
+slew_limit = at_inputs_too(Law(
     "slew_limit",
     "dy/dt = r tanh((u - y) / (r tau))",
     first_of(each("valve_command"), each("command", "voltage", "circuit", label=by_port)),
@@ -228,7 +226,7 @@ slew_limit = Law(
     source="saturated first-order follower; manufacturer: 4 to 5 ms for the full stroke",
     look_alikes=("valve_delay", "spool_bandwidth"),
     separated_by="steps of the command of several sizes: only large ones are slowed",
-)  # fmt: skip
+))  # fmt: skip
 
 
 def _saw_tooth(at: PortView) -> Expression:

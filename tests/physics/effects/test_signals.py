@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -205,7 +207,7 @@ def test_offset_gain_and_asymmetry() -> None:
 def test_times_of_lags_and_delays_follow_the_sampling_interval() -> None:
     for interval in (1e-5, 4.0):
         entries = library(servo_axis(), sample_time=interval, duration=1e3 * interval)
-        late = [e for e in entries if e.law in ("sensor_lag", "sensor_delay", "drive_delay")]
+        late = [e for e in entries if e.law in ("sensor_lag", "sensor_delay", "delay")]
         assert len(late) >= 2
         for entry in late:
             floor = next(q for q in entry.effect.parameters if q.name == "floor")
@@ -224,7 +226,7 @@ def test_the_limit_of_a_saturation_is_refitted() -> None:
     limits = [
         q
         for e in library(servo_axis())
-        if e.law in ("drive_saturation", "sensor_clipping")
+        if e.law in ("saturation", "sensor_clipping")
         for q in e.effect.parameters
         if q.name == "limit"
     ]
@@ -250,16 +252,28 @@ def test_a_sensor_that_filters_its_samples(time: float) -> None:
     assert off(1.0) < 0.02 < 0.04 < off(0.0)
 
 
-def test_a_late_drive_delays_its_input_and_not_the_spring_beside_it() -> None:
-    model, late, step = oscillator(), 0.06, 0.02
-    entry = next(e for e in library(model, sample_time=step) if e.law == "drive_delay")
-    drive = np.sin(2.0 * np.arange(400) * step)
-    run = simulate(model.with_effect(entry.at_size(late)), drive[:, None], sample_time=step)
-    # The same equations beside SciPy, with the input as held as it was, three samples later.
-    held = np.r_[np.zeros(3), drive[:-3]]
+@pytest.mark.parametrize(
+    ("law", "values", "held"),
+    [
+        ("delay", {"time": 0.06}, lambda u: np.r_[np.zeros(3), u[:-3]]),
+        ("saturation", {"share": 1.0, "limit": 0.6}, lambda u: np.clip(u, -0.6, 0.6)),
+        ("dead_band", {"half_width": 0.3}, lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.3, 0)),
+        ("gain", {"excess": 0.2}, lambda u: 1.2 * u),
+    ],
+)
+def test_what_is_wrong_with_an_input_leaves_the_spring_beside_it_alone(
+    law: str, values: dict[str, float], held: Callable[[np.ndarray], np.ndarray]
+) -> None:
+    model, step = oscillator(), 0.02
+    entry = next(e for e in library(model, sample_time=step) if e.law == law)
+    assert entry.name == f"{law}_drive" and entry.ports == ("mass.force",)
+    drive = np.sin(2.0 * np.arange(300) * step)
+    effect = entry.effect.with_parameters(values)
+    run = simulate(model.with_effect(effect), drive[:, None], sample_time=step)
+    # The same equations beside SciPy, with the input as it arrives.
     p = {q.name: q.value for q in model.parameters}
     x, read = np.zeros(2), []
-    for u in held:
+    for u in held(drive):
         read.append(x[0])
         x = solve_ivp(
             lambda _, s, u=u: [

@@ -253,6 +253,7 @@ def ranges_along(
         signals, own = trace.along(states, observed.inputs[::every], model.values, *along)
         named = dict(zip(trace.signal_names, signals[:, :, 0].T, strict=True))
         named |= dict(zip((q.name for q in model.states), states.T, strict=True))
+        named |= dict(zip((q.name for q in model.inputs), observed.inputs[::every].T, strict=True))
         named |= dict(zip(told, own[:, :, 0].T, strict=True))
         named |= {name: q.ratio * named[q.source] - named[q.minus] for name, q in apart.items()}
         named |= {

@@ -115,7 +115,7 @@ SHAPES: tuple[Shape, ...] = (
         turns=True,
     ),
     Shape(
-        "drive_saturation",
+        "saturation",
         "ca.tanh((x - at.p.centre) / at.p.width)",
         lambda x, p: ca.tanh((x - p["centre"]) / p["width"]),
         inner=("centre", "width"),

@@ -25,6 +25,10 @@ steps from the best one on."""
 _CLEARLY = 10.0
 """Log likelihood by which a recording must be likelier: more than so many tries give by chance."""
 
+_DIFFERENT = 0.25
+"""Standard deviation of levels over their root mean square from which on they differ: with less it
+is what acts everywhere that is missing, and not that it differs."""
+
 _REACH, _KNOWN = 4.0, 1e-3
 """Range of the beginnings that are tried at first, and how well one is known that was found, both
 over the usual one."""
@@ -65,6 +69,14 @@ def changed_values(before: Sequence[Effect], after: Sequence[Effect]) -> dict[st
         for q, was in zip(new.parameters, old.parameters, strict=True)
         if q.value != was.value
     }
+
+
+def same_everywhere(effect: Effect) -> bool:
+    """Whether levels were found that do not differ from recording to recording."""
+    found = [v for q in effect.states for _, v in q.start_in if q.name == effect.about.begins]
+    if not effect.about.level or not found:
+        return False
+    return float(np.std(found)) < _DIFFERENT * math.sqrt(float(np.mean(np.square(found))))
 
 
 def _begun(

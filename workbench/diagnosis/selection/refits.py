@@ -27,8 +27,8 @@ from workbench.diagnosis.estimation.windows import windows
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.decision import decided
 from workbench.diagnosis.selection.held_out import NO_RUNS, RunErrors, held_out_gain, run_errors
-from workbench.diagnosis.selection.moments import changed_values, with_own_starts
-from workbench.diagnosis.selection.rules import SURPASSED, UNTRIED, Limits
+from workbench.diagnosis.selection.moments import changed_values, same_everywhere, with_own_starts
+from workbench.diagnosis.selection.rules import SAME_LEVELS, SURPASSED, UNTRIED, Limits
 from workbench.diagnosis.selection.score import COLLINEAR, Score
 from workbench.diagnosis.selection.shortlist import LEAST_SCORE
 from workbench.diagnosis.selection.simulation_error import closest_runs
@@ -695,6 +695,8 @@ def _judged_on(
         ended = {e.name: e.value for e in fit.refit.estimates}
         ended |= changed_values((entry.effect,), (effect,))
         entry = replace(entry, effect=effect)
+        if same_everywhere(effect):
+            return replace(first, refused="it is the same in all recordings", rule=SAME_LEVELS)
         model = base.model.with_effect(entry.at_size(1.0 if entry.replaces else 0.0))
         started = [extended_start(r, base.model, model) for r in fit_on]
         fit = fit_with_process_noise(

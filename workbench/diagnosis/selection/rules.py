@@ -16,6 +16,9 @@ UNTRIED = "could not be tried"
 FREE_RUN = "free run"
 """Name of the rule that what a sensor does has to show in free runs, and no law may spoil them."""
 
+SAME_LEVELS = "levels that differ"
+"""Name of the rule that what differs from recording to recording breaks where it does not."""
+
 SURPASSED = "another effect explains the recordings better"
 """Why an effect that passed every rule, or was not followed, is not taken."""
 
