@@ -4,17 +4,26 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Any
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from tests.diagnosis.newcomers import levels, oscillator
+from workbench.diagnosis.conclude import still_missing
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.selection import task
+from workbench.diagnosis.selection.candidate import Candidate
+from workbench.diagnosis.selection.decision import decided
+from workbench.diagnosis.selection.held_out import RunErrors
+from workbench.diagnosis.selection.moments import same_everywhere
+from workbench.diagnosis.selection.rules import Limits
 from workbench.diagnosis.selection.score import score_library
 from workbench.diagnosis.verdict import Finding
 from workbench.physics.library import Hypothesis, library
@@ -101,3 +110,41 @@ def test_what_differs_is_scored_by_its_size_in_each_recording() -> None:
         if offered:
             assert found["offset_by_recording"].size == pytest.approx(0.5, rel=0.1)
             assert found["offset_by_recording"].gain > 10.0 * found["constant_force"].gain
+
+
+def test_a_size_in_each_recording_absorbs_a_part_of_anything() -> None:
+    entries = {e.law: e for e in library(oscillator())}
+    limits = Limits(20.0, least_gain=100.0, least_level=500.0)
+    size = SimpleNamespace(value=1.0, std=1e-3, unit="N", prior=SimpleNamespace(upper=1e9))
+    fit = SimpleNamespace(
+        refit=SimpleNamespace(converged=True, estimate=lambda _: size, estimates=())
+    )
+    for law, gain, taken in (
+        ("offset_by_recording", 400.0, False),
+        ("offset_by_recording", 600.0, True),
+        ("constant_force", 400.0, True),
+    ):
+        run = RunErrors(np.full((40, 1), 0.1), np.array([0.1]))
+        before = RunErrors(np.ones((40, 1)), np.ones(1))
+        blocks = (np.full(40, -gain / 40), np.full(40, -gain / 40))
+        found = Candidate(
+            entries[law], cast(Any, fit), gain, (gain, 0.9 * gain, gain), shift=5.0,
+            blocks=blocks, run=run,
+        )  # fmt: skip
+        (one,) = decided([found], before, limits)
+        assert (not one.refused) is taken
+
+
+def test_what_acts_alike_in_all_recordings_does_not_differ() -> None:
+    entry = next(e for e in library(oscillator()) if e.law == "offset_by_recording")
+    (level,) = entry.effect.states
+    for starts, same in (((1.0, 1.02, 0.97), True), ((1.0, 0.4, 1.3), False)):
+        known = tuple((f"run {i}", v) for i, v in enumerate(starts))
+        effect = replace(entry.effect, states=(replace(level, start_in=known),))
+        assert same_everywhere(effect) is same
+
+
+def test_beside_a_sensor_that_is_off_no_place_of_the_process_still_lacks_something() -> None:
+    nothing, most = (Location({"core": gain}, {}, gain) for gain in (0.011, 1000.0))
+    assert still_missing(nothing, nothing) == 0.0
+    assert still_missing(most, Location({"core": 900.0}, {}, 900.0)) == pytest.approx(0.9)

@@ -13,7 +13,7 @@ from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.held_out import explained, held_out_errors
 from workbench.diagnosis.selection.moments import levels, moments
-from workbench.diagnosis.selection.rules import IMPERFECT, MOST_LEFT, NEAR_NOISE
+from workbench.diagnosis.selection.rules import IMPERFECT, LEAST_GAIN, MOST_LEFT, NEAR_NOISE
 from workbench.diagnosis.selection.score import COLLINEAR
 from workbench.diagnosis.selection.weights import Weighted
 from workbench.diagnosis.stages import Diagnosis
@@ -330,9 +330,12 @@ def _still_missing(diagnosis: Diagnosis) -> tuple[str, ...]:
 
 
 def still_missing(before: Location, after: Location) -> float:
-    """Return the share of the misfit of the worst place that is left, dimensionless."""
+    """Return the share of the misfit of the worst place that is left, dimensionless.
+
+    Where no place of the process lacked anything, as beside a sensor that is off, nothing is left.
+    """
     missing = before.alone.get(before.best, 0.0)
-    return after.alone.get(after.best, 0.0) / missing if missing > 0.0 else 0.0
+    return after.alone.get(after.best, 0.0) / missing if missing > LEAST_GAIN else 0.0
 
 
 def _without_name(

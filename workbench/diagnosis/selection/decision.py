@@ -158,6 +158,9 @@ def _runs_closer(candidate: Candidate, without: RunErrors) -> bool:
     needed = {HELD_OUT.name: 0, SHARE.name: 1}.get(candidate.rule)
     if needed is None or candidate.run is None or candidate.held_out[needed] <= 0.0:
         return False
+    if candidate.entry.effect.about.level and candidate.rule == SHARE.name:
+        # Its size in an unseen recording is taken from there.
+        return False
     # The wrong shape of what was found leaves a rest too, of which another name takes a little.
     by = LEAST_EXPLAINED.value if candidate.rule == SHARE.name else 0.0
     return candidate.run.closer_than(without, by=by)

@@ -34,6 +34,8 @@ class Limits:
         penalty: Log likelihood that an effect must gain for its parameters and for the size of the
             library, dimensionless.
         least_gain: Log likelihood that it must gain to explain enough of the excess, dimensionless.
+        least_level: The same of what differs from recording to recording, if that is more: one
+            size in each absorbs a part of anything.
         near_noise: Whether the model without it predicts nearly to the noise.
         perfect: Whether the model without it predicts the next sample as well as a right one; what
             it lacks then has to show in free runs.
@@ -41,6 +43,7 @@ class Limits:
 
     penalty: float
     least_gain: float = 0.0
+    least_level: float = 0.0
     near_noise: bool = False
     perfect: bool = False
 
@@ -148,7 +151,9 @@ def _penalty(q: Question) -> str:
 
 
 def _share(q: Question) -> str:
-    if q.candidate.gain >= q.threshold * q.limits.least_gain:
+    level = q.candidate.entry.effect.about.level
+    least = max(q.limits.least_gain, q.limits.least_level if level else 0.0)
+    if q.candidate.gain >= q.threshold * least:
         return ""
     return "it explains too little of what the model leaves out"
 

@@ -42,6 +42,7 @@ from workbench.diagnosis.selection.rules import (
     LEAST_OF_ALL,
     LEAST_OF_REST,
     LEAST_SHOWN,
+    LEAST_TOGETHER,
     NEAR_NOISE,
     OFF_NOISE,
     SAME,
@@ -195,6 +196,7 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
         limits = Limits(
             penalty,
             least,
+            LEAST_TOGETHER.value * scored.excess * first,
             scored.near_noise(task.base),
             perfect=current.noise_scale <= PERFECT and bool(number),
         )
@@ -282,7 +284,11 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
             tried += shortlist(scores, most=_NEWCOMERS)
             alike = look_alikes(found.candidate.entry, [s.entry for s in scores.scores])
             tried += within([known[e.name] for e in alike], room_for(task, _NEWCOMERS, base.model))
-        asked = Limits(state.penalty, _least(scored, base, number), scored.near_noise(task.base))
+        asked = Limits(
+            state.penalty,
+            _least(scored, base, number),
+            near_noise=scored.near_noise(task.base),
+        )
         chosen = tuple({s.entry.name: s for s in tried}.values())
         try:
             candidates = refits_beside(task, base, free, chosen, asked)
