@@ -151,8 +151,10 @@ def _estimated(value: float, std: float) -> SimpleNamespace:
 def _candidate(entry: Hypothesis, gain: float, error: float) -> Candidate:
     """Return a candidate whose free runs have an error; that without any is 1."""
     estimate = _estimated(entry.typical_size, 1e-3 * entry.typical_size)
-    refit = SimpleNamespace(converged=True, estimate=lambda name: estimate, estimates=())
-    fit = cast(Any, SimpleNamespace(name=entry.name, refit=refit))
+    own = [q.name for q in entry.effect.parameters if q.fitted]
+    estimates = [SimpleNamespace(name=f"{entry.name}.{name}", on_bound=False) for name in own]
+    refit = SimpleNamespace(converged=True, estimate=lambda name: estimate, estimates=estimates)
+    fit = cast(Any, SimpleNamespace(name=entry.name, refit=refit, noise_scale=1.0))
     blocks = (np.full(40, -gain / 40), np.full(40, -gain / 40))
     held_out = (gain, 0.8 * gain, 1.2 * gain)
     return Candidate(entry, fit, gain, held_out, shift=5.0, blocks=blocks, run=_run(error))
@@ -167,6 +169,15 @@ def test_a_law_of_the_process_must_not_spoil_free_runs(entries: dict[str, Hypoth
     pair = [_candidate(creep, 900.0, 7.0), _candidate(offset, 500.0, 0.5)]
     found = decided(pair, WITHOUT, Limits(20.0, 100.0))
     assert _taken(found) == [offset.name] and found[0].rule == "free run"
+
+
+def test_a_simpler_effect_whose_runs_are_much_closer_need_not_be_the_likelier(
+    entries: dict[str, Hypothesis],
+) -> None:
+    stribeck, offset = entries["stribeck_friction"], entries["valve_offset"]
+    for error, taken in ((0.3, offset.name), (0.55, stribeck.name)):
+        pair = [_candidate(stribeck, 900.0, 0.6), _candidate(offset, 500.0, error)]
+        assert _taken(decided(pair, WITHOUT, Limits(20.0, 100.0))) == [taken]
 
 
 def test_what_a_perfect_predictor_lacks_has_to_show_in_free_runs(

@@ -127,8 +127,14 @@ def preferred(one: Candidate, other: Candidate) -> bool:
 
 
 def closer_unseen(one: Candidate, other: Candidate) -> bool:
-    """Whether unseen recordings are likelier with one effect, and its runs there much closer."""
-    if one.held_out[0] <= other.held_out[0] or one.run is None or other.run is None:
+    """Whether unseen recordings are likelier with one effect, and its runs there much closer.
+
+    A simpler effect with such runs need not be the likelier: it is enough that it gains there.
+    """
+    simpler = one.own_parameters < other.own_parameters and one.held_out[1] > 0.0
+    if one.run is None or other.run is None:
+        return False
+    if one.held_out[0] <= other.held_out[0] and not simpler:
         return False
     return one.run.closer_than(other.run, by=MUCH_CLOSER.value)
 

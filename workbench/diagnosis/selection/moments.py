@@ -182,11 +182,29 @@ def with_own_moments(
         periods = [_own(model, e, e.about.period).value for e in effects if e.about.period]
         reach = min([length, *periods])
         tried = np.linspace(-reach, reach, 2 * _MOMENTS + 1 if reach == length else _PHASES)
+        if not periods:
+            first, last, width = _span(model, effects)
+            # All that came before a recording, or comes after it, is the same to it.
+            beyond = max(width, 2.0 * (tried[1] - tried[0]))
+            tried = tried[(first - tried < length + beyond) & (last - tried > -beyond)]
         shift = _likeliest(PredictionError(model, begun, (), rms), begun, clocks, tried)
         if shift is not None:
             late[observed.name] = shift
     others = [r.name for r in (*fit_on[1:], *hold_out)]
     return tuple(_moved(e, model, dict(late), fit_on[0].name, others) for e in effects)
+
+
+def _span(model: Model, effects: Sequence[Effect]) -> tuple[float, float, float]:
+    """Return when the first and the last of several events come, and how long one takes, in s."""
+    times, widths = [], []
+    for effect in effects:
+        for q in effect.parameters:
+            value = _own(model, effect, q.name).value
+            if q.name == effect.about.moment:
+                times.append(value - _clock(effect).initial)
+            elif q.unit == "s":
+                widths.append(value)
+    return min(times), max(times), 5.0 * max(widths, default=0.0)
 
 
 def is_event(effect: Effect) -> bool:

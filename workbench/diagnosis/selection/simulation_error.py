@@ -191,7 +191,7 @@ def _with_values(
             std=float(std),
             on_bound=e.prior.is_bound(values[e.name]),
         )
-        for e, std in zip(fit.refit.estimates, np.sqrt(np.diag(own)), strict=True)
+        for e, std in zip(fit.refit.estimates, np.sqrt(np.maximum(np.diag(own), 0.0)), strict=True)
     )
     refit = replace(
         fit.refit,
