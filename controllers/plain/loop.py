@@ -113,7 +113,8 @@ def loop_of(
 
     Raises:
         WorkbenchError: If there is no input, no output or no such signal, an output answers a
-            command at once or not at all, or they cannot be held independently.
+            command at once or not at all, they cannot be held independently, or a mode grows that
+            no command moves or no output shows.
     """
     from workbench.linearisation.state_space import linear_model
 
@@ -136,6 +137,7 @@ def loop_of(
     if not acting:
         acting = _moving(whole, followed, tuple(commands or whole.input_names))
         acting = acting[:1] if len(followed) == 1 else acting
+    _check_growing(whole.select(inputs=acting, outputs=followed))
     linear = whole.select(inputs=acting, outputs=followed).without_unseen()
     if np.any(linear.D):
         row, column = np.argwhere(linear.D)[0]
@@ -233,6 +235,37 @@ def _rank_lost(linear: LinearModel) -> Vector | None:
     if len(values) == len(table) and values[-1] > HELD * values[0]:
         return None
     return np.asarray(left[n:, -1])
+
+
+def _check_growing(linear: LinearModel) -> None:
+    """Refuse a mode that grows by itself and that inputs do not move, or outputs do not show.
+
+    Source: Popov, Belevitch and Hautus; Skogestad and Postlethwaite, Multivariable Feedback
+    Control, 2005, section 4.2.
+    """
+    size = linear.state_scales
+    A, C = linear.A * size / size[:, None], linear.C * size
+    B = linear.B / size[:, None]
+    values, vectors = np.linalg.eig(A)
+    rate = float(np.abs(values).max(initial=0.0))
+    for k in np.flatnonzero(values.real > HELD * rate):
+        shifted = (A - values[k] * np.eye(len(A))) / rate
+        state = linear.state_names[int(np.argmax(np.abs(vectors[:, k])))]
+        said = f"{state} grows by itself, as exp({values[k].real:.3g} t), and"
+        for table, words in (
+            (
+                np.hstack([shifted, B / np.maximum(np.abs(B).max(axis=0), 1e-300)]),
+                f"{listed(linear.input_names)} do not move it: no loop of theirs holds it; command"
+                " what does (actuator), or add it to the plant",
+            ),
+            (
+                np.vstack([shifted, C / np.maximum(np.abs(C).max(axis=1), 1e-300)[:, None]]),
+                f"{listed(linear.output_names)} do not show it: no loop of theirs holds it; follow"
+                " an output that does (measured), or add a sensor to the plant",
+            ),
+        ):
+            if np.linalg.svd(table, compute_uv=False)[-1] < HELD:
+                raise WorkbenchError(f"{said} {words}")
 
 
 HELD = 1e-9

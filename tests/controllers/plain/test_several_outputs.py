@@ -337,3 +337,22 @@ def test_what_all_channels_bear_at_once_is_what_no_change_of_less_exceeds(
         gain = np.diag([((1 + half) / (1 - half)) ** sign for sign in signs])
         closed = np.block([[A + B @ gain @ J @ C, B @ gain @ K], [G @ C, F]])
         assert np.abs(np.linalg.eigvals(closed)).max() < 1.0
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+@pytest.mark.parametrize(
+    ("moved", "shown", "said"),
+    [
+        (0.0, 1.0, "x_1_ grows by itself, as exp.0.3 t., and u and v do not move it"),
+        (1.0, 0.0, "x_1_ grows by itself, as exp.0.3 t., and y and z do not show it"),
+    ],
+)
+def test_what_grows_out_of_reach_or_out_of_sight_is_said(
+    name: str, moved: float, shown: float, said: str
+) -> None:
+    A = np.diag([-1.0, 0.3, -2.0])
+    B = np.array([[1.0, 0.0], [moved, 0.0], [0.0, 1.0]])
+    C = np.array([[1.0, shown, 0.0], [0.0, 0.0, 1.0]])
+    system = ct.ss(A, B, C, 0, inputs=["u", "v"], outputs=["y", "z"])
+    with pytest.raises(WorkbenchError, match=said.replace("_1_", "_1")):
+        designed(name, system, sample_time=0.1)

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 
 import numpy as np
 
+from controllers.plain.loop import loop_of
+from controllers.plain.pairing import interaction
+from workbench.errors import WorkbenchError
 from workbench.linearisation.pace import horizon_of
 from workbench.linearisation.transfer import frequency_response
 from workbench.model.units import in_time, parse_unit
@@ -34,6 +38,7 @@ def linear_blocks(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Block]:
         ),
         *plant_picture(study),
         *map_picture(study),
+        *_together(study),
     ]
     for index, name in enumerate(dict.fromkeys(a.controller for a in loops), start=1):
         own = [a for a in loops if a.controller == name]
@@ -72,6 +77,23 @@ def linear_blocks(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Block]:
         ]
     blocks.append(margin_table(study, loops))
     return blocks
+
+
+def _together(study: Study) -> list[Words]:
+    """Say what several followed outputs mean to each other, at every operating point."""
+    recipe = next(iter(study.controllers.values()))
+    asked = next(iter(study.scenarios.values())).references
+    found = []
+    for point in study.points:
+        # What cannot be followed together was told where it was designed.
+        with suppress(WorkbenchError):
+            linear = recipe.linear(point)
+            followed = [name for name in linear.output_names if name in asked]
+            said = interaction(loop_of(linear, followed)) if len(followed) > 1 else []
+            where = point_text(study, point)
+            text = ". ".join(one[:1].upper() + one[1:] for one in said)
+            found += [Words(f"The plant{f' at {where}' * bool(where)}. {text}.")] if said else []
+    return found
 
 
 def _sentence(study: Study, name: str, own: list[LoopAnalysis]) -> str:
