@@ -34,8 +34,8 @@ class Limits:
         penalty: Log likelihood that an effect must gain for its parameters and for the size of the
             library, dimensionless.
         least_gain: Log likelihood that it must gain to explain enough of the excess, dimensionless.
-        least_level: The same of what differs from recording to recording, if that is more: one
-            size in each absorbs a part of anything.
+        least_level: The same of what differs from recording to recording, dimensionless, if that
+            is more: one size in each absorbs a part of anything.
         near_noise: Whether the model without it predicts nearly to the noise.
         perfect: Whether the model without it predicts the next sample as well as a right one; what
             it lacks then has to show in free runs.
