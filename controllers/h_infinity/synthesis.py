@@ -336,6 +336,8 @@ def _truncated(system: System, order: int) -> System:
     reach = _root(solve_continuous_lyapunov(A, -size * size * B @ B.T))
     see = _root(solve_continuous_lyapunov(A.T, -C.T @ C / (size * size)))
     U, values, Vt = np.linalg.svd(see.T @ reach)
+    # What nothing reaches or shows has no place in a balanced order.
+    order = min(order, int(np.count_nonzero(values > 1e-15 * values[0])))
     scale = np.sqrt(values[:order])
     T = reach @ Vt[:order].T / scale
     Ti = (see @ U[:, :order] / scale).T

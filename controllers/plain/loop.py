@@ -466,7 +466,9 @@ class PlainLaw(ClosedForm):
         _, following, told = law.law(
             restored(example, units[:n]), tuple(units[n : n + p]), tuple(units[n + p :]), ENDLESS
         )
-        table = np.vstack([*_arrays(following), *law.straight(told)])
+        # A command that nothing moves is a number, not an array.
+        parts = (*_arrays(following), *law.straight(told))
+        table = np.vstack([np.broadcast_to(part, n + 2 * p) for part in parts])
         return LinearLaw(table[:n, :n], table[:n, n:], table[n:, :n], table[n:, n:])
 
     def straight(self, told: Told) -> Numbers:

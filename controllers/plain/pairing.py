@@ -88,6 +88,9 @@ def pairings(loop: Loop) -> Iterator[Pairing]:
 def best_pairing(loop: Loop) -> Pairing:
     """Return the pairing whose relative gains are nearest to 1, of those that can be stable.
 
+    Of more commands than outputs, those act that do most: of a command that does nothing, the
+    relative gains of all outputs add up to 0, else to 1 at most.
+
     Raises:
         WorkbenchError: If none can be.
     """
@@ -101,7 +104,14 @@ def best_pairing(loop: Loop) -> Pairing:
             f" gain or Niederlinski index (relative gains {table}); take decoupled = true, or a"
             " family that commands all outputs together, such as lqi"
         )
-    return min(allowed, key=lambda one: sum(abs(gain - 1.0) for gain in one.relative))
+    G = gain_at_rest(loop) * loop.command_scale / loop.output_scale[:, None]
+    idle = 1.0 - relative_gains(G).sum(axis=0)
+    return min(
+        allowed,
+        key=lambda one: (
+            sum(abs(gain - 1.0) for gain in one.relative) + 2.0 * sum(idle[k] for k in one.commands)
+        ),
+    )
 
 
 def paired(loop: Loop, *, decoupled: bool = False) -> Matrix:

@@ -8,14 +8,14 @@ lags of speeds w_r, sample k:
     u     = u0 + Kr r - K x + Kq q - rho sat(s / layer), clipped to its ends
     xp+   = F x + G (u_clipped - u0),    q+ = q + h P (r - y)
 
-P leads to what moves no command that is at its end: nothing is summed while the only one is. State
-feedback: K and Kq minimise the sum of (y / y_scale)^2 + (q / (T y_scale))^2 + (u / u_scale)^2 over
-all outputs and commands (LQI), or K is given. Sliding mode, of one output by one command: s = 0 is
-the surface on which the model with its integral has given poles (Ackermann and Utkin's formula), K,
-Kr and Kq keep the model on it, and rho, a share of the command, leads there. With xs r and us r the
-state and command at which the output is r, Kr is us + K xs, or the share of it whose zero takes the
-place of the slowest pole: the integral then holds the rest, and no overshoot is needed to empty it.
-Sr is found the same way.
+P leads to what moves no command that is at its end, where fewer are left than outputs: nothing is
+summed while the only one is. State feedback: K and Kq minimise the sum of (y / y_scale)^2 +
+(q / (T y_scale))^2 + (u / u_scale)^2 over all outputs and commands (LQI), or K is given. Sliding
+mode, of one output by one command: s = 0 is the surface on which the model with its integral has
+given poles (Ackermann and Utkin's formula), K, Kr and Kq keep the model on it, and rho, a share of
+the command, leads there. With xs r and us r the state and command at which the output is r, Kr is
+us + K xs, or the share of it whose zero takes the place of the slowest pole: the integral then
+holds the rest, and no overshoot is needed to empty it. Sr is found the same way.
 
 Source: Kwakernaak and Sivan, Linear Optimal Control Systems, 1972, chapters 3 to 5; Ackermann and
 Utkin, Sliding mode control design based on Ackermann's formula, IEEE Trans. AC-43, 1998.
@@ -150,14 +150,16 @@ class ObserverLaw(PlainLaw):
 def _freed(change: Numbers, gain: Rows, free: Sequence[Any], arithmetic: Arithmetic) -> Numbers:
     """Return what of a change, in any units, moves no command that is not free.
 
-    Each such command's row of the gain is made orthogonal to those before it, and taken away.
+    As long as no fewer are free than there are outputs, that is all of it: the others take over.
+    Else each such command's row of the gain is made orthogonal to those before it, and taken away.
     """
+    spare = len(gain) - len(change)
+    bound = sum(arithmetic.where(may, 0.0, 1.0) for may in free)
+    if len(change) == 1:
+        # What is left of the only one is nothing, to the last digit, by whatever it enters.
+        return (arithmetic.where(bound < spare + 0.5, change[0], 0.0 * change[0]),)
     taken: list[tuple[Numbers, Any]] = []
     for row, may in zip(gain, free, strict=True):
-        if len(row) == 1:
-            # What is left of the only one is nothing, to the last digit, by whatever it enters.
-            change = (arithmetic.where(may, change[0], 0.0 * change[0]),)
-            continue
         if not any(row):
             continue
         size = sum(k * k for k in row)
@@ -169,9 +171,9 @@ def _freed(change: Numbers, gain: Rows, free: Sequence[Any], arithmetic: Arithme
         # What the others already hold back leaves nothing but rounding.
         small = norm < 1e-12 * size
         norm = arithmetic.where(small, size, norm)
-        own = tuple(
-            arithmetic.where(may, 0.0 * a, arithmetic.where(small, 0.0 * a, a)) for a in own
-        )
+        away = tuple(arithmetic.where(small, 0.0 * a, a) for a in own)
+        away = tuple(arithmetic.where(bound < spare + 0.5, 0.0 * a, a) for a in away)
+        own = tuple(arithmetic.where(may, 0.0 * a, a) for a in away)
         share = total(
             0.0, (1.0,) * len(own), tuple(a * b for a, b in zip(own, change, strict=True))
         )

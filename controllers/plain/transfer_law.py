@@ -33,8 +33,8 @@ from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
 from controllers.design import Design
 from controllers.linear_law import LinearLaw
 from controllers.plain.limits import Answer, LoopLimits, answer, cost
-from controllers.plain.loop import Loop, LoopSpecification, PlainLaw, named
-from controllers.plain.pairing import paired
+from controllers.plain.loop import Loop, LoopSpecification, PlainLaw, loop_of, named
+from controllers.plain.pairing import best_pairing, paired
 from controllers.sampling import Rows, anti_windup, product, rows, tustin
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_range
@@ -405,6 +405,10 @@ def design_plain_pid(
     """
     want = specification or PlainPIDSpecification()
     loop, h = want.loop(linear), want.sample_time
+    if not want.decoupled and len(loop.actuators) > len(loop.measured):
+        # What belongs to no output rests.
+        taken = [loop.actuators[k] for k in best_pairing(loop).commands]
+        loop = loop_of(linear, loop.measured, taken)
     limits, p = LoopLimits(loop, want), len(loop.measured)
     mix = np.eye(1)
     if p > 1 or len(loop.actuators) > 1:

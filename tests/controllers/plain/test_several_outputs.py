@@ -356,3 +356,32 @@ def test_what_grows_out_of_reach_or_out_of_sight_is_said(
     system = ct.ss(A, B, C, 0, inputs=["u", "v"], outputs=["y", "z"])
     with pytest.raises(WorkbenchError, match=said.replace("_1_", "_1")):
         designed(name, system, sample_time=0.1)
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_what_one_of_more_commands_cannot_give_the_others_do(name: str, tmp_path: Path) -> None:
+    A = np.array([[-0.2, 0.05, 0.0], [0.02, -0.1, 0.0], [0.1, 0.0, -1.0]])
+    B = np.array([[0.1, 0.03, 0.02], [0.01, 0.08, -0.03], [0.0, 0.0, 0.1]])
+    C = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.2]])
+    names = {"inputs": ["u", "v", "w"], "outputs": ["y", "z"]}
+    ends = dict.fromkeys(("u", "v", "w", "y", "z"), (-2.0, 2.0))
+    law = designed(name, linear_model(ct.ss(A, B, C, 0, **names), limits=ends), sample_time=0.1)
+    assert law.actuators == (("u", "v") if name == "plain-pid" else ("u", "v", "w"))
+    # Two of them hold no more than 0.92.
+    asked = (0.8 if name == "plain-pid" else 1.0, 0.0)
+    x, state = np.zeros(3), law.initial_state((0.0, 0.0))
+    in_c = InC(law, tmp_path)
+    in_c.start((0.0, 0.0))
+    most = 0.0
+    for _ in range(900):
+        seen = tuple((C @ x).tolist())
+        u, state, _ = law.step(state, seen, asked)
+        in_c.step(seen, asked)
+        np.testing.assert_allclose(in_c.command, u, rtol=0, atol=1e-12)
+        most = max(most, *map(abs, u))
+        rate = B[:, : len(u)] @ np.array(u)
+        middle = x + 0.05 * (A @ x + rate)
+        x = x + 0.1 * (A @ middle + rate)
+    # The first command alone is at its end on the way.
+    assert most == pytest.approx(2.0) or name == "plain-h-infinity"
+    assert np.abs(C @ x - asked).max() < 0.02
