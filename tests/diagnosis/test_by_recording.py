@@ -18,7 +18,7 @@ from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.location.locate import Location
-from workbench.diagnosis.selection import task
+from workbench.diagnosis.selection import score, task
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.decision import decided
 from workbench.diagnosis.selection.held_out import RunErrors
@@ -110,6 +110,25 @@ def test_what_differs_is_scored_by_its_size_in_each_recording() -> None:
         if offered:
             assert found["offset_by_recording"].size == pytest.approx(0.5, rel=0.1)
             assert found["offset_by_recording"].gain > 10.0 * found["constant_force"].gain
+
+
+def test_of_what_may_differ_the_best_scores_are_offered(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Load, spring, damper and tilt were changed, and something rubs.
+    changed = (0.8, 24.0, 0.3, 0.5), (1.6, 36.0, 1.2, -0.5)
+    runs = [
+        run(i, lambda t, x, v, k=k, d=d, o=o: o - k * x - d * v - np.tanh(v / 0.01), m)
+        for i, (m, k, d, o) in enumerate(changed)
+    ]
+    model = oscillator()
+    seen, priors = [observe(model, r) for r in runs], default_priors(model)
+    fit = fit_with_process_noise(model, seen, priors)
+    laws = [e for e in library(model) if e.effect.about.level]
+    known = []
+    for most in (10, 1):
+        monkeypatch.setattr(score, "_MOST_LEVELS", most)
+        found = score_library(fit.model, seen, priors, laws, noise_scale=fit.noise_scale)
+        known.append([s.entry.name for s in found.scores])
+    assert len(known[0]) > 1 and known[1] == known[0][:1]
 
 
 def test_a_size_in_each_recording_absorbs_a_part_of_anything() -> None:

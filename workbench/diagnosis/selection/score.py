@@ -35,6 +35,9 @@ _SIGMA = 4.0
 _DIFFERS = 15.0
 """Gain of log likelihood by which one size in each recording has to beat one in all of them."""
 
+_MOST_LEVELS = 3
+"""How many effects that differ by recording are offered: beside a large misfit nearly all do."""
+
 _DUE = 0.1
 """Part of what an effect does to the predictions after which it counts as seen."""
 
@@ -358,6 +361,8 @@ def _scores(
             continue
         best.setdefault(variants[i].entry.name, int(i))
     order = list(best.values())
+    differing = [i for i in order if variants[i].entry.effect.about.level]
+    order = [i for i in order if i not in differing[_MOST_LEVELS:]]
     due = _due(np.concatenate(totals.shown), np.concatenate(totals.begins))
     clearest = np.argmax([blocks.sum(axis=0) for blocks in totals.shown], axis=0)
     units = scale[n:]
