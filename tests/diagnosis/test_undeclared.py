@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,10 +13,11 @@ import pytest
 from tests.diagnosis.newcomers import oscillator
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.problem import problem_of_files
-from workbench.diagnosis.undeclared import as_coarse_as_recorded
+from workbench.diagnosis.second_search import View
+from workbench.diagnosis.undeclared import as_coarse_as_recorded, opened
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
-from workbench.physics.library import LAWS
+from workbench.physics.library import LAWS, library
 from workbench.plants.servo_axis import servo_axis
 from workbench.recordings.recording import Recording, Signal
 
@@ -114,6 +116,40 @@ def test_ports_beside_those_of_the_author_stand_at_inputs_and_rates_that_none_ca
     ]
     axis = servo_axis()
     assert axis.opened() is axis  # One port carries the force and all that turns into speed.
+
+
+def test_an_input_that_stays_as_it_is_is_no_place_to_look_at() -> None:
+    charged = _charged(1, 0.0)
+    assert opened(_cell(), [charged])[1] == ("current.command", "soc.rate")
+    held = replace(charged.signal("current"), values=0.0 * charged.time + 2.0)
+    still = replace(charged, signals=(held, charged.signal("u")))
+    assert opened(_cell(), [still])[1] == ("soc.rate",)
+
+
+def test_a_second_search_tries_its_ports_and_what_was_followed_and_ends_where_it_lags() -> None:
+    runs = {
+        error: SimpleNamespace(spoilt_from=lambda other, error=error: error > 1.25 * other.error)
+        for error in (1.0, 1.2, 2.0)
+    }
+    for error, run in runs.items():
+        run.error = error
+
+    def reached(*errors: float) -> Any:
+        found = [SimpleNamespace(candidate=SimpleNamespace(run=runs[e])) for e in errors]
+        return SimpleNamespace(accepted=found, rounds=(round_,))
+
+    names = ("gain_terminal_voltage", True), ("offset_terminal_voltage", False)
+    candidates = [SimpleNamespace(name=name, followed=followed) for name, followed in names]
+    round_ = SimpleNamespace(candidates=candidates)
+    view = View(_cell(), among=("soc.rate",), found=reached(1.0))
+    offered = library(_cell().opened())
+    tried = {h.name for h in offered if view.tries(h)}
+    assert {"gain_terminal_voltage", "offset_soc_rate"} <= tried
+    assert "offset_terminal_voltage" in {h.name for h in offered} - tried
+    assert view.lags(reached(2.0)) and not view.lags(reached(1.2))
+    # More effects than were found first are held against all of those.
+    assert view.lags(reached(1.2, 2.0)) and not view.lags(reached(2.0, 1.0))
+    assert not View(_cell(), found=reached(1.0)).lags(reached(2.0))
 
 
 def test_an_error_where_the_author_opened_no_port_is_found_there(
