@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -15,7 +15,7 @@ from tests.diagnosis.axis_case import SAMPLE_TIME, diagnosed, excitation, positi
 from tests.diagnosis.newcomers import damper, driven_carts, rubbed, two_carts
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import default_priors
-from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+from workbench.diagnosis.estimation.process_noise import blocks_of_cost, fit_with_process_noise
 from workbench.diagnosis.selection import refits
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.decision import decided, degenerates_to, preferred
@@ -412,9 +412,8 @@ def test_what_comes_late_is_raced_on_what_shows_it() -> None:
     scores = score_library(base.model, [observed], priors, tried, noise_scale=base.noise_scale)
     jump = by_name(scores)["offset_jump_axis_force"]
     assert jump.late > refits._HEADS[0]
-    (found,) = refits._first_refits(
-        base, [jump], priors, [observed], refits._HEADS[0], refits._FAR, [None], jobs=1
-    )
+    prior = base.cost - float(blocks_of_cost(base, [observed]).sum())
+    (found,) = refits._raced(base, [jump], priors, prior, [observed], [None], 1, True)
     assert found.fit is not None and found.gain > 1000.0
     assert found.fit.model.parameter("offset_jump_axis_force.time").value == pytest.approx(
         SAMPLE_TIME * late, abs=0.05
@@ -422,6 +421,32 @@ def test_what_comes_late_is_raced_on_what_shows_it() -> None:
     assert found.fit.model.parameter("offset_jump_axis_force.amount").value == pytest.approx(
         30.0, rel=0.05
     )
+
+
+def test_many_short_recordings_are_raced_on_some_among_them_the_one_that_shows_it_best(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    recordings = [SimpleNamespace(name=k, outputs=np.zeros(600)) for k in range(12)]
+    used = {}
+
+    def first(_: Any, field: Any, __: Any, ___: Any, some: Any, *rest: Any) -> list[Any]:
+        for score in field:
+            used[score.number] = [r.name for r in some], some[score.clearest].name
+        return [score.number for score in field]
+
+    @dataclass(frozen=True)
+    class Shown:
+        number: int
+        clearest: int
+
+    monkeypatch.setattr(refits, "_first_refits", first)
+    field: Any = [Shown(0, 7), Shown(1, 2), Shown(2, 7)]
+    raced = refits._raced(
+        cast(Any, None), field, (), 0.0, cast(Any, recordings), [None] * 3, 1, True
+    )
+    assert raced == [0, 1, 2]
+    assert used[0] == used[2] == ([0, 1, 2, 3, 7], 7)
+    assert used[1] == ([0, 1, 2, 3, 4], 2)
 
 
 def test_what_acts_at_one_of_a_pair_is_told_from_what_acts_at_both() -> None:

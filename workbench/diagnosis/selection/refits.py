@@ -123,17 +123,21 @@ def refit_candidates(
     given = tuple(priors)
     field, lost = list(chosen), []
     begun: list[Candidate | None] = [None] * len(field)
-    if max(len(r.outputs) for r in fit_on) > _RACED * _HEADS[0]:
+    lengths = [len(r.outputs) for r in fit_on]
+    prior = base.cost - float(blocks_of_cost(base, fit_on).sum()) if field else 0.0
+    if max(lengths) > _RACED * _HEADS[0] or sum(lengths) > _RACED * _HEADS[1]:
         if progress and field:
             progress(f"racing {len(field)} effects on the beginning of the recordings")
-        raced = _first_refits(base, field, given, fit_on, _HEADS[0], _FAR, begun, jobs, thorough)
+        raced = _raced(base, field, given, prior, fit_on, begun, jobs, thorough)
         order = sorted(range(len(field)), key=lambda i: (i >= _BY_SCORE, -raced[i].gain))
         field = [chosen[i] for i in order[:_FIELD]]
         begun = [raced[i] for i in order[:_FIELD]]
         lost = [raced[i] for i in order[_FIELD:]]
     if progress and field:
         progress("refitting with " + ", ".join(s.entry.name for s in field))
-    first = _first_refits(base, field, given, fit_on, _HEADS[1], _NEAR, begun, jobs, thorough)
+    first = _first_refits(
+        base, field, given, prior, fit_on, _HEADS[1], _NEAR, begun, jobs, thorough
+    )
     # Only the leaders are followed down the ladder: a hypothesis that cannot compete with the
     # equations as imperfect as they were does not overtake with more trust in them.
     leaders = _leaders(first, field.index(chosen[0]) if field else 0)
@@ -161,10 +165,45 @@ def refit_candidates(
     return decided((*first, *lost, *alone), done[0], limits)
 
 
+def _raced(
+    base: ProcessNoiseFit,
+    field: Sequence[Score],
+    priors: tuple[Prior, ...],
+    prior: float,
+    fit_on: Sequence[Observed],
+    begun: Sequence[Candidate | None],
+    jobs: int,
+    thorough: bool,
+) -> list[Candidate]:
+    """Refit hypotheses on the beginning of two recordings, or on more if they are short.
+
+    The one that shows a hypothesis best is among them.
+
+    Args:
+        prior: As for `_first_refits`.
+    """
+    groups: dict[tuple[int, ...], list[int]] = {}
+    for i, score in enumerate(field):
+        order = sorted(range(len(fit_on)), key=lambda k: k != score.clearest)
+        sizes = np.cumsum([min(len(fit_on[k].outputs), _HEADS[0]) for k in order])
+        enough = int(np.searchsorted(sizes, 2 * _HEADS[0])) + 1
+        groups.setdefault(tuple(sorted(order[:enough])), []).append(i)
+    found: dict[int, Candidate] = {}
+    for chosen, own in groups.items():
+        here = [replace(field[i], clearest=chosen.index(field[i].clearest)) for i in own]
+        some, known = [fit_on[k] for k in chosen], [begun[i] for i in own]
+        done = _first_refits(
+            base, here, priors, prior, some, _HEADS[0], _FAR, known, jobs, thorough
+        )
+        found |= dict(zip(own, done, strict=True))
+    return [found[i] for i in range(len(field))]
+
+
 def _first_refits(
     base: ProcessNoiseFit,
     field: Sequence[Score],
     priors: tuple[Prior, ...],
+    known: float,
     fit_on: Sequence[Observed],
     samples: int,
     enough: float,
@@ -175,12 +214,13 @@ def _first_refits(
     """Refit hypotheses on the beginning of each recording, from where earlier refits ended.
 
     What happens later than that is refitted on as much as shows it.
+
+    Args:
+        known: Minus the logarithm of the priors, which is in the cost of a refit too.
     """
     if not field:
         return []
     short = thorough and sum(len(r.outputs) for r in fit_on) <= _SHORT
-    # Minus the logarithm of the priors is in the cost of a refit too.
-    known = base.cost - float(blocks_of_cost(base, fit_on).sum())
     lengths = [samples if score.late < samples else 2 * score.late for score in field]
     steps = _ROUGHLY if samples == _HEADS[0] else STEPS
     heads = {
