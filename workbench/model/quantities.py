@@ -164,8 +164,8 @@ class Input(Channel):
         lower: Saturation, in ``unit``.
         upper: Saturation, in ``unit``.
         resolution: Step of the converter that writes it, in ``unit``; 0 for none.
-        slew: Fastest change, in ``unit`` per s, such as that of a valve which moves 10 % in a
-            second; none by default.
+        slew: Fastest change under a controller, in ``unit`` per s, such as that of a valve which
+            moves 10 % in a second; none by default. An input that is given over time is as given.
         commanded: Whether the user of the machine sets it; a wind or the temperature of a room is
             only measured: it rests at its nominal value, and no controller, experiment or limit
             takes it for a command.
