@@ -136,3 +136,47 @@ def test_a_start_that_is_as_likely_as_any_stays() -> None:
     tanks = cascaded_tanks()
     seen = made_up(tanks, np.full(200, 3.0), sample_time=4.0)
     assert likely_start(tanks, seen) is seen
+
+
+def test_a_reading_tells_no_more_of_a_start_than_is_known_of_the_parameters_between() -> None:
+    """A load on a rope, of which a load cell reads the force: how far it hangs, stiffness tells."""
+
+    def equations(m):
+        force = m.p.stiffness * (m.u.top - m.x.height) - m.p.damping * m.x.speed
+        return {"height": m.x.speed, "speed": force / 800.0 - 9.81}, {"cell": force}
+
+    nominal = Model(
+        "rope",
+        equations,
+        states=(State("height", "m", 1.0), State("speed", "m/s", 0.5)),
+        inputs=(Input("top", "m", 1.0),),
+        outputs=(Output("cell", "N", 8e3, noise_rms=12.0),),
+        parameters=(
+            Parameter("stiffness", "N/m", value=3e5, lower=3e4, upper=3e6, fitted=True),
+            Parameter("damping", "N s/m", value=1e3, lower=0.0, upper=1e4, fitted=True),
+        ),
+    )
+    k, d, h = 4.1e5, 1.9e3, 1e-3
+    rng = np.random.default_rng(0)
+    top = np.cumsum(np.repeat(rng.uniform(-1.0, 1.0, 10), 30)) * 2e-4
+    x, cell = np.array([-800.0 * 9.81 / k, 0.0]), []
+
+    def rate(x: np.ndarray, u: float) -> np.ndarray:
+        return np.array([x[1], (k * (u - x[0]) - d * x[1]) / 800.0 - 9.81])
+
+    for u in top:
+        cell.append(k * (u - x[0]) - d * x[1])
+        for _ in range(10):
+            a = rate(x, u)
+            b = rate(x + 0.5 * h * a, u)
+            c = rate(x + 0.5 * h * b, u)
+            x = x + h / 6.0 * (a + 2.0 * b + 2.0 * c + rate(x + h * c, u))
+    read = np.array(cell) + rng.normal(0.0, 12.0, len(cell))
+    signals = (Signal("top", top, "m", role="command"), Signal("cell", read, "N"))
+    recording = Recording("rope", 0.01 * np.arange(len(top)), signals)
+    nominal, _ = with_undeclared(nominal, [recording])
+    found, _ = fit_with_likely_starts(
+        nominal, [observe(nominal, recording)], default_priors(nominal)
+    )
+    assert found.refit.estimate("stiffness").value == pytest.approx(k, rel=2e-3)
+    assert found.noise_scale <= 0.03

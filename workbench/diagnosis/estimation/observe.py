@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import casadi as ca
 import numpy as np
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import CORRELATION_TIME, Observed
+from workbench.diagnosis.estimation.priors import default_priors
 from workbench.errors import WorkbenchError
 from workbench.model import Model, Output
 from workbench.recordings.recording import Recording
@@ -133,5 +135,20 @@ def _start(
     }
     # States of effects start where the corrected states put them.
     x = model.initial_state(given, u=inputs)
-    spread = np.sqrt(np.diag(covariance - gain @ slope @ covariance))
+    # A reading tells no more of a state than is known of the parameters between them.
+    by_priors = gain @ _read_by_parameters(model, x, inputs)[rows][known]
+    variance = np.diag(covariance - gain @ slope @ covariance) + np.sum(by_priors**2, axis=1)
+    spread = np.sqrt(np.maximum(variance, 0.0))
     return x, np.maximum(spread, 1e-9 * np.array([q.scale for q in model.states]))
+
+
+def _read_by_parameters(model: Model, x: Vector, u: Vector) -> Vector:
+    """Return how far the uncertainty of each free parameter moves each reading, in its unit."""
+    free = [
+        i for i, q in enumerate(model.parameters) if q.fitted and math.isfinite(q.upper - q.lower)
+    ]
+    priors = default_priors(model, [model.parameters[i].name for i in free])
+    trace = model.exact
+    slopes = trace.function("slopes", ca.jacobian(trace.outputs, trace.p)[:, free])
+    moved: Vector = np.asarray(slopes(x, u, model.values)) * np.array([q.std for q in priors])
+    return moved
