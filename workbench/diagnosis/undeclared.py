@@ -39,6 +39,9 @@ _CLEARLY_LESS = 0.7
 _WHITE = 1.1
 """Error of a run over what successive samples of it do not share up to which it is white."""
 
+_INDEPENDENT = 1e-6
+"""Part by which directions, of length 1, must differ to be more than one."""
+
 _COARSE = 2.0
 """Multiple of the declared noise and resolution beyond which a recorded step counts."""
 
@@ -126,7 +129,8 @@ def opened(model: Model, recordings: Sequence[Recording]) -> tuple[Model, tuple[
 
     Returns:
         The plant with further ports, the same one where there are none; their names. An input
-        that stays as it is is no place to look at: an error of it is one of a parameter.
+        that stays as it is is no place to look at: an error of it is one of a parameter. Nor is a
+        rate that the author's own ports change as it may be changed: what acts there acts at them.
     """
     further = model.opened()
     still = {
@@ -134,9 +138,21 @@ def opened(model: Model, recordings: Sequence[Recording]) -> tuple[Model, tuple[
         for q in model.inputs
         if all(np.ptp(r[q.name]) == 0.0 for r in recordings if q.name in r)
     }
-    known = still | {q.name for q in model.ports}
+    known = still | {q.name for q in model.ports} | _carried(model)
     new = tuple(q.name for q in further.ports if q.name not in known)
     return (_with_data(further, recordings)[0], new) if new else (model, ())
+
+
+def _carried(model: Model) -> set[str]:
+    """Return the ports of rates that the ports of a plant together change, each by itself."""
+    raised = model.exact.function("by_port", model.exact.rates_by_port)
+    scales = np.array([[q.scale] for q in model.states])
+    at = np.asarray(raised(model.initial_state(), model.nominal_input, model.values)) / scales
+    at = at[:, np.all(np.isfinite(at), axis=0) & np.any(at != 0.0, axis=0)]
+    directions, sizes, _ = np.linalg.svd(at / np.linalg.norm(at, axis=0), full_matrices=False)
+    spanned = np.sum(directions[:, sizes > _INDEPENDENT] ** 2, axis=1)
+    found = zip(model.states, spanned, strict=True)
+    return {f"{q.name}.rate" for q, part in found if part > 1.0 - _INDEPENDENT}
 
 
 def _growing(q: Output) -> str:
