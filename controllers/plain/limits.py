@@ -13,7 +13,7 @@ and late does, those are taken that exceed them least. Of what is left, the best
 after a step of each reference and of each load: the sum of the integrals of time by absolute error,
 what other outputs do counted in their scales, each over the least that any has; a step that
 overshoots by a percent more than it may counts as a tenth of it more, one that moves another output
-by as much as its own as twice.
+by as much as its own as four times.
 
 Source: Panagopoulos, Åström and Hägglund, Design of PID controllers based on constrained
 optimisation, IEE Proc. Control Theory Appl. 149, 2002 (limits); Safonov, Stability margins of
@@ -117,10 +117,15 @@ class LoopLimits:
 
     def _judged(self, laws: LinearLaw) -> Judged:
         ms, mt, beyond, stirred, stable = self._peaks(laws, slice(None))
-        for plant in self.plants:
-            stable &= np.abs(np.linalg.eigvals(_closed(plant, laws)[0])).max(axis=1) < 1.0
+        stable &= self.stable(laws)
         excess = np.maximum(self._ratio(ms, mt, beyond), stirred / self.want.quiet)
         return Judged(ms, mt, np.where(stable, excess, math.inf))
+
+    def stable(self, laws: LinearLaw) -> npt.NDArray[np.bool_]:
+        """Tell which loops are stable without a delay, with the lag and without."""
+        closed = [_closed(plant, laws)[0] for plant in self.plants]
+        largest = [np.abs(np.linalg.eigvals(own)).max(axis=1) for own in closed]
+        return np.asarray(np.max(largest, axis=0) < 1.0)
 
     def _ratio(self, ms: Vector, mt: Vector, beyond: Vector) -> Vector:
         """Return the largest ratio of peaks, as of `_peaks`, to their limits."""
@@ -638,7 +643,7 @@ def cost(found: Answer, least: Vector, overshoot: float) -> Vector:
         overshoot: Of a step of a reference that is allowed, as a fraction of it.
     """
     beyond = np.maximum(found.overshoot.max(axis=1) - overshoot, 0.0)
-    penalty = (1.0 + OVERSHOT * beyond) * (1.0 + found.interaction.max(axis=1))
+    penalty = (1.0 + OVERSHOT * beyond) * (1.0 + found.interaction.max(axis=1)) ** 2
     return np.asarray(np.sum(found.errors / least, axis=1) * penalty)
 
 

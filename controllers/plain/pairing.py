@@ -85,17 +85,17 @@ def pairings(loop: Loop) -> Iterator[Pairing]:
         yield Pairing(commands, tuple(relative.tolist()), index, allowed)
 
 
-def best_pairing(loop: Loop) -> Pairing:
-    """Return the pairing whose relative gains are nearest to 1, of those that can be stable.
+def best_pairings(loop: Loop, speed: float = 0.0) -> list[Pairing]:
+    """Return the pairings that can be stable: the best at rest, and at a speed, in rad/s.
 
-    Of more commands than outputs, those act that do most: of a command that does nothing, the
-    relative gains of all outputs add up to 0, else to 1 at most.
+    The best is that whose relative gains are nearest to 1. Of more commands than outputs, those act
+    that do most: of a command that does nothing, the relative gains of all outputs add up to 0,
+    else to 1 at most.
 
     Raises:
         WorkbenchError: If none can be.
     """
-    found = list(pairings(loop))
-    allowed = [one for one in found if one.allowed]
+    allowed = [one for one in pairings(loop) if one.allowed]
     if not allowed:
         table = np.round(relative_gains(gain_at_rest(loop)), 3).tolist()
         raise WorkbenchError(
@@ -104,32 +104,53 @@ def best_pairing(loop: Loop) -> Pairing:
             f" gain or Niederlinski index (relative gains {table}); take decoupled = true, or a"
             " family that commands all outputs together, such as lqi"
         )
-    G = gain_at_rest(loop) * loop.command_scale / loop.output_scale[:, None]
-    idle = 1.0 - relative_gains(G).sum(axis=0)
-    return min(
-        allowed,
-        key=lambda one: (
-            sum(abs(gain - 1.0) for gain in one.relative) + 2.0 * sum(idle[k] for k in one.commands)
-        ),
-    )
+    scale, best = loop.command_scale / loop.output_scale[:, None], []
+    for G in (gain_at_rest(loop), *(loop.response([speed]) if speed else ())):
+        table = relative_gains(G * scale)
+        idle = np.abs(1.0 - table.sum(axis=0))
+        away = [
+            sum(abs(table[i, k] - 1.0) + 2.0 * idle[k] for i, k in enumerate(one.commands))
+            for one in allowed
+        ]
+        best.append(allowed[int(np.argmin(away))])
+    return list(dict.fromkeys(best))
 
 
-def paired(loop: Loop, *, decoupled: bool = False) -> Matrix:
-    """Return what the law of each output adds to the commands, shape (m, p), in SI.
+def best_pairing(loop: Loop) -> Pairing:
+    """Return the pairing that is best at rest; see `best_pairings`."""
+    return best_pairings(loop)[0]
 
-    Raises:
-        WorkbenchError: If no pairing can be stable.
+
+def paired(loop: Loop, pairing: Pairing) -> Matrix:
+    """Return what the law of each output adds to the commands, its own alone, shape (m, p), SI."""
+    mix = np.zeros(loop.linear.D.T.shape)
+    mix[pairing.commands, np.arange(len(pairing.commands))] = 1.0
+    return mix
+
+
+def decoupled(loop: Loop, speed: float = 0.0) -> Matrix:
+    """Return the same mixed so that the law of each moves its own output alone, shape (m, p), SI.
+
+    At rest, or at a speed in rad/s, where a response that turns has no real inverse: of each output
+    it is the mix, at whatever phase, that leaves the least of all others.
+
+    Source: Kouvaritakis, Theory and practice of the characteristic locus design method, Proc. IEE
+    126, 1979, algorithm ALIGN.
     """
-    G = gain_at_rest(loop)
-    p, m = G.shape
-    if not decoupled:
-        mix = np.zeros((m, p))
-        mix[best_pairing(loop).commands, np.arange(p)] = 1.0
-        return mix
-    scale = loop.command_scale[:, None]
-    inverse = scale * np.linalg.pinv(G * loop.command_scale / loop.output_scale[:, None])
-    largest = np.argmax(np.abs(inverse / scale), axis=0)
-    return np.asarray(inverse / inverse[largest, np.arange(p)])
+    G = loop.response([speed])[0] if speed else gain_at_rest(loop)
+    G = G * loop.command_scale / loop.output_scale[:, None]
+    inverse, target = np.linalg.pinv(np.vstack([G.real, G.imag])), np.eye(len(G))
+    turned = np.exp(1j * PHASES)[:, None, None] * target
+    found = inverse @ np.concatenate([turned.real, turned.imag], axis=1)
+    least = np.argmin(np.abs(G @ found - turned).max(axis=1), axis=0)
+    mix = found[least, :, np.arange(len(G))].T
+    largest = np.argmax(np.abs(mix), axis=0)
+    mix = loop.command_scale[:, None] * mix
+    return np.asarray(mix / mix[largest, np.arange(len(G))])
+
+
+PHASES = np.linspace(0.0, np.pi, 90, endpoint=False)
+"""Phases at which the answers of all outputs are aligned, in rad."""
 
 
 def zeros(loop: Loop) -> Complex:

@@ -23,8 +23,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -32,9 +33,9 @@ import numpy as np
 from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
 from controllers.design import Design
 from controllers.linear_law import LinearLaw
-from controllers.plain.limits import Answer, LoopLimits, answer, cost
+from controllers.plain.limits import Answer, Judged, LoopLimits, answer, cost
 from controllers.plain.loop import Loop, LoopSpecification, PlainLaw, loop_of, named
-from controllers.plain.pairing import best_pairing, paired
+from controllers.plain.pairing import best_pairings, decoupled, paired
 from controllers.sampling import Rows, anti_windup, product, rows, tustin
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_range
@@ -339,11 +340,18 @@ def sampled_controller(
     )
 
 
-ZEROS = (0.4, 1.0, 2.5, 6.0, 15.0)
+ZEROS = (0.03, 0.15, 0.4, 1.0, 2.5, 6.0, 15.0)
 """Times of the integral that are tried, in time constants of the crossover."""
 
 PHASE_MARGINS = (1.15, 0.95, 0.75, 0.55)
 """Phase margins that are tried, in rad."""
+
+NEARLY_INTEGRALS = (0.03, 0.15)
+"""Those among them that leave little but the integral, for a resonance; every third speed is tried
+with them."""
+
+LIFT = 1.4
+"""Largest phase that a lead network gives, in rad."""
 
 STEPS = (2.0, 1.5, 1.5, 1.5, 1.3, 1.3, 1.3, 1.15, 1.15, 1.15, 1.07, 1.07)
 """Factors by which each gain is changed, as long as that is better."""
@@ -356,7 +364,20 @@ SLOWER = (1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.12, 0.08, 0.05, 0.03, 0.02, 0.01)
 """Crossovers that are tried of several loops at once, over those of each alone."""
 
 
-MOST_PIDS = 400
+MUCH_BETTER, HOPELESS = 1.5, 20.0
+"""What errors of PIDs that each act on one command may be over those of mixed ones, a ratio; and
+what those of either may be before their gains are changed."""
+
+
+AT_ONCE = 24
+"""PIDs of several loops that are judged together."""
+
+
+TAKEN = (1.0, 0.75)
+"""Shares of the limits that each of several loops alone may take."""
+
+
+MOST_PIDS = 130
 """Most choices of speeds of several loops that are tried."""
 
 
@@ -369,12 +390,13 @@ class PlainPIDSpecification(LoopSpecification):
         error_scale: Smallest error for which all of the command may be used, in SI of the output;
             by default (0) noise alone limits the gain.
         decoupled: Whether the commands of several loops are mixed so that at rest, or at the speed
-            of the loops where the plant integrates, each moves its own output alone.
+            of the loops, each moves its own output alone; by default where that makes a much
+            better loop.
     """
 
     bandwidth: float = 0.0
     error_scale: float = 0.0
-    decoupled: bool = False
+    decoupled: bool | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -392,9 +414,9 @@ def design_plain_pid(
     is the best by `controllers.plain.limits`, the reference weighted by what lets a step overshoot
     no further than it may; its four gains are then changed one by one as long as that helps.
 
-    Several outputs are paired with commands by `controllers.plain.pairing`; of the best PIDs of
-    each pair alone, each at most so fast, those at the best share of their speeds are then changed
-    gain by gain, in the loop of all.
+    Several outputs are paired with commands (`controllers.plain.pairing`), or the commands mixed so
+    that each PID moves its own output alone; of the best PIDs of each output alone, each at most so
+    fast, those at the best share of their speeds are then changed gain by gain, in the loop of all.
 
     Raises:
         WorkbenchError: If no such loop is stable, no pairing can be, or a limit that was given is
@@ -405,89 +427,219 @@ def design_plain_pid(
     """
     want = specification or PlainPIDSpecification()
     loop, h = want.loop(linear), want.sample_time
-    if not want.decoupled and len(loop.actuators) > len(loop.measured):
+    limits = LoopLimits(loop, want)
+    best = _best([_tuned(limits, want, one) for one in _begun(limits, want)], want)
+    gains, mix, weight = best.gains, best.mix, best.weight
+    moved = np.any(mix != 0.0, axis=1)
+    if not moved.all():
         # What belongs to no output rests.
-        taken = [loop.actuators[k] for k in best_pairing(loop).commands]
-        loop = loop_of(linear, loop.measured, taken)
-    limits, p = LoopLimits(loop, want), len(loop.measured)
-    mix = np.eye(1)
-    if p > 1 or len(loop.actuators) > 1:
-        mix = paired(loop, decoupled=want.decoupled)
-    largest = 1.0 / np.maximum(
-        want.error_scale * np.abs(mix / loop.command_scale[:, None]).max(axis=0), 1e-300
-    )
-    top = want.bandwidth or 0.1 * 2.0 * math.pi / h
-    tried = np.geomspace(top, 1e-5 * top, 70)
-    turned = np.exp(-1j * tried * (0.5 * h + want.delay))
-    responses = loop.response(tried) @ mix * turned[:, None, None]
+        taken = tuple(u for u, moves in zip(loop.actuators, moved, strict=True) if moves)
+        loop, mix = loop_of(linear, loop.measured, taken), mix[moved]
+        limits = LoopLimits(loop, want)
+    name = "decoupled PID" if best.mixed else "PID"
+    return limits.at_pace(_pids(gains, mix, weight, loop.ends, sample_time=h, name=name))
 
-    def small(gains: Matrix) -> Any:
-        fits = np.abs(gains[..., 0] + gains[..., 2] / (gains[..., 3] + h)) <= largest
-        return fits.all(axis=-1)
 
-    alone = [_at_crossover(tried, responses[:, i, i]) for i in range(p)]
-    if p == 1:
-        tries = alone[0][0][:, None]
-    else:
-        tries = _slowed(loop, want, mix, alone)
-    tries = tries[small(tries)]
-    judged = limits.judge(_around_rest(tries, mix, h))
-    held = limits.held(judged, "a PID" if p == 1 else "a PID of each output")
-    top = max(1.0, float(judged.excess[held].max()))
-    weights, found = _weighed(limits, tries[held], mix)
-    least = found.errors.min(axis=0)
-    errors = cost(found, least, want.overshoot)
-    k = int(np.argmin(errors))
-    gains, weight, error = tries[held][k], weights[k], errors[k]
+class _PIDs(NamedTuple):
+    """PIDs, one for each output.
+
+    Args:
+        mix: What each adds to the commands, shape (m, p), in SI of the commands over that of it.
+        gains: Kp, Ki, Kd and Tf of each, shape (p, 4), in SI.
+        weight: Weights of the references, shape (p,), dimensionless.
+        speed: Mean crossover of the best alone, in rad/s.
+        excess: Largest ratio to a limit that a better one may have, 1 or more.
+        least: Least errors of all that hold the limits, as of `Answer`.
+        answer: What their loop answers.
+    """
+
+    mix: Matrix
+    gains: Matrix
+    weight: Vector
+    speed: float
+    excess: float
+    least: Vector
+    answer: Answer
+
+    @property
+    def mixed(self) -> bool:
+        """Whether one of them acts on several commands."""
+        return bool(np.any(np.count_nonzero(self.mix, axis=0) > 1))
+
+
+def _badness(found: Sequence[_PIDs], want: PlainPIDSpecification) -> list[float]:
+    """Return how bad PIDs are beside each other; those of several commands count as worse."""
+    least = np.min([one.answer.errors[0] for one in found], axis=0)
+    return [
+        one.excess**4
+        * float(cost(one.answer, least, want.overshoot)[0])
+        * (MUCH_BETTER if one.mixed else 1.0)
+        for one in found
+    ]
+
+
+def _best(found: Sequence[_PIDs], want: PlainPIDSpecification) -> _PIDs:
+    return found[int(np.argmin(_badness(found, want)))]
+
+
+def _begun(limits: LoopLimits, want: PlainPIDSpecification) -> list[_PIDs]:
+    """Return PIDs to start from: the best of a command each, and the best of all commands."""
+    loop = limits.loop
+    if loop.linear.D.shape == (1, 1):
+        return [_begun_by(limits, want, np.eye(1))]
+    ways: list[Callable[[float], Matrix]] = []
+    if not want.decoupled:
+        ways.append(lambda w: paired(loop, best_pairings(loop, w)[-1]))
+    if want.decoupled is not False:
+        ways.append(partial(decoupled, loop))
+    mixes: list[Matrix] = []
+    found: list[_PIDs] = []
+    refused: list[WorkbenchError] = []
+    for at_speed in (False, True):
+        speed = (found[0].speed if found else 0.01 / want.sample_time) if at_speed else 0.0
+        for way in ways:
+            try:
+                mix = way(speed)
+                if any(np.allclose(mix, known, rtol=0.02) for known in mixes):
+                    continue
+                mixes.append(mix)
+                found.append(_begun_by(limits, want, mix))
+            except WorkbenchError as error:
+                refused.append(error)
+    if not found:
+        raise refused[0]
+    kinds = [[one for one in found if one.mixed == mixed] for mixed in (False, True)]
+    best = [_best(kind, want) for kind in kinds if kind]
+    badness = _badness(best, want)
+    return [one for one, bad in zip(best, badness, strict=True) if bad < HOPELESS * min(badness)]
+
+
+def _tuned(limits: LoopLimits, want: PlainPIDSpecification, begun: _PIDs) -> _PIDs:
+    """Return PIDs whose gains are changed as long as that makes the loop of all better."""
+    loop, h, p, mix = limits.loop, want.sample_time, limits.outputs, begun.mix
+    gains, weight, best = begun.gains, begun.weight, begun.answer
+    error = cost(best, begun.least, want.overshoot)[0]
     for step in STEPS:
-        changes = np.kron(np.eye(4 * p), [[step], [1.0 / step]])
-        changes[changes == 0.0] = 1.0
-        changes = changes.reshape(-1, p, 4)
+        # Each gain, and all of a PID but its filter time together.
+        which = np.vstack([np.eye(4 * p), np.kron(np.eye(p), [[1.0, 1.0, 1.0, 0.0]])])
+        changes = step ** np.kron(which, [[1.0], [-1.0]]).reshape(-1, p, 4)
         while len(changes):
             tries = gains * changes
-            may = small(tries)
-            may &= limits.judge(_around_rest(tries, mix, h)).excess <= top
+            may = _small(tries, mix, loop, want) & limits.stable(_around_rest(tries, mix, h))
             weights, found = _weighed(limits, tries[may], mix)
-            errors = cost(found, least, want.overshoot)
+            errors = cost(found, begun.least, want.overshoot)
             better = np.flatnonzero(errors < error)
+            judged = limits.judge(_around_rest(tries[may][better], mix, h))
+            better = better[judged.excess <= begun.excess]
             if not len(better):
                 break
             k = better[0]
             gains, weight, error = tries[may][k], weights[k], errors[k]
+            best = Answer(*(part[[k]] for part in found))
             changes = changes[np.flatnonzero(may)[k] + 1 :]
-    return limits.at_pace(_pids(gains, mix, weight, loop.ends, sample_time=h))
+    return begun._replace(gains=gains, weight=weight, answer=best)
+
+
+def _begun_by(limits: LoopLimits, want: PlainPIDSpecification, mix: Matrix) -> _PIDs:
+    loop, h, p = limits.loop, want.sample_time, limits.outputs
+    top = want.bandwidth or 0.1 * 2.0 * math.pi / h
+    tried = np.geomspace(top, 1e-5 * top, 70)
+    turned = np.exp(-1j * tried * (0.5 * h + want.delay))
+    responses = loop.response(tried) @ mix * turned[:, None, None]
+    if p == 1:
+        tries, speed, judged = _alone(limits, want, mix, tried, responses[:, 0, 0])
+        held = limits.held(judged, "a PID")
+    else:
+        tries, speed = _slowed(loop, want, mix, tried, responses)
+        may = _small(tries, mix, loop, want) & limits.stable(_around_rest(tries, mix, h))
+        tries, speed = tries[may], speed[may]
+        # Few of many need to be judged: the best first.
+        found = _weighed(limits, tries, mix)[1]
+        errors = cost(found, found.errors.min(axis=0, initial=math.inf), want.overshoot)
+        order, parts = np.argsort(errors), [Judged(*np.zeros((3, 0)))]
+        for k in range(0, len(order), AT_ONCE):
+            parts.append(limits.judge(_around_rest(tries[order[k : k + AT_ONCE]], mix, h)))
+            if parts[-1].excess.min() <= 1.0:
+                break
+        tries, speed = tries[order], speed[order]
+        judged = Judged(*(np.concatenate(own) for own in zip(*parts, strict=True)))
+        held = limits.held(judged, "a PID of each output")
+    weights, found = _weighed(limits, tries[held], mix)
+    least = found.errors.min(axis=0)
+    k = int(np.argmin(cost(found, least, want.overshoot)))
+    return _PIDs(
+        mix,
+        tries[held][k],
+        weights[k],
+        float(speed[held][k]),
+        max(1.0, float(judged.excess[held].max())),
+        least,
+        Answer(*(part[[k]] for part in found)),
+    )
+
+
+def _small(gains: Matrix, mix: Matrix, loop: Loop, want: PlainPIDSpecification) -> Any:
+    """Tell which PIDs, shape (n, p, 4), ask for no more than an error of its scale may."""
+    scale = np.abs(mix / loop.command_scale[:, None]).max(axis=0)
+    largest = 1.0 / np.maximum(want.error_scale * scale, 1e-300)
+    strongest = np.abs(gains[..., 0] + gains[..., 2] / (gains[..., 3] + want.sample_time))
+    return (strongest <= largest).all(axis=-1)
+
+
+def _alone(
+    limits: LoopLimits, want: PlainPIDSpecification, mix: Matrix, speeds: Vector, plant: Complex
+) -> tuple[Matrix, Vector, Judged]:
+    """Return PIDs of one output, shape (n, 1, 4), their crossovers in rad/s and what they reach."""
+    tries, speed = _at_crossover(speeds, plant)
+    tries = tries[:, None]
+    small = _small(tries, mix, limits.loop, want)
+    tries, speed = tries[small], speed[small]
+    return tries, speed, limits.judge(_around_rest(tries, mix, want.sample_time))
 
 
 def _slowed(
-    loop: Loop, want: PlainPIDSpecification, mix: Matrix, alone: Sequence[tuple[Matrix, Vector]]
-) -> Matrix:
+    loop: Loop, want: PlainPIDSpecification, mix: Matrix, speeds: Vector, plant: Complex
+) -> tuple[Matrix, Vector]:
     """Return PIDs of all loops, shape (n, p, 4), of which each is the best alone that is so fast.
 
     A pair that is late, or answers the wrong way first, is slow by itself; what it is in the loop
     of all is left to the limits. Where a pair alone cannot be stable, such as one of two magnets
     under one beam, all loops cross at one speed, with one phase.
+
+    Returns:
+        The PIDs, and the mean crossover of the best alone, or of each, shape (n,), in rad/s.
     """
-    best = []
-    for i, (tries, speed) in enumerate(alone):
-        limits, single = LoopLimits(_pair(loop, mix, i), want), np.eye(1)
-        judged = limits.judge(_around_rest(tries[:, None], single, want.sample_time))
-        if not np.isfinite(judged.excess).any():
-            return _together(alone)
-        held = np.flatnonzero(judged.excess <= max(1.0, 1.05 * float(judged.excess.min())))
-        reached = _weighed(limits, tries[held][:, None], single)[1]
+    p, single = plant.shape[1], np.eye(1)
+    crossed: list[float] = []
+    # By how much of the limits each may take, what others do to it takes the rest.
+    best: dict[float, list[list[Vector]]] = {share: [] for share in TAKEN}
+    for i in range(p):
+        limits = LoopLimits(_pair(loop, mix, i), want)
+        tries, speed, judged = _alone(limits, want, single, speeds, plant[:, i, i])
+        least = float(judged.excess.min(initial=math.inf))
+        if not math.isfinite(least):
+            return _together([_at_crossover(speeds, plant[:, k, k]) for k in range(p)])
+        held = np.flatnonzero(judged.excess <= max(1.0, 1.05 * least))
+        tries, speed, excess = tries[held], speed[held], judged.excess[held]
+        reached = _weighed(limits, tries, single)[1]
         errors = cost(reached, reached.errors.min(axis=0), want.overshoot)
-        fastest = speed[held][int(np.argmin(errors))]
-        own = []
-        for share in SLOWER:
-            slow = np.flatnonzero(speed[held] <= 1.001 * share * fastest)
-            if len(slow):
-                own.append(tries[held][slow[int(np.argmin(errors[slow]))]])
-        best.append(own)
-    p, most = len(best), max(map(len, best))
-    whole = np.array([own + own[-1:] * (most - len(own)) for own in best])
-    few = min(most, int(MOST_PIDS ** (1.0 / p)))
-    steps = np.linspace(0.0, most - 1.0, few).round().astype(int).tolist()
-    return np.array([whole[range(p), each] for each in itertools.product(steps, repeat=p)])
+        crossed.append(float(speed[int(np.argmin(errors))]))
+        for taken, every in best.items():
+            quiet = excess <= max(taken, 1.05 * least)
+            own = []
+            for share in SLOWER:
+                slow = np.flatnonzero(quiet & (speed <= 1.001 * share * crossed[-1]))
+                if len(slow):
+                    own.append(tries[slow[int(np.argmin(errors[slow]))], 0])
+            every.append(own)
+    found = []
+    for every in best.values():
+        most = max(map(len, every))
+        whole = np.array([own + own[-1:] * (most - len(own)) for own in every])
+        few = min(most, int(MOST_PIDS ** (1.0 / p)))
+        steps = np.linspace(0.0, most - 1.0, few).round().astype(int).tolist()
+        found += [whole[range(p), each] for each in itertools.product(steps, repeat=p)]
+    return np.array(found), np.full(len(found), np.exp(np.mean(np.log(crossed))))
 
 
 def _pair(loop: Loop, mix: Matrix, i: int) -> Loop:
@@ -517,15 +669,17 @@ def _pair(loop: Loop, mix: Matrix, i: int) -> Loop:
     )
 
 
-def _together(alone: Sequence[tuple[Matrix, Vector]]) -> Matrix:
+def _together(alone: Sequence[tuple[Matrix, Vector]]) -> tuple[Matrix, Vector]:
     """Return PIDs of all loops, shape (n, p, 4), of one crossover, with every choice of signs."""
     found: list[list[Vector]] = []
+    speeds: list[float] = []
     for w in sorted(set.intersection(*(set(speed.tolist()) for _, speed in alone))):
         rows = [tries[speed == w] for tries, speed in alone]
         for signs in itertools.product((1.0, -1.0), repeat=len(rows)):
             own = [row[np.sign(row[:, 0]) == s] for row, s in zip(rows, signs, strict=True)]
             found += [[row[k] for row in own] for k in range(min(map(len, own)))]
-    return np.array(found).reshape(-1, len(alone), 4)
+            speeds += [w] * (len(found) - len(speeds))
+    return np.array(found).reshape(-1, len(alone), 4), np.array(speeds)
 
 
 def _around_rest(gains: Matrix, mix: Matrix, sample_time: float) -> LinearLaw:
@@ -573,10 +727,11 @@ def _at_crossover(speeds: Vector, plant: Complex) -> tuple[Matrix, Vector]:
     """
     grid = np.meshgrid(np.arange(len(speeds)), ZEROS, PHASE_MARGINS, (1.0, -1.0), indexing="ij")
     which, zero, margin, sign = (part.ravel() for part in grid)
+    rare = np.isin(zero, NEARLY_INTEGRALS)
     w, P = speeds[which.astype(int)], plant[which.astype(int)]
     missing = margin - np.pi - np.angle(P) + np.arctan(1.0 / zero) + np.where(sign < 0.0, np.pi, 0)
     lift = missing - 2.0 * np.pi * np.round(missing / (2.0 * np.pi))
-    may = (P != 0.0) & (lift <= 1.4)
+    may = (P != 0.0) & (lift <= LIFT) & ~(rare & (which % 3 > 0))
     w, P, zero, sign, lift = w[may], P[may], zero[may], sign[may], np.maximum(lift[may], 0.2)
     integrating = zero / w
     ratio = np.sqrt((1.0 + np.sin(lift)) / (1.0 - np.sin(lift)))

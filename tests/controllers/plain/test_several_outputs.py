@@ -196,10 +196,38 @@ def test_no_pairing_is_refused_and_a_decoupler_is_not() -> None:
     G = np.linalg.inv(G) if np.all(np.diag(relative_gains(G)) > 0.0) else G
     system = ct.ss(-0.1 * np.eye(3), 0.1 * G, np.eye(3), 0)
     with pytest.raises(WorkbenchError, match="no pairing of .* negative relative gain"):
-        designed("plain-pid", system)
-    law = designed("plain-pid", system, decoupled=True)
+        designed("plain-pid", system, decoupled=False)
+    law = designed("plain-pid", system)
+    assert law.name == "decoupled PID"
     run = verify(law, linear_model(system), step_scenario_of_three())
     assert np.abs(run.outputs[-1] - [1.0, 0.0, 0.0]).max() < 0.01
+
+
+def test_pids_of_joints_whose_inertia_couples_fast_are_decoupled_or_slow() -> None:
+    # A planar arm of two links: damping alone couples nothing at rest, the inertia does fast.
+    inertia, damping = np.array([[0.6, 0.2], [0.2, 0.1]]), np.diag([0.9, 0.25])
+    fast = -np.linalg.solve(inertia, damping)
+    A = np.block([[np.zeros((2, 2)), np.eye(2)], [np.zeros((2, 2)), fast]])
+    B = np.vstack([np.zeros((2, 2)), np.linalg.inv(inertia)])
+    names = {"inputs": ["upper", "lower"], "outputs": ["shoulder", "elbow"]}
+    system = ct.ss(A, B, np.eye(2, 4), 0, **names)
+    ends = {"upper": (-20.0, 20.0), "lower": (-8.0, 8.0)}
+    linear = linear_model(system, limits=ends | dict.fromkeys(names["outputs"], (-0.3, 0.3)))
+    settled = {}
+    for decoupled in (None, False):
+        law = designed("plain-pid", linear, sample_time=0.005, decoupled=decoupled)
+        assert law.name == ("PID" if decoupled is False else "decoupled PID")
+        x, state, seen = np.zeros(4), law.initial_state((0.0, 0.0)), []
+        for _ in range(1200):
+            u, state, _ = law.step(state, tuple(x[:2]), (0.02, 0.0))
+            for _ in range(5):
+                x = x + 0.001 * (A @ x + B @ np.array(u) + 0.0005 * A @ (A @ x + B @ np.array(u)))
+            seen.append(x[:2])
+        away = np.abs(np.array(seen) / 0.02 - [1.0, 0.0])
+        settled[decoupled] = 0.005 * np.flatnonzero(away[:, 0] > 0.02)[-1]
+        assert max(np.array(seen)[:, 0]) < 1.1 * 0.02
+        assert away[:, 1].max() < (0.25 if decoupled is False else 0.1)
+    assert settled[None] < 0.5 < 2.0 * settled[False]
 
 
 def step_scenario_of_three() -> Any:
