@@ -17,10 +17,9 @@ from workbench.evaluation.rig.closed_loop import follow
 from workbench.linearisation import linearise
 from workbench.model import Model
 from workbench.operating_point import operating_point
-from workbench.physics.hysteresis import muscle_hysteresis
-from workbench.physics.maxwell_slip import muscle_slip
+from workbench.physics.hysteresis import muscle_hysteresis, muscle_slip
 from workbench.plants.arm.arm import ARM, arm
-from workbench.plants.arm.load_laws import tilt_gravity
+from workbench.plants.arm.laws import tilt_gravity
 from workbench.plants.registry import PLANTS
 from workbench.verification import Scenario, Sine, verify
 

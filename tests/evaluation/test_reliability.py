@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from workbench.evaluation.reliability import reliability, reliability_lines, told
+from workbench.evaluation.rates import reliability, reliability_lines, told
 
 
 def _finding(effect: str | None, weight: float | None, *alike: str) -> dict[str, object]:

@@ -19,7 +19,7 @@ from workbench.experiments import (
 )
 from workbench.model import REGULARISED, Model
 from workbench.plants.arm import arm
-from workbench.plants.arm.volume_effects import constant_volume, printed_volume
+from workbench.plants.arm.laws import constant_volume, printed_volume
 from workbench.simulation import simulate
 
 

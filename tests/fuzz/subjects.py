@@ -22,7 +22,7 @@ from workbench.evaluation.answer_key import (
     read_names,
     words_of,
 )
-from workbench.evaluation.claims import read_answer
+from workbench.evaluation.blind_round import read_answer
 from workbench.plants.registry import PLANTS
 from workbench.recordings import (
     check_recording,

@@ -10,7 +10,7 @@ import pytest
 
 from workbench.errors import WorkbenchError
 from workbench.linearisation import amplitude_validity, frequency_validity, linearise
-from workbench.linearisation.sines import FrequencyValidity
+from workbench.linearisation.validity import FrequencyValidity
 from workbench.model import Input, Model, Output, State
 from workbench.operating_point import operating_point
 from workbench.physics.friction import coulomb_friction

@@ -17,8 +17,7 @@ from workbench.model import Input, Model, Output, Parameter, State
 from workbench.operating_point import operating_point
 from workbench.physics.library import every_name, library
 from workbench.plants.plant import adopt
-from workbench.plants.registry import PLANTS
-from workbench.plants.saved import saved_plant
+from workbench.plants.registry import PLANTS, saved_plant
 from workbench.simulation import simulate
 from workbench.study.plants import PlantRecipe
 

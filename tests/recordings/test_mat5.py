@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from workbench.recordings.formats.mat5 import parse_mat5
+from workbench.recordings.formats.matlab import parse_mat5
 
 CONTENT: dict[str, Any] = {
     "column": np.arange(5.0).reshape(-1, 1),

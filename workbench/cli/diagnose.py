@@ -68,7 +68,7 @@ def diagnose(
             your own with a method play(experiment) that returns a Recording.
         out: Folder for verdict.json, report.html and the pictures.
     """
-    from workbench.plants.own_effects import own_laws
+    from workbench.plants.plant import own_laws
 
     begin = time.perf_counter()
     limit = _limit(time_limit, quick=quick)
@@ -201,7 +201,7 @@ class _Asked:
 
     def text(self, verdict: Verdict) -> str:
         """Return the verdict's JSON, with its model as a plant that every verb takes."""
-        from workbench.plants.saved import saved_plant
+        from workbench.plants.registry import saved_plant
 
         chosen = self.loaded.chosen
         recipe, nominal = chosen.recipe, chosen.nominal

@@ -186,9 +186,9 @@ def left_out(campaign: Campaign) -> int:
 
     A line per piece; finished ones are kept in OUT as with own-cases.
     """
-    from workbench.evaluation.left_out import plan, reduced_plant
+    from workbench.evaluation.left_out import PLAN, answer, line_of
 
-    return campaign.run(plan.PLAN, reduced_plant.answer, reduced_plant.line_of)
+    return campaign.run(PLAN, answer, line_of)
 
 
 def cases(out: Path, *, count: Positive = 20, seeds: int | None = None) -> int:
@@ -238,7 +238,7 @@ def benchmark(cases: Path, verdicts: list[Path], *, out: Path | None = None) -> 
             method.
         out: JSON file for the scores.
     """
-    from workbench.evaluation.benchmark.compare import compared, table
+    from workbench.evaluation.benchmark.cases import compared, table
 
     scores = compared(cases, verdicts)
     typer.echo(table(scores))

@@ -14,7 +14,7 @@ from workbench.demo.part import Part, judged, method, words
 from workbench.experiments.open_loop import OpenLoopExperiment, open_loop_experiment
 from workbench.model import Model
 from workbench.plants.arm import arm
-from workbench.plants.arm.volume_effects import constant_volume
+from workbench.plants.arm.laws import constant_volume
 from workbench.reports.page import Commands, Section
 from workbench.reports.pictures import Picture
 from workbench.reports.style import FURTHER, INK, REFERENCE, SIMULATED, key, label, new_figure

@@ -15,7 +15,7 @@ from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.physics.library import every_name
 from workbench.recordings.case import Case, RefitSettings
-from workbench.recordings.checks.uniformity import evened
+from workbench.recordings.checks.time_base import evened
 from workbench.recordings.checks.units import beyond_range
 from workbench.recordings.column_matching import driven_by
 from workbench.recordings.read import MappingLike, read_recording

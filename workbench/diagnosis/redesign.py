@@ -25,8 +25,7 @@ from workbench.linearisation import linearise
 from workbench.linearisation.operating_map import OperatingMap, operating_map
 from workbench.model import Model
 from workbench.operating_point import operating_point
-from workbench.physics.delay import clock_shift, valve_delay
-from workbench.physics.lag import sensor_lag
+from workbench.physics.delay import clock_shift, sensor_lag, valve_delay
 from workbench.plants.plant import Plant
 from workbench.simulation.compiled import compiled
 

@@ -191,8 +191,8 @@ class Verdict(Shown):
         """Return the verdict as text for ``verdict.json``.
 
         Args:
-            plant: The verdict's model as `workbench.plants.saved.saved_plant` writes it, by which
-                verbs and studies take the file as a plant.
+            plant: The verdict's model as `workbench.plants.registry.saved_plant` writes it, by
+                which verbs and studies take the file as a plant.
         """
         return json_text(self.as_data() | ({"plant": plant} if plant else {}))
 

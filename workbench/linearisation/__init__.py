@@ -5,10 +5,15 @@ from workbench.linearisation.kinks import Kink
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.linearise import linearise
 from workbench.linearisation.modes import Mode, find_modes
-from workbench.linearisation.sines import FrequencyValidity, frequency_validity
 from workbench.linearisation.state_space import linear_model
-from workbench.linearisation.steps import AmplitudeValidity, amplitude_validity
-from workbench.linearisation.validity import DescribingFunction, Validity
+from workbench.linearisation.validity import (
+    AmplitudeValidity,
+    DescribingFunction,
+    FrequencyValidity,
+    Validity,
+    amplitude_validity,
+    frequency_validity,
+)
 
 __all__ = [
     "AmplitudeValidity",

@@ -2,14 +2,415 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+import numpy.typing as npt
+
+from workbench.arrays import Vector
+from workbench.errors import NumericalError, WorkbenchError, check_range
 from workbench.linearisation.kinks import Kink
 from workbench.linearisation.linear_model import LinearModel
-from workbench.linearisation.sines import FrequencyValidity, frequency_validity
-from workbench.linearisation.steps import AmplitudeValidity, amplitude_validity
-from workbench.model.units import with_unit
+from workbench.linearisation.pace import horizon_of, step_time
+from workbench.linearisation.transfer import transfer_function
+from workbench.model import Model, Output, Parameter, Scope
+from workbench.model.trace import Equations
+from workbench.model.units import from_si, in_time, of_difference, with_unit
+from workbench.operating_point import OperatingPoint
+from workbench.simulation.stepper import Stepper
+
+BLOCK = 250
+"""Samples that are run at once; comparisons last whole blocks."""
+
+
+class Comparison:
+    """The first output of the exact plant and of a linear model, at changes of the first input.
+
+    ``sample_time`` is the time between its samples, in s.
+    """
+
+    def __init__(self, linear: LinearModel) -> None:
+        op = linear.operating_point
+        self.model = linear
+        self.sample_time = step_time(linear) / 1000
+        outputs = [q.name for q in op.model.outputs]
+        self.plant_index = outputs.index(linear.output_names[0])
+        self.quantity: Output = op.model.outputs[self.plant_index]
+        self.largest = self._largest()
+        self.held_plant = _without_drift(op)
+        self.steppers: dict[str, Stepper] = {}
+
+    def _largest(self) -> float:
+        u0 = float(self.model.u0[0])
+        if self.model.inverse is not None:
+            return 1.0 - abs(u0)
+        op = self.model.operating_point
+        quantity = next(q for q in op.model.inputs if q.name == self.model.input_names[0])
+        room = min(quantity.upper - u0, u0 - quantity.lower)
+        if room <= 0.0:
+            raise WorkbenchError(
+                f"{quantity.name} rests at an end of its range, {u0:g} {quantity.unit}; how far the"
+                " linear model holds is tried in both directions: rest the plant elsewhere, with"
+                " another output or input (--at NAME=VALUE)"
+            )
+        return room if math.isfinite(room) else 10.0 * quantity.scale
+
+    def gain(self, s: complex) -> complex:
+        """Compute the linear model's transfer function at a complex frequency, in rad/s."""
+        m = self.model
+        return complex(transfer_function(m.A, m.B, m.C, m.D, s)[0, 0])
+
+    def linear(self, change: Vector) -> Vector:
+        """Compute how the output of the linear model changes, shape (n,), in SI.
+
+        Args:
+            change: Change of the first input, shape (n,), in SI.
+        """
+        held = np.tile(self.model.u0, (len(change), 1))
+        held[:, 0] += change
+        response = self.model.response(held, self.sample_time)
+        return np.asarray(response[:, 0] - self.model.y0[0])
+
+    def plant(self, change: Vector) -> Vector:
+        """Compute how the exact plant's output changes, shape (n,), with its first input, in SI.
+
+        Raises:
+            NumericalError: If the integrator gives up.
+        """
+        op = self.model.operating_point
+        held = np.tile(op.u, (len(change), 1))
+        i = 0
+        if self.model.inverse is None:
+            names = [q.name for q in op.model.inputs]
+            i = names.index(self.model.input_names[0])
+        held[:, i] = self.model.to_plant(self.model.u0[0] + change)
+        try:
+            return self._run("erk", held)
+        except NumericalError:
+            return self._run("rosenbrock", held)
+
+    def _run(self, method: str, held: Vector) -> Vector:
+        op = self.model.operating_point
+        if method not in self.steppers:
+            self.steppers[method] = Stepper(
+                self.held_plant, self.sample_time, 1e-7, "erk" if method == "erk" else "rosenbrock"
+            )
+        stepper = self.steppers[method]
+        x, read = op.x, []
+        for start in range(0, len(held), BLOCK):
+            block = held[start : start + BLOCK]
+            after = stepper.run(x, block)
+            for state, u in zip(np.vstack([x, after[:-1]]), block, strict=True):
+                read.append(stepper.read(state, u)[self.plant_index])
+            x = after[-1]
+        return np.asarray(read, dtype=float) - float(op.y[self.plant_index])
+
+
+@dataclass(frozen=True)
+class _Held:
+    """Equations with constant rates taken off."""
+
+    equations: Callable[..., Equations]
+    names: tuple[str, ...]
+
+    def __call__(self, m: Scope) -> Equations:
+        rates, outputs = self.equations(m)
+        taken = {name: rates[name] - m.p[f"held_rate.{name}"] for name in self.names}
+        return {**rates, **taken}, outputs
+
+
+def _without_drift(op: OperatingPoint) -> Model:
+    if not op.drift:
+        return op.model
+    # Parameters instead of numbers: the compiled plant then serves every operating point.
+    units = {q.name: q.unit for q in op.model.states}
+    extra = tuple(
+        Parameter(f"held_rate.{name}", f"{units[name]}/s", value=rate)
+        for name, rate in op.drift.items()
+    )
+    return replace(
+        op.model,
+        equations=_Held(op.model.equations, tuple(n for n in op.drift if "." not in n)),
+        parameters=(*op.model.parameters, *extra),
+    )
+
+
+_POINTS = 10
+_LONGEST = 10
+"""Horizons for which a transient is waited out at the most."""
+
+GAIN_WITHIN, PHASE_WITHIN = 0.1, math.radians(10.0)
+"""Largest errors of gain, as a fraction, and phase, in rad, at which a frequency agrees."""
+
+
+@dataclass(frozen=True)
+class FrequencyValidity:
+    """Frequencies at which a sine on the full plant agrees with the linear model.
+
+    Args:
+        lower: Lowest frequency of the band that agrees, in Hz; NaN if none does.
+        upper: Highest frequency of the band that agrees, in Hz; NaN if none does.
+        frequencies_hz: Frequencies that were tried, shape (n,), in Hz.
+        amplitudes: Amplitude of the input at each, shape (n,), in SI of the linear model's input.
+        gain_ratios: Gain of the plant over that of the linear model, shape (n,), dimensionless.
+        phase_errors: Phase of the plant less that of the linear model, shape (n,), in rad.
+    """
+
+    input: str
+    output: str
+    lower: float
+    upper: float
+    frequencies_hz: Vector
+    amplitudes: Vector
+    gain_ratios: Vector
+    phase_errors: Vector
+
+    @property
+    def agrees(self) -> npt.NDArray[np.bool_]:
+        """Whether gain and phase agree at each frequency, shape (n,)."""
+        phase = np.abs(self.phase_errors) <= PHASE_WITHIN
+        return np.asarray((np.abs(self.gain_ratios - 1.0) <= GAIN_WITHIN) & phase)
+
+    def __str__(self) -> str:
+        """Return one line: the band that agrees."""
+        limits = f"within {100 * GAIN_WITHIN:.0f} % and {math.degrees(PHASE_WITHIN):.0f} deg"
+        if math.isnan(self.upper):
+            return f"sines of {self.input}: {self.output} agrees at no frequency {limits}"
+        low, high = f"{self.lower:.3g}", f"{self.upper:.3g}"
+        band = f"at {low} Hz alone" if low == high else f"from {low} to {high} Hz"
+        return f"sines of {self.input}: {self.output} agrees {limits} {band}"
+
+
+def frequency_validity(linear: LinearModel) -> FrequencyValidity:
+    """Find the frequencies at which a sine on the full plant agrees with the linear model.
+
+    At each frequency the input's amplitude is chosen so that the linear model predicts an
+    oscillation of the output by 5 % of its scale, as far as the input's range allows. After the
+    transient, gain and phase of the fundamental are fitted to both runs alike.
+
+    Source:
+        Describing functions by simulation.
+    """
+    trial = Comparison(linear)
+    wanted = 0.05 * trial.quantity.scale
+    horizon = horizon_of(linear)
+    # Twenty samples show a sine.
+    highest = min(20.0 / horizon, 1.0 / (20 * trial.sample_time))
+    frequencies = np.logspace(math.log10(0.2 / horizon), math.log10(highest), _POINTS)
+    swinging = [-m.pole.real for m in linear.modes if m.damping < 1.0 and m.pole.real < 0.0]
+    settle = min(4.0 / min(swinging), _LONGEST * horizon) if swinging else 0.0
+    amplitudes, ratios = [], []
+    for frequency in frequencies:
+        gain = abs(trial.gain(2j * math.pi * frequency))
+        driven = min(wanted / gain if gain else math.inf, 0.9 * trial.largest)
+        amplitudes.append(driven)
+        ratios.append(_sine_ratio(trial, float(frequency), driven, settle))
+    table = np.array(ratios)
+    found = FrequencyValidity(
+        input=linear.input_names[0],
+        output=trial.quantity.name,
+        lower=math.nan,
+        upper=math.nan,
+        frequencies_hz=frequencies,
+        amplitudes=np.array(amplitudes),
+        gain_ratios=np.abs(table),
+        phase_errors=np.angle(table),
+    )
+    band = _longest_run(found.agrees)
+    if band is None:
+        return found
+    return replace(found, lower=float(frequencies[band[0]]), upper=float(frequencies[band[1]]))
+
+
+def _sine_ratio(trial: Comparison, frequency: float, amplitude: float, settle: float) -> complex:
+    """Return the fundamental of the plant's output over that of the linear model's."""
+    period = 1.0 / frequency
+    start = math.ceil((settle + period) / period) * period
+    total = math.ceil((start + 3.0 * period) / (trial.sample_time * BLOCK)) * BLOCK
+    time = np.asarray(trial.sample_time * np.arange(total), dtype=float)
+    change = amplitude * np.sin(2 * math.pi * frequency * time)
+    try:
+        actual = trial.plant(change)
+    except NumericalError:
+        return complex(math.nan)
+    seen = (time >= start) & (time < start + 3.0 * period)
+    fit = _fundamental(time[seen], frequency)
+    return fit(actual[seen]) / fit(trial.linear(change)[seen])
+
+
+def _fundamental(time: Vector, frequency: float) -> Callable[[Vector], complex]:
+    """Return a fit of the fundamental beside a slow drift."""
+    phase = 2 * math.pi * frequency * time
+    slow = (time - time.mean()) / (np.ptp(time) or 1.0)
+    basis = np.column_stack([np.cos(phase), np.sin(phase), np.ones_like(time), slow, slow**2])
+
+    def fit(y: Vector) -> complex:
+        found = np.linalg.lstsq(basis, y, rcond=None)[0]
+        return complex(found[0], -found[1])
+
+    return fit
+
+
+def _longest_run(flags: npt.NDArray[np.bool_]) -> tuple[int, int] | None:
+    best: tuple[int, int] | None = None
+    start = None
+    for i, flag in enumerate([*flags.tolist(), False]):
+        if flag and start is None:
+            start = i
+        elif not flag and start is not None:
+            if best is None or i - start > best[1] - best[0] + 1:
+                best = (start, i - 1)
+            start = None
+    return best
+
+
+_GRID = 13
+_BISECTIONS = 4
+_GROWN = 3.0
+"""Time constants of an unstable mode after which nothing is left to compare."""
+
+
+@dataclass(frozen=True)
+class AmplitudeValidity:
+    """Steps of an input for which the linear response holds.
+
+    Args:
+        within: Largest deviation allowed, as a fraction of the largest linear response.
+        horizon: Length of the comparison after the step, in s.
+        lower: Smallest step that holds, in SI of the linear model's input; NaN if none does.
+        upper: Largest step that holds, in SI of the linear model's input; NaN if none does.
+        amplitudes: Steps that were tried, in both directions, shape (n,), in SI.
+        errors: Deviation of the worse direction, as a fraction, shape (n,), dimensionless.
+        moves: Largest linear response to each step, shape (n,), in SI of the output.
+        input_unit: Unit in which the steps are written; empty where it is not known.
+    """
+
+    input: str
+    output: str
+    within: float
+    horizon: float
+    lower: float
+    upper: float
+    amplitudes: Vector
+    errors: Vector
+    moves: Vector
+    unit: str
+    input_unit: str = ""
+
+    @property
+    def best(self) -> float:
+        """Step with the smallest deviation, in SI of the linear model's input."""
+        return float(self.amplitudes[int(np.argmin(self.errors))])
+
+    def __str__(self) -> str:
+        """Return one line: the steps that hold, or how close the best one comes."""
+        i = int(np.argmin(self.errors))
+        unit = self.input_unit or "1"
+        tried, lower = (
+            f"{from_si(float(size), unit):.3g}" for size in (self.amplitudes[i], self.lower)
+        )
+        upper = with_unit(f"{from_si(self.upper, unit):.3g}", unit)
+        moved = from_si(float(self.moves[i]), self.unit)
+        closest = (
+            f"closest at {with_unit(tried, unit)} with {100 * self.errors[i]:.0f} %, where"
+            f" {self.output} moves {moved:.3g} {self.unit}"
+        )
+        head = f"steps of {self.input} over {in_time(self.horizon)}"
+        if math.isnan(self.upper):
+            return f"{head}: none holds within {100 * self.within:.0f} %; {closest}"
+        top = from_si(float(np.interp(self.upper, self.amplitudes, self.moves)), self.unit)
+        return (
+            f"{head}: hold within {100 * self.within:.0f} % from {lower} to"
+            f" {upper} ({self.output} moves up to {top:.3g} {self.unit}); {closest}"
+        )
+
+
+def amplitude_validity(linear: LinearModel, *, within: float = 0.1) -> AmplitudeValidity:
+    """Find the steps of the first input for which the linear response holds.
+
+    Steps of growing size, in both directions, from a thousandth of the input's range on, run on
+    the exact plant and on the linear model, for two periods of the slowest oscillation or three
+    time constants, and no longer than three time constants of an unstable mode; the ends of the
+    band that holds are bisected.
+
+    Args:
+        within: Deviation allowed, as a fraction of the largest linear response.
+    """
+    check_range("deviation", within, 1e-6, 10.0)
+    trial = Comparison(linear)
+    growing = max((m.pole.real for m in linear.modes), default=0.0)
+    length = horizon_of(linear)
+    if growing * length > _GROWN:
+        length = _GROWN / growing
+    blocks = max(1, math.ceil(length / (trial.sample_time * BLOCK)))
+    counted = min(blocks * BLOCK, max(2, round(length / trial.sample_time)))
+
+    def error(step: float) -> tuple[float, float]:
+        worst, move = 0.0, 0.0
+        for sign in (1.0, -1.0):
+            held = np.full(blocks * BLOCK, sign * step)
+            predicted = trial.linear(held)[:counted]
+            move = float(np.max(np.abs(predicted)))
+            try:
+                actual = trial.plant(held)[:counted]
+            except NumericalError:
+                return math.inf, move
+            worst = max(worst, float(np.max(np.abs(actual - predicted))) / (move or 1.0))
+        return worst, move
+
+    steps = trial.largest * np.logspace(-3.0, 0.0, _GRID)
+    tried = {float(step): error(float(step)) for step in steps}
+
+    def end(inside: float, outside: float) -> float:
+        for _ in range(_BISECTIONS):
+            middle = math.sqrt(inside * outside)
+            tried[middle] = error(middle)
+            if tried[middle][0] <= within:
+                inside = middle
+            else:
+                outside = middle
+        return inside
+
+    band = _band_around_best(np.array([tried[float(s)][0] for s in steps]), within)
+    lower = upper = math.nan
+    if band is not None:
+        first, last = band
+        lower, upper = float(steps[first]), float(steps[last])
+        if first > 0:
+            lower = end(lower, float(steps[first - 1]))
+        if last < len(steps) - 1:
+            upper = end(upper, float(steps[last + 1]))
+    amplitudes = np.array(sorted(tried))
+    inputs = linear.operating_point.model.inputs
+    units = {q.name: of_difference(q.display_unit) for q in inputs}
+    return AmplitudeValidity(
+        input=linear.input_names[0],
+        output=trial.quantity.name,
+        within=within,
+        horizon=counted * trial.sample_time,
+        lower=lower,
+        upper=upper,
+        amplitudes=amplitudes,
+        errors=np.array([tried[a][0] for a in amplitudes]),
+        moves=np.array([tried[a][1] for a in amplitudes]),
+        unit=of_difference(trial.quantity.display_unit),
+        input_unit=units.get(linear.input_names[0], "") if linear.inverse is None else "",
+    )
+
+
+def _band_around_best(errors: Vector, within: float) -> tuple[int, int] | None:
+    best = int(np.argmin(errors))
+    if not errors[best] <= within:
+        return None
+    first = last = best
+    while first > 0 and errors[first - 1] <= within:
+        first -= 1
+    while last < len(errors) - 1 and errors[last + 1] <= within:
+        last += 1
+    return first, last
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,15 @@ continuous at d = d0, although h itself has an infinite slope there.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from workbench.errors import check_choice
+from workbench.model import PortView
 from workbench.model.regularisation import EXACT, Expression, Form, maximum, sqrt
+from workbench.physics.law import Fit, Law, size, twins
+from workbench.physics.place import Survey
 
 END_HEIGHT_FLOOR = 1e-7
 """Height of the ends while d <= d0, m: the 0.0001 mm branch of line [8]. It keeps second
@@ -131,3 +135,47 @@ class BraidedCylinder:
             Lines [6] to [10] of the paper's Figure 3.
         """
         return self.cylinder_volume(fibre_length) + self.end_flattening(fibre_length, form=form)
+
+
+_BRAID = BraidedCylinder()
+_muscles = twins("muscle_volume", needs=("fibre_length",))
+
+
+def _constant(survey: Survey) -> Iterator[Fit]:
+    if any(e.about.equation.startswith("V = constant") for e in survey.model.effects):
+        yield from _muscles(survey)
+
+
+def _braid(at: PortView) -> Expression:
+    volume = _BRAID.volume(at.signals.fibre_length, form=at.form)
+    return at.value + at.p.share * (volume - at.value)
+
+
+braid_volume = Law(
+    "braid_volume",
+    "V = V + share (V_braid(s) - V)",
+    _constant,
+    lambda at: (size("share", "1", 1.0, 1.5, "share of the braid's volume"),),
+    _braid,
+    source="lines [6] to [10] of the paper's Figure 3",
+    look_alikes=("flattened_ends",),
+    separated_by="fast swings with the valve shut: the pressures follow the volume",
+)
+
+
+def _ends(at: PortView) -> Expression:
+    return at.value + at.p.share * _BRAID.end_flattening(at.signals.fibre_length, form=at.form)
+
+
+# V = V - share (2 pi / 3) h^3, with h the height of a flattened end.
+flattened_ends = replace(
+    braid_volume,
+    name="flattened_ends",
+    equation="V + dV_ends(s)",
+    where=_muscles,
+    parameters=lambda at: (size("share", "1", 1.0, 2.0, "share of the flattening"),),
+    transform=_ends,
+    source="lines [8] to [10] of the paper's Figure 3",
+    look_alikes=("braid_volume",),
+    separated_by="fast swings with the valve shut near full contraction",
+)

@@ -8,7 +8,7 @@ import casadi as ca
 
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression, maximum
-from workbench.physics.elastoplastic import elastoplastic_rate
+from workbench.physics.hysteresis import elastoplastic_rate
 from workbench.physics.law import Law, by_port, each, sensors, shape, size
 from workbench.physics.offset_gain import sensor_error
 from workbench.physics.place import COORDINATES, EFFORTS

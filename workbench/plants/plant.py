@@ -13,14 +13,62 @@ from pathlib import Path
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import casadi as ca
+import numpy as np
 
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.model import Effect, Model
 from workbench.model.quantities import units_together
 from workbench.model.units import ends_a_name, parse_unit, quantity, same_dimension, to_si
+from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.law import Law
 from workbench.physics.place import Survey
 from workbench.registry import load_object, user_code
+
+
+def own_laws(
+    model: Model, references: Sequence[str], *, folder: Path | None = None
+) -> tuple[Hypothesis | Law, ...]:
+    """Return effects of the user's own, to be offered beside the library.
+
+    Args:
+        references: Each ``module:object``: a law, an effect, a hypothesis, several of them, or a
+            function that returns them, called with the model if it takes an argument.
+        folder: Where the modules stand, beside the Python path.
+
+    Raises:
+        WorkbenchError: If an object is none of these.
+    """
+    return tuple(item for name in references for item in _own(model, name, folder))
+
+
+def _own(model: Model, reference: str, folder: Path | None) -> list[Hypothesis | Law]:
+    found = load_object("effect", reference, folder=folder)
+    if callable(found) and not isinstance(found, (Effect, Hypothesis, Law)):
+        with user_code(f"effect {reference!r}"):
+            required = [
+                p
+                for p in inspect.signature(found).parameters.values()
+                if p.default is p.empty and p.kind is not p.VAR_KEYWORD
+            ]
+            found = found(model) if required else found()
+    several = found if isinstance(found, Iterable) else (found,)
+    return [_hypothesis(item, reference) for item in several]
+
+
+def _hypothesis(item: object, reference: str) -> Hypothesis | Law:
+    if isinstance(item, (Hypothesis, Law)):
+        return item
+    if not isinstance(item, Effect) or not item.parameters:
+        raise WorkbenchError(
+            f"effect {reference!r} gave a {type(item).__name__}; it must be an Effect with a"
+            " parameter for its size, a Law or a Hypothesis"
+        )
+    size = item.parameters[0]
+    largest = max(abs(size.lower), abs(size.upper))
+    # Bounds are all that the user says of sizes; beyond them nothing is plausible.
+    typical = abs(size.value) or (0.2 * largest if np.isfinite(largest) else size.scale)
+    return Hypothesis(item.with_parameters({size.name: 0.0}), size.name, typical)
+
 
 Value = float | bool | str
 """Value of an option: a number in the option's unit, a switch or a word."""
@@ -239,7 +287,7 @@ class Plant:
             return words[name.replace("-", "_")]()
         # The library is large; a plant without further effects does not wait for it.
         from workbench.physics.library import every_name, library
-        from workbench.plants.own_effects import own_laws
+        from workbench.plants.plant import own_laws
 
         known = every_name(model)
         if name not in known:

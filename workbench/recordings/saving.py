@@ -17,7 +17,7 @@ from workbench.errors import WorkbenchError
 from workbench.files import write_whole
 from workbench.model.units import from_si
 from workbench.recordings.columns import Columns, without_giants
-from workbench.recordings.formats.text_layout import SAVED_MARK
+from workbench.recordings.formats.delimited_text import SAVED_MARK
 from workbench.recordings.recording import ColumnMapping, MappedColumn, Recording, Signal, Span
 
 _VERSION = 1

@@ -13,7 +13,7 @@ from workbench.diagnosis.estimation.made_up import pushes
 from workbench.diagnosis.experiment.menu import Experiment
 from workbench.diagnosis.experiment.play import Machine, SimulatedMachine, plan_csv, with_experiment
 from workbench.errors import WorkbenchError
-from workbench.evaluation.own_cases.rig_machine import RigMachine
+from workbench.evaluation.own_cases.experiments import RigMachine
 from workbench.evaluation.rig.parameters import nominal
 from workbench.physics.friction import viscous_friction
 from workbench.plants.servo_axis import servo_axis

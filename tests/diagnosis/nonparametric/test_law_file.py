@@ -19,7 +19,7 @@ from workbench.physics.law import Law
 from workbench.physics.library import library
 from workbench.physics.place import Survey
 from workbench.plants.cascaded_tanks import cascaded_tanks
-from workbench.plants.own_effects import own_laws
+from workbench.plants.plant import own_laws
 from workbench.plants.servo_axis import servo_axis
 from workbench.registry import load_object
 

@@ -19,8 +19,7 @@ from workbench.diagnosis.stages import Diagnosis
 from workbench.errors import WorkbenchError
 from workbench.evaluation.benchmark import cases as module
 from workbench.evaluation.benchmark.baselines import BASELINES, answers, case_folders
-from workbench.evaluation.benchmark.cases import write_cases
-from workbench.evaluation.benchmark.compare import compared, table
+from workbench.evaluation.benchmark.cases import compared, table, write_cases
 from workbench.evaluation.benchmark.neural import Network, trained
 from workbench.evaluation.benchmark.random_walk import walk_gains
 from workbench.evaluation.own_cases.own_case import made

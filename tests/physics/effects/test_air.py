@@ -14,10 +14,10 @@ from workbench.model import Model
 from workbench.physics.gas_energy import isothermal_gas, polytropic_exchange
 from workbench.physics.leakage import chamber_leakage, cross_leakage, edge_leakage
 from workbench.physics.line import line, silencer
-from workbench.physics.overflow import overflow
+from workbench.physics.stores import overflow
 from workbench.physics.supply import regulator_droop, supply_droop
 from workbench.plants.arm import arm, pneumatic_muscle, servovalve
-from workbench.plants.arm.wall_heat import extra_heat_exchange, gas_energy_balance, heat_exchange
+from workbench.plants.arm.laws import extra_heat_exchange, gas_energy_balance, heat_exchange
 
 TANKS = ("upper_tank.flow", "lower_tank.flow")
 GAS = ("pressure", "temperature", "ambient_pressure", "ambient_temperature")

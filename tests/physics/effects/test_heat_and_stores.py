@@ -7,10 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from workbench.evaluation.foreign.plants.circuit import circuit
-from workbench.evaluation.foreign.plants.crane import crane
-from workbench.evaluation.foreign.plants.drive import drive
-from workbench.evaluation.foreign.plants.tank import ROOM, tank
+from workbench.evaluation.foreign.newcomer import ROOM, circuit, crane, drive, tank
 from workbench.evaluation.machines.plants import muscle
 from workbench.model import Input, Model, Output, Scope, State
 from workbench.model.trace import Equations

@@ -7,9 +7,12 @@ import pytest
 
 from tests.physics.effects.bench import bench, position, run, triangle
 from workbench.model import Effect
-from workbench.physics.elastoplastic import elastoplastic_rate
-from workbench.physics.hysteresis import muscle_hysteresis
-from workbench.physics.maxwell_slip import muscle_slip, prandtl_ishlinskii
+from workbench.physics.hysteresis import (
+    elastoplastic_rate,
+    muscle_hysteresis,
+    muscle_slip,
+    prandtl_ishlinskii,
+)
 
 MM = 1e-3
 GAUGE = 3e5

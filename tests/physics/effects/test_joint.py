@@ -20,8 +20,8 @@ from workbench.physics.stiffness import (
     unbalanced_mass,
 )
 from workbench.plants.arm import arm
-from workbench.plants.arm.inertia import ArmBody
-from workbench.plants.arm.load_laws import load_error, loose_load, tilt_gravity
+from workbench.plants.arm.joint import ArmBody
+from workbench.plants.arm.laws import load_error, loose_load, tilt_gravity
 
 TORQUE = "joint.torque"
 MOVING = {"angle": 0.6, "speed": 0.7, "pressure_1": 5e5, "pressure_2": 3e5}

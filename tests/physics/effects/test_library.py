@@ -10,12 +10,12 @@ import pytest
 
 from workbench.evaluation.machines.plants import tanks
 from workbench.model import Model
-from workbench.physics.braid_volume import flattened_ends
 from workbench.physics.gas_energy import isothermal_gas
 from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.library import LAWS, library, look_alikes
+from workbench.physics.muscle_volume import flattened_ends
 from workbench.plants.arm import arm
-from workbench.plants.arm.volume_effects import constant_volume
+from workbench.plants.arm.laws import constant_volume
 from workbench.plants.cascaded_tanks import cascaded_tanks
 from workbench.plants.servo_axis import servo_axis
 

@@ -11,7 +11,7 @@ from workbench.physics.creep import creep
 from workbench.physics.force_laws import PaperLaw, Sarosi
 from workbench.physics.offset_gain import gain
 from workbench.plants.arm import arm
-from workbench.plants.arm.muscle_laws import (
+from workbench.plants.arm.laws import (
     contraction_force_correction,
     force_shape,
     phi_term,

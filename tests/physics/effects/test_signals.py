@@ -10,9 +10,8 @@ from scipy.integrate import solve_ivp
 
 from tests.diagnosis.newcomers import oscillator
 from tests.physics.effects.bench import bench, read, response, run, triangle
-from workbench.physics.delay import delay, sensor_delay
+from workbench.physics.delay import delay, sensor_delay, sensor_lag
 from workbench.physics.drift import sensor_drift, sensor_fade
-from workbench.physics.lag import sensor_lag
 from workbench.physics.library import library
 from workbench.physics.offset_gain import asymmetric_gain, gain, offset
 from workbench.physics.play import command_play, play, spool_hysteresis

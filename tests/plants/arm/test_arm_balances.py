@@ -14,8 +14,8 @@ from workbench.model import Input, Model, Output, Scope
 from workbench.model.trace import Equations
 from workbench.plants.arm import arm, joint
 from workbench.plants.arm.geometry import ArmGeometry
-from workbench.plants.arm.inertia import ArmBody
-from workbench.plants.arm.wall_heat import heat_exchange
+from workbench.plants.arm.joint import ArmBody
+from workbench.plants.arm.laws import heat_exchange
 from workbench.simulation import Trajectory, simulate
 
 GAMMA, GAS_CONSTANT, AMBIENT = 1.4, 287.05, 293.15

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from workbench.errors import WorkbenchError
-from workbench.plants.arm.inertia import ArmBody
+from workbench.plants.arm.joint import ArmBody
 
 BODY = ArmBody()
 

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from workbench.physics.force_laws import PHI_FLOOR, PHI_SWITCH, PaperLaw
 from workbench.plants.arm.geometry import TRAVEL, ArmGeometry
-from workbench.plants.arm.inertia import ArmBody
+from workbench.plants.arm.joint import ArmBody
 
 LAW = PaperLaw.variant("corrected")
 ARM = ArmGeometry()

@@ -8,7 +8,7 @@ import pytest
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.plants.arm import arm
-from workbench.plants.arm.volume_effects import constant_volume, printed_volume
+from workbench.plants.arm.laws import constant_volume, printed_volume
 
 
 def volumes(model: Model) -> np.ndarray:

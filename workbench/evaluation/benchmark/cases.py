@@ -1,18 +1,27 @@
-"""Cases of the benchmark as folders that any method can read, with the answers apart from them."""
+"""Cases of the benchmark as folders that any method can read, and the table of the answers.
+
+The answers stand apart from the cases.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from workbench.errors import WorkbenchError
 from workbench.evaluation.answer_key import NOTHING
-from workbench.evaluation.own_cases.limit import limited_errors
-from workbench.evaluation.own_cases.own_case import made
+from workbench.evaluation.benchmark.baselines import read_limits
+from workbench.evaluation.blind_round import RoundScore, error_ratio, score_verdicts, verdict_file
+from workbench.evaluation.own_cases.own_case import limited_errors, made
 from workbench.evaluation.own_cases.plan import FIRST_SEED, Planned, plan
 from workbench.files import write_whole
+from workbench.recordings.aligned_table import aligned_table
 
 KEY, NAMES = "key.json", "names.toml"
 """Files of the answers beside the cases, and of how their words are read."""
@@ -36,7 +45,7 @@ def write_cases(out: Path, count: int, first_seed: int | None = None) -> Iterato
     answers: dict[str, Any] = {}
     for case in plan(FIRST_SEED if first_seed is None else first_seed)[:count]:
         folder = made(case, out / case.name)
-        answers[case.name] = _answer(case, folder)
+        answers[case.name] = _truth_of(case, folder)
         (folder / "truth.json").unlink()
         yield f"{case.name}: {folder}"
     table = Path(__file__).parents[1] / "own_cases" / NAMES
@@ -44,7 +53,7 @@ def write_cases(out: Path, count: int, first_seed: int | None = None) -> Iterato
     write_whole(out / KEY, json.dumps(answers, indent=1) + "\n")
 
 
-def _answer(case: Planned, folder: Path) -> dict[str, Any]:
+def _truth_of(case: Planned, folder: Path) -> dict[str, Any]:
     truth = json.loads((folder / "truth.json").read_text())
     return {
         "truth": [{"effect": word} for word in case.effects or (NOTHING,)],
@@ -53,3 +62,72 @@ def _answer(case: Planned, folder: Path) -> dict[str, Any]:
         "load_error": truth["load_error"],
         "limit": limited_errors(folder),
     }
+
+
+@dataclass(frozen=True)
+class Scored:
+    """One method's score on the cases.
+
+    Args:
+        over_limit: Median of the held-out error over that of the true model, or over the noise of
+            the sensors where the key does not give it, dimensionless; NaN if no answer gives it.
+    """
+
+    method: str
+    score: RoundScore
+    over_limit: float
+
+    def as_data(self) -> dict[str, Any]:
+        """Return the score as plain data."""
+        return self.score.as_data() | {
+            "method": self.method,
+            "over_limit": self.over_limit,
+            "rates": {name: rate.as_data() for name, rate in self.score.rates.items()},
+        }
+
+
+def compared(cases: Path, verdicts: Sequence[Path]) -> tuple[Scored, ...]:
+    """Score the answers of several methods to the cases of a benchmark.
+
+    Args:
+        cases: Folder with ``key.json`` and, if its words need one, ``names.toml``.
+        verdicts: One folder per method with ``CASE.json`` or ``CASE/verdict.json``.
+    """
+    key, table = cases / KEY, cases / NAMES
+    names = table if table.exists() else None
+    scores = [score_verdicts(folder, key, names=names) for folder in verdicts]
+    limits = read_limits(key)
+    return tuple(
+        Scored(folder.resolve().name, score, _over(folder, score, limits))
+        for folder, score in zip(verdicts, scores, strict=True)
+    )
+
+
+def _over(folder: Path, score: RoundScore, limits: dict[str, Any]) -> float:
+    ratios = []
+    for line in score.lines:
+        verdict = json.loads(verdict_file(folder, line.case).read_text(encoding="utf-8"))
+        held_out = (verdict.get("fit") or {}).get("held_out") or {}
+        below = limits.get(line.case) or held_out.get("noise_floor") or {}
+        ratios.append(error_ratio(held_out.get("extended") or {}, below))
+    known = [ratio for ratio in ratios if math.isfinite(ratio)]
+    return float(np.median(known)) if known else math.nan
+
+
+def table(scores: Sequence[Scored]) -> str:
+    """Return the table as text, one line per method."""
+    titles = (
+        "method", "points", "by chance", "right group", "right name or class", "wrong name",
+        "false alarm", "held-out error",
+    )  # fmt: skip
+    rows = [
+        (
+            s.method,
+            f"{s.score.points} of {s.score.most}",
+            f"{s.score.chance:.1f}",
+            *(str(rate) for rate in s.score.rates.values()),
+            "–" if math.isnan(s.over_limit) else f"{s.over_limit:.3g}",
+        )
+        for s in scores
+    ]
+    return aligned_table(titles, rows)

@@ -7,12 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from workbench.evaluation.answer_key import Names, Truth
-from workbench.evaluation.blind_round import Line, score_case
-from workbench.evaluation.claims import LARGEST_RATIO, answer_of, error_ratio
+from workbench.evaluation.blind_round import LARGEST_RATIO, Line, answer_of, error_ratio, score_case
 from workbench.evaluation.foreign.plan import Case
 from workbench.evaluation.kept import diagnosed, version
-from workbench.evaluation.rates import Rate
-from workbench.evaluation.reliability import reliability_lines, told
+from workbench.evaluation.rates import Rate, reliability_lines, told
 from workbench.recordings.aligned_table import aligned_table
 
 SCHEMA = "foreign_case/1"

@@ -18,10 +18,7 @@ from workbench.evaluation.foreign.circuit import CIRCUIT
 from workbench.evaluation.foreign.crane import CRANE
 from workbench.evaluation.foreign.drive import DRIVE
 from workbench.evaluation.foreign.machine import Array, Concealed, Machine, Parameters, State
-from workbench.evaluation.foreign.plants.circuit import circuit
-from workbench.evaluation.foreign.plants.crane import crane
-from workbench.evaluation.foreign.plants.drive import drive
-from workbench.evaluation.foreign.plants.tank import tank
+from workbench.evaluation.foreign.newcomer import circuit, crane, drive, tank
 from workbench.evaluation.foreign.tank import TANK
 from workbench.model import Model
 from workbench.physics.library import library

@@ -3,6 +3,8 @@
 Cases are recorded so poorly that many end as a class: short, in the loop, along slow sines of a few
 degrees. On each that does, what the tool proposes to record next is played on the rig for 20 s, and
 the tool judges again with it.
+
+Units: SI.
 """
 
 from __future__ import annotations
@@ -10,21 +12,69 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from workbench.diagnosis.experiment.menu import Experiment
 from workbench.diagnosis.experiment.play import with_experiment
 from workbench.diagnosis.stages import Diagnosis
-from workbench.evaluation.blind_round import Line, score_case
-from workbench.evaluation.claims import answer_of
+from workbench.errors import check_range
+from workbench.evaluation.blind_round import Line, answer_of, score_case
 from workbench.evaluation.kept import answered, chosen_cases, diagnosed, silent, version
 from workbench.evaluation.own_cases.judge import truths_of
 from workbench.evaluation.own_cases.own_case import made
 from workbench.evaluation.own_cases.plan import Planned, names, plan
-from workbench.evaluation.own_cases.rig_machine import rig_of
 from workbench.evaluation.rates import Rate
+from workbench.evaluation.rig import simulate
+from workbench.evaluation.rig.cases import settled
+from workbench.evaluation.rig.excitation import RATE
 from workbench.recordings import read_case
+from workbench.recordings.recording import Recording, Signal
+
+
+@dataclass(frozen=True)
+class RigMachine:
+    """The rig with what it hides."""
+
+    parameters: dict[str, float] = field(repr=False)
+    seed: int = 1
+
+    def play(self, experiment: Experiment) -> Recording:
+        """Play the inputs of an experiment from rest at 30 degrees.
+
+        Raises:
+            WorkbenchError: If the samples are not those of the rig.
+        """
+        check_range("sample time", experiment.sample_time, 0.999 / RATE, 1.001 / RATE, "s")
+        start = settled(self.parameters, seconds=2.0)
+        record = simulate.run(
+            self.parameters, start, command=experiment.inputs[:, 0], seed=self.seed
+        )
+        return recording_of(record, "experiment")
+
+
+def rig_of(folder: Path) -> RigMachine:
+    """Return the rig that made a case."""
+    truth = json.loads((folder / "truth.json").read_text())
+    return RigMachine(truth["parameters"])
+
+
+def recording_of(record: simulate.Record, name: str) -> Recording:
+    """Return a record of the rig in SI."""
+    return Recording(
+        name,
+        record.time,
+        (
+            Signal("valve", record.valve, "V", role="command"),
+            Signal("angle", np.radians(record.angle), "rad"),
+            Signal("pressure_1", 1e5 * record.pressure_1, "Pa"),
+            Signal("pressure_2", 1e5 * record.pressure_2, "Pa"),
+        ),
+    )
+
 
 SCHEMA = "experiment_case/1"
 

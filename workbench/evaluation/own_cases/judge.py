@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from workbench.evaluation.answer_key import Truth
-from workbench.evaluation.blind_round import Line, score_case
-from workbench.evaluation.claims import answer_of, error_ratio
+from workbench.evaluation.blind_round import Line, answer_of, error_ratio, score_case
 from workbench.evaluation.own_cases.plan import names
 from workbench.evaluation.own_cases.sizes import COUNTERPARTS, SIZES
 from workbench.evaluation.rig.parameters import nominal

@@ -19,8 +19,7 @@ from workbench.evaluation.own_cases.statistics import (
     score_of,
     scores,
 )
-from workbench.evaluation.rates import Rate
-from workbench.evaluation.reliability import reliability_lines, told
+from workbench.evaluation.rates import Rate, reliability_lines, told
 from workbench.recordings.aligned_table import aligned_table
 
 COLOURS = {

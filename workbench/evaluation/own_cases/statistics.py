@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.evaluation.blind_round import score_round
-from workbench.evaluation.claims import answer_of
+from workbench.evaluation.blind_round import answer_of, score_round
 from workbench.evaluation.own_cases.judge import (
     ANSWERERS,
     Judged,

@@ -17,10 +17,17 @@ from workbench.physics.line import line, silencer
 from workbench.physics.muscle_volume import BraidedCylinder
 from workbench.physics.valve_curve import LINEAR, MPYE, ValveCurve
 from workbench.plants.arm.geometry import ArmGeometry
-from workbench.plants.arm.inertia import MAXIMUM_LOAD, ArmBody, Plane
+from workbench.plants.arm.joint import (
+    MAXIMUM_LOAD,
+    ArmBody,
+    Plane,
+    damper_and_bearing,
+    gravity,
+    joint,
+)
 from workbench.plants.arm.joint import PARAMETERS as JOINT_PARAMETERS
 from workbench.plants.arm.joint import STATES as JOINT_STATES
-from workbench.plants.arm.joint import damper_and_bearing, gravity, joint
+from workbench.plants.arm.laws import heat_exchange, printed_volume
 from workbench.plants.arm.muscle import PARAMETERS as MUSCLE_PARAMETERS
 from workbench.plants.arm.muscle import (
     MuscleLaws,
@@ -33,8 +40,6 @@ from workbench.plants.arm.opening import ONE_VALVE
 from workbench.plants.arm.servovalve import COMMAND, ValveFlows, valve
 from workbench.plants.arm.servovalve import PARAMETERS as VALVE_PARAMETERS
 from workbench.plants.arm.servovalve import STATES as VALVE_STATES
-from workbench.plants.arm.volume_effects import printed_volume
-from workbench.plants.arm.wall_heat import heat_exchange
 from workbench.plants.plant import Option, Plant
 
 Variant = Literal["corrected", "as_printed"]

@@ -13,8 +13,8 @@ from workbench.model.trace import Equations
 from workbench.physics.force_laws import CONTRACTIONS, ForceLaw, PaperLaw, Petrovic, slack
 from workbench.physics.gas import chamber_rates, port_enthalpy_flow
 from workbench.physics.muscle_volume import BraidedCylinder
+from workbench.plants.arm.laws import heat_exchange
 from workbench.plants.arm.servovalve import PARAMETERS as VALVE_PARAMETERS
-from workbench.plants.arm.wall_heat import heat_exchange
 
 PARAMETERS = (
     # Name, unit, scale (0 for that of the value), meaning, value, bounds, source.

@@ -24,7 +24,7 @@ from workbench.plants.arm.arm import (
     ArmEquations,
     arm,
 )
-from workbench.plants.arm.inertia import Plane
+from workbench.plants.arm.joint import Plane
 from workbench.plants.arm.opening import TWO_VALVES
 from workbench.plants.arm.servovalve import (
     COMMAND,

@@ -16,7 +16,7 @@ from workbench.arrays import Vector
 from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.quantisation import recorded_quantum
-from workbench.recordings.checks.uniformity import jitter
+from workbench.recordings.checks.time_base import jitter
 from workbench.recordings.recording import Recording, Signal
 
 _BLOCK = 100

@@ -1,22 +1,102 @@
-"""Stores that lose what they hold: over a brim, through an orifice, through a leak.
+"""Stores of matter, charge and heat: what they lose, and capacities that change with their level.
 
-A lag short beside the store's own time lets both stores see the same spill. What runs over falls,
-if anywhere, into the next store that the equations fill.
+They lose it over a brim, through an orifice, through a leak, to the room. A lag short beside the
+store's own time lets both stores see the same spill. What runs over falls, if anywhere, into the
+next store that the equations fill. At the port that carries the whole rate, a capacity that falls
+to C / r is a signal of r times the size; unlike ``1 / (1 + z)`` the factor is positive for every z.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import combinations
 
 import casadi as ca
 
 from workbench.model import EffectView, PortView, State
-from workbench.model.regularisation import Expression, sqrt
-from workbench.physics.heat_loss import heat_stores, sense
+from workbench.model.regularisation import Expression, maximum, sqrt
+from workbench.model.units import same_dimension
 from workbench.physics.law import Fit, Law, Own, each, floor, shape, size
-from workbench.physics.place import Place, Survey, per
+from workbench.physics.place import Local, Place, Survey, per
+
+_FAR = 10.0
+"""Distance of what is around from the temperature at the start, over the latter's typical size."""
+
+_ZERO = 273.15
+"""Absolute temperature at 0 degC, K."""
+
+
+def heat_stores(survey: Survey) -> Iterator[Fit]:
+    """Yield the last heat flow into each store: it carries all that came before.
+
+    So does the rate of a temperature, or, where no heat flows in, what takes heat from it alone.
+    """
+    found = {
+        q.store: survey.with_level(q) for q in survey.fitting("heat") if q.store and q.fills < 0.0
+    } | {
+        q.level.source: q
+        for q in survey.fitting("heat", "flow", needs=("level",))
+        if q.role == "heat" or same_dimension(q.level.unit, "K")
+    }
+    for place in found.values():
+        yield f"_{place.port.group}", ((place,),)
+
+
+def sense(at: Place) -> Own:
+    """State whether what flows at a place fills a store, 1, or empties it, -1; dimensionless."""
+    return shape("sense", "1", at.fills, "whether the port's flow fills or empties the store",
+                 around=None, between=(-1.0, 1.0), source="", fitted=False)  # fmt: skip
+
+
+def _around(at: Place) -> Own:
+    start, reach = at.level.start, _FAR * at.level.scale
+    return shape("ambient", at.level.unit, start, "temperature around", around=None,
+                 between=(start - reach, start + reach), scale=at.level.scale)  # fmt: skip
+
+
+def _conductance(at: Place, text: str, *, signed: bool = False) -> Own:
+    usual = 0.1 * at.scale / at.level.scale
+    return size("conductance", per(at.unit, at.level.unit), usual, 100 * usual, text,
+                signed=signed)  # fmt: skip
+
+
+# Signed: less loss than the equations have.
+heat_loss = Law(
+    "heat_loss",
+    "Q = Q - conductance (T - ambient)",
+    heat_stores,
+    lambda at: (_conductance(at, "heat lost over difference", signed=True), _around(at), sense(at)),
+    lambda at: at.value - at.p.sense * at.p.conductance * (at.signals.level - at.p.ambient),
+    source="I. Newton 1701",
+    look_alikes=("radiation", "second_store", "offset"),
+    separated_by="let it cool from high: the temperature falls along an exponential",
+)
+
+
+def _radiated(at: PortView) -> Expression:
+    around = at.p.ambient + at.p.zero
+    warm, cool = (at.signals.level + at.p.zero) / around, 1.0
+    return at.value - at.p.sense * at.p.conductance * around * (warm**4 - cool) / 4.0
+
+
+# The conductance is that of small differences, 4 emissivity area sigma ambient^3.
+radiation = Law(
+    "radiation",
+    "Q = Q - conductance T_a / 4 [(T / T_a)^4 - 1]",
+    heat_stores,
+    lambda at: (
+        _conductance(at, "heat radiated over a small difference"),
+        _around(at),
+        shape("zero", at.level.unit, _ZERO if abs(at.level.start) < 0.5 * _ZERO else 0.0,
+              "absolute temperature at zero of the scale", around=None, scale=_ZERO, fitted=False),
+        sense(at),
+    ),
+    _radiated,
+    source="J. Stefan 1879, L. Boltzmann 1884",
+    look_alikes=("heat_loss", "second_store"),
+    separated_by="hold two temperatures far apart: the loss grows faster than the difference",
+)  # fmt: skip
 
 
 def _stores(survey: Survey) -> list[Place]:
@@ -290,3 +370,52 @@ outlet_head = Law(
     look_alikes=("outflow_exponent", "linear_outflow", "orifice_outflow", "offset"),
     separated_by="let the store run empty: with a pipe below it still flows at level zero",
 )  # fmt: skip
+
+
+def _falling(z: Expression) -> Expression:
+    """Return 1 / (1 + z) for positive z and 1 - z for negative: one line through z = 0."""
+    return 1.0 / (1.0 + maximum(z, 0.0)) + maximum(-z, 0.0)
+
+
+def _growth(of: Callable[[Place], Local], *, signed: bool) -> Callable[[Place], tuple[Own, ...]]:
+    def parameters(at: Place) -> tuple[Own, ...]:
+        usual = 0.2 / of(at).scale ** 2
+        return (
+            size("growth", per("1", of(at).unit, 2), usual, 50.0 * usual,
+                 "relative change over the square", signed=signed),
+        )  # fmt: skip
+
+    return parameters
+
+
+def _less(at: PortView) -> Expression:
+    return at.value * (1.0 + at.p.growth * at.signals.speed**2)
+
+
+saturating_inductance = Law(
+    "saturating_inductance",
+    "L = L_0 / (1 + growth i^2)",
+    each("circuit", needs=("speed",), only=lambda at: at.whole),
+    _growth(lambda at: at.speed, signed=False),
+    _less,
+    source="O. Froelich 1881, magnetisation of iron",
+    look_alikes=("viscous_friction", "cubic_drag", "varying_capacitance"),
+    separated_by="steps of the voltage at a small and at a large current: the rise is steeper",
+)
+
+
+def _stored(at: PortView) -> Expression:
+    return at.value * _falling(at.p.growth * at.signals.level**2)
+
+
+varying_capacitance = replace(
+    saturating_inductance,
+    name="varying_capacitance",
+    equation="C = C_0 (1 + growth u^2)",
+    where=each("current", needs=("level",), only=lambda at: at.whole),
+    parameters=_growth(lambda at: at.level, signed=True),
+    transform=_stored,
+    source="ceramic of high permittivity, junction of a diode",
+    look_alikes=("saturating_inductance", "linear_outflow"),
+    separated_by="the same current into the capacitor at a small and at a large voltage",
+)

@@ -10,8 +10,7 @@ from typing import Any
 
 import pytest
 
-from workbench.evaluation.left_out.plan import PLAN
-from workbench.evaluation.left_out.reduced_plant import answer
+from workbench.evaluation.left_out import PLAN, answer
 from workbench.physics.library import library
 
 TRIED = {

@@ -1,1 +1,0 @@
-"""First models of the foreign machines, as a newcomer would write them."""
