@@ -13,7 +13,7 @@ import pytest
 
 from tests.diagnosis.practice_08 import diagnosed, rig, sine
 from workbench.diagnosis.redesign import redesign
-from workbench.evaluation.rig.closed_loop import follow
+from workbench.evaluation.rig.simulate import follow
 from workbench.linearisation import linearise
 from workbench.model import Model
 from workbench.operating_point import operating_point

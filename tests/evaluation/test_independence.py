@@ -14,7 +14,7 @@ SIMULATORS = {
     "rig": sorted((ROOM / "rig").glob("*.py")),
     "foreign": [
         ROOM / "foreign" / f"{name}.py"
-        for name in ("machine", "laws", "excitation", "drive", "circuit", "tank", "crane")
+        for name in ("machine", "excitation", "drive", "circuit", "tank", "crane")
     ],
 }
 

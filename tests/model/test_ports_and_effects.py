@@ -21,7 +21,7 @@ from workbench.model import (
     Scope,
     State,
 )
-from workbench.model.parts import cofactor
+from workbench.model.expressions import cofactor
 from workbench.physics.friction import coulomb_friction
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from workbench.errors import WorkbenchError
-from workbench.simulation.compiled import compiled
+from workbench.simulation.equations import compiled
 from workbench.work.counted import done, since
 from workbench.work.machine_code import SOON, built, compiler
 

@@ -8,7 +8,7 @@ import pytest
 from workbench.diagnosis.estimation.made_up import made_up_axis
 from workbench.diagnosis.estimation.refit import refit
 from workbench.plants.servo_axis import servo_axis
-from workbench.simulation import equations, runge_kutta, simulate
+from workbench.simulation import equations, integrators, simulate
 from workbench.work.counted import UNITS, add, count, done, in_words, since, together
 from workbench.work.machine_code import compiler
 from workbench.work.processes import in_order
@@ -31,7 +31,7 @@ def test_the_work_of_a_small_simulation_is_bounded() -> None:
 
 def test_the_interpreter_counts_as_machine_code_does(monkeypatch: pytest.MonkeyPatch) -> None:
     machine_code = _simulated()
-    caches = compiler, equations._library, runge_kutta.integrator_library
+    caches = compiler, equations._library, integrators.integrator_library
     with monkeypatch.context() as patch:
         patch.setenv("WORKBENCH_CC", "none")
         for cache in caches:

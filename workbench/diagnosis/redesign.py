@@ -27,7 +27,7 @@ from workbench.model import Model
 from workbench.operating_point import operating_point
 from workbench.physics.delay import clock_shift, sensor_lag, valve_delay
 from workbench.plants.plant import Plant
-from workbench.simulation.compiled import compiled
+from workbench.simulation.equations import compiled
 
 
 def redesign(

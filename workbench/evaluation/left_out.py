@@ -20,7 +20,7 @@ from workbench.evaluation.rig.cases import make_case
 from workbench.evaluation.rig.parameters import nominal
 from workbench.evaluation.rig.plant import namespace
 from workbench.model import Model
-from workbench.physics.gas_energy import isothermal_gas
+from workbench.physics.gas import isothermal_gas
 from workbench.physics.library import library
 from workbench.plants.arm import arm, pneumatic_muscle
 from workbench.plants.arm.laws import constant_volume

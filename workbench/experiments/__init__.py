@@ -5,8 +5,14 @@ from workbench.experiments.isometric import (
     isometric_experiment,
     isometric_experiment_on_arm,
 )
-from workbench.experiments.open_loop import OpenLoopExperiment, open_loop_experiment, pulse_train
-from workbench.experiments.transits import Transit, TransitFigures, measure_transits
+from workbench.experiments.open_loop import (
+    OpenLoopExperiment,
+    Transit,
+    TransitFigures,
+    measure_transits,
+    open_loop_experiment,
+    pulse_train,
+)
 
 __all__ = [
     "IsometricRecord",

@@ -1,7 +1,6 @@
 """Linear models with names, an operating point and a verdict on how far they hold."""
 
 from workbench.linearisation.iosystem import to_iosystem
-from workbench.linearisation.kinks import Kink
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.linearise import linearise
 from workbench.linearisation.modes import Mode, find_modes
@@ -10,6 +9,7 @@ from workbench.linearisation.validity import (
     AmplitudeValidity,
     DescribingFunction,
     FrequencyValidity,
+    Kink,
     Validity,
     amplitude_validity,
     frequency_validity,

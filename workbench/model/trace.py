@@ -15,8 +15,8 @@ from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
 from workbench.model.effect import Effect
 from workbench.model.exchanges import exchanges
+from workbench.model.expressions import leave_the_numbers, with_real_roots
 from workbench.model.quantities import Input, Quantity
-from workbench.model.real_roots import leave_the_numbers, with_real_roots
 from workbench.model.regularisation import Expression, Form
 from workbench.model.scope import EffectView, Names, Port, PortView, Scope, ValidRange
 from workbench.model.traits import LEFT_OUT, Traits

@@ -24,7 +24,6 @@ from workbench.model.quantities import Channel, shown_in
 from workbench.model.traits import bound_value
 from workbench.model.units import from_si, shown_unit, with_unit
 from workbench.operating_point.derivatives import derivatives_of
-from workbench.operating_point.reach import what_would_be_possible
 from workbench.operating_point.trim import (
     RESIDUAL_TOLERANCE,
     Condition,
@@ -34,6 +33,7 @@ from workbench.operating_point.trim import (
     conditions_of,
     limits_of,
     solve,
+    what_would_be_possible,
 )
 
 

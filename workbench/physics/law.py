@@ -26,7 +26,7 @@ from workbench.model import (
     PortView,
     State,
 )
-from workbench.model.parts import cofactor
+from workbench.model.expressions import cofactor
 from workbench.model.regularisation import Expression
 from workbench.physics.hypothesis import Group, Hypothesis
 from workbench.physics.place import DRIVES, Place, Survey, unknown_place

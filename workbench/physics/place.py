@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from workbench.errors import check_choice
 from workbench.model import Model, Output, Parameter, Port, State
-from workbench.model.parts import cofactor
+from workbench.model.expressions import cofactor
 from workbench.model.quantities import Quantity
 from workbench.model.regularisation import Expression
 from workbench.model.units import powers, same_dimension

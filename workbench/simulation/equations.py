@@ -1,4 +1,4 @@
-"""The functions of a model's equations, for C code and for Python."""
+"""The functions of a model's equations, for C code and for Python, and what builds them."""
 
 from __future__ import annotations
 
@@ -12,8 +12,24 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.simulation.compiled import generated
 from workbench.work.machine_code import FAST, SOON, USUAL, built, compiler
+
+
+def compiled(function: ca.Function) -> ca.Function:
+    """Return the function as machine code where a C compiler exists, unchanged otherwise."""
+    if compiler() is None:
+        return function
+    library = built(function.name(), generated([function]), FAST)
+    return function if library is None else ca.external(function.name(), str(library))
+
+
+def generated(functions: Sequence[ca.Function]) -> str:
+    """Return C code of functions, which stand in it under their names."""
+    generator = ca.CodeGenerator(f"{functions[0].name()}.c")
+    for function in functions:
+        generator.add(function)
+    return str(generator.dump())
+
 
 _HERE = Path(__file__).parent
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache, cached_property, lru_cache
+from pathlib import Path
 from typing import Literal, Protocol
 
 import casadi as ca
@@ -12,10 +14,206 @@ import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.model import Trace
-from workbench.simulation.compiled import compiled
-from workbench.simulation.equations import Buffered, Equations
-from workbench.simulation.runge_kutta import MOST_STEPS, RungeKutta
+from workbench.simulation.equations import Buffered, CFunction, Equations, address, compiled, in_c
+from workbench.work.counted import count, place
 from workbench.work.machine_code import compiler
+
+MOST_STEPS = 2000
+"""Steps in one sample, at most."""
+
+_A = (
+    (1 / 5,),
+    (3 / 40, 9 / 40),
+    (44 / 45, -56 / 15, 32 / 9),
+    (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
+    (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
+    (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
+)
+_E = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40)
+
+
+class _Integrator(ctypes.Structure):
+    _fields_ = [
+        ("rates", CFunction),
+        ("states", ctypes.c_int64),
+        ("inputs", ctypes.c_int64),
+        ("most_steps", ctypes.c_int64),
+        ("scale", ctypes.c_void_p),
+        ("sample_time", ctypes.c_double),
+        ("tolerance", ctypes.c_double),
+        ("step", ctypes.c_double),
+        ("work", ctypes.c_void_p),
+        ("steps", ctypes.c_void_p),
+        ("evaluations", ctypes.c_void_p),
+    ]
+
+
+@cache
+def integrator_library() -> ctypes.CDLL | None:
+    """Return `integrator.c` as a library, or None where there is no C compiler."""
+    library = in_c(Path(__file__).with_name("integrator.c"))
+    if library is not None:
+        pointer, whole = ctypes.c_void_p, ctypes.c_int64
+        library.integrate.restype = library.hold.restype = library.evaluate.restype = whole
+        library.integrate.argtypes = [pointer, whole, *[pointer] * 4]
+        library.hold.argtypes = [pointer] * 6
+        library.evaluate.argtypes = [pointer, *[whole] * 4, *[pointer] * 4]
+    return library
+
+
+class RungeKutta:
+    """Dormand and Prince's pair 5(4) for the equations of a model.
+
+    The error of a step is held below ``tolerance (scale + |x|)`` for every state.
+
+    Args:
+        scale: Scales of the states, shape (n_states,), in SI.
+        sample_time: Time between samples, in s.
+        tolerance: Local error allowed in a step, dimensionless.
+
+    Source:
+        Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, 1993, table II.5.2 and
+        section II.4.
+    """
+
+    method: Literal["erk", "rosenbrock"] = "erk"
+
+    def __init__(self, traced: Trace, scale: Vector, sample_time: float, tolerance: float) -> None:
+        self.equations = Equations((traced.rates_function, traced.outputs_function))
+        self._scale = np.ascontiguousarray(scale, dtype=float)
+        self._sample_time, self._tolerance = sample_time, tolerance
+        self._step = sample_time
+        self._sizes = len(scale), traced.u.numel(), traced.outputs.numel()
+        self._c: _Integrator | None = None
+        library = integrator_library() if self.equations.compiled else None
+        if library is not None:
+            self._in_c = library
+            self._work = np.zeros(9 * max(1, len(scale)))
+            self._outputs = self.equations.in_c(1)
+            self._c = _Integrator(
+                self.equations.in_c(0),
+                *self._sizes[:2],
+                MOST_STEPS,
+                address(self._scale),
+                sample_time,
+                tolerance,
+                sample_time,
+                address(self._work),
+                place("integrator_steps"),
+                place("model_evaluations"),
+            )
+
+    @property
+    def compiled(self) -> bool:
+        """Whether machine code does it."""
+        return self._c is not None
+
+    def run(self, x: npt.ArrayLike, u: npt.ArrayLike, p: npt.ArrayLike) -> Vector:
+        """Return the states after each of several samples, as far as it gets."""
+        start, held, values = (np.ascontiguousarray(v, dtype=float) for v in (x, u, p))
+        states = np.empty((len(held), len(self._scale)))
+        if self._c is not None:
+            done = self._in_c.integrate(
+                ctypes.byref(self._c),
+                len(held),
+                *(address(array) for array in (start, held, values, states)),
+            )
+            return states[:done]
+        for k, inputs in enumerate(held):
+            after = self._sample(start, inputs, values)
+            if after is None:
+                return states[:k]
+            states[k] = start = after
+        return states
+
+    def holding(self, x: Vector, u: Vector, p: Vector, y: Vector) -> Callable[[], bool]:
+        """Return what advances x by one sample in place, reads the sensors into y, and says if."""
+        if self._c is not None:
+            hold = self._in_c.hold
+            called: list[object] = [ctypes.byref(self._c), ctypes.byref(self._outputs)]
+            called += [ctypes.c_void_p(address(array)) for array in (x, u, p, y)]
+            # What C works in stays alive as long as the function does.
+            kept = self, x, u, p, y
+            return lambda: bool(kept) and not hold(*called)
+
+        def in_python() -> bool:
+            after = self._sample(x, u, p)
+            if after is not None:
+                x[:] = after
+                y[:] = self.equations(1, x, u, p)[0]
+            return after is not None
+
+        return in_python
+
+    def _sample(self, x: Vector, u: Vector, p: Vector) -> Vector | None:
+        done, h = 0.0, self._step
+        first = self.equations(0, x, u, p)[0].copy()
+        count("model_evaluations")
+        for _ in range(MOST_STEPS):
+            left = self._sample_time - done
+            last = h >= left
+            taken = left if last else h
+            count("integrator_steps")
+            count("model_evaluations", len(_A))
+            end, slope, wrong = self._one(x, u, p, first, taken)
+            size = self._scale + np.maximum(np.abs(x), np.abs(end))
+            parts = np.abs(wrong) / (self._tolerance * size)
+            error = float(parts.max(initial=0.0)) if np.all(parts <= 1e30) else 1e30
+            factor = min(5.0, max(0.2, 0.9 * max(error, 1e-10) ** -0.2))
+            if error <= 1.0:
+                done += taken
+                x, first = end.copy(), slope.copy()
+                h = max(h, taken * factor) if last else taken * factor
+                if last:
+                    self._step = min(h, self._sample_time)
+                    return x
+            else:
+                h = taken * factor
+        return None
+
+    @cached_property
+    def _one(self) -> Buffered:
+        return Buffered(_one_step(self.equations.functions[0]))
+
+
+@lru_cache(maxsize=64)
+def _one_step(rates: ca.Function) -> ca.Function:
+    """Build (x, u, p, rates at x, h) -> (x after h, rates there, estimate of the error)."""
+    x, u, p, first = (ca.SX.sym(name, rates.size1_in(i % 3)) for i, name in enumerate("xupk"))
+    h = ca.SX.sym("h")
+    k, end = [first], x
+    for row in _A:
+        end = x + h * _weighted(row, k)
+        k.append(rates(end, u, p))
+    return ca.Function("step", [x, u, p, first, h], [end, k[6], h * _weighted(_E, k)])
+
+
+def _weighted(weights: tuple[float, ...], slopes: list[ca.SX]) -> ca.SX:
+    total = ca.SX(0)
+    for weight, slope in zip(weights, slopes, strict=True):
+        total += weight * slope
+    return total
+
+
+def at_every_row(equations: Equations, i: int, x: Vector, u: Vector, p: Vector) -> Vector:
+    """Evaluate a function of states, inputs and parameters at every sample, shape (n, n_results).
+
+    All are in SI: states (n, n_states), inputs (n, n_inputs), parameters (n_parameters,).
+    """
+    x, u, p = (np.ascontiguousarray(v, dtype=float) for v in (x, u, p))
+    table = np.empty((len(x), equations.functions[i].numel_out(0)))
+    library = integrator_library() if equations.compiled else None
+    count("model_evaluations", len(x))
+    if library is None:
+        for row, states, inputs in zip(table, x, u, strict=True):
+            row[:] = equations(i, states, inputs, p)[0]
+        return table
+    function = equations.in_c(i)
+    sizes = x.shape[1], u.shape[1], table.shape[1]
+    places = (address(array) for array in (x, u, p, table))
+    library.evaluate(ctypes.byref(function), len(x), *sizes, *places)
+    return table
+
 
 Method = Literal["erk", "rosenbrock"]
 

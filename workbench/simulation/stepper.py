@@ -11,8 +11,7 @@ from workbench.arrays import Vector
 from workbench.errors import TIMES_S, NumericalError, check_choice, check_range
 from workbench.model import EXACT, Form, Model
 from workbench.model.model import check_vector
-from workbench.simulation.integrators import METHODS, Method, integrator_of, name_of
-from workbench.simulation.runge_kutta import MOST_STEPS
+from workbench.simulation.integrators import METHODS, MOST_STEPS, Method, integrator_of, name_of
 
 
 @dataclass

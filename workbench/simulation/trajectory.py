@@ -15,7 +15,7 @@ from workbench.model import EXACT, Form, Model, Quantity, Trace
 from workbench.model.quantities import shown_in
 from workbench.model.units import from_si, in_times
 from workbench.simulation.equations import Equations
-from workbench.simulation.runge_kutta import at_every_row
+from workbench.simulation.integrators import at_every_row
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from workbench.model import Model
 from workbench.physics.stiffness import linear_spring
 from workbench.plants.servo_axis import servo_axis
 from workbench.simulation.equations import Equations, address
-from workbench.simulation.runge_kutta import integrator_library
+from workbench.simulation.integrators import integrator_library
 from workbench.speed.measure import Comparison, Way, timed, tried
 
 _STIFFNESS = 200.0

@@ -19,8 +19,7 @@ from workbench.linearisation import linearise
 from workbench.model import Model
 from workbench.operating_point import operating_point
 from workbench.simulation import simulate
-from workbench.simulation.compiled import compiled
-from workbench.simulation.equations import Buffered, Equations
+from workbench.simulation.equations import Buffered, Equations, compiled
 from workbench.speed.measure import Comparison, Times, Way, timed, tried
 from workbench.verification import Scenario, step_scenario, verify
 from workbench.verification.sampled_plant import FullPlant

@@ -18,7 +18,7 @@ from workbench.arrays import Vector
 from workbench.linearisation import linearise
 from workbench.model import Model
 from workbench.operating_point import operating_point
-from workbench.simulation.compiled import compiled
+from workbench.simulation.equations import compiled
 from workbench.speed.converged_plan import transcribed
 from workbench.speed.do_mpc_plan import do_mpc_plan
 from workbench.speed.measure import Comparison, Times, Way, timed, tried

@@ -18,7 +18,7 @@ from workbench.errors import WorkbenchError
 from workbench.linearisation.actuator_inverse import straightened
 from workbench.model import REGULARISED, Model
 from workbench.operating_point import operating_point
-from workbench.simulation.compiled import compiled
+from workbench.simulation.equations import compiled
 from workbench.simulation.stepper import Stepper
 from workbench.speed.converged_plan import transcribed
 from workbench.verification import Scenario, Steps, metrics, verify

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from workbench.diagnosis.verdict import SCHEMA
-from workbench.evaluation.own_cases.sizes import sizes
+from workbench.evaluation.own_cases.plan import sizes
 from workbench.evaluation.rig.effects import EFFECTS
 
 ERRORS = {"angle": 2e-4, "pressure_1": 900.0, "pressure_2": 900.0}

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from tests.evaluation.own_cases.made_up import found, row, verdict
-from workbench.evaluation.own_cases.judge import judge, true_size
+from workbench.evaluation.own_cases.statistics import judge, true_size
 
 TILT = found("tilt_gravity", "joint.torque")
 OFFSET = found("valve_offset", "valve.command")

@@ -11,15 +11,17 @@ import pytest
 from workbench.evaluation.answer_key import NOTHING
 from workbench.evaluation.own_cases.own_case import made
 from workbench.evaluation.own_cases.plan import (
+    COUNTERPARTS,
     FACTORS,
     OUTSIDE,
     PAIRS,
     SINGLE,
+    SIZES,
     TRIPLES,
     names,
     plan,
+    sizes,
 )
-from workbench.evaluation.own_cases.sizes import COUNTERPARTS, SIZES, sizes
 from workbench.evaluation.rig.effects import EFFECTS
 from workbench.evaluation.rig.parameters import PARAMETERS, nominal
 from workbench.physics.library import library

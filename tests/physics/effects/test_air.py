@@ -11,11 +11,10 @@ from tests.physics.effects.bench import bench, read
 from tests.physics.one_way import iso6358
 from workbench.errors import WorkbenchError
 from workbench.model import Model
-from workbench.physics.gas_energy import isothermal_gas, polytropic_exchange
+from workbench.physics.gas import isothermal_gas, polytropic_exchange
 from workbench.physics.leakage import chamber_leakage, cross_leakage, edge_leakage
-from workbench.physics.line import line, silencer
 from workbench.physics.stores import overflow
-from workbench.physics.supply import regulator_droop, supply_droop
+from workbench.physics.supply import line, regulator_droop, silencer, supply_droop
 from workbench.plants.arm import arm, pneumatic_muscle, servovalve
 from workbench.plants.arm.laws import extra_heat_exchange, gas_energy_balance, heat_exchange
 

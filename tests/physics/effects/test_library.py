@@ -10,7 +10,7 @@ import pytest
 
 from workbench.evaluation.machines.plants import tanks
 from workbench.model import Model
-from workbench.physics.gas_energy import isothermal_gas
+from workbench.physics.gas import isothermal_gas
 from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.library import LAWS, library, look_alikes
 from workbench.physics.muscle_volume import flattened_ends

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
-from workbench.physics.joint import joint_drag, joint_friction
+from workbench.physics.friction import joint_drag, joint_friction
 from workbench.physics.library import library
 from workbench.physics.place import Survey
 

@@ -9,8 +9,7 @@ from workbench.experiments import pulse_train
 from workbench.model import Effect, Model
 from workbench.physics.hysteresis import muscle_hysteresis
 from workbench.physics.leakage import chamber_leakage
-from workbench.physics.line import line, silencer
-from workbench.physics.supply import supply_droop
+from workbench.physics.supply import line, silencer, supply_droop
 from workbench.plants.arm import arm
 from workbench.simulation import Trajectory, simulate
 

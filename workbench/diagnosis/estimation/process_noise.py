@@ -23,8 +23,8 @@ from workbench.diagnosis.estimation.refit import ENOUGH, refit
 from workbench.diagnosis.estimation.refit_result import Refit
 from workbench.errors import NumericalError
 from workbench.model import Model
+from workbench.model.expressions import cofactor, terms
 from workbench.model.model import index_of
-from workbench.model.parts import cofactor, terms
 from workbench.physics.place import Survey, argument_of, term_of
 
 LADDER = (3000.0, 300.0, 30.0, 3.0, 1.0, 0.3, 0.03, 0.003)

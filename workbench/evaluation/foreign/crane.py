@@ -11,7 +11,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench.evaluation.foreign.excitation import chirp, pulses, sines, steps
-from workbench.evaluation.foreign.laws import dry_friction
 from workbench.evaluation.foreign.machine import (
     Array,
     Channel,
@@ -19,6 +18,7 @@ from workbench.evaluation.foreign.machine import (
     Machine,
     Parameters,
     State,
+    dry_friction,
 )
 
 GRAVITY = 9.81

@@ -8,8 +8,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from workbench.evaluation.foreign.excitation import chirp, pulses, sines, steps
-from workbench.evaluation.foreign.laws import dead_zone, dry_friction
-from workbench.evaluation.foreign.machine import Channel, Concealed, Machine, Parameters, State
+from workbench.evaluation.foreign.machine import (
+    Channel,
+    Concealed,
+    Machine,
+    Parameters,
+    State,
+    dead_zone,
+    dry_friction,
+)
 
 
 def _rates(_: float, x: State, u: Sequence[float], p: Parameters) -> State:

@@ -24,9 +24,9 @@ from workbench.diagnosis.stages import Diagnosis
 from workbench.errors import check_range
 from workbench.evaluation.blind_round import Line, answer_of, score_case
 from workbench.evaluation.kept import answered, chosen_cases, diagnosed, silent, version
-from workbench.evaluation.own_cases.judge import truths_of
 from workbench.evaluation.own_cases.own_case import made
 from workbench.evaluation.own_cases.plan import Planned, names, plan
+from workbench.evaluation.own_cases.statistics import truths_of
 from workbench.evaluation.rates import Rate
 from workbench.evaluation.rig import simulate
 from workbench.evaluation.rig.cases import settled

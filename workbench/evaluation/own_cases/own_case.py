@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from workbench.diagnosis.stages import Diagnosis
 from workbench.evaluation.benchmark.baselines import answers
 from workbench.evaluation.kept import diagnosed, version
-from workbench.evaluation.own_cases.judge import ANSWERERS
 from workbench.evaluation.own_cases.plan import FIRST_SEED, Planned, plan
+from workbench.evaluation.own_cases.statistics import ANSWERERS
 from workbench.evaluation.rig import plant, simulate
 from workbench.evaluation.rig.cases import make_case
 from workbench.evaluation.rig.parameters import nominal

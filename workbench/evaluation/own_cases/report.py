@@ -7,17 +7,19 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from workbench.evaluation.own_cases.judge import ANSWERERS, judge, truths_of
 from workbench.evaluation.own_cases.plan import FACTORS
 from workbench.evaluation.own_cases.statistics import (
+    ANSWERERS,
     BARS,
     ByEffect,
     Score,
     by_effect,
     by_kind,
     by_size,
+    judge,
     score_of,
     scores,
+    truths_of,
 )
 from workbench.evaluation.rates import Rate, reliability_lines, told
 from workbench.recordings.aligned_table import aligned_table

@@ -6,6 +6,6 @@ nominal plant does not contain; its recordings are what plant and diagnosis are 
 
 Modules: `parameters` (names, units, nominal values), `effects` (switches), `muscle` and `arm`
 (laws, as far as a start needs them), `plant` (state vector), `plant.c` with `fast` (its derivative
-and fixed steps of a Runge-Kutta rule), `electronics`, `simulate` (commands in, records out),
-`excitation` and `cases` (folders in the recording format).
+and fixed steps of a Runge-Kutta rule), `electronics`, `simulate` (a command or a controller in,
+records out), `excitation` and `cases` (folders in the recording format).
 """

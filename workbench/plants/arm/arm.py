@@ -13,8 +13,8 @@ from workbench.model.trace import Equations
 from workbench.physics.force_laws import ForceLaw, PaperLaw, Petrovic, Sarosi, TonduLopez
 from workbench.physics.hysteresis import muscle_hysteresis
 from workbench.physics.leakage import centre_leakage
-from workbench.physics.line import line, silencer
 from workbench.physics.muscle_volume import BraidedCylinder
+from workbench.physics.supply import line, silencer
 from workbench.physics.valve_curve import LINEAR, MPYE, ValveCurve
 from workbench.plants.arm.geometry import ArmGeometry
 from workbench.plants.arm.joint import (

@@ -10,8 +10,7 @@ import casadi as ca
 from workbench.model import About, Effect, EffectView, Parameter, PortView, State
 from workbench.model.regularisation import Expression
 from workbench.physics.force_laws import PaperLaw, Sarosi
-from workbench.physics.gas import wall_heat
-from workbench.physics.gas_energy import ISOTHERMAL, chambers
+from workbench.physics.gas import ISOTHERMAL, chambers, wall_heat
 from workbench.physics.law import Fit, Law, each, shape, share, size, twins
 from workbench.physics.muscle_volume import BraidedCylinder
 from workbench.physics.place import Survey
