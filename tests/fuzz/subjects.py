@@ -32,11 +32,9 @@ from workbench.recordings import (
     write_recording,
 )
 from workbench.recordings.column_matching import driven_by
-from workbench.study.baseline import box_changes, changes, read_baseline
-from workbench.study.bless import bless
+from workbench.study.baseline import bless, box_changes, changes, read_baseline
 from workbench.study.conditions import condition_changes
-from workbench.study.schema import load_study
-from workbench.study.shipped import shipped_study
+from workbench.study.schema import load_study, shipped_study
 from workbench.study.store import Store
 from workbench.verification.metrics import tolerance_of
 from workbench.verification.signals import Recorded

@@ -16,8 +16,7 @@ from workbench.diagnosis.stages import Diagnosis, Prepared
 from workbench.diagnosis.verdict import Verdict
 from workbench.plants.servo_axis import servo_axis
 from workbench.reports.diagnosis_page import diagnosis_page
-from workbench.reports.figures.diagnosis_missing import diagnosis_location
-from workbench.reports.figures.diagnosis_runs import diagnosis_runs, moving_rms
+from workbench.reports.figures.diagnosis import diagnosis_location, diagnosis_runs, moving_rms
 from workbench.reports.page import Answers, Page, html
 from workbench.reports.tables import Table
 

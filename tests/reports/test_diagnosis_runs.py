@@ -5,7 +5,7 @@ import pytest
 
 from workbench.diagnosis.estimation.free_run import FreeRun
 from workbench.model import Model, Output, State
-from workbench.reports.figures.diagnosis_runs import (
+from workbench.reports.figures.diagnosis import (
     as_read,
     diagnosis_residuals,
     diagnosis_runs,

@@ -7,7 +7,7 @@ import pytest
 
 from workbench.diagnosis.nonparametric.result import Argument, Bins
 from workbench.errors import WorkbenchError
-from workbench.reports.figures.diagnosis_missing import diagnosis_nonparametric
+from workbench.reports.figures.diagnosis import diagnosis_nonparametric
 
 X = np.linspace(-0.5, 0.5, 15)
 

@@ -15,8 +15,7 @@ from workbench.reports.style import PAPER
 from workbench.reports.tables import number
 from workbench.study import limits
 from workbench.study.result import StudyResult, run_study
-from workbench.study.schema import load_study
-from workbench.study.shipped import shipped_study
+from workbench.study.schema import load_study, shipped_study
 
 MEASURE = """
 <script>

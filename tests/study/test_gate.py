@@ -15,11 +15,9 @@ from tests.study.small_study import small_study
 from workbench.files import json_text
 from workbench.reports.study_page import study_page
 from workbench.reports.tables import Table
-from workbench.study.annotations import github_annotations
-from workbench.study.baseline import box_changes, read_baseline, write_baseline
-from workbench.study.bless import bless
+from workbench.study.baseline import bless, box_changes, read_baseline, write_baseline
+from workbench.study.ci_files import github_annotations, junit
 from workbench.study.conditions import condition_changes, conditions
-from workbench.study.junit import junit
 from workbench.study.result import StudyResult, run_study
 from workbench.study.schema import load_study
 from workbench.study.summary import mark_of, plain_summary, summary

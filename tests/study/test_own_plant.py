@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from workbench.errors import WorkbenchError
-from workbench.reports.study_files import write_study_files
+from workbench.reports.study_page import write_study_files
 from workbench.study.result import run_study
 from workbench.study.schema import load_study, read_study
 from workbench.study.store import code_digest

@@ -9,9 +9,8 @@ import pytest
 from scipy.stats import binomtest
 
 from tests.study.small_study import TEXT
-from workbench.study.draws import interval, scaled, straight_line, unit_draws
 from workbench.study.execution import Workers, store_of
-from workbench.study.robustness import robustness
+from workbench.study.robustness import interval, robustness, scaled, straight_line, unit_draws
 from workbench.study.schema import load_study
 from workbench.study.study import Box, Study
 

@@ -19,7 +19,7 @@ def bless(results: Path, *, baseline: Path) -> int:
         results (DIR): Folder written by 'workbench compare'.
         baseline (FILE): File to write.
     """
-    from workbench.study.bless import bless as accept
+    from workbench.study.baseline import bless as accept
 
     typer.echo(accept(results, baseline))
     return 0

@@ -62,8 +62,8 @@ def compare(
     """
     from workbench.cli.running import typed
     from workbench.reports.figure import own_figures
-    from workbench.reports.study_files import write_study_files
-    from workbench.study.annotations import github_annotations, on_github
+    from workbench.reports.study_page import write_study_files
+    from workbench.study.ci_files import github_annotations, on_github
     from workbench.study.result import run_study
     from workbench.study.summary import plain_summary
 
@@ -100,8 +100,7 @@ def named_study(given: Path, limit: bool | None, options: Iterable[str]) -> Stud
     Args:
         options: Options of its plant that hold in the place of its own, as ``NAME=VALUE``.
     """
-    from workbench.study.schema import read_study, resolve
-    from workbench.study.shipped import shipped_study
+    from workbench.study.schema import read_study, resolve, shipped_study
 
     named = given.exists() or given.suffix or len(given.parts) > 1
     file = read_study(given if named else shipped_study(str(given)))

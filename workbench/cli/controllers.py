@@ -51,10 +51,9 @@ def controllers(
 
     from workbench.cli.running import typed
     from workbench.reports.figures.limitations import limitation_tables
-    from workbench.reports.study_files import write_study_files
+    from workbench.reports.study_page import write_study_files
     from workbench.study.result import run_study
-    from workbench.study.schema import load_study
-    from workbench.study.shipped import shipped_study
+    from workbench.study.schema import load_study, shipped_study
     from workbench.study.summary import plain_summary
 
     study = load_study(shipped_study("controllers"), optional=fresh).with_limit(limits)

@@ -67,7 +67,7 @@ def _redesigned(verdict: str, designs: Sequence[str], at: Sequence[str], out: Pa
     from workbench.cli.running import counting, typed
     from workbench.cli.verify import nominal_design, recipes_of, study_of_steps, tried
     from workbench.plants.registry import nominal_of_file
-    from workbench.reports.study_files import write_study_files
+    from workbench.reports.study_page import write_study_files
     from workbench.study.plants import PlantRecipe
     from workbench.study.result import run_study
     from workbench.study.summary import plain_summary

@@ -46,8 +46,7 @@ def report(
     from workbench.reports.figures.linear_analysis import delay_words
     from workbench.reports.figures.study_traces import point_text
     from workbench.reports.page import write_page
-    from workbench.reports.study_files import linear_page
-    from workbench.reports.study_page import study_page
+    from workbench.reports.study_page import linear_page, study_page
     from workbench.study.linear_loop import analyse_study
     from workbench.study.result import run_study
 

@@ -71,7 +71,7 @@ def verify(
         seed: Seed of the sensors' noise.
         out (DIR): Folder for results.json, summary.md, junit.xml and report.html.
     """
-    from workbench.reports.study_files import write_study_files
+    from workbench.reports.study_page import write_study_files
     from workbench.study.result import run_study
     from workbench.study.summary import plain_summary
 

@@ -13,7 +13,7 @@ from workbench.linearisation.operating_map import operating_map
 from workbench.linearisation.transfer import frequency_response
 from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
-from workbench.reports.figures.bode import bode
+from workbench.reports.figures.loops import bode
 from workbench.reports.page import Commands, Section
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, Table, number

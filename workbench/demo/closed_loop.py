@@ -13,8 +13,7 @@ from workbench.reports.page import Commands, Method, Section
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import number
 from workbench.study.result import StudyResult, run_study
-from workbench.study.schema import load_study
-from workbench.study.shipped import shipped_study
+from workbench.study.schema import load_study, shipped_study
 from workbench.verification import Metrics
 from workbench.verification.metrics import columns
 

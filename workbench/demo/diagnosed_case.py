@@ -23,7 +23,7 @@ from workbench.model.units import readable
 from workbench.plants.plant import Plant
 from workbench.plants.registry import PLANTS
 from workbench.recordings import read_case
-from workbench.reports.figures.diagnosis_runs import (
+from workbench.reports.figures.diagnosis import (
     AFTER,
     BEFORE,
     diagnosis_residuals,

@@ -29,8 +29,7 @@ from workbench.plants.plant import Plant
 from workbench.simulation import simulate
 from workbench.study.designs import ControllerRecipe
 from workbench.study.plants import PlantRecipe
-from workbench.study.schema import load_study
-from workbench.study.shipped import shipped_study
+from workbench.study.schema import load_study, shipped_study
 from workbench.verification import Steps, verify
 
 PRESSURE_FILTER = 0.002

@@ -23,8 +23,7 @@ from workbench.evaluation.rig.excitation import RATE
 from workbench.evaluation.rig.fast import derivative
 from workbench.evaluation.rig.simulate import follow
 from workbench.evaluation.rig.variations import Draw
-from workbench.study.schema import load_study
-from workbench.study.shipped import shipped_study
+from workbench.study.schema import load_study, shipped_study
 from workbench.study.study import Study
 from workbench.verification import Scenario, Steps, verify
 from workbench.verification.each_step import each_step, step_responses

@@ -10,8 +10,8 @@ from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Verdict
 from workbench.model.units import in_time, in_times, readable, readably
-from workbench.reports.diagnosis_nonparametric import accepted_term, hull_sentence, improved
-from workbench.reports.figures.diagnosis_runs import as_read, farthest_off
+from workbench.reports.diagnosis_nonparametric import accepted_term, hull_sentence
+from workbench.reports.figures.diagnosis import as_read, farthest_off
 from workbench.reports.page import Answers
 from workbench.reports.tables import interval, number, plain
 
@@ -37,7 +37,7 @@ def diagnosis_answers(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> A
         ("when", _when(diagnosis, verdict)),
         ("how sure", _how_sure(diagnosis, proof, verdict)),
         ("what else it could be", _what_else(verdict)),
-        ("how much better", _better(proof) if improved(diagnosis) else ""),
+        ("how much better", _better(proof) if diagnosis.improved else ""),
         ("still left", _left(verdict)),
         ("record next", next_step(verdict)),
     )

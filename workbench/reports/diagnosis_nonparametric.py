@@ -9,7 +9,7 @@ from workbench.diagnosis.location.missing_signal import MissingSignal
 from workbench.diagnosis.nonparametric.result import Argument, NonparametricTerm
 from workbench.diagnosis.stages import Diagnosis
 from workbench.model.units import readably
-from workbench.reports.figures.diagnosis_missing import diagnosis_nonparametric
+from workbench.reports.figures.diagnosis import diagnosis_nonparametric
 from workbench.reports.page import Block, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, Table, interval, number, plain
@@ -19,11 +19,6 @@ def accepted_term(diagnosis: Diagnosis) -> NonparametricTerm | None:
     """Return the term without a name that stands in the improved model; None if there is none."""
     term = diagnosis.nonparametric
     return term if term is not None and term.accepted and not diagnosis.accepted else None
-
-
-def improved(diagnosis: Diagnosis) -> bool:
-    """Return whether there is a model that is better than the refitted one."""
-    return bool(diagnosis.accepted) or accepted_term(diagnosis) is not None
 
 
 def hull_sentence(term: NonparametricTerm) -> str:

@@ -14,7 +14,6 @@ from workbench.reports.diagnosis_answers import KINDS, diagnosis_answers, worst_
 from workbench.reports.diagnosis_nonparametric import (
     accepted_term,
     group_sentence,
-    improved,
     nonparametric_blocks,
     outside_sentence,
     refusals,
@@ -30,16 +29,14 @@ from workbench.reports.diagnosis_tables import (
     unseen_table,
     weights_table,
 )
-from workbench.reports.figures.diagnosis_missing import (
+from workbench.reports.figures.diagnosis import (
+    as_read,
     diagnosis_answer,
     diagnosis_law,
     diagnosis_location,
-    diagnosis_signal,
-)
-from workbench.reports.figures.diagnosis_runs import (
-    as_read,
     diagnosis_residuals,
     diagnosis_runs,
+    diagnosis_signal,
     sizes_as_read,
 )
 from workbench.reports.page import Block, Commands, Method, Page, Section, Words, methods
@@ -88,7 +85,7 @@ def _first(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> tuple[Block,
     if not runs:
         return (answers,)
     title, before = worst_run(runs)
-    after = diagnosis.runs.get("extended", {}).get(title) if improved(diagnosis) else None
+    after = diagnosis.runs.get("extended", {}).get(title) if diagnosis.improved else None
     located = proof.located[0] if proof.located else None
     noise = verdict.fit.get("noise_floor", {})
     drawn = diagnosis_answer(diagnosis.nominal, before, after, noise, located)
@@ -112,7 +109,7 @@ def _facts(diagnosis: Diagnosis, verdict: Verdict) -> tuple[tuple[str, str], ...
 
 
 def _held_out(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
-    extended = diagnosis.runs.get("extended", {}) if improved(diagnosis) else {}
+    extended = diagnosis.runs.get("extended", {}) if diagnosis.improved else {}
     model = diagnosis.nominal
     noise = sizes_as_read(model, verdict.fit.get("noise_floor", {}))
     anew = next((run.restarts for run in diagnosis.runs["refitted"].values() if run.restarts), "")
@@ -167,7 +164,7 @@ def _failed(before: FreeRun, after: FreeRun | None) -> str:
 def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
     blocks: list[Block] = []
     before = verdict.location.get("before", {})
-    after = verdict.location.get("after", {}) if improved(diagnosis) else {}
+    after = verdict.location.get("after", {}) if diagnosis.improved else {}
     term = accepted_term(diagnosis)
     if before and max(*before.values(), *after.values(), 0.0) < 1.0:
         blocks.append(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from workbench.diagnosis.verdict import Verdict
 from workbench.model import Model
 from workbench.model.units import readable, readably
 from workbench.recordings.checks import CHECKS
-from workbench.reports.diagnosis_nonparametric import improved
 from workbench.reports.tables import Cell, Table, number, plain
 
 _SHOWN_SCORES = 12
@@ -56,7 +55,7 @@ def parameters_table(diagnosis: Diagnosis) -> Table:
     without a name stand last.
     """
     before = {e.name: e for e in diagnosis.refitted.refit.estimates}
-    after = {e.name: e for e in diagnosis.extended.refit.estimates} if improved(diagnosis) else {}
+    after = {e.name: e for e in diagnosis.extended.refit.estimates} if diagnosis.improved else {}
     wrong = diagnosis.verdict is not None and diagnosis.verdict.kind == "parameter"
     added = [n for n in after if n not in before]
     names = [*added, *before] if diagnosis.accepted else [*before, *added]
@@ -149,42 +148,30 @@ def scores_table(
     row = names.index(reference) if reference in names else 0
     listed = [n for n in tried if n in names]
     listed += [n for n in names if n not in tried][: max(0, _SHOWN_SCORES - len(listed))]
-    rows: list[tuple[Cell | str, ...]] = []
-    for name in listed:
-        i = names.index(name)
-        score, candidate = scores.scores[i], tried.get(name)
-        rows.append(
-            (
-                plain(name),
-                plain(", ".join(dict.fromkeys(score.entry.ports))),
-                number(score.gain),
-                _size(score, model),
-                f"{100 * score.collinearity:.0f} %",
-                "–" if name == reference else f"{scores.confusion[row, i]:.2f}",
-                _fitted(candidate),
-                _held_out(candidate),
-                _outcome(candidate, taken_back or {}),
-            )
-        )
-    headings = (
-        "effect",
-        "acts at",
-        "expected gain",
-        "expected size",
-        "collinear",
-        f"alike {reference.replace('_', ' ')}",
-        "gain when refitted",
-        "gain on held-out recordings",
-        "outcome",
-    )
+    alike = dict(zip(names, scores.confusion[row], strict=True))
+    own = {score.entry.name: score for score in scores.scores}
+    columns: dict[str, Callable[[str], Cell | str]] = {
+        "effect": plain,
+        "acts at": lambda name: plain(", ".join(dict.fromkeys(own[name].entry.ports))),
+        "expected gain": lambda name: number(own[name].gain),
+        "expected size": lambda name: _size(own[name], model),
+        "collinear": lambda name: f"{100 * own[name].collinearity:.0f} %",
+    }
     # Without a refit there is nothing to compare with, and no outcome.
-    kept = len(headings) if candidates else headings.index("collinear") + 1
-    return Table(
+    compared: dict[str, Callable[[str], Cell | str]] = {
+        f"alike {plain(reference)}": lambda name: (
+            "–" if name == reference else f"{alike[name]:.2f}"
+        ),
+        "gain when refitted": lambda name: _fitted(tried.get(name)),
+        "gain on held-out recordings": lambda name: _held_out(tried.get(name)),
+        "outcome": lambda name: _outcome(tried.get(name), taken_back or {}),
+    }
+    more = len(names) - len(listed)
+    return Table.of(
         title,
-        headings[:kept],
-        tuple(row[:kept] for row in rows),
-        "Gains in units of log likelihood."
-        + (f" The other {len(names) - len(rows)} score less." if len(names) > len(rows) else ""),
+        listed,
+        columns | (compared if candidates else {}),
+        "Gains in units of log likelihood." + (f" The other {more} score less." if more else ""),
     )
 
 

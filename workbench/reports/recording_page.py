@@ -50,13 +50,14 @@ def _answers(report: CheckReport) -> Answers:
 
 
 def _checks(report: CheckReport) -> Table:
-    return Table(
+    return Table.of(
         "Is it fit to judge a model on?",
-        ("check", "result", "what was found"),
-        tuple(
-            (check.name, Cell(check.result, _MARKS.get(check.result, "open")), check.note)
-            for check in report.checks
-        ),
+        report.checks,
+        {
+            "check": lambda check: check.name,
+            "result": lambda check: Cell(check.result, _MARKS.get(check.result, "open")),
+            "what was found": lambda check: check.note,
+        },
     )
 
 

@@ -6,7 +6,7 @@ import re
 
 from workbench.diagnosis.refit_report import RefitReport
 from workbench.model.units import to_si
-from workbench.reports.figures.diagnosis_runs import (
+from workbench.reports.figures.diagnosis import (
     as_read,
     diagnosis_residuals,
     diagnosis_runs,
@@ -117,19 +117,17 @@ def pictures(report: RefitReport) -> tuple[Picture, ...]:
 
 
 def _estimates(report: RefitReport) -> Table:
-    return Table(
+    bound = " (on a bound)"
+    return Table.of(
         "Refitted parameters",
-        ("parameter", "unit", "before", "estimate", "95 % interval"),
-        tuple(
-            (
-                e.name,
-                e.unit,
-                number(e.prior.mean, 4),
-                number(e.value, 5),
-                interval(*e.interval, 5) + (" (on a bound)" if e.on_bound else ""),
-            )
-            for e in report.refit.estimates
-        ),
+        report.refit.estimates,
+        {
+            "parameter": lambda e: e.name,
+            "unit": lambda e: e.unit,
+            "before": lambda e: number(e.prior.mean, 4),
+            "estimate": lambda e: number(e.value, 5),
+            "95 % interval": lambda e: interval(*e.interval, 5) + (bound if e.on_bound else ""),
+        },
         "Intervals allow for prediction errors that are correlated over half a second.",
     )
 
@@ -153,22 +151,19 @@ def _published(report: RefitReport) -> Table:
 
 
 def _errors(report: RefitReport) -> Table:
-    return Table(
+    return Table.of(
         "Free-run errors, rms",
-        ("recording", "output", "unit", "spread", "nominal", "refitted", "noise-limited", "noise"),
-        tuple(
-            (
-                r.recording,
-                r.output,
-                r.unit,
-                number(r.spread),
-                number(r.nominal),
-                number(r.refitted),
-                number(r.limited),
-                number(r.noise),
-            )
-            for r in report.rows
-        ),
+        report.rows,
+        {
+            "recording": lambda r: r.recording,
+            "output": lambda r: r.output,
+            "unit": lambda r: r.unit,
+            "spread": lambda r: number(r.spread),
+            "nominal": lambda r: number(r.nominal),
+            "refitted": lambda r: number(r.refitted),
+            "noise-limited": lambda r: number(r.limited),
+            "noise": lambda r: number(r.noise),
+        },
     )
 
 

@@ -21,29 +21,20 @@ STYLES = dict(zip(WHICH, (":", "--", "-"), strict=True))
 
 def regained_table(runs: Sequence[DesignRun]) -> Table:
     """Return what the three designs of each family reach."""
-    return Table(
+    return Table.of(
         "15° steps of three designs of each family",
-        (
-            "controller",
-            "design",
-            "speed (rad/s)",
-            "settled after, mean (s)",
-            "overshoot, largest (%)",
-            "oscillation, largest (°)",
-            "what the next faster design misses",
-        ),
-        tuple(
-            (
-                run.family,
-                run.which,
-                number(run.speed),
-                number(float(np.mean(run.told["settling"]))),
-                number(100.0 * run.told["overshoot"]),
-                number(math.degrees(run.told["oscillation"]), 2),
-                run.limit,
-            )
-            for run in runs
-        ),
+        runs,
+        {
+            "controller": lambda run: run.family,
+            "design": lambda run: run.which,
+            "speed (rad/s)": lambda run: number(run.speed),
+            "settled after, mean (s)": lambda run: number(float(np.mean(run.told["settling"]))),
+            "overshoot, largest (%)": lambda run: number(100.0 * run.told["overshoot"]),
+            "oscillation, largest (°)": lambda run: number(
+                math.degrees(run.told["oscillation"]), 2
+            ),
+            "what the next faster design misses": lambda run: run.limit,
+        },
     )
 
 

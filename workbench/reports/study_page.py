@@ -1,4 +1,4 @@
-"""The page of a study: what is met, how the controllers differ, and why."""
+"""The page of a study, what is met, how the controllers differ, and why; and its other files."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from workbench.errors import WorkbenchError
+from workbench.files import json_text, write_whole
 from workbench.model.units import from_si, in_time, of_difference, with_unit
 from workbench.reports.figure import Figure, figures_of, own_figures, sections
+from workbench.reports.figures.linear_analysis import LINEAR, linear_blocks
 from workbench.reports.figures.study_traces import breakable, point_text
 from workbench.reports.metrics_table import (
     demand_text,
@@ -18,14 +21,16 @@ from workbench.reports.metrics_table import (
     metrics_table,
     score_cell,
 )
-from workbench.reports.page import Block, Commands, Method, Page, Section, Words, methods
+from workbench.reports.page import Block, Commands, Method, Page, Section, Words, html, methods
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, Mark, Table, number
+from workbench.study.ci_files import junit
 from workbench.study.grouped import changes_by_plant, missed_by_plant
 from workbench.study.judgements import Judgement
+from workbench.study.linear_loop import LoopAnalysis
 from workbench.study.result import StudyResult, installed_version
-from workbench.study.study import Case, Demand, Variation
-from workbench.study.summary import parameter_text, score_text
+from workbench.study.study import Case, Demand, Study, Variation
+from workbench.study.summary import parameter_text, score_text, summary
 from workbench.study.tasks import Record
 from workbench.verification import Metrics
 from workbench.verification.metrics import columns, labels_of
@@ -424,3 +429,32 @@ def _difference(outcome: StudyResult, variation: Variation) -> str:
     if variation.lead:
         said.append(f"lead {in_time(variation.lead)}")
     return breakable(", ".join(said))
+
+
+def write_study_files(
+    outcome: StudyResult, folder: str | Path, *, command: str = ""
+) -> tuple[Path, ...]:
+    """Write what a study found."""
+    place = Path(folder)
+    texts = {
+        "results.json": json_text(outcome.table()),
+        "summary.md": summary(outcome),
+        "junit.xml": junit(outcome),
+        "report.html": html(study_page(outcome, command=command)),
+    }
+    # All are made before the first is written: a mistake in one leaves the earlier results.
+    return tuple(write_whole(place / name, text) for name, text in texts.items())
+
+
+def linear_page(study: Study, loops: tuple[LoopAnalysis, ...], *, command: str = "") -> Page:
+    """Build the page of the linear analysis alone."""
+    worst = min((a.disk_margin for a in loops if a.stable), default=float("nan"))
+    lead = (
+        f"{len(study.controllers)} controllers at {len(study.points)} operating points; the "
+        f"smallest disk margin is {worst:.2g}. No run was made."
+    )
+    again = [Commands((command,))] if command else []
+    blocks = (*linear_blocks(study, loops), Method(LINEAR.methods), *again)
+    section = Section(LINEAR.name, LINEAR.title, blocks)
+    facts = (("workbench", installed_version()),)
+    return Page(f"Linear analysis of study {study.name}", lead, (section,), facts=facts)

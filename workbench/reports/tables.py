@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, TypeVar
 
 from workbench.errors import WorkbenchError
 from workbench.recordings.aligned_table import aligned_table
+
+T = TypeVar("T")
 
 Mark = Literal["", "met", "missed", "open"]
 
@@ -57,6 +60,26 @@ class Table:
                     f"row {number} of table {self.title!r} has {len(row)} entries; its headings"
                     f" ask for {len(self.headings)}"
                 )
+
+    @classmethod
+    def of(
+        cls,
+        title: str,
+        items: Iterable[T],
+        columns: Mapping[str, Callable[[T], Cell | str]],
+        note: str = "",
+    ) -> Table:
+        """Return a table with a row for each item, and what its columns write of one.
+
+        Example:
+            >>> print(Table.of("Modes", (2.1, 4.2), {"frequency in Hz": number}))
+            Modes
+            frequency in Hz
+            2.1
+            4.2
+        """
+        rows = tuple(tuple(write(item) for write in columns.values()) for item in items)
+        return cls(title, tuple(columns), rows, note)
 
     def told(self) -> Table:
         """Return the table without the columns in which nothing was computed."""

@@ -19,9 +19,8 @@ from workbench.linearisation import linearise
 from workbench.model import Model
 from workbench.operating_point import operating_point
 from workbench.simulation.equations import compiled
-from workbench.speed.converged_plan import transcribed
-from workbench.speed.do_mpc_plan import do_mpc_plan
 from workbench.speed.measure import Comparison, Times, Way, timed, tried
+from workbench.speed.peer_plans import do_mpc_plan, transcribed
 from workbench.verification import step_scenario, verify
 
 _CONIC = ("daqp", "osqp", "proxqp", "qrqp")

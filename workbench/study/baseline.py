@@ -1,4 +1,4 @@
-"""Comparison with a stored baseline: what changed beyond its tolerance, and which way."""
+"""Comparison with a stored baseline, and its acceptance: what changed beyond its tolerance."""
 
 from __future__ import annotations
 
@@ -25,9 +25,10 @@ from workbench.checked_json import (
 from workbench.errors import WorkbenchError
 from workbench.files import write_whole
 from workbench.model.units import convert, same_dimension, with_unit
+from workbench.study.conditions import condition_changes
 from workbench.study.tasks import RECORD, Record, record_from_table
 from workbench.verification import Metric, MetricValue, Tolerance
-from workbench.verification.metrics import metric_of
+from workbench.verification.metrics import metric_of, tolerance_of
 
 BASELINE_SCHEMA = 2
 """Version of a baseline."""
@@ -398,3 +399,71 @@ def _known(name: str) -> Metric:
 def _shown(metric: MetricValue, value: float) -> float:
     number, _ = replace(metric, value=value).shown()
     return float(number)
+
+
+_RESULTS = TableShape(
+    {
+        "kind": one_of(RESULTS_KIND),
+        "study": text,
+        "runs": listed(RECORD),
+        "conditions": CONDITIONS,
+    },
+    {
+        "tolerances": named(TOLERANCE),
+        "robustness": BOX,
+        "requirements": listed(TableShape({"hard": flag, "met": flag})),
+    },
+)
+
+
+def bless(folder: str | Path, baseline: str | Path) -> str:
+    """Write the results in a folder as a baseline; returns in words what changes."""
+    path = Path(folder) / "results.json"
+    table = read_json(path, "results", _RESULTS, fix="write them with 'workbench compare'")
+    place = Path(baseline)
+    records = list(records_of(table["runs"], f"results {str(path)!r}").values())
+    study = table["study"]
+    before = read_baseline(place) if place.exists() else Baseline({}, study, place)
+    if before.study not in ("", study):
+        raise WorkbenchError(
+            f"{str(place)!r} is the baseline of study {before.study!r}, the results are of"
+            f" {study!r}; give another file"
+        )
+    own = {
+        name: Tolerance(**{key: rule[key] for key in Tolerance._fields if key in rule})
+        for name, rule in table.get("tolerances", {}).items()
+    }
+    known = [*records, *before.records.values()]
+    names = dict.fromkeys(name for r in known if r.metrics for name in r.metrics)
+    rules = {name: own.get(name) or tolerance_of(name) for name in names}
+    box = table.get("robustness", ())
+    found = (*changes(rules, records, before), *box_changes(box, before))
+    failed = [r for r in records if r.failed]
+    kept = table["conditions"]
+    other = condition_changes(before.conditions, kept) if before.conditions else ()
+    write_baseline(place, study, records, kept, box)
+    lines = []
+    if not before.records:
+        lines.append(f"accepted {len(records)} runs of study {study} as the first baseline")
+    elif not found and not other:
+        lines.append(f"nothing changed beyond its tolerance; {len(records)} runs written")
+    else:
+        counts = {way: sum(c.way == way for c in found) for way in ("worse", "better")}
+        rest = len(found) - sum(counts.values())
+        lines.append(
+            f"accepted {len(found)} changes: {counts['worse']} worse, {counts['better']} better,"
+            f" {rest} other"
+        )
+        lines += [f"  {change}" for change in found]
+    if other:
+        lines.append(f"accepted {len(other)} changed conditions:")
+        lines += [f"  {change}" for change in other]
+    if failed:
+        lines.append(f"{len(failed)} failed runs are accepted as failed; a study with them fails")
+    missed = [r for r in table.get("requirements", ()) if r["hard"] and not r["met"]]
+    if missed:
+        lines.append(
+            f"{len(missed)} hard requirements are missed; a baseline accepts changes, not failures,"
+            " so the study still fails"
+        )
+    return "\n".join([*lines, f"written to {place}"])

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -18,6 +19,7 @@ import numpy as np
 
 from controllers.uncertainty import Uncertainty
 from workbench.checked_json import Place, ShapeError
+from workbench.data_folder import shipped_folder
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.model import Model
 from workbench.model.units import of_difference, quantity, same_dimension
@@ -42,7 +44,7 @@ from workbench.study.study import (
     Study,
     Variation,
 )
-from workbench.study.toml_tables import TomlTables
+from workbench.study.toml_lines import line_of
 from workbench.verification import (
     METRICS,
     Change,
@@ -76,6 +78,21 @@ class StudyFile:
     path: Path
     table: dict[str, Any]
     text: str
+
+    @contextmanager
+    def at(self, *path: str | int) -> Iterator[None]:
+        """Add file and line of an entry to a mistake, unless a place further inside did.
+
+        Raises:
+            WorkbenchError: The mistake, with its place.
+        """
+        try:
+            yield
+        except WorkbenchError as error:
+            if str(error).startswith(f"{self.path}, line "):
+                raise
+            line = line_of(self.text, path)
+            raise WorkbenchError(f"{self.path}, line {line}: {error}") from None
 
 
 def read_study(path: str | Path) -> StudyFile:
@@ -117,26 +134,32 @@ def resolve(file: StudyFile, *, optional: bool = False) -> Study:
             }
     new_study(file.path.parent)
     with watched():
-        return _Resolver(file.path, table, file.text).study()
+        return _Resolver(file, table).study()
 
 
 def load_study(path: str | Path, *, optional: bool = False) -> Study:
     """Read and resolve a study file.
 
     Example:
-        >>> from workbench.study.shipped import shipped_study
         >>> list(load_study(shipped_study("arm")).controllers)
         ['cascade PID', 'sliding mode', 'linear MPC']
     """
     return resolve(read_study(path), optional=optional)
 
 
-class _Resolver(TomlTables):
+def shipped_study(name: str) -> Path:
+    """Return the file of a shipped study; its baseline is ``NAME.baseline.json`` beside it."""
+    folder = shipped_folder() / "studies"
+    check_choice("shipped study", name, sorted(path.stem for path in folder.glob("*.toml")))
+    return folder / f"{name}.toml"
+
+
+class _Resolver:
     """Builds a study from its table, the mistakes told with their lines."""
 
-    @property
-    def folder(self) -> Path:
-        return self.path.resolve().parent
+    def __init__(self, file: StudyFile, table: dict[str, Any]) -> None:
+        self.path, self.at, self.table = file.path, file.at, table
+        self.folder = file.path.resolve().parent
 
     def study(self) -> Study:
         self.check()

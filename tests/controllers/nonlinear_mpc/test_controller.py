@@ -20,7 +20,7 @@ from workbench.model import REGULARISED, Model
 from workbench.operating_point import operating_point
 from workbench.simulation.equations import compiled
 from workbench.simulation.stepper import Stepper
-from workbench.speed.converged_plan import transcribed
+from workbench.speed.peer_plans import transcribed
 from workbench.verification import Scenario, Steps, metrics, verify
 
 DISTURBED = ("speed", "pressure_1", "pressure_2")

@@ -16,8 +16,7 @@ from controllers.nonlinear_mpc.controller import (
 )
 from workbench.model import Model
 from workbench.operating_point import operating_point
-from workbench.speed.converged_plan import transcribed
-from workbench.speed.do_mpc_plan import do_mpc_plan
+from workbench.speed.peer_plans import do_mpc_plan, transcribed
 
 DISTURBANCES = np.array([2.0, 0.5, -0.5])
 """Scaled disturbances on speed and pressures, per second."""

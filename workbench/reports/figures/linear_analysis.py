@@ -14,8 +14,7 @@ from workbench.linearisation.pace import horizon_of
 from workbench.linearisation.transfer import frequency_response
 from workbench.model.units import in_time, parse_unit
 from workbench.reports.figure import Figure
-from workbench.reports.figures.bode import bode
-from workbench.reports.figures.nyquist import nyquist
+from workbench.reports.figures.loops import bode, nyquist
 from workbench.reports.figures.study_traces import output_of, point_text, shown, written
 from workbench.reports.page import Block, Words, methods
 from workbench.reports.pictures import Picture

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from workbench.study.toml_tables import line_of
+from workbench.study.toml_lines import line_of
 
 TEXT = '''# a comment [not.a.table]
 name = "a # b" # x

@@ -1,4 +1,4 @@
-"""Tables of a TOML file whose mistakes are told with file and line.
+"""Lines of a TOML file at which its entries stand.
 
 The reader of the standard library returns values without their places. An entry stands on the first
 line up to which the text, its brackets closed, has it.
@@ -8,39 +8,13 @@ from __future__ import annotations
 
 import tomllib
 from bisect import bisect_left
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 from workbench.checked_json import Place
-from workbench.errors import WorkbenchError
 
 _CLOSED = ("", "]", "]]", "]]]", "]}", "]}]", '"""', "'''")
 """What may be open at the end of a line."""
-
-
-class TomlTables:
-    """A table of a file, with the text that it was read from."""
-
-    def __init__(self, path: Path, table: dict[str, Any], text: str) -> None:
-        self.path, self.table, self.text = path, table, text
-
-    @contextmanager
-    def at(self, *path: str | int) -> Iterator[None]:
-        """Add file and line of an entry to a mistake, unless a place further inside did.
-
-        Raises:
-            WorkbenchError: The mistake, with its place.
-        """
-        try:
-            yield
-        except WorkbenchError as error:
-            if str(error).startswith(f"{self.path}, line "):
-                raise
-            line = line_of(self.text, path)
-            raise WorkbenchError(f"{self.path}, line {line}: {error}") from None
 
 
 def line_of(text: str, path: Place) -> int:
