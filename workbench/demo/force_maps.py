@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from workbench.data_folder import external_data
-from workbench.demo.force_map_study import FAMILIES, LAW_LENGTH, ForceMap, MapStudy, study_map
+from workbench.demo.force_map_study import (
+    FAMILIES,
+    LAW_LENGTH,
+    ForceMap,
+    LawOnMap,
+    MapStudy,
+    study_map,
+)
 from workbench.demo.part import Part, method, words
 from workbench.recordings import read_table
 from workbench.reports.page import Block, Method, Page, Section, Words, again
@@ -109,32 +117,24 @@ def _blocks(study: MapStudy, *, published: bool = False) -> tuple[Block, ...]:
 def errors_table(study: MapStudy, *, published: bool = False) -> Table:
     """List the errors of every law, those of its published numbers too if they are for the map."""
     percent = 100 / study.largest_force
-    extra = ("published, rms in N",) if published else ()
-    return Table(
+    columns: dict[str, Callable[[LawOnMap], str]] = {
+        "law": lambda law: law.title,
+        "numbers": lambda law: str(len(law.values)),
+        "published, rms in N": lambda law: number(law.published_rms_N),
+        "fitted, rms in N": lambda law: number(law.fitted_rms_N),
+        "fitted, largest in %": lambda law: number(percent * law.fitted_largest_N),
+        "lengths held out, rms in N": lambda law: number(law.lengths_held_out_rms_N),
+        "lengths held out, largest in %": lambda law: number(
+            percent * law.lengths_held_out_largest_N
+        ),
+        "pressures held out, rms in N": lambda law: number(law.pressures_held_out_rms_N),
+    }
+    if not published:
+        del columns["published, rms in N"]
+    return Table.of(
         "Errors",
-        (
-            "law",
-            "numbers",
-            *extra,
-            "fitted, rms in N",
-            "fitted, largest in %",
-            "lengths held out, rms in N",
-            "lengths held out, largest in %",
-            "pressures held out, rms in N",
-        ),
-        tuple(
-            (
-                law.title,
-                str(len(law.values)),
-                *(number(law.published_rms_N) for _ in extra),
-                number(law.fitted_rms_N),
-                number(percent * law.fitted_largest_N),
-                number(law.lengths_held_out_rms_N),
-                number(percent * law.lengths_held_out_largest_N),
-                number(law.pressures_held_out_rms_N),
-            )
-            for law in study.laws
-        ),
+        study.laws,
+        columns,
         f"Largest errors in % of the largest force, {study.largest_force:.0f} N.",
     )
 

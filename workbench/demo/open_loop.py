@@ -55,15 +55,11 @@ def open_loop_part() -> Part:
     run = experiment.trajectory
     # One period is enough to see a transit each way, and large enough to see its ripple.
     seen = slice(int(np.searchsorted(run.time, 3.7)), int(np.searchsorted(run.time, 7.8)))
+    runs = {**others, "full plant": experiment}
     figure = open_loop(
         run.time[seen],
         run["valve"][seen],
-        run["angle"][seen],
-        run["speed"][seen],
-        variants={
-            name: (other.trajectory["angle"][seen], other.trajectory["speed"][seen])
-            for name, other in others.items()
-        },
+        {n: (e.trajectory["angle"][seen], e.trajectory["speed"][seen]) for n, e in runs.items()},
     )
     results = {name: _numbers(t) for name, t in {"full plant": experiment, **others}.items()}
     figures = results["full plant"]
@@ -126,35 +122,27 @@ def _numbers(experiment: OpenLoopExperiment) -> dict[str, float]:
 def open_loop(
     time: npt.ArrayLike,
     voltage: npt.ArrayLike,
-    angle: npt.ArrayLike,
-    speed: npt.ArrayLike,
-    *,
-    variants: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]] | None = None,
+    runs: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]],
 ) -> Figure:
-    """Draw pulses on the valve and the run from stop to stop, over time in s.
+    """Draw pulses on the valve and runs from stop to stop, over time in s.
 
     Args:
         time: Sample times, shape (n,), in s.
         voltage: Valve voltage, shape (n,), in V.
-        angle: Angle, shape (n,), in rad.
-        speed: Angular speed, shape (n,), in rad/s.
-        variants: Angle (rad) and speed (rad/s) of plants that lack something, by what they lack.
+        runs: Angle (rad) and speed (rad/s), shape (n,), of plants that lack something, by what they
+            lack, and of the full plant last.
     """
     figure, (command, position, rate) = new_figure([0.75, 1.9, 1.5])
     t = np.asarray(time, dtype=float)
     command.step(t, voltage, where="post", color=INK.light, linewidth=1.1)
     for stop in (0.0, 60.0):
         position.axhline(stop, color=REFERENCE.light, linewidth=0.9, linestyle=":")
+    looks = [*((c.light, 0.8, 0.8) for c in FURTHER[: len(runs) - 1]), (SIMULATED.light, 1.7, 1.4)]
     drawn = []
-    others = dict(variants or {})
-    for (name, (other, other_speed)), colour in zip(others.items(), FURTHER, strict=False):
-        drawn += position.plot(t, np.degrees(other), color=colour.light, linewidth=0.8, label=name)
-        rate.plot(t, np.degrees(other_speed), color=colour.light, linewidth=0.8)
-    full = position.plot(
-        t, np.degrees(angle), color=SIMULATED.light, linewidth=1.7, label="full plant"
-    )
-    handles = [*full, *drawn]
-    rate.plot(t, np.degrees(speed), color=SIMULATED.light, linewidth=1.4)
+    for (name, (angle, speed)), (shade, wide, thin) in zip(runs.items(), looks, strict=True):
+        drawn += position.plot(t, np.degrees(angle), color=shade, linewidth=wide, label=name)
+        rate.plot(t, np.degrees(speed), color=shade, linewidth=thin)
+    handles = [drawn[-1], *drawn[:-1]]
     label(command, y="valve in V")
     label(position, y="angle in °")
     label(rate, x="time in s", y="speed in °/s")

@@ -51,9 +51,11 @@ class Benchmark:
             "machine": machine(),
             "load": self.load,
             "seconds": self.seconds,
-            "figures": [f.table() for f in self.figures],
+            "figures": [{**vars(f), "reached": f.reached} for f in self.figures],
             "comparisons": {c.name: c.table() for c in self.comparisons},
-            "growth": {c.name: c.table() for c in self.curves},
+            "growth": {
+                c.name: {k: v for k, v in vars(c).items() if k != "name"} for c in self.curves
+            },
             **self.raw,
         }
 

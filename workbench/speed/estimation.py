@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import ctypes
-import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -39,32 +39,26 @@ def refits() -> Comparison:
     """Compare the refit with a general one: filter in Python, likelihood by differences."""
     model, seen = servo_axis(), made_up_axis(3, samples=200)
     priors = default_priors(model)
-    best: dict[str, Vector] = {}
     names, allowed = tuple(p.name for p in priors), disturbances(model, _SHARE)
     judge = PredictionError(model, seen, names, allowed)
-
-    def ours() -> None:
-        found = refit(model, [seen], priors=priors, stages=(1.0, _SHARE))
-        best["workbench"] = np.array([e.value for e in found.estimates])
-
-    def general() -> None:
-        best["general"] = _general_refit(model, seen, priors)
-
-    ours()
-    times, others = timed(ours, repeats=5), timed(general, repeats=1)
-    cost = {name: _cost(judge, model, seen, priors, values) for name, values in best.items()}
-    least = min(cost.values())
+    times = timed(
+        lambda: refit(model, [seen], priors=priors, stages=(1.0, _SHARE)), repeats=5, warm=True
+    )
+    others = timed(lambda: _general_refit(model, seen, priors), repeats=1)
+    best = np.array([e.value for e in times.result.estimates]), others.result
+    ours, general = (_cost(judge, model, seen, priors, values) for values in best)
+    least = min(ours, general)
     return Comparison(
         "refit",
         f"Refit of {len(priors)} parameters of a servo axis on {len(seen.outputs)} samples",
         "refit",
         "log likelihood lost against the better of the two",
         (
-            Way("workbench, Gauss-Newton with sensitivities", times, cost["workbench"] - least),
+            Way("workbench, Gauss-Newton with sensitivities", times, ours - least),
             Way(
                 "filter in NumPy, likelihood by SciPy's L-BFGS-B",
                 others,
-                cost["general"] - least,
+                general - least,
                 "as CTSM does it: gradients by differences",
             ),
         ),
@@ -148,21 +142,18 @@ def laws() -> Comparison:
     low, high = np.quantile(fit_on.outputs[:, 0], [0.05, 0.95]).tolist()
     at: Vector = np.linspace(low, high, 50)
     truth = -_STIFFNESS * at
-    curves: dict[str, Vector] = {}
 
-    def ours() -> None:
+    def ours() -> Vector:
         base = fit_with_process_noise(axis, [fit_on], priors)
-        term = nonparametric_term(base, [fit_on], [hold_out], ["axis.force"], priors)
-        curves["workbench"] = term.curve(at)
+        return nonparametric_term(base, [fit_on], [hold_out], ["axis.force"], priors).curve(at)
 
-    ours()
-    times = timed(ours, repeats=2)
-    ways = [Way("workbench, spline in the equations", times, _off(curves["workbench"], truth))]
+    times = timed(ours, repeats=2, warm=True)
+    ways = [Way("workbench, spline in the equations", times, _off(times.result, truth))]
 
     def sparse(ps: Any) -> Way:
         x, u = fit_on.outputs[:, :1], fit_on.inputs
 
-        def work() -> None:
+        def work() -> Vector:
             smooth = ps.SmoothedFiniteDifference(smoother_kws={"window_length": 15})
             t = _STEP_S * np.arange(len(x))
             speed = smooth(x, t)
@@ -177,10 +168,10 @@ def laws() -> Comparison:
             still = found.predict(states, u=zero[:, :1])[:, 1]
             pushed = found.predict(zero, u=np.ones((len(at), 1)))[:, 1]
             # The acceleration per newton tells the mass.
-            curves["sindy"] = still / (pushed - found.predict(zero, u=zero[:, :1])[:, 1])
+            return np.asarray(still / (pushed - found.predict(zero, u=zero[:, :1])[:, 1]))
 
         times = timed(work)
-        return Way("PySINDy", times, _off(curves["sindy"], truth), "on derivatives of measurements")
+        return Way("PySINDy", times, _off(times.result, truth), "on derivatives of measurements")
 
     ways.append(tried("PySINDy", "pysindy", sparse))
     return Comparison(
@@ -245,10 +236,6 @@ def filter_times(model: Model, free: int = 8) -> tuple[float, dict[str, float]]:
         table = np.zeros((len(states), own.numel_out(0)))
         sizes = states.shape[1], inputs.shape[1], table.shape[1]
         given = [address(array) for array in (states, inputs, values, table)]
-        best = np.inf
-        for _ in range(3):
-            began = time.process_time()
-            library.evaluate(ctypes.byref(function), len(states), *sizes, *given)
-            best = min(best, time.process_time() - began)
-        found[name] = times * best / len(states)
+        run = partial(library.evaluate, ctypes.byref(function), len(states), *sizes, *given)
+        found[name] = times * min(timed(run, per=len(states)).seconds)
     return whole, found

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import tempfile
-import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from workbench.diagnosis.estimation.priors import default_priors
@@ -14,7 +14,7 @@ from workbench.diagnosis.selection.score import score_library
 from workbench.model import Model
 from workbench.physics.library import library
 from workbench.speed.estimation import arm_recording, filter_of
-from workbench.speed.measure import Curve
+from workbench.speed.measure import Curve, timed
 from workbench.speed.whole import run, study_file
 from workbench.work.counted import Work, done, since
 
@@ -27,13 +27,16 @@ COUNTS = (5, 10, 20, 40)
 _SAMPLES = 2000
 
 
-def _measured(work: Callable[[], object], repeats: int = 2) -> tuple[tuple[float, ...], Work]:
-    seconds = []
-    for _ in range(repeats):
-        began, before = time.process_time(), done()
+def _measured(work: Callable[[], object], repeats: int) -> tuple[tuple[float, ...], Work]:
+    """Return times of a work after a first one, in s, and what the last of them counted."""
+
+    def counted() -> Work:
+        before = done()
         work()
-        seconds.append(time.process_time() - began)
-    return tuple(seconds), since(before)
+        return since(before)
+
+    times = timed(counted, repeats=repeats, warm=True)
+    return times.seconds, times.result
 
 
 def with_length(plant: Model) -> Curve:
@@ -43,8 +46,7 @@ def with_length(plant: Model) -> Curve:
     found = []
     for n in LENGTHS:
         part = replace(whole, inputs=whole.inputs[:n], outputs=whole.outputs[:n])
-        runs.run(part, plant.values)
-        found.append(_measured(lambda part=part: runs.run(part, plant.values), 3))  # type: ignore[misc]
+        found.append(_measured(partial(runs.run, part, plant.values), 3))
     return _curve("length", "One run of the filter", "samples of the recording", LENGTHS, found)
 
 
@@ -55,12 +57,8 @@ def with_hypotheses(plant: Model) -> Curve:
     found = []
     for n in COUNTS:
         chosen = entries[:: max(1, len(entries) // n)][:n]
-
-        def work(chosen: list[object] = list(chosen)) -> None:  # noqa: B006
-            score_library(plant, [seen], priors, chosen, noise_scale=0.1)  # type: ignore[arg-type]
-
-        work()
-        found.append(_measured(work, 2))
+        score = partial(score_library, plant, [seen], priors, chosen, noise_scale=0.1)
+        found.append(_measured(score, 2))
     return _curve("hypotheses", "Scoring laws on 4 s of a recording", "laws", COUNTS, found)
 
 

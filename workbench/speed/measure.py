@@ -20,9 +20,11 @@ class Times:
 
     Args:
         seconds: Processor time per unit of work, in s.
+        result: What the work returned the last time.
     """
 
     seconds: tuple[float, ...]
+    result: Any = field(default=None, repr=False, compare=False)
 
     @property
     def median(self) -> float:
@@ -38,18 +40,23 @@ class Times:
         )
 
 
-def timed(work: Callable[[], object], *, per: float = 1.0, repeats: int = REPEATS) -> Times:
+def timed(
+    work: Callable[[], object], *, per: float = 1.0, repeats: int = REPEATS, warm: bool = False
+) -> Times:
     """Time work, in processor time: others on the machine count little.
 
     Args:
         per: Units of work in one call (dimensionless).
+        warm: Whether a first call, which builds what is built once, is not counted.
     """
-    found = []
+    if warm:
+        work()
+    found, result = [], None
     for _ in range(repeats):
         began = time.process_time()
-        work()
+        result = work()
         found.append(max(time.process_time() - began, 1e-9) / per)
-    return Times(tuple(found))
+    return Times(tuple(found), result)
 
 
 @dataclass(frozen=True)
@@ -150,15 +157,14 @@ class Figure:
         """Whether it is reached, in one word."""
         return {True: "reached", False: "MISSED", None: "open"}[self.reached]
 
-    def __str__(self) -> str:
-        bound = "at least" if self.larger_is_better else "at most"
-        line = f"{self.state:<8} {self.what:<50} {self.value:.4g} {self.unit}"
-        line += f" ({bound} {self.reach:g})"
-        return f"{line}: {self.breakdown}" if self.breakdown else line
+    @property
+    def bound(self) -> str:
+        """What is to be reached, in words, without its unit."""
+        return f"{'at least' if self.larger_is_better else 'at most'} {self.reach:g}"
 
-    def table(self) -> dict[str, Any]:
-        """Return it as plain numbers and words."""
-        return {**vars(self), "reached": self.reached}
+    def __str__(self) -> str:
+        line = f"{self.state:<8} {self.what:<50} {self.value:.4g} {self.unit} ({self.bound})"
+        return f"{line}: {self.breakdown}" if self.breakdown else line
 
 
 @dataclass(frozen=True)
@@ -176,17 +182,7 @@ class Curve:
     x: str
     at: tuple[float, ...]
     seconds: tuple[tuple[float, ...], ...]
-    work: tuple[Mapping[str, int], ...] = field(default=())
-
-    def table(self) -> dict[str, Any]:
-        """Return it as plain numbers and words."""
-        return {
-            "title": self.title,
-            "x": self.x,
-            "at": list(self.at),
-            "seconds": [list(s) for s in self.seconds],
-            "work": [dict(w) for w in self.work],
-        }
+    work: tuple[Mapping[str, int], ...] = ()
 
 
 def tried(name: str, package: str, measure: Callable[[Any], Way]) -> Way:

@@ -42,15 +42,15 @@ def benchmark_page(found: Benchmark, *, command: str) -> Page:
 
 
 def _figures(title: str, figures: list[Figure]) -> Table:
-    rows = []
-    for f in figures:
-        bound = "at least" if f.larger_is_better else "at most"
-        value = Cell(number(f.value, unit=_unit(f.unit)), _MARKS[f.reached])
-        rows.append((f.what, value, f"{bound} {f.reach:g} {_unit(f.unit)}", f.breakdown))
-    return Table(
+    return Table.of(
         title,
-        ("what", "measured", "to reach", "what it consists of, and what stands in the way"),
-        tuple(rows),
+        figures,
+        {
+            "what": lambda f: f.what,
+            "measured": lambda f: Cell(number(f.value, unit=_unit(f.unit)), _MARKS[f.reached]),
+            "to reach": lambda f: f"{f.bound} {_unit(f.unit)}",
+            "what it consists of, and what stands in the way": lambda f: f.breakdown,
+        },
     )
 
 

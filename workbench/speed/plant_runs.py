@@ -6,6 +6,7 @@ import ctypes
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -40,6 +41,7 @@ LSODA, LSODA_FAST = "SciPy LSODA per sample", "SciPy LSODA per sample, compiled 
 CVODES = "CasADi CVODES over a grid"
 _CONTROL, _NUMBA = "python-control input_output_response", "numba Runge-Kutta 4 of fixed step"
 CONTROL_LOOP = "python-control input_output_response per sample"
+_DO_MPC = "do-mpc simulator per sample"
 
 _FINE = 4
 """Runge-Kutta steps of fixed size per sample."""
@@ -64,11 +66,9 @@ class _Plant:
 def _plant(model: Model) -> _Plant:
     traced, values = model.exact, model.values
     scale = np.array([q.scale for q in model.states])
-    z, u, p = (
-        ca.SX.sym(name, v.numel()) for name, v in zip("zup", _arguments(traced), strict=True)
-    )
-    rates = traced.rates_function(z * scale, u, p) / scale
-    call = Buffered(compiled(ca.Function("scaled_rates", [z, u, p], [rates])))
+    z = ca.SX.sym("z", len(scale))
+    rates = traced.rates_function(z * scale, traced.u, traced.p) / scale
+    call = Buffered(compiled(ca.Function("scaled_rates", [z, traced.u, traced.p], [rates])))
 
     def of(state: Vector, voltage: float) -> Vector:
         return call(state, voltage, values)[0].copy()
@@ -78,10 +78,6 @@ def _plant(model: Model) -> _Plant:
         return np.asarray(found.ravel() / scale)
 
     return _Plant(model, scale, of, called)
-
-
-def _arguments(traced: Any) -> tuple[ca.SX, ca.SX, ca.SX]:
-    return traced.x, traced.u, traced.p
 
 
 def simulated(model: Model, voltage: Vector, tolerance: float) -> Vector:
@@ -151,20 +147,12 @@ def _open_loop(plant: _Plant, name: str, what: str, voltage: Vector) -> Comparis
     start = plant.model.initial_state() / plant.scale
     exact = _run(_with_scipy(plant.rates, "DOP853", 1e-12), start, voltage)
     seconds = len(voltage) * SAMPLE_TIME
-    found: dict[str, Vector] = {}
-
-    def ours() -> None:
-        found["ours"] = simulated(plant.model, voltage, TOLERANCE) / plant.scale
-
-    ours()
+    times = timed(
+        lambda: simulated(plant.model, voltage, TOLERANCE), per=seconds, repeats=10, warm=True
+    )
     # The workbench tells the state at each sample, the others after each.
-    ways = [
-        Way(
-            f"workbench, tolerance {TOLERANCE:g}",
-            timed(ours, per=seconds, repeats=10),
-            _apart(found["ours"][1:], exact),
-        )
-    ]
+    error = _apart(times.result[1:] / plant.scale, exact)
+    ways = [Way(f"workbench, tolerance {TOLERANCE:g}", times, error)]
     for way, method, rates, part in (
         (LSODA, "LSODA", plant.plain, 0.5),
         (LSODA_FAST, "LSODA", plant.rates, 1.0),
@@ -172,13 +160,9 @@ def _open_loop(plant: _Plant, name: str, what: str, voltage: Vector) -> Comparis
         ("SciPy BDF per sample, compiled equations", "BDF", plant.rates, 0.25),
     ):
         samples = round(part * min(len(voltage), 1000))
-        step = _with_scipy(rates, method)
-
-        def one(way: str = way, step: Step = step, samples: int = samples) -> None:
-            found[way] = _run(step, start, voltage[:samples])
-
+        one = partial(_run, _with_scipy(rates, method), start, voltage[:samples])
         times = timed(one, per=samples * SAMPLE_TIME, repeats=2)
-        ways.append(Way(way, times, _apart(found[way], exact)))
+        ways.append(Way(way, times, _apart(times.result, exact)))
     ways += [
         tried(CVODES, "casadi", lambda _: _cvodes(plant, voltage, exact)),
         tried(_CONTROL, "control", lambda ct: _control(ct, plant, voltage, exact)),
@@ -209,43 +193,37 @@ def _cvodes(plant: _Plant, voltage: Vector, exact: Vector) -> Way:
         {"abstol": _PEERS, "reltol": _PEERS},
     )
     start, values = plant.model.initial_state() / plant.scale, plant.model.values
-    found: list[Vector] = []
-
-    def work() -> None:
-        found.append(np.asarray(integrator(x0=start, u=voltage[None, :], p=values)["xf"]).T)
-
-    times = timed(work, per=len(voltage) * SAMPLE_TIME)
-    return Way(CVODES, times, _apart(found[-1], exact), "interpreted by CasADi")
-
-
-def _system(ct: Any, plant: _Plant) -> Any:
-    return ct.nlsys(
-        lambda _t, x, u, _p: plant.rates(x, float(u[0])),
-        None,
-        inputs=1,
-        outputs=len(plant.scale),
-        states=len(plant.scale),
+    times = timed(
+        lambda: integrator(x0=start, u=voltage[None, :], p=values)["xf"],
+        per=len(voltage) * SAMPLE_TIME,
     )
+    error = _apart(np.asarray(times.result).T, exact)
+    return Way(CVODES, times, error, "interpreted by CasADi")
+
+
+def _responses(ct: Any, plant: _Plant) -> Callable[[Vector, Vector], Vector]:
+    """Return what gives python-control's states at samples, from voltages there and a start."""
+    n = len(plant.scale)
+    system = ct.nlsys(
+        lambda _t, x, u, _p: plant.rates(x, float(u[0])), None, inputs=1, outputs=n, states=n
+    )
+    accurate = {"rtol": _PEERS, "atol": _PEERS}
+
+    def respond(voltage: Vector, start: Vector) -> Vector:
+        t = SAMPLE_TIME * np.arange(len(voltage))
+        run = ct.input_output_response(system, t, voltage[None], start, solve_ivp_kwargs=accurate)
+        return np.asarray(run.states).T
+
+    return respond
 
 
 def _control(ct: Any, plant: _Plant, voltage: Vector, exact: Vector) -> Way:
     samples = min(len(voltage), 500)
-    system, start = _system(ct, plant), plant.model.initial_state() / plant.scale
-    t = SAMPLE_TIME * np.arange(samples + 1)
-    found: list[Vector] = []
-
-    def work() -> None:
-        run = ct.input_output_response(
-            system,
-            t,
-            np.append(voltage[:samples], voltage[samples - 1])[None],
-            start,
-            solve_ivp_kwargs={"rtol": _PEERS, "atol": _PEERS},
-        )
-        found.append(np.asarray(run.states).T[1:])
-
+    held = np.append(voltage[:samples], voltage[samples - 1])
+    start = plant.model.initial_state() / plant.scale
+    work = partial(_responses(ct, plant), held, start)
     times = timed(work, per=samples * SAMPLE_TIME, repeats=2)
-    return Way(_CONTROL, times, _apart(found[-1], exact))
+    return Way(_CONTROL, times, _apart(times.result[1:], exact))
 
 
 def _numba(numba: Any, plant: _Plant, voltage: Vector, exact: Vector) -> Way:
@@ -366,33 +344,31 @@ def closed_loop(model: Model) -> tuple[Comparison, Times]:
         step_scenario("angle", 28, 32, unit="deg").without_imperfections(), settle=0.0
     )
     length = scenario.samples * scenario.sample_time
-    found: dict[str, Vector] = {}
-
-    def ours() -> None:
-        found["ours"] = verify(pid, model, scenario, tolerance=1e-5)["angle"]
-
-    ours()
-    times = timed(ours, per=length, repeats=5)
+    ours = timed(
+        lambda: verify(pid, model, scenario, tolerance=1e-5)["angle"],
+        per=length,
+        repeats=5,
+        warm=True,
+    )
     plant = _plant(model)
     exact = _loop(pid, plant, scenario, _with_scipy(plant.rates, "DOP853", 1e-11))
-    ways = [Way("workbench", times, float(np.degrees(np.abs(found["ours"] - exact).max())))]
+    ways = [Way("workbench", ours, math.degrees(_apart(ours.result, exact)))]
 
     def other(name: str, step: Step, remark: str = "") -> Way:
-        angles: list[Vector] = []
-        times = timed(
-            lambda: angles.append(_loop(pid, plant, scenario, step)), per=length, repeats=2
-        )
-        return Way(name, times, float(np.degrees(np.abs(angles[-1] - exact).max())), remark)
+        times = timed(partial(_loop, pid, plant, scenario, step), per=length, repeats=2)
+        return Way(name, times, math.degrees(_apart(times.result, exact)), remark)
+
+    def with_control(ct: Any) -> Way:
+        respond = _responses(ct, plant)
+        return other(CONTROL_LOOP, lambda z, u: respond(np.array([u, u]), z)[-1])
 
     ways += [
         other(LSODA_FAST, _with_scipy(plant.rates, "LSODA")),
-        tried(CONTROL_LOOP, "control", lambda ct: other(CONTROL_LOOP, _control_step(ct, plant))),
+        tried(CONTROL_LOOP, "control", with_control),
         tried(
-            "do-mpc simulator per sample",
+            _DO_MPC,
             "do_mpc",
-            lambda library: other(
-                "do-mpc simulator per sample", _do_mpc_step(library, plant), "CVODES of CasADi"
-            ),
+            lambda library: other(_DO_MPC, _do_mpc_step(library, plant), "CVODES of CasADi"),
         ),
     ]
     comparison = Comparison(
@@ -431,28 +407,12 @@ def _loop(law: Controller, plant: _Plant, scenario: Scenario, step: Step) -> Vec
     return angles
 
 
-def _control_step(ct: Any, plant: _Plant) -> Step:
-    system = _system(ct, plant)
-
-    def step(z: Vector, u: float) -> Vector:
-        run = ct.input_output_response(
-            system,
-            np.array([0.0, SAMPLE_TIME]),
-            np.array([[u, u]]),
-            z,
-            solve_ivp_kwargs={"rtol": _PEERS, "atol": _PEERS},
-        )
-        return np.asarray(run.states)[:, -1]
-
-    return step
-
-
 def _do_mpc_step(library: Any, plant: _Plant) -> Step:
     model = library.model.Model("continuous", "SX")
     z = model.set_variable("_x", "z", shape=(len(plant.scale), 1))
     u = model.set_variable("_u", "u")
     traced = plant.model.exact
-    arguments = ca.vertcat(*_arguments(traced))
+    arguments = ca.vertcat(traced.x, traced.u, traced.p)
     rates = ca.substitute(
         traced.rates, arguments, ca.vertcat(z * plant.scale, u, plant.model.values)
     )

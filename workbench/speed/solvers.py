@@ -19,7 +19,7 @@ from workbench.linearisation import linearise
 from workbench.model import Model
 from workbench.operating_point import operating_point
 from workbench.simulation.equations import compiled
-from workbench.speed.measure import Comparison, Times, Way, timed, tried
+from workbench.speed.measure import REPEATS, Comparison, Times, Way, timed, tried
 from workbench.speed.peer_plans import do_mpc_plan, transcribed
 from workbench.verification import step_scenario, verify
 
@@ -77,16 +77,10 @@ def linear_problems(plant: Model, law: LinearMPC) -> Comparison:
     problems = asked[:: max(1, len(asked) // _PROBLEMS)]
     ours = [solver.solve_factored(p.factors, *problem).x.copy() for problem in problems]
 
-    def all_of(solve: Callable[[Vector, Vector, Vector], object]) -> Callable[[], None]:
-        def work() -> None:
-            for problem in problems:
-                solve(*problem)
+    def time_of(solve: Callable[[Vector, Vector, Vector], object], repeats: int = REPEATS) -> Times:
+        return timed(lambda: [solve(*q) for q in problems], per=len(problems), repeats=repeats)
 
-        return work
-
-    times = timed(
-        all_of(lambda *q: solver.solve_factored(p.factors, *q)), per=len(problems), repeats=10
-    )
+    times = time_of(partial(solver.solve_factored, p.factors), 10)
     ways = [Way("workbench, dual active set in C", times, 0.0)]
     structure = {"h": ca.DM(p.H).sparsity(), "a": ca.DM(p.A).sparsity()}
     for name in _CONIC:
@@ -115,7 +109,7 @@ def linear_problems(plant: Model, law: LinearMPC) -> Comparison:
                 np.abs(solve(*q) - x)[: n - 1].max() for q, x in zip(problems, ours, strict=True)
             ]
             lost = failed
-            times = timed(all_of(solve), per=len(problems))
+            times = time_of(solve)
             remark = f"{lost} of {len(problems)} not solved" if lost else ""
             return Way(f"CasADi {name}", times, float(max(apart)), remark)
 
@@ -155,15 +149,10 @@ def nonlinear_problems(plant: Model, mpc: NonlinearMPC) -> Comparison:
     truth: dict[int, float] = {}
 
     def iterating(name: str, solve: Callable[[Vector, float], float]) -> Way:
-        found: dict[int, float] = {}
         solve(*asked[_COMPARED[0] - 1])
-
-        def work(i: int) -> None:
-            found[i] = solve(*asked[i])
-
-        times = Times(tuple(timed(partial(work, i), repeats=1).seconds[0] for i in _COMPARED))
-        truth.update({i: found[i] for i in _COMPARED if i not in truth})
-        apart = max(abs(found[i] - truth[i]) for i in _COMPARED)
+        found = {i: timed(partial(solve, *asked[i]), repeats=1) for i in _COMPARED}
+        apart = max(abs(one.result - truth.setdefault(i, one.result)) for i, one in found.items())
+        times = Times(tuple(one.seconds[0] for one in found.values()))
         return Way(name, times, float(apart), "iterates to the end")
 
     def general(solver: Any) -> Callable[[Any], Way]:

@@ -136,13 +136,9 @@ def diagnosed(place: Path, name: str, hidden: tuple[str, ...], cache: Path, seed
     ran = run(["-m", "workbench", "diagnose", str(case), "--out", str(out)], cache=cache)
     verdict = json.loads((out / "verdict.json").read_text(encoding="utf-8"))
     names = tuple(str(f["effect"]) for f in verdict["findings"])
-    return Diagnosed(ran, verdict["work"], names, _stages(out))
-
-
-def _stages(out: Path) -> dict[str, float]:
-    """Return when each stage was reached, in s."""
     files = [json.loads(f.read_text(encoding="utf-8")) for f in (out / FOLDER).glob("*.json")]
-    return {f["stage"].lower(): f["seconds"] for f in sorted(files, key=lambda f: f["seconds"])}
+    reached = sorted((f["seconds"], f["stage"].lower()) for f in files)
+    return Diagnosed(ran, verdict["work"], names, {stage: seconds for seconds, stage in reached})
 
 
 def diagnoses(place: Path) -> tuple[list[Figure], dict[str, Any]]:
@@ -176,13 +172,10 @@ def diagnoses(place: Path) -> tuple[list[Figure], dict[str, Any]]:
         ),
     ]
     named = {"cold": cold, "warm": warm, "three effects": three}
-    return figures, {name: _plain(d) for name, d in named.items()}
-
-
-def _plain(found: Diagnosed) -> dict[str, Any]:
-    timed = {k: v for k, v in vars(found.ran).items() if k != "said"}
-    stages = {"stages": dict(found.stages)}
-    return {**timed, **stages, "work": dict(found.work), "found": list(found.found)}
+    return figures, {
+        name: {k: v for k, v in (vars(d.ran) | vars(d)).items() if k not in ("said", "ran")}
+        for name, d in named.items()
+    }
 
 
 def demonstration(place: Path) -> Figure:

@@ -214,15 +214,7 @@ def _box(box: Box) -> dict[str, Any]:
     ranges = {
         name: {"low": _plain(low), "high": _plain(high)} for name, (low, high) in box.ranges.items()
     }
-    return {
-        **ranges,
-        "scenarios": list(box.scenarios),
-        "controllers": list(box.controllers),
-        "draws": box.draws,
-        "search": box.search,
-        "seed": box.seed,
-        "hard": box.hard,
-    }
+    return ranges | {key: _plain(value) for key, value in vars(box).items() if key != "ranges"}
 
 
 def _plain(value: Any) -> Any:

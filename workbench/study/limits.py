@@ -245,20 +245,19 @@ def distances(study: Study, records: Sequence[Record], limits: Mapping[Move, Val
             for name, scenario in case.scenarios.items():
                 asked = study.report.physical_limit
                 reason = no_limit(scenario, case.plant.build()) if asked else "not asked for"
-                if reason:
-                    none = Value(math.nan, reason)
-                    worst.append(Distance(controller, name, none, case=case.name))
-                    continue
                 own = [
                     r
                     for r in records
                     if (r.controller, r.variation, r.scenario) == (controller, nominal.name, name)
                 ]
-                compared = [s for r in own for s in _compared(study, nominal, r, limits)]
+                compared = []
+                if not reason:
+                    compared = [s for r in own for s in _compared(study, nominal, r, limits)]
+                    failed = next((r.reason for r in own if r.failed), "")
+                    reason = f"the run failed: {failed}" if failed else ""
                 steps += compared
-                failed = next((r.reason for r in own if r.failed), "")
-                found = _worst(controller, name, compared, failed)
-                worst.append(replace(found, case=case.name))
+                ratio, most = _worst(compared, reason)
+                worst.append(Distance(controller, name, ratio, most, case.name))
     by_plant = {v.plant: v.name for v in reversed(list(study.variations.values()))}
     every = tuple((by_plant[m.plant], m, v) for m, v in limits.items() if m.plant in by_plant)
     return Distances(study.report.physical_limit, tuple(steps), tuple(worst), every)
@@ -288,16 +287,13 @@ def _compared(
     return found
 
 
-def _worst(
-    controller: str, scenario: str, compared: Sequence[StepDistance], failed: str
-) -> Distance:
-    if failed:
-        return Distance(controller, scenario, Value(math.nan, f"the run failed: {failed}"))
+def _worst(compared: Sequence[StepDistance], reason: str) -> tuple[Value, StepDistance | None]:
+    """Return the ratio that counts and its step; neither if there is a reason why."""
     # A step without a limit says nothing about the controller, one that never settled does.
     known = [s for s in compared if not math.isnan(s.limit.value)]
-    if not known:
-        reason = compared[0].ratio.reason if compared else "the run ends before the first step"
-        return Distance(controller, scenario, Value(math.nan, reason))
+    if reason or not known:
+        first = compared[0].ratio.reason if compared else "the run ends before the first step"
+        return Value(math.nan, reason or first), None
     missing = [s for s in known if math.isnan(s.settling.value)]
     most = missing[0] if missing else max(known, key=lambda s: s.ratio.value)
-    return Distance(controller, scenario, most.ratio, most)
+    return most.ratio, most

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from importlib.metadata import PackageNotFoundError, version
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from workbench.study.baseline import (
 )
 from workbench.study.conditions import ConditionChange, condition_changes, conditions
 from workbench.study.execution import Workers, store_of, verify_kept
+from workbench.study.inputs import installed
 from workbench.study.judgements import Judgement, Score, judge_records, scores
 from workbench.study.limits import Distances, distances, find_limits
 from workbench.study.linear_loop import LoopAnalysis, analyse_study
@@ -64,13 +65,15 @@ class StudyResult(Drawn):
     @property
     def missed(self) -> tuple[Judgement, ...]:
         """Hard requirements that are missed, the worst first."""
-        found = [j for j in self.judgements if j.hard and not j.met]
-        return tuple(sorted(found, key=lambda j: -j.score))
+        return self._missed(hard=True)
 
     @property
     def missed_softly(self) -> tuple[Judgement, ...]:
         """Soft requirements that are missed, the worst first."""
-        found = [j for j in self.judgements if not j.hard and not j.met]
+        return self._missed(hard=False)
+
+    def _missed(self, *, hard: bool) -> tuple[Judgement, ...]:
+        found = [j for j in self.judgements if j.hard == hard and not j.met]
         return tuple(sorted(found, key=lambda j: -j.score))
 
     @property
@@ -141,12 +144,9 @@ class StudyResult(Drawn):
 
     def headline(self) -> str:
         """Return in one line what was found: nominal, varied, in the box, soft, baseline."""
-        variations = self.study.variations
-        groups: dict[bool, list[Judgement]] = {True: [], False: []}
-        for j in self.judgements:
-            if j.hard:
-                groups[variations[j.variation].nominal].append(j)
-        nominal, varied = groups[True], groups[False]
+        hard, variations = [j for j in self.judgements if j.hard], self.study.variations
+        nominal = [j for j in hard if variations[j.variation].nominal]
+        varied = [j for j in hard if not variations[j.variation].nominal]
         said = [f"{sum(j.met for j in nominal)} of {len(nominal)} hard requirements met nominally"]
         if not nominal and not varied:
             declared = any(d.requirement.hard for d in self.study.demands)
@@ -263,10 +263,7 @@ class StudyResult(Drawn):
 
 def installed_version() -> str:
     """Return the version of the package."""
-    try:
-        return version("muscle-arm-workbench")
-    except PackageNotFoundError:
-        return "unknown"
+    return installed("muscle-arm-workbench") or "unknown"
 
 
 def _claim(folder: Path, study: str) -> None:
@@ -320,7 +317,7 @@ def run_study(
     def part(name: str) -> Callable[[int, int, str], None]:
         if progress is None:
             return lambda done, total, what: bar(name, done, total)
-        return lambda done, total, what: progress(name, done, total, what)
+        return partial(progress, name)
 
     if verify_cache:
         verify_kept(tasks(study), store)

@@ -278,7 +278,8 @@ def _changed(outcome: StudyResult, title: str, found: Sequence[Change], *, fold:
         metric = group.worst.metric
         name = f"{_BOLD}{controller}{_BOLD}, {scenario or variation}"
         if not metric:
-            rows[name, group.worst.way] = [f"{name}{_also(group)}", *_words(group.worst)]
+            way = group.worst.way
+            rows[name, way] = [f"{name}{_also(group)}", f"run is {way}", group.worst.reason, "–"]
         elif variation == IN_BOX:
             text = _moved(group.worst.before, group.worst.after, "%", share=False)
             rows[name, metric] = [name, metric, "–", text]
@@ -302,10 +303,6 @@ def _titled(heading: str, lines: Sequence[str], *, fold: bool) -> list[str]:
     if fold:
         return ["<details>", f"<summary>{heading}</summary>", "", *lines, "</details>", ""]
     return [f"### {heading}", "", *lines]
-
-
-def _words(change: Change) -> list[str]:
-    return [f"run is {change.way}", change.reason, "–"]
 
 
 def _nominal_and_worst(outcome: StudyResult, change: Change) -> list[str]:

@@ -180,12 +180,9 @@ def margins_table(result: StudyResult) -> Table | None:
         key = (case, record.controller)
         if not record.margins or key in rows:
             continue
+        own = (record.controller, late.get(case))
         found = next(
-            (
-                r.metrics
-                for r in result.records
-                if r.metrics and (r.variation, r.controller) == (late.get(case), key[1])
-            ),
+            (r.metrics for r in result.records if r.metrics and (r.controller, r.variation) == own),
             None,
         )
         beside = [_shown(found, n) if found else "–" for n in ("overshoot", "oscillation")]
@@ -210,26 +207,28 @@ def _limitations(result: StudyResult) -> list[Block]:
     if not found:
         return []
     want = found[0].want
-    blocks: list[Block] = [
+    # Without such runs there is nothing to tell of them.
+    plan, known, ladder = (
+        [table] if table.rows else []
+        for table in (plan_table(result), known_table(result), ladder_table(result))
+    )
+    return [
         reached_table(result),
         steps_table(result, nominal=True),
         steps_table(result, nominal=False),
         missed_table(result),
         Words(f"{want.unknown.name}. {want.unknown.text}{_unknown_words(found)}"),
-        plan_table(result),
+        *plan,
         *(Words(text) for e in found for text in plan_words(e)),
         limits_table(result),
-        known_table(result),
+        *known,
         Words(f"{want.neglected.name}. {want.neglected.text}"),
-        ladder_table(result),
+        *ladder,
         *(Words(text) for e in found for text in ladder_words(e)),
         Words(f"{want.loop.name}. {want.loop.text}"),
         time_table(result),
         *(Words(text) for text in want.notes),
     ]
-    # Without such runs there is nothing to tell of them.
-    optional = {plan_table(result).title, known_table(result).title, ladder_table(result).title}
-    return [b for b in blocks if not isinstance(b, Table) or b.rows or b.title not in optional]
 
 
 def limitation_tables(result: StudyResult) -> list[Table]:

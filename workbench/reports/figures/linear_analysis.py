@@ -195,67 +195,40 @@ def map_picture(study: Study) -> list[Picture]:
 
 def margin_table(study: Study, loops: tuple[LoopAnalysis, ...]) -> Table:
     """List the margins of all loops."""
-    rows: list[tuple[Cell | str, ...]] = []
-    for a in loops:
-        if a.reason:
-            rows.append(
-                (
-                    a.controller,
-                    point_text(study, a.point),
-                    a.opened or "–",
-                    Cell("none", "missed", a.reason),
-                    *([""] * 6),
-                )
-            )
-            continue
-        down = f" ({number(a.gain_margin_down, 2)})" if a.gain_margin_down > 0 else ""
-        disk = (
-            f"{number(a.disk_margin, 2)}: × {number(a.disk_gain_margin, 2)}, "
-            f"{number(math.degrees(a.disk_phase_margin), 2)}°"
-        )
-        rows.append(
-            (
-                a.controller,
-                point_text(study, a.point),
-                a.opened,
-                *(
-                    (
-                        number(a.crossover_Hz, 2, unit="Hz"),
-                        number(a.gain_margin, 3) + down,
-                        number(math.degrees(a.phase_margin), 2) + "°",
-                        in_time(a.delay_margin, 2)
-                        if a.delay_margin < math.inf
-                        else number(a.delay_margin),
-                    )
-                    if len(a.response)
-                    else ("",) * 4
-                ),
-                number(a.sensitivity),
-                number(a.complementary),
-                disk,
-            )
-        )
+    head = ("controller", "at", "opened at", "crossover", "gain (down)", "phase", "delay")
     return Table(
         "Margins",
-        (
-            "controller",
-            "at",
-            "opened at",
-            "crossover",
-            "gain (down)",
-            "phase",
-            "delay",
-            "Ms",
-            "Mt",
-            "disk: gain, phase",
+        (*head, "Ms", "Mt", "disk: gain, phase"),
+        tuple(
+            (a.controller, point_text(study, a.point), a.opened or "–", *_margins(a)) for a in loops
         ),
-        tuple(rows),
         "Opened at the controlled output, inner loops stay closed; at the command, everything "
         "opens; of several, the others stay closed, and all at once are opened at all outputs, or "
         "at all commands. Gain: factor that makes the loop unstable (down: a factor below 1). "
         "Ms, Mt: peaks of the sensitivity 1/(1 + L) and of L/(1 + L). Disk: margin, and the factor "
         "and the phase by which both may change together.",
     )
+
+
+def _margins(a: LoopAnalysis) -> tuple[Cell | str, ...]:
+    """Return crossover, gain, phase and delay, Ms, Mt and the disk margin of a loop."""
+    if a.reason:
+        return (Cell("none", "missed", a.reason), *("",) * 6)
+    down = f" ({number(a.gain_margin_down, 2)})" if a.gain_margin_down > 0 else ""
+    known = a.delay_margin < math.inf
+    # Loops that are opened together have no single gain.
+    alone = (
+        number(a.crossover_Hz, 2, unit="Hz"),
+        number(a.gain_margin, 3) + down,
+        number(math.degrees(a.phase_margin), 2) + "°",
+        in_time(a.delay_margin, 2) if known else number(a.delay_margin),
+    )
+    disk = (
+        f"{number(a.disk_margin, 2)}: × {number(a.disk_gain_margin, 2)}, "
+        f"{number(math.degrees(a.disk_phase_margin), 2)}°"
+    )
+    single = alone if len(a.response) else ("",) * 4
+    return (*single, number(a.sensitivity), number(a.complementary), disk)
 
 
 LINEAR = Figure(

@@ -150,10 +150,8 @@ def _steps(result: StudyResult) -> Table:
     groups: dict[tuple[str, float, Move], dict[str, StepDistance]] = {}
     for s in found.steps:
         own = groups.setdefault((s.scenario, s.begin, s.move), {})
-        before = own.get(s.controller)
-        if before is None or math.isnan(_worse(before.ratio.value, s.ratio.value)):
-            own[s.controller] = s if before is None or math.isnan(s.ratio.value) else before
-        elif s.ratio.value > before.ratio.value:
+        before = own.setdefault(s.controller, s)
+        if math.isnan(s.ratio.value) or s.ratio.value > before.ratio.value:
             own[s.controller] = s
     rows: list[tuple[Cell | str, ...]] = []
     for (scenario, begin, move), own in groups.items():
