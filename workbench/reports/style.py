@@ -14,7 +14,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
-from workbench.errors import check_choice, check_range
+from workbench.errors import check_range
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -153,12 +153,6 @@ def ramp(count: int) -> tuple[Colour, ...]:
     check_range("number of curves in a family", count, 1, len(RAMP))
     last = len(RAMP) - 1
     return tuple(RAMP[round(i * last / max(count - 1, 1))] for i in range(count))
-
-
-def colour(name: str) -> Colour:
-    """Return a colour of the palette by name."""
-    check_choice("colour", name, [c.name for c in palette()])
-    return next(c for c in palette() if c.name == name)
 
 
 def new_figure(heights: Iterable[float], *, share_x: bool = True) -> tuple[Figure, list[Axes]]:
