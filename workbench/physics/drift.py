@@ -61,8 +61,7 @@ def _warmed(at: Place) -> tuple[Own, Own]:
     )  # fmt: skip
 
 
-def _warm() -> tuple[State, ...]:
-    return (State("warm", "1", 1.0, "share of the amount reached", start_rms=1e-3),)
+_WARM = State("warm", "1", 1.0, "share of the amount reached", start_rms=1e-3)
 
 
 def _warming_up(e: EffectView) -> dict[str, Expression]:
@@ -76,7 +75,7 @@ sensor_drift = Law(
     sensors(together=False),
     _warming(sensor_error),
     lambda at: at.value + at.p.amount * at.x.warm,
-    states=lambda at: _warm(),
+    states=lambda at: (_WARM,),
     rates=_warming_up,
     group="sensor",
     source="thermal zero drift of a bridge",
@@ -101,17 +100,20 @@ def from_first(
     return rest, {name: (share - begins[first]) / rest for name, share in begins.items()}
 
 
+# What an input of the model reaches at once.
+_driven = drives("force", "acceleration", "flow", only=lambda at: at.driven)
+
 gain_fade = Law(
     "gain_fade",
     "y = u (1 + amount w), w = (1 - exp(-t / tau)) / (1 - exp(-lasting / tau))",
-    drives("force", "acceleration", "flow", only=lambda at: at.driven),
+    _driven,
     lambda at: (
         size("amount", "1", 0.1, 1.0, "change of the gain by the end of the recordings",
              signed=True),
         *_warmed(at),
     ),
     lambda at: at.value * (1.0 + at.p.amount * at.x.warm),
-    states=lambda at: _warm(),
+    states=lambda at: (_WARM,),
     rates=_warming_up,
     source="warming of a drive, a battery that runs down, a filter that clogs",
     look_alikes=("gain", "gain_jump", "creep"),
@@ -147,15 +149,17 @@ def when(at: Place) -> tuple[Own, ...]:
     )  # fmt: skip
 
 
+_pushed = together(
+    _driven,
+    each(*EFFORTS, needs=("speed",), label=by_port),
+    each(*FLOWS, label=by_port, only=lambda at: bool(at.store) and not at.empty),
+    each("valve_command", label=by_port),
+)
+
 offset_jump = Law(
     "offset_jump",
     "y = u + amount step(t - time)",
-    together(
-        drives("force", "acceleration", "flow", only=lambda at: at.driven),
-        each(*EFFORTS, needs=("speed",), label=by_port),
-        each(*FLOWS, label=by_port, only=lambda at: bool(at.store) and not at.empty),
-        each("valve_command", label=by_port),
-    ),
+    _pushed,
     lambda at: (
         size("amount", at.unit, 0.05 * at.scale, at.scale, "height of the jump", signed=True),
         *when(at),
@@ -237,7 +241,7 @@ sensor_hum = replace(
 gain_jump = replace(
     offset_jump,
     name="gain_jump",
-    where=drives("force", "acceleration", "flow", only=lambda at: at.driven),
+    where=_driven,
     equation="y = u (1 + amount step(t - time))",
     parameters=lambda at: (
         size("amount", "1", 0.1, 1.0, "relative height of the jump", signed=True),
@@ -320,12 +324,9 @@ parameter_fade = replace(
     name="parameter_fade",
     equation="parameter + amount w, w' = (1 / (1 - exp(-lasting / tau)) - w) / tau",
     where=_each_parameter,
-    parameters=lambda at: (
-        _amount(at),
-        *_warmed(at),
-    ),
+    parameters=lambda at: (_amount(at), *_warmed(at)),
     transform=lambda at: _changed(at, at.x.warm),
-    states=lambda at: (replace(_warm()[0], start_rms=1.0),),
+    states=lambda at: (replace(_WARM, start_rms=1.0),),
     begins="warm",
     of_parameter=True,
     source="warming, wear, ageing",
@@ -337,12 +338,7 @@ parameter_fade = replace(
 offset_by_recording = Law(
     "offset_by_recording",
     "y = u + amount level, one level in each recording",
-    together(
-        drives("force", "acceleration", "flow", only=lambda at: at.driven),
-        each(*EFFORTS, needs=("speed",), label=by_port),
-        each(*FLOWS, label=by_port, only=lambda at: bool(at.store) and not at.empty),
-        each("valve_command", label=by_port),
-    ),
+    _pushed,
     lambda at: (size("amount", at.unit, 0.05 * at.scale, at.scale, "offset at a level of one"),),
     lambda at: at.value + at.p.amount * at.x.level,
     states=lambda at: (State("level", "1", 1.0, "level of a recording", 1.0, start_rms=2.0),),
@@ -373,12 +369,9 @@ gain_by_recording = replace(
     name="gain_by_recording",
     equation="y = u (1 + amount level), one level in each recording",
     where=together(
-        drives("force", "acceleration", "flow", only=lambda at: at.driven),
-        each(*EFFORTS, needs=("speed",), label=by_port, only=lambda at: at.whole),
+        _driven, each(*EFFORTS, needs=("speed",), label=by_port, only=lambda at: at.whole)
     ),
-    parameters=lambda at: (
-        size("amount", "1", 0.1, 1.0, "relative change at a level of one"),
-    ),
+    parameters=lambda at: (size("amount", "1", 0.1, 1.0, "relative change at a level of one"),),
     transform=lambda at: at.value * (1.0 + at.p.amount * at.x.level),
     look_alikes=("gain", "gain_fade", "parameter_by_recording"),
 )  # fmt: skip

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from workbench.model import About, Effect, PortView
 from workbench.model.regularisation import EXACT, Expression, Form
-from workbench.physics.law import Fit, Law, size
+from workbench.physics.law import Fit, Law, Where, size
 from workbench.physics.place import Survey
 
 FLOW_WIDTH = 1e-6
@@ -154,16 +154,19 @@ ISOTHERMAL = "Q = p dV/dt - R H"
 """Equation of gas that stays at the temperature of its wall."""
 
 
-def chambers(survey: Survey, *needs: str) -> Iterator[Fit]:
-    """Yield all chambers together, where some signals can be had beside both temperatures."""
-    found = survey.fitting("gas_heat", needs=("temperature", "wall_temperature", *needs))
-    if found:
-        yield "", tuple((q,) for q in found)
+def chambers(*needs: str, isothermal: bool = False) -> Where:
+    """Let a law act at all chambers together: of isothermal gas, or of any other.
 
+    Args:
+        needs: Signals that must be had there beside both temperatures.
+    """
 
-def _worked(survey: Survey) -> Iterator[Fit]:
-    if not survey.attached(ISOTHERMAL):
-        yield from chambers(survey, "pressure", "enthalpy_flow", "volume_rate")
+    def where(survey: Survey) -> Iterator[Fit]:
+        found = survey.fitting("gas_heat", needs=("temperature", "wall_temperature", *needs))
+        if found and survey.attached(ISOTHERMAL) == isothermal:
+            yield "", tuple((q,) for q in found)
+
+    return where
 
 
 def _power(at: PortView) -> Expression:
@@ -176,7 +179,7 @@ def _power(at: PortView) -> Expression:
 polytropic_exchange = Law(
     "polytropic_exchange",
     "V dp/dt = n (R H - p dV/dt)",
-    _worked,
+    chambers("pressure", "enthalpy_flow", "volume_rate"),
     lambda at: (size("departure", "1", 0.2, 0.5, "gamma less the polytropic exponent"),),
     lambda at: at.value - at.p.departure / (AIR.heat_ratio - 1.0) * _power(at),
     far=True,

@@ -177,9 +177,6 @@ maxwell_slip_hysteresis = muscle_slip()
 joint_hysteresis = prandtl_ishlinskii()
 
 
-_MUSCLE_WIDTH = 1e-5
-"""Speed of a muscle, in m/s, within which the regularised form rounds the reversal."""
-
 _TURN_WIDTH = 1e-3
 """Position in the loop within which its middle is rounded, dimensionless."""
 

@@ -13,11 +13,6 @@ from workbench.physics.law import Law, by_port, each, sensors, shape, size
 from workbench.physics.offset_gain import sensor_error
 from workbench.physics.place import COORDINATES, EFFORTS
 
-
-def _slack() -> tuple[State, ...]:
-    return (State("slack", "1", 1.0, "slack taken up, -1 to 1", 0.0, -1.05, 1.05, 0.5),)
-
-
 play = Law(
     "play",
     "y = u - w z, z elasto-plastic with reach w",
@@ -27,7 +22,9 @@ play = Law(
         shape("floor", at.unit, 0.005 * at.scale, "motion added to the reach", fitted=False),
     ),
     lambda at: at.value - at.p.half_width * at.x.slack,
-    states=lambda at: _slack(),
+    states=lambda at: (
+        State("slack", "1", 1.0, "slack taken up, -1 to 1", 0.0, -1.05, 1.05, 0.5),
+    ),
     rates=lambda e: {
         "slack": elastoplastic_rate(
             e.here.signals.speed, e.x.slack, e.p.half_width + e.p.floor, 0.01 * e.p.floor,
@@ -40,26 +37,22 @@ play = Law(
     separated_by="slow triangles of several amplitudes about the centre",
 )  # fmt: skip
 
-spool_hysteresis = Law(
-    "spool_hysteresis",
-    "y = u - w z, z elasto-plastic",
-    each("spool", needs=("speed",)),
-    lambda at: (
+spool_hysteresis = replace(
+    play,
+    name="spool_hysteresis",
+    equation="y = u - w z, z elasto-plastic",
+    parameters=lambda at: (
         size("half_width", at.unit, 0.02 * at.scale, 0.5 * at.scale, "half of the loop"),
         shape("reach", at.unit, 0.05 * at.scale, "motion over which the loop turns",
               around=(0.1, 20.0)),
     ),
-    lambda at: at.value - at.p.half_width * at.x.slack,
-    states=lambda at: _slack(),
     rates=lambda e: {
         "slack": elastoplastic_rate(
             e.here.signals.speed, e.x.slack, e.p.reach, 0.001 * 0.05 * e.here.scale, form=e.form
         )
     },
-    dry=True,
     source="manufacturer: hysteresis at most 0.4 % of stroke",
     look_alikes=("play", "dead_band"),
-    separated_by="slow triangles of several amplitudes about the centre",
 )  # fmt: skip
 
 
@@ -100,17 +93,11 @@ command_play = Law(
     separated_by="slow triangles of several amplitudes about the centre",
 )  # fmt: skip
 
-backlash = Law(
-    "backlash",
-    "y = u - clip(u - s, -w, w), s within w of u",
-    each("command", "voltage", "circuit", label=by_port),
-    command_play.parameters,
-    _kept_back,
-    states=command_play.states,
-    rates=_follow,
-    start=command_play.start,
-    dry=True,
-    source="Krasnosel'skii and Pokrovskii 1989, play operator",
+backlash = replace(
+    command_play,
+    name="backlash",
+    where=each("command", "voltage", "circuit", label=by_port),
+    family="",
     look_alikes=("dead_band", "delay"),
     separated_by="slow triangles of several amplitudes: play has a loop, a dead band none",
 )

@@ -125,9 +125,6 @@ silencer = Law(
 )
 
 
-_CRITICAL_RATIO = 0.3
-
-
 def _where(survey: Survey) -> Iterator[Fit]:
     for place in survey.fitting("supply_pressure"):
         if f"{place.port.group}.flow" in survey.trace.signal_names:

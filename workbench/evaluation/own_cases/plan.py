@@ -75,9 +75,13 @@ class Counterpart:
     """The parameter of the library that states the same size as one of the rig.
 
     Args:
+        effect: Name in the rig.
+        name: Name in the library.
         size: Whether it is the parameter whose zero means absent.
     """
 
+    effect: str
+    name: str
     parameter: str
     true: Callable[[Mapping[str, float]], float]
     size: bool = True
@@ -87,75 +91,57 @@ def _p(name: str, factor: float = 1.0, less: float = 0.0) -> Callable[[Mapping[s
     return lambda p: factor * (p[name] - less)
 
 
-COUNTERPARTS: dict[tuple[str, str], Counterpart] = {
-    ("hysteresis_bouc_wen", "muscle_hysteresis"): Counterpart(
-        "level_per_pressure", _p("hyst_slope", 1e-5)
-    ),
-    ("hysteresis_dahl", "muscle_hysteresis"): Counterpart(
-        "level_per_pressure", _p("hyst_slope", 1e-5)
-    ),
-    ("hysteresis_maxwell", "muscle_hysteresis"): Counterpart(
-        "level_per_pressure", _p("hyst_slope", 1e-5)
-    ),
-    ("muscle_viscosity", "muscle_viscosity"): Counterpart("coefficient", _p("muscle_viscosity")),
-    ("tendon", "series_elasticity"): Counterpart(
-        "compliance", lambda p: 1.0 / p["tendon_stiffness"]
-    ),
-    ("muscle_mismatch", "force_gain_2"): Counterpart("excess", _p("force_gain_2", less=1.0)),
-    ("stribeck", "stribeck_friction"): Counterpart("break_away", _p("stribeck_torque")),
-    ("load_friction", "load_dependent_friction"): Counterpart("coefficient", _p("load_friction")),
-    ("quadratic_drag", "quadratic_drag"): Counterpart("coefficient", _p("quadratic_drag")),
-    ("tilt", "tilt_gravity"): Counterpart("tilt", _p("tilt")),
-    ("constant_torque", "constant_torque"): Counterpart("amount", _p("constant_torque")),
-    ("parasitic_spring", "linear_spring"): Counterpart("stiffness", _p("spring_torque")),
-    ("cogging", "ripple"): Counterpart("amplitude", _p("cogging_torque")),
-    ("valve_offset", "valve_offset"): Counterpart("amount", lambda p: 5.0 - p["valve_centre"]),
-    ("valve_deadband", "dead_band"): Counterpart("half_width", _p("valve_deadband")),
-    ("valve_play", "play"): Counterpart("half_width", _p("valve_play")),
-    ("valve_delay", "valve_delay"): Counterpart("time", _p("valve_delay")),
-    ("valve_slew", "slew_limit"): Counterpart("largest_rate", _p("valve_slew"), size=False),
-    ("leak_muscle_1", "chamber_leakage_1"): Counterpart("conductance", _p("leak_1")),
-    ("leak_muscle_2", "chamber_leakage_2"): Counterpart("conductance", _p("leak_2")),
-    ("leak_muscle_1", "edge_leakage_exhaust_1"): Counterpart(
-        "fraction", lambda p: p["leak_1"] / p["conductance"]
-    ),
-    ("leak_muscle_2", "edge_leakage_exhaust_2"): Counterpart(
-        "fraction", lambda p: p["leak_2"] / p["conductance"]
-    ),
-    ("loose_load", "loose_load"): Counterpart(
-        "frequency",
-        lambda p: math.sqrt(p["load_stiffness"] / (p["load"] * p["load_inertia_per_kg"])),
-        size=False,
-    ),
-    ("leak_between", "cross_leakage"): Counterpart("conductance", _p("leak_between")),
-    ("supply_droop", "reservoir_droop"): Counterpart("gain", _p("supply_linear"), size=False),
-    ("line", "lines"): Counterpart("conductance", _p("line_conductance"), size=False),
-    ("silencers", "silencers"): Counterpart("conductance", _p("silencer_conductance"), size=False),
-    ("pressure_lag", "sensor_lag_pressures"): Counterpart("time", _p("pressure_lag")),
-    ("pressure_offset", "sensor_offset_pressure_1"): Counterpart("amount", _p("pressure_offset_1")),
-    ("pressure_gain", "sensor_gain_pressure_2"): Counterpart(
-        "excess", _p("pressure_gain_2", less=1.0)
-    ),
-    ("angle_delay", "sensor_delay_angle"): Counterpart("time", _p("angle_delay")),
-    ("angle_offset", "sensor_offset_angle"): Counterpart(
-        "amount", _p("angle_offset", math.radians(1.0))
-    ),
-    ("angle_gain", "sensor_gain_angle"): Counterpart("excess", _p("angle_gain", less=1.0)),
-    ("angle_lag", "sensor_lag_angle"): Counterpart("time", _p("angle_lag")),
-    ("angle_jump", "sensor_jump_angle"): Counterpart(
-        "amount", _p("onset_angle_offset", math.radians(1.0))
-    ),
-    ("pressure_jump", "sensor_jump_pressure_2"): Counterpart(
-        "amount", _p("onset_pressure_offset_2")
-    ),
-    ("edge_blocked", "edge_gain_supply_1"): Counterpart("excess", _p("edge_supply_1", less=1.0)),
-    ("viscous_asymmetry", "direction_dependent_viscous"): Counterpart(
-        "difference", lambda p: 2.0 * p["viscous"] * p["viscous_asymmetry"]
-    ),
-    ("cubic_spring", "cubic_stiffness"): Counterpart("stiffness", _p("cubic_spring")),
-    ("local_friction", "local_friction"): Counterpart("level", _p("local_friction")),
-    ("wrong_load", "load_error"): Counterpart("mass", _p("load_error")),
-}
+_ALIKE = (
+    *(Counterpart(hysteresis, "muscle_hysteresis", "level_per_pressure", _p("hyst_slope", 1e-5))
+      for hysteresis in _HYSTERESES),
+    Counterpart("muscle_viscosity", "muscle_viscosity", "coefficient", _p("muscle_viscosity")),
+    Counterpart("tendon", "series_elasticity", "compliance", lambda p: 1.0 / p["tendon_stiffness"]),
+    Counterpart("muscle_mismatch", "force_gain_2", "excess", _p("force_gain_2", less=1.0)),
+    Counterpart("stribeck", "stribeck_friction", "break_away", _p("stribeck_torque")),
+    Counterpart("load_friction", "load_dependent_friction", "coefficient", _p("load_friction")),
+    Counterpart("quadratic_drag", "quadratic_drag", "coefficient", _p("quadratic_drag")),
+    Counterpart("tilt", "tilt_gravity", "tilt", _p("tilt")),
+    Counterpart("constant_torque", "constant_torque", "amount", _p("constant_torque")),
+    Counterpart("parasitic_spring", "linear_spring", "stiffness", _p("spring_torque")),
+    Counterpart("cogging", "ripple", "amplitude", _p("cogging_torque")),
+    Counterpart("valve_offset", "valve_offset", "amount", lambda p: 5.0 - p["valve_centre"]),
+    Counterpart("valve_deadband", "dead_band", "half_width", _p("valve_deadband")),
+    Counterpart("valve_play", "play", "half_width", _p("valve_play")),
+    Counterpart("valve_delay", "valve_delay", "time", _p("valve_delay")),
+    Counterpart("valve_slew", "slew_limit", "largest_rate", _p("valve_slew"), size=False),
+    Counterpart("leak_muscle_1", "chamber_leakage_1", "conductance", _p("leak_1")),
+    Counterpart("leak_muscle_2", "chamber_leakage_2", "conductance", _p("leak_2")),
+    Counterpart("leak_muscle_1", "edge_leakage_exhaust_1", "fraction",
+                lambda p: p["leak_1"] / p["conductance"]),
+    Counterpart("leak_muscle_2", "edge_leakage_exhaust_2", "fraction",
+                lambda p: p["leak_2"] / p["conductance"]),
+    Counterpart("loose_load", "loose_load", "frequency",
+                lambda p: math.sqrt(p["load_stiffness"] / (p["load"] * p["load_inertia_per_kg"])),
+                size=False),
+    Counterpart("leak_between", "cross_leakage", "conductance", _p("leak_between")),
+    Counterpart("supply_droop", "reservoir_droop", "gain", _p("supply_linear"), size=False),
+    Counterpart("line", "lines", "conductance", _p("line_conductance"), size=False),
+    Counterpart("silencers", "silencers", "conductance", _p("silencer_conductance"), size=False),
+    Counterpart("pressure_lag", "sensor_lag_pressures", "time", _p("pressure_lag")),
+    Counterpart("pressure_offset", "sensor_offset_pressure_1", "amount", _p("pressure_offset_1")),
+    Counterpart("pressure_gain", "sensor_gain_pressure_2", "excess",
+                _p("pressure_gain_2", less=1.0)),
+    Counterpart("angle_delay", "sensor_delay_angle", "time", _p("angle_delay")),
+    Counterpart("angle_offset", "sensor_offset_angle", "amount",
+                _p("angle_offset", math.radians(1.0))),
+    Counterpart("angle_gain", "sensor_gain_angle", "excess", _p("angle_gain", less=1.0)),
+    Counterpart("angle_lag", "sensor_lag_angle", "time", _p("angle_lag")),
+    Counterpart("angle_jump", "sensor_jump_angle", "amount",
+                _p("onset_angle_offset", math.radians(1.0))),
+    Counterpart("pressure_jump", "sensor_jump_pressure_2", "amount", _p("onset_pressure_offset_2")),
+    Counterpart("edge_blocked", "edge_gain_supply_1", "excess", _p("edge_supply_1", less=1.0)),
+    Counterpart("viscous_asymmetry", "direction_dependent_viscous", "difference",
+                lambda p: 2.0 * p["viscous"] * p["viscous_asymmetry"]),
+    Counterpart("cubic_spring", "cubic_stiffness", "stiffness", _p("cubic_spring")),
+    Counterpart("local_friction", "local_friction", "level", _p("local_friction")),
+    Counterpart("wrong_load", "load_error", "mass", _p("load_error")),
+)  # fmt: skip
+COUNTERPARTS = {(c.effect, c.name): c for c in _ALIKE}
 """By effect of the rig and name in the library: where both state the same quantity."""
 
 

@@ -10,7 +10,7 @@ import casadi as ca
 from workbench.model import About, Effect, EffectView, Parameter, PortView, State
 from workbench.model.regularisation import Expression
 from workbench.physics.force_laws import PaperLaw, Sarosi
-from workbench.physics.gas import ISOTHERMAL, chambers, wall_heat
+from workbench.physics.gas import chambers, wall_heat
 from workbench.physics.law import Fit, Law, each, shape, share, size, twins
 from workbench.physics.muscle_volume import BraidedCylinder
 from workbench.physics.place import Survey
@@ -246,12 +246,6 @@ AREA = 0.0126
 _EXCHANGE = "Q = h S (T_wall - T)"
 
 
-def _at_walls(survey: Survey) -> Iterator[Fit]:
-    # Heat flow that follows from constant temperature has no more or less of it.
-    if not survey.attached(ISOTHERMAL):
-        yield from chambers(survey)
-
-
 def _wall(at: PortView, area: Expression) -> Expression:
     s = at.signals
     return wall_heat(s.temperature, s.wall_temperature, coefficient=at.p.coefficient, area=area)
@@ -260,7 +254,7 @@ def _wall(at: PortView, area: Expression) -> Expression:
 heat_exchange = Law(
     "heat_exchange",
     _EXCHANGE,
-    _at_walls,
+    chambers(),
     lambda at: (
         size("coefficient", "W/(m2 K)", 150.0, 1e5, "heat transfer coefficient", scale=100.0,
              source="estimate; the paper's model has 200"),
@@ -276,7 +270,7 @@ heat_exchange = Law(
 
 def _beside_exchange(survey: Survey) -> Iterator[Fit]:
     if survey.attached(_EXCHANGE):
-        yield from _at_walls(survey)
+        yield from heat_exchange.where(survey)
 
 
 # Large, it is isothermal; the negative of the plant's own, adiabatic.
@@ -295,15 +289,10 @@ extra_heat_exchange = replace(
 )  # fmt: skip
 
 
-def _isothermal(survey: Survey) -> Iterator[Fit]:
-    if survey.attached(ISOTHERMAL):
-        yield from chambers(survey)
-
-
 gas_energy_balance = Law(
     "gas_energy_balance",
     "Q + share (h S (T_wall - T) - Q)",
-    _isothermal,
+    chambers(isothermal=True),
     lambda at: (
         share("share of the exchange with the wall"),
         shape("coefficient", "W/(m2 K)", 150.0, "heat transfer coefficient", around=None,
