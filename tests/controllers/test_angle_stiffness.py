@@ -21,7 +21,7 @@ from workbench.model import Model
 from workbench.operating_point import operating_point
 from workbench.physics.flow import orifice_flow
 from workbench.physics.hysteresis import muscle_hysteresis
-from workbench.plants.arm.two_valves import two_valve_arm
+from workbench.plants.arm.arm import two_valve_arm
 from workbench.verification import (
     Run,
     Scenario,

@@ -53,7 +53,7 @@ from workbench.diagnosis.problem import Problem
 from workbench.diagnosis.refit_report import run_refit
 from workbench.diagnosis.selection import task
 from workbench.diagnosis.undeclared import with_undeclared
-from workbench.evaluation.foreign.plan import plan
+from workbench.evaluation.foreign.foreign_case import plan
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.library import Hypothesis, library

@@ -12,7 +12,7 @@ import pytest
 
 from workbench.errors import WorkbenchError
 from workbench.evaluation.foreign.foreign_case import answer as diagnosed
-from workbench.evaluation.foreign.plan import plan
+from workbench.evaluation.foreign.foreign_case import plan
 from workbench.evaluation.kept import answered, read_kept, run_cases
 
 

@@ -16,7 +16,7 @@ from workbench.linearisation.actuator_inverse import ActuatorInverse, straighten
 from workbench.model import Input, Model, Output, State
 from workbench.operating_point import OperatingPoint, operating_point
 from workbench.plants.arm import arm
-from workbench.plants.arm.two_valves import two_valve_arm
+from workbench.plants.arm.arm import two_valve_arm
 from workbench.plants.servo_axis import servo_axis
 
 ARM = arm(3.0)

@@ -155,10 +155,10 @@ def foreign(campaign: Campaign, *, count: Positive = 60, seeds: int | None = Non
         count: Cases of the plan.
         seeds: Seed of the first case.
     """
-    from workbench.evaluation.foreign import foreign_case, plan
+    from workbench.evaluation.foreign.foreign_case import FIRST_SEED, answer, line_of, plan
 
-    first = plan.FIRST_SEED if seeds is None else seeds
-    return campaign.run(plan.plan(count, first), foreign_case.answer, foreign_case.line_of)
+    first = FIRST_SEED if seeds is None else seeds
+    return campaign.run(plan(count, first), answer, line_of)
 
 
 @with_campaign

@@ -1,10 +1,9 @@
 """Linear models with names, an operating point and a verdict on how far they hold."""
 
-from workbench.linearisation.iosystem import to_iosystem
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.linearise import linearise
 from workbench.linearisation.modes import Mode, find_modes
-from workbench.linearisation.state_space import linear_model
+from workbench.linearisation.state_space import linear_model, to_iosystem
 from workbench.linearisation.validity import (
     AmplitudeValidity,
     DescribingFunction,

@@ -1,23 +1,20 @@
-"""python-control systems as linear models, so that whatever takes one takes the other."""
+"""python-control's systems as linear models, and models as its systems."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 
 from workbench.arrays import Vector
 from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation.linear_model import LinearModel
-from workbench.model import Input, Model, Output, Scope, State
+from workbench.model import EXACT, Input, Model, Output, Scope, State
 from workbench.model.trace import Equations
-from workbench.operating_point import OperatingPoint
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from workbench.operating_point import Derivatives, OperatingPoint
 
 Rows = tuple[tuple[float, ...], ...]
 
@@ -145,3 +142,34 @@ def _plain(label: str) -> str:
 def _scale(name: str, limits: Mapping[str, Sequence[float]]) -> float:
     low, high = limits.get(name, (-1.0, 1.0))
     return (high - low) / 2.0
+
+
+def to_iosystem(model: Model) -> Any:
+    """Return a model as a ``control.NonlinearIOSystem`` with its names.
+
+    python-control interpolates inputs linearly between samples, while a controller holds them: a
+    sampled command arrives half a sample early there. `workbench.simulation.simulate` holds.
+
+    Returns:
+        System in SI with the model's inputs, outputs and states; `control.linearize` and
+        `control.input_output_response` take it.
+    """
+    import control as ct
+
+    at = Derivatives(model, EXACT)
+    p, n = model.values, len(model.states)
+
+    def update(_t: float, x: Vector, u: Vector, _params: object) -> Vector:
+        return at.values(x, np.atleast_1d(u), p)[:n]
+
+    def output(_t: float, x: Vector, u: Vector, _params: object) -> Vector:
+        return at.values(x, np.atleast_1d(u), p)[n:]
+
+    return ct.NonlinearIOSystem(
+        update,
+        output,
+        inputs=[q.name for q in model.inputs],
+        outputs=[q.name for q in model.outputs],
+        states=[q.name for q in model.states],
+        name=model.name.replace(" ", "_"),
+    )

@@ -161,6 +161,10 @@ class Local:
         return value if self.sign == 1.0 else self.sign * value
 
 
+def _coordinate_unit(effort: str) -> str:
+    return next((c for u, c in COORDINATES.items() if same_dimension(u, effort)), "1")
+
+
 def _largest(seen: tuple[float, float] | None) -> float:
     """Return the largest magnitude that was seen; 0 if none was."""
     return max(abs(seen[0]), abs(seen[1])) if seen else 0.0
@@ -253,12 +257,12 @@ class Place:
     @property
     def speed(self) -> Local:
         """The speed of what moves."""
-        return self.signals.get("speed") or Local("speed", f"{self._coordinate_unit}/s")
+        return self.signals.get("speed") or Local("speed", f"{_coordinate_unit(self.unit)}/s")
 
     @property
     def coordinate(self) -> Local:
         """The position of what moves."""
-        return self.signals.get("coordinate") or Local("coordinate", self._coordinate_unit)
+        return self.signals.get("coordinate") or Local("coordinate", _coordinate_unit(self.unit))
 
     @property
     def level(self) -> Local:
@@ -276,10 +280,6 @@ class Place:
     def middle(self) -> float:
         """Middle of the travel, in the unit of the coordinate."""
         return 0.5 * sum(self.travel)
-
-    @property
-    def _coordinate_unit(self) -> str:
-        return next((c for u, c in COORDINATES.items() if same_dimension(u, self.unit)), "1")
 
 
 class Survey:
@@ -321,6 +321,9 @@ class Survey:
         self._known: dict[str, Quantity] = {
             q.name: q for q in (*model.parameters, *model.inputs, *model.states)
         }
+        self._port_index = {q.name: i for i, q in enumerate(self.trace.ports)}
+        self._state_index = {q.name: i for i, q in enumerate(model.states)}
+        self._parameter_index = {q.name: i for i, q in enumerate(model.parameters)}
 
     @cached_property
     def places(self) -> tuple[Place, ...]:
@@ -349,8 +352,8 @@ class Survey:
 
     def causes(self, place: Place) -> tuple[Local, ...]:
         """Return the inputs that enter the signal of a place at once."""
-        index = [q.name for q in self.trace.ports].index(place.name)
-        entering = zip(self.model.inputs, self._entered[index], strict=True)
+        entered = self._entered[self._port_index[place.name]]
+        entering = zip(self.model.inputs, entered, strict=True)
         return tuple(self._of(q.name) for q, enters in entering if enters)
 
     @cached_property
@@ -393,8 +396,8 @@ class Survey:
         Raises:
             WorkbenchError: If there is no such port.
         """
-        check_choice(f"port of {self.model.name}", name, [q.name for q in self.trace.ports])
-        index = next(i for i, q in enumerate(self.trace.ports) if q.name == name)
+        check_choice(f"port of {self.model.name}", name, self._port_index)
+        index = self._port_index[name]
         port = self.trace.ports[index]
         role = self._role(port, index)
         output = next((q for q in self._recorded if name == f"{q.name}.reading"), None)
@@ -424,7 +427,7 @@ class Survey:
             rubbed=any(
                 e.dry and name in e.ports and e.name not in self._found for e in self.model.effects
             ),
-            empty=self.trace.signals[self.trace.signal_names.index(name)].is_zero(),
+            empty=self._port_value(index).is_zero(),
             parameters=self._entering[index],
             whole=self._whole(index), elastic=(shared or role in EFFORTS) and elastic,
             directed=directed, output=output, horizon=self.model.horizon, duration=self.duration,
@@ -464,7 +467,7 @@ class Survey:
 
     def _motion(self, port: Port, index: int, own: Mapping[str, Local]) -> dict[str, Local]:
         """Find what an effort moves: by the author's names, by what they are, by structure."""
-        unit = next((c for u, c in COORDINATES.items() if same_dimension(u, port.unit)), "1")
+        unit = _coordinate_unit(port.unit)
         origins = dict(zip(port.signals, port.origins, strict=True))
         speeds: list[str] = [s for s in origins if s in ("speed", "velocity")]
         speeds += [s for s, o in origins.items() if o in self._integral and s not in speeds]
@@ -507,9 +510,9 @@ class Survey:
         Of two forces each raises the speed of the other as much as the other raises its own (E.
         Betti 1872): the inverse of a mass matrix is symmetric.
         """
-        names = [q.name for q in self.model.states]
+        names = list(self._state_index)
         speeds = {
-            i: [names.index(q.name) for q in self._moved[i] if q.name in self._integral]
+            i: [self._state_index[q.name] for q in self._moved[i] if q.name in self._integral]
             for i in self._commanded
         }
         found: dict[int, str] = {}
@@ -527,9 +530,8 @@ class Survey:
         """Return the speed that an effort raises: of one body, or of one over another."""
         first = self._of(moved[0])
         raised = self._raised(index)
-        at = [q.name for q in self.model.states]
         for name in moved[1:]:
-            columns = raised[:, [at.index(moved[0]), at.index(name)]]
+            columns = raised[:, [self._state_index[moved[0]], self._state_index[name]]]
             pair = np.nanmedian(columns, axis=0)
             # What pushes one body off another does so wherever they are: a rope that hangs askew
             # passes a pull on to one side or the other.
@@ -613,7 +615,7 @@ class Survey:
 
         So the pitch rate of an aircraft adds to the angle at which the wind meets it.
         """
-        at, t = {q.name: i for i, q in enumerate(self.model.states)}, self.trace
+        at, t = self._state_index, self.trace
         if place.source not in at or speed.source not in at or place.minus or speed.minus:
             return False
         own, over = at[place.source], t.x[at[speed.source]]
@@ -719,12 +721,12 @@ class Survey:
         They are those of joints that no command works on: what rubs there turns all the bodies of a
         machine, each through its inertia, as the damping does.
         """
-        t, names, found = self.trace, [q.name for q in self.model.parameters], []
-        ports = [port.name for port in t.ports]
+        t, found = self.trace, []
         commanded = {at.speed.source for at in self.places if at.shared}
         for q, places in self.spread:
-            symbol = t.p[names.index(q.name)]
-            resisted = [cofactor(self._port_value(ports.index(at.name)), symbol) for at in places]
+            symbol = t.p[self._parameter_index[q.name]]
+            values = [self._port_value(self._port_index[at.name]) for at in places]
+            resisted = [cofactor(value, symbol) for value in values]
             over = {str(e) for e in resisted}
             speed = next(iter(over))
             if len(over) == 1 and speed in self._integral and speed not in commanded:
@@ -738,18 +740,16 @@ class Survey:
         of its own. Of the inputs those that it is a factor of in what a sensor reads, where no
         other law is a curve over them: a resistance over its current.
         """
-        t, names = self.trace, [s.name for s in self.model.states]
-        k = [p.name for p in self.model.parameters].index(q.name)
-        ports = [port.name for port in t.ports]
-        index = [ports.index(at.name) for at in places]
-        slopes = [ca.jacobian(self._port_value(i), t.p[k]) for i in index]
+        t, k = self.trace, self._parameter_index[q.name]
+        values = [self._port_value(self._port_index[at.name]) for at in places]
+        slopes = [ca.jacobian(value, t.p[k]) for value in values]
         found = []
         for name in dict.fromkeys(self._measured.values()):
-            other = [t.x[i] for i, n in enumerate(names) if n != name]
+            other = [t.x[i] for n, i in self._state_index.items() if n != name]
             rest = ca.vertcat(*other, t.u)
             if "." not in name and any(ca.depends_on(s, rest) for s in slopes):
                 found.append(self._of(name))
-        if argument := self._argument(q.name, slopes, [self._port_value(i) for i in index]):
+        if argument := self._argument(q.name, slopes, values):
             found.append(argument)
         read = any(at.output for at in places)
         for i, u in enumerate(self.model.inputs):
@@ -764,8 +764,7 @@ class Survey:
 
         Of a single state, of an input and of how far two states are apart other laws are curves.
         """
-        t = self.trace
-        k = [p.name for p in self.model.parameters].index(name)
+        t, k = self.trace, self._parameter_index[name]
         seen = self.ranges.get(argument_of(name))
         found = [cofactor(value, t.p[k]) for value in values]
         if seen is None or seen[0] == seen[1] or any(e is None for e in found):
@@ -840,7 +839,7 @@ class Survey:
         moved = self._moved[index]
         if len(moved) != 1:
             return False
-        i = [q.name for q in self.model.states].index(moved[0].name)
+        i = self._state_index[moved[0].name]
         share = self.trace.rates_by_port[i, index] * self._port_value(index)
         return _same(self._sampled(share), self._sampled(self.trace.rates[i]))
 
@@ -946,16 +945,15 @@ class Survey:
         if len(self._moved[index]) != 1:
             return "", 1.0
         name = self._moved[index][0].name
-        slope = self._pushed[[q.name for q in self.model.states].index(name), index]
+        slope = self._pushed[self._state_index[name], index]
         return (name, float(np.sign(slope))) if slope else ("", 1.0)
 
     @cached_property
     def _filled(self) -> tuple[tuple[State, ...], ...]:
         """States that each port fills: those it moves, if more of it raises every one of them."""
         at = self._pushed
-        names = [q.name for q in self.model.states]
         return tuple(
-            moved if all(at[names.index(q.name), j] > 0 for q in moved) else ()
+            moved if all(at[self._state_index[q.name], j] > 0 for q in moved) else ()
             for j, moved in enumerate(self._moved)
         )
 

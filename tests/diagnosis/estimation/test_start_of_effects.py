@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.process_noise import extended_start
-from workbench.evaluation.foreign.plan import plan
+from workbench.evaluation.foreign.foreign_case import plan
 from workbench.physics.library import library
 
 

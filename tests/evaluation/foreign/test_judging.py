@@ -12,7 +12,7 @@ from workbench.cli.main import run as command
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.verdict import SCHEMA
 from workbench.evaluation.foreign import foreign_case as foreign
-from workbench.evaluation.foreign.plan import plan
+from workbench.evaluation.foreign.foreign_case import plan
 
 TRUTH = {
     "word": "rail_friction",

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from workbench.evaluation.foreign.foreign_case import MACHINES, plan, synonyms
 from workbench.evaluation.foreign.machine import Concealed, Machine, Parameters
-from workbench.evaluation.foreign.plan import MACHINES, plan, synonyms
 from workbench.model import Model
 from workbench.simulation import simulate
 

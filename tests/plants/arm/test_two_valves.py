@@ -9,7 +9,7 @@ import pytest
 
 from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
-from workbench.plants.arm.two_valves import two_valve_arm
+from workbench.plants.arm.arm import two_valve_arm
 
 
 @pytest.mark.parametrize("form", ["exact", "regularised"])

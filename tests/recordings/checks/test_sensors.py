@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.recordings.example import example_recording
-from workbench.evaluation.foreign.plan import plan
+from workbench.evaluation.foreign.foreign_case import plan
 from workbench.model import Input, Model, Output, State
 from workbench.plants.arm.arm import arm
 from workbench.plants.servo_axis import servo_axis
