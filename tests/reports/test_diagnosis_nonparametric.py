@@ -18,8 +18,7 @@ from workbench.diagnosis.stages import Diagnosis, Fitted, Prepared
 from workbench.diagnosis.verdict import Verdict
 from workbench.evaluation.blind_round import score_verdicts
 from workbench.plants.servo_axis import servo_axis
-from workbench.reports.diagnosis_nonparametric import taken_back
-from workbench.reports.diagnosis_page import diagnosis_page
+from workbench.reports.diagnosis_page import diagnosis_page, taken_back
 from workbench.reports.page import Answers, Page, Words
 from workbench.reports.tables import Table
 

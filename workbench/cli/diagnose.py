@@ -225,6 +225,7 @@ class _Asked:
         from workbench.diagnosis.comparison import proof_of
         from workbench.diagnosis.nonparametric.law_file import law_file
         from workbench.files import whole_folder, write_whole
+        from workbench.reports.diagnosis_answers import accepted_term
         from workbench.reports.diagnosis_page import diagnosis_page
         from workbench.reports.page import write_page
 
@@ -237,8 +238,7 @@ class _Asked:
                 name=self.loaded.problem.name,
                 commands=tuple(filter(None, (typed(),))),
             )
-            term = found.nonparametric
-            if term is not None and term.accepted and not found.accepted:
+            if (term := accepted_term(found)) is not None:
                 write_whole(folder / "law.py", law_file(term, found.nominal.name))
             write_page(page, folder / "report.html", pictures=folder / "figures")
 

@@ -42,7 +42,7 @@ def report(
         option (-o NAME=VALUE): Option of the study's plant in the place of the study's own, such as
             load=3kg.
     """
-    from workbench.errors import WorkbenchError, check_choice
+    from workbench.errors import WorkbenchError
     from workbench.reports.figures.linear_analysis import delay_words
     from workbench.reports.figures.study_traces import point_text
     from workbench.reports.page import write_page
@@ -54,12 +54,9 @@ def report(
     if limit is not None and bode:
         raise WorkbenchError("--limit needs the runs of the study; leave out --bode")
     if controller:
-        for name in controller:
-            check_choice("controller", name, chosen.controllers)
+        chosen = chosen.only(controller)
         if not bode:
             raise WorkbenchError("--controller chooses for the linear analysis; add --bode")
-        kept = {n: c for n, c in chosen.controllers.items() if n in controller}
-        chosen = replace(chosen, controllers=kept)
     points = [*(at or ()), *(short or ())]
     if points:
         model = next(iter(chosen.controllers.values())).plant.build()

@@ -7,10 +7,11 @@ import math
 from workbench.diagnosis.comparison import Proof
 from workbench.diagnosis.estimation.free_run import FreeRun
 from workbench.diagnosis.location.missing_signal import Occurrence
+from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Verdict
 from workbench.model.units import in_time, in_times, readable, readably
-from workbench.reports.diagnosis_nonparametric import accepted_term, hull_sentence
+from workbench.reports.diagnosis_tables import hull
 from workbench.reports.figures.diagnosis import as_read, farthest_off
 from workbench.reports.page import Answers
 from workbench.reports.tables import interval, number, plain
@@ -199,3 +200,22 @@ def next_step(verdict: Verdict) -> str:
     if sentence and sigma and "deviations" not in sentence:
         sentence += f" Predicted separation: {number(sigma)} standard deviations."
     return sentence
+
+
+def accepted_term(diagnosis: Diagnosis) -> NonparametricTerm | None:
+    """Return the term without a name that stands in the improved model; None if there is none."""
+    term = diagnosis.nonparametric
+    return term if term is not None and term.accepted and not diagnosis.accepted else None
+
+
+def hull_sentence(term: NonparametricTerm) -> str:
+    """Say where a fitted curve holds."""
+    ranges = []
+    for a in term.arguments:
+        (low, high), unit = hull(term, a)
+        ends = f"{number(low)} to {number(high)} {unit}".removesuffix(" 1")
+        ranges.append(f"{plain(a.name)} from {ends}")
+    curves = "curve is" if len(ranges) == 1 else "curves are"
+    return f"The {curves} empirical: valid inside its data hull, {' and '.join(ranges)}.".replace(
+        "are empirical: valid inside its", "are empirical: valid inside their"
+    )

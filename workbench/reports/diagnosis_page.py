@@ -5,24 +5,27 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from workbench.diagnosis.comparison import Proof
 from workbench.diagnosis.estimation.free_run import FreeRun
+from workbench.diagnosis.location.isolability import Isolability
 from workbench.diagnosis.location.missing_signal import MissingSignal
+from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Verdict
-from workbench.reports.diagnosis_answers import KINDS, diagnosis_answers, worst_run
-from workbench.reports.diagnosis_nonparametric import (
+from workbench.reports.diagnosis_answers import (
+    KINDS,
     accepted_term,
-    group_sentence,
-    nonparametric_blocks,
-    outside_sentence,
-    refusals,
-    taken_back,
+    diagnosis_answers,
+    worst_run,
 )
 from workbench.reports.diagnosis_tables import (
+    arguments_table,
     checks_table,
     errors_table,
     isolability_table,
+    likenesses_table,
     parameters_table,
     scores_table,
     unfit_sentences,
@@ -34,6 +37,7 @@ from workbench.reports.figures.diagnosis import (
     diagnosis_answer,
     diagnosis_law,
     diagnosis_location,
+    diagnosis_nonparametric,
     diagnosis_residuals,
     diagnosis_runs,
     diagnosis_signal,
@@ -194,7 +198,7 @@ def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
             )
         )
     if term is not None:
-        blocks += nonparametric_blocks(term)
+        blocks += _nonparametric_blocks(term)
     if proof.located:
         blocks.append(
             Words(
@@ -215,7 +219,7 @@ def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
             Picture(
                 f"law-{i + 1}",
                 diagnosis_law(located),
-                _law_caption(located) + (outside_sentence(term, located) if term else ""),
+                _law_caption(located) + (_outside_sentence(term, located) if term else ""),
                 f"located signal at {located.port} against {located.argument}",
             ),
             Picture(
@@ -231,13 +235,89 @@ def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
     if proof.isolability is not None:
         if verdict.kind in ("located_unnamed", "unexplained"):
             blocks += [
-                Words(text) for text in [group_sentence(proof.isolability, proof.ports)] if text
+                Words(text) for text in [_group_sentence(proof.isolability, proof.ports)] if text
             ]
         blocks.append(isolability_table(proof.isolability, proof.ports))
     title = "Where it acts and what it looks like" if diagnosis.accepted else "Is anything left?"
     if verdict.kind in ("located_unnamed", "unexplained"):
         title = "Where something is missing"
     return Section("where", title, tuple(blocks))
+
+
+def _nonparametric_blocks(term: NonparametricTerm) -> list[Block]:
+    """Show the curves of a term on what was measured, and the evidence for their arguments."""
+    place = plain(", ".join(term.ports))
+    over = " and ".join(plain(a.name) for a in term.arguments)
+    form = (
+        f"The term changes {place} by a fraction that is a curve over {over}"
+        if term.relative
+        else f"The term adds to {place} a curve over {over}"
+    )
+    loop = ", with a loop that remembers the direction of the motion" if term.loop else ""
+    rest = " each less what the other takes," if len(term.arguments) > 1 else ""
+    blocks: list[Block] = [
+        Words(
+            f"{form}{loop}. Below is what the fitting recordings say,{rest} in classes of the"
+            " argument, and the curve that was fitted to it in the equations of motion."
+        )
+    ]
+    for i, argument in enumerate(term.arguments):
+        if argument.bins is None:
+            continue
+        blocks.append(
+            Picture(
+                f"nonparametric-{i + 1}",
+                diagnosis_nonparametric(
+                    argument,
+                    place=", ".join(term.ports),
+                    unit=term.unit,
+                    shown=term.read_in(),
+                    argument_shown=term.read_in(argument.name),
+                ),
+                f"What is missing at {place} over {plain(argument.name)}: means of classes with"
+                " the scatter within each in grey, and the fitted curve.",
+                f"missing signal at {place} over {plain(argument.name)} with the fitted curve",
+            )
+        )
+    blocks.append(arguments_table(term))
+    if term.likenesses:
+        blocks.append(likenesses_table(term))
+    return blocks
+
+
+def _outside_sentence(term: NonparametricTerm, located: MissingSignal) -> str:
+    """Say, after a blank, how much of the recordings lies where the curve is only continued.
+
+    It is empty if all of them lie inside, or another quantity was drawn.
+    """
+    own = [a for a in term.arguments if located.argument.startswith(a.name)]
+    if not own:
+        return ""
+    low, high = own[0].hull
+    x = located.argument_values
+    share = float(np.mean((x < low) | (x > high)))
+    if share < 0.01:
+        return ""
+    return (
+        f" {100 * share:.0f} % of these samples lie outside the data hull, where the curve is only"
+        " continued."
+    )
+
+
+def _group_sentence(told: Isolability | None, ports: tuple[str, ...]) -> str:
+    """Say with which other ports the located ones could be confused.
+
+    Args:
+        told: What the recorded outputs can tell apart; None if that is not known.
+    """
+    if told is None or not ports:
+        return ""
+    alike = [p for group in told.groups if set(group) & set(ports) for p in group]
+    others = ", ".join(p for p in alike if p not in ports)
+    here = ", ".join(ports)
+    if not others:
+        return f"With these sensors, a signal at {plain(here)} looks like one at no other place."
+    return f"With these sensors, a signal at {plain(here)} looks like one at {plain(others)}."
 
 
 def _law_caption(located: MissingSignal) -> str:
@@ -291,6 +371,31 @@ def _alternatives(diagnosis: Diagnosis, verdict: Verdict) -> Section:
     named = bool(diagnosis.accepted) or not diagnosis.rounds
     title = "Alternatives" if named else "What was tried, and why it was refused"
     return Section("alternatives", title, tuple(blocks), folded=True)
+
+
+def taken_back(diagnosis: Diagnosis) -> dict[str, str]:
+    """Say why effects that had been accepted were taken back."""
+    kept = {candidate.entry.name for candidate, _ in diagnosis.accepted}
+    return {c.entry.name: why for c, why in diagnosis.withdrawn if c.entry.name not in kept}
+
+
+def refusals(diagnosis: Diagnosis) -> list[Block]:
+    """Say what was found and taken back, and why a term without a name was refused."""
+    blocks: list[Block] = [
+        Words(f"Taken back: {plain(name)}; {reason}.", "note")
+        for name, reason in taken_back(diagnosis).items()
+    ]
+    term = diagnosis.nonparametric
+    if term is not None and term.reason:
+        reason = plain(term.reason)
+        blocks.append(
+            Words(
+                f"A law without a name at {plain(', '.join(term.ports))} was tried and refused:"
+                f" {reason}.",
+                "note",
+            )
+        )
+    return blocks
 
 
 def _round_title(number: int, found: int) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from workbench.diagnosis.comparison import ErrorRow
 from workbench.diagnosis.estimation.refit_result import Estimate
 from workbench.diagnosis.location.isolability import Isolability
+from workbench.diagnosis.nonparametric.result import Argument, NonparametricTerm
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.score import COLLINEAR, Score, Scores
 from workbench.diagnosis.stages import Diagnosis
@@ -17,7 +18,7 @@ from workbench.diagnosis.verdict import Verdict
 from workbench.model import Model
 from workbench.model.units import readable, readably
 from workbench.recordings.checks import CHECKS
-from workbench.reports.tables import Cell, Table, number, plain
+from workbench.reports.tables import Cell, Table, interval, number, plain
 
 _SHOWN_SCORES = 12
 
@@ -307,3 +308,54 @@ def _isolability_note(found: Isolability, located: Sequence[str]) -> str:
         return text
     few = ", ".join(apart[:_SENSORS])
     return f"{text} The group that was located would be split by measuring {few}."
+
+
+def likenesses_table(term: NonparametricTerm) -> Table:
+    """Build the table of shapes that stood in the place of the curve."""
+    rows = tuple(
+        (plain(k.law) if k.law else "the curve itself", number(k.gain, 5), number(k.penalised, 5))
+        for k in term.likenesses
+    )
+    return Table(
+        "Shapes of the library in the place of the curve",
+        ("shape of", "gain when refitted", "less its penalty"),
+        rows,
+        "Gains in units of log likelihood; every parameter has its penalty. law.py holds the first"
+        " of them as a law of your own, ready for --effects.",
+    )
+
+
+def arguments_table(term: NonparametricTerm) -> Table:
+    """Build the table of the arguments of a term."""
+    rows: list[tuple[Cell | str, ...]] = []
+    for a in term.arguments:
+        (low, high), unit = hull(term, a)
+        like = ", ".join(str(t) for t in a.terms).replace("^2", "²").replace("^3", "³")
+        rows.append(
+            (
+                plain(a.name) + (f" in {unit}" if unit != "1" else ""),
+                number(a.p_value),
+                f"{100 * a.share:.0f} %",
+                interval(low, high),
+                like or "–",
+            )
+        )
+    return Table(
+        "Arguments of the term without a name",
+        ("argument", "p-value", "share", "data hull", "described by"),
+        tuple(rows),
+        "p-value: chance of as strong a dependence on a signal shifted in time. Share: of the"
+        " missing signal, predicted across blocks of time beyond the arguments above it. Described"
+        " by: simple terms in x, the argument in SI units, with how often they are chosen when the"
+        " curve scatters as its uncertainty says; they describe, they do not name a cause.",
+    )
+
+
+def hull(term: NonparametricTerm, argument: Argument) -> tuple[tuple[float, float], str]:
+    """Return the range of an argument as people read it, and its unit.
+
+    An end beside which the range is large is 0.
+    """
+    ends, unit = readably(np.array(argument.hull), argument.unit, term.read_in(argument.name))
+    low, high = np.where(np.abs(ends) < 1e-3 * np.ptp(ends), 0.0, ends).tolist()
+    return (low, high), unit
