@@ -12,7 +12,7 @@ import typer
 
 from workbench.cli.options import AsJson, Jobs
 from workbench.cli.plant import named_value
-from workbench.cli.running import counting, processes
+from workbench.cli.running import counting, processes, typed
 
 if TYPE_CHECKING:
     from workbench.study.study import Study
@@ -60,7 +60,6 @@ def compare(
         fresh: Do all runs again, also finished ones.
         verify_cache: Do a sample of the finished runs again and compare.
     """
-    from workbench.cli.running import typed
     from workbench.reports.figure import own_figures
     from workbench.reports.study_page import write_study_files
     from workbench.study.ci_files import github_annotations, on_github

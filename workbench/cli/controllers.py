@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from workbench.cli.options import Jobs, Positive
-from workbench.cli.running import counting, processes
+from workbench.cli.running import counting, processes, typed
 
 
 def controllers(
@@ -49,7 +49,6 @@ def controllers(
         return _blind(out, draws, jobs)
     from dataclasses import replace
 
-    from workbench.cli.running import typed
     from workbench.reports.figures.limitations import limitation_tables
     from workbench.reports.study_page import write_study_files
     from workbench.study.result import run_study
@@ -73,7 +72,6 @@ def controllers(
 
 def _blind(out: Path, count: int, jobs: int | None) -> int:
     """Run tolerant designs on drawn machines."""
-    from workbench.cli.running import typed
     from workbench.evaluation.rig.variations import BLIND_SEED
     from workbench.evaluation.rig.variations import draws as drawn
     from workbench.evaluation.tolerance import SIMULATORS, tolerance, tolerant_study

@@ -9,7 +9,7 @@ import typer
 
 from workbench.cli.options import AsJson, taking
 from workbench.cli.plant import CHANGES, Chosen, chosen_plant
-from workbench.cli.running import tell
+from workbench.cli.running import tell, typed
 from workbench.errors import WorkbenchError
 
 UNFIT = 1
@@ -71,7 +71,6 @@ def recording(
     }
     tell(content, as_json=as_json)
     if out is not None:
-        from workbench.cli.running import typed
         from workbench.reports.page import write_page
         from workbench.reports.recording_page import recording_page
 

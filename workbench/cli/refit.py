@@ -10,7 +10,7 @@ import typer
 
 from workbench.cli.options import AsJson
 from workbench.cli.problem import Loaded, with_problem
-from workbench.cli.running import tell
+from workbench.cli.running import tell, typed
 
 
 @with_problem(settings=True)
@@ -31,7 +31,6 @@ def refit(
     report = run_refit(recorded().problem, progress=lambda text: typer.echo(text, err=True))
     typer.echo(f"{report}\nwork: {in_words(report.work)}", err=as_json)
     if out is not None:
-        from workbench.cli.running import typed
         from workbench.files import json_text, write_whole
         from workbench.reports.page import write_page
         from workbench.reports.refit_page import refit_page

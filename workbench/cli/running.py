@@ -126,23 +126,27 @@ class Steps:
         self._begin = 0.0
 
 
-class Counter:
-    """Counts finished runs on the error stream: a bar on a screen, a line per tenth in a log."""
+def processes(jobs: int | None) -> int:
+    """Return the number of processes that was asked for: one per core by default."""
+    return (os.cpu_count() or 1) if jobs is None else jobs
 
-    def __init__(self) -> None:
-        self._bar: Any = None
-        self._part = ""
 
-    def __call__(self, part: str, done: int, total: int, what: str) -> None:
-        from tqdm import tqdm
+@contextmanager
+def counting() -> Iterator[Callable[[str, int, int, str], None]]:
+    """Count finished runs on the error stream: a bar on a screen, a line per tenth in a log."""
+    from tqdm import tqdm
 
-        from workbench.study.execution import FINISHED_BEFORE
+    from workbench.study.execution import FINISHED_BEFORE
 
-        screen = sys.stderr.isatty()
-        if self._bar is None or part != self._part or total != self._bar.total:
-            self.close()
-            self._part = part
-            self._bar = tqdm(
+    screen = sys.stderr.isatty()
+    bar: Any = None
+
+    def count(part: str, done: int, total: int, what: str) -> None:
+        nonlocal bar
+        if bar is None or (part, total) != (bar.desc, bar.total):
+            if bar is not None:
+                bar.close()
+            bar = tqdm(
                 total=total,
                 # What was finished before took no time of this run.
                 initial=done if what == FINISHED_BEFORE else 0,
@@ -154,27 +158,12 @@ class Counter:
                 mininterval=0.1 if screen else 0.0,
                 maxinterval=1e9,
             )
-        self._bar.update(done - self._bar.n)
+        bar.update(done - bar.n)
         if screen:
-            self._bar.set_postfix_str(what, refresh=False)
+            bar.set_postfix_str(what, refresh=False)
 
-    def close(self) -> None:
-        """End the line."""
-        if self._bar is not None:
-            self._bar.close()
-        self._bar = None
-
-
-def processes(jobs: int | None) -> int:
-    """Return the number of processes that was asked for: one per core by default."""
-    return (os.cpu_count() or 1) if jobs is None else jobs
-
-
-@contextmanager
-def counting() -> Iterator[Counter]:
-    """Count the runs that are done inside."""
-    counter = Counter()
     try:
-        yield counter
+        yield count
     finally:
-        counter.close()
+        if bar is not None:
+            bar.close()
