@@ -149,7 +149,6 @@ def scores_table(
     row = names.index(reference) if reference in names else 0
     listed = [n for n in tried if n in names]
     listed += [n for n in names if n not in tried][: max(0, _SHOWN_SCORES - len(listed))]
-    alike = dict(zip(names, scores.confusion[row], strict=True))
     own = {score.entry.name: score for score in scores.scores}
     columns: dict[str, Callable[[str], Cell | str]] = {
         "effect": plain,
@@ -161,7 +160,7 @@ def scores_table(
     # Without a refit there is nothing to compare with, and no outcome.
     compared: dict[str, Callable[[str], Cell | str]] = {
         f"alike {plain(reference)}": lambda name: (
-            "–" if name == reference else f"{alike[name]:.2f}"
+            "–" if name == reference else f"{scores.confusion[row, names.index(name)]:.2f}"
         ),
         "gain when refitted": lambda name: _fitted(tried.get(name)),
         "gain on held-out recordings": lambda name: _held_out(tried.get(name)),

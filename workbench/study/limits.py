@@ -288,7 +288,7 @@ def _compared(
 
 
 def _worst(compared: Sequence[StepDistance], reason: str) -> tuple[Value, StepDistance | None]:
-    """Return the ratio that counts and its step; neither if there is a reason why."""
+    """Return the ratio that counts and its step, or the reason why there is none, and no step."""
     # A step without a limit says nothing about the controller, one that never settled does.
     known = [s for s in compared if not math.isnan(s.limit.value)]
     if reason or not known:
