@@ -65,7 +65,7 @@ def _differentiated(
     u, after = ca.vcat(command), ca.vcat(flat(following))
     # By the structure of the law.
     link, first = (ca.DM(ca.jacobian_sparsity(after, source), 1.0).full() > 0 for source in (z, m))
-    moved = _reached(first.any(axis=1), link)
+    moved = reached(first.any(axis=1), link)
     by = ca.vertcat(z[moved], m)
     slopes = ca.Function("slopes", [z, m], [ca.jacobian(ca.vertcat(after[moved], u), by)])
     # Tables have corners: there the mean of the slopes on both sides.
@@ -74,11 +74,11 @@ def _differentiated(
     n = len(moved)
     F, G, H, J = table[:n, :n], table[:n, n:], table[n:, :n], table[n:, n:]
     # What stands still at rest, such as an integration that is switched off, is no part of it.
-    live = _reached(np.any(G != 0.0, axis=1), F != 0.0)
+    live = reached(np.any(G != 0.0, axis=1), F != 0.0)
     return LinearLaw(F[np.ix_(live, live)], G[live], H[:, live], J)
 
 
-def _reached(first: npt.NDArray[np.bool_], link: npt.NDArray[np.bool_]) -> list[int]:
+def reached(first: npt.NDArray[np.bool_], link: npt.NDArray[np.bool_]) -> list[int]:
     """Return the entries of the state that measurements reach, at once or over other entries."""
     found = first
     for _ in range(len(link)):
@@ -119,5 +119,5 @@ def _differenced(
     table = np.array(columns).T
     F, G, H, J = table[:n, :n], table[:n, n:], table[n:, :n], table[n:, n:]
     size = np.maximum(np.max(np.abs(np.hstack([F, G])), axis=1, keepdims=True), 1e-300)
-    moved = _reached(np.any(np.abs(G) / size > 1e-9, axis=1), np.abs(F) / size > 1e-9)
+    moved = reached(np.any(np.abs(G) / size > 1e-9, axis=1), np.abs(F) / size > 1e-9)
     return LinearLaw(F[np.ix_(moved, moved)], G[moved], H[:, moved], J)

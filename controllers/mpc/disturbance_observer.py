@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from controllers.mpc.fixed_order import product
 from workbench.arrays import Matrix
@@ -56,9 +57,9 @@ class DisturbanceObserver:
     rest: Matrix
     disturbances: int
 
-    def correct(self, predicted: Matrix, measurement: tuple[float, ...]) -> Matrix:
-        """Return a prediction of (x, w), shape (n,), corrected by absolute measurements, in SI."""
-        residual = np.array(measurement) - self.rest - product(self.C, predicted)
+    def correct(self, predicted: Matrix, measurement: npt.ArrayLike) -> Matrix:
+        """Return predictions of (x, w), shape (n,) or (n, k), corrected by measurements, in SI."""
+        residual = (np.asarray(measurement).T - self.rest).T - product(self.C, predicted)
         return np.asarray(predicted + product(self.M, residual))
 
     def predict(self, estimate: Matrix, u: Matrix) -> Matrix:

@@ -14,10 +14,11 @@ from workbench.arrays import Matrix
 
 
 def product(matrix: Matrix, vector: npt.ArrayLike) -> Matrix:
-    """Multiply a matrix (m, n) by a vector (n,), in any units, column after column."""
-    if len(matrix) == 1:
+    """Multiply a matrix (m, n) by a vector (n,) or (n, k), in any units, column after column."""
+    factors = np.asarray(vector, dtype=float)
+    if len(matrix) == 1 and factors.size == len(factors):
         # A sum of one row would be taken in pairs; a running sum is not.
-        return np.cumsum(matrix[0] * np.asarray(vector, dtype=float))[-1:]
+        return np.cumsum(matrix[0] * factors.ravel())[-1:].reshape(1, *factors.shape[1:])
     # In this memory order the sum runs over whole rows, one after the other.
-    terms = np.multiply(matrix.T, np.asarray(vector, dtype=float)[:, None], order="C")
-    return np.asarray(np.add.reduce(terms, axis=0))
+    table = matrix.T if factors.ndim == 1 else matrix.T[:, :, None]
+    return np.asarray(np.add.reduce(np.multiply(table, factors[:, None], order="C"), axis=0))

@@ -21,8 +21,10 @@ CasADi, Math. Programming Computation 11, 2019.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -56,6 +58,7 @@ class Formulation:
             depends on.
         lower: Lower limits of the rows, shape (m,), in their units.
         upper: Upper limits of the rows, shape (m,), in their units.
+        numbers: Symbols in the place of numbers of plant and weights, in SI; none by default.
     """
 
     symbols: ca.MX
@@ -71,42 +74,63 @@ class Formulation:
     rows: ca.MX
     lower: Matrix
     upper: Matrix
+    numbers: tuple[ca.MX, ...] = ()
 
+
+CHECKED = 2
+"""Every which prediction sample outputs are limited: pressures do not jump within 20 ms."""
 
 Change = Callable[[Formulation], Formulation]
 """What a user makes of a formulation."""
 
 
+@dataclass(frozen=True)
+class Form:
+    """What of a linear MPC problem is no number in its expressions.
+
+    Args:
+        blocks: Lengths of the moves, in prediction samples.
+        limited: Number of limited outputs.
+        slack_scale: Unit of the slack, in SI.
+        softness: Cost of a violation by it, dimensionless.
+    """
+
+    blocks: tuple[int, ...]
+    limited: int
+    slack_scale: float
+    softness: float
+
+
+@lru_cache(maxsize=16)
+def usual(shapes: tuple[tuple[int, ...], ...], form: Form) -> Formulation:
+    """Return the problem of symbols in the place of numbers of these shapes."""
+    return formulated(tuple(ca.MX.sym("", *shape) for shape in shapes), form)
+
+
 def formulated(
-    phi: Matrix,
-    gamma: Matrix,
-    C: Matrix,
-    *,
-    disturbances: int,
-    target: Matrix,
-    cost_to_go: Matrix,
-    weights: tuple[Vector, Vector, Vector],
-    blocks: tuple[int, ...],
-    move_limit: Vector,
-    output_limits: tuple[tuple[float, float], ...],
-    slack_scale: float,
-    softness: float,
+    numbers: Sequence[Any], form: Form, limits: tuple[Vector, Vector] | None = None
 ) -> Formulation:
     """Write down a linear MPC problem, in SI, as `controllers.mpc.prediction.condense` has it.
 
-    phi and gamma hold over a prediction sample for z = (x, w), whose last entries are disturbances;
-    ``target`` is (xs, us) per (w, r), shape (n_x + m, n_w + p), ``cost_to_go`` P, shape (n_x, n_x).
+    Args:
+        numbers: phi and gamma over a prediction sample for z = (x, w), whose last entries are
+            disturbances, shapes (n_z, n_z) and (n_z, m); C, shape (p + n_limited, n_x); (xs, us)
+            per (w, r), shape (n_x + m, n_w + p); P, shape (n_x, n_x); and the weights of errors,
+            shape (p,), openings and changes of openings, shape (m,). Numbers, or symbols of them.
+        limits: Lower and upper limits of the rows.
     """
-    (n_z, m), N, p = gamma.shape, sum(blocks), len(weights[0])
-    n_u, n_x = m * len(blocks), n_z - disturbances
-    q, r, s = (ca.sqrt(ca.DM(part)) for part in weights)
+    known = [part if isinstance(part, ca.MX) else ca.DM(part) for part in numbers]
+    phi, gamma, C, target, cost_to_go, *weights = known
+    blocks = form.blocks
+    (n_z, m), N, p = gamma.shape, sum(blocks), weights[0].numel()
+    n_u, n_x = m * len(blocks), cost_to_go.shape[0]
+    q, r, s = (ca.sqrt(part) for part in weights)
     symbols = ca.MX.sym("symbols", n_u + 1 + n_z + N * p + m)
     ends = np.cumsum([0, n_u, 1, n_z, N * p, m]).tolist()
     moves, slack, estimate, path, before = ca.vertsplit(symbols, ends)
 
     each = ca.vertsplit(moves, m)
     openings = ca.vcat([ca.repmat(each[i].T, length, 1) for i, length in enumerate(blocks)])
-    phi, gamma = ca.DM(phi), ca.DM(gamma)
     z, states = estimate, []
     for j in range(N):
         z = ca.mtimes(phi, z) + ca.mtimes(gamma, openings[j, :].T)
@@ -123,18 +147,12 @@ def formulated(
         + ca.sumsqr((openings - ca.repmat(at_rest[n_x:].T, N, 1)) * ca.repmat(r.T, N, 1))
         + ca.sumsqr(changes * ca.repmat(s, len(blocks), 1))
         + ca.bilin(cost_to_go, end, end)
-        + softness * slack**2
+        + form.softness * slack**2
     )
-    # Every other prediction sample is enough: pressures do not jump within 20 ms.
-    checked = range(0, N, 2)
-    limited = [ca.vec(outputs[p + i, ::2]) / slack_scale for i in range(len(output_limits))]
+    limited = [ca.vec(outputs[p + i, ::CHECKED]) / form.slack_scale for i in range(form.limited)]
     soft = ca.vcat(limited) if limited else ca.MX(0, 1)
-    low, high = (
-        np.repeat([limits[i] / slack_scale for limits in output_limits], len(checked))
-        for i in (0, 1)
-    )
-    endless = np.full(len(low), 1e9)
-    steps = np.asarray(move_limit, dtype=float)
+    rows = ca.vertcat(changes, soft + slack, soft - slack)
+    lower, upper = limits or np.zeros((2, rows.numel()))
     return Formulation(
         symbols,
         moves,
@@ -146,14 +164,46 @@ def formulated(
         outputs,
         openings,
         cost,
-        rows=ca.vertcat(changes, soft + slack, soft - slack),
-        lower=np.concatenate([-steps, low, -endless]),
-        upper=np.concatenate([steps, endless, high]),
+        rows,
+        lower,
+        upper,
+        tuple(part for part in known if isinstance(part, ca.MX)),
     )
 
 
-def condensed(problem: Formulation) -> tuple[Matrix, Matrix, Matrix, Matrix, Matrix, Matrix]:
+def limits_of(
+    form: Form, move_limit: Vector, output_limits: Sequence[tuple[float, float]]
+) -> tuple[Vector, Vector]:
+    """Return lower and upper limits of the rows, in their units.
+
+    Args:
+        move_limit: Largest changes of the openings, shape (n_u,), fractions.
+        output_limits: Lowest and highest value of each limited output, deviations in SI.
+    """
+    checked = len(range(0, sum(form.blocks), CHECKED))
+    low, high = (
+        np.repeat([ends[i] / form.slack_scale for ends in output_limits], checked) for i in (0, 1)
+    )
+    endless = np.full(len(low), 1e9)
+    lower = np.concatenate([-move_limit, low, -endless])
+    return lower, np.concatenate([move_limit, endless, high])
+
+
+@lru_cache(maxsize=16)
+def _slopes_and_rows(problem: Formulation) -> ca.Function:
+    count = problem.moves.numel() + 1
+    slopes = ca.gradient(problem.cost, problem.symbols)[:count]
+    both = ca.vertcat(slopes, problem.rows)
+    return ca.Function("condensed", [problem.symbols, *problem.numbers], [both])
+
+
+def condensed(
+    problem: Formulation, numbers: Sequence[Matrix] = ()
+) -> tuple[Matrix, Matrix, Matrix, Matrix, Matrix, Matrix]:
     """Return the matrices of the quadratic program of a formulation.
+
+    Args:
+        numbers: What stands in the place of its symbols for numbers.
 
     Returns:
         H, gradients per estimate, per references and per openings before, rows per variable and
@@ -166,13 +216,13 @@ def condensed(problem: Formulation) -> tuple[Matrix, Matrix, Matrix, Matrix, Mat
     sizes = [part.numel() for part in (problem.moves, problem.slack, problem.estimate)]
     n_u, _, n_z = sizes
     n, N, m = n_u + 1, problem.path.numel(), problem.before.numel()
-    slopes = ca.gradient(problem.cost, problem.symbols)[:n]
-    both = ca.Function("condensed", [problem.symbols], [ca.vertcat(slopes, problem.rows)])
     count = problem.symbols.numel()
     # Linear in the symbols: the columns are the values at unit vectors; two points more tell.
     doubled = -2.0 * np.column_stack([np.arange(count) < n, np.ones(count)])
     points = np.hstack([np.zeros((count, 1)), np.eye(count), doubled])
-    values = both.map(points.shape[1])(points).full()
+    shared = list(range(1, 1 + len(numbers)))
+    many = _slopes_and_rows(problem).map("many", "serial", points.shape[1], shared, [])
+    values = many(points, *numbers).full()
     origin, table = values[:, 0], values[:, 1:-2] - values[:, :1]
     for point, value, part in zip(doubled.T, values[:, -2:].T, (n, count), strict=True):
         size = np.abs(table[:, :part]).sum(axis=1) + np.abs(origin)

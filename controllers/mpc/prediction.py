@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controllers.mpc.fixed_order import product
-from controllers.mpc.formulation import Change, condensed, formulated
+from controllers.mpc.formulation import Change, Form, condensed, formulated, limits_of, usual
 from controllers.quadratic_program.solver import Factored, factored
 from workbench.arrays import Matrix, Vector
 from workbench.errors import WorkbenchError
@@ -145,31 +145,24 @@ def condense(
     target = _target(A, B, E, C[:p])
     gain, cost_to_go = _regulator(phi[:n_x, :n_x], gamma[:n_x], C[:p], q, r)
 
-    problem = formulated(
-        phi,
-        gamma,
-        C,
-        disturbances=n_w,
-        target=target,
-        cost_to_go=cost_to_go,
-        weights=(q, r, s),
-        blocks=blocks,
-        move_limit=np.broadcast_to(np.asarray(move_limit, dtype=float), k * len(blocks)),
-        output_limits=output_limits,
-        slack_scale=SLACK_SCALE,
-        softness=softness,
-    )
-    if change is not None:
-        problem = change(problem)
-    H, g_estimate, g_reference, g_before, rows, rows_estimate = condensed(problem)
+    form = Form(blocks, len(output_limits), SLACK_SCALE, softness)
+    moves = np.broadcast_to(np.asarray(move_limit, dtype=float), k * len(blocks))
+    lower, upper = limits_of(form, moves, output_limits)
+    numbers = phi, gamma, C, target, cost_to_go, q, r, s
+    if change is None:
+        found = condensed(usual(tuple(np.shape(part) for part in numbers), form), numbers)
+    else:
+        problem = change(formulated(numbers, form, (lower, upper)))
+        lower, upper, found = problem.lower, problem.upper, condensed(problem)
+    H, g_estimate, g_reference, g_before, rows, rows_estimate = found
     return Prediction(
         H=H,
         g_estimate=g_estimate,
         g_reference=g_reference,
         g_before=g_before,
         A=rows,
-        lower_a=problem.lower,
-        upper_a=problem.upper,
+        lower_a=lower,
+        upper_a=upper,
         rows_estimate=rows_estimate,
         lower_x=np.append(np.tile(np.broadcast_to(opening_limits[0], k), len(blocks)), 0.0),
         upper_x=np.append(np.tile(np.broadcast_to(opening_limits[1], k), len(blocks)), 1e6),

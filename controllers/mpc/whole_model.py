@@ -145,43 +145,69 @@ class LinearMPC(ValveController):
             ``status``, ``iterations``, ``solve_time`` (s), ``slack`` (1e4 SI) and ``fallback`` (1
             where the regulator acted).
         """
-        p, count = self.prediction, len(self.controlled)
-        estimate = self.observer.correct(state.predicted, measurement)
-        rest, m = self.observer.rest[:count], len(self.rest_opening)
+        one = MPCState(*(p if p is None else np.reshape(p, (-1, 1)) for p in state))
+        column = np.array(measurement)[:, None], np.array(reference)[:, None]
+        command, following, (solved,) = self.stepped(one, *column)
+        following = MPCState(*(part if part is None else part[:, 0] for part in following))
+        info = told(following.opening.tolist(), *solved, self.actuators)
+        return tuple(command[:, 0].tolist()), following, info
+
+    def stepped(
+        self, state: MPCState, measurement: Matrix, reference: Matrix
+    ) -> tuple[Matrix, MPCState, list[tuple[Solution, float]]]:
+        """Compute one sample of several loops at once, one in each column of all that enters.
+
+        Returns:
+            Commands in SI, shape (m, k), next states, and of each loop the solution and its slack.
+        """
+        p, o, count = self.prediction, self.observer, len(self.controlled)
+        estimate = o.correct(state.predicted, measurement)
+        rest, rest_opening, (m, k) = (
+            o.rest[:count, None],
+            self.rest_opening[:, None],
+            state.opening.shape,
+        )
         if self.preview:
-            filtered = target = np.array(reference[:count])
-            coming = np.array(reference).reshape(-1, count)[list(p.preview_index)]
-            path = (coming - rest).T.ravel()
+            filtered = target = reference[:count]
+            coming = reference.reshape(-1, count, k)[list(p.preview_index)] - rest
+            path = coming.swapaxes(0, 1).reshape(-1, k)
         else:
-            now, fresh = np.array(reference), np.array(self.reference_speed) * self.sample_time
-            if self.pace:
-                now = state.paced + np.clip(now - state.paced, -np.array(self.pace), self.pace)
+            now, fresh = reference, np.array(self.reference_speed)[:, None] * self.sample_time
+            if len(self.pace):
+                pace = np.reshape(self.pace, (count, -1))
+                now = state.paced + np.clip(now - state.paced, -pace, pace)
             filtered, target = lagged(state.filtered, state.target, now, fresh)
-            lags = np.array([now, filtered, target]).T
-            each = [product(own, lag) for own, lag in zip(self.path, lags, strict=True)]
-            path = (np.array(each) - rest[:, None]).ravel()
-        before = state.opening - self.rest_opening
+            lags = np.array([now, filtered, target]).swapaxes(0, 1)
+            each = [
+                product(own, lag) - y for own, lag, y in zip(self.path, lags, rest, strict=True)
+            ]
+            path = np.concatenate(each)
+        before = state.opening - rest_opening
         gradient = product(p.g_estimate, estimate) + product(p.g_reference, path)
         gradient += product(p.g_before, before)
         limited = product(p.rows_estimate, estimate)
-        lower = np.concatenate([p.lower_a - limited, p.lower_x])
-        upper = np.concatenate([p.upper_a - limited, p.upper_x])
+        lower = np.concatenate([p.lower_a[:, None] - limited, np.tile(p.lower_x[:, None], k)])
+        upper = np.concatenate([p.upper_a[:, None] - limited, np.tile(p.upper_x[:, None], k)])
         lower[:m] += before
         upper[:m] += before
         solver = program(*p.size, self.solver)
-        solution = solver.solve_factored(p.factors, gradient, lower, upper)
-        if solution.solved:
-            move, slack = solution.x[:m], float(solution.x[-1]) * p.slack_scale
-        else:
-            move, slack = p.regulator(estimate, path[p.samples - 1 :: p.samples]), float("nan")
-        move = np.clip(move, p.lower_x[:m], p.upper_x[:m])
-        opening = np.clip(move + self.rest_opening, -1.0, 1.0)
-        predicted = self.observer.predict(estimate, opening - self.rest_opening)
-        following = MPCState(predicted, opening, filtered, target, now if self.pace else None)
-        command = tuple(
-            curve.command(float(o)) for curve, o in zip(self.curves, opening, strict=True)
-        )
-        return command, following, told(opening.tolist(), solution, slack, self.actuators)
+        move, solved = np.zeros((m, k)), []
+        for j in range(k):
+            found = solver.solve_factored(p.factors, gradient[:, j], lower[:, j], upper[:, j])
+            if found.solved:
+                move[:, j], slack = found.x[:m], float(found.x[-1]) * p.slack_scale
+            else:
+                last = path[p.samples - 1 :: p.samples, j]
+                move[:, j], slack = p.regulator(estimate[:, j], last), float("nan")
+            solved.append((found, slack))
+        move = np.clip(move, p.lower_x[:m, None], p.upper_x[:m, None])
+        opening = np.clip(move + rest_opening, -1.0, 1.0)
+        predicted = o.predict(estimate, opening - rest_opening)
+        paced = now if len(self.pace) else None
+        following = MPCState(predicted, opening, filtered, target, paced)
+        rows = zip(self.curves, opening.tolist(), strict=True)
+        command = np.array([[curve.command(part) for part in row] for curve, row in rows])
+        return command, following, solved
 
     def linear_law(
         self,

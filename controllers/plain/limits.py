@@ -29,12 +29,14 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar, cast
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from controllers.linear_law import LinearLaw
+from controllers.arithmetic import SYMBOLS
+from controllers.linear_law import LinearLaw, reached
 from controllers.named_state import flat, restored
-from controllers.plain.loop import ARRAYS, LoopSpecification, PlainLaw
+from controllers.plain.loop import LoopSpecification, PlainLaw
 from controllers.sensitivity import least_gain, sampled_at
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import WorkbenchError
@@ -60,6 +62,9 @@ P = TypeVar("P", bound=AroundRest)
 ANGLE = np.geomspace(1e-6, 0.98 * np.pi, 300)
 """Frequencies at which a loop is judged, in rad per sample."""
 
+
+AT_A_TIME = 64
+"""Loops whose responses are computed together."""
 
 USUAL_SENSITIVITY = 1.8
 """Limit on Ms, a ratio, where none is given."""
@@ -105,12 +110,14 @@ class LoopLimits:
 
         Where some hold the limits, those that a few frequencies show not to are told as unstable.
         """
+        if (count := len(laws.F)) == 1:
+            return self._judged(laws)
         rough = self._ratio(*self._peaks(laws, slice(None, None, 8))[:3])
         near = np.flatnonzero(rough <= 1.05)
-        if 0 < len(near) < len(rough):
+        if 0 < len(near) < count:
             found = self._judged(chosen(laws, near))
             if found.excess.min() <= 1.0:
-                told = np.full((3, len(rough)), math.inf)
+                told = np.full((3, count), math.inf)
                 told[:, near] = found
                 return Judged(*told)
         return self._judged(laws)
@@ -147,18 +154,26 @@ class LoopLimits:
             whether no delay turns a crossover to -1.
         """
         h, angle = self.want.sample_time, ANGLE[which]
-        K = -response(laws, np.exp(1j * angle), self.outputs)
-        late = angle * (self.want.delay / h)
-        ms, mt, beyond, stirred = np.zeros((4, len(K)))
-        stable = np.ones(len(K), dtype=bool)
-        turned = _turned if K.shape[2:] == (1, 1) else _turned_together
-        for P in self.responses:
-            s, t, moved, crossed = turned(P[which], K, late, self.noise)
-            stable &= ~crossed
-            ms, mt = np.maximum(ms, s.max(axis=1)), np.maximum(mt, t.max(axis=1))
-            beyond = np.maximum(beyond, (t * angle).max(axis=1) / h)
-            noisy = np.trapezoid(moved, angle, axis=1) / np.pi
-            stirred = np.maximum(stirred, np.sqrt(noisy.max(axis=1)))
+        z, late = np.exp(1j * angle), angle * (self.want.delay / h)
+        count, single = len(laws.F), self.responses[0].shape[1:] == (1, 1)
+        ms, mt, beyond, stirred = np.zeros((4, count))
+        stable = np.ones(count, dtype=bool)
+        turned = _turned if single else _turned_together
+        # As many at a time as stay in the processor's cache.
+        for first in range(0, count, AT_A_TIME):
+            part = slice(first, first + AT_A_TIME)
+            K = -response(chosen(laws, part), z, self.outputs)
+            for P in self.responses:
+                s, t, moved, crossed = turned(P[which], K, late, self.noise)
+                stable[part] &= ~crossed
+                noisy = np.trapezoid(moved, angle, axis=1) / np.pi
+                for most, own in (
+                    (ms, s.max(axis=1)),
+                    (mt, t.max(axis=1)),
+                    (beyond, (t * angle).max(axis=1) / h),
+                    (stirred, np.sqrt(noisy.max(axis=1))),
+                ):
+                    np.maximum(most[part], own, out=most[part])
         return ms, mt, beyond, stirred, stable
 
     def held(self, judged: Judged, family: str) -> list[int]:
@@ -193,25 +208,28 @@ class LoopLimits:
             n_steps), in SI, for each input of the law behind the measurements and for the load of
             each command; and 1 as long as a loop has not settled, shape (n_loops, n).
         """
-        closed, entry = _closed(self.plants[0], laws)
-        (count, n), k = closed.shape[:2], entry.shape[2]
-        slowest = np.abs(np.linalg.eigvals(closed)).max(axis=1)
-        over = np.zeros((count, n + k, n + k))
-        over[:, :n, :n], over[:, :n, n:], over[:, n:, n:] = closed, entry, np.eye(k)
-        x = np.zeros((count, n + k, k))
-        x[:, n:] = np.eye(k)
-        C = self.plants[0][2]
-        times, seen, going, t, stride = [0.0], [C @ x[:, : C.shape[1]]], [np.ones(count)], 0, 1
-        while np.any(lasts := (t * (1.0 - slowest) < 8.0) & (t < 1e9)):
+        over, entry = _closed(self.plants[0], laws)
+        slowest = np.abs(np.linalg.eigvals(over)).max(axis=1)
+        C, left, x, stride = self.plants[0][2], np.arange(len(over)), np.zeros_like(entry), 1
+        shape, times, on = (len(C), x.shape[2]), [0], np.ones(len(over), dtype=bool)
+        parts, going = [np.zeros((len(x), 1, *shape))], [on[:, None]]
+        while np.any(on := on & (times[-1] * (1.0 - slowest) < 8.0) & (times[-1] < 1e9)):
+            # Those that have settled are left as they are.
+            left, staying = np.flatnonzero(on), on[left]
+            x, over, entry = x[staying], over[staying], entry[staying]
+            states = []
             for _ in range(8):
-                x, t = over @ x, t + stride
-                times.append(t)
-                seen.append(C @ x[:, : C.shape[1]])
-                going.append(lasts.astype(float))
-            if t >= 16 * stride:
-                over, stride = over @ over, 2 * stride
+                x = over @ x + entry
+                states.append(x[:, : C.shape[1]])
+                times.append(times[-1] + stride)
+            part = np.tile(parts[-1][:, -1:], (1, 8, 1, 1))
+            part[left] = C @ np.stack(states, axis=1)
+            parts.append(part)
+            going.append(np.tile(on[:, None], 8))
+            if times[-1] >= 16 * stride:
+                entry, over, stride = over @ entry + entry, over @ over, 2 * stride
         time = np.array(times) * self.want.sample_time
-        return time, np.stack(seen, axis=1), np.stack(going, axis=1)
+        return time, np.concatenate(parts, axis=1), np.concatenate(going, axis=1).astype(float)
 
     def answered(self, laws: LinearLaw) -> Answer:
         """Return what loops answer to steps of references and loads."""
@@ -246,16 +264,15 @@ class LoopLimits:
         Raises:
             WorkbenchError: As of `best`.
         """
-        at: dict[C, tuple[tuple[int, ...], D]] = {}
 
-        def made(place: tuple[tuple[int, ...], D]) -> C:
-            law = designed(*place)
-            at[law] = place
-            return law
+        def made(place: tuple[tuple[int, ...], D]) -> tuple[C, tuple[tuple[int, ...], D]]:
+            return designed(*place), place
 
-        def answers(places: Iterable[tuple[tuple[int, ...], D]]) -> tuple[list[C], Judged, Any]:
+        def answers(
+            places: Iterable[tuple[tuple[int, ...], D]],
+        ) -> tuple[list[tuple[C, tuple[tuple[int, ...], D]]], Judged, LinearLaw]:
             found = _designed([partial(made, place) for place in places])
-            laws = stacked([law.around_rest() for law in found])
+            laws = stacked([law.around_rest() for law, _ in found])
             return found, self.judge(laws), laws
 
         found, judged, laws = answers(places)
@@ -264,11 +281,11 @@ class LoopLimits:
         least = reached.errors.min(axis=0)
         errors = cost(reached, least, self.want.overshoot)
         k = int(np.argmin(errors))
-        law, error = found[held[k]], errors[k]
+        best, error = found[held[k]], errors[k]
         top = max(1.0, float(judged.excess[held].max()))
         for stride in STRIDES if self.outputs > 1 else ():
             while True:
-                steps, other = at[law]
+                steps, other = best[1]
                 near = [
                     tuple(s + by * (i == j) for j, s in enumerate(steps))
                     for i in range(self.outputs)
@@ -286,8 +303,8 @@ class LoopLimits:
                 k = int(np.argmin(errors))
                 if errors[k] > 0.98 * error:
                     break
-                law, error = found[held[k]], errors[k]
-        return law, at[law]
+                best, error = found[held[k]], errors[k]
+        return best
 
     def led(self, lagging: Callable[[tuple[float, ...]], C], speeds: Sequence[float]) -> C:
         """Return the best of a law's lags of the references, of about these speeds, in rad/s.
@@ -347,11 +364,11 @@ class LoopLimits:
         if isinstance(law, PlainLaw):
             errors, penalty = self._paced(self._run, law, i, size, paces)
         else:
-            # One that solves something is run step by step: most need no pace.
-            errors, penalty = self._paced(self._each_run, law, i, size, paces[:1])
+            # Of those that solve something, most need no pace.
+            errors, penalty = self._paced(self._solved, law, i, size, paces[:1])
             if np.all(penalty < 1.1):
                 return math.inf
-            more, worse = self._paced(self._each_run, law, i, size, paces[1:])
+            more, worse = self._paced(self._solved, law, i, size, paces[1:])
             errors, penalty = np.vstack([errors, more]), np.vstack([penalty, worse])
         total = np.sum(errors / errors.min(axis=0) * penalty, axis=1)
         best = int(np.argmin(total))
@@ -376,17 +393,20 @@ class LoopLimits:
     def _freely(self, law: LinearLaw, i: int) -> tuple[Vector, Matrix]:
         """Return an output, shape (n,), and commands, shape (n, m), in SI, after its unit step."""
         (A, B, C), (F, G, H, J) = self.plants[0], law
-        x, z, asked = np.zeros(len(A)), np.zeros(len(F)), np.eye(self.outputs)[i]
-        outputs, commands = [], []
-        for k in range(MOST_SAMPLES):
-            m = np.append(C @ x, asked)
-            u, z = H @ z + J @ m, F @ z + G @ m
-            x = A @ x + B @ u
-            outputs.append(m[i])
-            commands.append(u)
-            if k % 100 == 99 and np.all(np.abs(np.array(outputs[-100:]) - 1.0) < 0.01):
-                break
-        return np.array(outputs), np.array(commands)
+        p, m, asked = self.outputs, len(H), [self.outputs + i]
+        # The reference, which stays, is the last state.
+        command = np.hstack([J[:, :p] @ C, H, J[:, asked]])
+        over = np.vstack([B @ command, np.hstack([G[:, :p] @ C, F, G[:, asked]])])
+        over[: len(A), : len(A)] += A
+        over = np.vstack([over, np.eye(1, over.shape[1], len(over))])
+        states = np.eye(len(over))[:, -1:]
+        while states.shape[1] < MOST_SAMPLES:
+            states, over = np.hstack([states, over @ states]), over @ over
+        seen = np.vstack([command, np.eye(len(over))[: len(A)]]) @ states[:, :MOST_SAMPLES]
+        y = C[i] @ seen[m:]
+        near = np.all(np.abs(y.reshape(-1, LOOKED_AT) - 1.0) < SETTLED, axis=1)
+        end = LOOKED_AT * (int(np.argmax(near)) + 1) if near.any() else MOST_SAMPLES
+        return y[:end], seen[:m, :end].T
 
     def _run(self, law: PlainLaw, i: int, step: Vector, pace: Vector) -> Matrix:
         """Return outputs, shape (n_samples, n_outputs, n), in SI, after steps from rest.
@@ -396,58 +416,71 @@ class LoopLimits:
             step: Sizes of the steps, shape (n,), in SI of the output.
             pace: Largest change of the reference, shape (n,), in SI of the output per sample.
         """
-        loop, (A, B, C) = self.loop, self.plants[0]
+        loop, (A, B, C), p = self.loop, self.plants[0], self.outputs
         law = replace(
             law,
             rest=(0.0,) * len(law.rest),
-            rest_output=(0.0,) * len(law.rest_output),
+            rest_output=(0.0,) * p,
             lower=tuple((loop.lower - loop.rest_command).tolist()),
             upper=tuple((loop.upper - loop.rest_command).tolist()),
             pace=(),
         )
-        p, nothing, x = self.outputs, np.zeros_like(step), np.zeros((len(A), len(step)))
-        state: Any = law.initial_state((0.0,) * p)
-        state = restored(state, [nothing] * len(flat(state)))
-        outputs, r = [], nothing
-        for k in range(MOST_SAMPLES):
-            y, r = C @ x, r + np.clip(step - r, -pace, pace)
-            asked = tuple(r if j == i else nothing for j in range(p))
-            u, state, _ = law.law(state, tuple(y), asked, ARRAYS)
-            x = A @ x + B @ np.array([np.broadcast_to(v, step.shape) for v in u])
-            outputs.append(y)
-            if k % 100 == 99 and np.all(np.abs(np.array(outputs[-100:])[:, i] / step - 1.0) < 0.01):
+        example = law.initial_state((0.0,) * p)
+        x, z, r = (ca.SX.sym("", n) for n in (len(A), len(flat(example)), 1))
+        to, most = ca.SX.sym("to"), ca.SX.sym("most")
+        y, now = ca.mtimes(C, x), r + SYMBOLS.clip(to - r, -most, most)
+        asked = tuple(now if j == i else 0.0 for j in range(p))
+        seen = tuple(ca.vertsplit(y))
+        u, following, _ = law.law(restored(example, ca.vertsplit(z)), seen, asked, SYMBOLS)
+        after = ca.vertcat(ca.mtimes(A, x) + ca.mtimes(B, ca.vcat(u)), *flat(following), now)
+        sample = ca.Function("sample", [ca.vertcat(x, z, r), ca.vertcat(to, most)], [after, y])
+        count = len(step)
+        many, told = sample.map(count).mapaccum(LOOKED_AT), np.tile([step, pace], LOOKED_AT)
+        state = ca.DM.zeros(after.numel(), count)
+        outputs: list[Matrix] = []
+        while len(outputs) * LOOKED_AT < MOST_SAMPLES:
+            states, found = many(state, told)
+            state = states[:, -count:]
+            outputs.append(found.full().reshape(p, LOOKED_AT, count).swapaxes(0, 1))
+            if np.all(np.abs(outputs[-1][:, i] / step - 1.0) < SETTLED):
                 break
-        return np.array(outputs)
+        return np.concatenate(outputs)
 
-    def _each_run(self, law: Any, i: int, step: Vector, pace: Vector) -> Matrix:
-        """Return the same of a law that solves something, one step after the other."""
-        loop, (A, B, C) = self.loop, self.plants[0]
-        unlimited, runs = (math.inf,) * self.outputs, []
-        for to, most in zip(step.tolist(), pace.tolist(), strict=True):
-            own = replace(law, pace=(*unlimited[:i], most, *unlimited[i + 1 :]))
-            asked, x, outputs = loop.rest_output.copy(), np.zeros(len(A)), []
-            asked[i] += to
-            state = own.initial_state(tuple(loop.rest_output.tolist()))
-            for k in range(MOST_SOLVED):
-                y = C @ x
-                seen = tuple((loop.rest_output + y).tolist())
-                u, state, _ = own.step(state, seen, tuple(asked.tolist()))
-                x = A @ x + B @ (np.array(u) - loop.rest_command)
-                outputs.append(y)
-                if k % 50 == 49 and np.all(np.abs(np.array(outputs[-50:])[:, i] / to - 1.0) < 0.01):
+    def _solved(self, law: Any, i: int, step: Vector, pace: Vector) -> Matrix:
+        """Return the same of an MPC, whose programs of all steps are solved sample by sample."""
+        loop, (A, B, C), count = self.loop, self.plants[0], len(step)
+        rest, own = loop.rest_output[:, None], np.eye(self.outputs)[:, [i]]
+        asked, paces = rest + own * step, np.where(own > 0.0, pace, math.inf)
+        paced = replace(law, pace=(math.inf,) * self.outputs)
+        start = paced.initial_state(tuple(loop.rest_output.tolist()))
+        state = type(start)(*(np.tile(part[:, None], count) for part in start))
+        x, left = np.zeros((len(A), count)), np.arange(count)
+        outputs = np.zeros((MOST_SOLVED, self.outputs, count))
+        for k in range(MOST_SOLVED):
+            y = C @ x
+            outputs[k][:, left] = y
+            paced = replace(law, pace=tuple(paces[:, left]))
+            command, state, _ = paced.stepped(state, rest + y, asked[:, left])
+            x = A @ x + B @ (command - loop.rest_command[:, None])
+            if k % SOLVED_AT == SOLVED_AT - 1:
+                late = outputs[k + 1 - SOLVED_AT : k + 1, i] / step
+                on = np.any(np.abs(late[:, left] - 1.0) >= SETTLED, axis=0)
+                # What has settled stays as it is.
+                outputs[k + 1 :, :, left[~on]] = outputs[k][:, left[~on]]
+                left, x = left[on], x[:, on]
+                state = type(state)(*(part[:, on] for part in state))
+                if not len(left):
                     break
-            runs.append(outputs)
-        longest = max(map(len, runs))
-        return np.stack([[*own, *own[-1:] * (longest - len(own))] for own in runs], axis=2)
+        return outputs[: k + 1]
 
 
-def _designed(designs: Iterable[Callable[[], C]]) -> list[C]:
+def _designed(designs: Iterable[Callable[[], D]]) -> list[D]:
     """Return the laws that can be designed.
 
     Raises:
         WorkbenchError: If there is none.
     """
-    found: list[C] = []
+    found: list[D] = []
     reason = WorkbenchError("there is nothing to design")
     for design in designs:
         try:
@@ -474,6 +507,10 @@ SLOW = (4.0, 2.0, 1.0)
 MOST_SAMPLES, MOST_SOLVED = 2000, 400
 """Samples for which large steps are looked at, also of a law that solves something."""
 
+LOOKED_AT, SOLVED_AT, SETTLED = 100, 50, 0.01
+"""Samples after which a step, also of a law that solves something, has settled if it is as near as
+this to where it goes in all of them, as a fraction of it."""
+
 
 LAGS = (4.0, 2.8, 2.0, 1.4, 1.0, 0.7, 0.5, 0.35, 0.25)
 """Factors by which the speed of lags of the reference is changed."""
@@ -495,12 +532,14 @@ def _turned(
         their range, shape (n_laws, n_z, m); and whether a crossover is turned to -1, (n_laws,).
     """
     L = P[:, 0, 0] * K[:, :, 0, 0]
-    gain, margin = np.abs(L), np.mod(np.angle(L) + np.pi, 2.0 * np.pi)
-    reached = margin <= late
-    crossed = np.any(np.diff(gain < 1.0, append=True) & reached, axis=1)
-    turned = np.where(reached, 0.0, np.minimum(margin - late, 2.0 * np.pi - margin))
-    # |1 + L| with -L = gain exp(j turned), without the difference of near numbers.
-    near = np.hypot(gain - 1.0, 2.0 * np.sqrt(gain) * np.sin(0.5 * turned))
+    gain, near, crossed = np.abs(L), np.abs(1.0 + L), np.zeros(len(L), dtype=bool)
+    if late.any():
+        margin = np.mod(np.angle(L) + np.pi, 2.0 * np.pi)
+        reached = margin <= late
+        crossed = np.any(np.diff(gain < 1.0, append=True) & reached, axis=1)
+        turned = np.where(reached, 0.0, np.minimum(margin - late, 2.0 * np.pi - margin))
+        # |1 + L| with -L = gain exp(j turned), without the difference of near numbers.
+        near = np.hypot(gain - 1.0, 2.0 * np.sqrt(gain) * np.sin(0.5 * turned))
     s = 1.0 / np.maximum(near, 1e-300)
     return s, gain * s, (np.abs(K[..., 0]) * s[..., None] * noise[:, 0]) ** 2, crossed
 
@@ -534,14 +573,13 @@ NEAR = 20.0
 
 def stacked(laws: Sequence[LinearLaw]) -> LinearLaw:
     """Return laws one behind the other, each matrix of shape (n_laws, ...)."""
-    n = max(len(law.F) for law in laws)
-
-    def padded(part: Matrix, *shape: int) -> Matrix:
-        return np.pad(part, [(0, to - had) for to, had in zip(shape, part.shape, strict=True)])
-
-    m, k = laws[0].J.shape
-    filled = [(padded(F, n, n), padded(G, n, k), padded(H, m, n), J) for F, G, H, J in laws]
-    return LinearLaw(*(np.stack(parts) for parts in zip(*filled, strict=True)))
+    n, (m, k), count = max(len(law.F) for law in laws), laws[0].J.shape, len(laws)
+    shapes = (count, n, n), (count, n, k), (count, m, n), (count, m, k)
+    whole = LinearLaw(*(np.zeros(shape) for shape in shapes))
+    for i, law in enumerate(laws):
+        for part, own in zip(whole, law, strict=True):
+            part[i, : own.shape[0], : own.shape[1]] = own
+    return whole
 
 
 def chosen(laws: LinearLaw, which: Any) -> LinearLaw:
@@ -555,13 +593,16 @@ def response(laws: LinearLaw, z: Complex, inputs: int = 1) -> Complex:
     Returns:
         Shape (n_laws, n_z, n_commands, n_inputs).
     """
-    from scipy.linalg import matrix_balance, schur
+    from scipy.linalg.lapack import dgebal, zgees
 
-    T, b, c = (part.astype(complex) for part in (laws.F, laws.G[:, :, :inputs], laws.H))
-    n = T.shape[1]
-    for k in np.flatnonzero(np.any(np.tril(laws.F, -1), axis=(1, 2))):
-        even, (size, _) = matrix_balance(laws.F[k], permute=False, separate=True)
-        T[k], Z = schur(even, output="complex")
+    entry = laws.G[:, :, :inputs]
+    live = reached(np.any(entry != 0.0, axis=(0, 2)), np.any(laws.F != 0.0, axis=0))
+    F = laws.F[:, live][:, :, live]
+    T, b, c = (part.astype(complex) for part in (F, entry[:, live], laws.H[:, :, live]))
+    n = len(live)
+    for k in np.flatnonzero(np.any(np.tril(F, -1), axis=(1, 2))):
+        even, _, _, size, _ = dgebal(F[k], scale=1, permute=0)
+        T[k], _, _, Z, *_ = zgees(lambda _: True, even, lwork=8 * n)
         b[k], c[k] = Z.conj().T @ (b[k] / size[:, None]), (c[k] * size) @ Z
     x = np.zeros((len(T), n, len(z), inputs), dtype=complex)
     for i in reversed(range(n)):

@@ -6,17 +6,16 @@ Units: SI.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from controllers.arithmetic import Arithmetic, Number, Numbers, Told
+from controllers.arithmetic import Arithmetic, Numbers, Told
 from controllers.law import ClosedForm
 from controllers.linear_law import LinearLaw
-from controllers.named_state import flat, restored
 from controllers.protocol import Command
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
@@ -358,38 +357,6 @@ class LoopSpecification:
         return loop_of(linear, self.measured, self.actuator)
 
 
-class _Arrays:
-    """Arithmetic of a law on arrays of any shape."""
-
-    clip = staticmethod(np.clip)
-    where = staticmethod(np.where)
-
-
-ARRAYS: Any = _Arrays()
-
-
-class _Endless:
-    """Arithmetic, on arrays of any shape, of a law whose limits are all out of reach."""
-
-    def clip(self, x: Number, lower: Number, upper: Number) -> Number:
-        return x
-
-    def where(self, condition: Any, yes: Number, no: Number) -> Number:
-        return yes
-
-
-ENDLESS: Any = _Endless()
-
-
-def _arrays(state: Any) -> Iterator[Any]:
-    """Yield the entries of a state, each an array."""
-    if isinstance(state, tuple):
-        for part in state:
-            yield from _arrays(part)
-    elif state is not None:
-        yield state
-
-
 @dataclass(frozen=True, kw_only=True, repr=False)
 class PlainLaw(ClosedForm):
     """A law in closed form from measurements to commands, within their ends and slews.
@@ -457,19 +424,7 @@ class PlainLaw(ClosedForm):
 
     def around_rest(self) -> LinearLaw:
         """Return the law between its ends, from measurements and references as deviations."""
-        p = len(self.sensors)
-        zero = (0.0,) * p
-        law = replace(self, rest=(0.0,) * len(self.rest), rest_output=zero, pace=(), slew=())
-        example = law.initial_state(zero)
-        n = len(flat(example))
-        units = list(np.eye(n + 2 * p))
-        _, following, told = law.law(
-            restored(example, units[:n]), tuple(units[n : n + p]), tuple(units[n + p :]), ENDLESS
-        )
-        # A command that nothing moves is a number, not an array.
-        parts = (*_arrays(following), *law.straight(told))
-        table = np.vstack([np.broadcast_to(part, n + 2 * p) for part in parts])
-        return LinearLaw(table[:n, :n], table[:n, n:], table[n:, :n], table[n:, n:])
+        raise NotImplementedError
 
     def straight(self, told: Told) -> Numbers:
         """Return the commands before their ends, in SI."""

@@ -33,6 +33,7 @@ import numpy as np
 
 from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
 from controllers.design import Design
+from controllers.linear_law import LinearLaw
 from controllers.plain.limits import LoopLimits
 from controllers.plain.loop import Loop, LoopSpecification, PlainLaw, listed, speeds
 from controllers.reference.horizon import lagged
@@ -145,6 +146,26 @@ class ObserverLaw(PlainLaw):
         predicted = product(self.G, move, product(self.F, x))
         following = ObservedState(predicted, summed, filtered, r, *self.kept(paced, command))
         return command, following, {**self.told(asked), **told}
+
+    def around_rest(self) -> LinearLaw:
+        own = (self.F, self.G, self.C, self.M, self.gain, self.integral_gain, self.reference_gain)
+        F, G, C, M, K, Kq, Kr = (np.array(part) for part in own)
+        n, p, h = len(F), len(C), self.sample_time
+        # Rows of what is linear in the state, measurements and references.
+        places = n + p * np.arange(6)
+        parts = np.split(np.eye(places[-1]), places[:-1])
+        predicted, q, filtered, target, y, asked = parts
+        speed = np.array(self.reference_speed)[:, None]
+        fresh = np.where(speed > 0.0, speed * h, 1.0)
+        filtered, r = lagged(filtered, target, asked, fresh)
+        x = predicted + M @ (y - C @ predicted)
+        u = Kr @ r + Kq @ q - K @ x
+        if self.reach:
+            s = self.surface @ x - self.surface_reference * r[0] - self.surface_integral * q[0]
+            u = u - self.reach / self.layer * s
+        table = np.vstack([F @ x + G @ u, q + h * (r - y), filtered, r])
+        k = places[3]
+        return LinearLaw(table[:, :k], table[:, k:], u[:, :k], u[:, k:])
 
 
 def _freed(change: Numbers, gain: Rows, free: Sequence[Any], arithmetic: Arithmetic) -> Numbers:
@@ -274,22 +295,17 @@ def _fastest(
     given = np.broadcast_to(np.array(want.error_scale, dtype=float), outputs)
 
     @cache
-    def regulated(chosen: tuple[int, ...]) -> tuple[Matrix, float]:
+    def regulated(chosen: tuple[int, ...]) -> ObserverLaw:
         error = np.array([sizes[k, i] for i, k in enumerate(chosen)])
-        speed = np.array([tried[k] for k in chosen])
-        return _lqi(model, want, speed, np.where(given > 0.0, given, error))
+        speed, n = [tried[k] for k in chosen], len(model.F)
+        gains, slow = _lqi(model, want, np.array(speed), np.where(given > 0.0, given, error))
+        top = 0.5 / want.sample_time
+        lags = tuple(min(want.reference_speed or 2.0 * w, top) for w in speed)
+        return model.law(gains[:, :n], -gains[:, n:], slow, reference_speed=lags)
 
     def designed(chosen: tuple[int, ...], disturbance: float) -> ObserverLaw:
-        gains, slow = regulated(chosen)
-        n, speed = len(model.F), [tried[k] for k in chosen]
-        top = 0.5 / want.sample_time
-        return model.law(
-            gains[:, :n],
-            -gains[:, n:],
-            slow,
-            walk=_walk(disturbance, float(np.exp(np.mean(np.log(speed))))),
-            reference_speed=tuple(min(want.reference_speed or 2.0 * w, top) for w in speed),
-        )
+        speed = float(np.exp(np.mean(np.log([tried[k] for k in chosen]))))
+        return model.observed(regulated(chosen), _walk(disturbance, speed))
 
     all_alike = range(len(tried))
     if np.all(given > 0.0):
@@ -370,7 +386,8 @@ def state_feedback_by_hand(
         )
     h = want.sample_time
     walk = _walk(want.disturbance or 0.3, 0.02 / h)
-    return _ObservedModel(loop, want).law(K, Kq, walk=walk)
+    model = _ObservedModel(loop, want)
+    return model.observed(model.law(K, Kq), walk)
 
 
 @dataclass(frozen=True)
@@ -414,11 +431,12 @@ def design_plain_sliding_mode(
         )
     slopes = [want.slope] if want.slope else [w for w in speeds(h) if w <= 0.2 / h]
     model = _ObservedModel(loop, want)
-    designs = [
-        partial(_sliding, model, want, slope, disturbance)
-        for slope in slopes
-        for disturbance in want.disturbances
-    ]
+    sliding = cache(partial(_sliding, model, want))
+
+    def designed(slope: float, disturbance: float) -> ObserverLaw:
+        return model.observed(sliding(slope), _walk(disturbance, slope))
+
+    designs = [partial(designed, slope, d) for slope in slopes for d in want.disturbances]
     limits, family = LoopLimits(loop, want), "a sliding mode"
     law = limits.best(designs, family)
     if want.reference_speed:
@@ -427,8 +445,9 @@ def design_plain_sliding_mode(
 
 
 def _sliding(
-    model: _ObservedModel, want: PlainSlidingModeSpecification, slope: float, disturbance: float
+    model: _ObservedModel, want: PlainSlidingModeSpecification, slope: float
 ) -> ObserverLaw:
+    """Return a law that has no observer yet, whose surface has a slope in rad/s."""
     loop = model.loop
     A, B, C = loop.linear.A, loop.linear.B, loop.linear.C
     n = len(A)
@@ -445,7 +464,6 @@ def _sliding(
         kept[None, :n],
         -kept[None, n:],
         slow=slope,
-        walk=_walk(disturbance, slope),
         name="sliding mode",
         surface=tuple(surface[:n].tolist()),
         surface_integral=-float(surface[n]),
@@ -480,17 +498,17 @@ def _regulator(F: Matrix, G: Matrix, weight: Matrix, size: Vector) -> Matrix:
     Source: Laub, A Schur method for solving algebraic Riccati equations, IEEE Trans. AC-24, 1979;
     Benner, Symplectic balancing of Hamiltonian matrices, SIAM J. Sci. Comput. 22, 2001.
     """
-    from scipy.linalg import matrix_balance
-    from scipy.linalg.lapack import dgges
+    from scipy.linalg.lapack import dgebal, dgges
 
     f, g = F * size / size[:, None], G / size[:, None]
     q = weight * size * size[:, None]
     q = q + 1e-12 * np.trace(q) * np.eye(len(f))
-    n, one, nothing = len(f), np.eye(len(f)), np.zeros_like(f)
-    left, right = np.block([[f, nothing], [-q, one]]), np.block([[one, g @ g.T], [nothing, f.T]])
+    n, (left, right) = len(f), np.zeros((2, 2 * len(f), 2 * len(f)))
+    left[:n, :n], left[n:, :n], left[n:, n:] = f, -q, np.eye(n)
+    right[:n, :n], right[:n, n:], right[n:, n:] = np.eye(n), g @ g.T, f.T
     both = np.abs(left) + np.abs(right)
     np.fill_diagonal(both, 0.0)
-    exponent = np.log2(matrix_balance(both, permute=False, separate=True)[1][0])
+    exponent = np.log2(dgebal(both, scale=1, permute=0)[3])
     even = np.exp2(np.round(0.5 * (exponent[n:] - exponent[:n])))
     scale = np.concatenate([even, 1.0 / even])
     left, right = left * scale[:, None] / scale, right * scale[:, None] / scale
@@ -538,8 +556,8 @@ class _ObservedModel:
         self.target = target[:n] * size[:, None]
         self.command = target[n:] * loop.command_scale[:, None]
 
-    def filtered(self, walk: float) -> Matrix:
-        """Return the gain of a Kalman filter, shape (n, p), in SI.
+    def observed(self, law: ObserverLaw, walk: float) -> ObserverLaw:
+        """Put a state feedback on a Kalman filter.
 
         Args:
             walk: Random walk of the integral of each command's disturbance over one second, as a
@@ -553,24 +571,22 @@ class _ObservedModel:
         seen = self.loop.linear.C.T / noise
         predictor = _regulator(self.F.T, seen, q, 1.0 / size).T / noise
         # From the gain of the predictor to that of the correction.
-        return np.asarray(np.linalg.solve(self.F, predictor))
+        return replace(law, M=rows(np.linalg.solve(self.F, predictor)))
 
     def law(
         self,
         gain: Matrix,
         integral_gain: Matrix,
         slow: float = 0.0,
-        walk: float = 0.0,
         name: str = "state feedback",
         surface: tuple[float, ...] = (),
         surface_integral: float = 0.0,
         **more: Any,
     ) -> ObserverLaw:
-        """Put a state feedback on a Kalman filter.
+        """Return a state feedback that has no observer yet.
 
         Args:
             slow: Pole that a zero takes the place of, in rad/s; none by default (0).
-            walk: See `filtered`.
         """
         loop, xs = self.loop, self.target
         forward = self.command + gain @ xs
@@ -592,7 +608,7 @@ class _ObservedModel:
             F=rows(self.F),
             G=rows(self.G),
             C=rows(loop.linear.C),
-            M=rows(self.filtered(walk)),
+            M=(),
             gain=rows(gain),
             integral_gain=rows(integral_gain),
             reference_gain=rows(forward),

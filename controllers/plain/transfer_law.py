@@ -112,6 +112,14 @@ class TransferLaw(PlainLaw):
         states = product(self.A, state.states, entering)
         return command, TransferState(states, *self.kept(r, command)), self.told(asked)
 
+    def around_rest(self) -> LinearLaw:
+        by_output, by_reference, Dy, Dr = (
+            np.array(part)
+            for part in (self.by_output, self.by_reference, self.output_gain, self.reference_gain)
+        )
+        entry, direct = np.hstack([-by_output, by_reference]), np.hstack([-Dy, Dr])
+        return LinearLaw(np.array(self.A), entry, np.array(self.C), direct)
+
 
 class TransferState(NamedTuple):
     """What a `TransferLaw` remembers.
@@ -369,8 +377,12 @@ MUCH_BETTER, HOPELESS = 1.5, 20.0
 what those of either may be before their gains are changed."""
 
 
-AT_ONCE = 24
-"""PIDs of several loops that are judged together."""
+SLOWEST = 0.03
+"""Slowest crossover of a single loop that is tried, over that of the fastest within the limits."""
+
+
+AT_ONCE, ALONE_AT_ONCE = 24, 256
+"""PIDs of several loops, and of one, that are judged together."""
 
 
 TAKEN = (1.0, 0.75)
@@ -519,7 +531,11 @@ def _tuned(limits: LoopLimits, want: PlainPIDSpecification, begun: _PIDs) -> _PI
     loop, h, p, mix = limits.loop, want.sample_time, limits.outputs, begun.mix
     gains, weight, best = begun.gains, begun.weight, begun.answer
     error = cost(best, begun.least, want.overshoot)[0]
+    stuck = 0.0
     for step in STEPS:
+        if step == stuck:
+            continue
+        stuck = step
         # Each gain, and all of a PID but its filter time together.
         which = np.vstack([np.eye(4 * p), np.kron(np.eye(p), [[1.0, 1.0, 1.0, 0.0]])])
         changes = step ** np.kron(which, [[1.0], [-1.0]]).reshape(-1, p, 4)
@@ -528,15 +544,16 @@ def _tuned(limits: LoopLimits, want: PlainPIDSpecification, begun: _PIDs) -> _PI
             may = _small(tries, mix, loop, want) & limits.stable(_around_rest(tries, mix, h))
             weights, found = _weighed(limits, tries[may], mix)
             errors = cost(found, begun.least, want.overshoot)
-            better = np.flatnonzero(errors < error)
-            judged = limits.judge(_around_rest(tries[may][better], mix, h))
-            better = better[judged.excess <= begun.excess]
-            if not len(better):
+            for k in np.flatnonzero(errors < error):
+                own = _around_rest(tries[may][[k]], mix, h)
+                if limits.judge(own).excess <= begun.excess:
+                    stuck = 0.0
+                    gains, weight, error = tries[may][k], weights[k], errors[k]
+                    best = Answer(*(part[[k]] for part in found))
+                    changes = changes[np.flatnonzero(may)[k] + 1 :]
+                    break
+            else:
                 break
-            k = better[0]
-            gains, weight, error = tries[may][k], weights[k], errors[k]
-            best = Answer(*(part[[k]] for part in found))
-            changes = changes[np.flatnonzero(may)[k] + 1 :]
     return begun._replace(gains=gains, weight=weight, answer=best)
 
 
@@ -547,7 +564,7 @@ def _begun_by(limits: LoopLimits, want: PlainPIDSpecification, mix: Matrix) -> _
     turned = np.exp(-1j * tried * (0.5 * h + want.delay))
     responses = loop.response(tried) @ mix * turned[:, None, None]
     if p == 1:
-        tries, speed, judged = _alone(limits, want, mix, tried, responses[:, 0, 0])
+        tries, speed, judged = _alone(limits, want, mix, tried, responses[:, 0, 0], SLOWEST)
         held = limits.held(judged, "a PID")
     else:
         tries, speed = _slowed(loop, want, mix, tried, responses)
@@ -587,14 +604,30 @@ def _small(gains: Matrix, mix: Matrix, loop: Loop, want: PlainPIDSpecification) 
 
 
 def _alone(
-    limits: LoopLimits, want: PlainPIDSpecification, mix: Matrix, speeds: Vector, plant: Complex
+    limits: LoopLimits,
+    want: PlainPIDSpecification,
+    mix: Matrix,
+    speeds: Vector,
+    plant: Complex,
+    slowest: float,
 ) -> tuple[Matrix, Vector, Judged]:
-    """Return PIDs of one output, shape (n, 1, 4), their crossovers in rad/s and what they reach."""
+    """Return PIDs of one output, shape (n, 1, 4), their crossovers in rad/s and what they reach.
+
+    They are tried from fast to slow, up to a slowest over the fastest within the limits.
+    """
     tries, speed = _at_crossover(speeds, plant)
     tries = tries[:, None]
     small = _small(tries, mix, limits.loop, want)
     tries, speed = tries[small], speed[small]
-    return tries, speed, limits.judge(_around_rest(tries, mix, want.sample_time))
+    parts, fastest, count = [Judged(*np.zeros((3, 0)))], 0.0, 0
+    while count < len(speed) and speed[count] >= slowest * fastest:
+        own = slice(count, count + ALONE_AT_ONCE)
+        found = limits.judge(_around_rest(tries[own], mix, want.sample_time))
+        fastest = max(fastest, speed[own][found.excess <= 1.0].max(initial=0.0))
+        parts.append(found)
+        count += len(found.excess)
+    judged = Judged(*(np.concatenate(own) for own in zip(*parts, strict=True)))
+    return tries[:count], speed[:count], judged
 
 
 def _slowed(
@@ -615,7 +648,8 @@ def _slowed(
     best: dict[float, list[list[Vector]]] = {share: [] for share in TAKEN}
     for i in range(p):
         limits = LoopLimits(_pair(loop, mix, i), want)
-        tries, speed, judged = _alone(limits, want, single, speeds, plant[:, i, i])
+        slowest = 0.5 * SLOWER[-1]
+        tries, speed, judged = _alone(limits, want, single, speeds, plant[:, i, i], slowest)
         least = float(judged.excess.min(initial=math.inf))
         if not math.isfinite(least):
             return _together([_at_crossover(speeds, plant[:, k, k]) for k in range(p)])
@@ -706,17 +740,17 @@ def _weighed(limits: LoopLimits, gains: Matrix, mix: Matrix) -> tuple[Matrix, An
     """
     laws, p = _around_rest(gains, mix, limits.want.sample_time), limits.outputs
     time, seen, going = limits.steps(laws)
-    tried = np.array(WEIGHTS)
-    kept, parts = [], []
+    kept, parts = np.full((len(seen), p), WEIGHTS[-1]), []
     for i in range(p):
-        steps = seen[:, :, :, i, None] + seen[:, :, :, p + i, None] * tried
-        fits = np.max(steps[:, :, i] * going[:, :, None], axis=1) - 1.0 <= limits.want.overshoot
-        fits[:, -1] = True
-        k = np.argmax(fits, axis=1)
-        kept.append(tried[k])
-        parts.append(np.take_along_axis(steps, k[:, None, None, None], axis=3))
-    whole = np.concatenate([*parts, seen[:, :, :, 2 * p :]], axis=3)
-    return np.column_stack(kept), answer(time, whole, going, limits.loop.output_scale)
+        beside, by, left = seen[:, :, :, i], seen[:, :, :, p + i], np.arange(len(seen))
+        own, more = beside[:, :, i] * going, by[:, :, i] * going
+        for weight in WEIGHTS:
+            fits = np.max(own + more * weight, axis=1) - 1.0 <= limits.want.overshoot
+            kept[left[fits], i] = weight
+            left, own, more = left[~fits], own[~fits], more[~fits]
+        parts.append(beside + by * kept[:, [i], None])
+    whole = np.concatenate([np.stack(parts, axis=3), seen[:, :, :, 2 * p :]], axis=3)
+    return kept, answer(time, whole, going, limits.loop.output_scale)
 
 
 def _at_crossover(speeds: Vector, plant: Complex) -> tuple[Matrix, Vector]:

@@ -204,6 +204,7 @@ class QuadraticProgram:
             np.zeros((rows, n)),
             np.ones(rows),
         )
+        self._factored: Factored | None = None
         self._H, self._A, self._g = np.zeros((n, n)), np.zeros((constraints, n)), np.zeros(n)
         self._lower, self._upper, self._x = np.zeros(rows), np.zeros(rows), np.zeros(n)
         self._count = np.zeros(1, dtype=np.intc)
@@ -235,7 +236,7 @@ class QuadraticProgram:
             self._H[:], self._A[:] = H, A
             if self._library.factor(*self._to_factor):
                 return Solution(np.full(len(g), np.nan), False, NOT_FINITE, 0.0, 0.0)
-            problem = Factored(self._inverse, self._rows, self._sizes)
+            problem = self._factored = Factored(self._inverse, self._rows, self._sizes)
         found = self.solve_factored(
             problem, g, np.concatenate([lower_a, lower_x]), np.concatenate([upper_a, upper_x])
         )
@@ -248,8 +249,9 @@ class QuadraticProgram:
         if self._library is None:
             return solve(problem, g, lower, upper, limit=self.limit)
         began = time.perf_counter()
-        if problem.rows is not self._rows:
+        if problem is not self._factored:
             self._inverse[:], self._rows[:], self._sizes[:] = problem
+            self._factored = problem
         self._g[:], self._lower[:], self._upper[:] = g, lower, upper
         word = STATUSES[self._library.solve(*self._to_solve)]
         seconds = time.perf_counter() - began
