@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from controllers.uncertainty import Uncertainty
-from workbench.evaluation.rig.fast import derivative
+from workbench.evaluation.rig.plant import derivative
 from workbench.evaluation.rig.variations import BLIND_SEED, KINDS, TUNING_SEED, Draw, Sized, draws
 from workbench.evaluation.tolerance import at_rest, measured, on_rig, tolerant_study
 from workbench.reports.tolerance_page import least_calm_table, reached_table

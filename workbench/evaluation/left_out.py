@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from workbench.diagnosis.stages import Diagnosis
 from workbench.evaluation.kept import diagnosed, version
-from workbench.evaluation.rig import muscle
+from workbench.evaluation.rig import plant
 from workbench.evaluation.rig.cases import make_case
 from workbench.evaluation.rig.parameters import nominal
 from workbench.evaluation.rig.plant import namespace
@@ -66,7 +66,7 @@ def isometric_recording(
 def _trajectories(contractions_mm: Sequence[float], p: SimpleNamespace) -> tuple[Vector, Vector]:
     """Return the length at the ends of all samples, in m, and the flow in each, in kg/s."""
     lengths, flows = [], []
-    stands = [muscle.NOMINAL_LENGTH - 1e-3 * q for q in contractions_mm]
+    stands = [plant.NOMINAL_LENGTH - 1e-3 * q for q in contractions_mm]
     per_volume = 1e5 / (p.gas_constant * p.ambient_temperature)
     for i, s in enumerate(stands):
         v = _volume(s, p)
@@ -97,13 +97,13 @@ def _integrated(length: Vector, flow: Vector, p: SimpleNamespace) -> Vector:
     def rate(at_mass: float, at_energy: float, s: float, speed: float, inward: float) -> float:
         temperature = at_energy / (at_mass * p.cv)
         carried = p.ambient_temperature if inward > 0.0 else temperature
-        work = (p.gamma - 1.0) * at_energy / _volume(s, p) * muscle.volume_slope(s) * speed
+        work = (p.gamma - 1.0) * at_energy / _volume(s, p) * plant.volume_slope(s) * speed
         wall = p.heat_transfer * p.heat_area * (temperature - p.ambient_temperature)
         return float(p.gamma * p.cv * inward * carried - work - wall)
 
     for k, inward in enumerate(flow.tolist()):
         pressure = (p.gamma - 1.0) * energy / _volume(length[k], p) - p.ambient_pressure
-        rows[k] = muscle.force(length[k], pressure, 1.0, p), pressure
+        rows[k] = plant.force(length[k], pressure, 1.0, p), pressure
         speed = (length[k + 1] - length[k]) / SAMPLE_TIME
         for j in range(SUBSTEPS):
             s = length[k] + j * h * speed
@@ -115,7 +115,7 @@ def _integrated(length: Vector, flow: Vector, p: SimpleNamespace) -> Vector:
 
 
 def _volume(s: float, p: SimpleNamespace) -> float:
-    return float(p.volume_gain * muscle.volume(s) + p.dead_volume)
+    return float(p.volume_gain * plant.volume(s) + p.dead_volume)
 
 
 def _sensed(rows: Vector, p: SimpleNamespace, rng: np.random.Generator) -> tuple[Vector, Vector]:

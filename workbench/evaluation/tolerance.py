@@ -20,7 +20,7 @@ from workbench.errors import WorkbenchError
 from workbench.evaluation.kept import answered
 from workbench.evaluation.rig import plant
 from workbench.evaluation.rig.excitation import RATE
-from workbench.evaluation.rig.fast import derivative
+from workbench.evaluation.rig.plant import derivative
 from workbench.evaluation.rig.simulate import follow
 from workbench.evaluation.rig.variations import Draw
 from workbench.study.schema import load_study, shipped_study

@@ -8,10 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.evaluation.rig import arm, muscle
-from workbench.evaluation.rig.fast import PERCENT, VOLTS
+from workbench.evaluation.rig import plant
 from workbench.evaluation.rig.parameters import ELEMENTS
-from workbench.evaluation.rig.plant import INDEX
+from workbench.evaluation.rig.plant import INDEX, PERCENT, VOLTS
 
 V_, F_ = VOLTS.tolist(), (PERCENT / 100).tolist()
 SLIP_1, SLIP_2 = INDEX["slip_1_1"], INDEX["slip_2_1"]
@@ -41,9 +40,9 @@ def lengths(
 ) -> list[tuple[float, float, float]]:
     """Return for both muscles the distance, its slope over the angle, and the fibre length."""
     result = []
-    for k, (a, sign) in enumerate(((x[0], 1.0), (arm.SPAN - x[0], -1.0))):
-        total = arm.distance(a)
-        s = x[INDEX["fibre_1"] + k] if p.tendon_stiffness > 0 else total - arm.FITTINGS
+    for k, (a, sign) in enumerate(((x[0], 1.0), (plant.SPAN - x[0], -1.0))):
+        total = plant.distance(a)
+        s = x[INDEX["fibre_1"] + k] if p.tendon_stiffness > 0 else total - plant.FITTINGS
         result.append((total, sign * distance_slope(a), s))
     return result
 
@@ -143,8 +142,8 @@ def stops(angle: float, speed: float, p: SimpleNamespace) -> float:
     """Return the torque of the stops at 0 and 60 degrees; a stop can only push."""
     if angle < 0.0:
         return max(0.0, float(-p.stop_stiffness * angle - p.stop_damping * speed))
-    if angle > arm.SPAN:
-        return min(0.0, float(-p.stop_stiffness * (angle - arm.SPAN) - p.stop_damping * speed))
+    if angle > plant.SPAN:
+        return min(0.0, float(-p.stop_stiffness * (angle - plant.SPAN) - p.stop_damping * speed))
     return 0.0
 
 
@@ -178,7 +177,7 @@ def derivative(
     slope = [0.0, 0.0]
     for k, (total, lever, s) in enumerate(lengths(x, p)):
         slope[k] = lever
-        v = p.volume_gain * muscle.volume(s) + p.dead_volume
+        v = p.volume_gain * plant.volume(s) + p.dead_volume
         m, u = float(x[2 + 2 * k]), float(x[3 + 2 * k])
         pressure = (p.gamma - 1.0) * u / v
         gauge = pressure - ambient
@@ -198,12 +197,12 @@ def derivative(
         loop *= (1.0, p.hyst_share_2)[k]
         gain = (p.force_gain_1, p.force_gain_2)[k]
         if p.hyst_place == 1:
-            raw = p.force_gain * gain * muscle.raw_force(s, acting, p) + loop
-            static = muscle.clamp(raw, p.slack_width, p.slack_law)
+            raw = p.force_gain * gain * plant.raw_force(s, acting, p) + loop
+            static = plant.clamp(raw, p.slack_width, p.slack_law)
         else:
-            static = muscle.force(s, acting, gain, p) + loop
+            static = plant.force(s, acting, gain, p) + loop
         if p.tendon_stiffness > 0.0:
-            tension[k] = max(0.0, p.tendon_stiffness * (total - arm.FITTINGS - s))
+            tension[k] = max(0.0, p.tendon_stiffness * (total - plant.FITTINGS - s))
             rate = (tension[k] - static) / p.muscle_viscosity
             dx[at[f"fibre_{k + 1}"]] = rate
         else:
@@ -217,7 +216,7 @@ def derivative(
                 memory, p.hyst_breakaway, p.hyst_exponent, p.hyst_beta, rate
             )
         gas.append(
-            (m, u, v, pressure, u / (m * p.cv), p.volume_gain * muscle.volume_slope(s) * rate)
+            (m, u, v, pressure, u / (m * p.cv), p.volume_gain * plant.volume_slope(s) * rate)
         )
 
     # valve and everything the gas flows through
@@ -297,7 +296,7 @@ def derivative(
 
     drag, dx[at["bristle"]] = friction(speed, float(x[at["bristle"]]), tension[0] + tension[1], p)
     torque = -tension[0] * slope[0] - tension[1] * slope[1] - drag + stops(angle, speed, p)
-    torque += p.constant_torque + p.external_torque - p.spring_torque * (angle - arm.SPAN / 2)
+    torque += p.constant_torque + p.external_torque - p.spring_torque * (angle - plant.SPAN / 2)
     torque += p.pressure_torque * ((gas[0][3] - gas[1][3]) * 1e-5) ** 2
     if p.cogging_torque != 0.0:
         torque += p.cogging_torque * np.sin(p.cogging_periods * angle)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.evaluation.rig import fast, plant
+from workbench.evaluation.rig import plant
 from workbench.evaluation.rig.electronics import Sensors
 from workbench.evaluation.rig.parameters import elements, nominal
 
@@ -57,8 +57,8 @@ def replay(
     x = plant.initial(30.0, (START_BAR, START_BAR), p)
     per = round(2e-3 / step)
     n = round(PREHISTORY / step)
-    _, x = fast.run(p, x, np.full(n, 5.0), step=step, keep=n)
-    states, _ = fast.run(p, x, np.repeat(u, per), step=step, keep=per)
+    _, x = plant.run(p, x, np.full(n, 5.0), step=step, keep=n)
+    states, _ = plant.run(p, x, np.repeat(u, per), step=step, keep=per)
     sensors = Sensors(p | {"pressure_noise": 0.0, "pressure_step": 0.0}, np.random.default_rng(0))
     true = [plant.gauge(x, p) for x in states]
     bars = np.array([[sensors.pressure(k, row) / 1e5 for k in (0, 1)] for row in true])

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.evaluation.rig import plain, practice, reference
-from workbench.evaluation.rig import arm, cases, effects, excitation, fast, muscle, plant
+from workbench.evaluation.rig import cases, effects, excitation, plant
 from workbench.evaluation.rig.parameters import nominal
 
 PULSES = np.repeat([5.8, 4.3], 50)
@@ -26,8 +26,8 @@ def torque(angle_deg: float, bar_1: float, bar_2: float) -> float:
     """Static torque of both muscles on the joint at gauge pressures."""
     p, a = plant.namespace(nominal({"slack_law": 2.0})), np.radians(angle_deg)
     total = 0.0
-    for angle, sign, bar in ((a, 1.0, bar_1), (arm.SPAN - a, -1.0, bar_2)):
-        tension = muscle.force(arm.distance(angle) - arm.FITTINGS, bar * 1e5, 1.0, p)
+    for angle, sign, bar in ((a, 1.0, bar_1), (plant.SPAN - a, -1.0, bar_2)):
+        tension = plant.force(plant.distance(angle) - plant.FITTINGS, bar * 1e5, 1.0, p)
         total -= sign * tension * plain.distance_slope(angle)
     return float(total)
 
@@ -37,7 +37,7 @@ def test_geometry_and_torque_table() -> None:
     assert arms == pytest.approx([31.5, 30.1, 20.1], abs=0.06)  # stated to 0.1 mm
     table = [torque(a, 6.0, 0.0) for a in range(0, 61, 10)]
     assert table == pytest.approx([52.6, 47.5, 41.5, 36.1, 30.7, 25.0, 19.2], abs=0.06)
-    assert 1e6 * muscle.volume(0.170) == pytest.approx(118.6, abs=0.06)
+    assert 1e6 * plant.volume(0.170) == pytest.approx(118.6, abs=0.06)
     p = plant.namespace(nominal({"vertical": 1.0}))
     assert -plain.gravity(0.0, 8.0, p) == pytest.approx(30.8, abs=0.06)
 
@@ -50,8 +50,8 @@ def test_equilibria(angle: float, p1: float) -> None:
 
 def test_volume_slope_is_the_derivative() -> None:
     for s in (0.171, 0.18, 0.195, 0.1995):
-        slope = (muscle.volume(s + 1e-7) - muscle.volume(s - 1e-7)) / 2e-7
-        assert muscle.volume_slope(s) == pytest.approx(slope, rel=1e-5)
+        slope = (plant.volume(s + 1e-7) - plant.volume(s - 1e-7)) / 2e-7
+        assert plant.volume_slope(s) == pytest.approx(slope, rel=1e-5)
 
 
 def test_mode_frequencies() -> None:
@@ -64,7 +64,7 @@ def test_mode_frequencies() -> None:
             up, down = x.copy(), x.copy()
             up[j] += h
             down[j] -= h
-            change = fast.derivative(up, 5.0, p) - fast.derivative(down, 5.0, p)
+            change = plant.derivative(up, 5.0, p) - plant.derivative(down, 5.0, p)
             jacobian[:, j] = change[:6] / (2 * h)
         poles = np.linalg.eigvals(jacobian)
         mode = poles[np.argmax(poles.imag)]
@@ -75,7 +75,7 @@ def test_mode_frequencies() -> None:
 def test_pulse_train_lies_in_the_band() -> None:
     p = nominal()
     u = np.repeat(excitation.pulse_train(6.0), 20)
-    states, _ = fast.run(p, plant.initial(30.0, (3.0, 3.0), p), u, step=1e-4, keep=10)
+    states, _ = plant.run(p, plant.initial(30.0, (3.0, 3.0), p), u, step=1e-4, keep=10)
     angle, speed = np.degrees(states[:, 0]), np.degrees(states[:, 1])
     rise = slice(4000, 6000)
     transit = np.argmax(angle[rise] > 57) - np.argmax(angle[rise] > 3)
@@ -102,10 +102,10 @@ def test_closed_chamber_conserves_mass_and_energy() -> None:
         }
     )
     x = plant.initial(25.0, (3.5, 3.0), p)
-    states, _ = fast.run(p, x, np.full(10000, 5.0), step=1e-4, keep=1)
+    states, _ = plant.run(p, x, np.full(10000, 5.0), step=1e-4, keep=1)
     assert np.ptp(states[:, 2]) == 0.0
-    fibre = np.array([arm.distance(a) - arm.FITTINGS for a in states[:, 0]])
-    volume = np.array([muscle.volume(s) for s in fibre]) + p["dead_volume"]
+    fibre = np.array([plant.distance(a) - plant.FITTINGS for a in states[:, 0]])
+    volume = np.array([plant.volume(s) for s in fibre]) + p["dead_volume"]
     absolute = np.array([plant.gauge(x, p)[0] for x in states]) + p["ambient_pressure"]
     work = np.sum(0.5 * (absolute[1:] + absolute[:-1]) * np.diff(volume))
     lost = states[0, 3] - states[-1, 3]
@@ -120,13 +120,13 @@ def test_routes_agree(name: str) -> None:
     p = nominal() if name == "none" else effects.switch_on(nominal(), [name])
     x, per = start(p), 10
     u = np.repeat(PULSES, per)
-    _, compiled = fast.run(p, x, u[:200])
-    again = plain.run(x, u[:200], plant.namespace(p), fast.STEP)
+    _, compiled = plant.run(p, x, u[:200])
+    again = plain.run(x, u[:200], plant.namespace(p), plant.STEP)
     # the same arithmetic in two languages: rounding only
     assert compiled == pytest.approx(again, rel=1e-10, abs=1e-13)
     if name in ("none", "hysteresis_maxwell", "tendon", "lugre", "line", "supply_droop"):
         short = PULSES[20:80]
-        states, _ = fast.run(p, x, np.repeat(short, per), step=2e-3 / per, keep=per)
+        states, _ = plant.run(p, x, np.repeat(short, per), step=2e-3 / per, keep=per)
         tight = reference.run(p, x, short, rtol=1e-7)
         error = np.degrees(np.abs(states[:, 0] - tight[:, 0])).max()
         assert error < 2e-4  # a tenth of an encoder count

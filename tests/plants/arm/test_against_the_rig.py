@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.evaluation.rig import plain
-from workbench.evaluation.rig import fast, muscle, parameters, plant
+from workbench.evaluation.rig import parameters, plant
 from workbench.experiments import pulse_train
 from workbench.model import Model
 from workbench.plants.arm import arm
@@ -27,7 +27,7 @@ def rig_state(x: np.ndarray, p: dict[str, float]) -> np.ndarray:
     state[INDEX["spool"]], state[INDEX["spool_speed"]] = x[0], x[1]
     state[INDEX["speed"]] = x[7]
     for k, (_, _, s) in enumerate(plain.lengths(state, space)):
-        volume = muscle.volume(s) + p["dead_volume"]
+        volume = plant.volume(s) + p["dead_volume"]
         state[2 + 2 * k] = x[2 + 2 * k] * volume / (GAS_CONSTANT * x[3 + 2 * k])
         state[3 + 2 * k] = x[2 + 2 * k] * volume / (GAMMA - 1)
     return state
@@ -37,11 +37,11 @@ def rig_rates(x: np.ndarray, u: float, p: dict[str, float]) -> np.ndarray:
     """The rig's derivative, turned into the rates of the arm's states."""
     state = rig_state(x, p)
     space = plant.namespace(p)
-    rate = fast.derivative(state, u, p)
+    rate = plant.derivative(state, u, p)
     out = [rate[INDEX["spool"]], rate[INDEX["spool_speed"]]]
     for k, (_, slope, s) in enumerate(plain.lengths(state, space)):
-        volume = muscle.volume(s) + p["dead_volume"]
-        growth = muscle.volume_slope(s) * slope * x[7] / volume
+        volume = plant.volume(s) + p["dead_volume"]
+        growth = plant.volume_slope(s) * slope * x[7] / volume
         mass, energy = state[2 + 2 * k], state[3 + 2 * k]
         mass_rate, energy_rate = rate[2 + 2 * k], rate[3 + 2 * k]
         out += [
@@ -86,7 +86,7 @@ def test_open_loop_runs_agree(load: float) -> None:
     p = parameters.nominal({"load": load})
     state = plant.initial(30.0, (3.0, 3.0), p)
     finer = 40
-    states, _ = fast.run(p, state, np.repeat(voltage, finer), step=0.002 / finer, keep=finer)
+    states, _ = plant.run(p, state, np.repeat(voltage, finer), step=0.002 / finer, keep=finer)
     run = simulate(arm(load), voltage, sample_time=0.002, tolerance=1e-8, check=False)
     apart = np.degrees(run["angle"] - states[:, 0])
     # Two integrators, two switches of phi (0.012 N apart): measured 0.0035 deg and 15 Pa at most,

@@ -8,9 +8,8 @@ from scipy.optimize import brentq
 
 from tests.evaluation.rig import plain
 from workbench.errors import WorkbenchError
-from workbench.evaluation.rig import arm as rig_arm
-from workbench.evaluation.rig import muscle as rig_muscle
 from workbench.evaluation.rig import parameters
+from workbench.evaluation.rig import plant as rig_plant
 from workbench.evaluation.rig.plant import namespace
 from workbench.plants.arm import arm
 from workbench.simulation import simulate
@@ -56,9 +55,9 @@ def test_load_cell_reads_what_the_torques_leave(load: float, plane: str) -> None
     assert abs(run["speed"][-1]) < 1e-5
     space = namespace(parameters.nominal({"load": load, "vertical": float(plane == "vertical")}))
     expected = -plain.gravity(angle, load, space)
-    for k, (own, sign) in enumerate(((angle, 1.0), (rig_arm.SPAN - angle, -1.0))):
-        fibre = rig_arm.distance(own) - rig_arm.FITTINGS
-        force = rig_muscle.force(fibre, float(run[f"pressure_{k + 1}"][-1]), 1.0, space)
+    for k, (own, sign) in enumerate(((angle, 1.0), (rig_plant.SPAN - angle, -1.0))):
+        fibre = rig_plant.distance(own) - rig_plant.FITTINGS
+        force = rig_plant.force(fibre, float(run[f"pressure_{k + 1}"][-1]), 1.0, space)
         expected += sign * force * plain.distance_slope(own)
     assert measurement * 0.367 == pytest.approx(expected, rel=1e-4)
     # The stop is a spring: it is compressed by just that torque.

@@ -4,8 +4,8 @@ The rig shares no physics with the product. It keeps mass and internal energy as
 gas (the product keeps pressure and temperature), has its own integrator, and hides effects that the
 nominal plant does not contain; its recordings are what plant and diagnosis are tried on.
 
-Modules: `parameters` (names, units, nominal values), `effects` (switches), `muscle` and `arm`
-(laws, as far as a start needs them), `plant` (state vector), `plant.c` with `fast` (its derivative
-and fixed steps of a Runge-Kutta rule), `electronics`, `simulate` (a command or a controller in,
-records out), `excitation` and `cases` (folders in the recording format).
+Modules: `parameters` (names, units, nominal values), `effects` (switches), `plant` (geometry,
+muscles, state vector) with `plant.c` (its derivative and fixed steps of a Runge-Kutta rule),
+`electronics`, `simulate` (a command or a controller in, records out), `excitation` and `cases`
+(folders in the recording format).
 """

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.evaluation.rig import excitation, fast, plant, simulate
+from workbench.evaluation.rig import excitation, plant, simulate
 from workbench.evaluation.rig.effects import EFFECTS, switch_on
 from workbench.evaluation.rig.parameters import nominal
 
@@ -36,7 +36,7 @@ def settled(parameters: dict[str, float], *, seconds: float) -> NDArray[np.float
     """Return the state after a pre-history at 5 V from rest at 30 degrees with 3 bar twice."""
     start = plant.initial(30.0, (3.0, 3.0), parameters)
     n = round(seconds / simulate.STEP)
-    _, x = fast.run(parameters, start, np.full(n, 5.0), step=simulate.STEP, keep=max(1, n))
+    _, x = plant.run(parameters, start, np.full(n, 5.0), step=simulate.STEP, keep=max(1, n))
     return x
 
 

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.evaluation.rig import fast, plant
+from workbench.evaluation.rig import plant
 from workbench.evaluation.rig.electronics import CommandPath, PositionLoop, Sensors
 from workbench.evaluation.rig.excitation import RATE
 from workbench.evaluation.rig.varying import Now, varying
@@ -91,7 +91,7 @@ def driven(
         read = (sensors.pressure(0, true), sensors.pressure(1, true))
         told = path.quantised(volt(j, angle, read))
         table[j] = j / RATE, told, angle, read[0] * 1e-5, read[1] * 1e-5
-        _, x = fast.run(p, x, path(told), step=STEP, keep=steps)
+        _, x = plant.run(p, x, path(told), step=STEP, keep=steps)
     return Record(table[:, 0], table[:, 1], table[:, 2], table[:, 3], table[:, 4], states)
 
 

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from workbench.evaluation.rig import arm
+from workbench.evaluation.rig import plant
 
 
 class Now(NamedTuple):
@@ -80,8 +80,8 @@ def _coulomb(p: dict[str, float], base: Law) -> Law:
 
 def _torque(p: dict[str, float]) -> Law:
     def law(now: Now) -> float:
-        middle = now.angle - arm.SPAN / 2.0
-        low, high = p["pad_reach"] - now.angle, now.angle - (arm.SPAN - p["pad_reach"])
+        middle = now.angle - plant.SPAN / 2.0
+        low, high = p["pad_reach"] - now.angle, now.angle - (plant.SPAN - p["pad_reach"])
         return (
             p["external_torque"]
             - p["cubic_spring"] * middle**3
