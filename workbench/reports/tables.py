@@ -75,8 +75,8 @@ class Table:
             >>> print(Table.of("Modes", (2.1, 4.2), {"frequency in Hz": number}))
             Modes
             frequency in Hz
-            2.1
-            4.2
+            2.10
+            4.20
         """
         rows = tuple(tuple(write(item) for write in columns.values()) for item in items)
         return cls(title, tuple(columns), rows, note)
