@@ -21,6 +21,9 @@ _MOSTLY = 0.9
 _UNEVEN = 0.5
 """Spread of the steps, over their mean, beyond which straight lines take away noise that counts."""
 
+_CROSSINGS = 8
+"""Zero crossings on each side of the sinc that filters."""
+
 _COURSE = 0.2
 """Share of the sampling rate above which a measurement counts as noise when it is moved in time."""
 
@@ -37,7 +40,7 @@ def _require_increasing(recording: Recording, what: str) -> None:
         )
 
 
-def low_pass(values: Vector, fraction: float, *, half_width: int = 8) -> Vector:
+def low_pass(values: Vector, fraction: float) -> Vector:
     """Remove what lies above a fraction of the sampling rate, without shifting in time.
 
     A windowed sinc of odd length (linear phase, delay removed); the ends are continued by their
@@ -46,11 +49,10 @@ def low_pass(values: Vector, fraction: float, *, half_width: int = 8) -> Vector:
     Args:
         values: Uniformly sampled values, shape (n,).
         fraction: Edge of the pass band as a fraction of the sampling rate, below 0.5.
-        half_width: Zero crossings of the sinc on each side.
     """
     if len(values) < 3:
         return values
-    reach = min(int(np.ceil(half_width / (2 * fraction))), len(values) - 1)
+    reach = min(int(np.ceil(_CROSSINGS / (2 * fraction))), len(values) - 1)
     steps = np.arange(-reach, reach + 1)
     kernel = np.sinc(2 * fraction * steps) * np.hamming(2 * reach + 1)
     kernel /= kernel.sum()

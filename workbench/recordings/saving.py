@@ -25,12 +25,6 @@ _SIGNAL = ("name", "unit", "kind", "role", "display_unit")
 
 
 def _description(recording: Recording, columns: list[str]) -> str:
-    mapping = None
-    if recording.mapping is not None:
-        mapping = {
-            "rows": [asdict(r) for r in recording.mapping.rows],
-            "unused": recording.mapping.unused,
-        }
     content = {
         "version": _VERSION,
         "name": recording.name,
@@ -38,7 +32,7 @@ def _description(recording: Recording, columns: list[str]) -> str:
         "notes": recording.notes,
         "metadata": dict(recording.metadata),
         "excluded": [asdict(span) for span in recording.excluded],
-        "mapping": mapping,
+        "mapping": recording.mapping and asdict(recording.mapping),
         "signals": [
             {"column": column, **{key: getattr(s, key) for key in _SIGNAL}}
             for column, s in zip(columns, recording.signals, strict=True)

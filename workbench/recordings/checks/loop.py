@@ -54,14 +54,13 @@ def feedback_strength(recording: Recording, command: str, measurement: str) -> t
 
 
 @check("loop", 110)
-def check_loop(recording: Recording, expected: Expected) -> Finding:
+def check_loop(recording: Recording, _expected: Expected) -> Finding:
     """Tell whether the recording was made in open or closed loop.
 
     Closed if a command answers to the surprises of a measurement; open if every command stands
     still for long while a measurement moves; otherwise unknown, because a controller whose command
     carries no noise of the measurement leaves no trace.
     """
-    del expected
     moving = [c for c in recording.commands if np.ptp(recording[c]) > 0]
     measured = [m for m in recording.measurements if np.ptp(recording[m]) > 0]
     if not moving or not measured or len(recording) < 10 * MEMORY:

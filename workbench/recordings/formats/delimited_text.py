@@ -9,8 +9,8 @@ import json
 import math
 import re
 import zlib
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -485,11 +485,8 @@ def _read_rows(
     if thinner.factor > 1 and backwards:
         notes.append(f"before averaging, the time stood still or ran backwards {backwards} time(s)")
     _count_from_the_first(values, stamps)
-    metadata = dict(layout.metadata)
-    values, headers, units, tally_columns = _lift_scalars(values, headers, units, metadata, tally)
-    return Columns(
-        headers, units, values, named, metadata, tuple(notes), tally_columns, layout.saved
-    )
+    found = replace(empty, values=values, notes=tuple(notes), saved=layout.saved)
+    return _lift_scalars(found, tally.unreadable)
 
 
 def _count_from_the_first(values: npt.NDArray[np.float64], stamps: Sequence[Instant]) -> None:
@@ -531,28 +528,23 @@ def _notes(
     return notes + cut
 
 
-def _lift_scalars(
-    values: npt.NDArray[np.float64],
-    headers: tuple[str, ...],
-    units: tuple[str, ...],
-    metadata: dict[str, Scalar],
-    tally: _Tally,
-) -> tuple[npt.NDArray[np.float64], tuple[str, ...], tuple[str, ...], dict[str, tuple[int, str]]]:
+def _lift_scalars(found: Columns, unreadable: Mapping[int, tuple[int, str]]) -> Columns:
     """Take columns with a number in the first row only as settings of the experiment."""
-    keep = []
-    for k, header in enumerate(headers):
+    keep, metadata, values = [], dict(found.metadata), found.values
+    for k, header in enumerate(found.headers):
         finite = np.isfinite(values[:, k])
         lonely = len(values) > 4 and bool(finite[0]) and not finite[1:].any()
-        if lonely and k not in tally.unreadable and header:
+        if lonely and k not in unreadable and header:
             metadata[header] = float(values[0, k])
         elif header or finite.any():
             keep.append(k)
-    unreadable = {headers[k]: tally.unreadable[k] for k in keep if k in tally.unreadable}
-    return (
-        values[:, keep],
-        tuple(headers[k] for k in keep),
-        tuple(units[k] for k in keep),
-        unreadable,
+    return replace(
+        found,
+        values=values[:, keep],
+        headers=tuple(found.headers[k] for k in keep),
+        units=tuple(found.units[k] for k in keep),
+        metadata=metadata,
+        unreadable={found.headers[k]: unreadable[k] for k in keep if k in unreadable},
     )
 
 
