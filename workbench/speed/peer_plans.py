@@ -56,9 +56,7 @@ Solve = Callable[[Matrix, Matrix, Matrix, float], Converged]
 """Solves the problem of one sample: start, disturbances, path, opening before."""
 
 
-def transcribed(
-    controller: NonlinearMPC, n_w: int, *, solver: Literal["ipopt", "fatrop"] = "ipopt"
-) -> Solve:
+def transcribed(controller: NonlinearMPC, *, solver: Literal["ipopt", "fatrop"] = "ipopt") -> Solve:
     """Write the problem of a controller down once, to be solved sample by sample.
 
     Each solution is where the next one begins.
@@ -73,7 +71,8 @@ def transcribed(
     angle, speed = names.index(controller.sensors[0]), names.index("speed")
     chambers = [names.index(name) for name in controller.sensors[1:]]
     low, high = (limit / _BAR for limit in controller.pressure_limits)
-    disturbances, path = ca.MX.sym("w", n_w), ca.MX.sym("r", N + 1)
+    disturbances = ca.MX.sym("w", controller.prediction.disturbances)
+    path = ca.MX.sym("r", N + 1)
     given = ca.MX.sym("given", n + 1)
     # Joined state: (z, opening before, slack in bar).
     X = [ca.MX.sym(f"x{k}", n + 2) for k in range(N + 1)]

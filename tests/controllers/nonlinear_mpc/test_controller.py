@@ -119,7 +119,7 @@ def test_the_step_iterated_is_the_converged_solution(plant: Model, tight: bool) 
         if change < 1e-8:
             break
     assert change < 1e-7
-    reference = transcribed(mpc, len(w), solver="fatrop" if tight else "ipopt")(start, w, path, 0.0)
+    reference = transcribed(mpc, solver="fatrop" if tight else "ipopt")(start, w, path, 0.0)
     # An interior-point solver stops a little inside limits that are met exactly here.
     np.testing.assert_allclose(plan, reference.plan, atol=2e-4)
     np.testing.assert_allclose(trajectory, reference.trajectory, rtol=1e-4, atol=1e-4)
