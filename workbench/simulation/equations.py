@@ -66,10 +66,7 @@ class Equations:
     def in_c(self, i: int) -> CFunction:
         """Return the i-th function for C code, which says where the results go."""
         assert self._library is not None
-        name = self.functions[i].name()
-        sizes = [ctypes.c_longlong() for _ in range(4)]
-        getattr(self._library, f"{name}_work")(*(ctypes.byref(size) for size in sizes))
-        pointers, results, integers, numbers = (max(1, size.value) for size in sizes)
+        place, (pointers, results, integers, numbers) = _entry(self._library, self.functions[i])
         memory = (
             np.zeros(pointers, dtype=np.uintp),
             np.zeros(results, dtype=np.uintp),
@@ -77,7 +74,6 @@ class Equations:
             np.zeros(numbers),
         )
         self._kept.append(memory)
-        place = ctypes.cast(getattr(self._library, name), ctypes.c_void_p).value or 0
         return CFunction(place, *(array.ctypes.data for array in memory))
 
     def __call__(self, i: int, *values: npt.ArrayLike) -> list[Vector]:
@@ -139,6 +135,16 @@ def address(array: Vector) -> int:
     """Return where an array stands in memory, for C code; it must be contiguous and kept alive."""
     assert array.flags.c_contiguous
     return array.ctypes.data
+
+
+@functools.lru_cache(maxsize=512)
+def _entry(library: ctypes.CDLL, function: ca.Function) -> tuple[int, tuple[int, ...]]:
+    """Return where a function of a library stands, and the sizes of the memory that it needs."""
+    name = function.name()
+    sizes = [ctypes.c_longlong() for _ in range(4)]
+    getattr(library, f"{name}_work")(*(ctypes.byref(size) for size in sizes))
+    place = ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0
+    return place, tuple(max(1, size.value) for size in sizes)
 
 
 @functools.lru_cache(maxsize=128)

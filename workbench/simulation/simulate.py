@@ -15,7 +15,7 @@ from workbench.model.model import check_vector
 from workbench.model.units import in_time
 from workbench.simulation.integrators import METHODS, Method
 from workbench.simulation.stepper import Stepper
-from workbench.simulation.trajectory import Trajectory, find_violations, read_outputs
+from workbench.simulation.trajectory import Trajectory, read_outputs
 
 
 def simulate(
@@ -91,7 +91,6 @@ def simulate(
         error=error,
         form=form,
         values=p,
-        violations=find_violations(model, time, states, held, form=form, values=p),
     )
 
 

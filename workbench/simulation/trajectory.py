@@ -77,7 +77,14 @@ class Trajectory(Drawn):
     error: float
     form: Form
     values: Vector
-    violations: tuple[RangeViolation, ...] = ()
+
+    @cached_property
+    def violations(self) -> tuple[RangeViolation, ...]:
+        """Where the run left the range within which a law of the model holds.
+
+        One entry per state or published signal that left its range, empty if none did.
+        """
+        return _violations(self)
 
     @cached_property
     def signals(self) -> dict[str, Vector]:
@@ -163,27 +170,12 @@ def read_outputs(
     return _over(model.form(form), "outputs", states, inputs, values)
 
 
-def find_violations(
-    model: Model, time: Vector, states: Vector, inputs: Vector, *, form: Form, values: Vector
-) -> tuple[RangeViolation, ...]:
-    """Find where a run left the range within which a law of the model holds.
-
-    Args:
-        time: Sample times, shape (n,), in s.
-        states: States, shape (n, n_states), in SI.
-        inputs: Inputs, shape (n, n_inputs), in SI.
-        values: Parameter values, shape (n_parameters,), in SI.
-
-    Returns:
-        One entry per state or published signal that left its range, empty if none did.
-    """
-    traced = model.form(form)
-    checks = [(q.name, q.unit, q.lower, q.upper) for q in model.states]
-    columns = [*states.T]
-    if traced.ranges:
-        which = [traced.signal_names.index(r.signal) for r in traced.ranges]
-        columns += [*_over(traced, "signals", states, inputs, values).T[which]]
-        checks += [(r.signal, r.unit, r.lower, r.upper) for r in traced.ranges]
+def _violations(run: Trajectory) -> tuple[RangeViolation, ...]:
+    traced = run.model.form(run.form)
+    checks = [(q.name, q.unit, q.lower, q.upper) for q in run.model.states]
+    columns = [*run.states.T]
+    checks += [(r.signal, r.unit, r.lower, r.upper) for r in traced.ranges]
+    columns += [run.signals[r.signal] for r in traced.ranges]
     found = []
     for (name, unit, lower, upper), column in zip(checks, columns, strict=True):
         excess = np.maximum(lower - column, column - upper)
@@ -196,7 +188,7 @@ def find_violations(
                     lower,
                     upper,
                     float(column[np.argmax(excess)]),
-                    float(time[np.argmax(outside)]),
+                    float(run.time[np.argmax(outside)]),
                     float(outside.mean()),
                 )
             )

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from workbench.diagnosis.estimation.free_run import free_run
+from workbench.diagnosis.estimation.free_run import free_run, free_runs
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.errors import WorkbenchError
+from workbench.model import Input, Model, Output, State
+from workbench.model.trace import Expression, Names
 from workbench.physics.friction import viscous_friction
 from workbench.plants.servo_axis import servo_axis
 
@@ -83,3 +87,40 @@ def test_states_of_another_model_are_refused() -> None:
     )
     with pytest.raises(WorkbenchError, match="observed with 5 states"):
         free_run(servo_axis(), wrong)
+
+
+def test_pieces_run_together_as_each_does_alone() -> None:
+    axis = servo_axis()
+    values = axis.with_parameters({"mass": 80.0}).values
+    pieces = [_pushed(n, force=force) for n, force in ((40, 150.0), (7, 900.0), (150, -60.0))]
+    for piece, run in zip(pieces, free_runs(axis, pieces, values=values), strict=True):
+        alone = free_run(axis, piece, values=values)
+        assert run.finite
+        assert run.simulated.shape == piece.outputs.shape
+        # The steps of an integrator follow those before: two runs differ by its tolerance.
+        assert run.simulated == pytest.approx(alone.simulated, abs=1e-6)
+
+
+def test_a_piece_that_a_model_cannot_follow_does_not_spoil_the_others() -> None:
+    def rates(m: Names) -> tuple[dict[str, Expression], dict[str, Expression]]:
+        return {"position": m.u.force * m.x.position**2}, {"position": m.x.position}
+
+    escape = Model(
+        "escape",
+        rates,
+        states=(State("position", "m", 1.0),),
+        inputs=(Input("force", "N", 1.0),),
+        outputs=(Output("position", "m", 1.0),),
+        parameters=(),
+    )
+    # dx/dt = x^2 from 1 is infinite after 1 s.
+    start, known = np.ones(1), np.zeros(1)
+    calm, lost = (
+        replace(_pushed(n, force=force), start=start, start_rms=known)
+        for n, force in ((100, 0.0), (400, 1.0))
+    )
+    first, second, third = free_runs(escape, [calm, lost, calm])
+    assert second.failure
+    assert np.isnan(second.simulated).all()
+    for run in (first, third):
+        assert run.simulated[:, 0] == pytest.approx(1.0)

@@ -363,7 +363,9 @@ def _functions(asked: Asked, sample_time: float) -> tuple[ca.Function, ...]:
             if columns
             else ca.SX(values.numel(), 0)
         )
-        return [ca.densify((m / ca.repmat(scale, 1, m.size2())).T) for m in (by_state, by_free)]
+        return [
+            ca.densify((m * ca.repmat(1.0 / scale, 1, m.size2())).T) for m in (by_state, by_free)
+        ]
 
     reads = ca.SX(traced.outputs[list(asked.rows)])
     for k, (row, _, _) in enumerate(asked.coloured):

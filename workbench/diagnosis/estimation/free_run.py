@@ -16,6 +16,8 @@ from workbench.model import Model
 from workbench.model.model import check_vector, index_of
 from workbench.model.units import in_time
 from workbench.simulation import simulate
+from workbench.simulation.stepper import Stepper
+from workbench.simulation.trajectory import read_outputs
 
 _TOLERANCE = 1e-6
 
@@ -106,7 +108,6 @@ def free_run(
     units = tuple(model.outputs[i].unit for i in rows)
     lower, upper = [q.lower for q in model.inputs], [q.upper for q in model.inputs]
     inputs = np.clip(observed.inputs, lower, upper)
-    time = observed.sample_time * np.arange(len(inputs), dtype=np.float64)
     try:
         simulated = simulate(
             model,
@@ -119,14 +120,54 @@ def free_run(
         ).outputs[:, rows]
     except NumericalError as error:
         return failed_run(model, observed, str(error))
-    return FreeRun(observed.name, observed.used, units, time, observed.outputs, simulated)
+    return FreeRun(
+        observed.name, observed.used, units, _time(observed), observed.outputs, simulated
+    )
+
+
+def free_runs(
+    model: Model, recordings: Sequence[Observed], *, values: npt.ArrayLike | None = None
+) -> list[FreeRun]:
+    """Simulate a model along several recordings, or pieces of one, as `free_run` along each.
+
+    What the runs share is built once, which for many short pieces is most of the work.
+
+    Args:
+        recordings: Recordings with the same measurements and sample time.
+        values: Parameter values, shape (n_parameters,), in SI; the model's own by default.
+    """
+    first = recordings[0]
+    rows = [index_of("output", name, model.outputs) for name in first.used]
+    units = tuple(model.outputs[i].unit for i in rows)
+    limits = [q.lower for q in model.inputs], [q.upper for q in model.inputs]
+    stepper = Stepper(model, first.sample_time, _TOLERANCE, values=values)
+    held, states = [], []
+    for seen in recordings:
+        inputs = np.clip(seen.inputs, *limits)
+        start = _start(model, seen, inputs[0])
+        states.append(np.vstack([start, stepper.run_as_far(start, inputs[:-1])]))
+        held.append(inputs[: len(states[-1])])
+    at = np.concatenate(states), np.concatenate(held)
+    outputs = read_outputs(model, *at, values=stepper.parameters)[:, rows]
+    parts = np.split(outputs, np.cumsum([len(x) for x in states])[:-1])
+    return [
+        FreeRun(seen.name, seen.used, units, _time(seen), seen.outputs, simulated)
+        if len(simulated) == len(seen.outputs)
+        # Another method may get further.
+        else free_run(model, seen, values=values)
+        for seen, simulated in zip(recordings, parts, strict=True)
+    ]
+
+
+def _time(observed: Observed) -> Vector:
+    return observed.sample_time * np.arange(len(observed.outputs), dtype=np.float64)
 
 
 def failed_run(model: Model, observed: Observed, failure: str) -> FreeRun:
     """Return the run of a model that could not be begun, and why."""
     units = tuple(model.outputs[index_of("output", n, model.outputs)].unit for n in observed.used)
     nothing = np.full_like(observed.outputs, np.nan)
-    time = observed.sample_time * np.arange(len(nothing), dtype=np.float64)
+    time = _time(observed)
     return FreeRun(observed.name, observed.used, units, time, observed.outputs, nothing, failure)
 
 

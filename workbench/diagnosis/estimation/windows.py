@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.free_run import FreeRun, failed_run, free_run
+from workbench.diagnosis.estimation.free_run import FreeRun, failed_run, free_runs
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.process_noise import extended_start
 from workbench.diagnosis.estimation.start import fitted_start
@@ -115,7 +115,7 @@ def windowed_run(
         cut = windows(model, nominal, observed, noise_scale)
     except (NumericalError, np.linalg.LinAlgError) as error:
         return failed_run(model, observed, str(error))
-    parts = [free_run(model, part) for part in cut]
+    parts = free_runs(model, cut)
     failure = next((part.failure for part in parts if part.failure), "")
     return FreeRun(
         observed.name,

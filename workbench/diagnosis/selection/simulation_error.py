@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
 
-from workbench.diagnosis.estimation.free_run import free_run
+from workbench.diagnosis.estimation.free_run import free_runs
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior, is_guess
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
@@ -102,7 +102,7 @@ def _refitted(fit: ProcessNoiseFit, begun: Sequence[Observed], loss: str) -> Pro
 
     def errors(x: Vector) -> list[Vector]:
         values[columns] = x * scale
-        return [free_run(model, piece, values=values).error for piece in begun]
+        return [run.error for run in free_runs(model, begun, values=values)]
 
     margin = 1e-6 * np.minimum(high - low, 1.0)
     x0 = np.clip(values[columns] / scale, low + margin, high - margin)
