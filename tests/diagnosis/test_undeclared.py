@@ -9,12 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from tests.diagnosis.newcomers import oscillator
+from workbench.arrays import Vector
 from workbench.diagnosis.diagnose import diagnose
+from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.problem import problem_of_files
 from workbench.diagnosis.second_search import View
-from workbench.diagnosis.undeclared import as_coarse_as_recorded, opened
+from workbench.diagnosis.undeclared import as_coarse_as_recorded, opened, with_undeclared
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.library import LAWS, library
@@ -195,3 +198,42 @@ def test_an_error_where_the_author_opened_no_port_is_found_there(
     assert {"offset_current_command", "offset_soc_rate"} & {*verdict.findings[0].alike}
     fit = verdict.fit
     assert fit["extended"]["u"] < 1.2 * fit["noise_floor"]["u"]
+
+
+def _pushed_by_waves(name: str, seed: int, *, held: bool) -> Recording:
+    """An oscillator in waves, in plain numbers, that run straight between samples or in steps."""
+    step, rng = 0.05, np.random.default_rng(seed)
+    time = step * np.arange(600)
+    tones = zip(rng.uniform(2.0, 9.0, 6), rng.uniform(0.0, 6.0, 6), strict=True)
+    drive = np.sum([np.sin(w * time + phase) for w, phase in tones], axis=0)
+
+    def rates(t: float, x: Vector) -> list[float]:
+        now = (
+            drive[min(int(t / step + 1e-9), len(drive) - 1)] if held else np.interp(t, time, drive)
+        )
+        return [x[1], now - 30.0 * x[0] - 0.8 * x[1]]
+
+    x, position = np.zeros(2), []
+    for t in time:
+        position.append(x[0])
+        x = solve_ivp(rates, (t, t + step - 1e-9), x, rtol=1e-8, atol=1e-10).y[:, -1]
+    read = np.array(position) + 1e-3 * rng.normal(size=len(time))
+    signals = Signal("drive", drive, "N", role="command"), Signal("position", read, "m")
+    return Recording(name, time, signals)
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_what_nobody_sets_goes_straight_where_the_measurements_say_so(held: bool) -> None:
+    recording = _pushed_by_waves("a", 1, held=held)
+    wave = replace(oscillator().inputs[0], commanded=False)
+    model, notes = with_undeclared(replace(oscillator(), inputs=(wave,)), [recording])
+    assert model.traits.straight == (() if held else ("drive",))
+    assert any("goes straight" in note for note in notes) is not held
+    seen = observe(model, recording).inputs[:, 0]
+    drive = recording["drive"]
+    expected = drive if held else np.append(0.5 * (drive[:-1] + drive[1:]), drive[-1])
+    np.testing.assert_allclose(seen, expected)
+    again, _ = with_undeclared(model, [recording])
+    assert again.traits.straight == model.traits.straight
+    # What somebody sets is held.
+    assert with_undeclared(oscillator(), [recording])[0].traits.straight == ()

@@ -286,6 +286,28 @@ def test_an_accelerometer_feels_what_acts_at_a_rate(tilted: bool) -> None:
     assert seen == pytest.approx([1.5 if tilted else 3.0, 0.0, 0.0])
 
 
+def test_a_meter_of_the_flow_into_a_store_reads_what_acts_on_it() -> None:
+    def equations(m: Scope):  # type: ignore[no-untyped-def]
+        flow = (m.u.pressure - m.x.volume / m.p.compliance) / m.p.resistance
+        return {"volume": flow}, {"flow": flow, "volume": m.x.volume}
+
+    lung = Model(
+        "lung",
+        equations,
+        states=(State("volume", "m3", 5e-4),),
+        inputs=(Input("pressure", "Pa", 2e3),),
+        outputs=(Output("flow", "m3/s", 1e-3), Output("volume", "m3", 5e-4)),
+        parameters=(
+            Parameter("resistance", "Pa s/m3", value=1e6),
+            Parameter("compliance", "m3/Pa", value=4e-7),
+        ),
+    )
+    more = lung.with_effect(adds(1e-4, port="volume.rate"))
+    x, u = np.array([2e-4]), np.array([1e3])
+    assert np.subtract(more.rates(x, u), lung.rates(x, u)) == pytest.approx([1e-4])
+    assert np.subtract(more.read(x, u), lung.read(x, u)) == pytest.approx([1e-4, 0.0])
+
+
 def test_a_parameter_that_multiplies_two_things_has_no_argument() -> None:
     k, x, y = (ca.SX.sym(name) for name in "kxy")
     found = cofactor(k * x + 1.0, k)

@@ -161,6 +161,24 @@ def test_a_header_may_say_part_of_a_name(tmp_path: Path, header: str, taken: boo
     assert "outflow" not in read_recording(two, signals=driven_by(_Line()))
 
 
+class _Stack:
+    inputs = (Input("current", "A"), Input("room", "K"))
+    outputs = (Output("voltage", "V"), Output("temp", "K"))
+
+
+@pytest.mark.parametrize(
+    ("header", "taken"), [("T_stack [°C]", True), ("wall [°C]", False), ("T_ref [°C]", False)]
+)
+def test_a_header_may_begin_with_the_letter_of_its_quantity(
+    tmp_path: Path, header: str, taken: bool
+) -> None:
+    path = _file(tmp_path, "t [s]", "I [A]", "U_cell [V]", "room [°C]", header)
+    recording = read_recording(path, signals=driven_by(_Stack()))
+    assert "voltage" in recording and ("temp" in recording) is taken
+    two = _file(tmp_path, "t [s]", "I [A]", "U_cell [V]", "room [°C]", header, "T_wall [°C]")
+    assert ("temp" in read_recording(two, signals=driven_by(_Stack()))) is False
+
+
 @pytest.mark.parametrize("headers", [("q1_deg", "u_V"), ("t [s]", "q1_deg")])
 def test_what_to_write_into_a_mapping_file_is_what_such_a_file_may_hold(
     tmp_path: Path, headers: tuple[str, ...]

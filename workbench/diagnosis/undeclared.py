@@ -39,6 +39,9 @@ _CLEARLY_LESS = 0.7
 _WHITE = 1.1
 """Error of a run over what successive samples of it do not share up to which it is white."""
 
+_MOVING = 0.5
+"""Part of the samples at which an input changes that does not go in steps."""
+
 _INDEPENDENT = 1e-6
 """Part by which directions, of length 1, must differ to be more than one."""
 
@@ -84,13 +87,19 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
     plant that declares no disturbance at any port, a fraction of the signal along the recordings
     may be left out at each port that acts on a rate (`LEFT_OUT`). Inputs of which it says nothing
     go as far as they were recorded, and so do those that leave their range, unless the measurements
-    do not follow.
+    do not follow. What nobody sets, such as a wave or a wind, goes straight from sample to sample
+    where that is clearly likelier than that it is held.
     """
     model = model.sized_by(reached(model, recordings))
     told, sizes = _with_data(model, recordings)
     wider = _wider(told, recordings)
     if wider is not told:
         model = replace(model, inputs=wider.inputs)
+        told, sizes = _with_data(model, recordings)
+    straight = _straight(told, recordings)
+    if straight:
+        known = (*model.traits.straight, *straight)
+        model = replace(model, traits=replace(model.traits, straight=known))
         told, sizes = _with_data(model, recordings)
     undeclared = [q for q, own in zip(told.outputs, model.outputs, strict=True) if q != own]
     if undeclared:
@@ -118,6 +127,10 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
                 if q.name in sizes
             )
         )
+    notes += [
+        f"{name} goes straight from sample to sample; measurements follow it better so than held"
+        for name in straight
+    ]
     return told, tuple(notes)
 
 
@@ -176,14 +189,35 @@ def _wider(model: Model, recordings: Sequence[Recording]) -> Model:
     wider = replace(model, inputs=tuple(inputs))
     if wider.inputs == model.inputs:
         return model
+    return model if _clearly_likelier(model, wider, recordings) else wider
+
+
+def _straight(model: Model, recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Return inputs that nobody sets and that move from sample to sample rather than in steps."""
+    moving = tuple(
+        q.name
+        for q in model.inputs
+        if not q.commanded
+        and q.name not in model.traits.straight
+        and all(np.mean(np.diff(r[q.name]) != 0.0) > _MOVING for r in recordings if q.name in r)
+    )
+    if not moving:
+        return ()
+    known = (*model.traits.straight, *moving)
+    trial = replace(model, traits=replace(model.traits, straight=known))
+    return moving if _clearly_likelier(trial, model, recordings) else ()
+
+
+def _clearly_likelier(one: Model, other: Model, recordings: Sequence[Recording]) -> bool:
+    """Tell whether one model, refitted, foretells recordings clearly better than another."""
     costs = []
-    for trial in (model, wider):
+    for trial in (one, other):
         try:
             observed = [observe(trial, r) for r in recordings[:_FEW]]
             costs.append(fit_with_likely_starts(trial, observed, default_priors(trial))[0].cost)
         except (WorkbenchError, np.linalg.LinAlgError):
-            return wider
-    return model if costs[0] < costs[1] - SAME.value else wider
+            return False
+    return costs[0] < costs[1] - SAME.value
 
 
 def _unforetold(
@@ -231,7 +265,8 @@ def _with_data(model: Model, recordings: Sequence[Recording]) -> tuple[Model, di
             white = [white_rms(v, order=order, quantile=0.25) for v in read for order in (4, 6)]
             white += [usual_rms(v) for v in read]
             least = min((w for w in white if np.isfinite(w)), default=0.0)
-            rest, growing = growing_rms(read) if step == 0.0 else (least, 0.0)
+            # Between steps that are coarser than the noise it does not show how it grows.
+            rest, growing = growing_rms(read) if step < least else (least, 0.0)
             noise = max((rest if growing else least) ** 2 - step**2 / 12, 0.0) ** 0.5
             told = replace(q, noise_rms=noise, relative_noise_rms=growing, resolution=step)
             outputs.append(told)

@@ -491,40 +491,56 @@ def _default_rates(
 
 
 def _felt(model: Written, plain: Named, rates: Named, outputs: Named) -> Named:
-    """Let accelerometers feel what acts at the ports of the speeds' rates, as the speeds do.
+    """Let sensors of a rate read what acts at the port of that rate too.
+
+    An accelerometer feels all that acts on its mass, a flow meter before a vessel all that fills
+    it.
 
     Args:
         plain: The rates of states before they had ports, by name, in SI per second.
         rates: The same behind their ports.
     """
-    felt = [
-        (_symbolic(plain[q.name]), _symbolic(rates[q.name]))
+    moved = [
+        (rate_unit(q.unit), _symbolic(plain[q.name]), _symbolic(rates[q.name]))
         for q in model.states
-        if q.name in plain and any(same_dimension(rate_unit(q.unit), a) for a in _ACCELERATIONS)
+        if q.name in plain
     ]
-    felt = [(before, after) for before, after in felt if before.n_dep()]
+    moved = [rate for rate in moved if rate[1].n_dep()]
     units = {q.name: q.unit for q in model.outputs}
 
-    done: dict[int, ca.SX] = {}
+    def behind(value: ca.SX, felt: Sequence[tuple[ca.SX, ca.SX]]) -> ca.SX:
+        done: dict[int, ca.SX] = {}
 
-    def seen(value: ca.SX) -> ca.SX:
-        key = value.element_hash()
-        if key not in done:
-            parts = [seen(value.dep(i)) for i in range(value.n_dep())]
-            new = value
-            if parts:
-                make = ca.SX.unary if len(parts) == 1 else ca.SX.binary
-                same = (after for before, after in felt if ca.is_equal(value, before, _DEEP))
-                new = next(same, make(value.op(), *parts))
-            done[key] = new
-        return done[key]
+        def seen(value: ca.SX) -> ca.SX:
+            key = value.element_hash()
+            if key not in done:
+                parts = [seen(value.dep(i)) for i in range(value.n_dep())]
+                new = value
+                if parts:
+                    make = ca.SX.unary if len(parts) == 1 else ca.SX.binary
+                    same = (after for before, after in felt if ca.is_equal(value, before, _DEEP))
+                    new = next(same, make(value.op(), *parts))
+                done[key] = new
+            return done[key]
 
-    return {
-        name: seen(_symbolic(value))
-        if felt and any(same_dimension(units.get(name, ""), a) for a in _ACCELERATIONS)
-        else value
-        for name, value in outputs.items()
-    }
+        return seen(value)
+
+    found = dict(outputs)
+    for name, value in outputs.items():
+        # The sensor of a mass feels what acts on it through a lever too, in another unit.
+        kinds = _ACCELERATIONS if _accelerates(units.get(name, "")) else (units.get(name, ""),)
+        felt = [
+            (before, after)
+            for unit, before, after in moved
+            if any(same_dimension(unit, kind) for kind in kinds)
+        ]
+        if felt:
+            found[name] = behind(_symbolic(value), felt)
+    return found
+
+
+def _accelerates(unit: str) -> bool:
+    return any(same_dimension(unit, a) for a in _ACCELERATIONS)
 
 
 def _default_measurements(

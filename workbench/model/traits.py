@@ -83,6 +83,7 @@ class Traits:
             declares no disturbance anywhere, `LEFT_OUT` of it may be left out there.
         scales: Typical sizes of ports that declare none (`workbench.model.sizes`), in SI by name.
         opened: Whether inputs and rates have ports beside those that its author opened.
+        straight: Inputs that go straight from sample to sample of a recording; others are held.
     """
 
     sums: tuple[DriftingSum, ...] = ()
@@ -93,6 +94,7 @@ class Traits:
     sizes: tuple[tuple[str, float], ...] = ()
     scales: tuple[tuple[str, float], ...] = ()
     opened: bool = False
+    straight: tuple[str, ...] = ()
 
     def curve(self, name: str) -> ActuatorCurve:
         """Return a curve by the name of its input.

@@ -94,6 +94,17 @@ _SYMBOLS: dict[str, tuple[float, Dimensions]] = {
     "psi": (6894.757293168361, _PA),
     "atm": (101325.0, _PA),
     "mmHg": (133.322387415, _PA),
+    "inHg": (3386.389, _PA),
+    "cmH2O": (98.0665, _PA),
+    "mmH2O": (9.80665, _PA),
+    "inH2O": (249.08891, _PA),
+    **dict.fromkeys(("Torr", "torr"), (101325.0 / 760.0, _PA)),
+    "mTorr": (101.325 / 760.0, _PA),
+    # A flow of gas as meters of it count: the volume that it would have at standard conditions.
+    "sccm": (1e-6 / 60.0, _dim(m=3, s=-1)),
+    **dict.fromkeys(("slm", "slpm"), (1e-3 / 60.0, _dim(m=3, s=-1))),
+    "gpm": (3.785411784e-3 / 60.0, _dim(m=3, s=-1)),
+    "cfm": (0.028316846592 / 60.0, _dim(m=3, s=-1)),
     **dict.fromkeys(("in", "inch"), (0.0254, _dim(m=1))),
     "ft": (0.3048, _dim(m=1)),
     "nmi": (1852.0, _dim(m=1)),
@@ -115,6 +126,7 @@ _SPELLINGS = {
     **dict.fromkeys(("mins", "minute", "minutes"), "min"),
     **dict.fromkeys(("hr", "hrs", "hour", "hours"), "h"),
     "days": "d", "RPM": "rpm", "kph": "km/h", "kmh": "km/h", "lpm": "l/min", "LPM": "l/min",
+    "SCCM": "sccm", "SLM": "slm", "SLPM": "slpm", "GPM": "gpm", "CFM": "cfm", "TORR": "Torr",
     **dict.fromkeys(("Kelvin", "kelvin"), "K"), "Celsius": "degC", "Fahrenheit": "degF",
     **dict.fromkeys(("meter", "meters", "metre", "metres"), "m"),
     **dict.fromkeys(("newton", "newtons"), "N"), "pascal": "Pa", "Bar": "bar", "BAR": "bar",
@@ -128,7 +140,9 @@ _SPELLINGS = {
 """How loggers and people spell units."""
 
 _WORD = re.compile(r"[A-Za-zµΩ°%]+")
-_TOKEN = re.compile(r"\s*([()/*·]|\^[-+−]?\d+\.\d+|\^?[-+−]?\d+|[²³⁻¹]+|[A-Za-zµΩ°%]+|-)")
+_TOKEN = re.compile(
+    r"\s*([()/*·]|\^[-+−]?\d+\.\d+|\^?[-+−]?\d+|[²³⁻¹]+|(?:cm|mm|in)H2O|[A-Za-zµΩ°%]+|-)"
+)
 _SUPERSCRIPTS = str.maketrans("²³⁻¹−", "23-1-")
 _SCALES = {
     **dict.fromkeys(("degC", "°C", "celsius"), (1.0, 273.15)),

@@ -280,7 +280,8 @@ def _each_parameter(survey: Survey) -> Iterator[Fit]:
 
 
 def _each_parameter_over(survey: Survey) -> Iterator[Fit]:
-    own = [(q, places) for q, places in _entering(survey) if "." not in q.name]
+    entering = [*_entering(survey), *((q, (at,)) for at in survey.places for q in at.gains)]
+    own = [(q, places) for q, places in entering if "." not in q.name]
     for q, places in own:
         for over in survey.may_bend_over(q, places):
             yield (
@@ -415,6 +416,44 @@ def _bent(at: PortView) -> Expression:
     most = ca.fmin(change, 0.5 * own)
     saturating = own * own / (own - most + 1e-300) + 4.0 * (change - most)
     return with_subject(at, ca.if_else(at.p.one_sided > 0.5, saturating, own + change))
+
+
+def _largest_drive(at: Place) -> float:
+    over = at.signals.get("over")
+    return max(map(abs, over.seen)) if over and over.seen else 1.0
+
+
+def _resisting(survey: Survey) -> Iterator[Fit]:
+    """Yield parameters that divide or multiply what drives a flow: a resistance, a conductance."""
+    for name, sites in _each_parameter_over(survey):
+        first = sites[0][0]
+        over, q = first.signals["over"], first.parameters[0]
+        if over.multiplied and q.lower >= 0.0 and any(s[0].role in FLOWS for s in sites):
+            yield name.removesuffix(f"_over_{over.source}"), sites
+
+
+def _hindered(at: PortView) -> Expression:
+    root = ca.sqrt(1.0 + 4.0 * at.p.part * ca.fabs(at.signals.over) / at.p.largest + 1e-12)
+    own, times = ca.SX(at.subject), 0.5 * (1.0 + root)
+    conducts = ca.jacobian(ca.jacobian(ca.SX(at.value), own), own).is_zero()
+    return with_subject(at, own / times if conducts else own * times)
+
+
+# The smaller the flow the more it is laminar: r q + part r^2 / d q |q| = d at the largest drive d.
+turbulent_flow = Law(
+    "turbulent_flow",
+    "q (1 + sqrt(1 + 4 part |d| / d_largest)) / 2 = d / resistance",
+    _resisting,
+    lambda at: (
+        size("part", "1", 0.3, 100.0, "turbulent part of the resistance, over the laminar one"),
+        shape("largest", "1", _largest_drive(at), "largest drive seen", source="", fitted=False),
+    ),
+    _hindered,
+    of_parameter=True,
+    source="J. Weisbach 1845: losses of bends, valves and orifices",
+    look_alikes=("parameter_curve", "outflow_exponent"),
+    separated_by="small flows against large ones, in both directions",
+)
 
 
 # A parameter that is none: it changes with what is measured. Bl of a loudspeaker with the excursion

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from workbench.model import PortView
 from workbench.model.regularisation import Expression
 from workbench.physics.law import (
+    Fit,
     Law,
     Own,
     at_inputs_too,
@@ -22,7 +23,7 @@ from workbench.physics.law import (
     size,
     together,
 )
-from workbench.physics.place import EFFORTS, Place
+from workbench.physics.place import EFFORTS, Local, Place, Survey, per
 
 
 def _amount(typical: float, largest: float) -> Callable[[Place], tuple[Own, ...]]:
@@ -202,4 +203,40 @@ sensor_bend = replace(
     group="sensor",
     source="characteristic of a sensor, to second order",
     look_alikes=("sensor_gain", "sensor_clipping"),
+)
+
+
+def _beside_an_input(survey: Survey) -> Iterator[Fit]:
+    read = {q.name for q in survey.model.outputs}
+    causes = [survey.input(q.name) for q in survey.model.inputs if q.name not in read]
+    for place in survey.fitting("measurement"):
+        if place.output is None:
+            continue
+        for cause in causes:
+            site = replace(place, signals={**place.signals, "cause": cause})
+            yield f"_{place.output.name}_{cause.source}", ((site,),)
+
+
+def _coupled(at: Place) -> tuple[Own, ...]:
+    cause = at.signals.get("cause", Local("cause", "1"))
+    typical = sensor_error(at) * at.scale / cause.scale
+    return (
+        size("gain", per(at.unit, cause.unit), typical, 100.0 * typical,
+             "what the sensor reads of the other signal", signed=True),
+        shape("zero", cause.unit, cause.start, "value of the other signal that it does not read",
+              around=None, source="", fitted=False),
+    )  # fmt: skip
+
+
+# A thermometer in the sun, a strain gauge beside a hot pipe, a leak that a meter counts.
+sensor_cross_talk = Law(
+    "sensor_cross_talk",
+    "y = u + gain (cause - zero)",
+    _beside_an_input,
+    _coupled,
+    lambda at: at.value + at.p.gain * (at.signals.cause - at.p.zero),
+    group="sensor",
+    source="cross-sensitivity of a sensor, a leak before a meter",
+    look_alikes=("sensor_gain", "sensor_offset", "slow_response"),
+    separated_by="change that input alone, where what is measured stays",
 )

@@ -178,8 +178,8 @@ class Place:
         signals: The signals that a law may use, by the name that laws give them: the port's own,
             ``speed`` and ``coordinate`` of what an effort drives, positive where more of the
             signal raises the speed, ``level`` of what a flow fills, ``head`` of what it empties,
-            ``bearing_load_1``... of what loads a contact, ``contraction`` and ``gauge_pressure``
-            of a muscle, ``measured`` of what a sensor reads.
+            ``back`` of what it fills from there, ``bearing_load_1``... of what loads a contact,
+            ``contraction`` and ``gauge_pressure`` of a muscle, ``measured`` of what a sensor reads.
         driven: Whether an input of the model reaches the signal at once.
         commanded: Whether it follows from inputs alone.
         shared: Whether it is a command that sets several bodies in motion at once.
@@ -191,7 +191,9 @@ class Place:
         fills: 1 if more of it fills that store, -1 if it empties it; dimensionless.
         directed: Whether it is known which way the signal counts beside the speed.
         shaped: Whether contraction and pressure of a muscle enter the signal as they stand.
-        parameters: Refitted parameters that enter the equations through this port alone.
+        parameters: Refitted parameters that enter the equations through this port alone, and are
+            more than a gain of what is driven.
+        gains: Those that are such a gain.
         others: The further ports on which the same effect acts.
         horizon: Time in which the response of the model shows, in s.
         duration: Length of the recordings, in s; 0 if it is not known.
@@ -217,6 +219,7 @@ class Place:
     directed: bool = True
     shaped: bool = False
     parameters: tuple[Parameter, ...] = ()
+    gains: tuple[Parameter, ...] = ()
     output: Output | None = None
     others: tuple[Place, ...] = ()
     horizon: float = 1.0
@@ -350,6 +353,10 @@ class Survey:
         level = self._of(place.store)
         return replace(place, signals={**place.signals, "level": level})
 
+    def input(self, name: str) -> Local:
+        """Return an input as a law sees it."""
+        return self._of(name)
+
     def causes(self, place: Place) -> tuple[Local, ...]:
         """Return the inputs that enter the signal of a place at once."""
         entered = self._entered[self._port_index[place.name]]
@@ -418,6 +425,9 @@ class Survey:
                 signals["level"] = self._of(stores[0].name)
             if head := self._emptied(index):
                 signals["head"] = self._of(head)
+                filled = [q for q in self._moved[index] if self._fills(q, index)]
+                if len(filled) == 1 and len(self._moved[index]) == 2:
+                    signals["back"] = self._of(filled[0].name)
         if output is not None and output.name in self._measured:
             signals.setdefault("measured", self._of(self._measured[output.name]))
         alone, fills = self._alone(index) if role in FLOWS else ("", 1.0)
@@ -428,7 +438,8 @@ class Survey:
                 e.dry and name in e.ports and e.name not in self._found for e in self.model.effects
             ),
             empty=self._port_value(index).is_zero(),
-            parameters=self._entering[index],
+            parameters=tuple(q for q in self._entering[index] if not self._is_gain(q, index)),
+            gains=tuple(q for q in self._entering[index] if self._is_gain(q, index)),
             whole=self._whole(index), elastic=(shared or role in EFFORTS) and elastic,
             directed=directed, output=output, horizon=self.model.horizon, duration=self.duration,
             sample_time=self.sample_time, period=self.period, seen=self.ranges.get(name),
@@ -790,14 +801,18 @@ class Survey:
                 slope = ca.jacobian(self._port_value(i), t.p[k])
                 if slope.is_zero() or not _same(self._sampled(self._by_port[:, i] * slope), whole):
                     continue
-                # A mere gain of what is driven has laws of its own.
                 part = self._sampled(slope * t.p[k])
-                if np.nanmax(np.abs(part)) < _VISIBLE * t.ports[i].scale:
-                    break
-                if not (any(self._entered[i]) and _same(part, self._sampled(self._port_value(i)))):
+                if np.nanmax(np.abs(part)) >= _VISIBLE * t.ports[i].scale:
                     found[i].append(q)
                 break
         return tuple(tuple(each) for each in found)
+
+    def _is_gain(self, q: Parameter, index: int) -> bool:
+        """Tell whether a parameter is a mere gain of what is driven, which has laws of its own."""
+        t = self.trace
+        k = [p.name for p in self.model.parameters].index(q.name)
+        part = self._sampled(ca.jacobian(self._port_value(index), t.p[k]) * t.p[k])
+        return any(self._entered[index]) and _same(part, self._sampled(self._port_value(index)))
 
     def _own(self, index: int) -> dict[str, ca.SX]:
         port, values = self.trace.ports[index], self.trace.local_signals[index]
@@ -956,6 +971,11 @@ class Survey:
             moved if all(at[self._state_index[q.name], j] > 0 for q in moved) else ()
             for j, moved in enumerate(self._moved)
         )
+
+    def _fills(self, state: State, index: int) -> bool:
+        """Tell whether more of the signal at a port raises a state."""
+        names = [q.name for q in self.model.states]
+        return bool(self._pushed[names.index(state.name), index] > 0.0)
 
     def _emptied(self, index: int) -> str:
         """Return the level that drives a flow and falls with it; empty if there is none."""

@@ -74,6 +74,13 @@ heat_loss = Law(
 )
 
 
+def _zero(level: Local) -> Own:
+    """State the absolute temperature at zero of the scale: one in degC begins near zero."""
+    return shape("zero", level.unit, _ZERO if abs(level.start) < 0.5 * _ZERO else 0.0,
+                 "absolute temperature at zero of the scale", around=None, scale=_ZERO,
+                 fitted=False)  # fmt: skip
+
+
 def _radiated(at: PortView) -> Expression:
     around = at.p.ambient + at.p.zero
     warm, cool = (at.signals.level + at.p.zero) / around, 1.0
@@ -88,14 +95,51 @@ radiation = Law(
     lambda at: (
         _conductance(at, "heat radiated over a small difference"),
         _around(at),
-        shape("zero", at.level.unit, _ZERO if abs(at.level.start) < 0.5 * _ZERO else 0.0,
-              "absolute temperature at zero of the scale", around=None, scale=_ZERO, fitted=False),
+        _zero(at.level),
         sense(at),
     ),
     _radiated,
     source="J. Stefan 1879, L. Boltzmann 1884",
     look_alikes=("heat_loss", "second_store"),
     separated_by="hold two temperatures far apart: the loss grows faster than the difference",
+)  # fmt: skip
+
+
+def _head(at: Place) -> Local:
+    """Return the temperature that a flow of heat lowers."""
+    return at.signals.get("head", Local("head", "K"))
+
+
+def _usual(at: Place) -> float:
+    """Return the absolute temperature between the two that exchange heat, in K."""
+    head, back = _head(at), at.signals.get("back", _head(at))
+    seen = [0.5 * sum(q.seen) if q.seen else q.start for q in (head, back)]
+    return 0.5 * sum(seen) + _zero(head).value or _ZERO
+
+
+def _shone(at: PortView) -> Expression:
+    warm, cool = ((t + at.p.zero) / at.p.usual for t in (at.signals.head, at.signals.back))
+    return at.value + at.p.conductance * at.p.usual * (warm**4 - cool**4) / 4.0
+
+
+radiant_exchange = Law(
+    "radiant_exchange",
+    "Q = Q + conductance T_u / 4 [(T_1 / T_u)^4 - (T_2 / T_u)^4]",
+    each(
+        "heat", "flow", needs=("head", "back"), label=lambda at: at.port.group,
+        only=lambda at: same_dimension(_head(at).unit, "K"),
+    ),
+    lambda at: (
+        size("conductance", per(at.unit, "K"), 0.1 * at.scale / _head(at).scale,
+             100.0 * at.scale / _head(at).scale,
+             "heat radiated over a small difference at the usual temperature"),
+        shape("usual", "K", _usual(at), "usual absolute temperature", source="", fitted=False),
+        _zero(_head(at)),
+    ),
+    _shone,
+    source="J. Stefan 1879, L. Boltzmann 1884; a heater and what it heats, a wall and a load",
+    look_alikes=("radiation", "outflow_exponent", "parameter_curve"),
+    separated_by="the same difference of temperatures at two levels far apart",
 )  # fmt: skip
 
 
@@ -331,21 +375,32 @@ def _of_head(at: Place) -> Own:
     return shape("level_scale", head.unit, typical, "typical level", source="", fitted=False)
 
 
+def _of_drop(at: Place) -> Own:
+    """Return the typical level that drives a flow, or difference of two levels."""
+    own = _of_head(at)
+    return replace(own, value=0.1 * own.value) if "back" in at.signals else own
+
+
 def _steeper(at: PortView) -> Expression:
-    level = at.form.ramp(at.signals.head, 1e-3 * at.p.level_scale) / at.p.level_scale
-    return at.value * ca.exp(at.p.exponent * ca.log(level + 1e-3))
+    width = 1e-3 * at.p.level_scale
+    if "back" in at.signals:
+        level = at.form.absolute(at.signals.head - at.signals.back, width)
+    else:
+        level = at.form.ramp(at.signals.head, width)
+    return at.value * ca.exp(at.p.exponent * ca.log(level / at.p.level_scale + 1e-3))
 
 
 outflow_exponent = Law(
     "outflow_exponent",
-    "flow = flow (level / level_scale)^exponent",
+    "flow = flow (level / level_scale)^exponent; between two stores the difference of levels",
     each("flow", needs=("head",)),
     lambda at: (
         size("exponent", "1", 0.1, 2.0, "exponent beyond that of the model", signed=True),
-        _of_head(at),
+        _of_drop(at),
     ),
     _steeper,
-    source="discharge of pipes, between H. Darcy 1857 (1/2) and G. Hagen 1839 (1)",
+    source="discharge of pipes, between H. Darcy 1857 (1/2) and G. Hagen 1839 (1); heat carried by"
+    " free convection (5/4)",
     look_alikes=("outlet_head", "linear_outflow", "orifice_outflow"),
     separated_by="let the store run empty from the top and note the level over time",
 )

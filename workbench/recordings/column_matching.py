@@ -26,6 +26,12 @@ _SYNONYMS = (
 _COMMANDS = {
     "command", "cmd", "valve", "u", "control", "vir", "pump", "pwm", "duty", "ventil", "pulses",
 }  # fmt: skip
+_LETTERS = (
+    ("K", "T"), ("Pa", "pP"), ("V", "UV"), ("A", "I"), ("N", "F"), ("m3/s", "Q"), ("kg/s", "m"),
+    ("W", "P"), ("N m", "MT"), ("rad/s", "nw"),
+)  # fmt: skip
+"""Letters that stand for what is measured in a unit."""
+
 _REFERENCES = {
     "reference", "ref", "setpoint", "goal", "target", "desired", "demand", "soll", "qg", "sp",
 }  # fmt: skip
@@ -155,6 +161,13 @@ def _shortened(requested: Requested, header: Header) -> bool:
     return len(plain) > 3 and plain in _plain(requested.name)
 
 
+def _lettered(header: Header) -> bool:
+    """Tell whether a header begins with the letter of what it measures, as ``T_stack`` does."""
+    first, *rest = re.split(r"[\W_]+", header.name)
+    letters = next((s for unit, s in _LETTERS if same_dimension(unit, header.unit)), "")
+    return bool(rest) and first in set(letters) and not _words(header.name) & _REFERENCES
+
+
 def _units_agree(requested: Requested, header: Header) -> bool:
     return not requested.unit or not header.unit or same_dimension(requested.unit, header.unit)
 
@@ -250,7 +263,9 @@ def match_requested(
         # Where other sensors are found, a unit alone is no reason to take one more for this one.
         beside = signal.optional and any(w.optional and w.name in found for w in requested)
         sure = len(left) == len(rivals) == 1
-        if sure and (not beside or _shortened(signal, headers[left[0]])):
+        if sure and (
+            not beside or _shortened(signal, headers[left[0]]) or _lettered(headers[left[0]])
+        ):
             found[signal.name] = (left[0], "unit")
             used.add(left[0])
     for signal in requested:

@@ -103,3 +103,15 @@ def test_noise_that_does_not_grow_and_motion_are_not_taken_for_it() -> None:
     assert growing_rms([square])[1] == 0.0
     growing = np.exp(0.3 * t) * (1.0 + 0.03 * rng.normal(size=2000))
     assert growing_rms([growing])[1] == pytest.approx(0.03, rel=0.1)
+
+
+@pytest.mark.parametrize("step", [0.5, 50.0])
+def test_noise_grows_also_where_a_logger_rounds_it(step: float) -> None:
+    recording = _counted("fit", 1)
+    rounded = tuple(
+        replace(s, values=step * np.round(s.values / step)) if s.name == "cells" else s
+        for s in recording.signals
+    )
+    model, _ = with_undeclared(culture(), [Recording("fit", recording.time, rounded)])
+    assert model.outputs[0].resolution == pytest.approx(step)
+    assert model.outputs[0].relative_noise_rms == pytest.approx(0.02, rel=0.2)

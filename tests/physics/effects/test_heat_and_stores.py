@@ -9,7 +9,7 @@ import pytest
 
 from workbench.evaluation.foreign.newcomer import ROOM, circuit, crane, drive, tank
 from workbench.evaluation.machines.plants import muscle
-from workbench.model import Input, Model, Output, Scope, State
+from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.library import Hypothesis, library
 
@@ -213,3 +213,44 @@ def test_what_is_around_a_lossy_store_is_refitted() -> None:
     around = next(q for q in offered(reactor(), "heat_loss_jacket").effect.parameters[1:])
     assert around.name == "ambient" and around.fitted
     assert around.lower == pytest.approx(140.0) and around.upper == pytest.approx(540.0)
+
+
+def kiln() -> Model:
+    """A heater and what it heats, as a newcomer writes them: no port is declared."""
+
+    def equations(m: Scope) -> Equations:
+        given = m.p.exchange * (m.x.heater - m.x.load)
+        rates = {"heater": (m.u.power - given) / m.p.c_heater, "load": given / m.p.c_load}
+        return rates, {"load": m.x.load}
+
+    return Model(
+        "kiln",
+        equations,
+        states=(State("heater", "K", 500.0), State("load", "K", 500.0)),
+        inputs=(Input("power", "W", 1e3),),
+        outputs=(Output("load", "K", 500.0),),
+        parameters=(
+            Parameter("exchange", "W/K", value=20.0, lower=2.0, upper=200.0, fitted=True),
+            Parameter("c_heater", "J/K", value=2000.0),
+            Parameter("c_load", "J/K", value=20000.0),
+        ),
+    )
+
+
+def test_two_bodies_radiate_to_one_another_by_the_fourth_power() -> None:
+    area, sigma, usual = 0.12, 5.670374e-8, 800.0
+    law = offered(kiln(), "radiant_exchange_heater_load")
+    per_heater = 4.0 * area * sigma * usual**3 / 2000.0
+    hot = kiln().with_effect(law.at_size(per_heater, {"usual": usual, "zero": 0.0}))
+    for heater, load in ((1200.0, 900.0), (700.0, 900.0)):
+        more = hot.rates([heater, load], [0.0]) - kiln().rates([heater, load], [0.0])
+        passed = area * sigma * (heater**4 - load**4)
+        assert more == pytest.approx([-passed / 2000.0, passed / 20000.0])
+
+
+def test_the_exponent_between_two_stores_is_that_of_their_difference() -> None:
+    law = offered(kiln(), "outflow_exponent")
+    model = kiln().with_effect(law.at_size(0.25, {"level_scale": 10.0}))
+    given = [model.rates([500.0 + d, 500.0], [0.0])[1] for d in (20.0, 40.0, -40.0)]
+    assert np.log2(given[1] / given[0]) == pytest.approx(1.25, abs=1e-3)
+    assert given[2] == pytest.approx(-given[1])

@@ -10,10 +10,13 @@ from scipy.integrate import solve_ivp
 
 from tests.diagnosis.newcomers import oscillator
 from tests.physics.effects.bench import bench, read, response, run, triangle
+from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.trace import Equations
 from workbench.physics.delay import delay, sensor_delay, sensor_lag
 from workbench.physics.drift import sensor_drift, sensor_fade
 from workbench.physics.library import library
 from workbench.physics.offset_gain import asymmetric_gain, gain, offset
+from workbench.physics.place import argument_of
 from workbench.physics.play import command_play, play, spool_hysteresis
 from workbench.physics.saturation import (
     dead_band,
@@ -281,3 +284,47 @@ def test_what_is_wrong_with_an_input_leaves_the_spring_beside_it_alone(
             (0.0, step), x, rtol=1e-8, atol=1e-10,
         ).y[:, -1]  # fmt: skip
     assert run.outputs[:, 0] == pytest.approx(np.array(read), abs=0.02 * np.ptp(read))
+
+
+def breathing(part: str) -> Model:
+    """A lung on a ventilator; what passes is over a resistance or times a conductance."""
+
+    def equations(m: Scope) -> Equations:
+        drive = m.u.pressure - m.x.volume / m.p.compliance
+        flow = drive / m.p.resistance if part == "resistance" else drive * m.p.conductance
+        return {"volume": flow}, {"flow": flow, "volume": m.x.volume}
+
+    own = {"resistance": ("Pa s/m3", 2e6), "conductance": ("m3/(s Pa)", 5e-7)}
+    unit, value = own[part]
+    return Model(
+        "lung",
+        equations,
+        states=(State("volume", "m3", 5e-4),),
+        inputs=(Input("pressure", "Pa", 2e3),),
+        outputs=(Output("flow", "m3/s", 1e-3), Output("volume", "m3", 5e-4)),
+        parameters=(
+            Parameter(part, unit, value=value, lower=0.1 * value, upper=10.0 * value, fitted=True),
+            Parameter("compliance", "m3/Pa", value=4e-7),
+        ),
+    )
+
+
+@pytest.mark.parametrize("part", ["resistance", "conductance"])
+def test_a_turbulent_flow_loses_pressure_with_its_square(part: str) -> None:
+    model, quadratic = breathing(part), 6e8
+    ranges = {argument_of(part): (-1e3, 2e3)}
+    law = next(h for h in library(model, ranges=ranges) if h.name == f"turbulent_flow_{part}")
+    turbulent = model.with_effect(law.at_size(quadratic * 2e3 / 2e6**2, {"largest": 2e3}))
+    for volume, pressure in ((0.0, 2e3), (4e-4, 3e2), (2e-4, 5e2)):
+        drive = pressure - volume / 4e-7
+        (flow,) = turbulent.rates([volume], [pressure])
+        assert 2e6 * flow + quadratic * flow * abs(flow) == pytest.approx(drive, abs=1e-3)
+        assert turbulent.read([volume], [pressure])[0] == pytest.approx(flow)
+
+
+def test_a_sensor_reads_something_of_an_input() -> None:
+    model = breathing("resistance")
+    law = next(h for h in library(model) if h.name == "sensor_cross_talk_volume_pressure")
+    heard = model.with_effect(law.at_size(1e-9))
+    assert heard.read([3e-4], [2e3])[1] == pytest.approx(3e-4 + 2e-6)
+    assert heard.rates([3e-4], [2e3]) == pytest.approx(model.rates([3e-4], [2e3]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -27,11 +28,12 @@ def made_up(
 ) -> Observed:
     """Simulate a recording as `made_up_recording` does, and observe it.
 
-    It is returned as `observe` returns it for the model with its own values. Inputs, sample time
+    It is returned as `observe` returns it for the model with its own values, every input held
+    between samples. Inputs, sample time
     and values are in SI.
     """
     return observe(
-        model,
+        replace(model, traits=replace(model.traits, straight=())),
         made_up_recording(
             model, inputs, sample_time=sample_time, values=values, seed=seed, name=name
         ),

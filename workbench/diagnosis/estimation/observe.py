@@ -29,7 +29,8 @@ many samples at least, for a machine that is recorded slowly is as good as at re
 def observe(model: Model, recording: Recording) -> Observed:
     """Bring a recording into the shape that the filter of a model needs.
 
-    Inputs are clipped to their ranges. Noise follows from the sensors' data; states that the first
+    Inputs are clipped to their ranges; what goes straight from sample to sample has its mean
+    between the two. Noise follows from the sensors' data; states that the first
     measurements determine start there, the others where the model starts.
 
     Raises:
@@ -65,6 +66,9 @@ def observe(model: Model, recording: Recording) -> Observed:
         read[~recording.valid(quantity.name), column] = np.nan
     inputs = recording.matrix([q.name for q in model.inputs])
     inputs = np.clip(inputs, [q.lower for q in model.inputs], [q.upper for q in model.inputs])
+    for name in model.traits.straight:
+        column = [q.name for q in model.inputs].index(name)
+        inputs[:-1, column] = 0.5 * (inputs[:-1, column] + inputs[1:, column])
     start, start_rms = _start(model, inputs[0], read, [q.name for q in outputs], noise)
     return Observed(
         recording.name,

@@ -250,11 +250,14 @@ def _revealing(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> Advice:
         diagnosis.nominal.size_text(SEEN * std, best.entry.unit, best.entry.ports)
         for std in (best.then, best.now)
     )
+    # An input that never changes sign shows nothing of what happens below zero.
+    blind = SEEN * best.now > best.entry.largest_size
+    shown = "cannot show it" if blind else f"show it from {before} on"
     said = {
         "experiment": best.experiment.text,
         "separation_sigma": None,
         "sentence": f"{_capital(best.experiment.text)} would show {_plain(best.entry.name)} of"
-        f" {least} or more; these recordings could have shown {before} at best.",
+        f" {least} or more; these recordings {shown}.",
     }
     playable = [sight for sight in found if not sight.experiment.settings]
     plan = max(playable, key=lambda sight: sight.now / sight.then, default=None)

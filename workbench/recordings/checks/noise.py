@@ -123,7 +123,7 @@ def growing_rms(parts: Sequence[npt.ArrayLike]) -> tuple[float, float]:
     blocks = np.concatenate([a[: len(a) // _SMALL * _SMALL].reshape(-1, _SMALL) for a in arrays])
     v = np.array([usual_rms(block) ** 2 for block in blocks])
     m = np.mean(blocks**2, axis=1)
-    told = np.isfinite(v) & np.isfinite(m) & (m > 0.0)
+    told = np.isfinite(v) & (v > 0.0) & np.isfinite(m) & (m > 0.0)
     blocks, v, m = blocks[told], v[told], m[told]
     if len(v) < _MANY or np.quantile(m, 0.9) < 10.0 * np.quantile(m, 0.1):
         return math.nan, 0.0
