@@ -148,7 +148,8 @@ def least_gain(M: Any) -> Vector:
         product = 2.0 * np.abs(M[..., 0, 0] * M[..., 1, 1] - M[..., 0, 1] * M[..., 1, 0])
         return np.asarray(np.sqrt(0.5 * (total + np.sqrt(np.maximum(total**2 - product**2, 0.0)))))
     scaled = M * np.sqrt(w[..., :, None] / w[..., None, :])
-    return np.asarray(np.linalg.norm(scaled, ord=2, axis=(-2, -1)))
+    squares = scaled.conj().swapaxes(-1, -2) @ scaled
+    return np.asarray(np.sqrt(np.linalg.eigvalsh(squares)[..., -1]))
 
 
 class LoopMatrices(NamedTuple):

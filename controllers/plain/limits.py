@@ -63,6 +63,9 @@ ANGLE = np.geomspace(1e-6, 0.98 * np.pi, 300)
 """Frequencies at which a loop is judged, in rad per sample."""
 
 
+NEARLY = 1.05
+"""Largest ratio to a limit, or to the least that is to be had, of what is as good."""
+
 AT_A_TIME = 64
 """Loops whose responses are computed together."""
 
@@ -105,28 +108,30 @@ class LoopLimits:
         half = np.where(half < math.inf, half, loop.command_scale)
         self.noise = want.loop_noise(loop) / half[:, None]
 
-    def judge(self, laws: LinearLaw) -> Judged:
+    def judge(self, laws: LinearLaw, most: float = math.inf) -> Judged:
         """Tell the peaks of loops of laws around rest, whose first inputs are the measurements.
 
-        Where some hold the limits, those that a few frequencies show not to are told as unstable.
+        Those that exceed a limit, and that by more than others or by more than a ratio, are told
+        as unstable: a few frequencies show that of many.
         """
-        if (count := len(laws.F)) == 1:
-            return self._judged(laws)
         rough = self._ratio(*self._peaks(laws, slice(None, None, 8))[:3])
-        near = np.flatnonzero(rough <= 1.05)
-        if 0 < len(near) < count:
-            found = self._judged(chosen(laws, near))
-            if found.excess.min() <= 1.0:
-                told = np.full((3, count), math.inf)
-                told[:, near] = found
-                return Judged(*told)
-        return self._judged(laws)
-
-    def _judged(self, laws: LinearLaw) -> Judged:
-        ms, mt, beyond, stirred, stable = self._peaks(laws, slice(None))
-        stable &= self.stable(laws)
-        excess = np.maximum(self._ratio(ms, mt, beyond), stirred / self.want.quiet)
-        return Judged(ms, mt, np.where(stable, excess, math.inf))
+        order, told, least = (
+            np.argsort(rough, kind="stable"),
+            np.full((3, len(rough)), math.inf),
+            most,
+        )
+        for first in range(0, len(order), AT_A_TIME):
+            part = order[first : first + AT_A_TIME]
+            part = part[rough[part] <= NEARLY * max(1.0, least)]
+            *peaks, stirred, stable = self._peaks(chosen(laws, part), slice(None))
+            excess = np.maximum(self._ratio(*peaks), stirred / self.want.quiet)
+            near = np.flatnonzero(stable & (excess <= NEARLY * max(1.0, least)))
+            near = near[self.stable(chosen(laws, part[near]))]
+            told[:, part[near]] = peaks[0][near], peaks[1][near], excess[near]
+            least = min(least, excess[near].min(initial=math.inf))
+            if len(part) < AT_A_TIME:
+                break
+        return Judged(*told)
 
     def stable(self, laws: LinearLaw) -> npt.NDArray[np.bool_]:
         """Tell which loops are stable without a delay, with the lag and without."""
@@ -198,7 +203,7 @@ class LoopLimits:
                 f" has Ms {judged.sensitivity[k]:.3g} and Mt {judged.complementary[k]:.3g}: allow"
                 " larger peaks, tolerate less, or let noise move the command more (quiet)"
             )
-        return np.flatnonzero(judged.excess <= max(1.0, 1.05 * least)).tolist()
+        return np.flatnonzero(judged.excess <= max(1.0, NEARLY * least)).tolist()
 
     def steps(self, laws: LinearLaw) -> tuple[Vector, Matrix, Matrix]:
         """Return the outputs of linear loops after unit steps.
@@ -550,22 +555,37 @@ def _turned_together(
     """Return the same of loops of several outputs or commands, all turned together."""
     one, two = (np.eye(k) for k in P.shape[1:])
     late = np.minimum(late, 2.0 * np.pi)
-    s, t = np.zeros((2, *K.shape[:2]))
-    moved = np.zeros(K.shape[:3])
-    for share in np.linspace(0.0, 1.0, 1 + math.ceil(float(late.max()) / TURN)):
-        turned = np.exp(-1j * share * late)[:, None, None] * P
-        S = np.linalg.inv(one + turned @ K)
-        KS = K @ S
-        T = KS @ turned
-        s = np.maximum(s, np.maximum(least_gain(S), least_gain(two - T)))
-        t = np.maximum(t, np.maximum(least_gain(one - S), least_gain(T)))
-        moved = np.maximum(moved, np.sum((np.abs(KS) * noise) ** 2, axis=3))
+    shares = np.linspace(0.0, 1.0, 1 + math.ceil(float(late.max()) / TURN))
+    # Between the ends of what is turned, only where that is something.
+    tried = (late[:, None] > HARDLY) | (shares == 0.0) | (shares == 1.0)
+    z, own = np.nonzero(tried)
+    if len(shares) > 1:
+        P, K = np.exp(-1j * late[z] * shares[own])[:, None, None] * P[z], K[:, z]
+    S = _inverse(one + P @ K)
+    KS = K @ S
+    T = KS @ P
+    s = np.maximum(least_gain(S), least_gain(two - T))
+    t = np.maximum(least_gain(one - S), least_gain(T))
+    moved = np.sum((np.abs(KS) * noise) ** 2, axis=3)
+    if len(shares) > 1:
+        first = np.searchsorted(z, np.arange(len(late)))
+        s, t, moved = (np.maximum.reduceat(part, first, axis=1) for part in (s, t, moved))
     # A loop that some angle makes unstable comes near to it on the way.
-    return s, t, moved, s.max(axis=1) > NEAR
+    return s, t, moved, s.max(axis=1, initial=0.0) > NEAR
 
 
-TURN = 0.4
-"""Largest step between angles by which a loop of several outputs is turned, in rad."""
+def _inverse(M: Complex) -> Complex:
+    """Return the inverses of matrices, shape (..., k, k); of those of two rows by Cramer's rule."""
+    if M.shape[-1] != 2:
+        return np.asarray(np.linalg.inv(M))
+    (a, b), (c, d) = np.moveaxis(M, (-2, -1), (0, 1))
+    found = np.array([[d, -b], [-c, a]]) / (a * d - b * c)
+    return np.moveaxis(found, (0, 1), (-2, -1))
+
+
+TURN, HARDLY = 0.4, 0.02
+"""Largest step between angles by which a loop of several outputs is turned, and largest angle that
+is none, in rad."""
 
 NEAR = 20.0
 """Sensitivity of a loop, a ratio, that a delay between two angles may make unstable."""

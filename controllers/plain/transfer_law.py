@@ -575,11 +575,13 @@ def _begun_by(limits: LoopLimits, want: PlainPIDSpecification, mix: Matrix) -> _
         errors = cost(found, found.errors.min(axis=0, initial=math.inf), want.overshoot)
         order, parts = np.argsort(errors), [Judged(*np.zeros((3, 0)))]
         for k in range(0, len(order), AT_ONCE):
-            parts.append(limits.judge(_around_rest(tries[order[k : k + AT_ONCE]], mix, h)))
+            parts.append(limits.judge(_around_rest(tries[order[k : k + AT_ONCE]], mix, h), 1.0))
             if parts[-1].excess.min() <= 1.0:
                 break
         tries, speed = tries[order], speed[order]
         judged = Judged(*(np.concatenate(own) for own in zip(*parts, strict=True)))
+        if judged.excess.min(initial=math.inf) > 1.0:
+            judged = limits.judge(_around_rest(tries, mix, h))
         held = limits.held(judged, "a PID of each output")
     weights, found = _weighed(limits, tries[held], mix)
     least = found.errors.min(axis=0)
@@ -622,11 +624,13 @@ def _alone(
     parts, fastest, count = [Judged(*np.zeros((3, 0)))], 0.0, 0
     while count < len(speed) and speed[count] >= slowest * fastest:
         own = slice(count, count + ALONE_AT_ONCE)
-        found = limits.judge(_around_rest(tries[own], mix, want.sample_time))
+        found = limits.judge(_around_rest(tries[own], mix, want.sample_time), 1.0)
         fastest = max(fastest, speed[own][found.excess <= 1.0].max(initial=0.0))
         parts.append(found)
         count += len(found.excess)
     judged = Judged(*(np.concatenate(own) for own in zip(*parts, strict=True)))
+    if not fastest:
+        judged = limits.judge(_around_rest(tries, mix, want.sample_time))
     return tries[:count], speed[:count], judged
 
 
