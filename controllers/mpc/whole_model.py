@@ -217,32 +217,22 @@ class LinearMPC(ValveController):
         arithmetic: Arithmetic,
         rest: Measurement,
     ) -> tuple[tuple[Number, ...], MPCState]:
-        """Return commands and next state on symbols where no constraint is active."""
-        p, o, count = self.prediction, self.observer, len(self.controlled)
-        residual = ca.vcat(measurement) - o.rest - o.C @ state.predicted
-        estimate = state.predicted + o.M @ residual
-        now, at_rest, m = ca.vcat(reference[:count]), ca.DM(o.rest[:count]), len(self.rest_opening)
-        if self.preview:
-            filtered = target = now
-            coming = ca.reshape(ca.vcat(reference), count, 1 + self.preview).T
-            path = ca.vec(coming[list(p.preview_index), :]) - ca.kron(
-                at_rest, ca.DM.ones(p.samples)
-            )
-        else:
-            fresh = ca.DM(self.reference_speed) * self.sample_time
-            filtered, target = lagged(state.filtered, state.target, now, fresh)
-            each = (ca.vertsplit(part) for part in (now, filtered, target))
-            lags = [ca.vertcat(*own) for own in zip(*each, strict=True)]
-            ahead = [own @ lag for own, lag in zip(self.path, lags, strict=True)]
-            path = ca.vcat(ahead) - ca.kron(at_rest, ca.DM.ones(p.samples))
-        before = state.opening - self.rest_opening
-        gradient = p.g_estimate @ estimate + p.g_reference @ path + p.g_before @ before
-        move = -np.linalg.inv(p.H)[:m] @ gradient
-        predicted = o.F @ estimate + o.G @ move
-        opening = move + self.rest_opening
-        following = MPCState(predicted, opening, filtered, target, now if self.pace else None)
-        commands = zip(self.curves, ca.vertsplit(opening), strict=True)
-        return tuple(curve.tangent(part) for curve, part in commands), following
+        """Return commands and next state on symbols where no constraint is active.
+
+        What is previewed changes nothing of how they follow measurements.
+        """
+        F, G, H, J = self.around_rest()
+        count, o = len(self.controlled), self.observer
+        followed, opening = o.rest[:count], np.asarray(self.rest_opening)
+        at_rest = np.concatenate([np.zeros(len(o.F)), opening, followed, followed])
+        entered = np.concatenate([o.rest, followed])
+        places = np.cumsum([0, len(o.F), len(opening), count, count]).tolist()
+        now = ca.vcat(reference[:count])
+        z = ca.vertcat(*state[:4]) - at_rest
+        m = ca.vertcat(ca.vcat(measurement), now) - entered
+        predicted, before, filtered, target = ca.vertsplit(F @ z + G @ m + at_rest, places)
+        following = MPCState(predicted, before, filtered, target, now if self.pace else None)
+        return tuple(ca.vertsplit(H @ z + J @ m)), following
 
     def around_rest(self) -> LinearLaw:
         """Return the law without preview within its limits, from measurements and references."""

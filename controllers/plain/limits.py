@@ -246,12 +246,8 @@ class LoopLimits:
         Raises:
             WorkbenchError: If there is none, none is stable, or a limit that was given is not held.
         """
-        found = _designed(designs)
-        laws = stacked([law.around_rest() for law in found])
-        held = self.held(self.judge(laws), family)
-        reached = self.answered(chosen(laws, held))
-        errors = cost(reached, reached.errors.min(axis=0), self.want.overshoot)
-        return found[held[int(np.argmin(errors))]]
+        places = [((), design) for design in designs]
+        return self.best_of(lambda _, design: design(), places, family, 0)[0]
 
     def best_of(
         self,
@@ -288,7 +284,7 @@ class LoopLimits:
         k = int(np.argmin(errors))
         best, error = found[held[k]], errors[k]
         top = max(1.0, float(judged.excess[held].max()))
-        for stride in STRIDES if self.outputs > 1 else ():
+        for stride in STRIDES if count and self.outputs > 1 else ():
             while True:
                 steps, other = best[1]
                 near = [
