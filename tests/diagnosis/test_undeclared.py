@@ -237,3 +237,22 @@ def test_what_nobody_sets_goes_straight_where_the_measurements_say_so(held: bool
     assert again.traits.straight == model.traits.straight
     # What somebody sets is held.
     assert with_undeclared(oscillator(), [recording])[0].traits.straight == ()
+
+
+def test_a_plant_in_waves_lacks_nothing_where_they_run_straight(tmp_path: Path) -> None:
+    wave = replace(oscillator().inputs[0], commanded=False)
+    read = replace(oscillator().outputs[0], noise_rms=0.0)
+    plant = replace(oscillator(), inputs=(wave,), outputs=(read,))
+    paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    for seed, path in enumerate(paths):
+        made = _pushed_by_waves("made", seed, held=False)
+        columns = np.column_stack([made.time, made["drive"], made["position"]])
+        header = "t [s],drive [N],position [m]"
+        np.savetxt(path, columns, "%.9g", ",", header=header, comments="")
+    problem = problem_of_files(plant, paths[:1], paths[1:])
+    assert problem.model.traits.straight == ("drive",)
+    # Steps of 50 ms are long for the place of a mass that answers in a second.
+    assert len(problem.fit[0].time) == 4 * 599 + 1
+    assert np.count_nonzero(np.isfinite(problem.fit[0]["position"])) == 600
+    found = diagnose(problem.model, problem.fit, problem.hold_out, entries=[], advise=False)
+    assert found.verdict is not None and found.verdict.kind == "nothing_missing"

@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
-from workbench.diagnosis.undeclared import with_undeclared
+from workbench.diagnosis.undeclared import more_finely, with_undeclared
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.physics.library import every_name
@@ -117,6 +117,13 @@ def problem_of_files(
     read = dict(zip(read, at_one_pace(list(read.values())), strict=True))
     declared = model
     model, notes = with_undeclared(model, list(read.values()))
+    # Within a step, too, what goes straight pushes a plant otherwise than its mean does.
+    finer = more_finely(model, list(read.values()))
+    if finer:
+        read = dict(zip(read, finer, strict=True))
+        straight = replace(declared.traits, straight=model.traits.straight)
+        model, again = with_undeclared(replace(declared, traits=straight), finer)
+        notes = (*again, *(note for note in notes if note not in again and "straight" in note))
     said = [note for recording in read.values() for note in recording.notes]
     for recording in read.values():
         for q, taken in zip(declared.inputs, model.inputs, strict=True):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -122,6 +122,34 @@ def at_one_pace(recordings: Sequence[Recording]) -> list[Recording]:
         r if pace == slowest or not r.increasing else resample(r, rate_Hz=1.0 / slowest)
         for r, pace in zip(recordings, paces, strict=True)
     ]
+
+
+def refined(recording: Recording, parts: int, straight: Collection[str]) -> Recording:
+    """Return a recording with each step divided, in which nothing was measured in between.
+
+    Args:
+        parts: Number of parts of a step.
+        straight: Signals that go straight from sample to sample; other commands are held.
+
+    Example:
+        >>> made = Recording("a", np.arange(3.0), (Signal("wave", [0.0, 2.0, 4.0], "m"),))
+        >>> refined(made, 2, ["wave"])["wave"]
+        array([0., 1., 2., 3., 4.])
+    """
+    coarse = np.arange(len(recording.time))
+    fine = np.arange(parts * (len(coarse) - 1) + 1) / parts
+
+    def between(signal: Signal) -> Vector:
+        if signal.name in straight:
+            return np.interp(fine, coarse, signal.values)
+        whole = signal.values[fine.astype(int)]
+        return whole if signal.zero_order_hold else np.where(fine % 1.0 == 0.0, whole, np.nan)
+
+    return replace(
+        recording,
+        time=np.interp(fine, coarse, recording.time),
+        signals=tuple(replace(s, values=between(s)) for s in recording.signals),
+    )
 
 
 def _pace(recording: Recording) -> float:

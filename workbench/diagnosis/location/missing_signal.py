@@ -128,10 +128,12 @@ class Occurrence:
         if place.covered >= THROUGHOUT:
             return f"{said}, about as much at all its values"
         unit = readably(0.0, place.unit, place.shown)[1]
-        ends = [
-            " to ".join(f"{readably(x, place.unit, place.shown)[0]:.3g}" for x in pair)
+        shown = [
+            [_plainly(readably(x, place.unit, place.shown)[0]) for x in pair]
             for pair in place.ranges
         ]
+        # Both ends of a narrow range may read the same.
+        ends = [" to ".join(dict.fromkeys(pair)) for pair in shown]
         return f"{said}, most at {_listed(ends)} {written_unit(unit)}".rstrip()
 
     @property
@@ -433,6 +435,11 @@ def _times(spans: Sequence[Span]) -> str:
     ends, unit = in_times([t for span in ordered for t in (span.begin, span.end)])
     pairs = zip(ends[::2], ends[1::2], strict=True)
     return f"{_listed([f'{begin} to {end}' for begin, end in pairs])} {unit}"
+
+
+def _plainly(number: float) -> str:
+    """Write a number with three digits, a large one without an exponent."""
+    return f"{number:.0f}" if 1e3 <= abs(number) < 1e5 else f"{number:.3g}"
 
 
 def _listed(parts: Sequence[str]) -> str:
