@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 from tests.diagnosis.newcomers import levels, oscillator, recorded
 from tests.diagnosis.test_newcomers import only
+from workbench.arrays import Vector
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.verdict import Verdict
 from workbench.model import Input, Model, Output, Parameter, Scope, State
@@ -52,6 +53,69 @@ def test_an_event_comes_at_its_own_time_in_each_recording(
     assert finding.parameters["time"].value == pytest.approx(5.0, abs=STEP)
     assert said in finding.sentence
     assert verdict.fit["extended"]["position"] < 1.5 * verdict.fit["noise_floor"]["position"]
+
+
+def kiln() -> Model:
+    """A kiln, its heater and what it holds; the temperature of the heater is not measured."""
+
+    def equations(m: Scope) -> Equations:
+        given = m.p.exchange * (m.x.heater - m.x.load)
+        heater = 6000.0 * m.u.part - given
+        load = given - m.p.loss * (m.x.load - 293.0)
+        return {"heater": heater / m.p.c_heater, "load": load / m.p.c_load}, {"load": m.x.load}
+
+    return Model(
+        "kiln",
+        equations,
+        states=(State("heater", "K", 500.0, initial=300.0), State("load", "K", initial=300.0)),
+        inputs=(Input("part", "1", lower=0.0, upper=1.0),),
+        outputs=(Output("load", "K"),),
+        parameters=(
+            Parameter("exchange", "W/K", value=20.0, lower=2.0, upper=200.0, fitted=True),
+            Parameter("loss", "W/K", value=5.0, lower=0.5, upper=50.0, fitted=True),
+            Parameter("c_heater", "J/K", value=2000.0, lower=200.0, upper=2e4, fitted=True),
+            Parameter("c_load", "J/K", value=2e4, lower=5e3, upper=1e5, fitted=True),
+        ),
+    )
+
+
+def _burnt_out(seed: int, time: float) -> Recording:
+    """A third of the heater fails at a time, in s, while a controller holds the temperature."""
+    rng, dt, n = np.random.default_rng(seed), 10.0, 1200
+    aim = np.interp(
+        np.arange(n) * dt, [0.0, 3e3, 6e3, 9e3, 12e3], np.sort(rng.uniform(600.0, 1100.0, 5))
+    )
+    x, held = np.array([300.0, 298.0]), 0.0
+    part, read = np.empty(n), np.empty(n)
+    for k in range(n):
+        read[k] = x[1] + 0.4 * rng.normal()
+        held = float(np.clip(held + 1e-4 * (aim[k] - read[k]), 0.0, 1.0))
+        part[k] = np.clip(0.01 * (aim[k] - read[k]) + held, 0.0, 1.0)
+        power = 6000.0 * part[k] * (0.67 if k * dt >= time else 1.0)
+
+        def rates(_: float, x: Vector, power: float = power) -> list[float]:
+            given = 32.0 * (x[0] - x[1])
+            return [(power - given) / 2600.0, (given - 6.1 * (x[1] - 293.0)) / 27000.0]
+
+        x = solve_ivp(rates, (0.0, dt), x, rtol=1e-8, atol=1e-6).y[:, -1]
+    signals = Signal("part", part, "1", role="command"), Signal("load", read, "K")
+    return Recording(f"run {seed}", dt * np.arange(n), signals)
+
+
+def test_an_event_at_other_times_in_two_fitted_recordings_is_sharp(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    only(monkeypatch, "gain_jump", "gain", "gain_fade")
+    runs = [_burnt_out(seed, time) for seed, time in enumerate((6000.0, 4000.0, 8000.0), 1)]
+    verdict = diagnose(kiln(), runs[:2], runs[2:], jobs=1, advise=False).verdict
+    assert verdict is not None
+    (finding,) = verdict.findings
+    assert finding.effect == "gain_jump_part_command", verdict
+    assert finding.parameters["amount"].value == pytest.approx(-0.33, abs=2e-3)
+    assert finding.parameters["time"].value == pytest.approx(6000.0, abs=10.0)
+    said = "from 1.67 h of run 1 on, from 1.11 h of run 2 on, from 2.22 h of run 3 on"
+    assert said in finding.sentence
+    assert verdict.fit["extended"]["load"] < 1.3 * verdict.fit["noise_floor"]["load"]
 
 
 @pytest.mark.parametrize("both", [False, True])

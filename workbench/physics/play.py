@@ -8,8 +8,9 @@ import casadi as ca
 
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression, maximum
+from workbench.model.units import same_dimension
 from workbench.physics.hysteresis import elastoplastic_rate
-from workbench.physics.law import Law, by_port, each, sensors, shape, size
+from workbench.physics.law import Law, by_port, each, floor, sensors, shape, size
 from workbench.physics.offset_gain import sensor_error
 from workbench.physics.place import COORDINATES, EFFORTS
 
@@ -139,4 +140,46 @@ elastic_play = Law(
     source="slack in series with a spring; dead zone of its deflection",
     look_alikes=("cubic_stiffness", "polynomial_stiffness", "linear_spring"),
     separated_by="small deflections to both sides: within the slack there is no force",
+)  # fmt: skip
+
+
+_ENDS = 0.05
+"""Last part of the slack, over half of it, in which a follower is set in motion."""
+
+
+def _taken_up(at: PortView) -> Expression:
+    """Return the rate, in 1/s, at which a drive moves within its slack, over half of that."""
+    speed, z = ca.SX(at.value), ca.SX(at.x.slack)
+    ahead = ca.fmin(ca.fmax((z - 1.0 + _ENDS) / _ENDS, 0.0), 1.0)
+    behind = ca.fmin(ca.fmax((-z - 1.0 + _ENDS) / _ENDS, 0.0), 1.0)
+    met = ca.if_else(speed > 0.0, ahead, behind)
+    reach = at.p.half_width + at.p.floor * _magnitude(speed) + 1e-300
+    return speed * (1.0 - met) / reach
+
+
+# A feed by a screw, a syringe, the stem of a valve that a motor turns: what is told is a speed, and
+# what the drive moves within its slack is lost at each reversal.
+lost_motion = Law(
+    "lost_motion",
+    "v = u - w dz/dt, w z the place of the drive within its slack, -w to w",
+    each(
+        "command",
+        label=by_port,
+        only=lambda at: any(same_dimension(at.unit, speed) for speed in ("m/s", "rad/s")),
+    ),
+    lambda at: (
+        size("half_width", at.unit.removesuffix("/s"), 0.01 * at.scale * at.lasting,
+             at.scale * at.lasting, "half of the slack"),
+        floor(at, 0.05),
+    ),
+    lambda at: at.value - at.p.half_width * _taken_up(at),
+    states=lambda at: (
+        State("slack", "1", 1.0, "slack taken up, -1 to 1", 0.0, -1.05, 1.05, 0.5),
+    ),
+    rates=lambda e: {"slack": _taken_up(replace(e.here, x=e.x, p=e.p))},
+    dry=True,
+    far=True,
+    source="slack of a screw or coupling behind a drive that is told a speed",
+    look_alikes=("backlash", "dead_band", "delay"),
+    separated_by="reversals after long and after short strokes: the same stroke is lost at each",
 )  # fmt: skip

@@ -17,7 +17,7 @@ from workbench.physics.drift import sensor_drift, sensor_fade
 from workbench.physics.library import library
 from workbench.physics.offset_gain import asymmetric_gain, gain, offset
 from workbench.physics.place import argument_of
-from workbench.physics.play import command_play, play, spool_hysteresis
+from workbench.physics.play import command_play, lost_motion, play, spool_hysteresis
 from workbench.physics.saturation import (
     dead_band,
     lower_saturation,
@@ -328,3 +328,22 @@ def test_a_sensor_reads_something_of_an_input() -> None:
     heard = model.with_effect(law.at_size(1e-9))
     assert heard.read([3e-4], [2e3])[1] == pytest.approx(3e-4 + 2e-6)
     assert heard.rates([3e-4], [2e3]) == pytest.approx(model.rates([3e-4], [2e3]))
+
+
+def test_a_drive_that_is_told_a_speed_loses_its_slack_at_each_reversal() -> None:
+    model = bench(lost_motion("valve.command", half_width=0.1), "m/s")
+    times = np.arange(0.0, 8.0, 1e-3)
+    speed = np.where(np.sin(np.pi * times / 2.0) >= 0.0, 0.5, -0.5)
+    u = {"value": 0.0}
+
+    def path(t: float) -> dict[str, float]:
+        return {**u, "value": float(speed[min(int(t / 1e-3 + 1e-6), len(speed) - 1)])}
+
+    y = run(model, path, times)
+    whole = times > 2.0  # From here on each stroke begins where the slack is taken up.
+    place = np.cumsum(y[whole]) * 1e-3
+    # Each stroke of 1 loses the slack of 0.2.
+    assert np.ptp(place) == pytest.approx(0.8, abs=0.01)
+    assert np.max(np.abs(y)) == pytest.approx(0.5, abs=1e-6)
+    whole_model = bench(lost_motion("valve.command", half_width=0.0), "m/s")
+    assert read(whole_model, value=0.3) == pytest.approx(0.3)

@@ -27,7 +27,12 @@ from workbench.diagnosis.estimation.windows import windows
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.decision import decided
 from workbench.diagnosis.selection.held_out import NO_RUNS, RunErrors, held_out_gain, run_errors
-from workbench.diagnosis.selection.moments import changed_values, same_everywhere, with_own_starts
+from workbench.diagnosis.selection.moments import (
+    changed_values,
+    is_event,
+    same_everywhere,
+    with_own_starts,
+)
 from workbench.diagnosis.selection.rules import SAME_LEVELS, SURPASSED, UNTRIED, Limits
 from workbench.diagnosis.selection.score import COLLINEAR, Score
 from workbench.diagnosis.selection.shortlist import LEAST_SCORE
@@ -699,8 +704,52 @@ def _judged_on(
         else e.name: e.value
         for e in fit.refit.estimates
     }
+    entry, fit, started = _narrowed(base, entry, fit, ended, priors, fit_on)
+    for last in (not is_event(entry.effect), True):
+        (effect,) = with_own_starts((entry.effect,), fit, base.model, fit_on, hold_out)
+        if effect is entry.effect:
+            break
+        ended = {e.name: e.value for e in fit.refit.estimates}
+        ended |= changed_values((entry.effect,), (effect,))
+        entry = replace(entry, effect=effect)
+        if same_everywhere(effect):
+            return replace(first, refused="it is the same in all recordings", rule=SAME_LEVELS)
+        if last:
+            entry, fit, started = _narrowed(base, entry, fit, ended, priors, fit_on, times=0)
+            break
+        # Told one time for all recordings an event came slowly; told more, it may be sharp, and
+        # what is sharp tells its times better.
+        entry, fit, started = _narrowed(base, entry, fit, ended, priors, fit_on)
+    model = fit.model
+    held_out, blocks, shift = (0.0, -math.inf, math.inf), [blocks_of_cost(fit, started)], math.nan
+    if before is not None:
+        judging = [extended_start(r, base.model, model) for r in hold_out]
+        held_out, own_blocks = held_out_gain(before, fit, judging)
+        blocks.append(own_blocks)
+        shift = _shift(entry, fit, judging[0])
+    run = _closest_errors(fit, base.model, fit_on, hold_out)
+    gain = base.cost - fit.cost
+    return Candidate(entry, fit, gain, held_out, shift=shift, blocks=tuple(blocks), run=run)
+
+
+def _narrowed(
+    base: ProcessNoiseFit,
+    entry: Hypothesis,
+    fit: ProcessNoiseFit,
+    ended: Mapping[str, float],
+    priors: tuple[Prior, ...],
+    fit_on: Sequence[Observed],
+    times: int = _WIDENINGS,
+) -> tuple[Hypothesis, ProcessNoiseFit, list[Observed]]:
+    """Refit an effect, and what no refit changes in it, in turn as long as that gains.
+
+    Args:
+        fit: A fit whose process noise is where it begins.
+        ended: Values with which it begins, by name, in SI.
+        times: How often bounds are widened and guesses tuned at most.
+    """
     best: tuple[Hypothesis, ProcessNoiseFit, list[Observed]] | None = None
-    for _ in range(_WIDENINGS + 1):
+    for turn in range(times + 1):
         model = base.model.with_effect(entry.at_size(1.0 if entry.replaces else 0.0))
         started = [extended_start(r, base.model, model) for r in fit_on]
         own = entry_priors(entry)[0]
@@ -722,6 +771,8 @@ def _judged_on(
         if best is not None and fit.cost > best[1].cost - _NEARER:
             break
         best = entry, fit, started
+        if turn == times:
+            break
         wider = widened(entry, fit, started[0].sample_time) or tuned(entry, fit, started)
         if wider is entry:
             wider = _sharper(entry)
@@ -729,34 +780,7 @@ def _judged_on(
             break
         entry = wider
     assert best is not None
-    entry, fit, started = best
-    (effect,) = with_own_starts((entry.effect,), fit, base.model, fit_on, hold_out)
-    if effect is not entry.effect:
-        ended = {e.name: e.value for e in fit.refit.estimates}
-        ended |= changed_values((entry.effect,), (effect,))
-        entry = replace(entry, effect=effect)
-        if same_everywhere(effect):
-            return replace(first, refused="it is the same in all recordings", rule=SAME_LEVELS)
-        model = base.model.with_effect(entry.at_size(1.0 if entry.replaces else 0.0))
-        started = [extended_start(r, base.model, model) for r in fit_on]
-        fit = fit_with_process_noise(
-            model,
-            started,
-            (*priors, *entry_priors(entry)[0]),
-            start=ended,
-            noise_scale=fit.noise_scale,
-            enough=_NEARER,
-        )
-    model = fit.model
-    held_out, blocks, shift = (0.0, -math.inf, math.inf), [blocks_of_cost(fit, started)], math.nan
-    if before is not None:
-        judging = [extended_start(r, base.model, model) for r in hold_out]
-        held_out, own_blocks = held_out_gain(before, fit, judging)
-        blocks.append(own_blocks)
-        shift = _shift(entry, fit, judging[0])
-    run = _closest_errors(fit, base.model, fit_on, hold_out)
-    gain = base.cost - fit.cost
-    return Candidate(entry, fit, gain, held_out, shift=shift, blocks=tuple(blocks), run=run)
+    return best
 
 
 def _closest_errors(
