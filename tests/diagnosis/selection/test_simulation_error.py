@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.newcomers import oscillations, oscillator
+from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import default_priors
@@ -111,9 +112,7 @@ def test_moments_far_off_do_not_decide_where_tails_are_heavy() -> None:
     true = oscillator().with_parameters({"stiffness": 30.0, "damping": 0.6, "mass": 1.0})
     begun, rng = [], np.random.default_rng(5)
     for seen in case.fitting:
-        outputs = simulation_error.free_run(true, seen).simulated + 0.01 * rng.normal(
-            size=seen.outputs.shape
-        )
+        outputs = free_run(true, seen).simulated + 0.01 * rng.normal(size=seen.outputs.shape)
         # For a tenth of the time something else holds the mass.
         outputs[100 : 100 + len(outputs) // 10] = 1.5
         begun.append(replace(seen, outputs=outputs))
