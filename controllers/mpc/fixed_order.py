@@ -21,4 +21,5 @@ def product(matrix: Matrix, vector: npt.ArrayLike) -> Matrix:
         return np.cumsum(matrix[0] * factors.ravel())[-1:].reshape(1, *factors.shape[1:])
     # In this memory order the sum runs over whole rows, one after the other.
     table = matrix.T if factors.ndim == 1 else matrix.T[:, :, None]
-    return np.asarray(np.add.reduce(np.multiply(table, factors[:, None], order="C"), axis=0))
+    found: Matrix = np.add.reduce(np.multiply(table, factors[:, None], order="C"), axis=0)
+    return found

@@ -145,69 +145,64 @@ class LinearMPC(ValveController):
             ``status``, ``iterations``, ``solve_time`` (s), ``slack`` (1e4 SI) and ``fallback`` (1
             where the regulator acted).
         """
-        one = MPCState(*(p if p is None else np.reshape(p, (-1, 1)) for p in state))
-        column = np.array(measurement)[:, None], np.array(reference)[:, None]
-        command, following, (solved,) = self.stepped(one, *column)
-        following = MPCState(*(part if part is None else part[:, 0] for part in following))
-        info = told(following.opening.tolist(), *solved, self.actuators)
-        return tuple(command[:, 0].tolist()), following, info
+        seen, asked = np.array(measurement), np.array(reference)
+        ((command, found, slack),), following = self.stepped(state, seen, asked)
+        return command, following, told(following.opening.tolist(), found, slack, self.actuators)
 
     def stepped(
         self, state: MPCState, measurement: Matrix, reference: Matrix
-    ) -> tuple[Matrix, MPCState, list[tuple[Solution, float]]]:
-        """Compute one sample of several loops at once, one in each column of all that enters.
+    ) -> tuple[list[tuple[Command, Solution, float]], MPCState]:
+        """Compute one sample of a loop, or of several, one in each column of all that enters.
 
         Returns:
-            Commands in SI, shape (m, k), next states, and of each loop the solution and its slack.
+            Of each loop its commands in SI, its solution and its slack in SI; and the next state.
         """
-        p, o, count = self.prediction, self.observer, len(self.controlled)
-        estimate = o.correct(state.predicted, measurement)
-        rest, rest_opening, (m, k) = (
-            o.rest[:count, None],
-            self.rest_opening[:, None],
-            state.opening.shape,
-        )
+        p, o, count, m = self.prediction, self.observer, len(self.controlled), len(self.curves)
+        estimate, rest = o.correct(state.predicted, measurement), o.rest[:count]
         if self.preview:
             filtered = target = reference[:count]
-            coming = reference.reshape(-1, count, k)[list(p.preview_index)] - rest
-            path = coming.swapaxes(0, 1).reshape(-1, k)
+            coming = reference.reshape(-1, *target.shape)[list(p.preview_index)]
+            path = np.concatenate([coming[:, i] - y for i, y in enumerate(rest)])
         else:
-            now, fresh = reference, np.array(self.reference_speed)[:, None] * self.sample_time
+            now, fresh = reference.T, np.array(self.reference_speed) * self.sample_time
             if len(self.pace):
-                pace = np.reshape(self.pace, (count, -1))
-                now = state.paced + np.clip(now - state.paced, -pace, pace)
-            filtered, target = lagged(state.filtered, state.target, now, fresh)
-            lags = np.array([now, filtered, target]).swapaxes(0, 1)
-            each = [
-                product(own, lag) - y for own, lag, y in zip(self.path, lags, rest, strict=True)
-            ]
+                pace, paced = np.transpose(self.pace), state.paced.T
+                now = paced + np.clip(now - paced, -pace, pace)
+            filtered, target = lagged(state.filtered.T, state.target.T, now, fresh)
+            now, filtered, target = now.T, filtered.T, target.T
+            lags = np.array([now, filtered, target])
+            each = [product(own, lags[:, i]) - rest[i] for i, own in enumerate(self.path)]
             path = np.concatenate(each)
-        before = state.opening - rest_opening
+        before = (np.transpose(state.opening) - self.rest_opening).T
         gradient = product(p.g_estimate, estimate) + product(p.g_reference, path)
         gradient += product(p.g_before, before)
-        limited = product(p.rows_estimate, estimate)
-        lower = np.concatenate([p.lower_a[:, None] - limited, np.tile(p.lower_x[:, None], k)])
-        upper = np.concatenate([p.upper_a[:, None] - limited, np.tile(p.upper_x[:, None], k)])
-        lower[:m] += before
-        upper[:m] += before
-        solver = program(*p.size, self.solver)
-        move, solved = np.zeros((m, k)), []
-        for j in range(k):
-            found = solver.solve_factored(p.factors, gradient[:, j], lower[:, j], upper[:, j])
-            if found.solved:
-                move[:, j], slack = found.x[:m], float(found.x[-1]) * p.slack_scale
-            else:
-                last = path[p.samples - 1 :: p.samples, j]
-                move[:, j], slack = p.regulator(estimate[:, j], last), float("nan")
+        limited = product(p.rows_estimate, estimate).T
+        n, rows = p.size
+        limits = np.empty((2, *limited.shape[:-1], rows + n))
+        limits[0, ..., :rows], limits[0, ..., rows:] = p.lower_a - limited, p.lower_x
+        limits[1, ..., :rows], limits[1, ..., rows:] = p.upper_a - limited, p.upper_x
+        limits[..., :m] += before.T
+        lower, upper = limits.reshape(2, -1, rows + n)
+        solver, moves, solved = program(n, rows, self.solver), [], []
+        for j, row in enumerate(gradient.T.reshape(-1, n)):
+            found = solver.solve_factored(p.factors, row, lower[j], upper[j])
+            move, slack = found.x[:m], float(found.x[-1]) * p.slack_scale
+            if not found.solved:
+                own, last = (part.reshape(len(part), -1)[:, j] for part in (estimate, path))
+                move, slack = p.regulator(own, last[p.samples - 1 :: p.samples]), float("nan")
+            moves.append(move)
             solved.append((found, slack))
-        move = np.clip(move, p.lower_x[:m, None], p.upper_x[:m, None])
-        opening = np.clip(move + rest_opening, -1.0, 1.0)
-        predicted = o.predict(estimate, opening - rest_opening)
+        # NumPy's own clip takes longer than all of them for a few numbers.
+        within = np.minimum(np.maximum(moves, p.lower_x[:m]), p.upper_x[:m])
+        openings = np.minimum(np.maximum(within + self.rest_opening, -1.0), 1.0)
+        opening = openings.T.reshape(before.shape)
+        predicted = o.predict(estimate, (opening.T - self.rest_opening).T)
+        answers = [
+            (tuple(c.command(o) for c, o in zip(self.curves, row, strict=True)), *own)
+            for row, own in zip(openings.tolist(), solved, strict=True)
+        ]
         paced = now if len(self.pace) else None
-        following = MPCState(predicted, opening, filtered, target, paced)
-        rows = zip(self.curves, opening.tolist(), strict=True)
-        command = np.array([[curve.command(part) for part in row] for curve, row in rows])
-        return command, following, solved
+        return answers, MPCState(predicted, opening, filtered, target, paced)
 
     def linear_law(
         self,

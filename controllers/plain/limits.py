@@ -461,7 +461,8 @@ class LoopLimits:
             y = C @ x
             outputs[k][:, left] = y
             paced = replace(law, pace=tuple(paces[:, left]))
-            command, state, _ = paced.stepped(state, rest + y, asked[:, left])
+            told, state = paced.stepped(state, rest + y, asked[:, left])
+            command = np.array([own[0] for own in told]).T
             x = A @ x + B @ (command - loop.rest_command[:, None])
             if k % SOLVED_AT == SOLVED_AT - 1:
                 late = outputs[k + 1 - SOLVED_AT : k + 1, i] / step
