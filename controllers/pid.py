@@ -50,6 +50,7 @@ from controllers.joint.model import JointModel, joint_model
 from controllers.joint.schedule import JointSchedule
 from controllers.joint.tracking import Tracking, TrackingSpecification, arrived_opening
 from controllers.sensitivity import peak_sensitivities
+from controllers.specification import Checked, number
 from controllers.valve_inverse import ValveInverse, ValveLaw, joint_design
 from workbench.errors import WorkbenchError, check_range
 from workbench.linearisation.state_space import linear_model
@@ -272,7 +273,7 @@ def cascade_pid(
 
 
 @dataclass(frozen=True)
-class PIDSpecification:
+class PIDSpecification(Checked):
     """What a cascaded PID around one point is designed for.
 
     Args:
@@ -289,22 +290,18 @@ class PIDSpecification:
 
     inner_bandwidth: float = 100.0
     bandwidth: float = 30.0
-    damping: float = 0.8
-    real_pole: float = 0.6
-    maximum_sensitivity: float = 2.0
-    maximum_complementary: float = 1.6
+    damping: float = number(0.8, 0.1, 2.0, words="damping ratio")
+    real_pole: float = number(0.6, 0.01, 10.0)
+    maximum_sensitivity: float = number(2.0, 1.05, 10.0, words="limit on Ms")
+    maximum_complementary: float = number(1.6, 1.0, 10.0, words="limit on Mt")
     reference_speed: float = 40.0
-    sample_time: float = 0.002
+    sample_time: float = number(0.002, 1e-6, 1.0, "s")
 
     def __post_init__(self) -> None:
-        check_range("sample time", self.sample_time, 1e-6, 1.0, "s")
+        super().__post_init__()
         top = 1.0 / self.sample_time
         check_range("inner bandwidth", self.inner_bandwidth, 1.0, top, "rad/s")
         check_range("bandwidth", self.bandwidth, 0.1, self.inner_bandwidth, "rad/s")
-        check_range("damping ratio", self.damping, 0.1, 2.0)
-        check_range("real pole", self.real_pole, 0.01, 10.0)
-        check_range("limit on Ms", self.maximum_sensitivity, 1.05, 10.0)
-        check_range("limit on Mt", self.maximum_complementary, 1.0, 10.0)
 
 
 def design_pid(

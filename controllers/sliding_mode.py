@@ -57,6 +57,7 @@ from controllers.joint.model import joint_model
 from controllers.joint.observer import design_joint_observer
 from controllers.joint.schedule import JointSchedule
 from controllers.joint.tracking import Tracking, TrackingSpecification, arrived_opening
+from controllers.specification import Checked, number
 from controllers.valve_inverse import ACTUATORS, SENSORS, ValveLaw
 from workbench.errors import check_choice, check_range
 from workbench.linearisation.state_space import linear_model
@@ -181,7 +182,7 @@ class SlidingMode(ValveLaw):
 
 
 @dataclass(frozen=True)
-class SlidingModeSpecification:
+class SlidingModeSpecification(Checked):
     """What a sliding mode around one point is designed for.
 
     Args:
@@ -194,19 +195,12 @@ class SlidingModeSpecification:
         sample_time: Time between steps, in s.
     """
 
-    slope: float = 25.0
-    jerk_bound: float = 2000.0
-    layer_bandwidth: float = 80.0
-    observer_bandwidth: float = 100.0
-    reference_speed: float = 25.0
+    slope: float = number(25.0, 0.01, 1e3, "rad/s", "slope of the surface")
+    jerk_bound: float = number(2000.0, 1e-6, 1e9, "rad/s3", "bound on the jerk")
+    layer_bandwidth: float = number(80.0, 0.1, 1e3, "rad/s", "bandwidth of the layer")
+    observer_bandwidth: float = number(100.0, 0.1, 1e3, "rad/s", "bandwidth of the observer")
+    reference_speed: float = number(25.0, 0.1, 1e3, "rad/s")
     sample_time: float = 0.002
-
-    def __post_init__(self) -> None:
-        check_range("slope of the surface", self.slope, 0.01, 1e3, "rad/s")
-        check_range("bound on the jerk", self.jerk_bound, 1e-6, 1e9, "rad/s3")
-        check_range("bandwidth of the layer", self.layer_bandwidth, 0.1, 1e3, "rad/s")
-        check_range("bandwidth of the observer", self.observer_bandwidth, 0.1, 1e3, "rad/s")
-        check_range("reference speed", self.reference_speed, 0.1, 1e3, "rad/s")
 
 
 def design_sliding_mode(
@@ -264,18 +258,15 @@ class ScheduledSlidingModeSpecification(TrackingSpecification):
 
     kind: str = "super-twisting"
     slope: float = 22.0
-    unexplained_share: float = 0.3
-    layer_bandwidth: float = 60.0
+    unexplained_share: float = number(0.3, 1e-3, 1.0, words="share of the jerk left out")
+    layer_bandwidth: float = number(60.0, 0.1, 1e3, "rad/s", "bandwidth of the layer")
     compensation: float | None = None
     lag: float = 0.0
-    damping: float = 1.0
+    damping: float = number(1.0, 0.05, 1.0, words="damping of the surface")
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_range("damping of the surface", self.damping, 0.05, 1.0)
         check_choice("kind of sliding mode", self.kind, KINDS)
-        check_range("share of the jerk left out", self.unexplained_share, 1e-3, 1.0)
-        check_range("bandwidth of the layer", self.layer_bandwidth, 0.1, 1e3, "rad/s")
         if self.compensation is not None:
             check_range("compensated share", self.compensation, 0.0, 1.0)
 

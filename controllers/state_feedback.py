@@ -45,6 +45,7 @@ from controllers.joint.tracking import (
     TrackingState,
     arrived_opening,
 )
+from controllers.specification import number
 from controllers.valve_inverse import ValveLaw, joint_design
 from workbench.arrays import Matrix
 from workbench.errors import check_range
@@ -153,17 +154,14 @@ class StateFeedbackSpecification(TrackingSpecification):
     """
 
     radius: float = 45.0
-    integral: float = 0.33
+    integral: float = number(0.33, 1e-3, 1.0, words="speed of the integral action")
     compensation: float = 0.3
-    pressure_speed: float = 0.0
-    lag: float = 0.0
+    pressure_speed: float = number(0.0, 0.0, 1e3, "rad/s", "speed of the pressures")
+    lag: float = number(0.0, 0.0, 0.1, "s", "lag of spool and sample")
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_range("lag of spool and sample", self.lag, 0.0, 0.1, "s")
-        check_range("speed of the pressures", self.pressure_speed, 0.0, 1e3, "rad/s")
         check_range("radius of the poles", self.radius, 0.1, 0.5 / self.sample_time, "rad/s")
-        check_range("speed of the integral action", self.integral, 1e-3, 1.0)
 
 
 def design_state_feedback(

@@ -29,6 +29,7 @@ from controllers.h_infinity.synthesis import Weights, joint_behind_pressure_loop
 from controllers.joint.schedule import JointSchedule
 from controllers.joint.tracking import JointTracking, TrackingSpecification, TrackingState
 from controllers.sampling import Rows, anti_windup, rows, total
+from controllers.specification import number
 from controllers.valve_inverse import ValveLaw, joint_design
 from workbench.errors import check_range
 
@@ -122,15 +123,13 @@ class HInfinitySpecification(TrackingSpecification):
     weights: Weights | None = None
     angle: float = 0.5236
     inner_bandwidth: float = 120.0
-    delay: float = 0.004
-    compensation: float = 0.0
+    delay: float = number(0.004, 1e-6, 1.0, "s")
+    compensation: float = number(0.0, 0.0, 1.0, words="compensated share")
 
     def __post_init__(self) -> None:
         super().__post_init__()
         top = 1.0 / self.sample_time
         check_range("bandwidth of the pressure loop", self.inner_bandwidth, 1.0, top, "rad/s")
-        check_range("delay", self.delay, 1e-6, 1.0, "s")
-        check_range("compensated share", self.compensation, 0.0, 1.0)
 
 
 def design_h_infinity(

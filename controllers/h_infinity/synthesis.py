@@ -34,6 +34,7 @@ import numpy as np
 
 from controllers.joint.model import JointModel
 from controllers.sampling import tustin
+from controllers.specification import Checked, number
 from workbench.arrays import Matrix
 from workbench.errors import NumericalError, WorkbenchError, check_range
 from workbench.linearisation.transfer import transfer_function
@@ -43,7 +44,7 @@ System = tuple[Matrix, Matrix, Matrix, Matrix]
 
 
 @dataclass(frozen=True)
-class Weights:
+class Weights(Checked):
     """The weights, all relative to one speed.
 
     Args:
@@ -59,23 +60,17 @@ class Weights:
     """
 
     speed: float
-    peak: float = 2.0
-    floor: float = 1e-3
-    input_size: float = 8.0
-    roll_off: float = 3.0
-    complementary_peak: float = 1.6
-    complementary_floor: float = 0.1
-    disturbance: float = 0.3
+    peak: float = number(2.0, 1.0, 10.0, words="peak of the performance weight")
+    floor: float = number(1e-3, 1e-9, 0.5, words="floor of the performance weight")
+    input_size: float = number(8.0, 1e-3, 1e6, words="size of the input")
+    roll_off: float = number(3.0, 1.0, 100.0, words="roll-off of the robustness weight")
+    complementary_peak: float = number(1.6, 1.0, 10.0, words="peak of the robustness weight")
+    complementary_floor: float = number(0.1, 1e-6, 0.5, words="floor of the robustness weight")
+    disturbance: float = number(0.3, 1e-6, 1e3, words="size of the disturbance")
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_range("speed of the performance weight", self.speed, 0.1, 1e3, "rad/s")
-        check_range("peak of the performance weight", self.peak, 1.0, 10.0)
-        check_range("floor of the performance weight", self.floor, 1e-9, 0.5)
-        check_range("size of the input", self.input_size, 1e-3, 1e6)
-        check_range("roll-off of the robustness weight", self.roll_off, 1.0, 100.0)
-        check_range("peak of the robustness weight", self.complementary_peak, 1.0, 10.0)
-        check_range("floor of the robustness weight", self.complementary_floor, 1e-6, 0.5)
-        check_range("size of the disturbance", self.disturbance, 1e-6, 1e3)
 
     def performance(self) -> System:
         """Return W1."""

@@ -71,6 +71,7 @@ from controllers.joint.model import JointModel
 from controllers.joint.observer import kalman_correction
 from controllers.joint.schedule import JointSchedule
 from controllers.reference.planned import Plan, Planner, PlannerState
+from controllers.specification import Checked, number
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import check_range
 
@@ -423,7 +424,7 @@ SHORTEST = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrackingSpecification(TrackingOptions):
+class TrackingSpecification(Checked, TrackingOptions):
     """How moves are planned and the joint is observed: what every scheduled design is asked.
 
     Args:
@@ -445,24 +446,22 @@ class TrackingSpecification(TrackingOptions):
             is unexplained too, and must not be compensated where its phase is unknown.
     """
 
-    jerk_share: float = 0.7
+    jerk_share: float = number(0.7, 0.01, 1.0, words="share of the opening for a planned move")
     jerk_limit: float = 1800.0
-    renewal: float = 0.0
+    renewal: float = number(0.0, 0.0, 1e3, "s", "duration of a renewed move")
     reference_bandwidth: float = 0.0
     reference_jump: float = 0.02
     mean_pressure: float = 3.8e5
     angle_noise: float = 2e-5
     acceleration_noise: float = 0.5
     acceleration_walk: float = 100.0
-    unexplained_bandwidth: float = 0.0
+    unexplained_bandwidth: float = number(0.0, 0.0, 1e3, "rad/s", "believed bandwidth")
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_range("sample time", self.sample_time, 1e-6, 1.0, "s")
-        check_range("share of the opening for a planned move", self.jerk_share, 0.01, 1.0)
         check_range("speed of the integration at rest", self.rest_integration, 0.0, 1e2, "1/s")
         check_range("speed of the valve's centring", self.centring, 0.0, 1e2, "1/s")
-        check_range("believed bandwidth", self.unexplained_bandwidth, 0.0, 1e3, "rad/s")
-        check_range("duration of a renewed move", self.renewal, 0.0, 1e3, "s")
         check_range("lead of the feedforward", self.lead, 0.0, 0.1, "s")
         check_range("known latency", self.latency, 0.0, 50 * self.sample_time, "s")
         check_range("known lag of the pressure sensors", self.sensor_lag, 0.0, 0.1, "s")

@@ -51,6 +51,7 @@ from controllers.mpc.whole_model import linear_mpc_design, told
 from controllers.named_state import flat, names, restored
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program.solver import quadratic_program
+from controllers.specification import number
 from controllers.state_feedback import error_dynamics
 from controllers.valve_inverse import ACTUATORS, SENSORS, ValveController
 from workbench.arrays import Matrix
@@ -364,8 +365,8 @@ class ScheduledMPCSpecification(TrackingSpecification):
     """
 
     radius: float = 45.0
-    integral: float = 0.27
-    damping: float = 0.0
+    integral: float = number(0.27, 1e-3, 1.0, words="speed of the integral action")
+    damping: float = number(0.0, 0.0, 100.0, words="weight of the speed")
     move_weight: float = 0.02
     compensation: float = 0.3
     lag: float = 0.0
@@ -379,8 +380,6 @@ class ScheduledMPCSpecification(TrackingSpecification):
         super().__post_init__()
         h = self.sample_time
         check_range("radius of the poles", self.radius, 0.1, 0.5 / h, "rad/s")
-        check_range("speed of the integral action", self.integral, 1e-3, 1.0)
-        check_range("weight of the speed", self.damping, 0.0, 100.0)
         check_range("prediction time", self.prediction_time, h, 10.0, "s")
         low, high = self.pressure_limits
         check_range("highest pressure", high, low, 1e8, "Pa", fix="it lies above the lowest")

@@ -55,6 +55,7 @@ from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program.plugins import OPTIONS, OWN, program
 from controllers.quadratic_program.solver import Solution
 from controllers.reference.horizon import lagged
+from controllers.specification import Checked, number
 from controllers.valve_inverse import ACTUATORS, SENSORS, ValveController, ValveInverse
 from workbench.arrays import Matrix
 from workbench.errors import TIMES_S, check_choice, check_range
@@ -336,7 +337,7 @@ def reference_path(fresh: float, index: tuple[int, ...]) -> Matrix:
 
 
 @dataclass(frozen=True)
-class MPCSpecification:
+class MPCSpecification(Checked):
     """What a `LinearMPC` is designed for.
 
     Args:
@@ -360,15 +361,15 @@ class MPCSpecification:
         sample_time: Time between steps, in s.
     """
 
-    angle_scale: float = 0.01
-    opening_scale: float = 0.3
-    move_scale: float = 0.1
+    angle_scale: float = number(0.01, 1e-30, 1e30)
+    opening_scale: float = number(0.3, 1e-30, 1e30)
+    move_scale: float = number(0.1, 1e-30, 1e30)
     prediction_time: float = 0.01
     blocks: tuple[int, ...] = (1, 1, 1, 1, 2, 2, 3, 4, 5, 8, 12)
-    opening_limit: float = 1.0
-    rate_limit: float = 100.0
+    opening_limit: float = number(1.0, 1e-3, 1.0)
+    rate_limit: float = number(100.0, 1e-30, 1e30)
     pressure_limits: tuple[float, float] = (0.1e5, 5.95e5)
-    softness: float = 1e3
+    softness: float = number(1e3, 1e-30, 1e30)
     disturbances: Mapping[str, float] = field(
         default_factory=lambda: {"speed": 30.0, "pressure_1": 1e7, "pressure_2": 1e7}
     )
@@ -380,12 +381,10 @@ class MPCSpecification:
     sample_time: float = 0.002
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         h = check_range("sample time", self.sample_time, *TIMES_S, "s")
         check_range("prediction time", self.prediction_time, h, TIMES_S[1], "s")
-        check_range("opening limit", self.opening_limit, 1e-3, 1.0)
         check_choice("solver", self.solver, (OWN, *OPTIONS))
-        for name in ("angle_scale", "opening_scale", "move_scale", "rate_limit", "softness"):
-            check_range(name.replace("_", " "), getattr(self, name), 1e-30, 1e30)
         check_range("number of moves", len(self.blocks), 1, 100)
         check_range("shortest block", min(self.blocks), 1, 1000, "samples")
         low, high = self.pressure_limits

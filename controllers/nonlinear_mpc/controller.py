@@ -60,6 +60,7 @@ from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program.solver import quadratic_program
 from controllers.reference.horizon import ReferenceAhead
 from controllers.reference.planned import Planner
+from controllers.specification import Checked, number
 from controllers.valve_inverse import SENSORS, ValveController, joint_design
 from workbench.arrays import Matrix
 from workbench.errors import WorkbenchError, check_choice, check_range
@@ -79,7 +80,7 @@ START_RATE = 0.3
 
 
 @dataclass(frozen=True)
-class NonlinearMPCSpecification:
+class NonlinearMPCSpecification(Checked):
     """What a `NonlinearMPC` is designed for.
 
     Args:
@@ -112,44 +113,32 @@ class NonlinearMPCSpecification:
         sample_time: Time between steps, in s.
     """
 
-    angle_scale: float = 0.01
-    speed_scale: float = 0.16
-    move_scale: float = 0.15
-    stages: int = 20
+    angle_scale: float = number(0.01, 1e-9, 1e9)
+    speed_scale: float = number(0.16, 1e-9, 1e9)
+    move_scale: float = number(0.15, 1e-9, 1e9)
+    stages: int = number(20, 2, 200, words="number of stages")
     stage_time: float = 0.02
-    steps: int = 8
-    opening_limit: float = 1.0
+    steps: int = number(8, 1, 1000, words="Runge-Kutta steps per stage")
+    opening_limit: float = number(1.0, 1e-3, 1.0)
     pressure_limits: tuple[float, float] = (0.1e5, 8e5)
-    softness: float = 1e4
-    torque_walk: float = 40.0
+    softness: float = number(1e4, 1e-9, 1e9)
+    torque_walk: float = number(40.0, 1e-9, 1e9)
     disturbances: Mapping[str, float] = field(
         default_factory=lambda: {"pressure_1": 1e7, "pressure_2": 1e7}
     )
-    fading_time: float = 0.1
+    fading_time: float = number(0.1, 1e-9, 1e9)
     unknown: Mapping[str, float] = field(default_factory=lambda: {"supply_pressure": 1e5})
     sensor_noise: tuple[float, ...] = (2e-5, 600.0, 600.0)
     state_noise: float = 0.1
-    reference_speed: float = 40.0
+    reference_speed: float = number(40.0, 1e-9, 1e9)
     planner: Planner | None = None
     preview: bool = False
     sample_time: float = 0.002
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         h = check_range("sample time", self.sample_time, 1e-6, 1.0, "s")
         check_range("stage time", self.stage_time, h, 10.0, "s")
-        check_range("number of stages", self.stages, 2, 200)
-        check_range("Runge-Kutta steps per stage", self.steps, 1, 1000)
-        check_range("opening limit", self.opening_limit, 1e-3, 1.0)
-        for name in (
-            "angle_scale",
-            "speed_scale",
-            "move_scale",
-            "softness",
-            "torque_walk",
-            "fading_time",
-            "reference_speed",
-        ):
-            check_range(name.replace("_", " "), getattr(self, name), 1e-9, 1e9)
         low, high = self.pressure_limits
         check_range("highest pressure", high, low, 1e8, "Pa", fix="it lies above the lowest")
 

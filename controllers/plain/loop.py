@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -17,6 +17,7 @@ from controllers.arithmetic import Arithmetic, Numbers, Told
 from controllers.law import ClosedForm
 from controllers.linear_law import LinearLaw
 from controllers.protocol import Command
+from controllers.specification import Checked, number
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 from workbench.linearisation.transfer import transfer_function
@@ -295,7 +296,7 @@ def _check_independent(linear: LinearModel) -> None:
 
 
 @dataclass(frozen=True)
-class LoopSpecification:
+class LoopSpecification(Checked):
     """What every design for any linear model is told.
 
     Args:
@@ -322,30 +323,25 @@ class LoopSpecification:
 
     measured: str | tuple[str, ...] = ""
     actuator: str | tuple[str, ...] = ""
-    sample_time: float = field(default=0.002, kw_only=True)
-    maximum_sensitivity: float = field(default=0.0, kw_only=True)
-    maximum_complementary: float = field(default=0.0, kw_only=True)
-    delay: float = field(default=0.0, kw_only=True)
-    sensor_lag: float = field(default=0.0, kw_only=True)
-    trusted_frequency: float = field(default=0.0, kw_only=True)
-    quiet: float = field(default=0.02, kw_only=True)
-    overshoot: float = field(default=0.02, kw_only=True)
-    noise: float = field(default=0.0, kw_only=True)
+    _: KW_ONLY
+    sample_time: float = number(0.002, *TIMES_S, "s")
+    maximum_sensitivity: float = 0.0
+    maximum_complementary: float = 0.0
+    delay: float = number(0.0, 0.0, TIMES_S[1], "s")
+    sensor_lag: float = number(0.0, 0.0, TIMES_S[1], "s", "lag of the sensor")
+    trusted_frequency: float = number(0.0, 0.0, 1.0 / TIMES_S[0], "rad/s")
+    quiet: float = number(0.02, 1e-9, 1e9, words="share of the command that noise may take")
+    overshoot: float = number(0.02, 0.0, 1.0)
+    noise: float = number(0.0, 0.0, 1e30)
 
     def __post_init__(self) -> None:
-        check_range("sample time", self.sample_time, *TIMES_S, "s")
+        super().__post_init__()
         for name, value, least in (
             ("Ms", self.maximum_sensitivity, 1.05),
             ("Mt", self.maximum_complementary, 1.0),
         ):
             if value:
                 check_range(f"limit on {name}", value, least, 10.0)
-        check_range("delay", self.delay, 0.0, TIMES_S[1], "s")
-        check_range("lag of the sensor", self.sensor_lag, 0.0, TIMES_S[1], "s")
-        check_range("trusted frequency", self.trusted_frequency, 0.0, 1.0 / TIMES_S[0], "rad/s")
-        check_range("share of the command that noise may take", self.quiet, 1e-9, 1e9)
-        check_range("overshoot", self.overshoot, 0.0, 1.0)
-        check_range("noise", self.noise, 0.0, 1e30)
 
     def loop_noise(self, loop: Loop) -> Vector:
         """Return the noise rms that is reckoned with, shape (n_outputs,), in SI."""

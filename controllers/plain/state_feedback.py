@@ -39,6 +39,7 @@ from controllers.plain.loop import Loop, LoopSpecification, PlainLaw, listed, sp
 from controllers.reference.horizon import lagged
 from controllers.sampling import Rows, product, rows, total
 from controllers.sliding_mode import sliding_design
+from controllers.specification import number
 from workbench.arrays import Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_range
 from workbench.linearisation.zero_order_hold import zero_order_hold
@@ -218,13 +219,8 @@ class ObserverSpecification(LoopSpecification):
             of the loop, rms, as a fraction of the command; what suits the loop by default (0).
     """
 
-    reference_speed: float = 0.0
-    disturbance: float = 0.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_range("reference speed", self.reference_speed, 0.0, 1.0 / TIMES_S[0])
-        check_range("disturbance of the command", self.disturbance, 0.0, 1e3)
+    reference_speed: float = number(0.0, 0.0, 1.0 / TIMES_S[0])
+    disturbance: float = number(0.0, 0.0, 1e3, words="disturbance of the command")
 
     @property
     def disturbances(self) -> tuple[float, ...]:
@@ -244,13 +240,12 @@ class LQISpecification(ObserverSpecification):
     """
 
     error_scale: float | tuple[float, ...] = 0.0
-    integral_time: float = 0.0
+    integral_time: float = number(0.0, 0.0, TIMES_S[1])
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for scale in np.atleast_1d(self.error_scale):
             check_range("error scale", float(scale), 0.0, 1e30)
-        check_range("integral time", self.integral_time, 0.0, TIMES_S[1])
 
 
 def design_lqi(linear: LinearModel, specification: LQISpecification | None = None) -> ObserverLaw:
@@ -402,13 +397,12 @@ class PlainSlidingModeSpecification(ObserverSpecification):
     """
 
     slope: float = 0.0
-    reach: float = 0.5
+    reach: float = number(0.5, 1e-6, 10.0, words="reach to the surface")
     layer_bandwidth: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_range("slope of the surface", self.slope, 0.0, 0.2 / self.sample_time, "rad/s")
-        check_range("reach to the surface", self.reach, 1e-6, 10.0)
         top = 0.5 / self.sample_time
         check_range("bandwidth of the layer", self.layer_bandwidth, 0.0, top, "rad/s")
 

@@ -37,6 +37,7 @@ from controllers.plain.limits import Answer, Judged, LoopLimits, answer, cost
 from controllers.plain.loop import Loop, LoopSpecification, PlainLaw, loop_of, named
 from controllers.plain.pairing import best_pairings, decoupled, paired
 from controllers.sampling import Rows, anti_windup, product, rows, tustin
+from controllers.specification import number
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_range
 
@@ -407,13 +408,12 @@ class PlainPIDSpecification(LoopSpecification):
     """
 
     bandwidth: float = 0.0
-    error_scale: float = 0.0
+    error_scale: float = number(0.0, 0.0, 1e30)
     decoupled: bool | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_range("bandwidth", self.bandwidth, 0.0, 1.0 / self.sample_time, "rad/s")
-        check_range("error scale", self.error_scale, 0.0, 1e30)
 
 
 def design_plain_pid(

@@ -1,0 +1,27 @@
+"""Numbers of a specification, each with what is valid of it beside its default value."""
+
+from __future__ import annotations
+
+from dataclasses import field, fields
+from typing import Any
+
+from workbench.errors import check_range
+
+
+def number(default: float, lower: float, upper: float, unit: str = "", words: str = "") -> Any:
+    """Return a field of a `Checked` dataclass, whose value lies in a range, in a unit.
+
+    Args:
+        words: What the number is, as the user knows it; by default its name.
+    """
+    return field(default=default, metadata={"range": (words, lower, upper, unit)})
+
+
+class Checked:
+    """A dataclass whose numbers are checked against their ranges when it is made."""
+
+    def __post_init__(self) -> None:
+        for own in fields(self):  # type: ignore[arg-type]
+            if "range" in own.metadata:
+                words, *ends = own.metadata["range"]
+                check_range(words or own.name.replace("_", " "), getattr(self, own.name), *ends)
