@@ -12,6 +12,9 @@ def number(default: float, lower: float, upper: float, unit: str = "", words: st
     """Return a field of a `Checked` dataclass, whose value lies in a range, in a unit.
 
     Args:
+        default: Its default value, in ``unit``.
+        lower: Smallest valid value, in ``unit``.
+        upper: Largest valid value, in ``unit``.
         words: What the number is, as the user knows it; by default its name.
     """
     return field(default=default, metadata={"range": (words, lower, upper, unit)})
