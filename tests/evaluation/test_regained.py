@@ -5,16 +5,21 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from workbench.errors import WorkbenchError
-from workbench.evaluation.regained import WHICH, DesignRun, flow_share, nominal_recipe, regained
+from workbench.evaluation.regained import (
+    WHICH,
+    Redesigned,
+    flow_share,
+    nominal_recipe,
+    study_of_redesign,
+)
 from workbench.evaluation.tolerance import tolerant_study
 from workbench.plants.arm.arm import ARM
-from workbench.reports.page import write_page
-from workbench.reports.regained_page import regained_page, regained_table
+from workbench.reports.figures.study_traces import shades_of
 from workbench.study.plants import PlantRecipe
+from workbench.study.result import run_study
 
 LINES = (("lines.share", 1.0), ("lines.conductance", 1e-8), ("lines.volume", 15e-6))
 
@@ -40,25 +45,34 @@ def test_the_rules_of_a_redesign_are_those_of_the_nominal_designs() -> None:
         nominal_recipe("fuzzy", late())
 
 
-def test_the_page_sets_the_three_designs_side_by_side(tmp_path: Path) -> None:
-    time = np.arange(0.0, 2.0, 0.01)
-    told = {"settling": [0.2, 0.4], "overshoot": 0.02, "oscillation": math.radians(0.1)}
-    runs = [
-        DesignRun("state feedback", w, 20.0, "", None, told, time, 0.3 + 0 * time) for w in WHICH
+def test_the_study_sets_the_three_designs_of_a_family_side_by_side() -> None:
+    study = study_of_redesign(late(), ["state feedback"])
+    nominal, tolerant, own = (f"state feedback, {which}" for which in WHICH)
+    assert [list(case.controllers) for case in study.cases.values()] == [[nominal], [tolerant, own]]
+    plants = [case.plant for case in study.cases.values()]
+    assert plants[1] == late() and "lines" not in plants[0].effects
+    # One family has one colour, and the same steps on both plants.
+    assert len(set(shades_of(study).values())) == 1
+    (scenario,) = study.scenarios.values()
+    assert scenario == next(iter(tolerant_study().scenarios.values()))
+    assert [(v.name, c) for v, c, _, _ in study.runs()] == [
+        ("nominal plant", nominal),
+        ("machine that was found", tolerant),
+        ("machine that was found", own),
     ]
-    table = regained_table(runs)
-    assert [row[1] for row in table.rows] == list(WHICH) and table.rows[0][3] == "0.300"
-    page = write_page(regained_page(runs, "verdict.json"), tmp_path / "redesign.html")
-    text = page.read_text()
-    assert "redesigned, on the machine" in text
-    # An axis says its quantity, a panel its controller.
-    assert "angle in °" in text and "state feedback (" not in text
+    made = study.controllers[own]
+    assert isinstance(made, Redesigned) and made.fastest is not None
+    # It predicts over the latency, and half a millisecond of it is not known.
+    assert made.fastest.uncertainty.delay == pytest.approx((0.0075, 0.0085))
 
 
 @pytest.mark.long
-def test_what_was_found_gives_the_speed_back() -> None:
+def test_what_was_found_gives_the_speed_back(tmp_path: Path) -> None:
+    study = study_of_redesign(late(), ["state feedback"])
+    result = run_study(study, tmp_path, progress=lambda *_: None)
     nominal, tolerant, own = (
-        max(run.told["settling"]) for run in regained(late(), ["state feedback"])
+        max(v.value for v in record.values_of_steps("settling_time", math.radians(15.0)))
+        for record in result.records
     )
     # A third of the flow costs a factor 3^(1/3), the latency 8 ms.
     assert own <= nominal * 3.0 ** (1.0 / 3.0) + 0.008

@@ -1,28 +1,30 @@
 """Speed that tolerating an unknown machine costs, and what a diagnosis of it gives back.
 
-Three designs of each family step alike: the nominal one on the nominal plant, the tolerant one on
-the machine that was found, and on that machine again the nominal design made anew: from the model
-with all that was found, predicting over the latency and the lags in it, which it holds its margins
-for within half a millisecond. Nothing but what is known differs between the first and the last.
+A plant may name a study whose designs tolerate a machine that nobody has identified. Three designs
+of each of its families step alike: the nominal one on the nominal plant, the tolerant one on the
+machine that was found, and on that machine again the nominal design made anew: from the model with
+all that was found, predicting over the latency and the lags in it, which it holds its margins for
+within half a millisecond. Nothing but what is known differs between the first and the last.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controllers.joint.hysteresis_compensation import with_compensation
 from controllers.joint.model import lag_beside
 from controllers.joint.tracking import TrackingSpecification
+from controllers.largest_bandwidth import MarginedDesign
+from controllers.protocol import Controller
 from controllers.uncertainty import Uncertainty
 from workbench.diagnosis.redesign import found_lags
 from workbench.errors import check_choice
-from workbench.evaluation.tolerance import measured, tolerant_study
+from workbench.evaluation.tolerance import tolerant_study
 from workbench.model import Model
 from workbench.operating_point import operating_point
 from workbench.plants.plant import Plant
@@ -30,7 +32,7 @@ from workbench.simulation import simulate
 from workbench.study.designs import ControllerRecipe
 from workbench.study.plants import PlantRecipe
 from workbench.study.schema import load_study, shipped_study
-from workbench.verification import Steps, verify
+from workbench.study.study import Case, Report, Study, Variation
 
 PRESSURE_FILTER = 0.002
 """Time constant of the filter of the pressures, by which feedforward leads too, in s."""
@@ -38,29 +40,20 @@ PRESSURE_FILTER = 0.002
 CASE = "3 kg horizontal"
 """Case of the study 'controllers' whose rules are those of the nominal designs."""
 
-
-@dataclass(frozen=True)
-class DesignRun:
-    """A design on a plant along the steps of the tolerant study.
-
-    Args:
-        speed: The number for its speed, in rad/s.
-        limit: What the next faster design misses.
-        time: Sample times, shape (n,), in s.
-        angle: True angle, shape (n,), in rad.
-    """
-
-    family: str
-    which: str
-    speed: float
-    limit: str
-    controller: Any
-    told: dict[str, Any]
-    time: NDArray[np.float64]
-    angle: NDArray[np.float64]
+WHICH = ("nominal", "tolerant", "redesigned")
+"""The three designs of each family; all but the nominal one are for the machine."""
 
 
-WHICH = ("nominal, on the nominal plant", "tolerant, on the machine", "redesigned, on the machine")
+@dataclass(frozen=True, kw_only=True)
+class Redesigned(ControllerRecipe):
+    """A nominal design that is made anew from what was found of a machine."""
+
+    machine: PlantRecipe
+
+    def designed(self) -> MarginedDesign[Controller]:
+        """Return the controller, which compensates the hysteresis that was found, too."""
+        made = super().designed()
+        return replace(made, controller=with_compensation(made.controller, self.machine.build()))
 
 
 def nominal_recipe(family: str, plant: PlantRecipe) -> ControllerRecipe:
@@ -87,15 +80,8 @@ def nominal_plant(machine: PlantRecipe) -> PlantRecipe:
     return tolerant_study().plant.varied(options={**options, **dict(machine.options)}.items())
 
 
-def redesigned(family: str, machine: PlantRecipe) -> tuple[Any, float, str]:
-    """Make the nominal design of a family anew from what was found of a machine.
-
-    Returns:
-        Controller, its speed in rad/s, and what the next faster one misses.
-
-    Raises:
-        WorkbenchError: If no speed holds the margins.
-    """
+def redesigned_recipe(family: str, machine: PlantRecipe) -> Redesigned:
+    """Return the nominal design of a family made anew from what was found of a machine."""
     model = machine.build()
     found = found_lags(model)
     recipe = nominal_recipe(family, machine.varied(without=tuple(found)))
@@ -110,20 +96,16 @@ def redesigned(family: str, machine: PlantRecipe) -> tuple[Any, float, str]:
     unsure = Uncertainty.known(sum(late), sensor_lag=max(slow, default=0.0))
     # A plan asks of the valve what reaches the muscles.
     told["jerk_share"] *= flow_share(model, nominal_plant(machine).build(), machine.plant())
-    made = replace(
-        recipe,
-        specification=tuple(told.items()),
-        inertia_margin=(),
-        fastest=replace(
-            recipe.fastest,
-            plants=recipe.fastest.plants[:1],
-            late_sensitivity=math.inf,
-            maximum_sensitivity=2.2,
-            maximum_complementary=2.0,
-            uncertainty=unsure,
-        ),
-    ).designed()
-    return with_compensation(made.controller, model), made.speed, made.limit
+    fastest = replace(
+        recipe.fastest,
+        plants=recipe.fastest.plants[:1],
+        late_sensitivity=math.inf,
+        maximum_sensitivity=2.2,
+        maximum_complementary=2.0,
+        uncertainty=unsure,
+    )
+    own = {**vars(recipe), "specification": tuple(told.items()), "inertia_margin": ()}
+    return Redesigned(**own | {"fastest": fastest}, machine=machine)
 
 
 def flow_share(machine: Model, nominal: Model, plant: Plant) -> float:
@@ -142,23 +124,40 @@ def flow_share(machine: Model, nominal: Model, plant: Plant) -> float:
     return min(1.0, rates[1] / rates[0])
 
 
-def regained(machine: PlantRecipe, families: Sequence[str] = ()) -> Iterator[DesignRun]:
-    """Run the three designs of each family.
+def study_of_redesign(machine: PlantRecipe, families: Sequence[str] = ()) -> Study:
+    """Return the study of the three designs of each family along the steps of the tolerant study.
 
     Args:
         families: Controllers of the study 'tolerant'; by default all.
     """
-    study = tolerant_study()
-    nominal = nominal_plant(machine)
-    (scenario,) = study.scenarios.values()
-    signal = scenario.references["angle"]
-    assert isinstance(signal, Steps)
-    for family in families or study.controllers:
-        made = nominal_recipe(family, nominal).designed(), study.controllers[family].designed()
-        laws = [(m.controller, m.speed, m.limit) for m in made] + [redesigned(family, machine)]
-        for which, plant, (law, speed, limit) in zip(
-            WHICH, (nominal, machine, machine), laws, strict=True
-        ):
-            run = verify(law, plant.build(), scenario)
-            told = measured(run.time, run["angle"], run["valve"], signal)
-            yield DesignRun(family, which, speed, limit, law, told, run.time, run["angle"])
+    tolerant, nominal = tolerant_study(), nominal_plant(machine)
+    known: dict[str, ControllerRecipe] = {}
+    found: dict[str, ControllerRecipe] = {}
+    kin = []
+    for family in families or tolerant.controllers:
+        names = [f"{family}, {which}" for which in WHICH]
+        kin += [(name, family) for name in names]
+        known[names[0]] = nominal_recipe(family, nominal)
+        found |= {
+            names[1]: tolerant.controllers[family],
+            names[2]: redesigned_recipe(family, machine),
+        }
+    made = {name: replace(r, name=name) for name, r in (known | found).items()}
+    cases = {
+        name: Case(name, plant, {own: made[own] for own in recipes}, tolerant.scenarios)
+        for name, plant, recipes in (
+            ("nominal plant", nominal, known),
+            ("machine that was found", machine, found),
+        )
+    }
+    return Study(
+        "redesign",
+        Path.cwd() / "redesign",
+        cases,
+        {case.name: Variation(case.name, case.plant, case.name) for case in cases.values()},
+        made,
+        tolerant.scenarios,
+        (),
+        seeds=(0,),
+        report=Report(kin=tuple(kin)),
+    )
