@@ -45,7 +45,7 @@ from tests.diagnosis.newcomers import (
 from workbench.diagnosis.diagnose import diagnose, stages
 from workbench.diagnosis.estimation.made_up import made_up
 from workbench.diagnosis.estimation.observe import observe
-from workbench.diagnosis.estimation.prediction_error import substeps_along
+from workbench.diagnosis.estimation.prediction_error import steps_along
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.estimation.windows import windowed_run
@@ -245,9 +245,9 @@ def test_steps_of_the_filter_follow_where_a_recording_leads() -> None:
     model = maglev()
     seen = observe(model, levitation(1, samples=200))
     assert any(q.scale > q.initial for q in model.states if q.name == "gap")
-    assert substeps_along(model, seen) <= 2
+    assert steps_along(model, seen).number <= 2
     near = replace(seen, outputs=seen.outputs * [0.03, 1.0])
-    assert substeps_along(model, near) > 5
+    assert steps_along(model, near).number > 5
 
 
 @pytest.mark.parametrize("gear", [1.0, 4.0])

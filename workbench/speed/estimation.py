@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Vector
+from workbench.diagnosis.estimation.filter import Steps
 from workbench.diagnosis.estimation.made_up import made_up, made_up_axis, pushes
 from workbench.diagnosis.estimation.prediction_error import (
     Observed,
     PredictionError,
     disturbances,
-    substeps_along,
+    steps_along,
 )
 from workbench.diagnosis.estimation.priors import Prior, default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
@@ -201,17 +202,17 @@ def arm_recording(model: Model, samples: int) -> Observed:
     return made_up(model, 5.0 + 0.9 * np.where((t % 4.0) < 2.0, 1.0, -1.0), sample_time=0.002)
 
 
-def filter_of(model: Model, free: int) -> tuple[PredictionError, Observed, int]:
-    """Return the filter of the arm with some free parameters, a recording, and its substeps."""
+def filter_of(model: Model, free: int) -> tuple[PredictionError, Observed, Steps]:
+    """Return the filter of the arm with some free parameters, a recording, and its steps."""
     seen = arm_recording(model, 5000)
     names = tuple(p.name for p in default_priors(model))[:free]
     runs = PredictionError(model, seen, names, disturbances(model, 0.1))
-    return runs, seen, substeps_along(model, seen)
+    return runs, seen, steps_along(model, seen)
 
 
 def filter_times(model: Model, free: int = 8) -> tuple[float, dict[str, float]]:
     """Time a sample of the filter, in s, and its parts: equations and the rest."""
-    runs, seen, substeps = filter_of(model, free)
+    runs, seen, steps = filter_of(model, free)
     runs.run(seen, model.values)
     whole = min(timed(lambda: runs.run(seen, model.values), per=len(seen.outputs)).seconds)
     equations: Equations = runs._filter(0)._equations  # noqa: SLF001
@@ -222,7 +223,12 @@ def filter_times(model: Model, free: int = 8) -> tuple[float, dict[str, float]]:
     inputs, values = np.ascontiguousarray(seen.inputs), model.values
     found = {}
     for i, (name, times) in enumerate(
-        (("slopes", substeps), ("rates", 3 * substeps), ("measurements", 1), ("noise", 1))
+        (
+            ("slopes", steps.pieces),
+            ("rates", 4 * steps.number - steps.pieces),
+            ("measurements", 1),
+            ("noise", 1),
+        )
     ):
         function = equations.in_c(i)
         own = equations.functions[i]

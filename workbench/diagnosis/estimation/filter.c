@@ -14,7 +14,8 @@ typedef struct {
     Function rates;  /* rates, in SI */
     Function read;   /* measurements, and H = d / d x, D = d / d parameters (scaled) */
     Function noise;  /* covariance added in one sample (scaled) */
-    int64_t states, inputs, measurements, corrected, free, substeps;
+    int64_t states, inputs, measurements, corrected, free;
+    int64_t pieces, steps; /* pieces of a sample with one linearisation each, steps in a piece */
     const int64_t *places; /* of the states that measurements correct */
     const double *scale;   /* of each state */
     double sample_time, outlier, faded;
@@ -62,6 +63,32 @@ static double dot(const double *a, const double *b, int64_t n)
     return sum;
 }
 
+/* From the exponential of one step, and its integral over the step, make those of several: the last
+ * three matrices, all of shape (n, n), are overwritten. */
+static void repeat(double *step, double *half, int64_t n, int64_t times, double *one,
+                   double *one_half, double *copy)
+{
+    const size_t size = (size_t)(n * n) * sizeof(double);
+    int64_t bit = 1;
+    while (2 * bit <= times)
+        bit *= 2;
+    memcpy(one, step, size);
+    memcpy(one_half, half, size);
+    while (bit /= 2) {
+        memcpy(copy, half, size);
+        product(half, step, copy, n, n, n, 1);
+        memcpy(copy, step, size);
+        product(step, copy, copy, n, n, n, 0);
+        if (times & bit) {
+            memcpy(copy, half, size);
+            memcpy(half, one_half, size);
+            product(half, one, copy, n, n, n, 1);
+            memcpy(copy, step, size);
+            product(step, one, copy, n, n, n, 0);
+        }
+    }
+}
+
 /* Filter the samples of a recording; the results have a row for each. Returns how many were done
  * before the states left the finite numbers. */
 int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, const double *u,
@@ -69,7 +96,8 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
                double *rows, double *logs, double *states)
 {
     const int64_t nx = g->states, n = g->corrected, ny = g->measurements, nf = g->free;
-    const double h = g->sample_time / (double)g->substeps;
+    const double h = g->sample_time / (double)(g->pieces * g->steps);
+    const int64_t middle = g->steps / 2;
     double *w = g->work;
     double *k[4], *at = w + 4 * nx;
     for (int i = 0; i < 4; i++)
@@ -78,7 +106,7 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
     double *predicted = w, *H = w + ny, *D = H + ny * n, *moved = D + ny * nf, *gain = moved + n;
     double *row = gain + n, *A = row + nf, *B = A + n * n, *Q = B + n * nf, *half = Q + n * n;
     double *step = half + n * n, *all = step + n * n, *before = all + n * n;
-    double *before_G = before + n * n;
+    double *one = before + n * n, *one_half = one + n * n, *before_G = one_half + n * n;
     for (int64_t t = 0; t < samples; t++, u += g->inputs, y += ny, r += ny) {
         /* Correction, one measurement after the other. */
         g->read.res[0] = predicted;
@@ -129,28 +157,34 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
         g->noise.res[0] = Q;
         if (evaluate_at(&g->noise, x, u, p))
             return t;
-        /* Prediction: classical Runge-Kutta steps, the exponential of the slopes at mid-step. */
-        for (int64_t s = 0; s < g->substeps; s++) {
-            g->rates.res[0] = k[0];
-            int failed = evaluate_at(&g->rates, x, u, p);
-            for (int64_t i = 0; i < nx; i++)
-                at[i] = x[i] + 0.5 * h * k[0][i];
-            g->slope.res[0] = k[1];
-            g->slope.res[1] = A;
-            g->slope.res[2] = B;
-            failed |= evaluate_at(&g->slope, at, u, p);
-            for (int64_t i = 0; i < nx; i++)
-                at[i] = x[i] + 0.5 * h * k[1][i];
-            g->rates.res[0] = k[2];
-            failed |= evaluate_at(&g->rates, at, u, p);
-            for (int64_t i = 0; i < nx; i++)
-                at[i] = x[i] + h * k[2][i];
-            g->rates.res[0] = k[3];
-            failed |= evaluate_at(&g->rates, at, u, p);
-            if (failed)
-                return t;
-            for (int64_t i = 0; i < nx; i++)
-                x[i] += h / 6.0 * (k[0][i] + 2.0 * k[1][i] + 2.0 * k[2][i] + k[3][i]);
+        /* Prediction: classical Runge-Kutta steps, the exponential of the slopes amid each piece. */
+        for (int64_t piece = 0; piece < g->pieces; piece++) {
+            for (int64_t s = 0; s < g->steps; s++) {
+                /* The middle is the midpoint of a step, or begins one where their number is even. */
+                Function *first = &g->rates, *second = &g->rates;
+                if (s == middle)
+                    *(g->steps % 2 ? &second : &first) = &g->slope;
+                g->slope.res[1] = A;
+                g->slope.res[2] = B;
+                first->res[0] = k[0];
+                int failed = evaluate_at(first, x, u, p);
+                for (int64_t i = 0; i < nx; i++)
+                    at[i] = x[i] + 0.5 * h * k[0][i];
+                second->res[0] = k[1];
+                failed |= evaluate_at(second, at, u, p);
+                for (int64_t i = 0; i < nx; i++)
+                    at[i] = x[i] + 0.5 * h * k[1][i];
+                g->rates.res[0] = k[2];
+                failed |= evaluate_at(&g->rates, at, u, p);
+                for (int64_t i = 0; i < nx; i++)
+                    at[i] = x[i] + h * k[2][i];
+                g->rates.res[0] = k[3];
+                failed |= evaluate_at(&g->rates, at, u, p);
+                if (failed)
+                    return t;
+                for (int64_t i = 0; i < nx; i++)
+                    x[i] += h / 6.0 * (k[0][i] + 2.0 * k[1][i] + 2.0 * k[2][i] + k[3][i]);
+            }
             /* half = I + a / 2 (I + a / 3), step = I + a half, with a = h A */
             for (int64_t i = 0; i < n * n; i++) {
                 A[i] *= h;
@@ -166,6 +200,7 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
             product(step, A, half, n, n, n, 0);
             for (int64_t i = 0; i < n; i++)
                 step[i * n + i] += 1.0;
+            repeat(step, half, n, g->steps, one, one_half, before);
             if (nf) {
                 for (int64_t i = 0; i < n * nf; i++)
                     B[i] *= h;
@@ -173,7 +208,7 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
                 product(G, step, before_G, n, n, nf, 0);
                 product(G, half, B, n, n, nf, 1);
             }
-            if (s == 0) {
+            if (piece == 0) {
                 memcpy(all, step, (size_t)(n * n) * sizeof(double));
             } else {
                 memcpy(before, all, (size_t)(n * n) * sizeof(double));

@@ -1,7 +1,8 @@
 """An extended Kalman filter with sensitivities along a recording.
 
 Explicit Runge-Kutta steps carry the state, the exponential of the linearised equations its
-covariance and its derivatives with respect to the free parameters. `filter.c` does the same as
+covariance and its derivatives with respect to the free parameters. Bends ask for more steps than
+for linearisations: one in the middle of some steps serves them all. `filter.c` does the same as
 machine code; `_block_of` is the version to read, and the one that runs without a C compiler.
 """
 
@@ -31,6 +32,9 @@ STEPS, _SHORTEST_S = 10, 0.7e-3
 """Runge-Kutta steps that a sample gets at least, as long as they are not shorter than this, in s,
 of equations that bend: contacts are stiffer than the states that are looked at show."""
 
+MOST_STEPS = 50
+"""Runge-Kutta steps that a sample gets at the most."""
+
 _LATE = 3e-4
 """Angle by which a swinging mode may be late, in rad."""
 
@@ -45,10 +49,27 @@ _FADED = 1e-50
 """Covariance and sensitivity, relative to the scales, that are none any more."""
 
 
-def substeps_of(
+class Steps(NamedTuple):
+    """How a filter goes through the time between two samples.
+
+    Args:
+        pieces: Pieces of that time with one linearisation each.
+        each: Runge-Kutta steps in a piece.
+    """
+
+    pieces: int
+    each: int
+
+    @property
+    def number(self) -> int:
+        """Runge-Kutta steps in a sample."""
+        return self.pieces * self.each
+
+
+def steps_of(
     model: Model, sample_time: float, states: Vector, inputs: Vector, least: int = STEPS
-) -> int:
-    """Choose Runge-Kutta steps per sample from the fastest mode at some states.
+) -> Steps:
+    """Choose linearisations and Runge-Kutta steps per sample from the fastest mode at some states.
 
     Args:
         sample_time: Time between samples, in s.
@@ -56,6 +77,7 @@ def substeps_of(
         inputs: The inputs there, shape (n, n_inputs), in SI.
         least: Steps of equations that bend.
     """
+    gentle = model.exact.gentle
     fastest = late = 0.0
     for form in ("exact", "regularised"):
         function = model.form(form).jacobian_function
@@ -67,12 +89,13 @@ def substeps_of(
         turned, faded = np.abs(modes.imag), np.maximum(np.abs(modes.real), _FORGOTTEN)
         late = max(late, float((turned**5 / (120.0 * faded)).max(initial=0.0)))
     # Half the stability limit of the classical method, a quarter where nothing else asks for more.
-    if model.exact.gentle:
-        asked = fastest / 0.65
-    else:
-        asked = max(fastest / 1.3, min(least, sample_time / _SHORTEST_S))
-    asked = max(asked, (late / _LATE) ** 0.25)
-    return int(np.clip(np.ceil(round(asked, 6)), 1, 50))
+    stable = fastest / (0.65 if gentle else 1.3)
+    bends = 0.0 if gentle else min(least, sample_time / _SHORTEST_S)
+    pieces, steps = (
+        int(np.clip(np.ceil(round(asked, 6)), 1, MOST_STEPS))
+        for asked in (stable, max(stable, bends, (late / _LATE) ** 0.25))
+    )
+    return Steps(pieces, -(-steps // pieces))
 
 
 class Filtered(NamedTuple):
@@ -99,7 +122,7 @@ class _Struct(ctypes.Structure):
         *((name, CFunction) for name in ("slope", "rates", "read", "noise")),
         *(
             (name, ctypes.c_int64)
-            for name in ("states", "inputs", "measurements", "corrected", "free", "substeps")
+            for name in ("states", "inputs", "measurements", "corrected", "free", "pieces", "steps")
         ),
         ("places", ctypes.c_void_p),
         ("scale", ctypes.c_void_p),
@@ -149,12 +172,12 @@ class Filter:
         sample_time: Time between samples, in s.
     """
 
-    def __init__(self, asked: Asked, sample_time: float, substeps: int) -> None:
+    def __init__(self, asked: Asked, sample_time: float, steps: Steps) -> None:
         self._equations = Equations(_functions(asked, sample_time))
         own, plant = len(asked.coloured), len(asked.state_scale)
         self._scale = np.array([*asked.state_scale, *[1.0] * own])
         self._kept = np.array([*asked.corrected, *range(plant, plant + own)], dtype=np.int64)
-        self._sample_time, self._substeps = sample_time, substeps
+        self._sample_time, self._steps = sample_time, steps
         self._coloured = np.array([rms for _, rms, _ in asked.coloured])
         self._struct: _Struct | None = None
         library = _library() if self._equations.compiled else None
@@ -162,7 +185,7 @@ class Filter:
             self._in_c = library.filter
             n_x, n = plant + own, len(self._kept)
             n_y, n_f = len(asked.rows), len(asked.columns)
-            size = 5 * n_x + n_y * (1 + n + n_f) + 2 * n + n_f + 6 * n * n + 2 * n * n_f
+            size = 5 * n_x + n_y * (1 + n + n_f) + 2 * n + n_f + 8 * n * n + 2 * n * n_f
             self._work = np.zeros(max(1, size))
             self._struct = _Struct(
                 *(self._equations.in_c(i) for i in range(4)),
@@ -171,7 +194,7 @@ class Filter:
                 n_y,
                 n,
                 n_f,
-                substeps,
+                *steps,
                 self._kept.ctypes.data,
                 address(self._scale),
                 sample_time,
@@ -233,7 +256,7 @@ class Filter:
             done = int(self._in_c(ctypes.byref(self._struct), n, *places))
         count("filtered_samples", done)
         # Measurements and process noise once, the equations in each part of each step.
-        count("model_evaluations", done * (2 + 4 * self._substeps))
+        count("model_evaluations", done * (2 + 4 * self._steps.number))
         return found._replace(done=done, states=np.ascontiguousarray(found.states[:, :plant]))
 
     def _interpreted(
@@ -270,12 +293,12 @@ class Filter:
     @functools.cached_property
     def _block(self) -> ca.Function:
         functions = self._equations.functions
-        return _block_of(functions, tuple(self._kept.tolist()), self._sample_time, self._substeps)
+        return _block_of(functions, tuple(self._kept.tolist()), self._sample_time, self._steps)
 
 
 @functools.lru_cache(maxsize=32)
 def _block_of(
-    functions: tuple[ca.Function, ...], kept: tuple[int, ...], sample_time: float, substeps: int
+    functions: tuple[ca.Function, ...], kept: tuple[int, ...], sample_time: float, steps: Steps
 ) -> ca.Function:
     """Build the filter over a block of samples from its four functions; the reading version."""
     slope, rates, read, noise = functions
@@ -309,17 +332,28 @@ def _block_of(
         covariance = covariance - ca.mtimes(gain, gain.T) / variance
     # Rows of the unit matrix put the correction on the states that are corrected.
     x = filtered = x0 + ca.mtimes(ca.DM.eye(n_x)[:, list(kept)], scale * moved)
-    h, identity, whole = sample_time / substeps, ca.DM.eye(n), ca.MX(ca.DM.eye(n))
-    for _ in range(substeps):
-        k1 = rates(x, u, p)
-        k2, a, b = slope(x + 0.5 * h * k1, u, p)
+    h, identity, whole = sample_time / steps.number, ca.DM.eye(n), ca.MX(ca.DM.eye(n))
+    middle, odd = steps.each // 2, steps.each % 2
+    for k in range(steps.number):
+        amid = k % steps.each == middle
+        # The middle of a piece is the midpoint of a step, or begins one where their number is even.
+        if amid and not odd:
+            k1, a, b = slope(x, u, p)
+        else:
+            k1 = rates(x, u, p)
+        if amid and odd:
+            k2, a, b = slope(x + 0.5 * h * k1, u, p)
+        else:
+            k2 = rates(x + 0.5 * h * k1, u, p)
         k3 = rates(x + 0.5 * h * k2, u, p)
         k4 = rates(x + h * k3, u, p)
         x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        half = identity + 0.5 * ca.mtimes(h * a.T, identity + h * a.T / 3)
-        transition = identity + ca.mtimes(h * a.T, half)
-        sensitivity = ca.mtimes(transition, sensitivity) + h * ca.mtimes(half, b.T)
-        whole = ca.mtimes(transition, whole)
+        if (k + 1) % steps.each == 0:
+            half = identity + 0.5 * ca.mtimes(h * a.T, identity + h * a.T / 3)
+            transition = identity + ca.mtimes(h * a.T, half)
+            for _ in range(steps.each):
+                sensitivity = ca.mtimes(transition, sensitivity) + h * ca.mtimes(half, b.T)
+                whole = ca.mtimes(transition, whole)
     covariance = _flushed(ca.mtimes(ca.mtimes(whole, covariance), whole.T))
     covariance = 0.5 * (covariance + covariance.T) + noise(filtered, u, p, d)
     told = [*(ca.vcat(v) for v in (whitened, logs)), filtered, ca.vcat(rows)]

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from scipy.signal import lfilter
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.filter import STEPS, Asked, Filter, substeps_of
+from workbench.diagnosis.estimation.filter import STEPS, Asked, Filter, Steps, steps_of
 from workbench.errors import NumericalError, WorkbenchError, check_choice
 from workbench.model import EXACT, Form, Model
 from workbench.model.model import index_of
@@ -204,7 +204,7 @@ class PredictionError:
         self._ports = tuple(sorted(variances))
         self._variances = np.array([variances[i] for i in self._ports]).reshape(-1, 2)
         self._output_scale = np.array([model.outputs[i].scale for i in self._rows])
-        self._substeps = substeps_along(model, self.like)
+        self._steps = steps_along(model, self.like)
         certain = {index_of("state", name, model.states) for name in self.certain}
         self._corrected = tuple(i for i in range(len(model.states)) if i not in certain)
         self._filters: list[Filter] = []
@@ -277,17 +277,17 @@ class PredictionError:
             self._ports,
             tuple(coloured),
         )
-        self._filters.append(Filter(asked, self.like.sample_time, self._substeps))
+        self._filters.append(Filter(asked, self.like.sample_time, self._steps))
         return self._filters[-1]
 
 
-def substeps_along(model: Model, observed: Observed) -> int:
-    """Choose the Runge-Kutta steps per sample of a model where a recording leads its states.
+def steps_along(model: Model, observed: Observed) -> Steps:
+    """Choose the steps per sample of a model where a recording leads its states.
 
     At some samples the states, random within their scales, are corrected by the measurements.
     """
     if not model.states:
-        return 1
+        return Steps(1, 1)
     rng = np.random.default_rng(0)
     rows = [index_of("output", name, model.outputs) for name in observed.used]
     scale = np.array([q.scale for q in model.states])
@@ -308,8 +308,9 @@ def substeps_along(model: Model, observed: Observed) -> int:
         variance = spread @ spread.transpose(0, 2, 1) + np.diag(noise**2)
         gain = spread.transpose(0, 2, 1) @ np.linalg.solve(variance, error[:, :, None])
         x = np.clip(x + scale * gain[:, :, 0], *within)
-    steps = substeps_of(model, observed.sample_time, x, u, observed.steps)
-    return _FINER * steps if len(observed.relative_noise) else steps
+    steps = steps_of(model, observed.sample_time, x, u, observed.steps)
+    finer = _FINER if len(observed.relative_noise) else 1
+    return Steps(steps.pieces * finer, steps.each)
 
 
 def disturbances(model: Model, noise_scale: float) -> dict[str, float]:

@@ -19,7 +19,7 @@ from workbench.diagnosis.estimation.prediction_error import (
     Observed,
     PredictionError,
     disturbances,
-    substeps_along,
+    steps_along,
 )
 from workbench.errors import NumericalError, check_choice
 from workbench.model import Model
@@ -164,7 +164,7 @@ class _Linearised:
             ],
             {"cse": True},
         )
-        self._substeps = substeps_along(model, observed)
+        self._steps = steps_along(model, observed).number
 
     def around(self, states: Vector, signal: Vector) -> _Linear:
         """Linearise about an estimate."""
@@ -230,12 +230,12 @@ class _Linearised:
         n = len(states)
         p = np.tile(self.model.values[:, None], (1, n))
         rates = self._rates.map(n)
-        h = seen.sample_time / self._substeps
+        h = seen.sample_time / self._steps
         x, d = states.T, signal.T
         for i in range(every):
             rows = np.minimum(np.arange(n) * every + i, len(seen.inputs) - 1)
             u = seen.inputs[rows].T
-            for _ in range(self._substeps):
+            for _ in range(self._steps):
                 k1 = np.asarray(rates(x, u, p, d))
                 k2 = np.asarray(rates(x + 0.5 * h * k1, u, p, d))
                 k3 = np.asarray(rates(x + 0.5 * h * k2, u, p, d))

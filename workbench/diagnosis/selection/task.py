@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.diagnosis.estimation.prediction_error import Observed, filter_of, substeps_along
+from workbench.diagnosis.estimation.prediction_error import Observed, filter_of, steps_along
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import (
     ProcessNoiseFit,
@@ -101,7 +101,7 @@ class Task:
     def longer(self, model: Model) -> float:
         """Return how much longer a filter takes with what was found, dimensionless, 1 or more."""
         steps = [
-            substeps_along(m, r) * max(len(m.states), 1) ** 2
+            steps_along(m, r).number * max(len(m.states), 1) ** 2
             for m, r in (
                 (self.base.model, self.fitting[0]),
                 (model, self.started(self.fitting[:1], model)[0]),
