@@ -63,32 +63,6 @@ static double dot(const double *a, const double *b, int64_t n)
     return sum;
 }
 
-/* From the exponential of one step, and its integral over the step, make those of several: the last
- * three matrices, all of shape (n, n), are overwritten. */
-static void repeat(double *step, double *half, int64_t n, int64_t times, double *one,
-                   double *one_half, double *copy)
-{
-    const size_t size = (size_t)(n * n) * sizeof(double);
-    int64_t bit = 1;
-    while (2 * bit <= times)
-        bit *= 2;
-    memcpy(one, step, size);
-    memcpy(one_half, half, size);
-    while (bit /= 2) {
-        memcpy(copy, half, size);
-        product(half, step, copy, n, n, n, 1);
-        memcpy(copy, step, size);
-        product(step, copy, copy, n, n, n, 0);
-        if (times & bit) {
-            memcpy(copy, half, size);
-            memcpy(half, one_half, size);
-            product(half, one, copy, n, n, n, 1);
-            memcpy(copy, step, size);
-            product(step, one, copy, n, n, n, 0);
-        }
-    }
-}
-
 /* Filter the samples of a recording; the results have a row for each. Returns how many were done
  * before the states left the finite numbers. */
 int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, const double *u,
@@ -97,6 +71,7 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
 {
     const int64_t nx = g->states, n = g->corrected, ny = g->measurements, nf = g->free;
     const double h = g->sample_time / (double)(g->pieces * g->steps);
+    const double part = g->sample_time / (double)(g->pieces * (g->steps > 1 ? 2 : 1));
     const int64_t middle = g->steps / 2;
     double *w = g->work;
     double *k[4], *at = w + 4 * nx;
@@ -106,7 +81,7 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
     double *predicted = w, *H = w + ny, *D = H + ny * n, *moved = D + ny * nf, *gain = moved + n;
     double *row = gain + n, *A = row + nf, *B = A + n * n, *Q = B + n * nf, *half = Q + n * n;
     double *step = half + n * n, *all = step + n * n, *before = all + n * n;
-    double *one = before + n * n, *one_half = one + n * n, *before_G = one_half + n * n;
+    double *before_G = before + n * n;
     for (int64_t t = 0; t < samples; t++, u += g->inputs, y += ny, r += ny) {
         /* Correction, one measurement after the other. */
         g->read.res[0] = predicted;
@@ -124,8 +99,12 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
                 continue;
             }
             const double error = y[i] - predicted[i] - dot(by_state, moved, n);
-            for (int64_t j = 0; j < n; j++)
-                gain[j] = dot(P + j * n, by_state, n);
+            /* P is symmetric, and a sensor reads few states. */
+            memset(gain, 0, (size_t)n * sizeof(double));
+            for (int64_t l = 0; l < n; l++)
+                if (by_state[l] != 0.0)
+                    for (int64_t j = 0; j < n; j++)
+                        gain[j] += by_state[l] * P[l * n + j];
             double variance = dot(by_state, gain, n) + r[i], pull = 1.0;
             if (error * error > g->outlier * g->outlier * variance) {
                 variance = error * error / (g->outlier * g->outlier);
@@ -185,25 +164,31 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
                 for (int64_t i = 0; i < nx; i++)
                     x[i] += h / 6.0 * (k[0][i] + 2.0 * k[1][i] + 2.0 * k[2][i] + k[3][i]);
             }
-            /* half = I + a / 2 (I + a / 3), step = I + a half, with a = h A */
+            /* half = I + a / 2 (I + a / 3 (I + a / 4)), step = I + a half, with a = part A */
             for (int64_t i = 0; i < n * n; i++) {
-                A[i] *= h;
-                half[i] = A[i] / 3.0;
+                A[i] *= part;
+                half[i] = 0.25 * A[i];
+            }
+            for (int64_t order = 3; order > 0; order--) {
+                for (int64_t i = 0; i < n; i++)
+                    half[i * n + i] += 1.0;
+                product(step, A, half, n, n, n, 0);
+                if (order > 1)
+                    for (int64_t i = 0; i < n * n; i++)
+                        half[i] = step[i] / (double)order;
             }
             for (int64_t i = 0; i < n; i++)
-                half[i * n + i] += 1.0;
-            product(step, A, half, n, n, n, 0);
-            for (int64_t i = 0; i < n * n; i++)
-                half[i] = 0.5 * step[i];
-            for (int64_t i = 0; i < n; i++)
-                half[i * n + i] += 1.0;
-            product(step, A, half, n, n, n, 0);
-            for (int64_t i = 0; i < n; i++)
                 step[i * n + i] += 1.0;
-            repeat(step, half, n, g->steps, one, one_half, before);
+            if (g->steps > 1) {
+                /* Twice half of the piece: step = step^2, half = half + step half */
+                memcpy(before, half, (size_t)(n * n) * sizeof(double));
+                product(half, step, before, n, n, n, 1);
+                memcpy(before, step, (size_t)(n * n) * sizeof(double));
+                product(step, before, before, n, n, n, 0);
+            }
             if (nf) {
                 for (int64_t i = 0; i < n * nf; i++)
-                    B[i] *= h;
+                    B[i] *= part;
                 memcpy(before_G, G, (size_t)(n * nf) * sizeof(double));
                 product(G, step, before_G, n, n, nf, 0);
                 product(G, half, B, n, n, nf, 1);
@@ -217,8 +202,12 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
         }
         product(before, all, P, n, n, n, 0);
         for (int64_t i = 0; i < n; i++)
+            for (int64_t j = 0; j < n; j++)
+                half[j * n + i] = all[i * n + j];
+        product(P, before, half, n, n, n, 0);
+        for (int64_t i = 0; i < n; i++)
             for (int64_t j = 0; j <= i; j++) {
-                double value = dot(before + i * n, all + j * n, n);
+                double value = P[i * n + j];
                 if (!(fabs(value) > g->faded))
                     value = value == value ? 0.0 : value;
                 P[i * n + j] = P[j * n + i] = value;

@@ -185,7 +185,7 @@ class Filter:
             self._in_c = library.filter
             n_x, n = plant + own, len(self._kept)
             n_y, n_f = len(asked.rows), len(asked.columns)
-            size = 5 * n_x + n_y * (1 + n + n_f) + 2 * n + n_f + 8 * n * n + 2 * n * n_f
+            size = 5 * n_x + n_y * (1 + n + n_f) + 2 * n + n_f + 6 * n * n + 2 * n * n_f
             self._work = np.zeros(max(1, size))
             self._struct = _Struct(
                 *(self._equations.in_c(i) for i in range(4)),
@@ -349,11 +349,17 @@ def _block_of(
         k4 = rates(x + h * k3, u, p)
         x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
         if (k + 1) % steps.each == 0:
-            half = identity + 0.5 * ca.mtimes(h * a.T, identity + h * a.T / 3)
-            transition = identity + ca.mtimes(h * a.T, half)
-            for _ in range(steps.each):
-                sensitivity = ca.mtimes(transition, sensitivity) + h * ca.mtimes(half, b.T)
-                whole = ca.mtimes(transition, whole)
+            part = sample_time / steps.pieces / (2.0 if steps.each > 1 else 1.0)
+            a, b = part * a.T, part * b.T
+            half = identity
+            for order in (4, 3, 2):
+                half = identity + ca.mtimes(a, half) / order
+            transition = identity + ca.mtimes(a, half)
+            if steps.each > 1:
+                half += ca.mtimes(transition, half)
+                transition = ca.mtimes(transition, transition)
+            sensitivity = ca.mtimes(transition, sensitivity) + ca.mtimes(half, b)
+            whole = ca.mtimes(transition, whole)
     covariance = _flushed(ca.mtimes(ca.mtimes(whole, covariance), whole.T))
     covariance = 0.5 * (covariance + covariance.T) + noise(filtered, u, p, d)
     told = [*(ca.vcat(v) for v in (whitened, logs)), filtered, ca.vcat(rows)]
