@@ -71,7 +71,9 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
 {
     const int64_t nx = g->states, n = g->corrected, ny = g->measurements, nf = g->free;
     const double h = g->sample_time / (double)(g->pieces * g->steps);
-    const double part = g->sample_time / (double)(g->pieces * (g->steps > 1 ? 2 : 1));
+    double part = g->sample_time / (double)g->pieces;
+    for (int64_t parts = 1; parts < g->steps; parts *= 2)
+        part /= 2.0;
     const int64_t middle = g->steps / 2;
     double *w = g->work;
     double *k[4], *at = w + 4 * nx;
@@ -164,23 +166,23 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
                 for (int64_t i = 0; i < nx; i++)
                     x[i] += h / 6.0 * (k[0][i] + 2.0 * k[1][i] + 2.0 * k[2][i] + k[3][i]);
             }
-            /* half = I + a / 2 (I + a / 3 (I + a / 4)), step = I + a half, with a = part A */
+            /* half = I + a / 2 (I + a / 3), step = I + a half, with a = part A */
             for (int64_t i = 0; i < n * n; i++) {
                 A[i] *= part;
-                half[i] = 0.25 * A[i];
-            }
-            for (int64_t order = 3; order > 0; order--) {
-                for (int64_t i = 0; i < n; i++)
-                    half[i * n + i] += 1.0;
-                product(step, A, half, n, n, n, 0);
-                if (order > 1)
-                    for (int64_t i = 0; i < n * n; i++)
-                        half[i] = step[i] / (double)order;
+                half[i] = A[i] / 3.0;
             }
             for (int64_t i = 0; i < n; i++)
+                half[i * n + i] += 1.0;
+            product(step, A, half, n, n, n, 0);
+            for (int64_t i = 0; i < n * n; i++)
+                half[i] = 0.5 * step[i];
+            for (int64_t i = 0; i < n; i++)
+                half[i * n + i] += 1.0;
+            product(step, A, half, n, n, n, 0);
+            for (int64_t i = 0; i < n; i++)
                 step[i * n + i] += 1.0;
-            if (g->steps > 1) {
-                /* Twice half of the piece: step = step^2, half = half + step half */
+            /* Twice as far: half = half + step half, step = step^2 */
+            for (int64_t parts = 1; parts < g->steps; parts *= 2) {
                 memcpy(before, half, (size_t)(n * n) * sizeof(double));
                 product(half, step, before, n, n, n, 1);
                 memcpy(before, step, (size_t)(n * n) * sizeof(double));

@@ -349,13 +349,12 @@ def _block_of(
         k4 = rates(x + h * k3, u, p)
         x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
         if (k + 1) % steps.each == 0:
-            part = sample_time / steps.pieces / (2.0 if steps.each > 1 else 1.0)
+            doublings = (steps.each - 1).bit_length()
+            part = sample_time / steps.pieces / 2**doublings
             a, b = part * a.T, part * b.T
-            half = identity
-            for order in (4, 3, 2):
-                half = identity + ca.mtimes(a, half) / order
+            half = identity + 0.5 * ca.mtimes(a, identity + a / 3)
             transition = identity + ca.mtimes(a, half)
-            if steps.each > 1:
+            for _ in range(doublings):
                 half += ca.mtimes(transition, half)
                 transition = ca.mtimes(transition, transition)
             sensitivity = ca.mtimes(transition, sensitivity) + ca.mtimes(half, b)
