@@ -16,7 +16,7 @@ from workbench.arrays import Vector
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.problem import problem_of_files
-from workbench.diagnosis.second_search import View
+from workbench.diagnosis.second_search import View, where_none_is_declared
 from workbench.diagnosis.undeclared import as_coarse_as_recorded, opened, with_undeclared
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
@@ -157,6 +157,21 @@ def test_an_input_that_stays_as_it_is_is_no_place_to_look_at() -> None:
     held = replace(charged.signal("current"), values=0.0 * charged.time + 2.0)
     still = replace(charged, signals=(held, charged.signal("u")))
     assert opened(_cell(), [still])[1] == ("soc.rate",)
+
+
+@pytest.mark.parametrize(
+    ("kind", "extended", "searched"),
+    [("named", 3.1, False), ("named", 5.0, True), ("named", 1.1, False), ("likely", 3.1, True)],
+)
+def test_what_was_found_surely_and_leaves_little_is_not_searched_for_elsewhere(
+    kind: str, extended: float, searched: bool
+) -> None:
+    # The refitted model ran 100 times as far off as noise does: a thousandth is 3.3 times.
+    fit = {"refitted": {"u": 1e2}, "extended": {"u": extended}, "noise_floor": {"u": 1.0}}
+    verdict = SimpleNamespace(fit=fit, kind=kind)
+    found: Any = SimpleNamespace(validated=True, complete=False, verdict=verdict)
+    view = where_none_is_declared(found, _cell(), [_charged(1, 0.0)])
+    assert (view is not None) is searched
 
 
 def test_a_second_search_tries_its_ports_and_what_was_followed_and_ends_where_it_lags() -> None:

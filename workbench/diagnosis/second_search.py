@@ -17,7 +17,7 @@ from workbench.diagnosis.estimation.noise_colour import (
     leftovers,
     with_correlated_noise,
 )
-from workbench.diagnosis.selection.rules import OFF_NOISE
+from workbench.diagnosis.selection.rules import LITTLE_LEFT, OFF_NOISE
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.undeclared import opened
 from workbench.model import Model
@@ -85,7 +85,7 @@ def where_none_is_declared(
     """Look where the plant has no port, if what was found runs off the noise or is not sure."""
     if found.validated is None or found.complete:
         return None
-    if not _unsure(found) and _misfit(found) <= OFF_NOISE.value:
+    if not _unsure(found) and (_misfit(found) <= OFF_NOISE.value or _little_left(found)):
         return None
     other, places = opened(model, recordings)
     if not places:
@@ -107,14 +107,18 @@ def beside(found: Diagnosis, other: Diagnosis) -> Diagnosis:
     return replace(found, seconds=seconds, work=work, verdict=verdict)
 
 
-def _misfit(found: Diagnosis) -> float:
-    """Return the largest error of free runs of what was found, over that of noise alone."""
+def _misfit(found: Diagnosis, label: str = "extended") -> float:
+    """Return the largest error of a model's free runs, over that of noise alone."""
     assert found.verdict is not None
     fit = found.verdict.fit
     return max(
-        (fit["extended"][o] / max(n, 1e-300) for o, n in fit["noise_floor"].items()),
-        default=math.inf,
+        (fit[label][o] / max(n, 1e-300) for o, n in fit["noise_floor"].items()), default=math.inf
     )
+
+
+def _little_left(found: Diagnosis) -> bool:
+    left, before = (_misfit(found, label) ** 2 - 1.0 for label in ("extended", "refitted"))
+    return left < LITTLE_LEFT.value * before
 
 
 def _closer(again: Diagnosis, found: Diagnosis) -> bool:

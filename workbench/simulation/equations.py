@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.work.machine_code import FAST, SOON, USUAL, built, compiler
+from workbench.work.machine_code import FAST, SOON, built, compiler
 
 
 def compiled(function: ca.Function) -> ca.Function:
@@ -32,9 +32,6 @@ def generated(functions: Sequence[ca.Function]) -> str:
 
 
 _HERE = Path(__file__).parent
-
-_SHORT = 40_000
-"""Characters of C code that take a quarter of a second to build."""
 
 
 class CFunction(ctypes.Structure):
@@ -152,7 +149,5 @@ def _library(functions: tuple[ca.Function, ...]) -> ctypes.CDLL | None:
     if compiler() is None:
         return None
     source = generated(functions)
-    # What is short is built soon anyway.
-    flags = USUAL if len(source) < _SHORT else SOON
-    library = built("_".join(f.name() for f in functions), source, flags)
+    library = built("_".join(f.name() for f in functions), source, SOON)
     return None if library is None else ctypes.CDLL(str(library))

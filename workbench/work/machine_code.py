@@ -34,10 +34,7 @@ in the instructions of this very processor."""
 
 SOON = ("-Og", "-fno-math-errno", "-fno-trapping-math", *PLAIN[1:])
 """For the equations of a model, which have no loops: built in a sixth of the time, and a fifth
-slower than ``FAST``."""
-
-USUAL = ("-O2", *SOON[1:])
-"""For equations that are short: an eighth faster than ``SOON``."""
+slower than ``FAST``. A search builds dozens of them, each for some seconds of work."""
 
 _DIGEST = hashlib.sha256().digest_size
 
@@ -102,7 +99,7 @@ def built(
 
     Args:
         name: What the library is called in the cache.
-        flags: ``PLAIN``, ``FAST``, ``USUAL`` or ``SOON``.
+        flags: ``PLAIN``, ``FAST`` or ``SOON``.
         headers: Folder of the headers that the code includes; they count as part of the code.
 
     Returns:

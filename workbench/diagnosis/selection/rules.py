@@ -271,6 +271,13 @@ OFF_NOISE = Threshold(
     "Held-out error over that of noise alone from which on something may be missing beside what"
     " was found, where its author trusts the equations.",
 )
+LITTLE_LEFT = Threshold(
+    "little left",
+    1e-3,
+    "Part of the square of the refitted model's held-out error, beside that of noise, up to which"
+    " what was found surely is not searched for elsewhere: a bend that is rounded otherwise leaves"
+    " as much, and the second search takes as long as the first.",
+)
 AT_NOISE = Threshold(
     "at the noise",
     1.1,
