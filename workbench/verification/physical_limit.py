@@ -35,6 +35,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+import scipy.sparse
 
 from workbench.arrays import Vector
 from workbench.errors import TIMES_S, NumericalError, WorkbenchError, check_choice, check_range
@@ -44,10 +45,11 @@ from workbench.model.traits import bound_value
 from workbench.model.units import from_si, in_time
 from workbench.operating_point import OperatingPoint, operating_point
 from workbench.simulation.stepper import Stepper
+from workbench.verification.repeated_equations import RepeatedEquations, program
 from workbench.verification.responses import BAND
 from workbench.work.machine_code import cache_folder
 
-_FORMULATION = "2"
+_FORMULATION = "3"
 _SHORTEST, _LONGEST = 0.05, 100.0
 """Bounds of both phases, in times that a held command takes for half the move."""
 
@@ -290,44 +292,66 @@ class _Problem:
             ca.Function("motion", [z, traced.u], [ca.cse(motion)]),
         )
 
-    def solve(self) -> dict[str, Any]:
-        """Solve the program and return what is kept on disk."""
+    def _program(self) -> tuple[dict[str, Any], dict[str, ca.Function]]:
+        """Return the program, whose variables are times, ends, points and inputs of intervals."""
         rates, motion = self._functions()
         n_x, n_u, d = len(self.scale), len(self.model.inputs), self.degree
-        total = sum(self.intervals)
+        n_t, total = len(self.intervals), sum(self.intervals)
+        nodes, points = n_t, n_t + n_x * (total + 1)
+        inputs = points + n_x * d * total
+        size = inputs + n_u * total
         derivative, end, _ = ca.collocation_coeff(ca.collocation_points(d, "radau"))
-        # One interval: the collocation equations of states at its points.
-        z0, points = ca.SX.sym("z0", n_x), ca.SX.sym("points", n_x, d)
-        u, h = ca.SX.sym("u", n_u), ca.SX.sym("h")
-        all_points = ca.horzcat(z0, points)
-        slopes = all_points @ derivative
-        equations = ca.vertcat(*(slopes[:, j] - h * rates(points[:, j], u) for j in range(d)))
-        interval = ca.Function("interval", [z0, points, u, h], [equations, all_points @ end])
-        Z = ca.MX.sym("Z", n_x, total + 1)
-        P = ca.MX.sym("P", n_x, d * total)
-        U = ca.MX.sym("U", n_u, total)
-        times = ca.MX.sym("times", len(self.intervals))
-        steps = ca.horzcat(*(ca.repmat(times[i] / n, 1, n) for i, n in enumerate(self.intervals)))
-        defects, ends = interval.map(total)(Z[:, :-1], P, U, steps)
-        rest = motion(Z[:, -1], U[:, -1])
-        g = ca.vertcat(
-            ca.vec(defects), ca.vec(ends - Z[:, 1:]), rest, ca.sum1(times) - 1.5 * times[0]
+        # One interval: the collocation equations of states at its points, and its end.
+        z, u, h = ca.SX.sym("z", n_x, 1 + d), ca.SX.sym("u", n_u), ca.SX.sym("h")
+        slopes = z @ derivative
+        defects = [slopes[:, j] - h * rates(z[:, 1 + j], u) for j in range(d)]
+        k = np.arange(total)[:, None]
+        parts = [nodes + n_x * k + np.arange(n_x), points + n_x * d * k + np.arange(n_x * d)]
+        parts += [inputs + n_u * k + np.arange(n_u)]
+        # The step of an interval is its part of the time of a phase.
+        phases = np.repeat(np.arange(n_t), self.intervals)[:, None]
+        columns = np.hstack([*parts, phases])
+        factors = np.ones(columns.shape)
+        factors[:, -1] = 1.0 / np.repeat(self.intervals, self.intervals)
+        n_r = n_x * (1 + d)
+        interval = RepeatedEquations(
+            ca.vertcat(ca.vec(z), u, h),
+            ca.vertcat(*defects, z @ end),
+            columns,
+            factors,
+            n_r * k + np.arange(n_r),
         )
-        variables = ca.vertcat(times, ca.vec(Z), ca.vec(P), ca.vec(U))
+        # It ends at rest.
+        there = np.r_[nodes + n_x * total + np.arange(n_x), parts[2][-1]][None]
+        resting = n_r * total + np.arange(3)[None]
+        z, u = ca.SX.sym("z", n_x), ca.SX.sym("u", n_u)
+        rest = RepeatedEquations(
+            ca.vertcat(z, u), motion(z, u), there, np.ones(there.shape), resting
+        )
+        # Each interval ends where the next one begins; the stay is no longer than half the move.
+        linear = scipy.sparse.lil_matrix((n_r * total + 4, size))
+        ends = (n_r * k + n_x * d + np.arange(n_x)).ravel()
+        linear[ends, nodes + n_x + np.arange(n_x * total)] = -1.0
+        linear[-1, :2] = [-0.5, 1.0]
+        variables = ca.MX.sym("variables", size)
         # A little of the stay, so that its length is determined.
-        weights = ca.DM([1.0, 1e-3])
-        program = {"x": variables, "f": ca.dot(weights, times), "g": g}
+        least = ca.dot(ca.DM([1.0, 1e-3]), variables[:n_t])
+        return program(variables, least, (interval, rest), linear)
+
+    def solve(self) -> dict[str, Any]:
+        """Solve the program and return what is kept on disk."""
+        problem, derivatives = self._program()
         guess, lower, upper = self._guess_and_bounds()
         # The jerk of a plant whose input is a force rests with the acceleration: as an equation it
         # would say the same twice.
-        limit = np.zeros(g.numel())
+        limit = np.zeros(problem["g"].numel())
         limit[-2] = _JERK
         floor = -limit
         # A short stay: the band is kept at the points only, and long intervals would leave it.
         floor[-1] = -np.inf
         # The first is faster, the second gets through where the first runs in circles.
         for strategy in ("adaptive", "monotone"):
-            solver = ca.nlpsol("limit", "ipopt", program, _options(strategy))
+            solver = ca.nlpsol("limit", "ipopt", problem, _options(strategy) | derivatives)
             result = solver(x0=guess, lbx=lower, ubx=upper, lbg=floor, ubg=limit)
             stats = solver.stats()
             status = str(stats["return_status"])
@@ -340,6 +364,7 @@ class _Problem:
                 " of the stops, or a plant without effects of memory such as hysteresis"
             )
         x = np.asarray(result["x"]).ravel()
+        n_x, n_u, total = len(self.scale), len(self.model.inputs), sum(self.intervals)
         n_t, n_z = len(self.intervals), n_x * (total + 1)
         return {
             "times": self.pace * x[:n_t],
