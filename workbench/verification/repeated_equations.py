@@ -40,10 +40,10 @@ class RepeatedEquations:
     """A vector function F(v) whose arguments are variables of a program, again and again.
 
     Args:
-        v: Symbols, shape (m,).
-        expression: F(v), shape (r,).
+        v: Symbols, shape (m,), in any unit.
+        expression: F(v), shape (r,), in any unit.
         columns: Which variables of the program each repetition takes for ``v``, shape (n, m).
-        factors: By what they are multiplied, shape (n, m).
+        factors: By what they are multiplied, shape (n, m), in any unit.
         rows: Which equations of the program each repetition adds to, shape (n, r).
     """
 
@@ -70,20 +70,20 @@ class RepeatedEquations:
         return ca.reshape(taken, m, n)
 
     def values(self, x: ca.MX) -> Entries:
-        """Return what they add to the equations of a program at its variables."""
+        """Return what they add to the equations of a program, in any unit, at its variables."""
         rows = self._rows.ravel()
         found = ca.vec(self._values_of(self._at(x)))
         return Entries(rows, np.zeros_like(rows), np.ones(rows.size), found)
 
     def slopes(self, x: ca.MX) -> Entries:
-        """Return what they add to the Jacobian of the equations."""
+        """Return what they add to the Jacobian of the equations, in any unit."""
         r, c = (np.array(places, dtype=np.int64) for places in self._slopes.get_triplet())
         found = ca.vec(self._slopes_of(self._at(x)))
         rows, columns = self._rows[:, r].ravel(), self._columns[:, c].ravel()
         return Entries(rows, columns, self._factors[:, c].ravel(), found)
 
     def bends(self, x: ca.MX, weights: ca.MX) -> Entries:
-        """Return what they add to the Hessian of the weighted sum of the equations."""
+        """Return what they add to the Hessian of the weighted sum of the equations, in any unit."""
         r, c = (np.array(places, dtype=np.int64) for places in self._bends.get_triplet())
         own = ca.reshape(weights[self._rows.ravel().tolist()], self._rows.shape[1], -1)
         found = ca.vec(self._bends_of(self._at(x), own))
@@ -94,7 +94,7 @@ class RepeatedEquations:
 
 
 def matrix(shape: tuple[int, int], parts: Iterable[Entries], *, upper: bool = False) -> ca.MX:
-    """Return the sparse matrix of some entries; what stands at one place is added.
+    """Return the sparse matrix of some entries, in any unit; what stands at one place is added.
 
     Args:
         upper: Whether only the triangle above the diagonal, with it, is wanted.
@@ -118,8 +118,8 @@ def program(
     """Return a nonlinear program for `casadi.nlpsol`, and its derivatives, which are options of it.
 
     Args:
-        x: Variables, shape (n,).
-        f: What is minimised, linear in the variables.
+        x: Variables, shape (n,), in any unit.
+        f: What is minimised, linear in the variables, in any unit.
         linear: What the equations have beside the repeated ones, over the variables, shape (m, n).
     """
     all_of, of_x = list(repeated), ca.DM(linear.tocsc())

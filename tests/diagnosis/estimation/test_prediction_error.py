@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
+from workbench.diagnosis.estimation.filter import _exponential_of
 from workbench.diagnosis.estimation.made_up import made_up_axis
 from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, stack
 from workbench.errors import WorkbenchError
@@ -122,3 +124,15 @@ def test_without_a_compiler_the_filter_gives_the_same(monkeypatch: pytest.Monkey
     for ours, other in zip(vars(found[0]).values(), vars(found[1]).values(), strict=True):
         np.testing.assert_allclose(ours, other, rtol=1e-9, atol=1e-9 * np.nanmax(np.abs(other)))
     assert np.isnan(found[0].whitened[40:45]).all()
+
+
+@pytest.mark.parametrize("fastest", [0.1, 3.0, 3e5])
+def test_the_exponential_of_stiff_slopes_fades_as_it_should(fastest: float) -> None:
+    rng = np.random.default_rng(0)
+    turn = np.linalg.qr(rng.normal(size=(4, 4)))[0]
+    slopes = turn @ np.diag([-fastest, -fastest / 2, -0.1, 0.0]) @ turn.T
+    transition, mean = (np.asarray(v) for v in _exponential_of(4)(slopes))
+    np.testing.assert_allclose(transition, expm(slopes), atol=1e-2)
+    # The second block of the exponential of this matrix is the integral of the first.
+    both = expm(np.block([[slopes, np.eye(4)], [np.zeros((4, 8))]]))
+    np.testing.assert_allclose(mean, both[:4, 4:], atol=1e-2)

@@ -18,7 +18,8 @@ typedef struct {
     int64_t pieces, steps; /* pieces of a sample with one linearisation each, steps in a piece */
     const int64_t *places; /* of the states that measurements correct */
     const double *scale;   /* of each state */
-    double sample_time, outlier, faded;
+    double sample_time, outlier, faded, little;
+    int64_t most_doublings;
     double *work;
 } Filter;
 
@@ -71,9 +72,6 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
 {
     const int64_t nx = g->states, n = g->corrected, ny = g->measurements, nf = g->free;
     const double h = g->sample_time / (double)(g->pieces * g->steps);
-    double part = g->sample_time / (double)g->pieces;
-    for (int64_t parts = 1; parts < g->steps; parts *= 2)
-        part /= 2.0;
     const int64_t middle = g->steps / 2;
     double *w = g->work;
     double *k[4], *at = w + 4 * nx;
@@ -166,6 +164,17 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
                 for (int64_t i = 0; i < nx; i++)
                     x[i] += h / 6.0 * (k[0][i] + 2.0 * k[1][i] + 2.0 * k[2][i] + k[3][i]);
             }
+            /* Parts of the piece along which the slopes do little. */
+            double most = 0.0, part = g->sample_time / (double)g->pieces;
+            for (int64_t i = 0; i < n; i++) {
+                double sum = 0.0;
+                for (int64_t j = 0; j < n; j++)
+                    sum += fabs(A[i * n + j]);
+                most = sum > most ? sum : most;
+            }
+            int doublings = 0;
+            for (; most * part > g->little && doublings < g->most_doublings; doublings++)
+                part /= 2.0;
             /* half = I + a / 2 (I + a / 3), step = I + a half, with a = part A */
             for (int64_t i = 0; i < n * n; i++) {
                 A[i] *= part;
@@ -182,7 +191,7 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
             for (int64_t i = 0; i < n; i++)
                 step[i * n + i] += 1.0;
             /* Twice as far: half = half + step half, step = step^2 */
-            for (int64_t parts = 1; parts < g->steps; parts *= 2) {
+            for (; doublings; doublings--) {
                 memcpy(before, half, (size_t)(n * n) * sizeof(double));
                 product(half, step, before, n, n, n, 1);
                 memcpy(before, step, (size_t)(n * n) * sizeof(double));

@@ -48,6 +48,10 @@ _BLOCK = 100
 _FADED = 1e-50
 """Covariance and sensitivity, relative to the scales, that are none any more."""
 
+_LITTLE, _DOUBLINGS = 1.0, 40
+"""Sum along a row of a matrix of which Taylor's polynomial of third order is the exponential, and
+how often a part like that is doubled at the most."""
+
 
 class Steps(NamedTuple):
     """How a filter goes through the time between two samples.
@@ -126,7 +130,8 @@ class _Struct(ctypes.Structure):
         ),
         ("places", ctypes.c_void_p),
         ("scale", ctypes.c_void_p),
-        *((name, ctypes.c_double) for name in ("sample_time", "outlier", "faded")),
+        *((name, ctypes.c_double) for name in ("sample_time", "outlier", "faded", "little")),
+        ("most_doublings", ctypes.c_int64),
         ("work", ctypes.c_void_p),
     ]
 
@@ -200,6 +205,8 @@ class Filter:
                 sample_time,
                 OUTLIER_SIGMA,
                 _FADED,
+                _LITTLE,
+                _DOUBLINGS,
                 address(self._work),
             )
 
@@ -332,7 +339,7 @@ def _block_of(
         covariance = covariance - ca.mtimes(gain, gain.T) / variance
     # Rows of the unit matrix put the correction on the states that are corrected.
     x = filtered = x0 + ca.mtimes(ca.DM.eye(n_x)[:, list(kept)], scale * moved)
-    h, identity, whole = sample_time / steps.number, ca.DM.eye(n), ca.MX(ca.DM.eye(n))
+    h, whole = sample_time / steps.number, ca.MX(ca.DM.eye(n))
     middle, odd = steps.each // 2, steps.each % 2
     for k in range(steps.number):
         amid = k % steps.each == middle
@@ -349,15 +356,9 @@ def _block_of(
         k4 = rates(x + h * k3, u, p)
         x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
         if (k + 1) % steps.each == 0:
-            doublings = (steps.each - 1).bit_length()
-            part = sample_time / steps.pieces / 2**doublings
-            a, b = part * a.T, part * b.T
-            half = identity + 0.5 * ca.mtimes(a, identity + a / 3)
-            transition = identity + ca.mtimes(a, half)
-            for _ in range(doublings):
-                half += ca.mtimes(transition, half)
-                transition = ca.mtimes(transition, transition)
-            sensitivity = ca.mtimes(transition, sensitivity) + ca.mtimes(half, b)
+            piece = sample_time / steps.pieces
+            transition, half = _exponential_of(n)(piece * a.T)
+            sensitivity = ca.mtimes(transition, sensitivity) + ca.mtimes(half, piece * b.T)
             whole = ca.mtimes(transition, whole)
     covariance = _flushed(ca.mtimes(ca.mtimes(whole, covariance), whole.T))
     covariance = 0.5 * (covariance + covariance.T) + noise(filtered, u, p, d)
@@ -371,6 +372,29 @@ def _block_of(
     return ca.Function(
         "filter", [*many, *fixed], block(*many, *(ca.repmat(v, 1, _BLOCK) for v in fixed))
     )
+
+
+@functools.lru_cache(maxsize=32)
+def _exponential_of(n: int) -> ca.Function:
+    """Build the exponential of a matrix of n rows, and its mean on the way from the unit matrix.
+
+    Taylor's polynomial of a part of the matrix whose largest sum along a row is at most `_LITTLE`,
+    doubled until it is the whole: Golub and Van Loan, Matrix Computations, section 9.3.
+    """
+    matrix, identity = ca.MX.sym("a", n, n), ca.DM.eye(n)
+    numbers = []
+    for doublings in range(_DOUBLINGS + 1):
+        part = matrix / 2**doublings
+        mean = identity + 0.5 * ca.mtimes(part, identity + part / 3)
+        transition = identity + ca.mtimes(part, mean)
+        for _ in range(doublings):
+            mean = 0.5 * (mean + ca.mtimes(transition, mean))
+            transition = ca.mtimes(transition, transition)
+        numbers.append(ca.Function("doubled", [matrix], [transition, mean]))
+    size = ca.mmax(ca.sum2(ca.fabs(matrix))) / _LITTLE
+    doubled = ca.Function.conditional("doubled", numbers[:-1], numbers[-1])
+    number = ca.ceil(ca.log(ca.fmax(size, 1.0)) / math.log(2.0))
+    return ca.Function("exponential", [matrix], doubled(number, matrix))
 
 
 def _flushed(matrix: ca.MX) -> ca.MX:
