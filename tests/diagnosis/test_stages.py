@@ -116,7 +116,10 @@ def test_other_options_are_used_from_their_stage_on(
 def test_a_file_that_cannot_be_read_is_done_again(tmp_path: Path) -> None:
     model, fit_on, hold_out, options = _given()
     first = diagnose(model, fit_on, hold_out, folder=tmp_path, **options)
-    (tmp_path / "stages" / "fitted.json").write_text('{"format": "workbench.stage/1"')
+    (tmp_path / "stages" / "fitted.json").write_text('{"format": "workbench.stage/2"')
+    # Nor is a class that is none of the workbench's looked up.
+    located = tmp_path / "stages" / "located.json"
+    located.write_text(located.read_text().replace('"#": "workbench.', '"#": "elsewhere.'))
     again = diagnose(model, fit_on, hold_out, folder=tmp_path, **options)
     assert _said(again) == _said(first)
 

@@ -15,81 +15,27 @@ import hashlib
 import json
 import zlib
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from workbench.diagnosis.estimation.free_run import FreeRun
-from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior
-from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
-from workbench.diagnosis.estimation.refit_result import Estimate, Refit
 from workbench.diagnosis.experiment.menu import Experiment
-from workbench.diagnosis.location.locate import Location
-from workbench.diagnosis.location.missing_signal import (
-    MissingSignal,
-    Occurrence,
-    Place,
-    Span,
-)
-from workbench.diagnosis.nonparametric.curve_description import Term
-from workbench.diagnosis.nonparametric.result import (
-    EFFECT_NAME,
-    Argument,
-    Bins,
-    Law,
-    Likeness,
-    NonparametricTerm,
-)
-from workbench.diagnosis.selection.candidate import Candidate
-from workbench.diagnosis.selection.held_out import RunErrors
-from workbench.diagnosis.selection.score import Score, Scores
-from workbench.diagnosis.selection.selected import (
-    Accepted,
-    Aside,
-    Round,
-    Scored,
-    Selected,
-    Withdrawn,
-)
-from workbench.diagnosis.selection.weights import Compared
-from workbench.diagnosis.stages import Fitted, Located, Prepared, Validated
+from workbench.diagnosis.nonparametric.result import EFFECT_NAME
 from workbench.errors import WorkbenchError
 from workbench.files import write_whole
 from workbench.model import Effect, Model
 from workbench.physics.library import Hypothesis
-from workbench.physics.nonparametric_term import Curve
 from workbench.recordings.recording import Recording
 from workbench.work.counted import Work
 
-FORMAT = "workbench.stage/1"
+FORMAT = "workbench.stage/2"
 
 FOLDER = "stages"
 """Folder of the stages within that of the results."""
-
-_CLASSES: dict[str, Any] = {
-    cls.__name__: cls
-    for cls in (
-        *(
-            Compared,
-            Prepared,
-            Fitted,
-            Located,
-            Scored,
-            Selected,
-            Validated,
-            Round,
-            Accepted,
-            Aside,
-            Withdrawn,
-        ),
-        *(Observed, Prior, Estimate, Refit, ProcessNoiseFit, FreeRun, Location, Score, Scores),
-        *(Candidate, RunErrors, NonparametricTerm, Law, Argument, Bins, Term, Curve, Likeness),
-        *(MissingSignal, Occurrence, Place, Span, Experiment),
-    )
-}
 
 
 def fingerprint(
@@ -192,11 +138,10 @@ class StageFiles:
             fields = {
                 f.name: self._plain(getattr(value, f.name)) for f in dataclasses.fields(value)
             }
-            return {"#": type(value).__name__} | fields
+            return {"#": _class_name(value)} | fields
         if isinstance(value, tuple) and hasattr(value, "_fields"):
-            return {"#": type(value).__name__} | {
-                name: self._plain(getattr(value, name)) for name in value._fields
-            }
+            fields = {name: self._plain(getattr(value, name)) for name in value._fields}
+            return {"#": _class_name(value)} | fields
         if isinstance(value, Mapping):
             return {str(k): self._plain(v) for k, v in value.items()}
         if isinstance(value, (list, tuple)):
@@ -230,7 +175,7 @@ class StageFiles:
             entry = self._entries[fields.pop("name")]
             effect = _with_quantities(entry.effect, fields.pop("effect"))
             return dataclasses.replace(entry, effect=effect, **fields)
-        return _CLASSES[kind](**fields)
+        return _class_of(kind)(**fields)
 
     def _whole_model(self, data: Mapping[str, Any]) -> Model:
         # Writing the equations down takes time; models that differ by values share them.
@@ -245,6 +190,19 @@ class StageFiles:
         model = self._built[key]
         names = [q.name for q in model.parameters]
         return model.with_parameters(dict(zip(names, data["values"], strict=True)))
+
+
+def _class_name(value: Any) -> str:
+    return f"{type(value).__module__}:{type(value).__name__}"
+
+
+def _class_of(name: str) -> Any:
+    """Return the class of a frozen part of a stage: one of the workbench, whatever a file says."""
+    module, _, own = name.partition(":")
+    found = getattr(import_module(module), own) if module.startswith("workbench.") else None
+    if not (dataclasses.is_dataclass(found) or hasattr(found, "_fields")):
+        raise KeyError(name)
+    return found
 
 
 def _quantities(effect: Effect) -> dict[str, list[float]]:
