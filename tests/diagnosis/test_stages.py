@@ -117,9 +117,10 @@ def test_a_file_that_cannot_be_read_is_done_again(tmp_path: Path) -> None:
     model, fit_on, hold_out, options = _given()
     first = diagnose(model, fit_on, hold_out, folder=tmp_path, **options)
     (tmp_path / "stages" / "fitted.json").write_text('{"format": "workbench.stage/2"')
-    # Nor is a class that is none of the workbench's looked up.
-    located = tmp_path / "stages" / "located.json"
-    located.write_text(located.read_text().replace('"#": "workbench.', '"#": "elsewhere.'))
+    # Nor is a class that is none of the workbench's looked up, or one that is gone.
+    for stage, begin in (("located", "elsewhere"), ("scored", "workbench.gone")):
+        file = tmp_path / "stages" / f"{stage}.json"
+        file.write_text(file.read_text().replace('"#": "workbench.', f'"#": "{begin}.'))
     again = diagnose(model, fit_on, hold_out, folder=tmp_path, **options)
     assert _said(again) == _said(first)
 

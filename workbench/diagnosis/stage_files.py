@@ -25,7 +25,6 @@ import numpy as np
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.experiment.menu import Experiment
 from workbench.diagnosis.nonparametric.result import EFFECT_NAME
-from workbench.errors import WorkbenchError
 from workbench.files import write_whole
 from workbench.model import Effect, Model
 from workbench.physics.library import Hypothesis
@@ -106,8 +105,8 @@ class StageFiles:
                 self._effects[EFFECT_NAME] = self._whole(data["law"]).effect
             work = {str(unit): int(amount) for unit, amount in data["work"].items()}
             return self._whole(data["data"]), float(data["seconds"]), work
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, WorkbenchError):
-            # A file that cannot be used is as good as none: the stage is done again.
+        # A file that cannot be used, whatever it leads to, is as good as none.
+        except Exception:  # noqa: BLE001
             return None
 
     def _path(self, name: str) -> Path:
