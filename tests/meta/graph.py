@@ -16,6 +16,20 @@ def parsed(source: str) -> ast.Module:
     return ast.parse(source)
 
 
+def statements(tree: ast.Module) -> Iterator[ast.AST]:
+    """Yield a module and its statements, however deep, without the expressions in them.
+
+    Example:
+        >>> [type(node).__name__ for node in statements(ast.parse("if a:\\n def f(): b"))]
+        ['Module', 'If', 'FunctionDef', 'Expr']
+    """
+    found: list[ast.AST] = [tree]
+    for node in found:
+        yield node
+        for part in ("body", "orelse", "handlers", "finalbody", "cases"):
+            found += getattr(node, part, ())
+
+
 def imported_modules(source: str, known: set[str]) -> set[str]:
     """Return the modules among the known ones that a source imports, anywhere in it.
 
@@ -24,7 +38,7 @@ def imported_modules(source: str, known: set[str]) -> set[str]:
         ['a', 'a.b', 'd.e']
     """
     found: set[str] = set()
-    for node in ast.walk(parsed(source)):
+    for node in statements(parsed(source)):
         if isinstance(node, ast.Import):
             found |= {item.name for item in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -106,7 +120,7 @@ def without_docstrings(source: str) -> str:
         ''
     """
     lines = source.splitlines()
-    for node in ast.walk(parsed(source)):
+    for node in statements(parsed(source)):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
             first = node.body[0] if node.body else None
             if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant):
@@ -126,7 +140,7 @@ def unused_members(pages: Iterable[str], modules: Mapping[Path, str]) -> Iterato
         count.update(re.findall(r"[A-Za-z_]\w*", without_docstrings(source)))
         defined.update(
             part.name
-            for node in ast.walk(parsed(source))
+            for node in statements(parsed(source))
             if isinstance(node, ast.ClassDef)
             for part in node.body
             if isinstance(part, ast.FunctionDef)
