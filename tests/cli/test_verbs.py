@@ -95,6 +95,7 @@ def test_linearise_uses_parameters_with_units(tmp_path: Path) -> None:
     assert found == pytest.approx(point["pressure_1"], rel=1e-9)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_verify_scores_a_controller(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["verify", "-c", "pid", "--hysteresis", "--out", str(tmp_path / "out")]) == 0
     text = capsys.readouterr().out
@@ -114,6 +115,7 @@ def test_what_no_design_commands_rests(capsys: pytest.CaptureFixture[str]) -> No
     assert "plain-pid on servo pendulum" in said.out
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_redesign_of_a_machine_that_is_no_arm(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -134,6 +136,7 @@ def test_redesign_of_a_machine_that_is_no_arm(
     assert "on servo axis, step 100 to" in capsys.readouterr().out
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_redesign_is_run_until_its_loops_have_settled(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -118,6 +118,7 @@ def test_simulate_and_linearise_use_the_improved_model(
     assert f"{1e3 * 120.0 / damping:.4g} ms" in capsys.readouterr().out
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.system
 def test_verify_and_compare_run_controllers_on_it(
     axis: Path, capsys: pytest.CaptureFixture[str]

@@ -89,8 +89,9 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
     return study_page(run_study(load_study(place / "axis.toml"), place / "out", jobs=1))
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_it_speaks_the_words_of_its_plant(page: Page) -> None:
-    text = re.sub(r"<(style|svg|head).*?</\1>", "", html(page), flags=re.DOTALL)
+    text = re.sub(r"<(style|head).*?</\1>", "", html(page), flags=re.DOTALL)
     assert "position" in text and "mm" in text
     said = {m.group() for m in ARM.finditer(re.sub(r"<[^>]*>", " ", text))}
     assert said == set(), sorted(said)

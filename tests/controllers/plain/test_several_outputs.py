@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -78,11 +79,17 @@ def designed(name: str, linear: Any, **told: Any) -> Any:
     return design.controller(linear, design.specified({"sample_time": H, **told}))
 
 
+@pytest.fixture(scope="module")
+def law_of(linear: LinearModel) -> Callable[[str], Any]:
+    """The law of each family for both tanks, designed once for all tests."""
+    return cache(lambda name: designed(name, linear))
+
+
 @pytest.mark.parametrize("name", FAMILIES)
 def test_each_output_follows_and_leaves_the_other(
-    name: str, linear: LinearModel, tmp_path: Path
+    name: str, linear: LinearModel, law_of: Callable[[str], Any], tmp_path: Path
 ) -> None:
-    law = designed(name, linear)
+    law = law_of(name)
     assert law.controlled == ("low", "other") and law.actuators == ("left", "right")
     x = np.array(linear.x0)
     state = law.initial_state(tuple(linear.y0))
@@ -332,8 +339,10 @@ def test_a_slew_is_positive() -> None:
         Input("u", "V", slew=0.0)
 
 
-def test_an_mpc_at_a_pace_is_the_same_in_c(linear: LinearModel, tmp_path: Path) -> None:
-    law = replace(designed("plain-mpc", linear), pace=(1e-4, 3e-4))
+def test_an_mpc_at_a_pace_is_the_same_in_c(
+    linear: LinearModel, law_of: Callable[[str], Any], tmp_path: Path
+) -> None:
+    law = replace(law_of("plain-mpc"), pace=(1e-4, 3e-4))
     in_c, y0 = InC(law, tmp_path), tuple(linear.y0.tolist())
     state = law.initial_state(y0)
     in_c.start(y0)
@@ -348,9 +357,9 @@ def test_an_mpc_at_a_pace_is_the_same_in_c(linear: LinearModel, tmp_path: Path) 
 
 @pytest.mark.parametrize("name", FAMILIES)
 def test_what_all_channels_bear_at_once_is_what_no_change_of_less_exceeds(
-    name: str, linear: LinearModel
+    name: str, linear: LinearModel, law_of: Callable[[str], Any]
 ) -> None:
-    law = designed(name, linear)
+    law = law_of(name)
     *each, whole = analyse_loop(law, linear)
     assert [own.opened for own in each] == ["low", "other", "left", "right"]
     assert whole.opened == "all at once"
