@@ -383,7 +383,8 @@ class LoopLimits:
         with np.errstate(over="ignore", invalid="ignore"):
             seen = run(law, i, step, pace) / step
         own, scale = np.arange(self.outputs) == i, self.loop.output_scale
-        away = np.nan_to_num(seen - own[:, None], nan=1e9, posinf=1e9, neginf=-1e9)
+        # What runs away is too much, whatever it comes to.
+        away = np.clip(np.nan_to_num(seen - own[:, None], nan=1e9), -1e9, 1e9)
         counted = np.abs(away) * (scale[i] / scale)[:, None]
         errors = np.tensordot(np.arange(len(away)), counted.sum(axis=1), 1)
         over = np.maximum(away[:, i].max(axis=0) - self.want.overshoot, 0.0)

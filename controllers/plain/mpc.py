@@ -49,8 +49,8 @@ ALIKE = (8, 12)
 """Places of those that are tried for all outputs alike."""
 
 
-ENDLESS = 10.0
-"""Where a command without an end is taken to end, over what it may change by."""
+ENDLESS = 1e6
+"""Where a command without an end is taken to end, over its scale: beyond all that is asked."""
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,8 @@ class PlainMPCSpecification(LoopSpecification):
             what leads a step best.
         error_scale: Error that weighs as much as a third of the command, in SI of the output, or
             one for each; by default (0) what makes the best loop.
-        rate_time: Time in which a command may cross half of its range, in s; by default (0) two
-            prediction samples, or what its slew lets it.
+        rate_time: Time in which a command may cross half of its range, or its scale where that has
+            no end, in s; by default (0) two prediction samples, or what its slew lets it.
         disturbance: What the disturbance of the command is taken to walk by in ten time constants
             of the loop, rms, as a fraction of the command; what suits the loop by default (0).
     """
@@ -178,6 +178,9 @@ def _problem(
         # As many as outputs, of the commands that hold them.
         gain = gain_at_rest(loop) * loop.command_scale / loop.output_scale[:, None]
         entry = entry @ np.linalg.svd(gain)[2][: len(loop.measured)].T
+    # By default what has no end is not held back.
+    ended = np.isfinite(loop.upper - loop.lower) | (want.rate_time > 0.0)
+    rate = np.where(ended, share, 1.0) / (want.rate_time or 2.0 * step)
     slow = loop.slew / full
     problem = Problem(
         curves=curves,
@@ -189,9 +192,7 @@ def _problem(
             (usual.move_scale * share) ** -2,
         ),
         ends=((-below / full).tolist(), (above / full).tolist()),
-        move_limit=tuple(
-            (np.minimum(share / (want.rate_time or 2.0 * step), slow) * step).tolist()
-        ),
+        move_limit=tuple((np.minimum(rate, slow) * step).tolist()),
         output_limits=(),
         disturbances=(entry, disturbance * walking),
         reference_speed=(lag,) * len(loop.measured),

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
@@ -56,9 +57,10 @@ def linear_model(
 ) -> LinearModel:
     """Take a python-control system as a linear model; a `LinearModel` is one already.
 
-    The names are those of its signals; ``u[0]`` becomes ``u_0``. Its units are SI, of scale 1. It
-    is a plant too: ``linear_model(system).operating_point.model``. The ``system`` of a
-    `LinearModel` has its operating point still.
+    The names are those of its signals; ``u[0]`` becomes ``u_0``. Its units are SI. Where no limits
+    are given, the scale of an input is 1, and that of an output what the inputs make of it, or 1 if
+    that is more. It is a plant too: ``linear_model(system).operating_point.model``. The ``system``
+    of a `LinearModel` has its operating point still.
 
     Args:
         system: A ``control.StateSpace`` or ``control.TransferFunction`` in continuous time, proper;
@@ -111,7 +113,7 @@ def linear_model(
         LinearEquations(_rows(A), _rows(B), _rows(C), _rows(D), names),
         states=tuple(State(name, "1") for name in states),
         inputs=tuple(
-            Input(n, "1", _scale(n, ends), lower=low, upper=high)
+            Input(n, "1", _scale(n, ends) or 1.0, lower=low, upper=high)
             for n in inputs
             for low, high in (ends.get(n, infinite),)
         ),
@@ -122,6 +124,8 @@ def linear_model(
         ),
         description="linear system",
     )
+    read = tuple(q if q.sized else replace(q, scale=min(q.scale, 1.0)) for q in model.outputs)
+    model = replace(model, outputs=read)
     x0, u0, y0 = (np.zeros(len(every)) for every in names)
     point = OperatingPoint(model, x0, u0, y0, np.zeros(len(x0)), {}, {}, 0.0, 1.0)
     return LinearModel(A, B, C, D, point, states, inputs, outputs, x0, u0, y0, np.zeros(len(x0)))
@@ -140,8 +144,9 @@ def _plain(label: str) -> str:
 
 
 def _scale(name: str, limits: Mapping[str, Sequence[float]]) -> float:
-    low, high = limits.get(name, (-1.0, 1.0))
-    return (high - low) / 2.0
+    """Return half of the range of a signal; 0, which leaves it to the equations, without one."""
+    low, high = limits.get(name, (0.0, 0.0))
+    return (high - low) / 2.0 if math.isfinite(high - low) else 0.0
 
 
 def to_iosystem(model: Model) -> Any:

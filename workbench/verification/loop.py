@@ -77,7 +77,12 @@ def verify(
             " time"
         )
     for name in controller.controlled:
-        check_choice("controlled output", name, scenario.references)
+        if name not in scenario.references:
+            raise WorkbenchError(
+                f"controller {controller.name!r} follows {', '.join(controller.controlled)}, and"
+                f" scenario {scenario.name!r} has no reference of {name}; give it one, such as"
+                f" Steps((0.0,), (0.0,)) where it stays at 0, or follow other outputs (measured)"
+            )
     known = plant if isinstance(plant, Model) else plant.operating_point.model
     for actuator in controller.actuators:
         check_choice("actuator", actuator, [q.name for q in known.inputs])

@@ -552,3 +552,27 @@ def test_a_step_that_the_command_can_just_hold_tips_no_pendulum(name: str, tmp_p
         verify(law, rod, step_scenario("angle", 0.0, 0.4, hold=2.0, sample_time=0.004)),
         tmp_path,
     )
+
+
+@pytest.mark.parametrize("name", ["plain-pid", "lqi", "plain-mpc"])
+def test_a_system_of_small_numbers_without_limits_is_as_fast_and_goes_as_far(name: str) -> None:
+    import control as ct
+
+    design, seen = DESIGNS.get(name), []
+    for gain, size in ((1.0, 1.0), (1e-6, 1.0), (1e-6, 1e3)):
+        linear = linear_model(ct.tf([gain], [1.0, 2.0, 1.0], inputs="u", outputs="y"))
+        law = design.controller(linear, design.specified({"sample_time": 0.02}))
+        step = gain * size
+        scenario = step_scenario("y", 0.0, step, lead=0.1, hold=12.0, sample_time=0.02)
+        seen.append(verify(law, linear, scenario)["y"] / step)
+    np.testing.assert_allclose(seen[1:], [seen[0]] * 2, atol=5e-3)
+    assert abs(seen[0][-1] - 1.0) < 0.02
+
+
+def test_a_scenario_without_the_reference_of_a_followed_output_is_refused() -> None:
+    import control as ct
+
+    system = ct.ss(-np.eye(2), np.eye(2), np.eye(2), 0, inputs=2, outputs=["hot", "cold"])
+    law = design_lqi(system, LQISpecification(sample_time=0.05))
+    with pytest.raises(WorkbenchError, match=r"follows hot, cold, and .* has no reference of cold"):
+        verify(law, linear_model(system), step_scenario("hot", 0.0, 1.0, sample_time=0.05))
