@@ -20,7 +20,7 @@ from controllers.plain.limits import LoopLimits
 from controllers.plain.loop import Loop, LoopSpecification
 from controllers.plain.state_feedback import reachable_speed
 from controllers.plain.transfer_law import TransferLaw, sampled_controller
-from workbench.errors import check_range
+from workbench.errors import NumericalError, WorkbenchError, check_range
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -55,8 +55,7 @@ def design_plain_h_infinity(
     """Design an H-infinity controller between commands and outputs of any linear model.
 
     Raises:
-        WorkbenchError: If slycot is not installed.
-        NumericalError: If there is no such controller.
+        WorkbenchError: If slycot is not installed, or there is no such controller.
     """
     want = specification or PlainHInfinitySpecification()
     loop = want.loop(linear)
@@ -72,7 +71,16 @@ def design_plain_h_infinity(
     about = 0.0 if want.speed else reachable_speed(limits, want)
     tried = [about * factor for factor in FACTORS] if about else [want.speed]
     designs = [partial(designed, w, size) for w in tried for size in INPUT_SIZES]
-    law, speed = without_lags[limits.best(designs, family)]
+    try:
+        best = limits.best(designs, family)
+    except NumericalError as error:
+        if want.speed:
+            raise
+        raise WorkbenchError(
+            f"no H-infinity controller of {loop.words} is found at any speed that was tried"
+            f" ({str(error).partition(';')[0]}); take another family, such as lqi"
+        ) from None
+    law, speed = without_lags[best]
     return limits.at_pace(limits.led(law.behind_lags, (speed,) * limits.outputs))
 
 

@@ -8,12 +8,13 @@ with the lag and without, has
 and the noise of the measurements moves no command by more than a share of half its range. Of
 several outputs, |S| is the largest singular value of the sensitivity, opened at all outputs or at
 all commands, each in the unit that makes it least: what the loop bears of changes of all channels
-at once, whatever their units. Where no law holds all limits, as no loop of a plant that is unstable
-and late does, those are taken that exceed them least. Of what is left, the best has the least error
-after a step of each reference and of each load: the sum of the integrals of time by absolute error,
-what other outputs do counted in their scales, each over the least that any has; a step that
-overshoots by a percent more than it may counts as a tenth of it more, one that moves another output
-by as much as its own as four times.
+at once, whatever their units; where more is measured than followed, it is opened at the commands,
+and with twice the limits at each measurement. Where no law holds all limits, as no loop of a plant
+that is unstable and late does, those are taken that exceed them least. Of what is left, the best
+has the least error after a step of each reference and of each load: the sum of the integrals of
+time by absolute error, what other outputs do counted in their scales, each over the least that any
+has; a step that overshoots by a percent more than it may counts as a tenth of it more, one that
+moves another output by as much as its own as four times.
 
 Source: Panagopoulos, Åström and Hägglund, Design of PID controllers based on constrained
 optimisation, IEE Proc. Control Theory Appl. 149, 2002 (limits); Safonov, Stability margins of
@@ -36,7 +37,7 @@ import numpy.typing as npt
 from controllers.arithmetic import SYMBOLS
 from controllers.linear_law import LinearLaw, reached
 from controllers.named_state import flat, restored
-from controllers.plain.loop import LoopSpecification, PlainLaw
+from controllers.plain.loop import LoopSpecification, PlainLaw, loop_of
 from controllers.sensitivity import least_gain, sampled_at
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import WorkbenchError
@@ -96,8 +97,8 @@ class LoopLimits:
 
     def __init__(self, loop: Loop, want: LoopSpecification) -> None:
         h, own, size = want.sample_time, loop.linear, loop.linear.state_scales
-        A, B, C = own.A * size / size[:, None], own.B / size[:, None], own.C * size
-        self.want, self.loop, self.outputs = want, loop, len(C)
+        A, B, C = own.A * size / size[:, None], own.B / size[:, None], loop.seen * size
+        self.want, self.loop, self.outputs, self.sensors = want, loop, len(own.C), len(C)
         lags = [(0.0, lag) for lag in sorted({0.0, want.sensor_lag})]
         self.plants = sampled_at(A, B, C, (True,) * len(C), lags, h)
         z = np.exp(1j * ANGLE)
@@ -160,14 +161,15 @@ class LoopLimits:
         """
         h, angle = self.want.sample_time, ANGLE[which]
         z, late = np.exp(1j * angle), angle * (self.want.delay / h)
-        count, single = len(laws.F), self.responses[0].shape[1:] == (1, 1)
+        count, more = len(laws.F), self.sensors > self.outputs
+        single = self.responses[0].shape[2] == 1 and (more or self.sensors == 1)
         ms, mt, beyond, stirred = np.zeros((4, count))
         stable = np.ones(count, dtype=bool)
-        turned = _turned if single else _turned_together
+        turned = _turned if single else partial(_turned_together, at_outputs=not more)
         # As many at a time as stay in the processor's cache.
         for first in range(0, count, AT_A_TIME):
             part = slice(first, first + AT_A_TIME)
-            K = -response(chosen(laws, part), z, self.outputs)
+            K = -response(chosen(laws, part), z, self.sensors)
             for P in self.responses:
                 s, t, moved, crossed = turned(P[which], K, late, self.noise)
                 stable[part] &= ~crossed
@@ -215,7 +217,8 @@ class LoopLimits:
         """
         over, entry = _closed(self.plants[0], laws)
         slowest = np.abs(np.linalg.eigvals(over)).max(axis=1)
-        C, left, x, stride = self.plants[0][2], np.arange(len(over)), np.zeros_like(entry), 1
+        C = self.plants[0][2][: self.outputs]
+        left, x, stride = np.arange(len(over)), np.zeros_like(entry), 1
         shape, times, on = (len(C), x.shape[2]), [0], np.ones(len(over), dtype=bool)
         parts, going = [np.zeros((len(x), 1, *shape))], [on[:, None]]
         while np.any(on := on & (times[-1] * (1.0 - slowest) < 8.0) & (times[-1] < 1e9)):
@@ -395,7 +398,7 @@ class LoopLimits:
     def _freely(self, law: LinearLaw, i: int) -> tuple[Vector, Matrix]:
         """Return an output, shape (n,), and commands, shape (n, m), in SI, after its unit step."""
         (A, B, C), (F, G, H, J) = self.plants[0], law
-        p, m, asked = self.outputs, len(H), [self.outputs + i]
+        p, m, asked = self.sensors, len(H), [self.sensors + i]
         # The reference, which stays, is the last state.
         command = np.hstack([J[:, :p] @ C, H, J[:, asked]])
         over = np.vstack([B @ command, np.hstack([G[:, :p] @ C, F, G[:, asked]])])
@@ -422,12 +425,12 @@ class LoopLimits:
         law = replace(
             law,
             rest=(0.0,) * len(law.rest),
-            rest_output=(0.0,) * p,
+            rest_output=(0.0,) * self.sensors,
             lower=tuple((loop.lower - loop.rest_command).tolist()),
             upper=tuple((loop.upper - loop.rest_command).tolist()),
             pace=(),
         )
-        example = law.initial_state((0.0,) * p)
+        example = law.initial_state((0.0,) * self.sensors)
         x, z, r = (ca.SX.sym("", n) for n in (len(A), len(flat(example)), 1))
         to, most = ca.SX.sym("to"), ca.SX.sym("most")
         y, now = ca.mtimes(C, x), r + SYMBOLS.clip(to - r, -most, most)
@@ -435,7 +438,7 @@ class LoopLimits:
         seen = tuple(ca.vertsplit(y))
         u, following, _ = law.law(restored(example, ca.vertsplit(z)), seen, asked, SYMBOLS)
         after = ca.vertcat(ca.mtimes(A, x) + ca.mtimes(B, ca.vcat(u)), *flat(following), now)
-        sample = ca.Function("sample", [ca.vertcat(x, z, r), ca.vertcat(to, most)], [after, y])
+        sample = ca.Function("sample", [ca.vertcat(x, z, r), ca.vertcat(to, most)], [after, y[:p]])
         count = len(step)
         many, told = sample.map(count).mapaccum(LOOKED_AT), np.tile([step, pace], LOOKED_AT)
         state = ca.DM.zeros(after.numel(), count)
@@ -524,6 +527,9 @@ def _turned(
 ) -> tuple[Vector, Vector, Vector, npt.NDArray[np.bool_]]:
     """Return what single loops reach at each frequency, turned by the worst angle up to `late`.
 
+    Of several measurements, the loop is opened at the command, and at each of them with all others
+    closed, there turned by nothing and by `late`.
+
     Args:
         P: Plant, shape (n_z, p, m), in SI.
         K: Laws, shape (n_laws, n_z, m, p), in SI.
@@ -534,7 +540,8 @@ def _turned(
         |S| and |T|, shape (n_laws, n_z); squares of what noise moves the commands by, over half of
         their range, shape (n_laws, n_z, m); and whether a crossover is turned to -1, (n_laws,).
     """
-    L = P[:, 0, 0] * K[:, :, 0, 0]
+    each = P[:, :, 0] * K[:, :, 0]
+    L = each[..., 0] if each.shape[2] == 1 else each.sum(axis=2)
     gain, near, crossed = np.abs(L), np.abs(1.0 + L), np.zeros(len(L), dtype=bool)
     if late.any():
         margin = np.mod(np.angle(L) + np.pi, 2.0 * np.pi)
@@ -544,13 +551,22 @@ def _turned(
         # |1 + L| with -L = gain exp(j turned), without the difference of near numbers.
         near = np.hypot(gain - 1.0, 2.0 * np.sqrt(gain) * np.sin(0.5 * turned))
     s = 1.0 / np.maximum(near, 1e-300)
-    return s, gain * s, (np.abs(K[..., 0]) * s[..., None] * noise[:, 0]) ** 2, crossed
+    t, stirred = gain * s, np.sum((np.abs(K) * s[..., None, None] * noise) ** 2, axis=3)
+    for turn in (1.0, np.exp(-1j * late)) if each.shape[2] > 1 else ():
+        share = each * (turn / (1.0 + L * turn))[..., None]
+        s = np.maximum(s, np.abs(1.0 - share).max(axis=2) / AT_A_SENSOR)
+        t = np.maximum(t, np.abs(share).max(axis=2) / AT_A_SENSOR)
+    return s, t, stirred, crossed
 
 
 def _turned_together(
-    P: Complex, K: Complex, late: Vector, noise: Matrix
+    P: Complex, K: Complex, late: Vector, noise: Matrix, *, at_outputs: bool
 ) -> tuple[Vector, Vector, Vector, npt.NDArray[np.bool_]]:
-    """Return the same of loops of several outputs or commands, all turned together."""
+    """Return the same of loops of several outputs or commands, all turned together.
+
+    Args:
+        at_outputs: Whether they are opened at all outputs too, or at each of them by itself.
+    """
     one, two = (np.eye(k) for k in P.shape[1:])
     late = np.minimum(late, 2.0 * np.pi)
     shares = np.linspace(0.0, 1.0, 1 + math.ceil(float(late.max()) / TURN))
@@ -562,8 +578,13 @@ def _turned_together(
     S = _inverse(one + P @ K)
     KS = K @ S
     T = KS @ P
-    s = np.maximum(least_gain(S), least_gain(two - T))
-    t = np.maximum(least_gain(one - S), least_gain(T))
+    s, t = least_gain(two - T), least_gain(T)
+    if at_outputs:
+        s, t = np.maximum(least_gain(S), s), np.maximum(least_gain(one - S), t)
+    else:
+        alone = np.diagonal(S, axis1=-2, axis2=-1)
+        s = np.maximum(s, np.abs(alone).max(axis=-1) / AT_A_SENSOR)
+        t = np.maximum(t, np.abs(1.0 - alone).max(axis=-1) / AT_A_SENSOR)
     moved = np.sum((np.abs(KS) * noise) ** 2, axis=3)
     if len(shares) > 1:
         first = np.searchsorted(z, np.arange(len(late)))
@@ -580,6 +601,10 @@ def _inverse(M: Complex) -> Complex:
     found = np.array([[d, -b], [-c, a]]) / (a * d - b * c)
     return np.moveaxis(found, (0, 1), (-2, -1))
 
+
+AT_A_SENSOR = 2.0
+"""What a loop opened at one of more measurements than are followed may peak to, over its limits:
+where they must work together, none is as sure alone as all are at the command."""
 
 TURN, HARDLY = 0.4, 0.02
 """Largest step between angles by which a loop of several outputs is turned, and largest angle that
@@ -651,10 +676,10 @@ def settled_after(law: Any, linear: LinearModel, steps: Mapping[str, float]) -> 
 
     The law is within its ends on the linear model, and each output steps alone.
     """
-    want = LoopSpecification(law.sensors, law.actuators, sample_time=law.sample_time)
-    limits = LoopLimits(want.loop(linear), want)
-    time, seen, _ = limits.steps(stacked([law.around_rest()]))
-    long, paces = 0.0, getattr(law, "pace", ()) or (math.inf,) * len(law.sensors)
+    want = LoopSpecification(law.controlled, law.actuators, sample_time=law.sample_time)
+    loop = loop_of(linear, law.controlled, law.actuators, law.sensors)
+    time, seen, _ = LoopLimits(loop, want).steps(stacked([law.around_rest()]))
+    long, paces = 0.0, getattr(law, "pace", ()) or (math.inf,) * len(law.controlled)
     for i, (name, pace) in enumerate(zip(law.controlled, paces, strict=True)):
         away = np.flatnonzero(np.abs(seen[0, :, i, i] - 1.0) > 0.02)
         own = float(time[min(away[-1] + 1, len(time) - 1)]) if len(away) else 0.0

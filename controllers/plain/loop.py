@@ -34,8 +34,11 @@ class Loop(NamedTuple):
     Args:
         output_scale: Typical sizes of the outputs.
         command_scale: What each command may change by.
-        noise: Noise rms of the measurements, with that of their conversion.
+        noise: Noise rms of the measurements, with that of their conversion, of outputs that are
+            read beside the followed ones too.
         slew: Fastest changes of the commands, per s.
+        read: The same model to all outputs that are read, the followed ones first; None if no
+            others are.
     """
 
     linear: LinearModel
@@ -49,6 +52,17 @@ class Loop(NamedTuple):
     command_scale: Vector
     noise: Vector
     slew: Vector
+    read: LinearModel | None = None
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of all outputs that are read, the followed ones first."""
+        return self.measured if self.read is None else self.read.output_names
+
+    @property
+    def seen(self) -> Matrix:
+        """What the states show at all outputs that are read, shape (n_sensors, n_states), in SI."""
+        return self.linear.C if self.read is None else self.read.C
 
     def response(self, speeds: npt.ArrayLike) -> Complex:
         """Return the plant at speeds in rad/s, shape (n, n_outputs, n_commands), in SI."""
@@ -75,8 +89,10 @@ class Loop(NamedTuple):
         rest, rest_output, lower, upper, slew = (
             tuple(getattr(self, name).tolist()) for name in numbers
         )
+        if self.read is not None:
+            rest_output = tuple(self.read.y0.tolist())
         return {
-            "sensors": self.measured,
+            "sensors": self.sensors,
             "controlled": self.measured,
             "actuators": self.actuators,
             "rest": rest,
@@ -104,12 +120,18 @@ def named(given: str | Sequence[str]) -> tuple[str, ...]:
 
 
 def loop_of(
-    plant: Any, measured: str | Sequence[str] = (), actuators: str | Sequence[str] = ()
+    plant: Any,
+    measured: str | Sequence[str] = (),
+    actuators: str | Sequence[str] = (),
+    also: str | Sequence[str] = (),
 ) -> Loop:
     """Read followed outputs and commands off a linear model or a python-control system.
 
     By default those outputs are followed, in their order, that the commands hold independently;
     several by all commands that move something, one by the first that does.
+
+    Args:
+        also: Names of outputs that are read and not followed.
 
     Raises:
         WorkbenchError: If there is no input, no output or no such signal, an output answers a
@@ -129,7 +151,7 @@ def loop_of(
     only_measured = {q.name for q in model.inputs if not q.commanded}
     commands = [name for name in whole.input_names if name not in only_measured]
     given, acting = named(measured), named(actuators)
-    for name in given:
+    for name in (*given, *named(also)):
         check_choice("measured output", name, whole.output_names)
     for name in acting:
         check_choice("actuator", name, commands)
@@ -137,15 +159,18 @@ def loop_of(
     if not acting:
         acting = _moving(whole, followed, tuple(commands or whole.input_names))
         acting = acting[:1] if len(followed) == 1 else acting
-    _check_growing(whole.select(inputs=acting, outputs=followed))
-    linear = whole.select(inputs=acting, outputs=followed).without_unseen()
-    if np.any(linear.D):
-        row, column = np.argwhere(linear.D)[0]
+    others = tuple(name for name in named(also) if name not in followed)
+    sensors = (*followed, *others)
+    _check_growing(whole.select(inputs=acting, outputs=sensors))
+    read = whole.select(inputs=acting, outputs=sensors).without_unseen()
+    if np.any(read.D):
+        row, column = np.argwhere(read.D)[0]
         raise WorkbenchError(
-            f"{followed[row]} answers {acting[column]} within the sample"
-            f" ({linear.D[row, column]:g} at once); add the lag of the sensor or of the actuator to"
+            f"{sensors[row]} answers {acting[column]} within the sample"
+            f" ({read.D[row, column]:g} at once); add the lag of the sensor or of the actuator to"
             " the model"
         )
+    linear = read.select(outputs=followed)
     still = [
         n for n, moved in zip(followed, np.any(_moved(linear), axis=1), strict=True) if not moved
     ]
@@ -155,11 +180,16 @@ def loop_of(
             " operating point; take another, where it does: --from or --at, or the nominal of an"
             " input"
         )
-    linear = linear.without_unreached()
+    read = read.without_unreached()
+    linear = read.select(outputs=followed)
     if len(followed) > 1:
         _check_independent(linear)
     outputs = {q.name: q for q in model.outputs}
-    read = [outputs[name] for name in followed]
+    sizes = [outputs[name].scale for name in followed]
+    noise = [
+        math.hypot(q.noise_rms, q.resolution / math.sqrt(12.0))
+        for q in (outputs[name] for name in sensors)
+    ]
     rest, ones = linear.u0.astype(float), np.ones(len(acting))
     # By an inverted curve the command is a fraction, which no input of the plant is.
     lower, upper, scale, slew = -ones, ones, ones, math.inf * ones
@@ -180,11 +210,31 @@ def loop_of(
         rest,
         lower,
         upper,
-        np.array([q.scale for q in read]),
+        np.array(sizes),
         np.where((room > 0.0) & (room < math.inf), room, scale),
-        np.array([math.hypot(q.noise_rms, q.resolution / math.sqrt(12.0)) for q in read]),
+        np.array(noise),
         slew,
+        read if others else None,
     )
+
+
+def spare_outputs(plant: Any, loop: Loop) -> tuple[str, ...]:
+    """Return the outputs that a loop could read too, of a model of no more states.
+
+    No command moves them at once.
+    """
+    from workbench.linearisation.state_space import linear_model
+
+    whole = linear_model(plant)
+    states = len(loop.linear.A)
+    found = []
+    for name in whole.output_names:
+        if name in loop.measured:
+            continue
+        own = whole.select(inputs=loop.actuators, outputs=(*loop.measured, name)).without_unseen()
+        if not np.any(own.D) and len(own.without_unreached().A) == states:
+            found.append(name)
+    return tuple(found)
 
 
 def held_outputs(whole: LinearModel, commands: Sequence[str]) -> tuple[str, ...]:
@@ -344,8 +394,12 @@ class LoopSpecification(Checked):
                 check_range(f"limit on {name}", value, least, 10.0)
 
     def loop_noise(self, loop: Loop) -> Vector:
-        """Return the noise rms that is reckoned with, shape (n_outputs,), in SI."""
-        least = np.maximum(loop.noise, 1e-4 * loop.output_scale)
+        """Return the noise rms that is reckoned with, shape (n_sensors,), in SI."""
+        scale = loop.output_scale
+        if loop.read is not None:
+            sizes = {q.name: q.scale for q in loop.read.operating_point.model.outputs}
+            scale = np.array([sizes[name] for name in loop.sensors])
+        least = np.maximum(loop.noise, 1e-4 * scale)
         return np.full_like(least, self.noise) if self.noise else least
 
     def loop(self, linear: Any) -> Loop:
@@ -357,7 +411,7 @@ class LoopSpecification(Checked):
 class PlainLaw(ClosedForm):
     """A law in closed form from measurements to commands, within their ends and slews.
 
-    Each reference is that of the measurement in its place.
+    Each reference is that of the measurement in its place; further measurements have none.
 
     Args:
         slew: Fastest changes of the commands, in SI per s.
@@ -379,7 +433,8 @@ class PlainLaw(ClosedForm):
 
     def deviations(self, values: Numbers) -> Numbers:
         """Return measurements or references, in SI, as deviations from rest."""
-        return tuple(v - rest for v, rest in zip(values, self.rest_output, strict=True))
+        # There may be fewer references than measurements.
+        return tuple(v - rest for v, rest in zip(values, self.rest_output, strict=False))
 
     def followed(self, before: Numbers | None, reference: Numbers, a: Arithmetic) -> Numbers:
         """Return references at their pace, from those of the sample before, deviations in SI."""

@@ -24,18 +24,26 @@ Utkin, Sliding mode control design based on Ackermann's formula, IEEE Trans. AC-
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache, partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
 from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
 from controllers.design import Design
 from controllers.linear_law import LinearLaw
-from controllers.plain.limits import LoopLimits
-from controllers.plain.loop import Loop, LoopSpecification, PlainLaw, listed, speeds
+from controllers.plain.limits import LoopLimits, stacked
+from controllers.plain.loop import (
+    Loop,
+    LoopSpecification,
+    PlainLaw,
+    listed,
+    loop_of,
+    spare_outputs,
+    speeds,
+)
 from controllers.reference.horizon import lagged
 from controllers.sampling import Rows, product, rows, total
 from controllers.sliding_mode import sliding_design
@@ -72,13 +80,14 @@ class ObservedState(NamedTuple):
 class ObserverLaw(PlainLaw):
     """State feedback with integral action, with or without a sliding mode.
 
-    All is in SI, with n states, m commands and p outputs.
+    All is in SI, with n states, m commands, p outputs that are followed, and s that are measured,
+    those first.
 
     Args:
         F: Transition of the states over a sample, shape (n, n).
         G: Effect of the commands, shape (n, m).
-        C: Outputs, shape (p, n).
-        M: Gain of the Kalman filter, shape (n, p).
+        C: Measured outputs, shape (s, n).
+        M: Gain of the Kalman filter, shape (n, s).
         gain: K, shape (m, n).
         integral_gain: Kq, shape (m, p).
         reference_gain: Kr, shape (m, p).
@@ -110,7 +119,7 @@ class ObserverLaw(PlainLaw):
 
     def initial_state(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> ObservedState:
         """Return the state of a plant that the commands at rest hold where it is measured."""
-        y = self.deviations(measurement)
+        y = self.deviations(measurement)[: len(self.controlled)]
         x, q = product(self.target, y), product(self.start, y)
         return ObservedState(x, q, y, y, *self.kept(y, self.rest))
 
@@ -139,7 +148,7 @@ class ObserverLaw(PlainLaw):
             asked = (asked[0] - self.reach * arithmetic.clip(s / self.layer, -1.0, 1.0),)
             told["surface"] = s
         command = self.applied(state.commands, asked, arithmetic)
-        change = tuple(self.sample_time * (a - b) for a, b in zip(r, y, strict=True))
+        change = tuple(self.sample_time * (a - b) for a, b in zip(r, y, strict=False))
         free = [u == v for u, v in zip(command, asked, strict=True)]
         change = _freed(change, self.integral_gain, free, arithmetic)
         summed = tuple(a + b for a, b in zip(q, change, strict=True))
@@ -151,9 +160,9 @@ class ObserverLaw(PlainLaw):
     def around_rest(self) -> LinearLaw:
         own = (self.F, self.G, self.C, self.M, self.gain, self.integral_gain, self.reference_gain)
         F, G, C, M, K, Kq, Kr = (np.array(part) for part in own)
-        n, p, h = len(F), len(C), self.sample_time
+        n, p, h = len(F), len(self.controlled), self.sample_time
         # Rows of what is linear in the state, measurements and references.
-        places = n + p * np.arange(6)
+        places = np.cumsum([n, p, p, p, len(C), p])
         parts = np.split(np.eye(places[-1]), places[:-1])
         predicted, q, filtered, target, y, asked = parts
         speed = np.array(self.reference_speed)[:, None]
@@ -164,7 +173,7 @@ class ObserverLaw(PlainLaw):
         if self.reach:
             s = self.surface @ x - self.surface_reference * r[0] - self.surface_integral * q[0]
             u = u - self.reach / self.layer * s
-        table = np.vstack([F @ x + G @ u, q + h * (r - y), filtered, r])
+        table = np.vstack([F @ x + G @ u, q + h * (r - y[:p]), filtered, r])
         k = places[3]
         return LinearLaw(table[:, :k], table[:, k:], u[:, :k], u[:, k:])
 
@@ -213,14 +222,51 @@ class ObserverSpecification(LoopSpecification):
     """What every law on a Kalman filter of the states is told.
 
     Args:
+        also_measured: Name of an output that the filter reads and nobody follows, or several with
+            commas between or as a list; by default none, or all that show the same states where
+            no loop of the followed outputs alone is within its limits.
         reference_speed: Speed of the reference's lags, in rad/s; by default (0) what leads a step
             best.
         disturbance: What the disturbance of the command is taken to walk by in ten time constants
             of the loop, rms, as a fraction of the command; what suits the loop by default (0).
     """
 
+    also_measured: str | tuple[str, ...] = ""
     reference_speed: float = number(0.0, 0.0, 1.0 / TIMES_S[0])
     disturbance: float = number(0.0, 0.0, 1e3, words="disturbance of the command")
+
+    def loop(self, linear: Any) -> Loop:
+        """Return the loop to control."""
+        return loop_of(linear, self.measured, self.actuator, self.also_measured)
+
+    def designed(self, linear: Any, design: Callable[[LoopLimits], ObserverLaw]) -> ObserverLaw:
+        """Return a design of the followed outputs, or of others too where that is what it takes.
+
+        Raises:
+            WorkbenchError: If there is no such design.
+        """
+        loop = self.loop(linear)
+        more = () if loop.read is not None else spare_outputs(linear, loop)
+        reason: WorkbenchError | None = None
+        if not more:
+            return design(LoopLimits(loop, self))
+        wider = replace(self, also_measured=more).loop(linear)
+        best: tuple[float, ObserverLaw | None] = math.inf, None
+        for tried in (loop, wider):
+            limits = LoopLimits(tried, self)
+            try:
+                law = design(limits)
+            except WorkbenchError as error:
+                reason = reason or error
+                continue
+            excess = float(limits.judge(stacked([law.around_rest()])).excess[0])
+            if best[1] is None or excess < best[0]:
+                best = excess, law
+            if excess <= 1.0:
+                break
+        if best[1] is None:
+            raise cast(WorkbenchError, reason)
+        return best[1]
 
     @property
     def disturbances(self) -> tuple[float, ...]:
@@ -261,12 +307,14 @@ def design_lqi(linear: LinearModel, specification: LQISpecification | None = Non
             equation has no solution, or a limit that was given is not held.
     """
     want = specification or LQISpecification()
-    loop = want.loop(linear)
-    limits = LoopLimits(loop, want)
-    law, _ = _fastest(limits, want, speeds(want.sample_time), want.disturbances)
-    if want.reference_speed:
-        return limits.at_pace(law)
-    return limits.at_pace(limits.led(partial(_led, law), law.reference_speed))
+
+    def designed(limits: LoopLimits) -> ObserverLaw:
+        law, _ = _fastest(limits, want, speeds(want.sample_time), want.disturbances)
+        if want.reference_speed:
+            return limits.at_pace(law)
+        return limits.at_pace(limits.led(partial(_led, law), law.reference_speed))
+
+    return want.designed(linear, designed)
 
 
 def _led(law: ObserverLaw, reference_speed: tuple[float, ...]) -> ObserverLaw:
@@ -424,18 +472,21 @@ def design_plain_sliding_mode(
             " such as lqi"
         )
     slopes = [want.slope] if want.slope else [w for w in speeds(h) if w <= 0.2 / h]
-    model = _ObservedModel(loop, want)
-    sliding = cache(partial(_sliding, model, want))
 
-    def designed(slope: float, disturbance: float) -> ObserverLaw:
-        return model.observed(sliding(slope), _walk(disturbance, slope))
+    def within(limits: LoopLimits) -> ObserverLaw:
+        model = _ObservedModel(limits.loop, want)
+        sliding = cache(partial(_sliding, model, want))
 
-    designs = [partial(designed, slope, d) for slope in slopes for d in want.disturbances]
-    limits, family = LoopLimits(loop, want), "a sliding mode"
-    law = limits.best(designs, family)
-    if want.reference_speed:
-        return limits.at_pace(law)
-    return limits.at_pace(limits.led(partial(_led, law), law.reference_speed))
+        def designed(slope: float, disturbance: float) -> ObserverLaw:
+            return model.observed(sliding(slope), _walk(disturbance, slope))
+
+        designs = [partial(designed, slope, d) for slope in slopes for d in want.disturbances]
+        law = limits.best(designs, "a sliding mode")
+        if want.reference_speed:
+            return limits.at_pace(law)
+        return limits.at_pace(limits.led(partial(_led, law), law.reference_speed))
+
+    return want.designed(linear, within)
 
 
 def _sliding(
@@ -562,7 +613,7 @@ class _ObservedModel:
         q = entry @ entry.T / self.want.sample_time
         q = q + 1e-15 * np.diag(np.diag(q)) + 1e-300 * np.eye(len(q))
         noise, size = self.want.loop_noise(self.loop), self.loop.linear.state_scales
-        seen = self.loop.linear.C.T / noise
+        seen = self.loop.seen.T / noise
         predictor = _regulator(self.F.T, seen, q, 1.0 / size).T / noise
         # From the gain of the predictor to that of the correction.
         return replace(law, M=rows(np.linalg.solve(self.F, predictor)))
@@ -601,7 +652,7 @@ class _ObservedModel:
         return ObserverLaw(
             F=rows(self.F),
             G=rows(self.G),
-            C=rows(loop.linear.C),
+            C=rows(loop.seen),
             M=(),
             gain=rows(gain),
             integral_gain=rows(integral_gain),

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import control as ct
 import numpy as np
 import pytest
 
-from workbench.linearisation import linearise
-from workbench.linearisation.pace import horizon_of, step_time
+from workbench.linearisation import linear_model, linearise
+from workbench.linearisation.pace import horizon_of, step_time, usual_sample_time
 from workbench.model import Input, Model, Output, Parameter, State
 from workbench.operating_point import operating_point
 
@@ -43,3 +44,13 @@ def test_a_slow_plant_is_tried_over_its_own_time() -> None:
     assert holds.horizon == pytest.approx(7500.0, rel=0.01)
     assert holds.moves.max() > 9.0 and np.all(holds.errors < 1e-3)
     assert agrees.agrees.all() and agrees.upper < 0.01
+
+
+def test_an_unstable_plant_is_sampled_before_it_grows() -> None:
+    def sampled(growth: float) -> float:
+        system = ct.ss(np.diag([-0.1, growth]), [[1.0], [1.0]], np.eye(2), 0)
+        return usual_sample_time(linear_model(system))
+
+    # Three lags of 10 s, twice: a step of 100 s.
+    assert sampled(-5.0) == sampled(0.2) == pytest.approx(0.1)
+    assert 0.01 < 5.0 * sampled(5.0) <= 0.05

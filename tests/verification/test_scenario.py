@@ -95,6 +95,18 @@ def test_a_recorded_reference_is_played_as_it_is(tmp_path: Path) -> None:
     assert signal.changes == ()
     given = {"kind": "recorded", "unit": "deg", "times": [0.0, 1.0], "values": [30.0, 31.0]}
     assert signal_from_table(given) == Recorded((0.0, 1.0), tuple(np.radians([30.0, 31.0])))
+    # With units in the header, and the only column.
+    (tmp_path / "ms.csv").write_text("time [ms],angle [deg]\n0, 30\n10, 30.5\n\n")
+    named = {"kind": "recorded", "file": "ms.csv"}
+    assert signal_from_table(named, folder=tmp_path).times == (0.0, 0.01)
+    assert signal_from_table(named, folder=tmp_path).values[1] == pytest.approx(np.radians(30.5))
+    with pytest.raises(
+        WorkbenchError, match=r"angle of .* is in 'deg'; give it in a unit like 'm'"
+    ):
+        signal_from_table({**named, "unit": "m"}, folder=tmp_path)
+    (tmp_path / "ms.csv").write_text("time,angle,speed\n0,30,1\n1,2,3\n")
+    with pytest.raises(WorkbenchError, match=r"columns angle, speed; say which"):
+        signal_from_table(named, folder=tmp_path)
     for text, told in (
         ("time,angle\n0,here\n", "cannot be read"),
         ("time,speed\n0,1\n", "column of .*'angle'"),

@@ -65,7 +65,7 @@ def verify(
         hold (TIME): Time between the steps. By default what the linear model takes to respond, or
             twice what the slowest loop of it takes to settle.
         sample_time (TIME): Sample time of controllers and loop. By default the controllers' own, or
-            a thousandth of that.
+            a thousandth of that, less where the plant is unstable.
         require (METRIC=LIMIT): Largest value of a metric, such as settling_time=0.5s; may be given
             several times. By default what the plant declares.
         seed: Seed of the sensors' noise.
@@ -238,7 +238,7 @@ def step_of(
         ends: The same after the step.
         stepped: Outputs that step, by default the first; the others stay where they are.
     """
-    from workbench.linearisation.pace import step_time
+    from workbench.linearisation.pace import step_time, usual_sample_time
     from workbench.model.units import from_si, quantity
     from workbench.verification import Steps, step_scenario
 
@@ -270,7 +270,7 @@ def step_of(
     held = shown if hold is None else quantity("time", hold, "s")
     check_range("time between the steps", held, *TIMES_S, "s")
     step = (
-        _stated(base, controllers) or shown / 1000
+        _stated(base, controllers) or usual_sample_time(linear)
         if sample_time is None
         else quantity("sample time", sample_time, "s")
     )
@@ -305,6 +305,7 @@ def step_of(
 def settling(recipes: Sequence[ControllerRecipe], linear: LinearModel, scenario: Scenario) -> float:
     """Return the time between steps, in s, that the slowest loop needs; 0 if they have it."""
     from controllers.plain.limits import settled_after
+    from controllers.plain.loop import PlainLaw
     from workbench.linearisation.pace import rounded_up
 
     changes = {name: signal.changes for name, signal in scenario.references.items()}
@@ -315,7 +316,8 @@ def settling(recipes: Sequence[ControllerRecipe], linear: LinearModel, scenario:
         # One that cannot be built is a run that failed.
         with suppress(WorkbenchError):
             law: Any = recipe.build()
-            if hasattr(law, "around_rest") and law.sensors == law.controlled:
+            told = hasattr(law, "around_rest") and law.sensors == law.controlled
+            if told or isinstance(law, PlainLaw):
                 long = max(long, settled_after(law, linear, steps))
     held = rounded_up(2.0 * long) if long else 0.0
     return held if held > max(times, default=0.0) - min(times, default=0.0) else 0.0

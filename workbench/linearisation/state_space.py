@@ -13,6 +13,7 @@ import numpy as np
 from workbench.arrays import Vector
 from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation.linear_model import LinearModel
+from workbench.linearisation.zero_order_hold import before_hold
 from workbench.model import EXACT, Input, Model, Output, Scope, State
 from workbench.model.trace import Equations
 from workbench.operating_point import Derivatives, OperatingPoint
@@ -63,8 +64,9 @@ def linear_model(
     of a `LinearModel` has its operating point still.
 
     Args:
-        system: A ``control.StateSpace`` or ``control.TransferFunction`` in continuous time, proper;
-            or a `LinearModel`, which is returned.
+        system: A ``control.StateSpace`` or ``control.TransferFunction``, proper, in continuous
+            time or with a sample time over which its inputs are held; or a `LinearModel`, which is
+            returned.
         limits: Lower and upper end of inputs and outputs by name, in SI; infinite if not given.
 
     Raises:
@@ -88,10 +90,10 @@ def linear_model(
             f"the plant of a design is a {type(system).__name__}; give a LinearModel, or a"
             " python-control StateSpace or TransferFunction"
         )
-    if not system.isctime():
+    if system.dt is True:
         raise WorkbenchError(
-            f"system {system.name!r} has a sample time of {system.dt:g} s; give the continuous"
-            " plant: designs sample it themselves"
+            f"system {system.name!r} is sampled and does not say how often; give its sample time"
+            " (dt), in s, or the continuous plant"
         )
     state_space = ct.ss(system)
     names = (
@@ -106,6 +108,13 @@ def linear_model(
         np.asarray(matrix, dtype=float)
         for matrix in (state_space.A, state_space.B, state_space.C, state_space.D)
     )
+    if not system.isctime():
+        try:
+            A, B = before_hold(A, B, float(system.dt))
+        except WorkbenchError as error:
+            raise WorkbenchError(
+                f"system {system.name!r}, sampled every {system.dt:g} s: {error}"
+            ) from None
     states, inputs, outputs = names
     infinite = (-np.inf, np.inf)
     model = Model(

@@ -11,7 +11,7 @@ from typing import Any
 from controllers.design import designs_for
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linearise
-from workbench.linearisation.pace import step_time
+from workbench.linearisation.pace import step_time, usual_sample_time
 from workbench.model import Model
 from workbench.model.quantities import shown_in
 from workbench.model.units import from_si
@@ -51,7 +51,7 @@ def starter_notebook(begin: Beginning) -> str:
         changes=_changes(recipe),
         at=", ".join(f"{name!r}: {_si(model, name, v)}" for name, v in begin.at.items()),
         controlled=controlled[0],
-        specified=_specified(model, linear, controlled, time / 1000),
+        specified=_specified(model, linear, controlled, usual_sample_time(linear)),
         steps=_steps(begin, linear, controlled, time / 4),
         time=time,
     )

@@ -126,7 +126,9 @@ def _scores(outcome: StudyResult) -> Table:
             row.append(score_cell(box.worst_score, capped=True) if box else "–")
         rows.append(tuple(row))
     if not outcome.judgements:
-        return Table("Scores", tuple(head), tuple(rows), "No requirement is declared: none is met.")
+        return Table(
+            "Scores", tuple(head), tuple(rows), "No requirement, so that there is no score."
+        )
     return Table(
         "Scores",
         tuple(head),

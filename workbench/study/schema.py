@@ -568,8 +568,8 @@ class _Resolver:
         for output, signal in table["references"].items():
             with self.at(*path, "references", output):
                 check_choice("controlled output", output, outputs)
-                signals[output] = signal_from_table(signal, folder=self.folder)
-                unit = signal.get("unit", "1")
+                unit = signal.get("unit", outputs[output])
+                signals[output] = signal_from_table({**signal, "unit": unit}, folder=self.folder)
                 if not same_dimension(unit, outputs[output]):
                     raise WorkbenchError(
                         f"the reference of {output} is in {unit!r}; give it in a unit like"

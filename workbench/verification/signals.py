@@ -6,6 +6,7 @@ Units: s, and SI for values.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +17,7 @@ import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_finite, check_range
-from workbench.model.units import to_si
+from workbench.model.units import same_dimension, to_si
 from workbench.registry import Registry, user_code
 
 FREQUENCIES_HZ = (1.0 / TIMES_S[1], 1.0 / TIMES_S[0])
@@ -127,24 +128,49 @@ class Recorded(_Points):
     """
 
     @classmethod
-    def read(cls, path: str | Path, column: str, *, unit: str = "1") -> Recorded:
-        """Read a reference in ``unit`` from a CSV file: header, and times in s in the first column.
+    def read(cls, path: str | Path, column: str = "", *, unit: str = "1") -> Recorded:
+        """Read a reference from a CSV file: header, and times in its first column.
+
+        A header may state a unit, ``time [ms]``; without one times are in s, the reference in
+        ``unit``.
+
+        Args:
+            column: Name of its column; by default the only one behind the times.
 
         Raises:
             WorkbenchError: If the file cannot be read, has no such column or holds no numbers.
         """
         try:
-            rows = Path(path).read_text(encoding="utf-8").split()
-            names = [name.strip() for name in rows[0].split(",")]
+            text = Path(path).read_text(encoding="utf-8")
+            rows = [line.split(",") for line in text.splitlines() if line.strip()]
+            names, units = zip(*map(_name_and_unit, rows[0]), strict=True)
+            if not column and len(names) > 2:
+                raise WorkbenchError(
+                    f"reference file {path} has the columns {', '.join(names[1:])}; say which it"
+                    " is (column)"
+                )
+            column = column or names[1]
             check_choice(f"column of {path}", column, names[1:])
-            table = np.array([row.split(",") for row in rows[1:]], dtype=float)
-            times, values = table[:, 0], table[:, names.index(column)]
+            k = names.index(column)
+            table = np.array(rows[1:], dtype=float)
+            times, values = to_si(table[:, 0], units[0] or "s"), table[:, k]
         except (OSError, IndexError, ValueError) as error:
             raise WorkbenchError(
                 f"reference file {path} cannot be read ({error}); give a CSV file with a header,"
                 " the times in s in its first column, and one number per cell"
             ) from None
-        return cls(tuple(times.tolist()), tuple(np.asarray(to_si(values, unit)).tolist()))
+        if units[k] and unit != "1" and not same_dimension(units[k], unit):
+            raise WorkbenchError(
+                f"column {column} of {path} is in {units[k]!r}; give it in a unit like {unit!r}"
+            )
+        found = np.asarray(to_si(values, units[k] or unit))
+        return cls(tuple(np.asarray(times).tolist()), tuple(found.tolist()))
+
+
+def _name_and_unit(header: str) -> tuple[str, str]:
+    """Return a column's name, and the unit in brackets behind it, if any."""
+    found = re.fullmatch(r"\s*(.*?)\s*(?:\[(.*)\])?\s*", header)
+    return (found[1], found[2] or "") if found else (header, "")
 
 
 @dataclass(frozen=True)
@@ -184,15 +210,15 @@ def signal_from_table(table: Mapping[str, Any], *, folder: Path | None = None) -
 
     Args:
         table: ``kind``, a member of `SIGNALS`; ``unit`` of its values; and the keys of that kind.
-            A recorded one may have ``file`` and ``column`` in the place of numbers.
+            A recorded one may have ``file``, and ``column``, in the place of numbers.
         folder: Where a kind of one's own is found as ``module:object``.
     """
     entries = dict(table)
     kind = SIGNALS.get(str(entries.pop("kind", "steps")), folder=folder)
     unit = str(entries.pop("unit", "1"))
-    if kind.name == "recorded" and set(entries) == {"file", "column"}:
+    if kind.name == "recorded" and {"file"} <= set(entries) <= {"file", "column"}:
         path = (folder or Path()) / str(entries["file"])
-        return Recorded.read(path, str(entries["column"]), unit=unit)
+        return Recorded.read(path, str(entries.get("column", "")), unit=unit)
     for key in entries:
         check_choice(
             f"key of the {kind.name} reference", key, ("kind", "unit", *kind.valued, *kind.others)

@@ -224,8 +224,12 @@ def test_what_cannot_be_designed_is_said(case: tuple[LinearModel, Model, str, fl
         state_feedback_by_hand(linear, (1.0,))
     with pytest.raises(WorkbenchError, match="no such|is 'nothing'"):
         design_lqi(linear, LQISpecification(measured="nothing"))
-    with pytest.raises(WorkbenchError, match="continuous plant"):
-        design_lqi(ct.tf([1.0], [1.0, -0.9], 0.01))
+    with pytest.raises(WorkbenchError, match="z = -0.9 changes its sign.*continuous plant"):
+        design_lqi(ct.tf([1.0], [1.0, 0.9], 0.01))
+    with pytest.raises(WorkbenchError, match="2 poles at z = 0 are a delay of whole samples"):
+        design_lqi(ct.tf([1.0], [1.0, -0.9, 0.0, 0.0], 0.01))
+    with pytest.raises(WorkbenchError, match="does not say how often"):
+        design_lqi(ct.tf([1.0], [1.0, -0.9], True))
     with pytest.raises(WorkbenchError, match="give a LinearModel"):
         design_lqi(3.0)  # type: ignore[arg-type]
     with pytest.raises(WorkbenchError, match="within the sample"):
@@ -576,3 +580,20 @@ def test_a_scenario_without_the_reference_of_a_followed_output_is_refused() -> N
     law = design_lqi(system, LQISpecification(sample_time=0.05))
     with pytest.raises(WorkbenchError, match=r"follows hot, cold, and .* has no reference of cold"):
         verify(law, linear_model(system), step_scenario("hot", 0.0, 1.0, sample_time=0.05))
+
+
+def test_a_sampled_system_is_the_plant_that_it_was_sampled_of() -> None:
+    import control as ct
+
+    plant = ct.ss([[0.0, 1.0], [-4.0, -1.0]], [[0.0], [3.0]], [[1.0, 0.0]], 0)
+    again = linear_model(ct.sample_system(plant, 0.05))
+    np.testing.assert_allclose(again.system(2j), plant(2j), rtol=1e-9)
+    # One that integrates, of another order of states.
+    integrating = linear_model(ct.tf([0.2], [1.0, -1.5, 0.5], 0.1))
+    h, own = 0.1, integrating.discretise(0.1)
+    z = np.exp(1j * 3.0 * h)
+    seen = own[2] @ np.linalg.solve(z * np.eye(2) - own[0], own[1])
+    np.testing.assert_allclose(seen[0, 0], 0.2 / (z * z - 1.5 * z + 0.5), rtol=1e-6)
+    told = LQISpecification(sample_time=0.05)
+    law, own_law = design_lqi(again, told), design_lqi(plant, told)
+    np.testing.assert_allclose(law.gain, own_law.gain, rtol=1e-6)

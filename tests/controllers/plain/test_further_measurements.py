@@ -1,0 +1,76 @@
+"""Laws that read outputs which nobody follows: a pendulum that stands on a cart."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import control as ct
+import numpy as np
+import pytest
+
+from controllers.design import DESIGNS
+from controllers.guard import Guarded
+from controllers.plain.limits import settled_after
+from controllers.plain.state_feedback import LQISpecification, design_lqi
+from tests.controllers.in_c import InC
+from workbench.errors import WorkbenchError
+from workbench.linearisation import linear_model
+from workbench.study.linear_loop import analyse_loop
+from workbench.verification import step_scenario, verify
+
+H = 0.01
+
+
+def pendulum() -> Any:
+    """A pendulum of 0.2 kg and 0.5 m on a cart of 1 kg, which a force moves; both are measured."""
+    g, cart, bob, length = 9.81, 1.0, 0.2, 0.5
+    A = np.zeros((4, 4))
+    A[0, 1] = A[2, 3] = 1.0
+    A[1, 1:3] = -0.1, -bob * g / cart
+    A[3, 1:3] = 0.1 / length, (cart + bob) * g / (cart * length)
+    B = np.array([[0.0], [1.0 / cart], [0.0], [-1.0 / (cart * length)]])
+    C = np.eye(4)[[0, 2]]
+    return ct.ss(A, B, C, 0, inputs="force", outputs=["cart", "angle"], name="pendulum")
+
+
+@pytest.mark.parametrize("name", ["lqi", "plain-sliding-mode"])
+def test_a_pendulum_on_a_cart_is_held_by_both_its_sensors(name: str, tmp_path: Path) -> None:
+    linear = linear_model(pendulum(), limits={"force": (-20.0, 20.0)})
+    design = DESIGNS.get(name)
+    law = design.controller(linear, design.specified({"sample_time": H}))
+    assert (law.sensors, law.controlled) == (("cart", "angle"), ("cart",))
+    at_command = next(found for found in analyse_loop(law, linear) if found.command)
+    assert at_command.stable and at_command.sensitivity < 2.0
+    run = verify(law, linear, step_scenario("cart", 0.0, 0.2, hold=5.0, sample_time=H))
+    late = np.abs(run["cart"] - 0.2)[run.time > 3.0]
+    assert late.max() < 0.02 * 0.2
+    assert settled_after(law, linear, {"cart": 0.2}) < 4.0
+    in_c, guard = InC(law, tmp_path), Guarded(law)
+    memory = guard.initial_state(tuple(run.measured[0].tolist()))
+    in_c.start(run.measured[0])
+    for seen, asked in zip(run.measured, run.references["cart"], strict=True):
+        (own,), memory, _ = guard.step(memory, tuple(seen.tolist()), (float(asked),))
+        assert in_c.step(seen, [asked]) == 0
+        assert in_c.command[0] == pytest.approx(own, abs=1e-11)
+
+
+def test_what_the_followed_output_shows_well_enough_needs_no_other_sensor() -> None:
+    A, B = np.array([[0.0, 1.0], [0.0, -2.0]]), np.array([[0.0], [1.0]])
+    both, one = (
+        ct.ss(A, B, np.eye(2)[:k], 0, inputs="force", outputs=["way", "speed"][:k]) for k in (2, 1)
+    )
+    told = LQISpecification(sample_time=H)
+    assert design_lqi(both, told) == design_lqi(one, told)
+    more = LQISpecification(also_measured="speed", sample_time=H)
+    law = design_lqi(both, more)
+    assert law.sensors == ("way", "speed") and law.controlled == ("way",)
+    with pytest.raises(WorkbenchError, match=r"measured output is 'sped'.*did you mean 'speed'"):
+        design_lqi(both, LQISpecification(also_measured="sped"))
+
+
+def test_where_no_speed_was_asked_for_none_is_told_to_be_smaller() -> None:
+    linear = linear_model(pendulum())
+    design = DESIGNS.get("plain-h-infinity")
+    with pytest.raises(WorkbenchError, match=r"of cart by force.* another family, such as lqi"):
+        design.controller(linear, design.specified({"sample_time": H}))
