@@ -52,6 +52,16 @@ else:
 """
 
 
+UNDRAWN = """\
+from workbench.cli import main
+from workbench.reports import page
+if __name__ == "__main__":
+    page.inline_svg = lambda picture: ""
+    main()
+"""
+"""The program; its pictures are looked at by other tests."""
+
+
 def github_lines() -> list[tuple[str, bool]]:
     """Return the shell lines of the GitHub workflow, and whether they run after a failure."""
     steps = workflow("github.yml")["jobs"]["compare"]["steps"]
@@ -85,12 +95,14 @@ def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (place / "bin").mkdir()
     root = Path(__file__).resolve().parents[2]
     (place / "service.py").write_text(SERVICE)
+    (place / "undrawn.py").write_text(UNDRAWN)
     service = f'exec "{sys.executable}" "{place}/service.py"'
+    undrawn = f'exec "{sys.executable}" "{place}/undrawn.py" "$@"'
     texts = {
         "gh": f'#!/bin/sh\n{service} gh "$@"\n',
         "curl": f'#!/bin/sh\n{service} curl "$@"\n',
         "python": f'#!/bin/sh\nexec "{sys.executable}" "$@"\n',
-        "workbench": f'#!/bin/sh\nPYTHONPATH="{root}" exec "{sys.executable}" -m workbench "$@"\n',
+        "workbench": f'#!/bin/sh\nPYTHONPATH="{root}" {undrawn}\n',
     }
     for name, text in texts.items():
         program = place / "bin" / name
