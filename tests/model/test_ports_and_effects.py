@@ -188,6 +188,8 @@ def test_parameters_change_values_and_keep_the_equations() -> None:
     assert other.rates([1.0], [0.0])[0] == pytest.approx(-0.125)
     assert model.rates([1.0], [0.0])[0] == pytest.approx(-0.25)
     assert other.exact is model.exact
+    # Also what is written down later, whoever asks first.
+    assert other.regularised is model.regularised
 
 
 def refusals() -> list[tuple[str, object, str]]:

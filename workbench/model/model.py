@@ -101,18 +101,28 @@ class Model(Shown):
         }
         for name, value in changed.items():
             object.__setattr__(self, name, value)
-        del self.__dict__["exact"]
+        self._traces.clear()
         _ = self.exact
 
     @cached_property
+    def _traces(self) -> dict[Form, Trace]:
+        """Return the equations as they were written down so far; other values share them."""
+        return {}
+
+    @property
     def exact(self) -> Trace:
         """The equations with their kinks, for verification."""
-        return trace(self, EXACT)
+        return self._written(EXACT)
 
-    @cached_property
+    @property
     def regularised(self) -> Trace:
         """The equations with rounded kinks, for prediction and derivatives."""
-        return trace(self, REGULARISED)
+        return self._written(REGULARISED)
+
+    def _written(self, form: Form) -> Trace:
+        if form not in self._traces:
+            self._traces[form] = trace(self, form)
+        return self._traces[form]
 
     @cached_property
     def horizon(self) -> float:
@@ -127,7 +137,7 @@ class Model(Shown):
 
     def __getstate__(self) -> dict[str, object]:
         """Leave out what follows from the rest: another process writes it down again."""
-        follows = ("exact", "regularised", "horizon")
+        follows = ("_traces", "horizon")
         return {k: v for k, v in self.__dict__.items() if k not in follows}
 
     def form(self, form: Form | str) -> Trace:
@@ -283,10 +293,7 @@ class Model(Shown):
         )
         # The symbolic equations do not depend on parameter values: writing them again is waste.
         model = copy.copy(self)
-        object.__setattr__(model, "parameters", changed)
-        model.__dict__.update(
-            {k: v for k, v in self.__dict__.items() if k in ("exact", "regularised")}
-        )
+        model.__dict__.update(parameters=changed, _traces=self._traces)
         return model
 
     def sized_by(self, moved: Mapping[str, float]) -> Model:
