@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 from tests.diagnosis.newcomers import oscillator
 from workbench.arrays import Vector
+from workbench.diagnosis import undeclared
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.problem import problem_of_files
@@ -65,6 +66,35 @@ def test_a_problem_of_files_says_what_its_recordings_lack_and_what_leaves_its_ra
     ]
     (missing,) = (note for note in notes if "no column is called acceleration" in note)
     assert "'acc z [g]'" in missing
+
+
+def test_a_problem_of_files_says_which_numbers_count_in_si_for_want_of_a_unit(
+    tmp_path: Path,
+) -> None:
+    time = 0.01 * np.arange(2000)
+    columns = np.column_stack([time, np.sin(time), 1e3 * np.cos(time)])
+    for name, header in (("a", "t [s],drive [N],position [mm]"), ("b", "t,drive,position")):
+        np.savetxt(tmp_path / f"{name}.csv", columns, "%.6g", ",", header=header, comments="")
+    notes = problem_of_files(oscillator(), [tmp_path / "a.csv"], [tmp_path / "b.csv"]).notes
+    assert [note for note in notes if "states no unit" in note] == [
+        "b states no unit, so numbers count position in m, not mm; else say the unit in the heading"
+        " or in a mapping (--mapping)"
+    ]
+
+
+def test_a_run_that_diverges_tells_nothing_of_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    plant = oscillator()
+    bare = replace(plant, outputs=(Output("position", "m", 1.0),))
+    told = with_undeclared(bare, [_swinging(0.0)])[0].outputs[0].noise_rms
+    through = undeclared.free_run
+
+    def diverging(*args: Any) -> Any:
+        run = through(*args)
+        left = np.where(np.arange(len(run.measured))[:, None] < 20, run.measured, np.inf)
+        return replace(run, simulated=left, failure="it left the finite numbers")
+
+    monkeypatch.setattr(undeclared, "free_run", diverging)
+    assert with_undeclared(bare, [_swinging(0.0)])[0].outputs[0].noise_rms > 0.3 * told
 
 
 def test_steps_below_the_declared_noise_or_resolution_change_nothing() -> None:

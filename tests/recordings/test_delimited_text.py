@@ -260,6 +260,21 @@ def test_degrees_behind_an_underscore_where_a_temperature_is_asked_for(
     assert read_recording(path, signals={"u": "V", column: "K"})[column][0] == 20.0
 
 
+@pytest.mark.parametrize(
+    ("header", "second", "zero"),
+    [("minutes,u_V,temp (F)", 60.0, 459.67 / 1.8), ("Msec,u_V,temp (C)", 1e-3, 273.15)],
+)
+def test_a_heading_that_is_a_unit_counts_the_time_and_no_temperature_is_in_farads(
+    tmp_path: Path, header: str, second: float, zero: float
+) -> None:
+    rows = [f"{k},{k},0" for k in range(20)]
+    recording = read_recording(
+        saved(tmp_path, "\n".join([header, *rows])), signals={"u": "V", "temp": "K"}
+    )
+    assert recording.time[1] == pytest.approx(second)
+    assert recording["temp"][0] == pytest.approx(zero)
+
+
 def test_a_name_beside_its_like_is_no_unit(tmp_path: Path) -> None:
     rows = [",".join(f"{20 + k}" for _ in range(4)) for k in range(20)]
     path = saved(tmp_path, "\n".join(["t,u_V,T_B,T_C", *rows]))

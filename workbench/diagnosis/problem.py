@@ -13,6 +13,7 @@ from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.undeclared import more_finely, with_undeclared
 from workbench.errors import WorkbenchError
 from workbench.model import Model
+from workbench.model.units import to_si
 from workbench.physics.library import every_name
 from workbench.recordings.case import Case, RefitSettings
 from workbench.recordings.checks.time_base import evened
@@ -125,6 +126,7 @@ def problem_of_files(
         model, again = with_undeclared(replace(declared, traits=straight), finer)
         notes = (*again, *(note for note in notes if note not in again and "straight" in note))
     said = [note for recording in read.values() for note in recording.notes]
+    said += _taken_as_si(declared, list(read.values()))
     for recording in read.values():
         for q, taken in zip(declared.inputs, model.inputs, strict=True):
             clipped = (q.lower, q.upper) == (taken.lower, taken.upper)
@@ -138,6 +140,30 @@ def problem_of_files(
         hold_out=tuple(read[path] for path in hold_out),
         notes=(*dict.fromkeys(said), *notes),
     )
+
+
+def _taken_as_si(model: Model, recordings: Sequence[Recording]) -> list[str]:
+    """Say which numbers count in SI, for want of a unit, where something speaks for another.
+
+    Another recording states one, or the plant is read in one.
+    """
+    other = {q.name: q.display_unit for q in (*model.inputs, *model.outputs)}
+    for recording in recordings:
+        other |= {row.signal: row.unit for row in recording.mapping or () if row.unit}
+    notes = []
+    for recording in recordings:
+        unstated = [
+            f"{row.signal} in {row.si_unit}, not {other[row.signal]}"
+            for row in recording.mapping or ()
+            if not row.unit
+            and to_si(1.0, other.get(row.signal) or row.si_unit) != to_si(1.0, row.si_unit)
+        ]
+        if unstated:
+            notes.append(
+                f"{recording.name} states no unit, so numbers count {', '.join(unstated)}; else say"
+                " the unit in the heading or in a mapping (--mapping)"
+            )
+    return notes
 
 
 def sized_by_recordings(problem: Problem, effects: Iterable[str]) -> Problem:

@@ -269,6 +269,8 @@ def _unforetold(
                     run = windowed_run(fit.model, trial, one, fit.noise_scale)
                 else:
                     run = free_run(fit.model, settled(fit.model, trial, one))
+                if not run.finite:
+                    continue  # A run that diverged tells nothing of noise.
                 for name, column, rms in zip(one.used, run.error.T, one.noise_rms, strict=True):
                     error = column[np.isfinite(column)]
                     least, white = white_rms(error, quantile=0.25), all_white_rms(error)

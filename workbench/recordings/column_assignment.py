@@ -14,13 +14,13 @@ from workbench.model.units import parse_unit, same_dimension, to_si
 from workbench.recordings.column_matching import (
     Requested,
     guess_role,
-    in_celsius,
+    in_degrees,
     is_time,
     match_requested,
     without_column,
 )
 from workbench.recordings.columns import Columns, without_giants
-from workbench.recordings.headers import Header, read_header, read_unit, tidy_name
+from workbench.recordings.headers import Header, read_header, read_unit, tidy_name, unit_of_time
 from workbench.recordings.mapping import ColumnRule, MappingRules
 from workbench.recordings.quantity_kinds import kind_of
 from workbench.recordings.recording import ColumnMapping, MappedColumn, Role, Scalar, Signal
@@ -68,6 +68,9 @@ def header_list(columns: Columns) -> list[Header]:
         seen[header.name] = seen.get(header.name, 0) + 1
         if seen[header.name] > 1:
             headers[i] = replace(header, name=f"{header.name}_{seen[header.name]}")
+    # A first column that is called "minutes" counts them.
+    if headers and not headers[0].unit and (unit := unit_of_time(headers[0].name)):
+        headers[0] = replace(headers[0], unit=unit)
     return headers
 
 
@@ -235,7 +238,7 @@ def assign(
     columns = without_giants(columns)
     columns, headers = _own_units(columns, header_list(columns), rules)
     metadata: dict[str, Scalar] = {**columns.metadata, **rules.metadata}
-    headers = in_celsius(headers, requested)
+    headers = in_degrees(headers, requested)
     time, time_row, time_index = _time(columns, headers, rules)
     by_name = {w.name: w for w in requested}
     signals: list[Signal] = []

@@ -9,7 +9,7 @@ from typing import Any
 
 from workbench.errors import WorkbenchError
 from workbench.model.units import parse_unit, same_dimension
-from workbench.recordings.headers import Header, is_temperature, read_header
+from workbench.recordings.headers import DEGREES, Header, is_temperature, read_header
 from workbench.recordings.recording import Role
 
 _SYNONYMS = (
@@ -172,23 +172,25 @@ def _units_agree(requested: Requested, header: Header) -> bool:
     return not requested.unit or not header.unit or same_dimension(requested.unit, header.unit)
 
 
-def in_celsius(headers: Sequence[Header], requested: Sequence[Requested]) -> list[Header]:
-    """Read ``oven_C`` in degrees where a temperature is asked for, and nothing of that name.
+def in_degrees(headers: Sequence[Header], requested: Sequence[Requested]) -> list[Header]:
+    """Read ``oven_C`` and ``oven (F)`` in degrees where that temperature is asked for.
 
-    ``T_C`` beside ``T_B`` stays the name that it is.
+    ``T_C`` beside ``T_B`` stays the name that it is, and what is asked for by that name as well.
     """
     asked = {_plain(w.name) for w in requested}
     kelvins = {_plain(w.name) for w in requested if w.unit and same_dimension(w.unit, "K")}
 
     def read(header: Header) -> Header:
-        found = re.fullmatch(r"(.+?)_(?:deg_?)?[Cc]", header.name)
+        if header.unit in DEGREES and _plain(header.name) in kelvins:
+            return replace(header, unit=DEGREES[header.unit])
+        found = re.fullmatch(r"(.+?)_(?:deg_?)?([CcF])", header.name)
         if found is None or header.unit or not kelvins or _plain(header.name) in asked:
             return header
         stem = _plain(found[1])
         beside = any(o is not header and _plain(o.name)[:-1] == stem for o in headers)
         if beside or not (stem in kelvins or is_temperature(found[1])):
             return header
-        return replace(header, name=found[1], unit="degC")
+        return replace(header, name=found[1], unit=DEGREES[found[2].upper()])
 
     return [read(h) for h in headers]
 

@@ -25,7 +25,8 @@ _AMBIGUOUS = {
 }  # fmt: skip
 # Words that stand below the line of a unit: "g_l" is in g/l, but "kW_h" in kW h.
 _BELOW = ("s", "s2", "min", "h", "l", "m3", "abs", "gauge")
-_DEGREES = {"C": "degC", "F": "degF"}
+DEGREES = {"C": "degC", "F": "degF"}
+"""What coulombs and farads are where a temperature is meant."""
 _ACCELERATION = re.compile(r"(.*[^A-Za-z])?acc(?!u|ep|es)", re.IGNORECASE)
 _TEMPERATURE = re.compile(r"[Tt](?![A-Za-z])|.*temp", re.IGNORECASE)
 _MEANING = {
@@ -65,6 +66,19 @@ def tidy_name(text: str) -> str:
 def is_temperature(name: str) -> bool:
     """Tell whether a name is that of a temperature."""
     return _TEMPERATURE.match(name) is not None
+
+
+def unit_of_time(name: str) -> str:
+    """Return the unit that a name is by itself, such as ``ms`` or ``minutes``; else nothing.
+
+    A single letter, as often that of a path or a height, is none.
+
+    Example:
+        >>> unit_of_time("Minutes"), unit_of_time("h"), unit_of_time("time")
+        ('min', '', '')
+    """
+    unit = _known(name.lower()) if len(name) > 1 else None
+    return unit if unit is not None and kind_of(unit).name == "time" else ""
 
 
 def _known(unit: str) -> str | None:
@@ -182,7 +196,7 @@ def read_header(column: str) -> Header:
         unit, reference = read_unit(stated)
         if unit is not None:
             # Nobody means coulombs by "T [C]".
-            unit = _DEGREES.get(unit, unit) if is_temperature(name) else unit
+            unit = DEGREES.get(unit, unit) if is_temperature(name) else unit
             unit = "gn" if unit == "g" and _ACCELERATION.match(name) else unit
             return _with_reference(column, name, unit, reference)
         if re.fullmatch(r"[\d\s]*", stated) is None:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -13,7 +14,7 @@ from workbench.evaluation.foreign.foreign_case import plan
 from workbench.model import Input, Model, Output, State
 from workbench.plants.arm.arm import arm
 from workbench.plants.servo_axis import servo_axis
-from workbench.recordings import Recording, Signal, check_recording
+from workbench.recordings import Recording, Signal, check_recording, read_recording
 from workbench.recordings.checks.expected import Expected, expectations, response_signs
 from workbench.recordings.checks.signs import check_signs
 from workbench.recordings.checks.units import check_units
@@ -175,6 +176,17 @@ def test_angle_in_degrees_called_radians() -> None:
     check = check_recording(degrees, ranges={"angle": (-1.0, 1.5)}).check("units")
     assert check.result == "unfit"
     assert "the numbers look like deg, not rad" in check.note
+
+
+def test_numbers_without_a_unit_that_fit_in_one_of_them_alone(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    degrees = np.rad2deg(TRIAL["angle"])
+    np.savetxt(path, np.column_stack([TRIAL.time, degrees]), "%.8g", ",", header="t,angle")
+    recording = read_recording(path, signals={"angle": "rad"})
+    check = check_recording(recording, ranges={"angle": (-1.0, 1.5)}).check("units")
+    assert (check.result, "look like deg, not rad" in check.note) == ("unfit", True)
+    plain = check_recording(recording, ranges={"angle": (-90.0, 90.0)}).check("units")
+    assert (plain.result, plain.note) == ("pass", "no unit stated for angle: taken as SI")
 
 
 def test_pressure_in_bar_called_pascal() -> None:

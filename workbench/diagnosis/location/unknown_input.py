@@ -85,9 +85,9 @@ def unknown_input(model: Model, observed: Observed, ports: Sequence[str]) -> Unk
     signal = np.zeros((len(grid), len(chosen)))
     rms: Vector = np.array([0.1 * model.ports[i].scale for i in chosen])
     for _ in range(_PASSES):
-        around = problem.around(states, signal)
         # What leaves the finite numbers is said in words.
         with np.errstate(over="ignore", invalid="ignore"):
+            around = problem.around(states, signal)
             states, signal, std = _smooth(around, rms, states, signal)
         if not np.isfinite(states).all():
             raise NumericalError(

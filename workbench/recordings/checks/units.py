@@ -103,7 +103,7 @@ def _plausible(signal: Signal, expected: Expected) -> tuple[float, float, float]
 def _better_unit(signal: Signal, stated: str, low: float, high: float, travel: float) -> str:
     """Return the unit in which the numbers would be plausible, ``""`` if there is none."""
     numbers = from_si(signal.values, stated)
-    for unit in _UNITS:
+    for unit in (*([signal.display_unit] if signal.display_unit else []), *_UNITS):
         if unit == stated or not same_dimension(unit, stated):
             continue
         values = to_si(numbers, unit)
@@ -206,7 +206,7 @@ def check_units(recording: Recording, expected: Expected) -> Finding:
         if known is None:
             unknown.append(signal.name)
             continue
-        unit = stated.get(signal.name, signal.unit)
+        unit = stated.get(signal.name) or signal.unit
         ranged = signal.name in expected.reach or signal.name in expected.ranges
         believed = ranged or signal.name in expected.believed
         problem, other_unit = _problem(signal, unit, known, believed)
@@ -225,7 +225,9 @@ def check_units(recording: Recording, expected: Expected) -> Finding:
     if problems:
         return Finding("unfit", "; ".join(problems))
     doubt = bool(remarks)
-    unstated = [s.name for s in recording.signals if not s.unit]
+    unstated = [
+        s.name for s in recording.signals if s.unit != "1" and not stated.get(s.name, s.unit)
+    ]
     if unstated:
         remarks.append(f"no unit stated for {', '.join(unstated)}: taken as SI")
     if len(unknown) == len(recording.signals):
