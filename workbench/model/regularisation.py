@@ -7,6 +7,7 @@ derivative, so that both are equal outside that neighbourhood.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -114,14 +115,34 @@ class Form:
             width: Half-width of the rounded corners, in the unit of ``x``; no more than half the
                 closest spacing.
         """
-        points_ = np.asarray(points, dtype=float)
-        values_ = np.asarray(values, dtype=float)
-        slopes = np.concatenate([[0.0], np.diff(values_) / np.diff(points_), [0.0]])
-        y = values_[0] + 0.0 * x
-        for point, change in zip(points_, np.diff(slopes), strict=True):
-            if change != 0.0:
-                y = y + change * self.ramp(x - point, width)
-        return y
+        x_i, y_i = (tuple(np.asarray(v, dtype=float).tolist()) for v in (points, values))
+        if isinstance(x, ca.SX) and x.is_scalar():
+            return _table_of(self, x_i, y_i, width)(x)
+        return _summed(self, x, x_i, y_i, width)
+
+
+def _summed(
+    form: Form,
+    x: Expression,
+    points: tuple[float, ...],
+    values: tuple[float, ...],
+    width: float,
+) -> Expression:
+    slopes = np.concatenate([[0.0], np.diff(values) / np.diff(points), [0.0]])
+    y = values[0] + 0.0 * x
+    for point, change in zip(points, np.diff(slopes).tolist(), strict=True):
+        if change != 0.0:
+            y = y + change * form.ramp(x - point, width)
+    return y
+
+
+@functools.lru_cache(maxsize=64)
+def _table_of(
+    form: Form, points: tuple[float, ...], values: tuple[float, ...], width: float
+) -> ca.Function:
+    """Build a table once: a model is written down many times, and most of the arm is its valve."""
+    x = ca.SX.sym("x")
+    return ca.Function("table", [x], [_summed(form, x, points, values, width)])
 
 
 EXACT = Form(regularised=False)
