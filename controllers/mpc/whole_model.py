@@ -396,14 +396,11 @@ def design_mpc(
     specification: MPCSpecification | None = None,
     *,
     valve: ValveInverse | None = None,
-    sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2"),
-    actuator: str = "valve",
     change: Change | None = None,
 ) -> LinearMPC:
-    """Design a linear MPC of one output from a linear model.
+    """Design a linear MPC of the angle from a linear model.
 
     Args:
-        sensors: Names of the followed output and of the limited ones.
         change: Takes the `controllers.mpc.formulation.Formulation`, expressions of CasADi, and
             returns the one that is solved.
     """
@@ -415,12 +412,12 @@ def design_mpc(
         linear,
         Problem(
             curves=(valve,),
-            actuators=(actuator,),
-            sensors=sensors,
+            actuators=ACTUATORS,
+            sensors=SENSORS,
             weights=(want.angle_scale**-2, want.opening_scale**-2, want.move_scale**-2),
             ends=((-edge,), (edge,)),
             move_limit=(want.rate_limit * step,),
-            output_limits=(want.pressure_limits,) * (len(sensors) - 1),
+            output_limits=(want.pressure_limits,) * (len(SENSORS) - 1),
             disturbances=want.disturbances,
             reference_speed=(want.reference_speed,),
         ),

@@ -19,7 +19,7 @@ from scipy.signal import lfilter
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.filter import STEPS, Asked, Filter, Steps, steps_of
 from workbench.errors import NumericalError, WorkbenchError, check_choice
-from workbench.model import EXACT, Form, Model
+from workbench.model import Model
 from workbench.model.model import index_of
 from workbench.work.threads import side_by_side, threads
 
@@ -181,7 +181,6 @@ class PredictionError:
     like: Observed
     free: tuple[str, ...]
     disturbances: Mapping[str, float] = field(default_factory=dict)
-    form: Form = EXACT
     certain: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -267,7 +266,7 @@ class PredictionError:
         told = zip(self.like.correlated_noise.tolist(), self._output_scale.tolist(), strict=False)
         coloured = [(k, rms / scale, t) for k, ((rms, t), scale) in enumerate(told) if rms > 0.0]
         asked = Asked(
-            self.model.form(self.form),
+            self.model.exact,
             tuple(self.state_scale),
             tuple(self._output_scale),
             self._rows,

@@ -40,7 +40,6 @@ class RigMachine:
     """The rig with what it hides."""
 
     parameters: dict[str, float] = field(repr=False)
-    seed: int = 1
 
     def play(self, experiment: Experiment) -> Recording:
         """Play the inputs of an experiment from rest at 30 degrees.
@@ -50,16 +49,8 @@ class RigMachine:
         """
         check_range("sample time", experiment.sample_time, 0.999 / RATE, 1.001 / RATE, "s")
         start = settled(self.parameters, seconds=2.0)
-        record = simulate.run(
-            self.parameters, start, command=experiment.inputs[:, 0], seed=self.seed
-        )
+        record = simulate.run(self.parameters, start, command=experiment.inputs[:, 0], seed=1)
         return recording_of(record, "experiment")
-
-
-def rig_of(folder: Path) -> RigMachine:
-    """Return the rig that made a case."""
-    truth = json.loads((folder / "truth.json").read_text())
-    return RigMachine(truth["parameters"])
 
 
 def recording_of(record: simulate.Record, name: str) -> Recording:
@@ -144,13 +135,15 @@ def answer(case: Planned, jobs: int) -> dict[str, Any]:
             "version": version(),
         }
 
+        rig = RigMachine(json.loads((folder / "truth.json").read_text())["parameters"])
+
         def again(first: Diagnosis) -> dict[str, Any]:
             assert first.verdict is not None
             plan_ = first.validated.plan if first.validated else None
             if plan_ is None or not is_class(first.verdict.as_data()):
                 return {}
             try:
-                runs = with_experiment(plant, plan_, rig_of(folder), tuple(fit), tuple(hold_out))
+                runs = with_experiment(plant, plan_, rig, tuple(fit), tuple(hold_out))
             except Exception as error:  # noqa: BLE001
                 after = silent("failed", error)
             else:
