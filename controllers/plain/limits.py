@@ -9,11 +9,11 @@ and the noise of the measurements moves no command by more than a share of half 
 several outputs, |S| is the largest singular value of the sensitivity, opened at all outputs or at
 all commands, each in the unit that makes it least: what the loop bears of changes of all channels
 at once, whatever their units; where more is measured than followed, it is opened at the commands,
-and with twice the limits at each measurement. Where no law holds all limits, as no loop of a plant
-that is unstable and late does, those are taken that exceed them least. Of what is left, the best
-has the least error after a step of each reference and of each load: the sum of the integrals of
-time by absolute error, what other outputs do counted in their scales, each over the least that any
-has; a step that overshoots by a percent more than it may counts as a tenth of it more, one that
+and with five times the limits at each measurement. Where no law holds all limits, as no loop of a
+plant that is unstable and late does, those are taken that exceed them least. Of what is left, the
+best has the least error after a step of each reference and of each load: the sum of the integrals
+of time by absolute error, what other outputs do counted in their scales, each over the least that
+any has; a step that overshoots by a percent more than it may counts as a tenth of it more, one that
 moves another output by as much as its own as four times.
 
 Source: Panagopoulos, Åström and Hägglund, Design of PID controllers based on constrained
@@ -602,9 +602,9 @@ def _inverse(M: Complex) -> Complex:
     return np.moveaxis(found, (0, 1), (-2, -1))
 
 
-AT_A_SENSOR = 2.0
+AT_A_SENSOR = 5.0
 """What a loop opened at one of more measurements than are followed may peak to, over its limits:
-where they must work together, none is as sure alone as all are at the command."""
+what one sensor tells wrongly, alone, is its gain, and by less than a tenth of it."""
 
 TURN, HARDLY = 0.4, 0.02
 """Largest step between angles by which a loop of several outputs is turned, and largest angle that

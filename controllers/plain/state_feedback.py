@@ -23,6 +23,7 @@ Utkin, Sliding mode control design based on Ackermann's formula, IEEE Trans. AC-
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
@@ -217,6 +218,16 @@ DISTURBANCES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003)
 """Disturbances of the command that are tried for a Kalman filter, as fractions of it."""
 
 
+def doubts(loop: Loop) -> tuple[float, ...]:
+    """Return the doubts of what is measured and not followed that are tried, ratios.
+
+    A filter that is told of less noise leans on those measurements more, which is what the margins
+    at the command ask of it, as loop transfer recovery asks for more noise at the command. Source:
+    Doyle and Stein, Multivariable feedback design, IEEE Trans. AC-26, 1981.
+    """
+    return (1.0,) if loop.read is None else (1.0, 0.1)
+
+
 @dataclass(frozen=True)
 class ObserverSpecification(LoopSpecification):
     """What every law on a Kalman filter of the states is told.
@@ -346,16 +357,18 @@ def _fastest(
         lags = tuple(min(want.reference_speed or 2.0 * w, top) for w in speed)
         return model.law(gains[:, :n], -gains[:, n:], slow, reference_speed=lags)
 
-    def designed(chosen: tuple[int, ...], disturbance: float) -> ObserverLaw:
+    def designed(chosen: tuple[int, ...], at: tuple[float, float]) -> ObserverLaw:
         speed = float(np.exp(np.mean(np.log([tried[k] for k in chosen]))))
-        return model.observed(regulated(chosen), _walk(disturbance, speed))
+        disturbance, doubt = at
+        return model.observed(regulated(chosen), _walk(disturbance, speed), doubt)
 
     all_alike = range(len(tried))
     if np.all(given > 0.0):
         # The speed at which all of the command makes such an error, of the first output.
         k = min(int(np.searchsorted(sizes[:, 0], given[0])), len(tried) - 1)
         all_alike = range(k, k + 1)
-    start = [((k,) * outputs, d) for k in all_alike for d in disturbances]
+    filters = list(itertools.product(disturbances, doubts(loop)))
+    start = [((k,) * outputs, at) for k in all_alike for at in filters]
     law, (chosen, _) = limits.best_of(designed, start, FEEDBACK, len(tried))
     return law, tuple(tried[k] for k in chosen)
 
@@ -477,10 +490,11 @@ def design_plain_sliding_mode(
         model = _ObservedModel(limits.loop, want)
         sliding = cache(partial(_sliding, model, want))
 
-        def designed(slope: float, disturbance: float) -> ObserverLaw:
-            return model.observed(sliding(slope), _walk(disturbance, slope))
+        def designed(slope: float, disturbance: float, doubt: float) -> ObserverLaw:
+            return model.observed(sliding(slope), _walk(disturbance, slope), doubt)
 
-        designs = [partial(designed, slope, d) for slope in slopes for d in want.disturbances]
+        tried = itertools.product(slopes, want.disturbances, doubts(limits.loop))
+        designs = [partial(designed, *numbers) for numbers in tried]
         law = limits.best(designs, "a sliding mode")
         if want.reference_speed:
             return limits.at_pace(law)
@@ -601,18 +615,22 @@ class _ObservedModel:
         self.target = target[:n] * size[:, None]
         self.command = target[n:] * loop.command_scale[:, None]
 
-    def observed(self, law: ObserverLaw, walk: float) -> ObserverLaw:
+    def observed(self, law: ObserverLaw, walk: float, doubt: float = 1.0) -> ObserverLaw:
         """Put a state feedback on a Kalman filter.
 
         Args:
             walk: Random walk of the integral of each command's disturbance over one second, as a
                 fraction of the command, times s.
+            doubt: Noise of what is measured and not followed that the filter is told, over that
+                which it has.
         """
         # The disturbance is white noise, held over a sample.
         entry = self.G * (walk * self.loop.command_scale)
         q = entry @ entry.T / self.want.sample_time
         q = q + 1e-15 * np.diag(np.diag(q)) + 1e-300 * np.eye(len(q))
         noise, size = self.want.loop_noise(self.loop), self.loop.linear.state_scales
+        followed = np.arange(len(noise)) < len(self.loop.measured)
+        noise = np.where(followed, noise, doubt * noise)
         seen = self.loop.seen.T / noise
         predictor = _regulator(self.F.T, seen, q, 1.0 / size).T / noise
         # From the gain of the predictor to that of the correction.

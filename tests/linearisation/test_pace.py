@@ -54,3 +54,8 @@ def test_an_unstable_plant_is_sampled_before_it_grows() -> None:
     # Three lags of 10 s, twice: a step of 100 s.
     assert sampled(-5.0) == sampled(0.2) == pytest.approx(0.1)
     assert 0.01 < 5.0 * sampled(5.0) <= 0.05
+
+
+def test_a_mode_that_grows_is_called_unstable() -> None:
+    linear = linear_model(ct.ss([[5.0]], [[1.0]], [[1.0]], 0))
+    assert str(linear.modes[0]).split() == ["mode", "unstable", "pole", "5", "rad/s", "x_0"]

@@ -467,6 +467,8 @@ def recipes_of(
                 reason = f"follows {', '.join(law.controlled)}, not {', '.join(left)} too"
                 refused.setdefault(reason, []).append(made.name)
                 continue
+            if made.specification == told and (said := hardly_stable(law, linear)):
+                typer.echo(f"{made.name}: {said}", err=True)
             idle = [n for n in linear.input_names if n not in (*law.actuators, *only_measured)]
             (partly if idle and not names else found).append(made)
     for reason, which in refused.items():
@@ -486,6 +488,29 @@ def recipes_of(
         for sentence in interaction(loop_of(linear, followed, other)):
             typer.echo(sentence, err=True)
     return found
+
+
+HARDLY = 0.2
+"""Disk margin (dimensionless) of a loop that is hardly stable: gains a tenth off, with a phase."""
+
+
+def hardly_stable(law: Any, linear: LinearModel) -> str:
+    """Return what is to be said of a loop with next to no margins; nothing of any other."""
+    from workbench.study.linear_loop import analyse_loop
+
+    with suppress(WorkbenchError):
+        loops = analyse_loop(law, linear, points=200)
+        if not all(loop.stable for loop in loops):
+            return "not stable on its linear model; its steps here prove nothing"
+        # What several sensors do together counts at the command.
+        worst = min((loop for loop in loops if loop.command), key=lambda loop: loop.disk_margin)
+        if worst.disk_margin < HARDLY:
+            share = 100.0 * (worst.disk_gain_margin - 1.0)
+            return (
+                f"hardly stable: Ms is {worst.sensitivity:.3g} at {worst.opened}, where a gain"
+                f" {share:.2g} % off may make it unstable; take another family, or measure more"
+            )
+    return ""
 
 
 def _command_of_loop(linear: LinearModel, measured: str) -> str:

@@ -58,12 +58,14 @@ class Mode:
         return tuple(n for n in names if self.participation[n] > 0.2)
 
     def __str__(self) -> str:
-        """Return one line: frequency and damping, or time constant, and the main states."""
+        """Return one line: frequency and damping, time constant or unstable pole; main states."""
         frequency, damping, time = self.figures
         if math.isnan(time):
             what = f"{frequency:9.4g} Hz  damping {damping:7.3f}"
         else:
-            what = "integrator" if math.isinf(time) else f"time constant {in_time(time, 4):>11}"
+            decays = f"time constant {in_time(time, 4):>11}"
+            grows = f"unstable pole {self.pole.real:9.4g} rad/s"
+            what = "integrator" if math.isinf(time) else grows if time < 0.0 else decays
         return f"mode {what:<29}  {', '.join(self.main_states)}"
 
 

@@ -13,7 +13,9 @@ from controllers.design import DESIGNS
 from controllers.guard import Guarded
 from controllers.plain.limits import settled_after
 from controllers.plain.state_feedback import LQISpecification, design_lqi
+from controllers.plain.transfer_law import pid_by_hand
 from tests.controllers.in_c import InC
+from workbench.cli.verify import hardly_stable
 from workbench.errors import WorkbenchError
 from workbench.linearisation import linear_model
 from workbench.study.linear_loop import analyse_loop
@@ -74,3 +76,12 @@ def test_where_no_speed_was_asked_for_none_is_told_to_be_smaller() -> None:
     design = DESIGNS.get("plain-h-infinity")
     with pytest.raises(WorkbenchError, match=r"of cart by force.* another family, such as lqi"):
         design.controller(linear, design.specified({"sample_time": H}))
+
+
+@pytest.mark.parametrize(("gain", "said"), [(1.0, ""), (7.8, "hardly stable: Ms"), (8.5, "not st")])
+def test_a_loop_with_next_to_no_margins_is_said(gain: float, said: str) -> None:
+    # 1 / (s + 1)^3 bears a gain of 8.
+    linear = linear_model(ct.tf([1.0], [1.0, 3.0, 3.0, 1.0], inputs="u", outputs="y"))
+    law = pid_by_hand(gain, measured="y", actuator="u", sample_time=1e-3)
+    found = hardly_stable(law, linear)
+    assert found.startswith(said) and bool(found) == bool(said)
