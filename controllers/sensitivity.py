@@ -16,6 +16,7 @@ from controllers.protocol import Controller
 from controllers.valve_inverse import ValveInverse
 from workbench.arrays import Matrix, Vector
 from workbench.errors import check_choice
+from workbench.linearisation.state_space import linear_model
 from workbench.linearisation.transfer import transfer_function
 from workbench.linearisation.zero_order_hold import zero_order_hold
 
@@ -189,6 +190,7 @@ def loops_at(
     Raises:
         WorkbenchError: If the linear model lacks a sensor or an actuator.
     """
+    linear = linear_model(linear)
     for name in (*controller.sensors, *controller.controlled):
         check_choice("output of the linear model", name, linear.output_names)
     valve = getattr(unguarded(controller), "valve", None)

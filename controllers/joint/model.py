@@ -96,7 +96,12 @@ def opening_input(
         WorkbenchError: If the model has neither input.
     """
     name = OPENING if OPENING in linear.input_names else actuator
-    check_choice("actuator of the linear model", name, linear.input_names)
+    if name not in linear.input_names:
+        raise WorkbenchError(
+            f"actuator of the linear model is {', '.join(linear.input_names)}, and this design is"
+            f" for a joint with {name!r}; for any linear model take a plain design, such as"
+            " plain-pid or lqi (controllers.plain)"
+        )
     at_point = float(linear.u0[linear.input_names.index(name)])
     if name == OPENING:
         return OpeningInput(name, 1.0, at_point)

@@ -40,6 +40,7 @@ from controllers.sampling import Rows, anti_windup, product, rows, tustin
 from controllers.specification import number
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_range
+from workbench.linearisation.state_space import proper_system
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -273,9 +274,9 @@ def transfer_controller(
     """Return a controller from errors to commands that is a python-control system.
 
     Args:
-        system: ``control.TransferFunction`` or ``control.StateSpace`` with an input for each error
-            and an output for each command; proper. In continuous time it is sampled by Tustin's
-            rule.
+        system: ``control.TransferFunction`` or ``control.StateSpace``, or one of ``scipy.signal``,
+            with an input for each error and an output for each command; proper. In continuous time
+            it is sampled by Tustin's rule.
         measured: Name of the output, or several with commas between or in a list.
         actuator: Name of the command, or several.
         tracking_time: Time constant Tt of the anti-windup, in s; 50 samples by default.
@@ -290,10 +291,9 @@ def transfer_controller(
         >>> len(law.A)
         1
     """
-    import control as ct
-
     h = check_range("sample time", sample_time, *TIMES_S, "s")
     read, commanded = named(measured), named(actuator)
+    system = proper_system(system, "the controller")
     if (system.ninputs, system.noutputs) != (len(read), len(commanded)):
         raise WorkbenchError(
             f"the controller has {system.ninputs} inputs and {system.noutputs} outputs; give one"
@@ -305,8 +305,7 @@ def transfer_controller(
             f"the controller has a sample time of {system.dt:g} s and shall step every {h:g} s;"
             " give sample_time, or the controller in continuous time"
         )
-    found = ct.ss(system)
-    A, B, C, D = (np.asarray(m, dtype=float) for m in (found.A, found.B, found.C, found.D))
+    A, B, C, D = (np.asarray(m, dtype=float) for m in (system.A, system.B, system.C, system.D))
     return sampled_controller(
         (A, B, C, D) if system.isdtime(strict=True) else tustin(A, B, C, D, h),
         _ends(read, commanded, rest, rest_output, lower, upper),

@@ -185,6 +185,7 @@ def test_a_time_limit_that_nothing_meets_or_that_cannot_be_set_is_a_sentence(
         (["--fit", "a.csv", "--hold-out", "a.csv"], "given twice"),
         (["--fit", "a.csv", "--hold-out", "b.csv"], "a.csv"),
         (["practice-07", "--time-limit", "0"], "time limit is 0"),
+        (["practice-07", "--time-limit", "2min", "--quick"], "--time-limit 120 is given too"),
         (["practice-07", "--quick", "--time-limit", "9"], "keep one of them"),
         (["practice-07", "--jobs", "0"], "number of processes is 0"),
         (["practice-07", "--load", "3V"], "does not measure it"),

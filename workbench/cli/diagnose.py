@@ -35,7 +35,7 @@ def diagnose(
     *,
     effects: list[str] | None = None,
     jobs: int = 2,
-    time_limit: float | None = None,
+    time_limit: str | None = None,
     quick: bool = False,
     propose: Path | None = None,
     experiment: str | None = None,
@@ -57,8 +57,8 @@ def diagnose(
         effects (NAME): Physics of your own that may be missing, beside the library: module:object,
             an effect or a function that returns one; may be given several times.
         jobs: Processes that work side by side.
-        time_limit (SECONDS): End after this time (1 to 1e6 s) with the best verdict until then,
-            which says what was not tried; exit status 0.
+        time_limit (TIME): End after this time, such as 60s or 2min (1 to 1e6 s), with the best
+            verdict until then, which says what was not tried; exit status 0.
         quick: The same as --time-limit 20.
         propose (FILE): CSV file for the next input: times and inputs in the plant's units, to be
             played on the machine.
@@ -289,7 +289,10 @@ def _propose(found: Diagnosis, path: Path, *, as_json: bool) -> None:
         typer.echo(f"{plan.text}: written to {path}", err=as_json)
 
 
-def _limit(seconds: float | None, *, quick: bool) -> float | None:
+def _limit(given: str | None, *, quick: bool) -> float | None:
+    from workbench.model.units import quantity
+
+    seconds = None if given is None else quantity("time limit", given, "s")
     if quick and seconds is not None:
         raise WorkbenchError(
             f"--quick is a time limit of {QUICK_S:g} s, and --time-limit {seconds:g} is given too;"

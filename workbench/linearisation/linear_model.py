@@ -246,7 +246,7 @@ class LinearModel(Drawn):
     def __str__(self) -> str:
         """Return a short aligned table: inputs, outputs, modes and the verdict on the matrices."""
         point = self.operating_point
-        shown = {q.name: q.display_unit for q in point.model.outputs}
+        shown = {q.name: q.display_unit for q in point.model.outputs if q.display_unit != "1"}
         held = ", ".join(
             f"{name} {float(from_si(value, shown[name])):.4g} {shown[name]}"
             if name in shown

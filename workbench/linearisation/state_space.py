@@ -64,9 +64,9 @@ def linear_model(
     of a `LinearModel` has its operating point still.
 
     Args:
-        system: A ``control.StateSpace`` or ``control.TransferFunction``, proper, in continuous
-            time or with a sample time over which its inputs are held; or a `LinearModel`, which is
-            returned.
+        system: A ``control.StateSpace`` or ``control.TransferFunction``, or one of
+            ``scipy.signal``, proper, in continuous time or with a sample time over which its inputs
+            are held; or a `LinearModel`, which is returned.
         limits: Lower and upper end of inputs and outputs by name, in SI; infinite if not given.
 
     Raises:
@@ -83,19 +83,14 @@ def linear_model(
     known = getattr(system, "linear_model", None)
     if isinstance(known, LinearModel) and not limits and np.array_equal(known.A, system.A):
         return known
-    import control as ct
-
-    if not isinstance(system, (ct.StateSpace, ct.TransferFunction)):
-        raise WorkbenchError(
-            f"the plant of a design is a {type(system).__name__}; give a LinearModel, or a"
-            " python-control StateSpace or TransferFunction"
-        )
+    state_space = proper_system(system, "the plant of a design")
+    title = str(getattr(system, "name", "system"))
+    system = state_space
     if system.dt is True:
         raise WorkbenchError(
-            f"system {system.name!r} is sampled and does not say how often; give its sample time"
+            f"system {title!r} is sampled and does not say how often; give its sample time"
             " (dt), in s, or the continuous plant"
         )
-    state_space = ct.ss(system)
     names = (
         _labels(state_space.state_labels),
         _labels(system.input_labels),
@@ -104,6 +99,11 @@ def linear_model(
     ends = dict(limits or {})
     for name in ends:
         check_choice("name of a limited signal", name, (*names[1], *names[2]))
+        if not ends[name][0] < ends[name][1]:
+            raise WorkbenchError(
+                f"limits of {name} are {ends[name][0]:g} and {ends[name][1]:g}; give the lower end"
+                " and then the upper one"
+            )
     A, B, C, D = (
         np.asarray(matrix, dtype=float)
         for matrix in (state_space.A, state_space.B, state_space.C, state_space.D)
@@ -113,12 +113,12 @@ def linear_model(
             A, B = before_hold(A, B, float(system.dt))
         except WorkbenchError as error:
             raise WorkbenchError(
-                f"system {system.name!r}, sampled every {system.dt:g} s: {error}"
+                f"system {title!r}, sampled every {system.dt:g} s: {error}"
             ) from None
     states, inputs, outputs = names
     infinite = (-np.inf, np.inf)
     model = Model(
-        _plain(str(system.name)),
+        _plain(title),
         LinearEquations(_rows(A), _rows(B), _rows(C), _rows(D), names),
         states=tuple(State(name, "1") for name in states),
         inputs=tuple(
@@ -138,6 +138,39 @@ def linear_model(
     x0, u0, y0 = (np.zeros(len(every)) for every in names)
     point = OperatingPoint(model, x0, u0, y0, np.zeros(len(x0)), {}, {}, 0.0, 1.0)
     return LinearModel(A, B, C, D, point, states, inputs, outputs, x0, u0, y0, np.zeros(len(x0)))
+
+
+def proper_system(system: Any, what: str) -> Any:
+    """Return a system of python-control or ``scipy.signal`` as a ``control.StateSpace``.
+
+    Args:
+        what: What it is, as the user knows it.
+
+    Raises:
+        WorkbenchError: If it is none, or has no state space since it differentiates.
+
+    Example:
+        >>> import scipy.signal
+        >>> proper_system(scipy.signal.lti([2.0], [1.0, 3.0]), "the plant").A.tolist()
+        [[-3.0]]
+    """
+    import control as ct
+
+    scipys = type(system).__module__.startswith("scipy.signal")
+    if not scipys and not isinstance(system, (ct.StateSpace, ct.TransferFunction)):
+        raise WorkbenchError(
+            f"{what} is a {type(system).__name__}; give a LinearModel, or a python-control"
+            " StateSpace or TransferFunction"
+        )
+    try:
+        if not scipys:
+            return ct.ss(system)
+        own = system.to_ss()
+    except ValueError as error:
+        raise WorkbenchError(
+            f"{what} has no state space ({error}); if it differentiates, add the lag of its filter"
+        ) from None
+    return ct.ss(own.A, own.B, own.C, own.D, own.dt or 0)
 
 
 def _rows(matrix: Vector) -> Rows:

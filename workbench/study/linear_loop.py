@@ -31,7 +31,7 @@ from controllers.sensitivity import (
 )
 from workbench.arrays import Complex, Vector
 from workbench.errors import WorkbenchError
-from workbench.linearisation import LinearModel
+from workbench.linearisation import LinearModel, linear_model
 from workbench.registry import user_code
 from workbench.study.study import Study
 
@@ -130,6 +130,7 @@ def analyse_loop(
         WorkbenchError: If the linear model lacks a sensor or an actuator, or the law is not linear
             around rest.
     """
+    linear = linear_model(linear)
     values = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
     at_rest = tuple(values.get(name, 0.0) for name in controller.sensors)
     sizes = {q.name: q.scale for q in linear.operating_point.model.outputs}

@@ -19,7 +19,7 @@ from controllers.guard import CommandLimits, Guard, Guarded, ReferenceLimits, Se
 from controllers.protocol import Controller
 from workbench.arrays import Vector
 from workbench.errors import NumericalError, check_choice
-from workbench.linearisation import LinearModel, linearise
+from workbench.linearisation import LinearModel, linear_model, linearise
 from workbench.linearisation.actuator_inverse import (
     ActuatorInverse,
     places_of,
@@ -74,6 +74,7 @@ def guarded(
     Raises:
         WorkbenchError: If the plant lacks a sensor or an actuator of the controller.
     """
+    plant = plant if isinstance(plant, Model) else linear_model(plant)
     point = operating_point(plant, at or {}) if isinstance(plant, Model) else plant.operating_point
     model = point.model
     held = list(_held(point, controller.sample_time))

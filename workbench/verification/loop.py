@@ -50,7 +50,8 @@ def verify(
     """Run a controller on a plant through a scenario.
 
     Args:
-        plant: The full plant, or a linear model of it, discretised exactly. A linear model by the
+        plant: The full plant, or a linear model or python-control system of it, discretised
+            exactly. A linear model by the
             opening meets the same command as the plant. One by the voltage receives
             ``controller.linear_command``, neither clipped nor quantised, so that a compensated
             valve curve does not count twice.
@@ -64,6 +65,10 @@ def verify(
         NumericalError: If the plant left the range of its laws so far that it cannot be simulated.
     """
     check_choice("integration method", method, ("auto", "erk", "rosenbrock"))
+    if not isinstance(plant, Model):
+        from workbench.linearisation.state_space import linear_model
+
+        plant = linear_model(plant)
     if method == "auto":
         try:
             return verify(controller, plant, scenario, seed=seed, tolerance=tolerance, method="erk")

@@ -36,6 +36,7 @@ from workbench.model import Input, Model, Output, Parameter, State
 from workbench.operating_point import operating_point
 from workbench.plants.servo_axis import servo_axis
 from workbench.study.designs import ControllerRecipe
+from workbench.study.linear_loop import analyse_loop
 from workbench.study.plants import PlantRecipe
 from workbench.verification import SignalFault, guarded, metrics, step_scenario, verify
 
@@ -597,3 +598,34 @@ def test_a_sampled_system_is_the_plant_that_it_was_sampled_of() -> None:
     told = LQISpecification(sample_time=0.05)
     law, own_law = design_lqi(again, told), design_lqi(plant, told)
     np.testing.assert_allclose(law.gain, own_law.gain, rtol=1e-6)
+
+
+def test_systems_of_python_control_and_scipy_are_taken_wherever_a_linear_model_is() -> None:
+    import control as ct
+    import scipy.signal
+
+    plant = ct.tf([2.0], [1.0, 3.0, 2.0], inputs="u", outputs="y")
+    told = LQISpecification(sample_time=0.02)
+    law, linear = design_lqi(plant, told), linear_model(plant)
+    scenario = step_scenario("y", 0.0, 1.0, hold=1.0, sample_time=0.02)
+    run = verify(law, linear, scenario)
+    np.testing.assert_array_equal(verify(law, plant, scenario).outputs, run.outputs)
+    assert peak_sensitivities(law, plant) == peak_sensitivities(law, linear)  # type: ignore[arg-type]
+    assert analyse_loop(law, plant)[0].sensitivity == analyse_loop(law, linear)[0].sensitivity
+    assert guarded(law, plant).sensors == guarded(law, linear).sensors
+    for scipys in (
+        scipy.signal.lti([2.0], [1.0, 3.0, 2.0]),
+        scipy.signal.lti([], [-1.0, -2.0], 2.0),
+        scipy.signal.lti([2.0], [1.0, 3.0, 2.0]).to_ss().to_discrete(0.02),
+    ):
+        np.testing.assert_allclose(linear_model(scipys).system(2j), plant(2j), rtol=1e-9)
+    names: dict[str, Any] = {"measured": "y", "actuator": "u"}
+    assert transfer_controller(scipy.signal.lti([4.0], [0.1, 1.0]), **names).sensors == ("y",)
+    with pytest.raises(WorkbenchError, match="the controller has no state space.*add the lag"):
+        transfer_controller(ct.tf([1.0, 0.0], [1.0]), **names)
+    with pytest.raises(WorkbenchError, match="the controller is a float"):
+        transfer_controller(2.0, **names)
+    with pytest.raises(WorkbenchError, match="limits of u are 1 and -1; give the lower end"):
+        linear_model(plant, limits={"u": (1.0, -1.0)})
+    with pytest.raises(WorkbenchError, match="for a joint with 'valve'.*plain-pid"):
+        design_pid(plant)
