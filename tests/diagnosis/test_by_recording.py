@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,10 +23,11 @@ from workbench.diagnosis.selection import score, task
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.decision import decided
 from workbench.diagnosis.selection.held_out import RunErrors
-from workbench.diagnosis.selection.moments import same_everywhere
+from workbench.diagnosis.selection.moments import changed_values, same_everywhere
 from workbench.diagnosis.selection.rules import Limits
 from workbench.diagnosis.selection.score import score_library
 from workbench.diagnosis.verdict import Finding
+from workbench.physics.drift import from_first
 from workbench.physics.library import Hypothesis, library
 from workbench.recordings.recording import Recording, Signal
 
@@ -92,6 +94,17 @@ def test_a_damper_that_goes_on_ageing_is_no_jump(monkeypatch: pytest.MonkeyPatch
     assert finding.parameters["amount"].value == pytest.approx(0.12, rel=0.05)
     begins = [float(v) for v in re.findall(r"([0-9.]+) N s/m in run", finding.sentence)]
     assert begins == pytest.approx([0.6, 0.72, 0.84], rel=0.01)
+
+
+def test_what_ages_begins_at_what_the_first_recording_shows_as_reached() -> None:
+    known = library(oscillator(), duration=10.0, sample_time=0.02)
+    fade = next(e.effect for e in known if e.name == "parameter_fade_damping")
+    fade = fade.with_parameters({"amount": 0.2, "time_constant": 10.0, "lasting": 10.0})
+    # Three amounts were reached as the first recording began: damping was 0.5 + 3 x 0.2 N s/m.
+    factor, _ = from_first({"run 1": 3.0}, "run 1", 1.0 - math.exp(-1.0))
+    begun = fade.with_parameters({"amount": factor * 0.2})
+    changed = changed_values(oscillator().with_effect(fade), (fade,), (begun,))
+    assert changed == pytest.approx({"damping": 1.1, "parameter_fade_damping.amount": factor * 0.2})
 
 
 def test_what_differs_is_scored_by_its_size_in_each_recording() -> None:

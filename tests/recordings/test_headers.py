@@ -14,6 +14,8 @@ from workbench.recordings.headers import read_header
         # As the standard for quantities writes them; a unit alone and an index name nothing.
         ("Time/ms", "Time", "ms", ""),
         ("t/s", "t", "s", ""),
+        ("M/mNm", "M", "mNm", ""),
+        ("M [Ncm]", "M", "Ncm", ""),
         ("I/A", "I", "A", ""),
         ("p_1/bar", "p_1", "bar", ""),
         ("acid/l/min", "acid", "l/min", ""),

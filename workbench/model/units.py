@@ -50,6 +50,7 @@ _PREFIXABLE: dict[str, tuple[float, Dimensions]] = {
     "cd": (1.0, _dim(cd=1)),
     "rad": (1.0, _dim(rad=1)),
     "N": (1.0, _N),
+    "Nm": (1.0, _J),
     "Pa": (1.0, _PA),
     "bar": (1e5, _PA),
     "J": (1.0, _J),
@@ -90,7 +91,8 @@ _SYMBOLS: dict[str, tuple[float, Dimensions]] = {
     # In a compound unit, a degree of a scale is a difference.
     **dict.fromkeys(("degC", "°C"), (1.0, _dim(K=1))),
     **dict.fromkeys(("degF", "°F"), (5 / 9, _dim(K=1))),
-    "Nm": (1.0, _J),
+    "Ncm": (1e-2, _J),
+    "Nmm": (1e-3, _J),
     "psi": (6894.757293168361, _PA),
     "atm": (101325.0, _PA),
     "mmHg": (133.322387415, _PA),

@@ -130,7 +130,8 @@ def _moved(task: Task, state: Selected, events: Sequence[str]) -> Selected:
     if all(new is old for new, old in zip(after, before, strict=True)):
         return state
     model = full.model.without(*events).with_effect(*after)
-    begin = {e.name: e.value for e in full.refit.estimates} | changed_values(before, after)
+    begin = {e.name: e.value for e in full.refit.estimates}
+    begin |= changed_values(full.model, before, after)
     recordings = task.started(task.fitting, model)
     try:
         fit = fit_with_process_noise(

@@ -61,14 +61,36 @@ def with_own_starts(
     )
 
 
-def changed_values(before: Sequence[Effect], after: Sequence[Effect]) -> dict[str, float]:
-    """Return parameters whose values differ between effects, by full name, in SI."""
-    return {
+def changed_values(
+    model: Model, before: Sequence[Effect], after: Sequence[Effect]
+) -> dict[str, float]:
+    """Return parameters that change with effects, by full name, in SI.
+
+    Where the first recording shows a part of what ages as reached, the parameter that ages begins
+    there.
+
+    Args:
+        model: The refitted model, with the effects as they were.
+    """
+    changed = {
         f"{new.name}.{q.name}": q.value
         for old, new in zip(before, after, strict=True)
         for q, was in zip(new.parameters, old.parameters, strict=True)
         if q.value != was.value
     }
+    for old, new in zip(before, after, strict=True):
+        about = new.about
+        if new is not old and about.begins and about.subject and not about.level:
+            left = _own(model, old, new.parameters[0].name).value - new.parameters[0].value
+            aged = model.parameter(about.subject).value + left / _reached(model, old)
+            changed[about.subject] = aged
+    return changed
+
+
+def _reached(model: Model, effect: Effect) -> float:
+    """Return which part of what it tends to an ageing reaches along the recordings."""
+    lasting, pace = (_own(model, effect, name).value for name in ("lasting", "time_constant"))
+    return 1.0 - math.exp(-lasting / pace)
 
 
 def same_everywhere(effect: Effect) -> bool:
@@ -128,9 +150,7 @@ def _begun(
         factor = math.sqrt(sum(v * v for v in found.values()) / len(found)) or 1.0
         found = {name: v / factor for name, v in found.items()}
     else:
-        lasting, pace = (_own(model, effect, n).value for n in ("lasting", "time_constant"))
-        reached = 1.0 - math.exp(-lasting / pace)
-        factor, found = from_first(found, recordings[0].name, reached)
+        factor, found = from_first(found, recordings[0].name, _reached(model, effect))
     value = factor * _own(model, effect, size).value
     lower, upper = min(own[size].lower, 2.0 * value), max(own[size].upper, 2.0 * value)
     own[size] = replace(own[size], value=value, lower=lower, upper=upper)

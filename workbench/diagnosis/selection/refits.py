@@ -710,7 +710,7 @@ def _judged_on(
         if effect is entry.effect:
             break
         ended = {e.name: e.value for e in fit.refit.estimates}
-        ended |= changed_values((entry.effect,), (effect,))
+        ended |= changed_values(fit.model, (entry.effect,), (effect,))
         entry = replace(entry, effect=effect)
         if same_everywhere(effect):
             return replace(first, refused="it is the same in all recordings", rule=SAME_LEVELS)
