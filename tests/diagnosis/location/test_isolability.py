@@ -7,6 +7,7 @@ import pytest
 
 from workbench.diagnosis.location.isolability import isolability
 from workbench.diagnosis.location.structure import Structure, cut, structure_of
+from workbench.diagnosis.location.transfers import Transfers
 from workbench.errors import WorkbenchError
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
@@ -144,3 +145,9 @@ def test_unknown_names_are_refused() -> None:
         isolability(servo_axis(), outputs=("positon",))
     with pytest.raises(WorkbenchError, match=r"axis\.force"):
         isolability(servo_axis()).group_of("axis.fork")
+
+
+def test_where_no_point_can_be_linearised_no_ports_are_alike() -> None:
+    # A ratio of the equations is infinite for the values that parameters have.
+    nowhere = Transfers(("a.rate", "b.rate"), np.zeros((0, 1, 2), dtype=np.complex128), {})
+    assert np.isnan(nowhere.sines()).all()

@@ -65,7 +65,7 @@ class Transfers:
         # The part across the other's direction: 1 - cos^2 would lose half of the digits.
         cosines = np.einsum("nki,nkj->nij", unit.conj(), unit)
         across = unit[:, :, None, :] - unit[:, :, :, None] * cosines[:, None, :, :]
-        return np.asarray(np.fmax.reduce(np.linalg.norm(across, axis=1), axis=0))
+        return np.asarray(np.fmax.reduce(np.linalg.norm(across, axis=1), axis=0, initial=np.nan))
 
 
 def transfers(parts: Cut, outputs: Sequence[str]) -> Transfers:
