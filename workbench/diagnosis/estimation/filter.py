@@ -1,8 +1,9 @@
 """An extended Kalman filter with sensitivities along a recording.
 
 Explicit Runge-Kutta steps carry the state, the exponential of the linearised equations its
-covariance and its derivatives with respect to the free parameters. Bends ask for more steps than
-for linearisations: one in the middle of some steps serves them all. `filter.c` does the same as
+covariance and its derivatives with respect to the free parameters. Where something bends, such as
+dry friction at a reversal, several steps go along what one goes else; one linearisation in their
+middle serves them all. `filter.c` does the same as
 machine code; `_block_of` is the version to read, and the one that runs without a C compiler.
 """
 
@@ -52,16 +53,27 @@ _LITTLE, _DOUBLINGS = 1.0, 40
 """Sum along a row of a matrix of which Taylor's polynomial of third order is the exponential, and
 how often a part like that is doubled at the most."""
 
+_LITTLE_BENT, _NOTHING = 1e-3, 1e-8
+"""What a method of third order may add to a Runge-Kutta step along which nothing bends, as a
+fraction of what the states move, and of their scales. A mode may turn by 0.3 rad in it."""
+
+_PAYS = 0.6
+"""Share of the work of all steps that those along which nothing bends may be, to be tried first."""
+
+_NUMBERS = ("sample_time", "outlier", "faded", "little", "little_bent", "nothing")
+
 
 class Steps(NamedTuple):
     """How a filter goes through the time between two samples.
 
     Args:
         pieces: Pieces of that time with one linearisation each.
-        each: Runge-Kutta steps in a piece.
+        straight: Runge-Kutta steps in a piece along which nothing bends.
+        each: Runge-Kutta steps in any other.
     """
 
     pieces: int
+    straight: int
     each: int
 
     @property
@@ -95,11 +107,13 @@ def steps_of(
     # Half the stability limit of the classical method, a quarter where nothing else asks for more.
     stable = fastest / (0.65 if gentle else 1.3)
     bends = 0.0 if gentle else min(least, sample_time / _SHORTEST_S)
-    pieces, steps = (
+    straight = max(stable, (late / _LATE) ** 0.25)
+    pieces, few, many = (
         int(np.clip(np.ceil(round(asked, 6)), 1, MOST_STEPS))
-        for asked in (stable, max(stable, bends, (late / _LATE) ** 0.25))
+        for asked in (stable, straight, max(straight, bends))
     )
-    return Steps(pieces, -(-steps // pieces))
+    few, many = -(-few // pieces), -(-many // pieces)
+    return Steps(pieces, few if 5 * few <= _PAYS * 4 * many else many, many)
 
 
 class Filtered(NamedTuple):
@@ -126,12 +140,13 @@ class _Struct(ctypes.Structure):
         *((name, CFunction) for name in ("slope", "rates", "read", "noise")),
         *(
             (name, ctypes.c_int64)
-            for name in ("states", "inputs", "measurements", "corrected", "free", "pieces", "steps")
+            for name in ("states", "inputs", "measurements", "corrected", "free", *Steps._fields)
         ),
         ("places", ctypes.c_void_p),
         ("scale", ctypes.c_void_p),
-        *((name, ctypes.c_double) for name in ("sample_time", "outlier", "faded", "little")),
+        *((name, ctypes.c_double) for name in _NUMBERS),
         ("most_doublings", ctypes.c_int64),
+        ("bent", ctypes.c_int64),
         ("work", ctypes.c_void_p),
     ]
 
@@ -190,7 +205,7 @@ class Filter:
             self._in_c = library.filter
             n_x, n = plant + own, len(self._kept)
             n_y, n_f = len(asked.rows), len(asked.columns)
-            size = 5 * n_x + n_y * (1 + n + n_f) + 2 * n + n_f + 6 * n * n + 2 * n * n_f
+            size = 7 * n_x + n_y * (1 + n + n_f) + 2 * n + n_f + 6 * n * n + 2 * n * n_f
             self._work = np.zeros(max(1, size))
             self._struct = _Struct(
                 *(self._equations.in_c(i) for i in range(4)),
@@ -206,7 +221,10 @@ class Filter:
                 OUTLIER_SIGMA,
                 _FADED,
                 _LITTLE,
+                _LITTLE_BENT,
+                _NOTHING,
                 _DOUBLINGS,
+                0,
                 address(self._work),
             )
 
@@ -253,17 +271,22 @@ class Filter:
             np.full((n, n_y), np.nan),
             np.full((n, len(x)), np.nan),
         )
+        pieces, straight, each = self._steps
         if self._struct is None:
             done = self._interpreted(x, covariance, u, y, r, p, d, found)
+            bent = done * pieces
         else:
             # CasADi takes matrices by columns.
             d = np.ascontiguousarray(d.T)
             arrays = (x, covariance, sensitivity, u, y, r, p, d, *found[1:])
             places = (address(array) for array in arrays)
+            self._struct.bent = 0
             done = int(self._in_c(ctypes.byref(self._struct), n, *places))
+            bent = self._struct.bent
         count("filtered_samples", done)
         # Measurements and process noise once, the equations in each part of each step.
-        count("model_evaluations", done * (2 + 4 * self._steps.number))
+        tried = 5 * straight * pieces if straight < each else 0
+        count("model_evaluations", done * (2 + tried) + 4 * each * bent)
         return found._replace(done=done, states=np.ascontiguousarray(found.states[:, :plant]))
 
     def _interpreted(
@@ -276,15 +299,15 @@ class Filter:
         # A measurement that is not there is one with a very large noise.
         variance, measured = np.where(missing, 1e12, r), np.where(missing, 0.0, measured)
         sensitivity = np.zeros((len(self._kept), found.jacobian.shape[2]))
-        scale = self._scale[self._kept]
+        kept = len(self._kept)
         for k in range(0, n, _BLOCK):
             rows = np.minimum(np.arange(k, k + _BLOCK), n - 1)
             block = slice(k, min(k + _BLOCK, n))
             size = block.stop - k
             table = inputs[rows].T, measured[rows].T, variance[rows].T
-            end = self._block(x, covariance, sensitivity, *table, p, d, scale)
+            end = self._block(x, covariance, sensitivity, *table, p, d, self._scale)
             states, covariances, sensitivities, *told = (np.asarray(m) for m in end)
-            x, covariance = states[:, -1], covariances[:, -len(scale) :]
+            x, covariance = states[:, -1], covariances[:, -kept:]
             sensitivity = sensitivities[:, sensitivities.shape[1] - found.jacobian.shape[2] :]
             for into, values in zip((found.whitened, found.log_deviation), told[:2], strict=True):
                 into[block] = values.T[:size]
@@ -314,7 +337,7 @@ def _block_of(
     x0, u, p = ca.MX.sym("x", n_x), ca.MX.sym("u", n_u), ca.MX.sym("p", n_p)
     covariance0, sensitivity0 = ca.MX.sym("P", n, n), ca.MX.sym("G", n, n_f)
     y, r, d = ca.MX.sym("y", n_y), ca.MX.sym("r", n_y), ca.MX.sym("d", *noise.size_in(3))
-    scale = ca.MX.sym("scale", n)
+    scale = ca.MX.sym("scale", n_x)
     predicted, by_state, by_free = read(x0, u, p)
     moved, covariance, sensitivity = ca.MX.zeros(n), covariance0, sensitivity0
     whitened, rows, logs = [], [], []
@@ -338,28 +361,14 @@ def _block_of(
         sensitivity = sensitivity + ca.mtimes(gain / variance, row)
         covariance = covariance - ca.mtimes(gain, gain.T) / variance
     # Rows of the unit matrix put the correction on the states that are corrected.
-    x = filtered = x0 + ca.mtimes(ca.DM.eye(n_x)[:, list(kept)], scale * moved)
-    h, whole = sample_time / steps.number, ca.MX(ca.DM.eye(n))
-    middle, odd = steps.each // 2, steps.each % 2
-    for k in range(steps.number):
-        amid = k % steps.each == middle
-        # The middle of a piece is the midpoint of a step, or begins one where their number is even.
-        if amid and not odd:
-            k1, a, b = slope(x, u, p)
-        else:
-            k1 = rates(x, u, p)
-        if amid and odd:
-            k2, a, b = slope(x + 0.5 * h * k1, u, p)
-        else:
-            k2 = rates(x + 0.5 * h * k1, u, p)
-        k3 = rates(x + 0.5 * h * k2, u, p)
-        k4 = rates(x + h * k3, u, p)
-        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        if (k + 1) % steps.each == 0:
-            piece = sample_time / steps.pieces
-            transition, half = _exponential_of(n)(piece * a.T)
-            sensitivity = ca.mtimes(transition, sensitivity) + ca.mtimes(half, piece * b.T)
-            whole = ca.mtimes(transition, whole)
+    x = filtered = x0 + scale * ca.mtimes(ca.DM.eye(n_x)[:, list(kept)], moved)
+    whole, piece = ca.MX(ca.DM.eye(n)), sample_time / steps.pieces
+    along = _along(slope, rates, sample_time, steps)
+    for _ in range(steps.pieces):
+        x, a, b = along(x, u, p, scale)
+        transition, half = _exponential_of(n)(piece * a.T)
+        sensitivity = ca.mtimes(transition, sensitivity) + ca.mtimes(half, piece * b.T)
+        whole = ca.mtimes(transition, whole)
     covariance = _flushed(ca.mtimes(ca.mtimes(whole, covariance), whole.T))
     covariance = 0.5 * (covariance + covariance.T) + noise(filtered, u, p, d)
     told = [*(ca.vcat(v) for v in (whitened, logs)), filtered, ca.vcat(rows)]
@@ -372,6 +381,52 @@ def _block_of(
     return ca.Function(
         "filter", [*many, *fixed], block(*many, *(ca.repmat(v, 1, _BLOCK) for v in fixed))
     )
+
+
+def _along(slope: ca.Function, rates: ca.Function, sample_time: float, steps: Steps) -> ca.Function:
+    """Build what carries a state along a piece of a sample, with A and B in its middle.
+
+    Few steps will do where what a method of third order adds to them is little.
+
+    Source: Zonneveld, Automatic Numerical Integration, 1964; Hairer, Norsett and Wanner, Solving
+    Ordinary Differential Equations I, table 4.2.
+    """
+    n, m, n_p = (slope.size1_in(i) for i in range(3))
+    given = [ca.MX.sym("x", n), ca.MX.sym("u", m), ca.MX.sym("p", n_p), ca.MX.sym("scale", n)]
+    x0, u, p, scale = given
+
+    def gone_along(count: int) -> tuple[list[ca.MX], ca.MX]:
+        x, a, b, good = x0, ca.MX(), ca.MX(), ca.MX(1)
+        h = sample_time / steps.pieces / count
+        for k in range(count):
+            # The middle is the midpoint of a step, or begins one where their number is even.
+            amid, odd = k == count // 2, count % 2
+            if amid and not odd:
+                k1, a, b = slope(x, u, p)
+            else:
+                k1 = rates(x, u, p)
+            if amid and odd:
+                k2, a, b = slope(x + 0.5 * h * k1, u, p)
+            else:
+                k2 = rates(x + 0.5 * h * k1, u, p)
+            k3 = rates(x + 0.5 * h * k2, u, p)
+            k4 = rates(x + h * k3, u, p)
+            k5 = rates(x + h / 32 * (5 * k1 + 7 * k2 + 13 * k3 - k4), u, p)
+            away = h * (2 * (k2 + k3 + k4) - (2 * k1 + 16 * k5) / 3)
+            gone = h / 6 * (ca.fabs(k1) + 2 * ca.fabs(k2) + 2 * ca.fabs(k3) + ca.fabs(k4))
+            good *= ca.mmin(ca.fabs(away) <= _LITTLE_BENT * gone + _NOTHING * scale)
+            x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        return [x, a, b], good
+
+    all_steps = ca.Function("bent", given, gone_along(steps.each)[0])
+    if steps.straight == steps.each:
+        return all_steps
+    few, good = gone_along(steps.straight)
+    found = [ca.MX.sym("v", *v.size()) for v in few]
+    own = ca.Function("straight", [*found, *given], found)
+    fine = ca.Function("bent", [*found, *given], all_steps(*given))
+    chosen = ca.Function.if_else("chosen", own, fine)(good, *few, *given)
+    return ca.Function("along", given, list(chosen))
 
 
 @functools.lru_cache(maxsize=32)
