@@ -64,7 +64,7 @@ def exchanges(
     rng = np.random.default_rng(2)
     # What is found must not turn on the values that parameters have.
     usual = rng.uniform(0.5, 1.5, own.numel())
-    looks = [rng.uniform(0.2, 1.0, both.numel()) for _ in range(_LOOKS)]
+    looks = rng.uniform(0.2, 1.0, (_LOOKS, both.numel()))
     units = {q.name: q.unit for q in states}
     found: list[tuple[Vector, Exchange]] = []
     taken: list[tuple[Vector, ca.SX]] = []
@@ -77,8 +77,7 @@ def exchanges(
             continue
         bent = symbol * ca.jacobian(slope[moved[0]], symbol)
         see = ca.Function("see", [both, own], [slope[moved], bent])
-        at = ([np.asarray(v, dtype=float).ravel() for v in see(q, usual)] for q in looks)
-        seen = np.array([np.concatenate(values) for values in at])
+        seen = np.vstack([np.asarray(v, dtype=float) for v in see(looks.T, usual)]).T
         known = np.flatnonzero(np.isfinite(seen).all(axis=1) & seen[:, :-1].any(axis=1))
         if len(known) < 2 or not seen[known, :-1].all():
             continue
