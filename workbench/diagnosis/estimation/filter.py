@@ -3,8 +3,8 @@
 Explicit Runge-Kutta steps carry the state, the exponential of the linearised equations its
 covariance and its derivatives with respect to the free parameters. Where something bends, such as
 dry friction at a reversal, several steps go along what one goes else; one linearisation in their
-middle serves them all. `filter.c` does the same as
-machine code; `_block_of` is the version to read, and the one that runs without a C compiler.
+middle serves them all. `filter.c` does the same as machine code; `_block_of` is the version to
+read, and the one that runs without a C compiler.
 """
 
 from __future__ import annotations
