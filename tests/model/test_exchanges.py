@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -73,6 +75,15 @@ def test_a_coupling_is_one_force_with_all_its_parts() -> None:
     assert not any(
         ca.depends_on(model.exact.rates, symbol) for symbol in ca.symvar(model.exact.perturbation)
     )
+
+
+@pytest.mark.parametrize("turned", [0, 3])
+def test_a_coupling_acts_between_bodies_whatever_they_weigh(turned: int) -> None:
+    # Parameters are tried at values that hang on their order, and what they weigh is none of it.
+    model = drivetrain()
+    order = (*model.parameters[turned:], *model.parameters[:turned])
+    place = Survey(replace(model, parameters=order)).place("motor_speed_load_speed.exchange")
+    assert (place.coordinate.source, place.coordinate.minus) == ("motor", "load")
 
 
 @pytest.mark.parametrize("gear", [0.25, 4.0])

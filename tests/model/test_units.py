@@ -43,6 +43,7 @@ from workbench.simulation.trajectory import what_moved
         ("mTorr", "Pa", 101.325 / 760.0),
         ("sccm", "m3/s", 1e-6 / 60.0),
         ("mAh", "A s", 3.6),
+        ("cm1.5/s", "m^1.5/s", 1e-3),
         ("\u03bcm", "m", 1e-6),
         ("k\u2126", "V/A", 1e3),
     ],

@@ -142,9 +142,7 @@ _SPELLINGS = {
 """How loggers and people spell units."""
 
 _WORD = re.compile(r"[A-Za-zµΩ°%]+")
-_TOKEN = re.compile(
-    r"\s*([()/*·]|\^[-+−]?\d+\.\d+|\^?[-+−]?\d+|[²³⁻¹]+|(?:cm|mm|in)H2O|[A-Za-zµΩ°%]+|-)"
-)
+_TOKEN = re.compile(r"\s*([()/*·]|\^?[-+−]?\d+(?:\.\d+)?|[²³⁻¹]+|(?:cm|mm|in)H2O|[A-Za-zµΩ°%]+|-)")
 _SUPERSCRIPTS = str.maketrans("²³⁻¹−", "23-1-")
 _SCALES = {
     **dict.fromkeys(("degC", "°C", "celsius"), (1.0, 273.15)),

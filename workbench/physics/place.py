@@ -540,12 +540,13 @@ class Survey:
     def _between(self, index: int, moved: list[str]) -> Local:
         """Return the speed that an effort raises: of one body, or of one over another."""
         first = self._of(moved[0])
-        raised = self._raised(index)
+        # What pushes one body off another does so wherever they are, whatever they weigh: a rope
+        # that hangs askew passes a pull on to one side or the other.
+        anywhere = [(x, u, self.model.values) for x, u, _ in self._points]
+        raised = self._sampled(self.trace.rates_by_port[:, index], anywhere)
         for name in moved[1:]:
             columns = raised[:, [self._state_index[moved[0]], self._state_index[name]]]
             pair = np.nanmedian(columns, axis=0)
-            # What pushes one body off another does so wherever they are: a rope that hangs askew
-            # passes a pull on to one side or the other.
             steady = np.all(np.nanmax(np.abs(columns - pair), axis=0) < _STEADY * np.abs(pair))
             if not steady or pair[0] * pair[1] >= 0.0:
                 continue
