@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+import itertools
 import os
 import subprocess
 import sys
@@ -12,7 +14,7 @@ import numpy as np
 import pytest
 
 from workbench.errors import WorkbenchError
-from workbench.simulation.equations import compiled
+from workbench.simulation.equations import Equations, address, compiled
 from workbench.work.counted import done, since
 from workbench.work.machine_code import SOON, built, compiler
 
@@ -52,6 +54,23 @@ def test_compiled_and_interpreted_runs_are_the_same(tmp_path: Path) -> None:
     scale = np.abs(interpreted_states).max(axis=0) + 1e-12
     assert (np.abs(compiled_states - interpreted_states) / scale).max() < 1e-9
     assert list((tmp_path / "cache" / "workbench").glob("*.so"))
+
+
+@pytest.mark.skipif(compiler() is None, reason="there is no C compiler")
+def test_what_is_a_line_stands_in_the_equations_and_gives_the_same_numbers() -> None:
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    limits = [ca.fmax(x, y), ca.fmin(x, y), ca.fmax(x, 0.0), x**2, ca.sign(x), ca.fabs(y)]
+    equations = Equations((ca.Function("limits", [x, y, ca.SX(0, 1)], limits),))
+    function, numbers = equations.in_c(0), np.zeros(len(limits))
+    places = (ctypes.c_void_p * len(limits)).from_address(function.res)
+    places[:] = [address(numbers[i:]) for i in range(len(limits))]
+    call = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_void_p] * 4, ctypes.c_int)(function.call)
+    for given in itertools.product((-np.inf, -2.0, -0.0, 0.0, 1.5, np.inf, np.nan), repeat=2):
+        at = np.array(given)
+        (ctypes.c_void_p * 2).from_address(function.arg)[:] = [address(at[:1]), address(at[1:])]
+        assert call(function.arg, function.res, function.iw, function.w, 0) == 0
+        np.testing.assert_array_equal(numbers, np.hstack(equations(0, *given, [])))
+    assert not hasattr(equations._library, "limits_fmax")
 
 
 @pytest.mark.skipif(compiler() is None, reason="there is no C compiler")
