@@ -23,7 +23,7 @@ from workbench.physics.law import (
     shape,
     size,
 )
-from workbench.physics.place import Place, Survey
+from workbench.physics.place import FLOWS, Local, Place, Survey
 
 
 def _constant(p: Names) -> Expression:
@@ -269,4 +269,39 @@ valve_delay = replace(
     parameters=_times(2.5, 50),
     look_alikes=("clock_shift", "spool_bandwidth", "slew_limit"),
     separated_by="steps of the command beside a fast spool or flow sensor",
+)
+
+
+def _ways(survey: Survey) -> Iterator[Fit]:
+    for place in survey.fitting(*FLOWS, needs=("level",)):
+        for level in survey.arriving(place) if place.store else ():
+            at = replace(place, signals={**place.signals, "arriving": level})
+            yield f"_{level.source}_{place.store}", ((at,),)
+
+
+def _arriving(at: Place) -> Place:
+    """Return the level that arrives late as if it were the signal of the place."""
+    level = at.signals.get("arriving", Local("arriving", "1"))
+    return replace(at, port=replace(at.port, unit=level.unit, scale=level.scale, sized=True))
+
+
+def _arrived(at: PortView) -> PortView:
+    return replace(at, value=at.signals.arriving)
+
+
+# Pipes, ducts and belts: what leaves a store as it is now arrives in the next one later.
+transport_delay = replace(
+    delay,
+    name="transport_delay",
+    equation="q(s(t)) = q(s(t - D)), Pade function of second over third order",
+    where=_ways,
+    transform=lambda at: ca.substitute(
+        ca.SX(at.value), ca.SX(at.signals.arriving), _delayed_command(_arrived(at))
+    ),
+    states=lambda at: _states(_arriving(at)),
+    rates=lambda e: _command_rates(replace(e, at={e.here.port: _arrived(e.here)})),
+    start=lambda e: {"late": e.here.signals.arriving},
+    same_as=lambda *_: (),
+    look_alikes=("sensor_delay", "sensor_lag", "second_store"),
+    separated_by="steps of what acts on the second store alone, seen beside those of the first",
 )

@@ -353,6 +353,19 @@ class Survey:
         level = self._of(place.store)
         return replace(place, signals={**place.signals, "level": level})
 
+    def arriving(self, place: Place) -> tuple[Local, ...]:
+        """Return the levels of other stores that enter what fills a store at once."""
+        value, own = self._port_value(self._port_index[place.name]), place.level.source
+        levels = dict.fromkeys(
+            q.level.source for q in self.fitting(*FLOWS, needs=("level",)) if q.level.source != own
+        )
+        return tuple(
+            self._of(name)
+            for name in levels
+            if name in self._state_index
+            and ca.depends_on(value, self.trace.x[self._state_index[name]])
+        )
+
     def input(self, name: str) -> Local:
         """Return an input as a law sees it."""
         return self._of(name)

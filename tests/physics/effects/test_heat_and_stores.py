@@ -69,6 +69,43 @@ def test_a_capacity_stays_positive_however_large_its_growth(growth: float) -> No
         assert ratio == pytest.approx(1.0 / (1.0 + growth * 25.0))
 
 
+def test_what_a_store_is_given_may_come_late() -> None:
+    def equations(m: Scope) -> Equations:
+        carried = 400.0 * (m.x.coil - m.x.room)
+        cold = 180.0 * (m.x.room - 278.0)
+        return (
+            {"coil": (m.u.heater - carried) / 2.5e4, "room": (carried - cold) / 2e5},
+            {"room": m.x.room},
+        )
+
+    duct = Model(
+        "duct",
+        equations,
+        states=(State("coil", "K", initial=310.0), State("room", "K", initial=293.0)),
+        inputs=(Input("heater", "W", lower=0.0, upper=15e3),),
+        outputs=(Output("room", "K"),),
+    )
+    law = offered(duct, "transport_delay_coil_room", sample_time=1.0)
+    late = duct.with_effect(law.at_size(25.0))
+
+    def slopes(of: str) -> np.ndarray:
+        x, names = late.initial_state(), [q.name for q in late.states]
+        moved = x.copy()
+        moved[names.index(of)] += 1.0
+        return late.rates(moved, [5e3]) - late.rates(x, [5e3])
+
+    memory = slice(2, 5)
+    own = np.array([slopes(q.name)[memory] for q in late.states[memory]]).T
+    read = np.array([slopes(q.name)[1] for q in late.states[memory]])
+    for frequency in (0.01, 0.02, 0.04):
+        answer = np.linalg.solve(1j * frequency * np.eye(3) - own, slopes("coil")[memory])
+        arrives = slopes("coil")[1] + read @ answer
+        # What the coil gives off it loses at once.
+        assert arrives == pytest.approx(400.0 / 2e5 * np.exp(-25j * frequency), rel=1e-3)
+    assert slopes("coil")[0] == pytest.approx(-400.0 / 2.5e4)
+    assert slopes("room")[0] == pytest.approx(400.0 / 2.5e4)
+
+
 def test_slack_of_a_shaft_is_a_dead_zone_of_its_twist() -> None:
     law = offered(drive(), "elastic_play")
     assert (law.law, law.ports) == ("backlash", ("shaft.torque",))
