@@ -24,37 +24,47 @@ typedef struct {
     double *work;
 } Filter;
 
-/* Columns j to j + WIDTH of a row of the product below, which stay in registers. */
-#define STRIPE(WIDTH)                                                                              \
-    for (; j + (WIDTH) <= m; j += (WIDTH)) {                                                       \
-        double sum[WIDTH];                                                                         \
-        for (int q = 0; q < (WIDTH); q++)                                                          \
-            sum[q] = add ? to[j + q] : 0.0;                                                        \
-        for (int64_t l = 0; l < k; l++) {                                                          \
-            const double factor = from[l], *other = b + l * m + j;                                 \
-            if (factor == 0.0)                                                                     \
-                continue;                                                                          \
+/* Columns j to j + WIDTH of ROWS rows of the product below, which stay in registers. */
+#define PATCH(ROWS, WIDTH)                                                                         \
+    for (; j + (WIDTH) <= end; j += (WIDTH)) {                                                     \
+        double sum[ROWS][WIDTH];                                                                   \
+        for (int s = 0; s < (ROWS); s++)                                                           \
             for (int q = 0; q < (WIDTH); q++)                                                      \
-                sum[q] += factor * other[q];                                                       \
+                sum[s][q] = add ? to[s * m + j + q] : 0.0;                                         \
+        for (int64_t l = 0; l < k; l++) {                                                          \
+            const double *other = b + l * m + j;                                                   \
+            if (from[l] == 0.0 && from[((ROWS) - 1) * k + l] == 0.0)                               \
+                continue;                                                                          \
+            for (int s = 0; s < (ROWS); s++)                                                       \
+                for (int q = 0; q < (WIDTH); q++)                                                  \
+                    sum[s][q] += from[s * k + l] * other[q];                                       \
         }                                                                                          \
-        for (int q = 0; q < (WIDTH); q++)                                                          \
-            to[j + q] = sum[q];                                                                    \
+        for (int s = 0; s < (ROWS); s++)                                                           \
+            for (int q = 0; q < (WIDTH); q++)                                                      \
+                to[s * m + j + q] = sum[s][q];                                                     \
     }
 
-/* c = a b, or c += a b, for a of shape (n, k) that may be sparse and b of shape (k, m). */
-static void product(double *restrict c, const double *restrict a, const double *restrict b, int64_t n,
-                    int64_t k, int64_t m, int add)
-{
-    for (int64_t i = 0, j; i < n; i++) {
-        const double *from = a + i * k;
-        double *to = c + i * m;
-        j = 0;
-        STRIPE(16)
-        STRIPE(8)
-        STRIPE(4)
-        STRIPE(2)
-        STRIPE(1)
+#define BAND(ROWS)                                                                                 \
+    for (; i + (ROWS) <= n; i += (ROWS)) {                                                         \
+        const double *from = a + i * k;                                                            \
+        double *to = c + i * m;                                                                    \
+        const int64_t end = lower ? i + (ROWS) : m;                                                \
+        int64_t j = 0;                                                                             \
+        PATCH(ROWS, 16)                                                                            \
+        PATCH(ROWS, 8)                                                                             \
+        PATCH(ROWS, 4)                                                                             \
+        PATCH(ROWS, 2)                                                                             \
+        PATCH(ROWS, 1)                                                                             \
     }
+
+/* c = a b, or c += a b, for a of shape (n, k) that may be sparse and b of shape (k, m); of a
+ * symmetric c the lower half will do. */
+static void product(double *restrict c, const double *restrict a, const double *restrict b, int64_t n,
+                    int64_t k, int64_t m, int add, int lower)
+{
+    int64_t i = 0;
+    BAND(2)
+    BAND(1)
 }
 
 static double dot(const double *a, const double *b, int64_t n)
@@ -124,7 +134,7 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
     double *predicted = w, *H = w + ny, *D = H + ny * n, *moved = D + ny * nf, *gain = moved + n;
     double *row = gain + n, *A = row + nf, *B = A + n * n, *Q = B + n * nf, *half = Q + n * n;
     double *step = half + n * n, *all = step + n * n, *before = all + n * n;
-    double *before_G = before + n * n;
+    double *driven = before + n * n;
     for (int64_t t = 0; t < samples; t++, u += g->inputs, y += ny, r += ny) {
         /* Correction, one measurement after the other. */
         g->read.res[0] = predicted;
@@ -230,40 +240,40 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
             }
             for (int64_t i = 0; i < n; i++)
                 half[i * n + i] += 1.0;
-            product(step, A, half, n, n, n, 0);
+            product(step, A, half, n, n, n, 0, 0);
             for (int64_t i = 0; i < n * n; i++)
                 half[i] = 0.5 * step[i];
             for (int64_t i = 0; i < n; i++)
                 half[i * n + i] += 1.0;
-            product(step, A, half, n, n, n, 0);
+            product(step, A, half, n, n, n, 0, 0);
             for (int64_t i = 0; i < n; i++)
                 step[i * n + i] += 1.0;
-            /* Twice as far: half = half + step half, step = step^2 */
+            /* What the parameters add, driven = half B, takes fewer products than half itself. */
+            for (int64_t i = 0; i < n * nf; i++)
+                B[i] *= part;
+            product(driven, half, B, n, n, nf, 0, 0);
+            /* Twice as far: driven = driven + step driven, step = step^2 */
             for (; doublings; doublings--) {
-                memcpy(before, half, (size_t)(n * n) * sizeof(double));
-                product(half, step, before, n, n, n, 1);
+                memcpy(B, driven, (size_t)(n * nf) * sizeof(double));
+                product(driven, step, B, n, n, nf, 1, 0);
                 memcpy(before, step, (size_t)(n * n) * sizeof(double));
-                product(step, before, before, n, n, n, 0);
+                product(step, before, before, n, n, n, 0, 0);
             }
-            if (nf) {
-                for (int64_t i = 0; i < n * nf; i++)
-                    B[i] *= part;
-                memcpy(before_G, G, (size_t)(n * nf) * sizeof(double));
-                product(G, step, before_G, n, n, nf, 0);
-                product(G, half, B, n, n, nf, 1);
-            }
+            product(B, step, G, n, n, nf, 0, 0);
+            for (int64_t i = 0; i < n * nf; i++)
+                G[i] = B[i] + driven[i];
             if (piece == 0) {
                 memcpy(all, step, (size_t)(n * n) * sizeof(double));
             } else {
                 memcpy(before, all, (size_t)(n * n) * sizeof(double));
-                product(all, step, before, n, n, n, 0);
+                product(all, step, before, n, n, n, 0, 0);
             }
         }
-        product(before, all, P, n, n, n, 0);
+        product(before, all, P, n, n, n, 0, 0);
         for (int64_t i = 0; i < n; i++)
             for (int64_t j = 0; j < n; j++)
                 half[j * n + i] = all[i * n + j];
-        product(P, before, half, n, n, n, 0);
+        product(P, before, half, n, n, n, 0, 1);
         for (int64_t i = 0; i < n; i++)
             for (int64_t j = 0; j <= i; j++) {
                 double value = P[i * n + j];
