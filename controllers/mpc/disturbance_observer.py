@@ -4,9 +4,10 @@ The state x of a linear model is joined by disturbances w that push on the rates
 
     dx/dt = A x + B u + E w,    dw/dt = 0,    y = C x
 
-With as many disturbances as measurements, and the joined system observable, the estimate at rest
-agrees with every measurement whatever the plant does, so that a controller that leads the *model*
-to its reference leads the plant there too.
+The last of them may be offsets of the last measurements instead. With as many disturbances as
+measurements, and the joined system observable, the estimate at rest agrees with every measurement
+whatever the plant does, so that a controller that leads the *model* to its reference leads the
+plant there too.
 
 Sample k, with z = (x, w) and matrices for held inputs:
 
@@ -21,6 +22,7 @@ AIChE Journal 49, 2003; Rawlings, Mayne and Diehl, Model Predictive Control, 201
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -85,8 +87,9 @@ def design_disturbance_observer(
     actuators: tuple[str, ...],
     disturbances: Mapping[str, float] | tuple[Matrix, float],
     sensor_noise: tuple[float, ...],
-    state_noise: float,
+    state_noise: float | Matrix,
     sample_time: float,
+    offsets: tuple[float, ...] = (),
 ) -> DisturbanceObserver:
     """Design the observer as a stationary Kalman filter.
 
@@ -95,8 +98,11 @@ def design_disturbance_observer(
             disturbance: rms change over one second, in the state's SI unit per second. Or E, shape
             (n_states, n_disturbances), in SI, and the random walk of its disturbances.
         sensor_noise: Noise rms of each sensor, in SI.
-        state_noise: Random walk of every state over one second, as a fraction of its scale.
+        state_noise: Random walk of every state over one second, as a fraction of its scale; or what
+            white noise walks the states by over one second, shape (n_states, n_noises), in SI.
         sample_time: Time between samples, in s.
+        offsets: Random walks of the offsets of the last sensors, rms change over one second, in SI;
+            they are disturbances too, behind the others.
 
     Raises:
         WorkbenchError: If a name is unknown, or the disturbances cannot be told apart from the
@@ -107,16 +113,21 @@ def design_disturbance_observer(
     """
     A, B, E, walk, said = continuous_matrices(linear, actuators, disturbances)
     rows = [linear.output_names.index(name) for name in sensors]
+    E = np.hstack([E, np.zeros((len(E), len(offsets)))])
+    walk, said = np.append(walk, offsets), (*said, *sensors[len(sensors) - len(offsets) :])
     n, w = E.shape
     joined = np.block([[A, E], [np.zeros((w, n + w))]])
     F, G = zero_order_hold(joined, np.vstack([B, np.zeros((w, B.shape[1]))]), sample_time)
-    C = np.hstack([np.asarray(linear.C)[rows], np.zeros((len(rows), w))])
+    C = np.hstack([np.asarray(linear.C)[rows], np.eye(len(rows), w, w - len(rows))])
+    C[: len(rows) - len(offsets), n:] = 0.0
     described = {q.name: q for q in linear.operating_point.model.states}
     scale = np.array([described[name].scale for name in linear.state_names])
     size = np.concatenate([scale, walk])
-    _check_told_apart(A, E, C[:, :n], size, np.array(sensor_noise), said)
-    noise = np.concatenate([state_noise * scale, walk]) ** 2 * sample_time
-    gain = _kalman_gain(F, C, noise, np.array(sensor_noise) ** 2, size)
+    _check_told_apart(A, E, C, size, np.array(sensor_noise), said)
+    walks = np.diag(state_noise * scale) if np.isscalar(state_noise) else np.asarray(state_noise)
+    entry = np.zeros((n + w, walks.shape[1] + w))
+    entry[:n, :-w], entry[n:, -w:] = walks, np.diag(walk)
+    gain = _kalman_gain(F, C, entry * math.sqrt(sample_time), np.array(sensor_noise) ** 2, size)
     rest = np.array(linear.y0)[rows]
     return DisturbanceObserver(F, G, C, gain, rest, w)
 
@@ -150,12 +161,12 @@ def _check_told_apart(
     """Refuse disturbances that constant measurements cannot tell apart.
 
     A constant disturbance shows in the measurements at rest if and only if
-    ``rank [[A, E], [C, 0]] = n_x + n_w``. Whether a Riccati solver fails instead depends on
+    ``rank [[A, E], [C, offsets]] = n_x + n_w``. Whether a Riccati solver fails instead depends on
     rounding.
     """
     n, w = E.shape
     # Rates per scale and second, and measurements per standard deviation of their noise.
-    matrix = np.block([[A, E], [C, np.zeros((len(C), w))]]) * size[None, :]
+    matrix = np.block([[A, E], [C]]) * size[None, :]
     matrix /= np.concatenate([size[:n], noise])[:, None]
     largest = np.max(np.abs(matrix), axis=0, keepdims=True)
     values = np.linalg.svd(matrix / np.where(largest > 0.0, largest, 1.0), compute_uv=False)
@@ -175,7 +186,8 @@ def _kalman_gain(F: Matrix, C: Matrix, noise: Matrix, sensor: Matrix, size: Matr
     f = F * size[None, :] / size[:, None]
     level = np.sqrt(sensor)
     c = C * size[None, :] / level[:, None]
-    q = np.diag(noise / size**2)
+    entered = noise / size[:, None]
+    q = entered @ entered.T
     try:
         p = solve_discrete_are(f.T, c.T, q, np.eye(len(level)))
     except (LinAlgError, ValueError) as error:

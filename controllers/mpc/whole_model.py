@@ -374,7 +374,7 @@ class MPCSpecification(Checked):
         default_factory=lambda: {"speed": 30.0, "pressure_1": 1e7, "pressure_2": 1e7}
     )
     sensor_noise: tuple[float, ...] = (2e-5, 600.0, 600.0)
-    state_noise: float = 0.1
+    state_noise: float | Matrix = 0.1
     reference_speed: float = 28.0
     preview: bool = False
     solver: str = OWN
@@ -432,7 +432,7 @@ class Problem(NamedTuple):
     Args:
         curves: Of each actuator, what gives the openings.
         sensors: Names of the followed outputs, as many as ``reference_speed`` has, then of the
-            limited ones.
+            limited ones, then of those that only the observer reads.
         weights: Of errors (per SI squared), of openings and of their changes (dimensionless), one
             or one for each.
         ends: Lowest and highest openings, fractions.
@@ -442,6 +442,7 @@ class Problem(NamedTuple):
             them, in SI.
         reference_speed: Speed of each reference's lags, in rad/s.
         first_limit: What the change from the openings before is limited to if less, a fraction.
+        offsets: Random walks of the offsets of the last sensors over one second, in SI.
     """
 
     curves: tuple[ValveInverse, ...]
@@ -454,6 +455,7 @@ class Problem(NamedTuple):
     disturbances: Mapping[str, float] | tuple[Matrix, float]
     reference_speed: tuple[float, ...]
     first_limit: Sequence[float] = ()
+    offsets: tuple[float, ...] = ()
 
 
 def mpc_of(
@@ -474,6 +476,7 @@ def mpc_of(
     observer = observer or observer_of(linear, problem, want)
     names = tuple(entry.name for entry in entries)
     A, B, E, *_ = continuous_matrices(linear, names, problem.disturbances)
+    E = np.hstack([E, np.zeros((len(E), len(problem.offsets)))])
     at_rest = np.array([entry.at_rest for entry in entries])
     followed, sensors = len(problem.reference_speed), problem.sensors
     lower, upper = (np.clip(np.array(ends), -1.0, 1.0) - at_rest for ends in problem.ends)
@@ -484,7 +487,7 @@ def mpc_of(
         A,
         B * np.array([entry.per_opening for entry in entries]),
         E,
-        observer.C[:, : len(A)],
+        observer.C[: followed + len(problem.output_limits), : len(A)],
         weights=problem.weights,
         prediction_time=want.prediction_time,
         stride=max(1, round(want.prediction_time / want.sample_time)),
@@ -494,7 +497,7 @@ def mpc_of(
         output_limits=tuple(
             (limits[0] - rest, limits[1] - rest)
             for limits, rest in zip(
-                problem.output_limits, observer.rest[followed:].tolist(), strict=True
+                problem.output_limits, observer.rest[followed:].tolist(), strict=False
             )
         ),
         softness=want.softness,
@@ -549,6 +552,7 @@ def observer_of(
         sensor_noise=want.sensor_noise,
         state_noise=want.state_noise,
         sample_time=want.sample_time,
+        offsets=problem.offsets,
     )
     return replace(observer, G=observer.G * np.array([entry.per_opening for entry in entries]))
 

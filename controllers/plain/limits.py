@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar, cast
 
@@ -37,14 +37,13 @@ import numpy.typing as npt
 from controllers.arithmetic import SYMBOLS
 from controllers.linear_law import LinearLaw, reached
 from controllers.named_state import flat, restored
-from controllers.plain.loop import LoopSpecification, PlainLaw, loop_of
+from controllers.plain.loop import Loop, LoopSpecification, PlainLaw, loop_of, spare_outputs
 from controllers.sensitivity import least_gain, sampled_at
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import WorkbenchError
 from workbench.linearisation.transfer import transfer_function
 
 if TYPE_CHECKING:
-    from controllers.plain.loop import Loop
     from workbench.linearisation import LinearModel
 
 
@@ -90,6 +89,52 @@ class Judged(NamedTuple):
     sensitivity: Vector
     complementary: Vector
     excess: Vector
+
+
+@dataclass(frozen=True)
+class ReadingSpecification(LoopSpecification):
+    """What every law is told that may read more outputs than it follows.
+
+    Args:
+        also_measured: Name of an output that is read and that nobody follows, or several with
+            commas between or as a list; by default none, or all that show the same states where
+            no loop of the followed outputs alone is within its limits.
+    """
+
+    also_measured: str | tuple[str, ...] = ""
+
+    def loop(self, linear: Any) -> Loop:
+        """Return the loop to control."""
+        return loop_of(linear, self.measured, self.actuator, self.also_measured)
+
+    def designed(self, linear: Any, design: Callable[[LoopLimits], C]) -> C:
+        """Return a design of the followed outputs, or of others too where that is what it takes.
+
+        Raises:
+            WorkbenchError: If there is no such design.
+        """
+        loop = self.loop(linear)
+        more = () if loop.read is not None else spare_outputs(linear, loop)
+        if not more:
+            return design(LoopLimits(loop, self))
+        wider = replace(self, also_measured=more).loop(linear)
+        best: tuple[float, C | None] = math.inf, None
+        reason: WorkbenchError | None = None
+        for tried in (loop, wider):
+            limits = LoopLimits(tried, self)
+            try:
+                law = design(limits)
+            except WorkbenchError as error:
+                reason = reason or error
+                continue
+            excess = float(limits.judge(stacked([law.around_rest()])).excess[0])
+            if best[1] is None or excess < best[0]:
+                best = excess, law
+            if excess <= 1.0:
+                break
+        if best[1] is None:
+            raise cast(WorkbenchError, reason)
+        return best[1]
 
 
 class LoopLimits:
@@ -454,16 +499,16 @@ class LoopLimits:
     def _solved(self, law: Any, i: int, step: Vector, pace: Vector) -> Matrix:
         """Return the same of an MPC, whose programs of all steps are solved sample by sample."""
         loop, (A, B, C), count = self.loop, self.plants[0], len(step)
-        rest, own = loop.rest_output[:, None], np.eye(self.outputs)[:, [i]]
-        asked, paces = rest + own * step, np.where(own > 0.0, pace, math.inf)
+        rest, own = np.array(loop.ends["rest_output"])[:, None], np.eye(self.outputs)[:, [i]]
+        asked, paces = rest[: self.outputs] + own * step, np.where(own > 0.0, pace, math.inf)
         paced = replace(law, pace=(math.inf,) * self.outputs)
-        start = paced.initial_state(tuple(loop.rest_output.tolist()))
+        start = paced.initial_state(tuple(rest[:, 0].tolist()))
         state = type(start)(*(np.tile(part[:, None], count) for part in start))
         x, left = np.zeros((len(A), count)), np.arange(count)
         outputs = np.zeros((MOST_SOLVED, self.outputs, count))
         for k in range(MOST_SOLVED):
             y = C @ x
-            outputs[k][:, left] = y
+            outputs[k][:, left] = y[: self.outputs]
             paced = replace(law, pace=tuple(paces[:, left]))
             told, state = paced.stepped(state, rest + y, asked[:, left])
             command = np.array([own[0] for own in told]).T

@@ -7,9 +7,10 @@ disturbances are those of the commands.
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,9 +26,10 @@ from controllers.mpc.whole_model import (
     observer_of,
     reference_paths,
 )
-from controllers.plain.limits import LoopLimits
-from controllers.plain.loop import Loop, LoopSpecification, speeds
+from controllers.plain.limits import LoopLimits, ReadingSpecification
+from controllers.plain.loop import Loop, speeds
 from controllers.plain.pairing import gain_at_rest
+from controllers.plain.state_feedback import DISTURBANCES, doubts, random_walk
 from controllers.valve_inverse import ValveInverse
 from workbench.arrays import Matrix
 from workbench.errors import check_range
@@ -38,9 +40,6 @@ if TYPE_CHECKING:
 
 FASTEST = 0.15
 """Largest speed of a reference that is tried, times the sample time: a horizon has its samples."""
-
-DISTURBANCES = (1.0, 0.1, 0.01)
-"""Disturbances of the command that are tried, as fractions of it."""
 
 ERRORS = tuple(10.0 ** (k / 4.0) for k in range(-12, 9))
 """Errors between which it is chosen, over what the commands move the output by at the speed."""
@@ -54,7 +53,7 @@ ENDLESS = 1e6
 
 
 @dataclass(frozen=True)
-class PlainMPCSpecification(LoopSpecification):
+class PlainMPCSpecification(ReadingSpecification):
     """What a linear MPC for any linear model is designed for.
 
     Args:
@@ -92,40 +91,46 @@ def design_plain_mpc(
             equation has no solution.
     """
     want = specification or PlainMPCSpecification()
-    loop, h = want.loop(linear), want.sample_time
+    return want.designed(linear, partial(_within, want))
+
+
+def _within(want: PlainMPCSpecification, limits: LoopLimits) -> LinearMPC:
+    loop, h = limits.loop, want.sample_time
     # Over many time constants of an unstable mode no prediction has a meaning.
     growing = float(np.max(np.linalg.eigvals(loop.linear.A).real, initial=0.0))
     top = min(max(2.0 * growing, 0.02 / h) if growing > 1e-6 / h else FASTEST / h, 0.3 / h)
     low = min(growing, 0.5 * top)
     tried = [want.speed] if want.speed else [w for w in speeds(h, 16) if low <= w <= top]
+    if growing > 0.0 and not want.speed:
+        tried = np.geomspace(top, max(low, tried[-1]), max(len(tried), 4)).tolist()
 
     outputs = len(loop.measured)
     given = np.broadcast_to(np.array(want.error_scale, dtype=float), outputs)
     walks = [want.disturbance] if want.disturbance else list(DISTURBANCES)
-    curves = _straight(loop)
+    curves, read = _straight(loop), loop.read or loop.linear
 
     # The horizon does not depend on the disturbance, nor the observer on the error.
     @cache
     def horizon(speed: float, error: tuple[float, ...]) -> LinearMPC:
         own, numbers = _problem(loop, want, curves, speed, DISTURBANCES[0], error)
-        law = mpc_of(loop.linear, own, numbers, observer=observer(speed, DISTURBANCES[0]))
+        law = mpc_of(read, own, numbers, observer=observer(speed, DISTURBANCES[0], 1.0))
         return replace(law, name="linear MPC")
 
     @cache
-    def observer(speed: float, disturbance: float) -> DisturbanceObserver:
-        own, numbers = _problem(loop, want, curves, speed, disturbance, loop.output_scale)
-        return observer_of(loop.linear, own, numbers)
+    def observer(speed: float, disturbance: float, doubt: float) -> DisturbanceObserver:
+        own, numbers = _problem(loop, want, curves, speed, disturbance, loop.output_scale, doubt)
+        return observer_of(read, own, numbers)
 
-    def designed(places: tuple[int, ...], at: tuple[float, float]) -> LinearMPC:
-        speed, disturbance = at
+    def designed(places: tuple[int, ...], at: tuple[float, float, float]) -> LinearMPC:
+        speed, disturbance, doubt = at
         sizes = np.array([ERRORS[k] for k in places]) * loop.sizes([speed])[0]
         error = np.where(given > 0.0, given, sizes)
         law = horizon(speed, tuple(error.tolist()))
-        return replace(law, observer=observer(speed, disturbance))
+        return replace(law, observer=observer(speed, disturbance, doubt))
 
     alike = ALIKE[:1] if np.all(given > 0.0) else ALIKE
-    start = [((k,) * outputs, (w, walk)) for w in tried for walk in walks for k in alike]
-    limits = LoopLimits(loop, want)
+    filters = itertools.product(tried, walks, doubts(loop))
+    start = [((k,) * outputs, at) for at in filters for k in alike]
     law, _ = limits.best_of(designed, start, "a linear MPC", len(ERRORS))
     if want.speed:
         return limits.at_pace(law)
@@ -160,24 +165,26 @@ def _problem(
     speed: float,
     disturbance: float,
     error: npt.ArrayLike,
+    doubt: float = 1.0,
 ) -> tuple[Problem, MPCSpecification]:
-    """Return what an MPC is told, whose openings are fractions of full ones, in SI."""
+    """Return what an MPC is told, whose openings are fractions of full ones, in SI.
+
+    Args:
+        doubt: As of `controllers.plain.state_feedback.doubts`.
+    """
     below, above = _rooms(loop)
     full = np.maximum(below, above)
     share, usual = loop.command_scale / full, MPCSpecification
     own, h = loop.linear, want.sample_time
+    noise, p = want.loop_noise(loop), len(loop.measured)
+    noise[p:] *= doubt
     step = h * max(1, round(0.1 / speed / h))
     lag = min(speed, 0.5 / h)
-    # Over ten time constants.
-    walking = math.sqrt(0.1 * speed)
     entry = own.B * loop.command_scale
-    if entry.shape[1] == 1:
-        entered = int(np.argmax(np.abs(own.B[:, 0]) / own.state_scales))
-        entry = np.where(np.arange(len(entry))[:, None] == entered, np.abs(entry), 0.0)
-    elif entry.shape[1] > len(loop.measured):
+    if entry.shape[1] > p:
         # As many as outputs, of the commands that hold them.
         gain = gain_at_rest(loop) * loop.command_scale / loop.output_scale[:, None]
-        entry = entry @ np.linalg.svd(gain)[2][: len(loop.measured)].T
+        entry = entry @ np.linalg.svd(gain)[2][:p].T
     # By default what has no end is not held back.
     ended = np.isfinite(loop.upper - loop.lower) | (want.rate_time > 0.0)
     rate = np.where(ended, share, 1.0) / (want.rate_time or 2.0 * step)
@@ -185,23 +192,26 @@ def _problem(
     problem = Problem(
         curves=curves,
         actuators=loop.actuators,
-        sensors=loop.measured,
+        sensors=loop.sensors,
         weights=(
             np.asarray(error) ** -2.0,
             (usual.opening_scale * share) ** -2,
-            (usual.move_scale * share) ** -2,
+            # A move of all of the command weighs 1: less of it would be a lag in every loop.
+            share**-2,
         ),
         ends=((-below / full).tolist(), (above / full).tolist()),
         move_limit=tuple((np.minimum(rate, slow) * step).tolist()),
         output_limits=(),
-        disturbances=(entry, disturbance * walking),
-        reference_speed=(lag,) * len(loop.measured),
+        disturbances=(entry, 0.1 * speed * random_walk(disturbance, speed)),
+        reference_speed=(lag,) * p,
         first_limit=tuple((slow * h).tolist()) if np.isfinite(slow).any() else (),
+        # They are found within ten time constants too.
+        offsets=tuple((0.1 * speed * math.sqrt(h) * noise[p:]).tolist()),
     )
     numbers = MPCSpecification(
         prediction_time=step,
-        state_noise=usual.state_noise * walking,
-        sensor_noise=tuple(want.loop_noise(loop).tolist()),
+        state_noise=own.B * loop.command_scale * random_walk(disturbance, speed),
+        sensor_noise=tuple(noise.tolist()),
         sample_time=h,
     )
     return problem, numbers

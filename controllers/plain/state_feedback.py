@@ -25,24 +25,22 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache, partial
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
 from controllers.design import Design
 from controllers.linear_law import LinearLaw
-from controllers.plain.limits import LoopLimits, stacked
+from controllers.plain.limits import LoopLimits, ReadingSpecification
 from controllers.plain.loop import (
     Loop,
     LoopSpecification,
     PlainLaw,
     listed,
-    loop_of,
-    spare_outputs,
     speeds,
 )
 from controllers.reference.horizon import lagged
@@ -229,55 +227,18 @@ def doubts(loop: Loop) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True)
-class ObserverSpecification(LoopSpecification):
+class ObserverSpecification(ReadingSpecification):
     """What every law on a Kalman filter of the states is told.
 
     Args:
-        also_measured: Name of an output that the filter reads and nobody follows, or several with
-            commas between or as a list; by default none, or all that show the same states where
-            no loop of the followed outputs alone is within its limits.
         reference_speed: Speed of the reference's lags, in rad/s; by default (0) what leads a step
             best.
         disturbance: What the disturbance of the command is taken to walk by in ten time constants
             of the loop, rms, as a fraction of the command; what suits the loop by default (0).
     """
 
-    also_measured: str | tuple[str, ...] = ""
     reference_speed: float = number(0.0, 0.0, 1.0 / TIMES_S[0])
     disturbance: float = number(0.0, 0.0, 1e3, words="disturbance of the command")
-
-    def loop(self, linear: Any) -> Loop:
-        """Return the loop to control."""
-        return loop_of(linear, self.measured, self.actuator, self.also_measured)
-
-    def designed(self, linear: Any, design: Callable[[LoopLimits], ObserverLaw]) -> ObserverLaw:
-        """Return a design of the followed outputs, or of others too where that is what it takes.
-
-        Raises:
-            WorkbenchError: If there is no such design.
-        """
-        loop = self.loop(linear)
-        more = () if loop.read is not None else spare_outputs(linear, loop)
-        reason: WorkbenchError | None = None
-        if not more:
-            return design(LoopLimits(loop, self))
-        wider = replace(self, also_measured=more).loop(linear)
-        best: tuple[float, ObserverLaw | None] = math.inf, None
-        for tried in (loop, wider):
-            limits = LoopLimits(tried, self)
-            try:
-                law = design(limits)
-            except WorkbenchError as error:
-                reason = reason or error
-                continue
-            excess = float(limits.judge(stacked([law.around_rest()])).excess[0])
-            if best[1] is None or excess < best[0]:
-                best = excess, law
-            if excess <= 1.0:
-                break
-        if best[1] is None:
-            raise cast(WorkbenchError, reason)
-        return best[1]
 
     @property
     def disturbances(self) -> tuple[float, ...]:
@@ -360,7 +321,7 @@ def _fastest(
     def designed(chosen: tuple[int, ...], at: tuple[float, float]) -> ObserverLaw:
         speed = float(np.exp(np.mean(np.log([tried[k] for k in chosen]))))
         disturbance, doubt = at
-        return model.observed(regulated(chosen), _walk(disturbance, speed), doubt)
+        return model.observed(regulated(chosen), random_walk(disturbance, speed), doubt)
 
     all_alike = range(len(tried))
     if np.all(given > 0.0):
@@ -396,7 +357,7 @@ def _lqi(
     return gains, slow
 
 
-def _walk(disturbance: float, speed: float) -> float:
+def random_walk(disturbance: float, speed: float) -> float:
     """Return the random walk of the integral of the command's disturbance, a fraction, per s."""
     return disturbance * math.sqrt(10.0 / speed)
 
@@ -441,7 +402,7 @@ def state_feedback_by_hand(
             f" {', '.join(loop.actuators)}, an entry for each of {', '.join(loop.measured)}"
         )
     h = want.sample_time
-    walk = _walk(want.disturbance or 0.3, 0.02 / h)
+    walk = random_walk(want.disturbance or 0.3, 0.02 / h)
     model = _ObservedModel(loop, want)
     return model.observed(model.law(K, Kq), walk)
 
@@ -491,7 +452,7 @@ def design_plain_sliding_mode(
         sliding = cache(partial(_sliding, model, want))
 
         def designed(slope: float, disturbance: float, doubt: float) -> ObserverLaw:
-            return model.observed(sliding(slope), _walk(disturbance, slope), doubt)
+            return model.observed(sliding(slope), random_walk(disturbance, slope), doubt)
 
         tried = itertools.product(slopes, want.disturbances, doubts(limits.loop))
         designs = [partial(designed, *numbers) for numbers in tried]

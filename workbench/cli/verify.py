@@ -316,7 +316,7 @@ def settling(recipes: Sequence[ControllerRecipe], linear: LinearModel, scenario:
         # One that cannot be built is a run that failed.
         with suppress(WorkbenchError):
             law: Any = recipe.build()
-            told = hasattr(law, "around_rest") and law.sensors == law.controlled
+            told = hasattr(law, "around_rest") and not recipe.kind().sensors
             if told or isinstance(law, PlainLaw):
                 long = max(long, settled_after(law, linear, steps))
     held = rounded_up(2.0 * long) if long else 0.0

@@ -36,7 +36,7 @@ def pendulum() -> Any:
     return ct.ss(A, B, C, 0, inputs="force", outputs=["cart", "angle"], name="pendulum")
 
 
-@pytest.mark.parametrize("name", ["lqi", "plain-sliding-mode"])
+@pytest.mark.parametrize("name", ["lqi", "plain-mpc", "plain-sliding-mode"])
 def test_a_pendulum_on_a_cart_is_held_by_both_its_sensors(name: str, tmp_path: Path) -> None:
     linear = linear_model(pendulum(), limits={"force": (-20.0, 20.0)})
     design = DESIGNS.get(name)
