@@ -178,7 +178,7 @@ def sized_by_recordings(problem: Problem, effects: Iterable[str]) -> Problem:
     parameters = {q.name: q for q in problem.model.parameters}
     for name in effects:
         before, now = (
-            every_name(problem.model.without(name), **known).get(name)
+            every_name(problem.model.without(name), named=name, **known).get(name)
             for known in ({}, {"duration": longest.duration, "sample_time": longest.sample_time})
         )
         if before is None or now is None:

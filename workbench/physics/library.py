@@ -25,6 +25,7 @@ def library(
     ranges: Mapping[str, tuple[float, float]] | None = None,
     more_of: Collection[str] = (),
     found: Collection[str] = (),
+    named: str | None = None,
 ) -> tuple[Hypothesis, ...]:
     """Return every law of the library at each place of a model that it fits, at zero size.
 
@@ -44,6 +45,7 @@ def library(
         more_of: Names of attached effects of which there may be more than their parameters allow.
         found: Names of attached effects that were missing at first: what they are is not offered a
             change with time too.
+        named: Only laws with whose names this name begins, as a hypothesis of theirs does.
 
     Example:
         >>> from workbench.plants.servo_axis import servo_axis
@@ -57,6 +59,8 @@ def library(
     )  # fmt: skip
     given = [item for item in extra if isinstance(item, Hypothesis)]
     laws = dict.fromkeys([*LAWS.members().values(), *(x for x in extra if isinstance(x, Law))])
+    if named is not None:
+        laws = {law: None for law in laws if named.startswith(law.name)}
     own = {hypothesis.name for hypothesis in given}
     offered = [h for law in laws for h in law.hypotheses(survey) if h.name not in own]
     taken = {effect.name for effect in model.effects}
@@ -71,7 +75,7 @@ def library(
 
 
 def every_name(
-    model: Model, *, duration: float = 0.0, sample_time: float = 0.0
+    model: Model, *, duration: float = 0.0, sample_time: float = 0.0, named: str | None = None
 ) -> dict[str, Hypothesis]:
     """Return whatever a diagnosis of a model may name, by name.
 
@@ -82,6 +86,7 @@ def every_name(
     Args:
         duration: Length of the recordings, in s; 0 if it is not known.
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
+        named: The name that is wanted, if it is one alone: what else is found is not all.
     """
     values = {}
     for q in model.parameters:
@@ -95,8 +100,9 @@ def every_name(
     found: dict[str, Hypothesis] = {}
     for known, more_of in ((model, ()), (refitted, [e.name for e in model.effects])):
         offered = library(
-            known, duration=duration, sample_time=sample_time, period=model.horizon, more_of=more_of
-        )
+            known, duration=duration, sample_time=sample_time, period=model.horizon,
+            more_of=more_of, named=named,
+        )  # fmt: skip
         for hypothesis in (one for h in offered for one in (h, *h.alone)):
             found.setdefault(hypothesis.name, hypothesis)
     return found

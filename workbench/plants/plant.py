@@ -287,11 +287,12 @@ class Plant:
             return words[name.replace("-", "_")]()
         # The library is large; a plant without further effects does not wait for it.
         from workbench.physics.library import every_name, library
-        from workbench.plants.plant import own_laws
 
-        known = every_name(model)
+        known = every_name(model, named=name)
         if name not in known:
-            known = every_name(model.opened()) | known
+            known |= every_name(model.opened(), named=name)
+        if name not in known:
+            known = every_name(model.opened()) | every_name(model)
         if own:
             extra = library(model, extra=own_laws(model, own, folder=folder))
             known |= {one.name: one for h in extra for one in (h, *h.alone)}

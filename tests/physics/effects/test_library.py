@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -12,7 +13,7 @@ from workbench.evaluation.machines.plants import tanks
 from workbench.model import Model
 from workbench.physics.gas import isothermal_gas
 from workbench.physics.hypothesis import Hypothesis
-from workbench.physics.library import LAWS, library, look_alikes
+from workbench.physics.library import LAWS, every_name, library, look_alikes
 from workbench.physics.muscle_volume import flattened_ends
 from workbench.plants.arm import arm
 from workbench.plants.arm.laws import constant_volume
@@ -275,3 +276,13 @@ def test_more_of_what_the_model_has_is_offered_where_its_parameters_are_at_an_en
     more = {h.name: h for h in library(arm(3), more_of=("bearing_friction",))}
     assert more["coulomb_friction"].ports == ("joint.torque",)
     assert set(more) - {h.name for h in library(arm(3))} == {"coulomb_friction"}
+
+
+@pytest.mark.parametrize("plant", ["servo", "tanks"])
+def test_one_name_is_found_as_among_all(plant: str) -> None:
+    everything = every_name(PLANTS[plant])
+    for name, hypothesis in everything.items():
+        alone = every_name(PLANTS[plant], named=name)
+        assert len(alone) < 0.5 * len(everything)
+        described = (re.sub(r" at 0x\w+", "", repr(h)) for h in (alone[name], hypothesis))
+        assert len(set(described)) == 1
