@@ -14,6 +14,7 @@ import numpy as np
 
 from workbench.diagnosis.conclude import conclude, still_missing
 from workbench.diagnosis.estimation.fixed_parameters import with_fixed_uncertainty
+from workbench.diagnosis.estimation.growth import growth_along
 from workbench.diagnosis.estimation.noise_colour import with_correlated_noise
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import Prior, default_priors
@@ -353,6 +354,7 @@ def fit(model: Model, prepared: Prepared) -> Fitted:
     """Refit the nominal model."""
     base, fitting = fit_with_likely_starts(model, prepared.fitting, prepared.priors)
     judging = tuple(likely_start(base.model, one) for one in prepared.judging)
+    fitting, judging = (tuple(growth_along(base, r) for r in g) for g in (fitting, judging))
     started = replace(prepared, fitting=fitting, judging=judging)
     return Fitted(with_fixed_uncertainty(base, fitting), started)
 

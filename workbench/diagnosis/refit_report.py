@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from workbench.diagnosis.estimation.free_run import FreeRun, free_run
+from workbench.diagnosis.estimation.growth import growth_along
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
@@ -201,10 +202,11 @@ def run_refit(problem: Problem, *, progress: Callable[[str], None] | None = None
     for model, seen in judged:
         changed = model.with_parameters(values)
         observed = seen if how.stages else likely_start(changed, seen)
+        own = ProcessNoiseFit(replace(found, model=changed), scale)
+        observed = growth_along(own, observed)
         if observed.diverges:
             before = windowed_run(model, model, observed, scale)
             after = windowed_run(changed, model, observed, scale)
-            own = ProcessNoiseFit(replace(found, model=changed), scale)
             floor = np.sqrt(floor_of(own, model, observed)).tolist()
             limited = dict(zip(observed.used, floor, strict=True))
         else:

@@ -48,9 +48,9 @@ class FreeRun:
         if not self.window:
             return ""
         return (
-            "the model runs away from wherever it starts, as what it describes does without its"
-            f" controller: it is started anew every {in_time(self.window, 2)}, from what the"
-            " filter knows of its states there"
+            "a small error of its start grows along the recording, as it may in the machine: the"
+            f" model is started anew every {in_time(self.window, 2)}, from what the filter knows of"
+            " its states there"
         )
 
     @property

@@ -9,6 +9,7 @@ import numpy as np
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import FreeRun, failed_run, free_runs
+from workbench.diagnosis.estimation.growth import GROWN
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.process_noise import extended_start
 from workbench.diagnosis.estimation.start import fitted_start
@@ -24,9 +25,6 @@ _START_SHARE, _START_SAMPLES = 1 / 40, 10
 _COUNT = 20
 _LEAST_SAMPLES, _LEAST_UNSTABLE = 25, 5
 """Least number of samples of a window; the second for an unstable model."""
-
-_GROWTH = 2.0
-"""Time constants of an unstable model that a window lasts: what its start is off by grows by e2."""
 
 
 def settled(model: Model, nominal: Model, observed: Observed) -> Observed:
@@ -49,7 +47,7 @@ def window_samples(observed: Observed) -> int:
     count = len(observed.outputs)
     size = max(_LEAST_SAMPLES, count // _COUNT)
     if observed.growth > 0.0:
-        longest = _GROWTH / (observed.growth * observed.sample_time)
+        longest = GROWN / (observed.growth * observed.sample_time)
         size = min(size, max(_LEAST_UNSTABLE, math.floor(min(longest, count))))
     return min(count, size)
 
