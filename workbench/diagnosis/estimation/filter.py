@@ -126,6 +126,8 @@ class Filtered(NamedTuple):
         jacobian: Their derivatives by the scaled parameters, shape (n, n_used, n_free).
         log_deviation: Logarithm of the standard deviations, shape (n, n_used).
         states: Corrected states, shape (n, n_states), in SI.
+        end: State and covariance that the filter expects after the last sample, those of coloured
+            noise among them, to go on from; None in CasADi's interpreter.
     """
 
     done: int
@@ -133,6 +135,7 @@ class Filtered(NamedTuple):
     jacobian: Vector
     log_deviation: Vector
     states: Vector
+    end: tuple[Vector, Vector] | None = None
 
 
 class _Struct(ctypes.Structure):
@@ -243,7 +246,7 @@ class Filter:
         Args:
             x: States at the first sample, shape (n_states,), in SI.
             covariance: Their covariance over the scales (dimensionless), shape (n_corrected,
-                n_corrected).
+                n_corrected). Both may be those of an ``end``.
             u: Inputs held from each sample on, shape (n, n_inputs), in SI.
             y: Measurements over their scales (dimensionless), shape (n, n_used); NaN where there
                 is none.
@@ -255,11 +258,12 @@ class Filter:
         """
         # Copies: they are overwritten.
         x, covariance = np.array(x, dtype=float), np.array(covariance, dtype=float)
-        plant, own = len(x), len(self._coloured)
-        x = np.concatenate([x, np.zeros(own)])
-        grown = np.diag(np.concatenate([np.zeros(len(covariance)), self._coloured**2]))
-        grown[: len(covariance), : len(covariance)] = covariance
-        covariance = grown
+        plant = len(self._scale) - len(self._coloured)
+        if len(x) == plant:
+            x = np.concatenate([x, np.zeros(len(self._coloured))])
+            grown = np.diag(np.concatenate([np.zeros(len(covariance)), self._coloured**2]))
+            grown[: len(covariance), : len(covariance)] = covariance
+            covariance = grown
         u, y, r, p = (np.ascontiguousarray(v, dtype=float) for v in (u, y, r, p))
         d = np.asarray(d, dtype=float).reshape(-1, 2)
         n, n_y = y.shape
@@ -272,22 +276,24 @@ class Filter:
             np.full((n, len(x)), np.nan),
         )
         pieces, straight, each = self._steps
+        end = None
         if self._struct is None:
             done = self._interpreted(x, covariance, u, y, r, p, d, found)
             bent = done * pieces
         else:
             # CasADi takes matrices by columns.
             d = np.ascontiguousarray(d.T)
-            arrays = (x, covariance, sensitivity, u, y, r, p, d, *found[1:])
+            arrays = (x, covariance, sensitivity, u, y, r, p, d, *found[1:5])
             places = (address(array) for array in arrays)
             self._struct.bent = 0
             done = int(self._in_c(ctypes.byref(self._struct), n, *places))
-            bent = self._struct.bent
+            bent, end = self._struct.bent, (x, covariance)
         count("filtered_samples", done)
         # Measurements and process noise once, the equations in each part of each step.
         tried = 5 * straight * pieces if straight < each else 0
         count("model_evaluations", done * (2 + tried) + 4 * each * bent)
-        return found._replace(done=done, states=np.ascontiguousarray(found.states[:, :plant]))
+        states = np.ascontiguousarray(found.states[:, :plant])
+        return found._replace(done=done, states=states, end=end)
 
     def _interpreted(
         self, x: Vector, covariance: Vector, inputs: Vector, measured: Vector, r: Vector, p: Vector,

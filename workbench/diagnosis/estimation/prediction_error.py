@@ -138,6 +138,10 @@ def gauss_markov(
     return np.asarray(lfilter([1.0], [1.0, -kept], fresh))
 
 
+End = tuple[Vector, Vector] | None
+"""State, in SI, and its covariance over the scales, with which a filter goes on."""
+
+
 @dataclass(frozen=True)
 class Innovations:
     """Whitened prediction errors along a recording.
@@ -148,12 +152,14 @@ class Innovations:
             (n, n_used, n_free).
         log_deviation: Logarithm of the standard deviations, shape (n, n_used).
         states: Filtered states, shape (n, n_states), in SI.
+        end: Where the filter goes on after the last sample; None where it cannot.
     """
 
     whitened: Vector
     jacobian: Vector
     log_deviation: Vector
     states: Vector
+    end: End = None
 
     @property
     def cost(self) -> float:
@@ -208,13 +214,16 @@ class PredictionError:
         self._corrected = tuple(i for i in range(len(model.states)) if i not in certain)
         self._filters: list[Filter] = []
 
-    def run(self, observed: Observed, values: npt.ArrayLike) -> Innovations:
+    def run(self, observed: Observed, values: npt.ArrayLike, begin: End = None) -> Innovations:
         """Run the filter along a recording with parameter values, shape (n_parameters,), in SI.
+
+        Args:
+            begin: Where it goes on from an earlier part; the recording's start by default.
 
         Raises:
             NumericalError: If the filter leaves the finite numbers.
         """
-        return self._run(0, observed, values)
+        return self._run(0, observed, values, begin)
 
     def along(self, recordings: Sequence[Observed], values: npt.ArrayLike) -> list[Innovations]:
         """Run the filter along several recordings, side by side where there are cores for it.
@@ -242,11 +251,16 @@ class PredictionError:
         error = run.whitened * np.exp(run.log_deviation) * self._output_scale
         return np.asarray(observed.outputs - error)
 
-    def _run(self, number: int, observed: Observed, values: npt.ArrayLike) -> Innovations:
-        covariance = np.diag((observed.start_rms / self.state_scale)[list(self._corrected)] ** 2)
+    def begin(self, observed: Observed) -> tuple[Vector, Vector]:
+        """Return the start of a recording, in SI, and its covariance over the scales."""
+        spread = (observed.start_rms / self.state_scale)[list(self._corrected)]
+        return observed.start, np.diag(spread**2)
+
+    def _run(
+        self, number: int, observed: Observed, values: npt.ArrayLike, begin: End = None
+    ) -> Innovations:
         found = self._filter(number).run(
-            observed.start,
-            covariance,
+            *(begin or self.begin(observed)),
             observed.inputs,
             observed.outputs / self._output_scale,
             (observed.white_noise_rms / self._output_scale) ** 2,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from scipy.optimize import minimize_scalar
 
 from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, disturbances
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, extended_start
+from workbench.diagnosis.selection.delays import Delays
 from workbench.errors import NumericalError
 from workbench.model import Effect, Model, Parameter, State
 from workbench.physics.drift import from_first
@@ -202,14 +203,17 @@ def with_own_moments(
         periods = [_own(model, e, e.about.period).value for e in effects if e.about.period]
         reach = min([length, *periods])
         tried = np.linspace(-reach, reach, 2 * _MOMENTS + 1 if reach == length else _PHASES)
+        span = None
         if not periods:
             first, last, width = _span(model, effects)
+            span = first - width, last + width
             # All that came before a recording, or comes after it, is the same to it.
             beyond = max(width, 2.0 * (tried[1] - tried[0]))
             tried = tried[(first - tried < length + beyond) & (last - tried > -beyond)]
-        shift = _likeliest(PredictionError(model, begun, (), rms), begun, clocks, tried)
-        if shift is not None:
-            late[observed.name] = shift
+        of = Delays(PredictionError(model, begun, (), rms), begun, clocks, span)
+        found = _likeliest(of, of.cost_from(begun.start[list(clocks)]), tried)
+        if found is not None:
+            late[observed.name] = found
     others = [r.name for r in (*fit_on[1:], *hold_out)]
     return tuple(_moved(e, model, dict(late), fit_on[0].name, others) for e in effects)
 
@@ -280,38 +284,23 @@ def moments(model: Model, effect: Effect) -> dict[str, float]:
     return {name: time - start for q in effect.states for name, start in q.start_in}
 
 
-def _likeliest(
-    filter_: PredictionError, observed: Observed, clocks: Mapping[int, float], tried: Vector
-) -> float | None:
+def _likeliest(of: Delays, now: float, tried: Vector) -> float | None:
     """Return how late clocks start in a recording, in s; None if not clearly otherwise than now.
 
     Args:
-        clocks: Number of each one's state, and its usual start in s.
+        now: Minus the log likelihood of the recording as it is, dimensionless.
         tried: Delays to begin with, shape (n,), in s, at equal distances.
     """
-    usual, places = np.array(list(clocks.values())), list(clocks)
-
-    def cost(start: Vector) -> float:
-        x = observed.start.copy()
-        x[places] = start
-        try:
-            return filter_.run(replace(observed, start=x), filter_.model.values).cost
-        except NumericalError:
-            return math.inf
-
-    def late(shift: float) -> float:
-        return cost(usual + shift)
-
-    costs = np.array([late(shift) for shift in tried])
+    costs = np.array([of.cost(delay) for delay in tried])
     best = int(np.argmin(costs))
-    shift, least = float(tried[best]), float(costs[best])
+    late, least = float(tried[best]), float(costs[best])
     if 0 < best < len(tried) - 1:
         near = minimize_scalar(
-            late,
+            of.cost,
             bounds=(tried[best - 1], tried[best + 1]),
             method="bounded",
             options={"maxiter": _STEPS},
         )
         if near.fun < least:
-            shift, least = float(near.x), float(near.fun)
-    return shift if least < cost(observed.start[places]) - _CLEARLY else None
+            late, least = float(near.x), float(near.fun)
+    return late if least < now - _CLEARLY else None
