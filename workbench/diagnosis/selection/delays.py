@@ -18,7 +18,7 @@ _PARTS, _LEAST = 100, 200
 """Parts of a recording, at whose ends what was filtered once is gone on from, and least samples of
 one: the filter is as quick over so many as it is to call."""
 
-_FORGOTTEN = 1e-3
+_FORGOTTEN = 1e-2
 """Difference of two filtered states over their uncertainty up to which both expect the same."""
 
 
