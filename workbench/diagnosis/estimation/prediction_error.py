@@ -215,9 +215,10 @@ class PredictionError:
         self._filters: list[Filter] = []
 
     def run(self, observed: Observed, values: npt.ArrayLike, begin: End = None) -> Innovations:
-        """Run the filter along a recording with parameter values, shape (n_parameters,), in SI.
+        """Run the filter along a recording.
 
         Args:
+            values: Parameters, shape (n_parameters,), in SI.
             begin: Where it goes on from an earlier part; the recording's start by default.
 
         Raises:
