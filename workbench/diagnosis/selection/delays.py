@@ -70,7 +70,7 @@ class Delays:
                 self._before, self._after = self._filtered(never), self._filtered(over)
 
     def cost(self, delay: float) -> float:
-        """Return minus the log likelihood; infinite if the filter leaves the finite numbers.
+        """Return minus the log likelihood, dimensionless; infinite if the filter fails.
 
         Args:
             delay: How much later than usual the clocks start, in s.
@@ -92,7 +92,7 @@ class Delays:
         return total
 
     def cost_from(self, clocks: Vector) -> float:
-        """Return the same where the clocks start at times of their own, shape (n,), in s."""
+        """Return the same where the clocks start at times, shape (n_clocks,), in s."""
         start = self._observed.start.copy()
         start[self._places] = clocks
         try:
