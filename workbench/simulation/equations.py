@@ -39,6 +39,12 @@ def generated(functions: Sequence[ca.Function]) -> str:
 
 _INLINE = "static inline __attribute__((always_inline)) "
 
+_FOR_LOADER = (
+    r"^CASADI_SYMBOL_EXPORT (?!int \w+\(const casadi_real\*\* arg)"
+    r"[^\n]*(?:\}|\{\n(?:[^}\n][^\n]*\n|\n)*\})\n"
+)
+"""A function of the C code that is not one of the equations, up to the bracket that closes it."""
+
 _HERE = Path(__file__).parent
 
 
@@ -145,19 +151,19 @@ def address(array: Vector) -> int:
 @functools.lru_cache(maxsize=512)
 def _entry(library: ctypes.CDLL, function: ca.Function) -> tuple[int, tuple[int, ...]]:
     """Return where a function of a library stands, and the sizes of the memory that it needs."""
-    name = function.name()
-    sizes = [ctypes.c_longlong() for _ in range(4)]
-    getattr(library, f"{name}_work")(*(ctypes.byref(size) for size in sizes))
-    place = ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0
-    return place, tuple(max(1, size.value) for size in sizes)
+    place = ctypes.cast(getattr(library, function.name()), ctypes.c_void_p).value or 0
+    sizes = function.sz_arg(), function.sz_res(), function.sz_iw(), function.sz_w()
+    return place, tuple(max(1, size) for size in sizes)
 
 
 @functools.lru_cache(maxsize=128)
 def _library(functions: tuple[ca.Function, ...]) -> ctypes.CDLL | None:
     if compiler() is None:
         return None
-    # Each argument and result is there: nothing asks for it.
+    # Each argument and result is there: nothing asks for it. What only CasADi's own loader calls,
+    # most of the lines of a small function, is left out.
     source = re.sub(r"\b(arg\[\d+\])\? (\1\[\d+\]) : 0;", r"\2;", generated(functions))
     source = re.sub(r"\bif \(res\[\d+\]!=0\) ", "", source)
+    source = re.sub(_FOR_LOADER, "", source, flags=re.MULTILINE)
     library = built("_".join(f.name() for f in functions), source, SOON)
     return None if library is None else ctypes.CDLL(str(library))
