@@ -36,7 +36,7 @@ demo: $(VENV)/installed
 test: lint typecheck
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal
 
-# Whole diagnoses and redesigns, minutes each.
+# Whole diagnoses and redesigns, minutes each, the site, a cluster, other tools.
 test-long: $(VENV)/installed-test
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m long
 

@@ -79,7 +79,7 @@ def test_commands_of_the_pages_are_right(hooks: ModuleType) -> None:
         assert passed <= known, command
 
 
-@pytest.mark.system
+@pytest.mark.long
 def test_it_builds_without_a_warning_and_needs_no_network(tmp_path: Path) -> None:
     site = tmp_path / "site"
     done = subprocess.run(

@@ -71,7 +71,7 @@ def test_cases_are_answered_side_by_side(tmp_path: Path) -> None:
     assert {row["jobs"] for row in rows} == {1}
 
 
-@pytest.mark.system
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_answers_and_the_folder_is_here(tmp_path: Path, cluster: str) -> None:
     next(answered(CASES, tmp_path, _answer))

@@ -20,7 +20,7 @@ distributed = pytest.importorskip(
 )
 
 
-@pytest.mark.system
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore")
 def test_two_processes_of_a_cluster(tmp_path: Path) -> None:
     study = load_study(small_study(tmp_path))

@@ -46,6 +46,7 @@ def solved_by_do_mpc(
 
 
 # do-mpc calls numpy functions on CasADi values, as older versions of CasADi expected.
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore::FutureWarning")
 def test_the_converged_plan_is_that_of_do_mpc(plant: Model) -> None:
     # A free move of 20 deg has optima so flat that rounding decides between them; one at the limit
