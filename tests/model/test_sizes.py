@@ -270,3 +270,22 @@ def test_a_state_is_read_in_the_unit_of_the_output_of_its_name() -> None:
     assert shown == {
         "place": "mm", "speed": "m/s", "swing": "deg", "rate": "rad/s", "rope": "m", "hoist": "m/s",
     }  # fmt: skip
+
+
+def test_a_lake_that_seems_empty_is_as_deep_as_its_gauge_says() -> None:
+    def equations(m: Scope) -> Equations:
+        outflow = 4.0 * m.u.gate * m.x.level**1.5
+        return {"level": (m.u.inflow - outflow) / 2e5}, {"gauge": m.x.level}
+
+    lake = Model(
+        "lake",
+        equations,
+        states=(State("level", "m"),),
+        inputs=(Input("inflow", "m3/s"), Input("gate", "1", lower=0.0, upper=1.0)),
+        outputs=(Output("gauge", "m"),),
+    )
+    # At its empty start nothing flows out, and nothing tells how high it will stand.
+    assert lake.sized_by({"inflow": 10.0}).states[0].scale < 1e-3
+    seen = lake.sized_by({"inflow": 10.0, "gauge": 1.2})
+    assert seen.states[0].scale == seen.outputs[0].scale == 1.2
+    assert lake.sized_by({"inflow": 10.0, "gauge": 1e-4}) == lake.sized_by({"inflow": 10.0})

@@ -94,7 +94,7 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
     do not follow. What nobody sets, such as a wave or a wind, goes straight from sample to sample
     where that is clearly likelier than that it is held.
     """
-    model = model.sized_by(reached(model, recordings))
+    model = model.sized_by(reached(model, recordings) | _ranged(model, recordings))
     told, sizes = _with_data(model, recordings)
     wider = _wider(told, recordings)
     if wider is not told:
@@ -175,6 +175,16 @@ def _carried(model: Model) -> set[str]:
 def _growing(q: Output) -> str:
     part = q.relative_noise_rms
     return f", and {100.0 * part:.2g} % of what it reads" if part else ""
+
+
+def _ranged(model: Model, recordings: Sequence[Recording]) -> dict[str, float]:
+    """Return half of the range over which each output went along recordings, in SI, by name."""
+    seen = {
+        q.name: np.concatenate([[], *(r[q.name] for r in recordings if q.name in r)])
+        for q in model.outputs
+    }
+    known = {name: values[np.isfinite(values)] for name, values in seen.items()}
+    return {name: 0.5 * float(np.ptp(values)) for name, values in known.items() if len(values)}
 
 
 def _wider(model: Model, recordings: Sequence[Recording]) -> Model:

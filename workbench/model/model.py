@@ -26,6 +26,9 @@ from workbench.model.units import readably, same_dimension, with_unit
 
 Own = TypeVar("Own", State, Parameter)
 
+_FARTHER = 10.0
+"""Factor by which an output goes beyond the size that equations promise where they are wrong."""
+
 
 @dataclass(frozen=True, repr=False)
 class Model(Shown):
@@ -300,20 +303,43 @@ class Model(Shown):
         """Return a model with the sizes that inputs have of which it says nothing.
 
         Where neither a scale nor a range nor a value at rest tells how far an input goes, the sizes
-        of states and outputs are unknown too; they follow from it.
+        of states and outputs are unknown too; they follow from it. An output that goes far farther
+        than the equations promise, as the level of a lake that they see empty, has the size that it
+        shows, and so has the state that it reads.
 
         Args:
-            moved: How far inputs go, by name, in SI; zeros and declared inputs do not count.
+            moved: How far inputs and outputs go, by name, in SI; zeros and what declares a size do
+                not count.
         """
         unknown = {q.name for q in self.inputs if not q.sized and silent(q)}
         new = {name: size for name, size in moved.items() if name in unknown and size > 0.0}
-        if not new:
-            return self
-        inputs = tuple(replace(q, scale=new.get(q.name, q.scale)) for q in self.inputs)
-        states = tuple(q if q.sized else replace(q, scale=0.0) for q in self.states)
-        outputs = tuple(q if q.sized else replace(q, scale=0.0) for q in self.outputs)
-        traits = replace(self.traits, scales=())
-        return replace(self, states=states, inputs=inputs, outputs=outputs, traits=traits)
+        found = self._with_sizes(new, {}) if new else self
+        shown = {
+            q.name: moved[q.name]
+            for q in found.outputs
+            if not q.sized and moved.get(q.name, 0.0) > _FARTHER * q.scale
+        }
+        return found._with_sizes({}, shown) if shown else found  # noqa: SLF001
+
+    def _with_sizes(self, of_inputs: Mapping[str, float], read: Mapping[str, float]) -> Model:
+        """Return the model with sizes of inputs and outputs, in SI, from which the rest follows."""
+        told = {
+            state.name: read[q.name]
+            for q, reading in zip(self.outputs, self.exact.outputs.elements(), strict=True)
+            for state, symbol in zip(self.states, self.exact.x.elements(), strict=True)
+            if q.name in read and ca.is_equal(reading, symbol, 3)
+        }
+        return replace(
+            self,
+            inputs=tuple(replace(q, scale=of_inputs.get(q.name, q.scale)) for q in self.inputs),
+            states=tuple(
+                q if q.sized else replace(q, scale=told.get(q.name, 0.0)) for q in self.states
+            ),
+            outputs=tuple(
+                q if q.sized else replace(q, scale=read.get(q.name, 0.0)) for q in self.outputs
+            ),
+            traits=replace(self.traits, scales=()),
+        )
 
     def rates(
         self,
