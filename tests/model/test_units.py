@@ -55,7 +55,7 @@ def test_one_of_a_unit_in_si(unit: str, si: str, size: float) -> None:
 
 
 def test_a_quantity_out_of_si_says_how_to_convert_it() -> None:
-    with pytest.raises(WorkbenchError, match=r"0 degC = 273.15 K.*display_unit='degC'"):
+    with pytest.raises(WorkbenchError, match=r"0 degC = 273.15 K.*display_unit"):
         State("T", "degC")
     with pytest.raises(WorkbenchError, match=r"1 mm = 0.001 SI"):
         State("gap", "mm")

@@ -22,6 +22,11 @@ from workbench.model.units import (
 _REFUSED: ContextVar[list[str] | None] = ContextVar("refused", default=None)
 """Why units were refused, while they are collected."""
 
+_IN_SI = (
+    ". Quantities of a model are in SI units: convert them, and their equations; inputs and outputs"
+    " are still read in their own with display_unit, as in Output('level', 'm', display_unit='mm')"
+)
+
 
 @contextmanager
 def units_together() -> Iterator[None]:
@@ -35,7 +40,7 @@ def units_together() -> Iterator[None]:
         ...     State("level", "metre/minut"), Input("heat", "kW")
         Traceback (most recent call last):
             ...
-        workbench.errors.WorkbenchError: level: unit 'm/minut' ...; heat is declared in 'kW'; ...
+        workbench.errors.WorkbenchError: level: unit 'm/minut' ...; heat is declared in 'kW' ...
     """
     refused: list[str] = []
     token = _REFUSED.set(refused)
@@ -48,9 +53,12 @@ def units_together() -> Iterator[None]:
     finally:
         _REFUSED.reset(token)
     if refused:
-        own = list(dict.fromkeys(reason.removesuffix(KNOWN) for reason in refused))
-        tail = KNOWN if any(reason.endswith(KNOWN) for reason in refused) else ""
-        raise WorkbenchError("; ".join(own) + tail)
+        # What is the same for all is said once, at the end.
+        own, tails = list(dict.fromkeys(refused)), ""
+        for tail in (KNOWN, _IN_SI):
+            tails += tail if any(reason.endswith(tail) for reason in own) else ""
+            own = [reason.removesuffix(tail) for reason in own]
+        raise WorkbenchError("; ".join(own) + tails)
 
 
 @dataclass(frozen=True)
@@ -102,11 +110,7 @@ class Quantity:
                 if unit.offset
                 else f"1 {self.unit} = {unit.factor:g} SI"
             )
-            raise WorkbenchError(
-                f"{self.name} is declared in {self.unit!r}; quantities of a model are in SI units,"
-                f" convert it ({size}); an input or output is still read in {self.unit} with"
-                f" display_unit={self.unit!r}"
-            )
+            raise WorkbenchError(f"{self.name} is declared in {self.unit!r} ({size}){_IN_SI}")
 
 
 @dataclass(frozen=True)
