@@ -2,6 +2,9 @@
 
 .PHONY: help demo docs test test-long test-kernel lint typecheck benchmark campaign \
     fault-campaign notebooks clean
+# Or each process that a test starts would compile the sources anew.
+export PYTHONDONTWRITEBYTECODE :=
+
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
 

@@ -20,7 +20,7 @@ def compiled(function: ca.Function) -> ca.Function:
     """Return the function as machine code where a C compiler exists, unchanged otherwise."""
     if compiler() is None:
         return function
-    library = built(function.name(), generated([function]), FAST)
+    library = built(function.name(), generated([function]), SOON)
     return function if library is None else ca.external(function.name(), str(library))
 
 

@@ -33,9 +33,9 @@ FAST = (
 in the instructions of this very processor."""
 
 SOON = ("-Og", "-fno-math-errno", "-fno-trapping-math", "-nostdlib", *PLAIN[1:])
-"""For the equations of a model, which have no loops and call nothing but mathematics: built in a
-sixth of the time, and a fifth slower than ``FAST``. A search builds dozens of them, each for some
-seconds of work."""
+"""For the equations of a model, which have next to no loops and call nothing but mathematics: built
+in a sixth of the time, and a fifth slower than ``FAST``. A search builds dozens of them, each for
+some seconds of work."""
 
 _DIGEST = hashlib.sha256().digest_size
 
