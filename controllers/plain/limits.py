@@ -150,9 +150,7 @@ class LoopLimits:
         self.responses = [
             transfer_function(a, b, c, np.zeros((len(c), b.shape[1])), z) for a, b, c in self.plants
         ]
-        half = 0.5 * (loop.upper - loop.lower)
-        half = np.where(half < math.inf, half, loop.command_scale)
-        self.noise = want.loop_noise(loop) / half[:, None]
+        self.noise = want.loop_noise(loop) / loop.command_scale[:, None]
 
     def judge(self, laws: LinearLaw, most: float = math.inf) -> Judged:
         """Tell the peaks of loops of laws around rest, whose first inputs are the measurements.
@@ -391,7 +389,7 @@ class LoopLimits:
         peak, held = asked[np.argmax(np.abs(asked), axis=0), np.arange(asked.shape[1])], asked[-1]
         if not (np.isfinite(ends).any() and np.all(np.isfinite(peak)) and np.any(peak)):
             return math.inf
-        sizes = set()
+        sizes, enough = set(), set()
         with np.errstate(divide="ignore", invalid="ignore"):
             for sign in (-1.0, 1.0):
                 least, most = (
@@ -400,16 +398,17 @@ class LoopLimits:
                 )
                 if 0.0 < least < 0.9 * most:
                     sizes |= {sign * min(share * least, 0.9 * most) for share in LARGE}
+                    enough.add(least)
         # A ramp moves the commands as fast as a step of its pace moves them far.
         slow = self.want.sample_time * float(np.min(loop.slew / np.maximum(np.abs(peak), 1e-300)))
         if slow < math.inf:
             sizes |= set() if sizes else {-loop.output_scale[i], loop.output_scale[i]}
         if not sizes:
             return math.inf
-        size, smallest = np.array(sorted(sizes)), min(map(abs, sizes))
-        arrived = max(int(np.argmax(y > 0.63)), 1)
-        tried = [share * smallest / LARGE[0] / arrived for share in PACES]
-        paces = np.array(tried + [share * slow for share in SLOW if slow < math.inf])
+        size, arrived = np.array(sorted(sizes)), max(int(np.argmax(y > 0.63)), 1)
+        tried = {share * least / arrived for least in enough for share in PACES}
+        tried |= {share * slow for share in SLOW if slow < math.inf}
+        paces = np.array([math.inf, *sorted(tried, reverse=True)])
         if isinstance(law, PlainLaw):
             errors, penalty = self._paced(self._run, law, i, size, paces)
         else:
@@ -549,8 +548,9 @@ STRIDES = (4, 2, 1)
 LARGE = (0.5, 3.0, 10.0)
 """Steps of which the reference's pace is chosen, over that which the command is just enough for."""
 
-PACES = (math.inf, 3.0, 1.5, 0.75, 0.4)
-"""Paces that are tried: what the command is just enough for, in the time of a small step's rise."""
+PACES = (3.0, 1.5, 0.75, 0.4)
+"""Paces that are tried: what the command is just enough for, up or down, in the time of a small
+step's rise."""
 
 SLOW = (4.0, 2.0, 1.0)
 """Paces that are tried over that which the commands' slews let them follow."""

@@ -33,7 +33,7 @@ class Loop(NamedTuple):
 
     Args:
         output_scale: Typical sizes of the outputs.
-        command_scale: What each command may change by.
+        command_scale: Half of what each command may change by, or its scale where that has no end.
         noise: Noise rms of the measurements, with that of their conversion, of outputs that are
             read beside the followed ones too.
         slew: Fastest changes of the commands, per s.
@@ -199,9 +199,8 @@ def loop_of(
             np.array([getattr(inputs[n], end) for n in acting], dtype=float)
             for end in ("lower", "upper", "scale", "slew")
         )
-    # A command that rests at an end has one direction only; half of its range is its size then.
-    room = np.minimum(upper - rest, rest - lower)
-    room = np.where(room == 0.0, 0.5 * (upper - lower), room)
+    # What rests near an end has little room to one side, and all the more to the other.
+    half = 0.5 * (upper - lower)
     return Loop(
         linear,
         followed,
@@ -211,7 +210,7 @@ def loop_of(
         lower,
         upper,
         np.array(sizes),
-        np.where((room > 0.0) & (room < math.inf), room, scale),
+        np.where(half < math.inf, half, scale),
         np.array(noise),
         slew,
         read if others else None,

@@ -43,6 +43,7 @@ from controllers.plain.loop import (
     listed,
     speeds,
 )
+from controllers.plain.pairing import zeros
 from controllers.reference.horizon import lagged
 from controllers.sampling import Rows, product, rows, total
 from controllers.sliding_mode import sliding_design
@@ -475,6 +476,10 @@ def _sliding(
     joined = np.block([[A, np.zeros((n, 1))], [-C, np.zeros((1, 1))]])
     entry = np.vstack([B, [[0.0]]])
     poles = [-abs(p) if abs(p) > slope else -slope for p in np.linalg.eigvals(A)]
+    # Behind a zero that is slower, no other pole keeps a step from overshooting by far.
+    slow = sorted(z.real for z in zeros(loop) if -slope < z.real < 0.0 and not z.imag)
+    for z in slow[: poles.count(-slope) - 1]:
+        poles[poles.index(-slope)] = z
     size = np.append(loop.linear.state_scales, loop.output_scale / slope)
     surface = _surface(joined, entry, sorted(poles)[:n], size, loop.actuators[0])
     kept = surface @ joined

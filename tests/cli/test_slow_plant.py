@@ -8,7 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from controllers.design import DESIGNS
+from controllers.plain.limits import settled_after
 from workbench.cli.main import WRONG_USE, run
+from workbench.linearisation import linearise
+from workbench.linearisation.pace import step_time, usual_sample_time
+from workbench.model import Input, Model, Output, State
+from workbench.operating_point import operating_point
+from workbench.verification import metrics, step_scenario, verify
 
 PLANT = """
 from workbench.model import Input, Model, Output, Parameter, State
@@ -95,3 +102,66 @@ def ball():
     (found,) = json.loads(capsys.readouterr().out)["runs"]
     assert found["metrics"]["settling_time"]["value"] > 0.2
     assert run([*words, "--require", "settling_time=10s", "--hold", "0.2s"]) == 1
+
+
+def greenhouse() -> Model:
+    """Air that is warm within minutes, above soil that takes half a day."""
+    return Model(
+        "greenhouse",
+        lambda m: (
+            {
+                "air": (m.u.heat - 600.0 * m.x.air - 900.0 * (m.x.air - m.x.soil)) / 4e5,
+                "soil": 900.0 * (m.x.air - m.x.soil) / 8e6,
+            },
+            {"air": m.x.air},
+        ),
+        states=(State("air", "K", 5.0), State("soil", "K", 5.0)),
+        inputs=(Input("heat", "W", 5e3, nominal=6e3, lower=0.0, upper=2e4),),
+        outputs=(Output("air", "K", 5.0, noise_rms=0.05),),
+    )
+
+
+def test_what_is_fast_on_a_slow_plant_is_sampled_as_fast_and_tried_no_longer() -> None:
+    linear = linearise(operating_point(greenhouse()), verdict=False)
+    assert step_time(linear) == 2e5
+    assert usual_sample_time(linear) == 200.0
+    h = usual_sample_time(linear, ["air"])
+    assert 0.01 < h * 1500.0 / 4e5 < 0.1
+    design = DESIGNS.get("plain-sliding-mode")
+    law = design.controller(linear, design.specified({"sample_time": h}))
+    # The soil is a zero, slower than the loop.
+    assert settled_after(law, linear, {"air": 5.0}) < 1000.0
+
+
+def test_a_fast_loop_of_a_slow_plant_is_run_no_longer_than_it_needs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lossless = PLANT.replace("2.0, lower=0.1", "0.02, lower=0.001").replace(
+        "lower=0.0", "lower=-1.0"
+    )
+    (tmp_path / "ovens.py").write_text(lossless)
+    monkeypatch.chdir(tmp_path)
+    # The oven alone takes 9 d to settle; all of its power heats or cools it within 6 min.
+    words = ["verify", "--plant", "ovens:oven", "-c", "lqi", "--from", "20K", "--to", "40K"]
+    assert run([*words, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert 300.0 < told["runs"][0]["metrics"]["settling_time"]["value"] < 1500.0
+    assert told["work"]["integrator_steps"] < 20000
+
+
+def test_a_heater_that_rests_near_its_end_is_as_fast_as_its_power() -> None:
+    oven = Model(
+        "oven",
+        lambda m: ({"rise": (300.0 * m.u.duty - 0.02 * m.x.rise) / 5e3}, {"rise": m.x.rise}),
+        states=(State("rise", "K", 50.0),),
+        inputs=(Input("duty", "1", lower=0.0, upper=1.0),),
+        outputs=(Output("rise", "K", 50.0, noise_rms=0.05),),
+    )
+    linear = linearise(operating_point(oven, {"rise": 20.0}), verdict=False)
+    h = usual_sample_time(linear, ["rise"])
+    design = DESIGNS.get("plain-pid")
+    law = design.controller(linear, design.specified({"sample_time": h}))
+    warmer = step_scenario("rise", 20.0, 40.0, hold=5000.0, sample_time=h)
+    found = metrics(verify(law, oven, warmer))
+    # 20 K take 333 s at all of the power. What overshoots cools for hours.
+    assert found["settling_time"].value < 600.0 and found["overshoot"].value < 0.02

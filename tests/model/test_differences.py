@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from controllers.plain.transfer_law import PlainPIDSpecification, design_plain_pid
@@ -42,6 +44,8 @@ def test_a_difference_is_read_without_the_zero() -> None:
     assert noise_of(house(), {"room": 0.2}) == {"room": pytest.approx(0.2)}
     assert Requirement("steady_error", 0.1, "degC").unit == "K"
     assert Requirement("highest", 25.0, "degC").unit == "degC"
+    assert Requirement("steady_error", 1.8, "degF").unit == "Δ°F"
+    assert parse_unit("Δ°F").factor == pytest.approx(5.0 / 9.0)
 
 
 def test_metrics_of_a_temperature() -> None:
@@ -55,6 +59,9 @@ def test_metrics_of_a_temperature() -> None:
     assert set(run["outside"]) == {278.15}
     found = metrics(run)
     assert found["rmse"].shown()[1] == "K" and 0.0 < found["rmse"].shown()[0] < 2.0
+    fahrenheit = replace(plant.outputs[0], display_unit="degF")
+    shown = metrics(verify(law, replace(plant, outputs=(fahrenheit,)), scenario))["rmse"].shown()
+    assert shown == (pytest.approx(1.8 * found["rmse"].shown()[0]), "Δ°F")
     assert found["highest"].shown()[1] == "degC" and 21.0 < found["highest"].shown()[0] < 25.0
 
 

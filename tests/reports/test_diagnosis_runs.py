@@ -70,6 +70,6 @@ def test_the_zero_of_a_scale_has_no_part_in_an_error() -> None:
     run = FreeRun("a", ("air",), ("K",), np.arange(20.0), seen, seen - 5.0)
     assert as_read(model, run).measured[0] == pytest.approx([68.0])
     error = as_read(model, run, errors=True)
-    assert error.rmse["air"] == pytest.approx(5.0)
+    assert error.rmse["air"] == pytest.approx(9.0)
     (axes,) = diagnosis_residuals(error, sizes_as_read(model, {"air": 0.05})).axes
-    assert axes.get_ylabel() == "error of air in K"
+    assert axes.get_ylabel() == "error of air in Δ°F"

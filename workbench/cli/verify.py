@@ -270,7 +270,7 @@ def step_of(
     held = shown if hold is None else quantity("time", hold, "s")
     check_range("time between the steps", held, *TIMES_S, "s")
     step = (
-        _stated(base, controllers) or usual_sample_time(linear)
+        _stated(base, controllers) or usual_sample_time(linear, controlled)
         if sample_time is None
         else quantity("sample time", sample_time, "s")
     )
@@ -303,7 +303,11 @@ def step_of(
 
 
 def settling(recipes: Sequence[ControllerRecipe], linear: LinearModel, scenario: Scenario) -> float:
-    """Return the time between steps, in s, that the slowest loop needs; 0 if they have it."""
+    """Return the time between steps, in s, that the slowest loop needs; 0 if they have it.
+
+    It is twice what that loop takes to settle, or five times that where this is less than they
+    have, as of fast loops of slow plants: a step that a command's end slows down still shows.
+    """
     from controllers.plain.limits import settled_after
     from controllers.plain.loop import PlainLaw
     from workbench.linearisation.pace import rounded_up
@@ -311,16 +315,21 @@ def settling(recipes: Sequence[ControllerRecipe], linear: LinearModel, scenario:
     changes = {name: signal.changes for name, signal in scenario.references.items()}
     steps = {name: own[0][2] - own[0][1] for name, own in changes.items() if own}
     times = [change[0] for own in changes.values() for change in own]
-    long = 0.0
+    usual = max(times, default=0.0) - min(times, default=0.0)
+    long, all_told = 0.0, True
     for recipe in recipes:
+        told = False
         # One that cannot be built is a run that failed.
         with suppress(WorkbenchError):
             law: Any = recipe.build()
             told = hasattr(law, "around_rest") and not recipe.kind().sensors
-            if told or isinstance(law, PlainLaw):
+            if told := told or isinstance(law, PlainLaw):
                 long = max(long, settled_after(law, linear, steps))
-    held = rounded_up(2.0 * long) if long else 0.0
-    return held if held > max(times, default=0.0) - min(times, default=0.0) else 0.0
+        all_told = all_told and told
+    least, enough = (rounded_up(share * long) if long else usual for share in (2.0, 5.0))
+    if least > usual:
+        return least
+    return enough if all_told and enough < usual else 0.0
 
 
 def _reached(

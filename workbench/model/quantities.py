@@ -249,9 +249,9 @@ def declared_unit(
         >>> declared_unit("oven", "K", of), declared_unit("heat.command", "W", of)
         ('degF', 'kW')
         >>> declared_unit("oven.reading", "K", of, difference=True), declared_unit("pump", "W", of)
-        ('K', 'kW')
+        ('Δ°F', 'kW')
         >>> declared_unit("rate of oven", "K/s", of)
-        'K/s'
+        'Δ°F/s'
     """
     own = name.removeprefix("rate of ").partition(".")[0]
     for q in quantities:

@@ -74,6 +74,9 @@ _PREFIXES = {
 }  # fmt: skip
 
 # What a prefix and a unit would give is overruled by what has the name: min, h, cd, kn, ft.
+_FAHRENHEIT = "Δ°F"
+"""A difference by the scale of Fahrenheit."""
+
 _SYMBOLS: dict[str, tuple[float, Dimensions]] = {
     **{f"{p}{u}": (by * size, d) for p, by in _PREFIXES.items() for u, (size, d) in
        _PREFIXABLE.items()},
@@ -90,7 +93,7 @@ _SYMBOLS: dict[str, tuple[float, Dimensions]] = {
     "rpm": (2 * math.pi / 60, _dim(s=-1, rad=1)),
     # In a compound unit, a degree of a scale is a difference.
     **dict.fromkeys(("degC", "°C"), (1.0, _dim(K=1))),
-    **dict.fromkeys(("degF", "°F"), (5 / 9, _dim(K=1))),
+    **dict.fromkeys(("degF", "°F", _FAHRENHEIT), (5 / 9, _dim(K=1))),
     "Ncm": (1e-2, _J),
     "Nmm": (1e-3, _J),
     "psi": (6894.757293168361, _PA),
@@ -141,8 +144,8 @@ _SPELLINGS = {
 }  # fmt: skip
 """How loggers and people spell units."""
 
-_WORD = re.compile(r"[A-Za-zµΩ°%]+")
-_TOKEN = re.compile(r"\s*([()/*·]|\^?[-+−]?\d+(?:\.\d+)?|[²³⁻¹]+|(?:cm|mm|in)H2O|[A-Za-zµΩ°%]+|-)")
+_WORD = re.compile(r"[A-Za-zµΩΔ°%]+")
+_TOKEN = re.compile(r"\s*([()/*·]|\^?[-+−]?\d+(?:\.\d+)?|[²³⁻¹]+|(?:cm|mm|in)H2O|[A-Za-zµΩΔ°%]+|-)")
 _SUPERSCRIPTS = str.maketrans("²³⁻¹−", "23-1-")
 _SCALES = {
     **dict.fromkeys(("degC", "°C", "celsius"), (1.0, 273.15)),
@@ -347,13 +350,16 @@ _EXAMPLES = {"deg": "30", "kg": "3", "bar": "3", "s": "5", "V": "5.5"}
 
 
 def of_difference(unit: str) -> str:
-    """Return the unit of a difference: where a unit has a zero of its own, K.
+    """Return the unit of a difference: where a unit has a zero of its own, its degree without it.
 
     Example:
-        >>> of_difference("degC"), of_difference("deg")
-        ('K', 'deg')
+        >>> of_difference("degC"), of_difference("degF"), of_difference("deg")
+        ('K', 'Δ°F', 'deg')
     """
-    return "K" if parse_unit(unit).offset else unit
+    parsed = parse_unit(unit)
+    if not parsed.offset:
+        return unit
+    return "K" if parsed.factor == 1.0 else _FAHRENHEIT
 
 
 def quantity(name: str, given: object, unit: str, *, difference: bool = False) -> float:

@@ -51,7 +51,7 @@ def starter_notebook(begin: Beginning) -> str:
         changes=_changes(recipe),
         at=", ".join(f"{name!r}: {_si(model, name, v)}" for name, v in begin.at.items()),
         controlled=controlled[0],
-        specified=_specified(model, linear, controlled, usual_sample_time(linear)),
+        specified=_specified(model, linear, controlled, usual_sample_time(linear, controlled)),
         steps=_steps(begin, linear, controlled, time / 4),
         time=time,
     )
