@@ -278,6 +278,9 @@ def design(linear, specification):
 """
 
 
+SEEN_FIRST = ("settling time", "overshoot", "steady error")
+
+
 def test_two_outputs_step_together_by_two_inputs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -289,6 +292,9 @@ def test_two_outputs_step_together_by_two_inputs(
     assert run([*step, "-c", "laws:design", "--out", "both"]) == 0
     page = Path("both/report.html").read_text(encoding="utf-8")
     assert all(f"{name}, error and command over time" in page for name in ("level", "warmth"))
+    # Nothing is required: the first screen tells what a reader looks for.
+    first = page.split("</section>")[0]
+    assert all(f"{name}.{what}" in first for name in ("level", "warmth") for what in SEEN_FIRST)
     (record,) = json.loads(capsys.readouterr().out)["runs"]
     for name, size in (("level", 0.1), ("warmth", 0.2)):
         assert record["metrics"][f"{name}.highest"]["value"] == pytest.approx(size, rel=0.3)

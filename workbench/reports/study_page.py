@@ -36,6 +36,9 @@ from workbench.verification import Metrics
 from workbench.verification.metrics import columns, labels_of
 from workbench.work.counted import in_words
 
+_FIRST = 3
+"""Metrics of each output on the first screen where nothing is required."""
+
 
 def study_page(outcome: StudyResult, *, command: str = "") -> Page:
     """Build the page of a study."""
@@ -83,7 +86,8 @@ def _first(
     drawn = next((b for s in scenarios for b in s.blocks if isinstance(b, Picture)), None)
     # A picture stands on the page once.
     rest = [replace(s, blocks=tuple(b for b in s.blocks if b is not drawn)) for s in scenarios]
-    return (_scores(outcome), *([drawn] if drawn is not None else [])), rest
+    told = _scores(outcome) if outcome.judgements else _unjudged(outcome)
+    return (told, *([drawn] if drawn is not None else [])), rest
 
 
 def _own_figures(outcome: StudyResult) -> tuple[list[Figure], list[Section]]:
@@ -125,10 +129,6 @@ def _scores(outcome: StudyResult) -> Table:
             box = boxes.get(s.controller)
             row.append(score_cell(box.worst_score, capped=True) if box else "–")
         rows.append(tuple(row))
-    if not outcome.judgements:
-        return Table(
-            "Scores", tuple(head), tuple(rows), "No requirement, so that there is no score."
-        )
     return Table(
         "Scores",
         tuple(head),
@@ -141,6 +141,15 @@ def _scores(outcome: StudyResult) -> Table:
             else " The box of plants informs and does not fail this study."
         ),
     )
+
+
+def _unjudged(outcome: StudyResult) -> Table:
+    """Return what a reader looks for first where nothing is required: the first metrics."""
+    name, case = next(iter(outcome.study.scenarios)), next(iter(outcome.study.cases.values()))
+    table = _nominal(outcome, name, case, _measured(outcome, name, case), columns("page")[:_FIRST])
+    turned = tuple(zip(table.headings, *table.rows, strict=True))
+    head = tuple(str(cell) for cell in turned[0])
+    return Table("Metrics", head, turned[1:], "Nothing is required, so that there is no score.")
 
 
 def _verdict(outcome: StudyResult) -> Section:
@@ -226,9 +235,7 @@ def _scenario(outcome: StudyResult, name: str, index: int, figures: Sequence[Fig
     blocks: list[Block] = []
     for i, case in enumerate(study.cases.values()):
         records = {c: outcome.record(c, name, case.name) for c in case.controllers}
-        measured: dict[tuple[str, ...], Metrics] = {
-            (c,): r.metrics for c, r in records.items() if r is not None and r.metrics is not None
-        }
+        measured = _measured(outcome, name, case)
         suffix = f"{index}-{i + 1}" if case.name else str(index)
         for figure in figures:
             blocks += figure.blocks(outcome, name, case.name, suffix)
@@ -241,8 +248,18 @@ def _scenario(outcome: StudyResult, name: str, index: int, figures: Sequence[Fig
     return Section(f"scenario-{index}", f"Scenario {name}", tuple(blocks))
 
 
+def _measured(outcome: StudyResult, name: str, case: Case) -> dict[tuple[str, ...], Metrics]:
+    """Return the metrics of each controller in a scenario on the nominal plant."""
+    records = {c: outcome.record(c, name, case.name) for c in case.controllers}
+    return {(c,): r.metrics for c, r in records.items() if r is not None and r.metrics is not None}
+
+
 def _nominal(
-    outcome: StudyResult, name: str, case: Case, measured: dict[tuple[str, ...], Metrics]
+    outcome: StudyResult,
+    name: str,
+    case: Case,
+    measured: dict[tuple[str, ...], Metrics],
+    wanted: Sequence[str] = (),
 ) -> Table:
     study, nominal = outcome.study, outcome.study.nominal(case.name)
     limits = [
@@ -261,7 +278,7 @@ def _nominal(
     shown = [
         c
         for c in labels_of(
-            (*columns("page"), *(m.name for m in study.metrics)),
+            wanted or (*columns("page"), *(m.name for m in study.metrics)),
             (label for m in measured.values() for label in m),
         )
         if any(c in m and not math.isnan(m[c].value) for m in measured.values())

@@ -30,6 +30,9 @@ from workbench.verification.responses import Value
 
 _ORDER = count()
 
+_PART = 0.1
+"""Part of a run by whose length times measured of it are shown: in s, h or ms."""
+
 
 class Tolerance(NamedTuple):
     """How a metric is compared with that of a baseline.
@@ -225,7 +228,8 @@ def metrics(run: Run, own: Iterable[Metric] = ()) -> Metrics:
     stepped = stepped or list(run.controlled)
     outputs = {q.name: (q.unit, q.display_unit) for q in run.output_quantities}
     commands = {q.name: (q.unit, q.display_unit) for q in run.input_quantities if q.commanded}
-    pace = time_unit(float(run.time[-1] - run.time[0]))[0]
+    # What is measured of a run, such as a settling time, is a part of it.
+    pace = time_unit(_PART * float(run.time[-1] - run.time[0]))[0]
     paced = {"s": pace, "{unit} s": f"{{unit}} {pace}"}
     for metric in known_metrics(own):
         if not has.get(metric.needs, True) or not metric.fits(signals):
