@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 from tests.diagnosis.example_diagnosis import example_diagnosis
 from workbench.diagnosis.conclude import conclude
+from workbench.diagnosis.selection.held_out import explained
 from workbench.diagnosis.selection.weights import Compared
 from workbench.diagnosis.verdict import SCHEMA, Finding, Value, Verdict
 from workbench.plants.servo_axis import servo_axis
@@ -51,6 +53,25 @@ def test_verdict_reads_back_from_json() -> None:
     assert finding["parameters"] == {"break_away": {"value": 25.0, "unit": "N", "std": 0.5}}
     assert finding["excess_explained"] == 0.97 and finding["p_value"] == 1e-9
     assert data["fit"]["units"] == {"position": "m"}
+
+
+def test_columns_of_a_verdict_stand_apart() -> None:
+    errors = dict.fromkeys(("position", "temperature_of_the_stack"), 0.5)
+    units = {"position": "m", "temperature_of_the_stack": "K"}
+    text = str(replace(_verdict(), fit={"refitted": errors}, units=units))
+    assert re.search(r"position in mm {2,}temperature_of_the_stack in K\n", text)
+
+
+def test_an_output_at_its_noise_has_no_say_in_what_was_explained() -> None:
+    noise = {"voltage": 0.051, "temperature": 0.1085}
+    before = {"voltage": 0.36, "temperature": 0.114}
+    after = {"voltage": 0.108, "temperature": 0.12}
+    found = explained({"noise_floor": noise, "refitted": before, "extended": after})
+    assert found == pytest.approx(0.75, abs=0.03)
+    # Two that are as far off count alike, whatever their units.
+    even = {"noise_floor": noise, "refitted": {k: 7.0 * v for k, v in noise.items()}}
+    even["extended"] = {"voltage": 0.051, "temperature": even["refitted"]["temperature"]}
+    assert explained(even) == pytest.approx(0.5)
 
 
 def test_a_name_is_doubted_where_most_is_missing_still() -> None:

@@ -229,12 +229,13 @@ class Verdict(Shown):
         if self.fit:
             shown = {q.name: of_difference(q.display_unit) for q in self.model.outputs}
             units = {n: shown.get(n, unit) for n, unit in self.units.items()}
-            heads = (f"{n} in {written_unit(u)}" if u != "1" else n for n, u in units.items())
-            lines.append("  held-out rms " + "".join(f"{head:>20}" for head in heads))
+            heads = {n: f"{n} in {written_unit(u)}" if u != "1" else n for n, u in units.items()}
+            wide = max(20, *(2 + len(head) for head in heads.values()))
+            lines.append("  held-out rms " + "".join(f"{head:>{wide}}" for head in heads.values()))
             lines += [
                 f"    {label:<11}"
                 + "".join(
-                    f"{errors.get(n, math.nan) / parse_unit(u).factor:>20.4g}"
+                    f"{errors.get(n, math.nan) / parse_unit(u).factor:>{wide}.4g}"
                     for n, u in units.items()
                 )
                 for label, errors in self.fit.items()

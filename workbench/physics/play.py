@@ -10,9 +10,9 @@ from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression, maximum
 from workbench.model.units import same_dimension
 from workbench.physics.hysteresis import elastoplastic_rate
-from workbench.physics.law import Law, by_port, each, floor, sensors, shape, size
+from workbench.physics.law import Law, Own, by_port, each, floor, sensors, shape, size
 from workbench.physics.offset_gain import sensor_error
-from workbench.physics.place import COORDINATES, EFFORTS
+from workbench.physics.place import COORDINATES, EFFORTS, Place
 
 play = Law(
     "play",
@@ -118,33 +118,51 @@ sensor_play = replace(
 )
 
 
+_ENDS = 0.05
+"""Last part of the slack, over half of it, in which what it joins begins to meet."""
+
+
 def _slack_taken(at: PortView) -> Expression:
     x, w = ca.SX(at.signals.coordinate), at.p.half_width
     # The clipped place, written so that its derivative by w at w = 0 is the sign of x.
     inside = 0.5 * (_magnitude(x + w) - _magnitude(x - w))
     symbol = ca.symvar(x)[0]
     slope = ca.jacobian(ca.SX(at.value), symbol) / ca.jacobian(x, symbol)
-    return at.value - slope * inside
+    free = ca.fmin(ca.fmax((w - _magnitude(x)) / (_ENDS * w + at.p.floor), 0.0), 1.0)
+    return at.value - slope * inside - at.p.parted * free * _damping(at)
+
+
+def _damping(at: PortView) -> Expression:
+    """Return what two bodies pass on for the speed of one over the other."""
+    speed = ca.SX(at.signals.speed)
+    symbol = ca.symvar(speed)[0]
+    return speed * ca.jacobian(ca.SX(at.value), symbol) / ca.jacobian(speed, symbol)
+
+
+def _parted(at: Place) -> Own:
+    """Return 1 where two bodies meet, which within the slack pass on nothing at all."""
+    return shape("parted", "1", 1.0 if at.speed.minus else 0.0,
+                 "1 where what damps lies behind the slack too", around=None, between=(0.0, 1.0),
+                 source="", fitted=False)  # fmt: skip
 
 
 elastic_play = Law(
     "elastic_play",
-    "T = T(x - clip(x, -w, w))",
-    each(*EFFORTS, needs=("coordinate",), only=lambda at: at.elastic),
+    "T = T(x - clip(x, -w, w)), without its damping where |x| < w",
+    each(*EFFORTS, needs=("coordinate", "speed"), only=lambda at: at.elastic),
     lambda at: (
         size("half_width", at.coordinate.unit, 0.05 * at.coordinate.scale,
              5.0 * at.coordinate.scale, "half of the slack"),
+        shape("floor", at.coordinate.unit, 1e-3 * at.coordinate.scale, "motion in which they meet",
+              around=(1.0, 1.0), source="", fitted=False),
+        _parted(at),
     ),
     _slack_taken,
     family="backlash",
-    source="slack in series with a spring; dead zone of its deflection",
+    source="M. Nordin and P.-O. Gutman 2002: slack in series with spring and damper",
     look_alikes=("cubic_stiffness", "polynomial_stiffness", "linear_spring"),
     separated_by="small deflections to both sides: within the slack there is no force",
 )  # fmt: skip
-
-
-_ENDS = 0.05
-"""Last part of the slack, over half of it, in which a follower is set in motion."""
 
 
 def _taken_up(at: PortView) -> Expression:

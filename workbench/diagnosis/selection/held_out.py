@@ -304,17 +304,21 @@ def explained(
             noise of the sensors if none is given.
 
     Returns:
-        The share, the mean over the outputs, 0 to 1, dimensionless; NaN if a run failed.
+        The share, the mean over the outputs, 0 to 1, dimensionless; NaN if a run failed. An output
+        counts by the part of its error that is beyond the noise: of one at its noise nothing can be
+        explained.
     """
-    shares = []
+    removed, beyond = 0.0, 0.0
     for output, noise in fit["noise_floor"].items():
         before, after = (
             fit[label][output] ** 2 - ((floors or {}).get(label, {}).get(output, noise)) ** 2
             for label in ("refitted", "extended")
         )
         if math.isfinite(before) and before > 0:
-            shares.append(1.0 - max(after, 0.0) / before)
-    return float(np.clip(np.mean(shares), 0.0, 1.0)) if shares else math.nan
+            whole = fit["refitted"][output] ** 2
+            removed += (before - max(after, 0.0)) / whole
+            beyond += before / whole
+    return float(np.clip(removed / beyond, 0.0, 1.0)) if beyond else math.nan
 
 
 def _rms(values: Sequence[float]) -> float:
