@@ -7,7 +7,8 @@ bandwidth v of an inner loop, and a delay of sample, converter and spool (first-
     dc/dt   = v (u delayed - c) - e b dx/dt     c acceleration from the pressure difference
 
 The controller u = K y reads y = n - x, with n a change of the reference or an error of the sensor.
-For n and d of size 1 in their scales, the H-infinity norm gamma from (n, d) to the three weighted
+What is measured and not followed is read too, with errors of a size of its own. For n and d of size
+1 in their scales, the H-infinity norm gamma from (n, d) to the three weighted
 signals is made least:
 
     z1 = W1 (n - x),   W1 = (s / M + w) / (s + f w)         performance: |S| below 1 / |W1|
@@ -57,6 +58,7 @@ class Weights(Checked):
         complementary_floor: Wanted |T| at high frequency, f', a ratio.
         disturbance: Disturbing acceleration that weighs as much as a change of the reference, in
             w^2 per rad.
+        beside: Error of a measurement that nobody follows, over a change of a reference, a ratio.
     """
 
     speed: float
@@ -67,6 +69,7 @@ class Weights(Checked):
     complementary_peak: float = number(1.6, 1.0, 10.0, words="peak of the robustness weight")
     complementary_floor: float = number(0.1, 1e-6, 0.5, words="floor of the robustness weight")
     disturbance: float = number(0.3, 1e-6, 1e3, words="size of the disturbance")
+    beside: float = number(0.1, 1e-6, 1e3, words="error of a further measurement")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -111,14 +114,22 @@ class Synthesis(NamedTuple):
 
 
 def synthesise(
-    plant: System, weights: Weights, *, tolerance: float = 0.03, sample_time: float = 0.002
+    plant: System,
+    weights: Weights,
+    *,
+    followed: int | None = None,
+    tolerance: float = 0.03,
+    closely: float = 1e-8,
+    sample_time: float = 0.002,
 ) -> Synthesis:
     """Synthesise the controller of least weighted norm, reduce its order and sample it.
 
     Args:
         plant: From (disturbances, commands) to the outputs, no direct path; about as large as a
             double integrator at the speed of the weights.
+        followed: How many outputs are led to references, the first; all by default.
         tolerance: How much larger the norm may become by the reduction, a fraction.
+        closely: How closely the least norm is found, as a fraction of it.
         sample_time: Time between samples, in s.
 
     Raises:
@@ -127,17 +138,17 @@ def synthesise(
     """
     require_slycot()
     h = sample_time
-    generalised = generalised_plant(plant, weights)
+    generalised = generalised_plant(plant, weights, followed)
     try:
         ways = plant[1].shape[1] // 2, len(plant[2])
-        gamma, least = _least(generalised, ways)
+        gamma, least = _least(generalised, ways, closely)
         enough = (1.0 + tolerance) * gamma
         # At the least norm the controller has poles towards infinity, and rounding decides on them;
         # a little above it they are finite.
         for back_off in (0.0, 0.01, 0.02, 0.05, 0.1, 0.2):
             above = (1.0 + back_off) * gamma
             whole = least if back_off == 0.0 else _central(generalised, ways, above)
-            found, norm = _reduced(whole, plant, weights, enough, 2.0 / h)
+            found, norm = _reduced(whole, generalised, weights, enough, 2.0 / h)
             if norm <= enough:
                 break
         else:
@@ -192,35 +203,43 @@ def joint_behind_pressure_loop(joint: JointModel, inner_bandwidth: float, delay:
     return A, B, np.array([[1.0, 0.0, 0.0, 0.0]]), np.zeros((1, 2))
 
 
-def generalised_plant(plant: System, weights: Weights) -> System:
-    """Join plant and weights, one for each output: from (n, d, u) to (z1, z2, z3, y)."""
+def generalised_plant(plant: System, weights: Weights, followed: int | None = None) -> System:
+    """Join plant and weights, one for each followed output: from (n, d, u) to (z1, z2, z3, y).
+
+    Measurements behind the followed ones have errors of their own, behind d.
+    """
     A, B, C, _ = plant
-    (p, n), m = C.shape, B.shape[1] // 2
-    one, square = np.eye(p), np.zeros((p, p))
+    (sensors, n), m = C.shape, B.shape[1] // 2
+    p = sensors if followed is None else followed
+    first, others = C[:p], sensors - p
+    one, square, none = np.eye(p), np.zeros((p, p)), np.zeros((others, p))
     a1, b1, c1, d1 = (part[0, 0] * one for part in weights.performance())
     a3, b3, c3, d3 = (part[0, 0] * one for part in weights.robustness())
-    whole = np.block([[A, np.zeros((n, 2 * p))], [-b1 @ C, a1, square], [b3 @ C, square, a3]])
-    entries = np.zeros((n + 2 * p, p + 2 * m))
+    whole = np.block(
+        [[A, np.zeros((n, 2 * p))], [-b1 @ first, a1, square], [b3 @ first, square, a3]]
+    )
+    entries = np.zeros((n + 2 * p, sensors + 2 * m))
     entries[n : n + p, :p] = b1
-    entries[:n, p:] = B
-    entries[:n, p : p + m] *= weights.disturbance * weights.speed**2
+    entries[:n, p : p + m] = B[:, :m] * weights.disturbance * weights.speed**2
+    entries[:n, sensors + m :] = B[:, m:]
     outputs = np.vstack(
         [
-            np.hstack([-d1 @ C, c1, square]),
+            np.hstack([-d1 @ first, c1, square]),
             np.zeros((m, n + 2 * p)),
-            np.hstack([d3 @ C, square, c3]),
-            np.hstack([-C, square, square]),
+            np.hstack([d3 @ first, square, c3]),
+            np.hstack([-first, square, square]),
+            np.hstack([-C[p:], none, none]),
         ]
     )
-    direct = np.zeros((3 * p + m, p + 2 * m))
-    direct[:p, :p], direct[2 * p + m :, :p] = d1, one
-    direct[p : p + m, p + m :] = weights.input_weight() * np.eye(m)
+    direct = np.zeros((2 * p + m + sensors, sensors + 2 * m))
+    direct[:p, :p], direct[2 * p + m : 3 * p + m, :p] = d1, one
+    direct[p : p + m, sensors + m :] = weights.input_weight() * np.eye(m)
+    direct[3 * p + m :, p + m : sensors + m] = weights.beside * np.eye(others)
     return whole, entries, outputs, direct
 
 
-def closed_loop_norm(plant: System, weights: Weights, controller: System) -> float:
+def _norm(generalised: System, weights: Weights, controller: System) -> float:
     """Compute the norm from (n, d) to (z1, z2, z3), a ratio, on a grid; infinite if not stable."""
-    generalised = generalised_plant(plant, weights)
     (_, B, C, D), (_, b, c, d) = generalised, controller
     z, w = len(C) - d.shape[1], B.shape[1] - d.shape[0]
     Bw, Bu, Cz, Cy = B[:, :w], B[:, w:], C[:z], C[z:]
@@ -237,26 +256,26 @@ def closed_loop_norm(plant: System, weights: Weights, controller: System) -> flo
 
 
 def _reduced(
-    whole: System, plant: System, weights: Weights, enough: float, fastest: float
+    whole: System, generalised: System, weights: Weights, enough: float, fastest: float
 ) -> tuple[System, float]:
     """Return the controller of least order whose norm is enough, else the largest; and its norm."""
     slow = _without_fast_poles(whole, fastest)
     for order in range(1, len(slow[0])):
         found = _truncated(slow, order)
-        norm = closed_loop_norm(plant, weights, found)
+        norm = _norm(generalised, weights, found)
         if norm <= enough:
             return found, norm
-    return slow, closed_loop_norm(plant, weights, slow)
+    return slow, _norm(generalised, weights, slow)
 
 
-def _least(generalised: System, ways: tuple[int, int]) -> tuple[float, System]:
+def _least(generalised: System, ways: tuple[int, int], closely: float) -> tuple[float, System]:
     """Return the least norm, a ratio, with which a controller is found, and that controller.
 
     Raises:
         ArithmeticError: If there is none.
     """
     low, high, found = 0.0, 1.0, None
-    while found is None or high - low > LEAST * high:
+    while found is None or high - low > closely * high:
         tried = high if found is None else 0.5 * (low + high)
         try:
             found, high = _central(generalised, ways, tried), tried
@@ -267,8 +286,8 @@ def _least(generalised: System, ways: tuple[int, int]) -> tuple[float, System]:
     return high, found
 
 
-LEAST, LARGEST = 1e-8, 1e9
-"""How closely the least norm is found, as a fraction of it, and the largest that is looked for."""
+LARGEST = 1e9
+"""Largest norm that is looked for."""
 
 
 def _central(generalised: System, ways: tuple[int, int], gamma: float) -> System:

@@ -16,18 +16,19 @@ import numpy as np
 
 from controllers.design import Design
 from controllers.h_infinity.synthesis import Weights, synthesise
-from controllers.plain.limits import LoopLimits
-from controllers.plain.loop import Loop, LoopSpecification
+from controllers.plain.limits import LoopLimits, ReadingSpecification
+from controllers.plain.loop import Loop
 from controllers.plain.state_feedback import reachable_speed
 from controllers.plain.transfer_law import TransferLaw, sampled_controller
 from workbench.errors import NumericalError, WorkbenchError, check_range
+from workbench.linearisation.transfer import transfer_function
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
 
 
 @dataclass(frozen=True)
-class PlainHInfinitySpecification(LoopSpecification):
+class PlainHInfinitySpecification(ReadingSpecification):
     """What an H-infinity controller for any linear model is designed for.
 
     Args:
@@ -58,8 +59,11 @@ def design_plain_h_infinity(
         WorkbenchError: If slycot is not installed, or there is no such controller.
     """
     want = specification or PlainHInfinitySpecification()
-    loop = want.loop(linear)
-    limits, family = LoopLimits(loop, want), "an H-infinity controller"
+    return want.designed(linear, partial(_within, want))
+
+
+def _within(want: PlainHInfinitySpecification, limits: LoopLimits) -> TransferLaw:
+    loop, family = limits.loop, "an H-infinity controller"
     without_lags: dict[TransferLaw, tuple[TransferLaw, float]] = {}
 
     def designed(speed: float, input_size: float) -> TransferLaw:
@@ -88,19 +92,29 @@ def _h_infinity(
     loop: Loop, want: PlainHInfinitySpecification, w: float, input_size: float
 ) -> TransferLaw:
     own, h = loop.linear, want.sample_time
-    read = np.linalg.norm(np.abs(loop.response([w])[0]) * loop.command_scale, axis=1)
+    seen = transfer_function(
+        own.A, own.B, loop.seen, np.zeros((len(loop.seen), own.B.shape[1])), [1j * w]
+    )
+    read = np.linalg.norm(np.abs(seen[0]) * loop.command_scale, axis=1)
     # Time counts in 1 / w and states in scales, so that no machine is too slow or too small for the
     # numbers. The commands pass a delay (first-order Pade); disturbances enter beside it.
     states = own.state_scales / np.exp(np.mean(np.log(loop.output_scale)))
     p = 2.0 / (w * (want.delay + 1.5 * h))
-    (n, m), outputs = own.B.shape, len(read)
+    (n, m), sensors = own.B.shape, len(read)
     B = own.B / states[:, None] * (loop.command_scale / w)
     one, nothing = p * np.eye(m), np.zeros((m, m))
     A = np.block([[own.A * states / states[:, None] / w, 2.0 * B], [np.zeros((m, n)), -one]])
     entries = np.block([[B, -B], [nothing, one]])
-    C = np.hstack([own.C * states / read[:, None], np.zeros((outputs, m))])
-    plant = A, entries, C, np.zeros((outputs, 2 * m))
-    found = synthesise(plant, Weights(1.0, input_size=input_size), tolerance=0.3, sample_time=h * w)
+    C = np.hstack([loop.seen * states / read[:, None], np.zeros((sensors, m))])
+    plant = A, entries, C, np.zeros((sensors, 2 * m))
+    found = synthesise(
+        plant,
+        Weights(1.0, input_size=input_size),
+        followed=len(loop.measured),
+        tolerance=0.3,
+        closely=0.03,
+        sample_time=h * w,
+    )
     by = loop.command_scale[:, None]
     law = found.A, found.B / read, by * found.C, by * found.D / read
     return sampled_controller(

@@ -50,17 +50,18 @@ if TYPE_CHECKING:
 class TransferLaw(PlainLaw):
     """A sampled linear controller with two degrees of freedom, and anti-windup.
 
-    All is in SI, with n states, m commands and p outputs.
+    All is in SI, with n states, m commands, p outputs that are followed, and s that are measured,
+    those first.
 
     Args:
         A: State matrix, shape (n, n), dimensionless.
         by_reference: Br, shape (n, p).
-        by_output: By, shape (n, p).
+        by_output: By, shape (n, s).
         C: To the commands, shape (m, n).
         reference_gain: Dr, shape (m, p).
-        output_gain: Dy, shape (m, p).
+        output_gain: Dy, shape (m, s).
         back: L, shape (n, m).
-        at_rest: States at rest per deviation of the outputs, shape (n, p).
+        at_rest: States at rest per deviation of the followed outputs, shape (n, p).
     """
 
     A: Rows
@@ -74,12 +75,12 @@ class TransferLaw(PlainLaw):
 
     def behind_lags(self, speed: Sequence[float]) -> TransferLaw:
         """Return the law with each reference behind two lags of a speed, in rad/s."""
-        n, p = len(self.A), len(self.sensors)
+        n, p = len(self.A), len(self.controlled)
         fresh = np.diag(np.minimum(np.array(speed) * self.sample_time, 1.0))
         A, one, k = np.zeros((n + 2 * p, n + 2 * p)), np.eye(p), n + p
         A[:n, :n], A[:n, k:] = self.A, self.by_reference
         A[n:k, n:k], A[k:, n:k], A[k:, k:] = one - fresh, fresh, one - fresh
-        none = np.zeros((2 * p, p))
+        none = np.zeros((2 * p, len(self.sensors)))
         return replace(
             self,
             A=rows(A),
@@ -93,7 +94,7 @@ class TransferLaw(PlainLaw):
 
     def initial_state(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> TransferState:
         """Return the state of a loop at rest where it is measured."""
-        y = self.deviations(measurement)
+        y = self.deviations(measurement)[: len(self.controlled)]
         return TransferState(product(self.at_rest, y), *self.kept(y, self.rest))
 
     def law(
@@ -325,6 +326,8 @@ def sampled_controller(
 ) -> TransferLaw:
     """Return a controller from errors to commands given by sampled matrices A, B, C and D, in SI.
 
+    What is measured and not followed has a reference of 0.
+
     Args:
         ends: As `Loop.ends`, in SI.
         tracking_time: Time constant Tt of the anti-windup, in s.
@@ -333,15 +336,16 @@ def sampled_controller(
     if not len(A):
         # A gain: one state that nothing enters keeps the form of the law.
         A, B, C = np.zeros((1, 1)), np.zeros((1, D.shape[1])), np.zeros((len(D), 1))
+    p = len(ends["controlled"])
     return TransferLaw(
         A=rows(A),
-        by_reference=rows(B),
+        by_reference=rows(B[:, :p]),
         by_output=rows(B),
         C=rows(C),
-        reference_gain=rows(D),
+        reference_gain=rows(D[:, :p]),
         output_gain=rows(D),
         back=rows(anti_windup(A, C, math.exp(-sample_time / tracking_time))),
-        at_rest=rows(np.zeros_like(B)),
+        at_rest=rows(np.zeros((len(A), p))),
         sample_time=sample_time,
         name=name,
         **ends,

@@ -36,18 +36,23 @@ def pendulum() -> Any:
     return ct.ss(A, B, C, 0, inputs="force", outputs=["cart", "angle"], name="pendulum")
 
 
-@pytest.mark.parametrize("name", ["lqi", "plain-mpc", "plain-sliding-mode"])
-def test_a_pendulum_on_a_cart_is_held_by_both_its_sensors(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "long"),
+    [("lqi", 3.0), ("plain-h-infinity", 8.0), ("plain-mpc", 3.0), ("plain-sliding-mode", 3.0)],
+)
+def test_a_pendulum_on_a_cart_is_held_by_both_its_sensors(
+    name: str, long: float, tmp_path: Path
+) -> None:
     linear = linear_model(pendulum(), limits={"force": (-20.0, 20.0)})
     design = DESIGNS.get(name)
     law = design.controller(linear, design.specified({"sample_time": H}))
     assert (law.sensors, law.controlled) == (("cart", "angle"), ("cart",))
     at_command = next(found for found in analyse_loop(law, linear) if found.command)
     assert at_command.stable and at_command.sensitivity < 2.0
-    run = verify(law, linear, step_scenario("cart", 0.0, 0.2, hold=5.0, sample_time=H))
-    late = np.abs(run["cart"] - 0.2)[run.time > 3.0]
+    run = verify(law, linear, step_scenario("cart", 0.0, 0.2, hold=long + 2.0, sample_time=H))
+    late = np.abs(run["cart"] - 0.2)[run.time > long]
     assert late.max() < 0.02 * 0.2
-    assert settled_after(law, linear, {"cart": 0.2}) < 4.0
+    assert settled_after(law, linear, {"cart": 0.2}) < long + 1.0
     in_c, guard = InC(law, tmp_path), Guarded(law)
     memory = guard.initial_state(tuple(run.measured[0].tolist()))
     in_c.start(run.measured[0])
@@ -72,7 +77,7 @@ def test_what_the_followed_output_shows_well_enough_needs_no_other_sensor() -> N
 
 
 def test_where_no_speed_was_asked_for_none_is_told_to_be_smaller() -> None:
-    linear = linear_model(pendulum())
+    linear = linear_model(pendulum()).select(outputs=["cart"])
     design = DESIGNS.get("plain-h-infinity")
     with pytest.raises(WorkbenchError, match=r"of cart by force.* another family, such as lqi"):
         design.controller(linear, design.specified({"sample_time": H}))
