@@ -22,6 +22,7 @@ from workbench.physics.law import (
     floor,
     sensors,
     shape,
+    share,
     size,
     together,
     with_subject,
@@ -279,10 +280,14 @@ def _each_parameter(survey: Survey) -> Iterator[Fit]:
         )
 
 
-def _each_parameter_over(survey: Survey) -> Iterator[Fit]:
+def _gained(survey: Survey) -> Iterator[tuple[Parameter, tuple[Place, ...]]]:
+    """Yield refitted parameters of the plant, gains of what is driven too, with their ports."""
     entering = [*_entering(survey), *((q, (at,)) for at in survey.places for q in at.gains)]
-    own = [(q, places) for q, places in entering if "." not in q.name]
-    for q, places in own:
+    yield from ((q, places) for q, places in entering if "." not in q.name)
+
+
+def _each_parameter_over(survey: Survey) -> Iterator[Fit]:
+    for q, places in _gained(survey):
         for over in survey.may_bend_over(q, places):
             yield (
                 f"_{q.name}_over_{over.source}",
@@ -477,4 +482,47 @@ parameter_curve = Law(
     source="saturating iron, warm windings, fields that fade at the ends of a travel",
     look_alikes=("parameter_fade", "parameter_jump", "cubic_stiffness"),
     separated_by="the same motion about several positions",
+)  # fmt: skip
+
+
+def _terms(survey: Survey) -> Iterator[Fit]:
+    for q, places in _gained(survey):
+        if over := survey.argument(q, places):
+            yield (
+                f"_{q.name}",
+                tuple(
+                    (replace(at, parameters=(q,), signals={**at.signals, "over": over}),)
+                    for at in places
+                ),
+            )
+
+
+def _drive(at: Place) -> Local:
+    return at.signals.get("over", Local("over", "1"))
+
+
+def _clipped(at: PortView) -> Expression:
+    over, limit, own = ca.fabs(at.signals.over), at.p.limit, ca.SX(at.subject)
+    excess = at.form.ramp(over - limit, 0.01 * limit)
+    left = 1.0 - at.p.share * excess / ca.fmax(over, 0.5 * limit)
+    return with_subject(at, own * left)
+
+
+# The speed that a position loop asks for, the torque that a coupling holds, the current that a
+# converter gives: what the equations ask of it in proportion ends somewhere.
+term_saturation = Law(
+    "term_saturation",
+    "parameter clip(x, -limit, limit), x what it multiplies",
+    _terms,
+    lambda at: (
+        share("share of the excess that is cut"),
+        shape("limit", _drive(at).unit, 0.5 * _drive(at).scale, "the limit of what it multiplies",
+              around=(0.01, 20.0)),
+    ),
+    _clipped,
+    shapes=lambda at: [{"limit": k * _drive(at).scale} for k in (0.5, 0.8, 0.25, 0.1)],
+    of_parameter=True,
+    source="limits of speed, torque and current within cascaded loops",
+    look_alikes=("slew_limit", "saturation", "parameter_curve"),
+    separated_by="steps from small to large: the answer to the large ones takes longer",
 )  # fmt: skip

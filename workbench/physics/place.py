@@ -774,7 +774,7 @@ class Survey:
             rest = ca.vertcat(*other, t.u)
             if "." not in name and any(ca.depends_on(s, rest) for s in slopes):
                 found.append(self._of(name))
-        if argument := self._argument(q.name, slopes, values):
+        if argument := self._argument(q.name, values):
             found.append(argument)
         read = any(at.output for at in places)
         for i, u in enumerate(self.model.inputs):
@@ -782,26 +782,44 @@ class Survey:
                 found.append(self._of(u.name))
         return tuple(found)
 
-    def _argument(
-        self, name: str, slopes: Sequence[ca.SX], values: Sequence[ca.SX]
-    ) -> Local | None:
+    def argument(self, q: Parameter, places: Sequence[Place]) -> Local | None:
+        """Return what a parameter multiplies at some ports, if that is made of several signals.
+
+        What it divides, as an inertia does, is all that acts there.
+        """
+        values = [self._port_value(self._port_index[at.name]) for at in places]
+        symbol = self.trace.p[self._parameter_index[q.name]]
+        first = self._multiplied(q.name, values)
+        if first is None or any(ca.depends_on(ca.jacobian(v, symbol), symbol) for v in values):
+            return None
+        seen = self.ranges.get(argument_of(q.name))
+        units = {self._known[str(e)].unit for e in _parts(first) if str(e) in self._known}
+        unit = units.pop() if _is_difference(first) and len(units) == 1 else "1"
+        scale = _largest(seen) or 1.0
+        return Local("argument", unit, scale, seen=seen, multiplied=True)
+
+    def _argument(self, name: str, values: Sequence[ca.SX]) -> Local | None:
         """Return what a parameter multiplies where that is made of several signals, as a slip is.
 
         Of a single state, of an input and of how far two states are apart other laws are curves.
         """
-        t, k = self.trace, self._parameter_index[name]
         seen = self.ranges.get(argument_of(name))
-        found = [cofactor(value, t.p[k]) for value in values]
-        if seen is None or seen[0] == seen[1] or any(e is None for e in found):
-            return None
-        first = ca.SX(found[0])
-        others = [ca.is_equal(first, ca.SX(e), 8) for e in found[1:]]
-        signals = ca.vertcat(t.x, t.u)
-        many = sum(ca.depends_on(first, signals[i]) for i in range(signals.numel()))
-        apart = all(d.is_symbolic() for d in (first.dep(i) for i in range(first.n_dep())))
-        if not all(others) or many < 2 or apart or not ca.depends_on(first, t.x):
+        first = None if seen is None or seen[0] == seen[1] else self._multiplied(name, values)
+        if first is None or _is_difference(first):
             return None
         return Local("argument", "1", _largest(seen), seen=seen, multiplied=True)
+
+    def _multiplied(self, name: str, values: Sequence[ca.SX]) -> ca.SX | None:
+        """Return what a parameter multiplies in all values; None unless several signals make it."""
+        t, k = self.trace, self._parameter_index[name]
+        found = [cofactor(value, t.p[k]) for value in values]
+        if not found or any(e is None for e in found):
+            return None
+        first = ca.SX(found[0])
+        signals = ca.vertcat(t.x, t.u)
+        many = sum(ca.depends_on(first, signals[i]) for i in range(signals.numel()))
+        alike = all(ca.is_equal(first, ca.SX(e), 8) for e in found[1:])
+        return first if alike and many > 1 and ca.depends_on(first, t.x) else None
 
     @cached_property
     def _entering(self) -> tuple[tuple[Parameter, ...], ...]:
@@ -1014,6 +1032,15 @@ def _same(a: Vector, b: Vector) -> bool:
     known = np.isfinite(a) & np.isfinite(b)
     size = np.max(np.abs(b[known]), initial=0.0)
     return bool(known.any() and size > 0.0 and np.all(np.abs(a - b)[known] <= 1e-9 * size))
+
+
+def _parts(expression: ca.SX) -> list[ca.SX]:
+    return [expression.dep(i) for i in range(expression.n_dep())]
+
+
+def _is_difference(expression: ca.SX) -> bool:
+    """Tell whether an expression is made of two bare signals."""
+    return all(part.is_symbolic() for part in _parts(expression))
 
 
 def _sign(values: Vector) -> float:

@@ -347,3 +347,29 @@ def test_a_drive_that_is_told_a_speed_loses_its_slack_at_each_reversal() -> None
     assert np.max(np.abs(y)) == pytest.approx(0.5, abs=1e-6)
     whole_model = bench(lost_motion("valve.command", half_width=0.0), "m/s")
     assert read(whole_model, value=0.3) == pytest.approx(0.3)
+
+
+def test_what_a_loop_asks_for_in_proportion_ends_at_a_limit() -> None:
+    def equations(m: Scope) -> Equations:
+        asked = m.p.gain * (m.u.demand - m.x.blade)
+        return {"blade": m.x.rate, "rate": (asked - m.x.rate) / m.p.lag}, {"blade": m.x.blade}
+
+    drive = Model(
+        "pitch drive",
+        equations,
+        states=(State("blade", "rad"), State("rate", "rad/s")),
+        inputs=(Input("demand", "rad", lower=-1.0, upper=1.0),),
+        outputs=(Output("blade", "rad", display_unit="deg"),),
+        parameters=(
+            Parameter("gain", "1/s", value=2.0, lower=0.5, upper=5.0, fitted=True),
+            Parameter("lag", "s", value=0.1, lower=0.02, upper=1.0, fitted=True),
+        ),
+    )
+    # What the lag divides is all that acts on the rate.
+    (law,) = (h for h in library(drive) if h.law == "term_saturation")
+    assert (law.name, law.ports) == ("term_saturation_gain", ("rate.rate",))
+    model = drive.with_effect(law.at_size(1.0, {"limit": 0.05}))
+    assert model.parameter("term_saturation_gain.limit").unit == "rad"
+    for error, asked in ((0.02, 0.04), (0.3, 0.1), (-0.3, -0.1)):
+        rate = model.rates([0.1, 0.03], [0.1 + error])[1]
+        assert rate == pytest.approx((asked - 0.03) / 0.1)
