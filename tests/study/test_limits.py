@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -220,7 +221,11 @@ def test_settled_steps_come_back_from_a_table() -> None:
 
 
 @pytest.mark.system
-def test_the_real_limit_is_below_what_the_controller_needs(tmp_path: Path) -> None:
+def test_the_real_limit_is_below_what_the_controller_needs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    coarse = partial(limits.physical_limit, intervals=16, degree=2)
+    monkeypatch.setattr(limits, "physical_limit", coarse)
     study = asking(tmp_path)
     study = replace(study, variations={"nominal": study.nominal()})
     outcome = run_study(study, tmp_path / "out")
