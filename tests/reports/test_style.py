@@ -145,3 +145,12 @@ def test_panels_keep_their_height_under_a_long_legend() -> None:
     assert heights([f"plain-sliding-mode {i}, redesigned" for i in range(6)]) == pytest.approx(
         short, rel=0.05
     )
+
+
+def test_numbers_at_an_axis_are_words_and_only_their_power_of_ten_is_a_formula() -> None:
+    figure, (axes,) = new_figure([2.0])
+    axes.plot([0.0, 2e6], [0.0, 1.0])
+    label(axes, x="stiffness in N/m", y="share in 1")
+    figure.draw_without_rendering()
+    assert "1.25" in [text.get_text() for text in axes.get_xticklabels()]
+    assert axes.xaxis.get_offset_text().get_text().startswith(r"$\times\mathdefault{10^{6}}")

@@ -198,9 +198,18 @@ def label(axes: Axes, *, x: str | None = None, y: str | None = None) -> None:
         axes.set_xlabel(x, fontsize=FONT_POINTS, color=INK.light)
         from matplotlib.ticker import ScalarFormatter
 
+        class Numbers(ScalarFormatter):
+            """Numbers as words, which take no parsing; a power of ten at the axis is a formula."""
+
+            def format_ticks(self, values: list[float]) -> list[str]:
+                texts = super().format_ticks(values)
+                return [re.sub(r"^\$\\mathdefault\{(.*)\}\$$", r"\1", text) for text in texts]
+
         if isinstance(axes.xaxis.get_major_formatter(), ScalarFormatter):
             # Microseconds and days alike: a power of ten at the axis, lest numbers meet.
-            axes.ticklabel_format(axis="x", scilimits=(-3, 5), useMathText=True)
+            numbers = Numbers(useMathText=True)
+            numbers.set_powerlimits((-3, 5))
+            axes.xaxis.set_major_formatter(numbers)
     if y is not None:
         axes.set_ylabel(_broken(y, axes), fontsize=FONT_POINTS, color=INK.light)
 
