@@ -29,18 +29,27 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
 from controllers.design import Design
 from controllers.linear_law import LinearLaw
-from controllers.plain.limits import Answer, Judged, LoopLimits, answer, cost
-from controllers.plain.loop import Loop, LoopSpecification, PlainLaw, loop_of, named
+from controllers.plain.limits import (
+    Answer,
+    Judged,
+    LoopLimits,
+    ReadingSpecification,
+    answer,
+    cost,
+)
+from controllers.plain.loop import Loop, PlainLaw, loop_of, named
 from controllers.plain.pairing import best_pairings, decoupled, paired
 from controllers.sampling import Rows, anti_windup, product, rows, tustin
 from controllers.specification import number
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_range
 from workbench.linearisation.state_space import proper_system
+from workbench.linearisation.transfer import transfer_function
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -221,21 +230,25 @@ def _pids(
     sample_time: float,
     name: str = "PID",
 ) -> TransferLaw:
-    """Return PIDs of Kp, Ki, Kd and Tf, one for each output, whose sums are the commands.
+    """Return PIDs of Kp, Ki, Kd and Tf, one for each measurement, whose sums are the commands.
 
     Args:
         gains: Shape (p, 4), in SI.
         mix: What each PID adds to the commands, shape (m, p), in SI of the commands over that of
             the PID.
-        weight: Weights of the references in the proportional parts, shape (p,), dimensionless.
+        weight: Weights of the references in the proportional parts, dimensionless, one for each
+            followed output.
     """
     h, p = check_range("sample time", sample_time, *TIMES_S, "s"), len(gains)
+    followed = len(weight)
+    # What is measured and not followed has a reference of 0.
+    weight = np.append(weight, np.zeros(p - followed))
     kp, ki, kd, filter_time = gains.T
     for value in filter_time:
         check_range("filter time", float(value), 0.0, TIMES_S[1], "s")
     fade, slope = filter_time / (filter_time + h), kd / (filter_time + h)
     A, one = np.zeros((2 * p, 2 * p)), np.eye(p)
-    A[:p, :p], A[p:, p:] = one, np.diag(fade)
+    A[:followed, :followed], A[p:, p:] = np.eye(followed), np.diag(fade)
     with np.errstate(divide="ignore", invalid="ignore"):
         usual = np.where((kp != 0.0) & (ki != 0.0), np.abs(kp / ki), 50.0 * h)
     tracking = usual if tracking_time is None else np.full(p, tracking_time)
@@ -244,15 +257,18 @@ def _pids(
     back = np.where(ki != 0.0, h / np.maximum(np.abs(tracking), 2.0 * h), 0.0)
     # With the references at the outputs, the commands start from rest.
     at_rest = np.vstack([np.diag((1.0 - weight) * kp), (derivative_weight - 1.0) * one])
+    by_reference = np.vstack([np.diag(h * ki), np.diag((1.0 - fade) * derivative_weight)])
+    missing = np.zeros((p, len(mix)))
+    missing[:followed] = np.linalg.pinv(mix[:, :followed])
     return TransferLaw(
         A=rows(A),
-        by_reference=rows(np.vstack([np.diag(h * ki), np.diag((1.0 - fade) * derivative_weight)])),
+        by_reference=rows(by_reference[:, :followed]),
         by_output=rows(np.vstack([np.diag(h * ki), np.diag(1.0 - fade)])),
         C=rows(mix @ np.hstack([one, -np.diag(slope)])),
-        reference_gain=rows(mix @ np.diag(weight * kp + derivative_weight * slope)),
+        reference_gain=rows((mix @ np.diag(weight * kp + derivative_weight * slope))[:, :followed]),
         output_gain=rows(mix @ np.diag(kp + slope)),
-        back=rows(np.vstack([back[:, None] * np.linalg.pinv(mix), np.zeros((p, len(mix)))])),
-        at_rest=rows(at_rest),
+        back=rows(np.vstack([back[:, None] * missing, np.zeros((p, len(mix)))])),
+        at_rest=rows(at_rest[:, :followed]),
         sample_time=h,
         name=name,
         **ends,
@@ -389,6 +405,11 @@ AT_ONCE, ALONE_AT_ONCE = 24, 256
 """PIDs of several loops, and of one, that are judged together."""
 
 
+INNER_EVERY, OUTER = 4, (2, 6, 10, 15, 20)
+"""Of the crossovers that are tried, every how many an inner loop is tried at; and how many places
+slower the loop around it."""
+
+
 TAKEN = (1.0, 0.75)
 """Shares of the limits that each of several loops alone may take."""
 
@@ -398,7 +419,7 @@ MOST_PIDS = 130
 
 
 @dataclass(frozen=True)
-class PlainPIDSpecification(LoopSpecification):
+class PlainPIDSpecification(ReadingSpecification):
     """What a PID for any linear model is designed for.
 
     Args:
@@ -441,17 +462,23 @@ def design_plain_pid(
         Loop shaping with lag and lead: Åström and Murray, Feedback Systems, 2008, section 11.4.
     """
     want = specification or PlainPIDSpecification()
-    loop, h = want.loop(linear), want.sample_time
-    limits = LoopLimits(loop, want)
+    return want.designed(linear, partial(_within, linear, want))
+
+
+def _within(linear: LinearModel, want: PlainPIDSpecification, limits: LoopLimits) -> TransferLaw:
+    loop, h = limits.loop, want.sample_time
     best = _best([_tuned(limits, want, one) for one in _begun(limits, want)], want)
     gains, mix, weight = best.gains, best.mix, best.weight
-    moved = np.any(mix != 0.0, axis=1)
-    if not moved.all():
-        # What belongs to no output rests.
+    moved, read = np.any(mix != 0.0, axis=1), np.any(gains[:, :3] != 0.0, axis=1)
+    if not (moved.all() and read.all()):
+        # What belongs to no output rests, and what nothing depends on is not read.
         taken = tuple(u for u, moves in zip(loop.actuators, moved, strict=True) if moves)
-        loop, mix = loop_of(linear, loop.measured, taken), mix[moved]
+        also = tuple(y for y, used in zip(loop.sensors, read, strict=True) if used)
+        loop = loop_of(linear, loop.measured, taken, also)
+        mix, gains = mix[moved][:, read], gains[read]
         limits = LoopLimits(loop, want)
-    name = "decoupled PID" if best.mixed else "PID"
+    cascade = "PID cascade" if len(gains) > limits.outputs else "PID"
+    name = "decoupled PID" if best.mixed else cascade
     return limits.at_pace(_pids(gains, mix, weight, loop.ends, sample_time=h, name=name))
 
 
@@ -460,7 +487,8 @@ class _PIDs(NamedTuple):
 
     Args:
         mix: What each adds to the commands, shape (m, p), in SI of the commands over that of it.
-        gains: Kp, Ki, Kd and Tf of each, shape (p, 4), in SI.
+        gains: Kp, Ki, Kd and Tf of each, shape (p, 4), in SI; of a cascade the outer one's first,
+            with what is measured within, whose reference is the outer one's command.
         weight: Weights of the references, shape (p,), dimensionless.
         speed: Mean crossover of the best alone, in rad/s.
         excess: Largest ratio to a limit that a better one may have, 1 or more.
@@ -500,6 +528,8 @@ def _best(found: Sequence[_PIDs], want: PlainPIDSpecification) -> _PIDs:
 def _begun(limits: LoopLimits, want: PlainPIDSpecification) -> list[_PIDs]:
     """Return PIDs to start from: the best of a command each, and the best of all commands."""
     loop = limits.loop
+    if loop.read is not None:
+        return [_cascade(limits, want)]
     if loop.linear.D.shape == (1, 1):
         return [_begun_by(limits, want, np.eye(1))]
     ways: list[Callable[[float], Matrix]] = []
@@ -532,7 +562,7 @@ def _begun(limits: LoopLimits, want: PlainPIDSpecification) -> list[_PIDs]:
 def _tuned(limits: LoopLimits, want: PlainPIDSpecification, begun: _PIDs) -> _PIDs:
     """Return PIDs whose gains are changed as long as that makes the loop of all better."""
     loop, h, p, mix = limits.loop, want.sample_time, limits.outputs, begun.mix
-    gains, weight, best = begun.gains, begun.weight, begun.answer
+    gains, weight, best, n = begun.gains, begun.weight, begun.answer, len(begun.gains)
     error = cost(best, begun.least, want.overshoot)[0]
     stuck = 0.0
     for step in STEPS:
@@ -540,15 +570,16 @@ def _tuned(limits: LoopLimits, want: PlainPIDSpecification, begun: _PIDs) -> _PI
             continue
         stuck = step
         # Each gain, and all of a PID but its filter time together.
-        which = np.vstack([np.eye(4 * p), np.kron(np.eye(p), [[1.0, 1.0, 1.0, 0.0]])])
-        changes = step ** np.kron(which, [[1.0], [-1.0]]).reshape(-1, p, 4)
+        which = np.vstack([np.eye(4 * n), np.kron(np.eye(n), [[1.0, 1.0, 1.0, 0.0]])])
+        which = which[which @ np.abs(gains).ravel() > 0.0]
+        changes = step ** np.kron(which, [[1.0], [-1.0]]).reshape(-1, n, 4)
         while len(changes):
             tries = gains * changes
-            may = _small(tries, mix, loop, want) & limits.stable(_around_rest(tries, mix, h))
+            may = _small(tries, mix, loop, want) & limits.stable(_around_rest(tries, mix, h, p))
             weights, found = _weighed(limits, tries[may], mix)
             errors = cost(found, begun.least, want.overshoot)
             for k in np.flatnonzero(errors < error):
-                own = _around_rest(tries[may][[k]], mix, h)
+                own = _around_rest(tries[may][[k]], mix, h, p)
                 if limits.judge(own).excess <= begun.excess:
                     stuck = 0.0
                     gains, weight, error = tries[may][k], weights[k], errors[k]
@@ -560,10 +591,58 @@ def _tuned(limits: LoopLimits, want: PlainPIDSpecification, begun: _PIDs) -> _PI
     return begun._replace(gains=gains, weight=weight, answer=best)
 
 
+def _speeds(want: PlainPIDSpecification) -> Vector:
+    """Return the crossovers that are tried, from fast to slow, in rad/s."""
+    top = want.bandwidth or 0.1 * 2.0 * math.pi / want.sample_time
+    return np.geomspace(top, 1e-5 * top, 70)
+
+
+def _cascade(limits: LoopLimits, want: PlainPIDSpecification) -> _PIDs:
+    """Return the best PID of one output around a PD of another that is measured.
+
+    At each speed w the inner loop has a phase margin, alone; around it the outer loop is tried at
+    shares of w. Which of them are stable together, however each is alone, is left to the limits.
+    """
+    loop, h = limits.loop, want.sample_time
+    own, (sensors, m) = loop.linear, (len(loop.sensors), len(loop.actuators))
+    if limits.outputs > 1 or m > 1:
+        raise WorkbenchError(
+            f"a PID cascade of the workbench follows one output by one command, not {loop.words};"
+            " leave also_measured out, or take another family, such as lqi"
+        )
+    tried = _speeds(want)
+    turned = np.exp(-1j * tried * (0.5 * h + want.delay))
+    seen = transfer_function(own.A, own.B, loop.seen, np.zeros((sensors, 1)), 1j * tried)
+    seen, found, speeds = seen[:, :, 0] * turned[:, None], [], []
+    for k in range(1, sensors):
+        within = np.arange(0, len(tried), INNER_EVERY)
+        inner, crossed = _at_crossover(tried[within], seen[within, k], ZEROS[-1:])
+        inner[:, 1] = 0.0
+        for slower in OUTER:
+            place = within[crossed] + slower
+            kept = place < len(tried)
+            place, pd = place[kept], inner[kept]
+            kp, _, kd, fade = pd.T
+            s = 1j * tried[place]
+            through = seen[place, k] * (kp + kd * s / (fade * s + 1.0))
+            plant = seen[place, 0] / (1.0 + through)
+            outer, which = _at_crossover(tried[place], plant, ZEROS[-3:], PHASE_MARGINS[::2])
+            both = np.zeros((len(outer), sensors, 4))
+            both[:, 0], both[:, k] = outer, pd[which]
+            found.append(both)
+            speeds.append(tried[place[which]])
+    tries, speed, mix = np.concatenate(found), np.concatenate(speeds), np.ones((1, sensors))
+    may = _small(tries, mix, loop, want)
+    may[may] = limits.stable(_around_rest(tries[may], mix, h, 1))
+    tries, speed = tries[may], speed[may]
+    judged = limits.judge(_around_rest(tries, mix, h, 1))
+    held = limits.held(judged, "a PID cascade")
+    return _best_of(limits, want, mix, tries[held], speed[held], judged.excess[held])
+
+
 def _begun_by(limits: LoopLimits, want: PlainPIDSpecification, mix: Matrix) -> _PIDs:
     loop, h, p = limits.loop, want.sample_time, limits.outputs
-    top = want.bandwidth or 0.1 * 2.0 * math.pi / h
-    tried = np.geomspace(top, 1e-5 * top, 70)
+    tried = _speeds(want)
     turned = np.exp(-1j * tried * (0.5 * h + want.delay))
     responses = loop.response(tried) @ mix * turned[:, None, None]
     if p == 1:
@@ -571,30 +650,41 @@ def _begun_by(limits: LoopLimits, want: PlainPIDSpecification, mix: Matrix) -> _
         held = limits.held(judged, "a PID")
     else:
         tries, speed = _slowed(loop, want, mix, tried, responses)
-        may = _small(tries, mix, loop, want) & limits.stable(_around_rest(tries, mix, h))
+        may = _small(tries, mix, loop, want) & limits.stable(_around_rest(tries, mix, h, p))
         tries, speed = tries[may], speed[may]
         # Few of many need to be judged: the best first.
         found = _weighed(limits, tries, mix)[1]
         errors = cost(found, found.errors.min(axis=0, initial=math.inf), want.overshoot)
         order, parts = np.argsort(errors), [Judged(*np.zeros((3, 0)))]
         for k in range(0, len(order), AT_ONCE):
-            parts.append(limits.judge(_around_rest(tries[order[k : k + AT_ONCE]], mix, h), 1.0))
+            parts.append(limits.judge(_around_rest(tries[order[k : k + AT_ONCE]], mix, h, p), 1.0))
             if parts[-1].excess.min() <= 1.0:
                 break
         tries, speed = tries[order], speed[order]
         judged = Judged(*(np.concatenate(own) for own in zip(*parts, strict=True)))
         if judged.excess.min(initial=math.inf) > 1.0:
-            judged = limits.judge(_around_rest(tries, mix, h))
+            judged = limits.judge(_around_rest(tries, mix, h, p))
         held = limits.held(judged, "a PID of each output")
-    weights, found = _weighed(limits, tries[held], mix)
+    return _best_of(limits, want, mix, tries[held], speed[held], judged.excess[held])
+
+
+def _best_of(
+    limits: LoopLimits,
+    want: PlainPIDSpecification,
+    mix: Matrix,
+    tries: Matrix,
+    speed: Vector,
+    excess: Vector,
+) -> _PIDs:
+    weights, found = _weighed(limits, tries, mix)
     least = found.errors.min(axis=0)
     k = int(np.argmin(cost(found, least, want.overshoot)))
     return _PIDs(
         mix,
-        tries[held][k],
+        tries[k],
         weights[k],
-        float(speed[held][k]),
-        max(1.0, float(judged.excess[held].max())),
+        float(speed[k]),
+        max(1.0, float(excess.max())),
         least,
         Answer(*(part[[k]] for part in found)),
     )
@@ -620,20 +710,20 @@ def _alone(
 
     They are tried from fast to slow, up to a slowest over the fastest within the limits.
     """
-    tries, speed = _at_crossover(speeds, plant)
-    tries = tries[:, None]
+    tries, which = _at_crossover(speeds, plant)
+    tries, speed = tries[:, None], speeds[which]
     small = _small(tries, mix, limits.loop, want)
     tries, speed = tries[small], speed[small]
     parts, fastest, count = [Judged(*np.zeros((3, 0)))], 0.0, 0
     while count < len(speed) and speed[count] >= slowest * fastest:
         own = slice(count, count + ALONE_AT_ONCE)
-        found = limits.judge(_around_rest(tries[own], mix, want.sample_time), 1.0)
+        found = limits.judge(_around_rest(tries[own], mix, want.sample_time, 1), 1.0)
         fastest = max(fastest, speed[own][found.excess <= 1.0].max(initial=0.0))
         parts.append(found)
         count += len(found.excess)
     judged = Judged(*(np.concatenate(own) for own in zip(*parts, strict=True)))
     if not fastest:
-        judged = limits.judge(_around_rest(tries, mix, want.sample_time))
+        judged = limits.judge(_around_rest(tries, mix, want.sample_time, 1))
     return tries[:count], speed[:count], judged
 
 
@@ -659,7 +749,8 @@ def _slowed(
         tries, speed, judged = _alone(limits, want, single, speeds, plant[:, i, i], slowest)
         least = float(judged.excess.min(initial=math.inf))
         if not math.isfinite(least):
-            return _together([_at_crossover(speeds, plant[:, k, k]) for k in range(p)])
+            each = [_at_crossover(speeds, plant[:, k, k]) for k in range(p)]
+            return _together([(own, speeds[which]) for own, which in each])
         held = np.flatnonzero(judged.excess <= max(1.0, 1.05 * least))
         tries, speed, excess = tries[held], speed[held], judged.excess[held]
         reached = _weighed(limits, tries, single)[1]
@@ -723,21 +814,23 @@ def _together(alone: Sequence[tuple[Matrix, Vector]]) -> tuple[Matrix, Vector]:
     return np.array(found).reshape(-1, len(alone), 4), np.array(speeds)
 
 
-def _around_rest(gains: Matrix, mix: Matrix, sample_time: float) -> LinearLaw:
+def _around_rest(gains: Matrix, mix: Matrix, sample_time: float, followed: int) -> LinearLaw:
     """Return PIDs of Kp, Ki, Kd and Tf, shape (n, p, 4), in SI.
 
-    From measurements, references beside their weights, and references by their weights.
+    From measurements, references beside their weights, and references by their weights, of those
+    that are followed.
     """
     kp, ki, kd, filter_time = np.moveaxis(gains, 2, 0)
     fade, slope = filter_time / (filter_time + sample_time), kd / (filter_time + sample_time)
     (n, p), at = kp.shape, np.arange(kp.shape[1])
     F, G = np.zeros((n, 2 * p, 2 * p)), np.zeros((n, 2 * p, 3 * p))
     H, J = np.zeros((n, p, 2 * p)), np.zeros((n, p, 3 * p))
-    F[:, at, at], F[:, p + at, p + at], H[:, at, at] = 1.0, fade, 1.0
+    F[:, at, at], F[:, p + at, p + at], H[:, at, at] = at < followed, fade, 1.0
     G[:, at, at], G[:, at, p + at] = -sample_time * ki, sample_time * ki
     G[:, p + at, at], H[:, at, p + at] = fade - 1.0, -slope
     J[:, at, at], J[:, at, 2 * p + at] = -kp - slope, kp
-    return LinearLaw(F, G, mix @ H, mix @ J)
+    kept = np.concatenate([at, p + at[:followed], 2 * p + at[:followed]])
+    return LinearLaw(F, G[:, :, kept], mix @ H, mix @ J[:, :, kept])
 
 
 def _weighed(limits: LoopLimits, gains: Matrix, mix: Matrix) -> tuple[Matrix, Answer]:
@@ -745,7 +838,8 @@ def _weighed(limits: LoopLimits, gains: Matrix, mix: Matrix) -> tuple[Matrix, An
 
     The weight of a reference changes nothing but the steps of its own.
     """
-    laws, p = _around_rest(gains, mix, limits.want.sample_time), limits.outputs
+    p = limits.outputs
+    laws = _around_rest(gains, mix, limits.want.sample_time, p)
     time, seen, going = limits.steps(laws)
     kept, parts = np.full((len(seen), p), WEIGHTS[-1]), []
     for i in range(p):
@@ -760,16 +854,21 @@ def _weighed(limits: LoopLimits, gains: Matrix, mix: Matrix) -> tuple[Matrix, An
     return kept, answer(time, whole, going, limits.loop.output_scale)
 
 
-def _at_crossover(speeds: Vector, plant: Complex) -> tuple[Matrix, Vector]:
+def _at_crossover(
+    speeds: Vector,
+    plant: Complex,
+    zeros: Sequence[float] = ZEROS,
+    margins: Sequence[float] = PHASE_MARGINS,
+) -> tuple[Matrix, npt.NDArray[np.int_]]:
     """Return PIDs, of either sign, that give the loop a phase margin at a speed, or more.
 
     Returns:
-        Kp, Ki, Kd and Tf, shape (n, 4), in SI, and the speeds, shape (n,), in rad/s.
+        Kp, Ki, Kd and Tf, shape (n, 4), in SI, and the places of their speeds, shape (n,).
     """
-    grid = np.meshgrid(np.arange(len(speeds)), ZEROS, PHASE_MARGINS, (1.0, -1.0), indexing="ij")
+    grid = np.meshgrid(np.arange(len(speeds)), zeros, margins, (1.0, -1.0), indexing="ij")
     which, zero, margin, sign = (part.ravel() for part in grid)
-    rare = np.isin(zero, NEARLY_INTEGRALS)
-    w, P = speeds[which.astype(int)], plant[which.astype(int)]
+    rare, which = np.isin(zero, NEARLY_INTEGRALS), which.astype(int)
+    w, P = speeds[which], plant[which]
     missing = margin - np.pi - np.angle(P) + np.arctan(1.0 / zero) + np.where(sign < 0.0, np.pi, 0)
     lift = missing - 2.0 * np.pi * np.round(missing / (2.0 * np.pi))
     may = (P != 0.0) & (lift <= LIFT) & ~(rare & (which % 3 > 0))
@@ -781,7 +880,7 @@ def _at_crossover(speeds: Vector, plant: Complex) -> tuple[Matrix, Vector]:
     gain = sign / np.abs(P * shape)
     # (1 + 1 / Ti s) (1 + Td s) / (1 + Tf s) as a sum of its three parts.
     kp = gain * (integrating + lead - fast) / integrating
-    return np.column_stack([kp, gain / integrating, gain * lead - kp * fast, fast]), w
+    return np.column_stack([kp, gain / integrating, gain * lead - kp * fast, fast]), which[may]
 
 
 PLAIN_PID = Design(

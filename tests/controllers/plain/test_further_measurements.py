@@ -13,7 +13,11 @@ from controllers.design import DESIGNS
 from controllers.guard import Guarded
 from controllers.plain.limits import settled_after
 from controllers.plain.state_feedback import LQISpecification, design_lqi
-from controllers.plain.transfer_law import pid_by_hand
+from controllers.plain.transfer_law import (
+    PlainPIDSpecification,
+    design_plain_pid,
+    pid_by_hand,
+)
 from tests.controllers.in_c import InC
 from workbench.cli.verify import hardly_stable
 from workbench.errors import WorkbenchError
@@ -38,7 +42,13 @@ def pendulum() -> Any:
 
 @pytest.mark.parametrize(
     ("name", "long"),
-    [("lqi", 3.0), ("plain-h-infinity", 8.0), ("plain-mpc", 3.0), ("plain-sliding-mode", 3.0)],
+    [
+        ("lqi", 3.0),
+        ("plain-h-infinity", 8.0),
+        ("plain-mpc", 3.0),
+        ("plain-pid", 4.0),
+        ("plain-sliding-mode", 3.0),
+    ],
 )
 def test_a_pendulum_on_a_cart_is_held_by_both_its_sensors(
     name: str, long: float, tmp_path: Path
@@ -74,6 +84,17 @@ def test_what_the_followed_output_shows_well_enough_needs_no_other_sensor() -> N
     assert law.sensors == ("way", "speed") and law.controlled == ("way",)
     with pytest.raises(WorkbenchError, match=r"measured output is 'sped'.*did you mean 'speed'"):
         design_lqi(both, LQISpecification(also_measured="sped"))
+
+
+def test_a_pid_around_another_reads_what_it_needs() -> None:
+    whole, h = pendulum(), 0.01
+    C = np.vstack([whole.C, [[0.0, 1.0, 0.0, 0.0]]])
+    three = ct.ss(whole.A, whole.B, C, 0, inputs="force", outputs=["cart", "angle", "speed"])
+    linear = linear_model(three, limits={"force": (-20.0, 20.0)})
+    law = design_plain_pid(linear, PlainPIDSpecification(sample_time=h))
+    assert law.sensors == ("cart", "angle") and law.name == "PID cascade"
+    # An inner loop has no integral, which a pendulum that swings to rest would never empty.
+    assert np.array(law.by_output)[1].tolist() == [0.0, 0.0]
 
 
 def test_where_no_speed_was_asked_for_none_is_told_to_be_smaller() -> None:
