@@ -7,7 +7,10 @@ import sys
 
 import pytest
 
-HEAVY = ("control", "matplotlib", "scipy", "pandas", "h5py", "pyarrow", "statsmodels", "IPython")
+HEAVY = (
+    "control", "matplotlib", "scipy", "scipy.optimize", "pandas", "h5py", "pyarrow", "statsmodels",
+    "IPython",
+)  # fmt: skip
 
 
 def loaded_by(statement: str) -> set[str]:
@@ -28,3 +31,8 @@ def test_a_plant_loads_nothing_heavy() -> None:
 
 def test_a_heavy_import_is_found() -> None:
     assert "scipy" in loaded_by("import scipy.linalg")
+
+
+def test_what_runs_designs_loads_no_optimiser() -> None:
+    verb = "import workbench.study.result, workbench.reports.study_page"
+    assert "scipy.optimize" not in loaded_by(verb)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import itertools
 import math
 
 import casadi as ca
@@ -153,30 +155,34 @@ def test_what_does_not_count_in_a_comparison_follows_the_units(
     assert absolute(pace, length, voltage) == pytest.approx(absolute(1.0, 1.0, 1.0), rel=1e-6)
 
 
-@pytest.mark.parametrize("form", ["exact", "regularised"])
+@functools.cache
+def rates_of_laws(t: float, x: float, v: float, shape: str) -> dict[str, list[float]]:
+    """What the laws of the library do to a stage, in its units of time, length and voltage."""
+    plant, found = stage(t, x, v), {}
+    sizes = np.array([x, x / t, v])
+    # The pitches of screws on which a ripple is tried are those that one can buy.
+    for law in (h for h in library(plant) if h.law != "ripple"):
+        own = {"usual": {}, "first": law.shapes[0], "last": law.shapes[-1]}[shape]
+        with_law = plant.with_effect(law.at_size(law.typical_size, own))
+        for at, form in itertools.product(
+            ([0.3, -0.2, 0.7], [-1.0, 1e-3, 1.5]), ("exact", "regularised")
+        ):
+            state = with_law.initial_state(
+                {n: a * s for n, a, s in zip(("x", "v", "drive"), at, sizes, strict=True)}
+            )
+            moved = with_law.rates(state, [0.9 * v], form=form)[:3] * t / sizes
+            read = with_law.read(state, [0.9 * v], form=form) / x
+            found[f"{law.name} at {at}, {form}"] = [*moved, *read]
+    return found
+
+
 @pytest.mark.parametrize("shape", ["usual", "first", "last"])
 @pytest.mark.parametrize(("pace", "length", "voltage"), UNITS)
 def test_every_law_of_the_library_follows_the_units(
-    pace: float, length: float, voltage: float, shape: str, form: str
+    pace: float, length: float, voltage: float, shape: str
 ) -> None:
-    def rates(t: float, x: float, v: float) -> dict[str, list[float]]:
-        plant, found = stage(t, x, v), {}
-        sizes = np.array([x, x / t, v])
-        # The pitches of screws on which a ripple is tried are those that one can buy.
-        for law in (h for h in library(plant) if h.law != "ripple"):
-            own = {"usual": {}, "first": law.shapes[0], "last": law.shapes[-1]}[shape]
-            with_law = plant.with_effect(law.at_size(law.typical_size, own))
-            for at in ([0.3, -0.2, 0.7], [-1.0, 1e-3, 1.5]):
-                state = with_law.initial_state(
-                    {n: a * s for n, a, s in zip(("x", "v", "drive"), at, sizes, strict=True)}
-                )
-                moved = with_law.rates(state, [0.9 * v], form=form)[:3] * t / sizes
-                read = with_law.read(state, [0.9 * v], form=form) / x
-                found[f"{law.name} at {at}"] = [*moved, *read]
-        return found
-
-    usual, other = rates(1.0, 1.0, 1.0), rates(pace, length, voltage)
-    assert len(usual) > 20 and set(usual) == set(other)
+    usual, other = (rates_of_laws(*u, shape) for u in ((1.0, 1.0, 1.0), (pace, length, voltage)))
+    assert len(usual) > 40 and set(usual) == set(other)
     for name, values in usual.items():
         assert other[name] == pytest.approx(values, rel=1e-6, abs=1e-9), name
 

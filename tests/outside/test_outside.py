@@ -65,6 +65,10 @@ unit = "N"
 RUN_EACH = """
 import json, sys
 from workbench.cli.main import run
+from workbench.diagnosis.selection import task
+library, laws = task.library, sys.argv[2:]
+if laws:
+    task.library = lambda *of, **known: tuple(e for e in library(*of, **known) if e.law in laws)
 for command in json.loads(sys.argv[1]):
     print("$", *command)
     if run(command):
@@ -72,11 +76,13 @@ for command in json.loads(sys.argv[1]):
 """
 
 
-def _workbench(*commands: list[str], folder: Path, installed: bool = True) -> str:
-    """Run commands in one fresh interpreter and return what they print."""
+def _workbench(
+    *commands: list[str], folder: Path, installed: bool = True, laws: tuple[str, ...] = ()
+) -> str:
+    """Run commands in one fresh interpreter, with some laws or all, and return what they print."""
     path = [str(PACKAGE)] * installed + [str(ROOT)]
     run = subprocess.run(
-        [sys.executable, "-c", RUN_EACH, json.dumps(commands)],
+        [sys.executable, "-c", RUN_EACH, json.dumps(commands), *laws],
         cwd=folder,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(path), "COLUMNS": "120"},
         capture_output=True,
@@ -170,12 +176,12 @@ def test_every_kind_of_member_serves_in_a_study_and_its_page(tmp_path: Path) -> 
 
 
 def test_a_law_and_a_format_serve_in_a_diagnosis(tmp_path: Path) -> None:
-    # Recordings of 4 s of a plant with two states: the whole library is tried within seconds.
     logs = [_log(tmp_path, name, seed, 400) for seed, name in enumerate(("a", "b"))]
     _workbench(
         ["diagnose", "--plant", "outside-hoist", "--option", "mass=5kg"]
         + ["--fit", str(logs[0]), "--hold-out", str(logs[1]), "--out", "out", "--jobs", "1"],
         folder=tmp_path,
+        laws=("outside_cubic_brake", "quadratic_drag", "linear_spring", "sensor_lag"),
     )
     verdict = json.loads((tmp_path / "out" / "verdict.json").read_text())
     assert verdict["verdict"].startswith("named")

@@ -197,6 +197,7 @@ def _violations(run: Trajectory) -> tuple[RangeViolation, ...]:
 
 def _over(traced: Trace, name: str, states: Vector, inputs: Vector, values: Vector) -> Vector:
     """Evaluate the outputs or the signals at every sample, one row each."""
-    functions = traced.outputs_function, traced.signals_function
-    place = [f.name() for f in functions].index(name)
-    return at_every_row(Equations(functions[place : place + 1]), 0, states, inputs, values)
+    # Outputs are built with the rates that a run is made of.
+    outputs = traced.rates_function, traced.outputs_function
+    functions = outputs if name == "outputs" else (traced.signals_function,)
+    return at_every_row(Equations(functions), len(functions) - 1, states, inputs, values)

@@ -101,7 +101,7 @@ def test_volumes_and_conductances_cannot_be_told_apart(rig_case: Path) -> None:
 
 @pytest.mark.system
 @pytest.mark.parametrize(
-    "number", [1, 2, *(pytest.param(n, marks=pytest.mark.long) for n in range(3, 7))]
+    "number", [2, *(pytest.param(n, marks=pytest.mark.long) for n in (1, 3, 4, 5, 6))]
 )
 def test_a_case_with_hidden_physics_stays_above_the_floor(
     number: int, external_folder: Path

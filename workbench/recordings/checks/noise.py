@@ -10,7 +10,6 @@ from statistics import NormalDist
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize
 
 from workbench.arrays import Vector
 from workbench.recordings.checks.check import Finding, check
@@ -127,6 +126,7 @@ def growing_rms(parts: Sequence[npt.ArrayLike]) -> tuple[float, float]:
     blocks, v, m = blocks[told], v[told], m[told]
     if len(v) < _MANY or np.quantile(m, 0.9) < 10.0 * np.quantile(m, 0.1):
         return math.nan, 0.0
+    from scipy.optimize import minimize
 
     def cost(s: Vector) -> float:
         return float(np.sum(0.5 * _FREE * (np.log(s) + v / s)))
