@@ -13,6 +13,7 @@ import pytest
 
 from tests.diagnosis.axis_case import SAMPLE_TIME, diagnosed, excitation, positions
 from tests.diagnosis.newcomers import damper, driven_carts, rubbed, two_carts
+from workbench.diagnosis.estimation.made_up import made_up_axis
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import blocks_of_cost, fit_with_process_noise
@@ -421,6 +422,40 @@ def test_what_comes_late_is_raced_on_what_shows_it() -> None:
     assert found.fit.model.parameter("offset_jump_axis_force.amount").value == pytest.approx(
         30.0, rel=0.05
     )
+
+
+@pytest.mark.parametrize(
+    ("scale", "group", "before", "all_ways"),
+    [
+        (0.003, "process", 3.0, False),
+        (0.3, "process", 3.0, True),
+        # It colours the noise, and so predicts the next sample of anything.
+        (0.003, "sensor", 3.0, True),
+        # The equations were trusted without it.
+        (0.003, "process", 0.003, True),
+    ],
+)
+def test_beside_what_leaves_nothing_out_others_are_not_tried_in_every_way(
+    monkeypatch: pytest.MonkeyPatch, scale: float, group: str, before: float, all_ways: bool
+) -> None:
+    thorough: dict[float, bool] = {}
+
+    def first(_: Any, __: float, score: Score, *rest: Any) -> Any:
+        thorough[score.gain] = rest[-1]
+        leads = score.gain == 9.0
+        found = SimpleNamespace(noise_scale=scale if leads else 3.0)
+        return SimpleNamespace(entry=SimpleNamespace(group=group), fit=found, gain=score.gain)
+
+    monkeypatch.setattr(refits, "_first", first)
+    monkeypatch.setattr(refits, "blocks_of_cost", lambda *_: np.zeros(1))
+    entry = library(servo_axis())[0]
+    field = [_score(entry, float(gain)) for gain in range(10)]
+    seen: Any = made_up_axis(1, samples=100)
+    base: Any = SimpleNamespace(noise_scale=before)
+    found = refits._first_refits(base, field, (), 0.0, [seen], 1500, 10.0, [None] * 10, 1)
+    assert [c.gain for c in found] == [*range(10)]
+    assert all(thorough[gain] for gain in (9.0, 8.0, 7.0, 6.0))
+    assert {thorough[float(gain)] for gain in range(6)} == {all_ways}
 
 
 def test_many_short_recordings_are_raced_on_some_among_them_the_one_that_shows_it_best(

@@ -17,6 +17,7 @@ from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, disturbances
 from workbench.diagnosis.estimation.priors import Prior, is_guess
 from workbench.diagnosis.estimation.process_noise import (
+    PERFECT,
     ProcessNoiseFit,
     blocks_of_cost,
     extended_start,
@@ -233,13 +234,35 @@ def _first_refits(
         for n in {*lengths}
     }
     costs = {n: known + float(blocks_of_cost(base, head).sum()) for n, head in heads.items()}
-    return in_order(
-        [
-            (_first, (base, costs[n], score, priors, heads[n], enough, earlier, short))
-            for score, earlier, n in zip(field, begun, lengths, strict=True)
-        ],
-        jobs=jobs,
-    )
+    order = sorted(range(len(field)), key=lambda i: -field[i].gain)
+    found: dict[int, Candidate] = {}
+    for some in (order[:_BY_SCORE], order[_BY_SCORE:]):
+        # Beside what leaves nothing out nobody waits for the others to be tried in every way.
+        ways = short and not any(_leaves_nothing(base, c) for c in found.values())
+        calls: list[Call[Candidate]] = [
+            (
+                _first,
+                (
+                    base,
+                    costs[lengths[i]],
+                    field[i],
+                    priors,
+                    heads[lengths[i]],
+                    enough,
+                    begun[i],
+                    ways,
+                ),
+            )
+            for i in some
+        ]
+        found |= dict(zip(some, in_order(calls, jobs=jobs), strict=True))
+    return [found[i] for i in range(len(field))]
+
+
+def _leaves_nothing(base: ProcessNoiseFit, candidate: Candidate) -> bool:
+    """Whether the equations that left something out are complete with an effect of the process."""
+    fit, sensor = candidate.fit, candidate.entry.group == "sensor"
+    return fit is not None and not sensor and fit.noise_scale <= PERFECT < base.noise_scale
 
 
 def untried(entry: Hypothesis, why: Exception | str) -> Candidate:
