@@ -8,9 +8,11 @@ runs, touches of a stop and time.
 
 from __future__ import annotations
 
+import functools
 import math
 import sys
 import time
+import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
@@ -25,6 +27,7 @@ from tests.controllers.in_c import InC
 from workbench.evaluation.tolerance import tolerant_study
 from workbench.study.designs import ControllerRecipe
 from workbench.study.plants import PlantRecipe
+from workbench.study.schema import shipped_study
 from workbench.verification import (
     Change,
     Run,
@@ -104,16 +107,22 @@ def recipe(design: Design) -> ControllerRecipe:
     return ControllerRecipe(design.name, design.name, on.plant, tuple(on.at.items()))
 
 
-LAWS = {
-    **{name: recipe(design) for name, design in DESIGNS.members().items()},
-    **{f"tolerant {name}": found for name, found in tolerant_study().controllers.items()},
-}
+STUDY = tomllib.loads(shipped_study("tolerant").read_text(encoding="utf-8"))
+NAMES = [*DESIGNS.names(), *(f"tolerant {n}" for n in STUDY["controllers"])]
 
 
-BENCHES = {
-    name: TOLERANT if name.startswith("tolerant") else bench(found.kind())
-    for name, found in LAWS.items()
-}
+@functools.cache
+def laws() -> dict[str, ControllerRecipe]:
+    """The laws by name; reading the study takes longer than a run."""
+    tolerant = tolerant_study().controllers
+    return {
+        **{name: recipe(design) for name, design in DESIGNS.members().items()},
+        **{f"tolerant {name}": found for name, found in tolerant.items()},
+    }
+
+
+def bench_of(name: str) -> Bench:
+    return TOLERANT if name.startswith("tolerant") else bench(laws()[name].kind())
 
 
 def phases(design: Design) -> list[float]:
@@ -243,15 +252,15 @@ def asked_for(run: Run) -> list[tuple[float, ...]]:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", NAMES)
 def test_every_fault_in_every_phase(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found = LAWS[name]
+    found = laws()[name]
     design = found.kind()
     if design.family == "H-infinity" and find_spec("slycot") is None:
         pytest.skip("needs slycot")
-    on = BENCHES[name]
+    on = bench_of(name)
     plant = on.plant.build()
     law = guarded(found.build(), plant, at=on.at)
     in_c = InC(law, tmp_path) if design.exports else None
@@ -280,7 +289,8 @@ def test_every_fault_in_every_phase(
 
 def test_campaign_is_as_large_as_it_says() -> None:
     runs = {
-        name: sum(1 for _ in faulty(BENCHES[name], found.kind())) for name, found in LAWS.items()
+        name: sum(1 for _ in faulty(bench_of(name), found.kind())) for name, found in laws().items()
     }
-    assert {found.design for found in LAWS.values()} == set(DESIGNS.names())
+    assert list(runs) == NAMES
+    assert {found.design for found in laws().values()} == set(DESIGNS.names())
     assert min(runs.values()) >= 80 and sum(runs.values()) >= 2500
