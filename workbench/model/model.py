@@ -375,18 +375,15 @@ class Model(Shown):
         """
         return self._call(self.form(form).outputs_function, x, u, values)
 
-    def signals(
-        self, x: npt.ArrayLike, u: npt.ArrayLike, *, form: Form | str = EXACT
-    ) -> dict[str, float]:
+    def signals(self, x: npt.ArrayLike, u: npt.ArrayLike) -> dict[str, float]:
         """Compute every port and published signal at one instant, in SI by name.
 
         Args:
             x: States, shape (n_states,), in SI.
             u: Inputs, shape (n_inputs,), in SI.
         """
-        traced = self.form(form)
-        values = self._call(traced.signals_function, x, u, None)
-        return dict(zip(traced.signal_names, values.tolist(), strict=True))
+        values = self._call(self.exact.signals_function, x, u, None)
+        return dict(zip(self.exact.signal_names, values.tolist(), strict=True))
 
     def initial_state(
         self, given: Mapping[str, float] | None = None, *, u: npt.ArrayLike | None = None

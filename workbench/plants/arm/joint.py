@@ -198,19 +198,19 @@ def _stop(m: Scope, name: str, penetration: Expression, speed: Expression) -> Ex
     )
 
 
-def gravity(plane: Plane, body: ArmBody | None = None, *, name: str = "gravity") -> Effect:
-    """Build the weight of arm and plates, the paper's unless another body is given.
+def gravity(plane: Plane) -> Effect:
+    """Build the weight of arm and plates.
 
     ``T = T - g [m_arm (x cos theta - y sin theta) + load (x_p cos theta + y_p sin theta)]`` in the
     vertical plane, nothing in the horizontal one.
     """
-    masses = body or ArmBody()
+    masses = ArmBody()
 
     def transform(at: PortView) -> Expression:
         return at.value - masses.gravity_torque(at.signals.angle, at.signals.load, plane=plane)
 
     return Effect(
-        name,
+        "gravity",
         ("joint.torque",),
         transform,
         about=About("T - g sum(m r)", "statics of the paper's Figure 4"),
