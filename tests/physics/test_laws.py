@@ -234,3 +234,26 @@ def test_a_place_that_a_speed_adds_to_may_be_carried_off_as_well() -> None:
     assert found["cubic_stiffness"].ports == ("pitch.rate",)
     assert Survey(aircraft(1.0)).place("pitch.rate").coordinate.source == "wing"
     assert "cubic_stiffness" not in {h.name for h in library(aircraft(0.5))}
+
+
+def test_a_rotor_lifts_more_above_the_ground_and_a_weight_does_not() -> None:
+    def equations(m):
+        lift = 22.0 * m.u.throttle / 1.6 - 0.1 * m.x.climb
+        return {"height": m.x.climb, "climb": lift - 9.81}, {"height": m.x.height}
+
+    drone = Model(
+        "drone",
+        equations,
+        states=(State("height", "m"), State("climb", "m/s")),
+        inputs=(Input("throttle", "1", lower=0.0, upper=1.0),),
+        outputs=(Output("height", "m"),),
+    )
+    offered = library(drone, ranges={"height": (0.3, 1.5)})
+    (law,) = (h for h in offered if h.law == "ground_effect")
+    # Below and above what was seen: a floor or a ceiling.
+    assert {np.sign(shape["surface"] - shape["nearest"]) for shape in law.shapes} == {-1.0, 1.0}
+    near = drone.with_effect(law.at_size(0.2, {"surface": 0.0, "nearest": 0.3}))
+    for height, grown in ((0.3, 0.2), (0.6, 0.05), (3.0, 0.002)):
+        more = near.rates([height, 0.0], [0.7])[1] - drone.rates([height, 0.0], [0.7])[1]
+        assert more == pytest.approx(grown * 22.0 * 0.7 / 1.6)
+    assert near.rates([0.3, 1.0], [0.0])[1] == pytest.approx(drone.rates([0.3, 1.0], [0.0])[1])

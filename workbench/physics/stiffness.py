@@ -6,15 +6,17 @@ The rest position of a spring is held in a fit; a constant force tells where it 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import casadi as ca
 
 from workbench.model import PortView
 from workbench.model.regularisation import Expression
+from workbench.model.units import same_dimension
 from workbench.physics.friction import transition
-from workbench.physics.law import Law, Own, each, shape, size, twins
-from workbench.physics.place import COORDINATES, RESISTED, Place, per
+from workbench.physics.law import Fit, Law, Own, by_port, each, shape, size, twins
+from workbench.physics.place import COORDINATES, RESISTED, Place, Survey, per
 
 
 def _rest(at: Place) -> Own:
@@ -315,6 +317,62 @@ local_catch = Law(
     source="local deformation or cable drag; Gaussian shape",
     look_alikes=("ripple", "local_friction", "cubic_stiffness"),
     separated_by="slow passes over the place in both directions: a bump keeps its sign",
+)  # fmt: skip
+
+_NEARER = 2.0
+"""How far what grows towards a surface does so beyond what was seen, as a factor of distance."""
+
+
+def _driven(survey: Survey) -> Iterator[Fit]:
+    for place in survey.fitting("force", "acceleration", needs=("coordinate",)):
+        causes = survey.causes(place)
+        distance = not place.coordinate.minus and same_dimension(place.coordinate.unit, "m")
+        if len(causes) == 1 and distance:
+            at = replace(place, signals={**place.signals, "cause": causes[0]})
+            yield f"_{by_port(place)}", ((at,),)
+
+
+def _surfaces(at: Place) -> list[dict[str, float]]:
+    """Return surfaces below and above what was seen, each with the place seen nearest to it."""
+    low, high = at.coordinate.seen or at.travel
+    return [
+        {"nearest": end, "surface": end + side * part * (high - low)}
+        for part in (0.2, 0.6)
+        for end, side in ((low, -1.0), (high, 1.0))
+    ]
+
+
+def _surface(at: Place) -> Own:
+    low, high = at.coordinate.seen or at.travel
+    return shape("surface", at.coordinate.unit, _surfaces(at)[0]["surface"],
+                 "place of the surface", around=None, scale=0.2 * (high - low),
+                 between=(2.0 * low - high, 2.0 * high - low))  # fmt: skip
+
+
+def _grown(at: PortView) -> Expression:
+    x, nearest, surface = at.signals.coordinate, at.p.nearest, at.p.surface
+    closest = ca.fabs(nearest - surface)
+    near = closest / ca.fmax(ca.fabs(x - surface), closest / _NEARER + 1e-300)
+    driven = at.value - ca.substitute(ca.SX(at.value), ca.SX(at.signals.cause), 0.0)
+    return at.value + at.p.part * driven * near**2
+
+
+# A rotor above the ground, a wing above water, a magnet before iron, a thruster beside a wall.
+ground_effect = Law(
+    "ground_effect",
+    "T = T + part T_u ((nearest - surface) / (x - surface))^2, T_u what the drive gives",
+    _driven,
+    lambda at: (
+        size("part", "1", 0.2, 10.0, "growth at the place seen nearest to it", signed=True),
+        _surface(at),
+        shape("nearest", at.coordinate.unit, _surfaces(at)[0]["nearest"],
+              "place seen nearest to it", around=None, source="", fitted=False),
+    ),
+    _grown,
+    shapes=_surfaces,
+    source="I. Cheeseman and W. Bennett 1955",
+    look_alikes=("local_catch", "parameter_curve", "end_stops", "linear_spring"),
+    separated_by="holding several distances with different loads",
 )  # fmt: skip
 
 local_friction = Law(
