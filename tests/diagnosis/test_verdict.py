@@ -11,10 +11,14 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.example_diagnosis import example_diagnosis
-from workbench.diagnosis.conclude import conclude
+from workbench.diagnosis.conclude import _along, conclude
 from workbench.diagnosis.selection.held_out import explained
 from workbench.diagnosis.selection.weights import Compared
 from workbench.diagnosis.verdict import SCHEMA, Finding, Value, Verdict
+from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.trace import Equations
+from workbench.physics.friction import coulomb_friction
+from workbench.physics.library import library
 from workbench.plants.servo_axis import servo_axis
 
 
@@ -72,6 +76,28 @@ def test_an_output_at_its_noise_has_no_say_in_what_was_explained() -> None:
     even = {"noise_floor": noise, "refitted": {k: 7.0 * v for k, v in noise.items()}}
     even["extended"] = {"voltage": 0.051, "temperature": even["refitted"]["temperature"]}
     assert explained(even) == pytest.approx(0.5)
+
+
+def test_a_parameter_that_is_a_curve_is_told_along_it() -> None:
+    def equations(m: Scope) -> Equations:
+        braking = m.p.mu * m.u.pressure
+        return {"speed": (m.u.effort - braking) / 4e4}, {"speed": m.x.speed}
+
+    wagon = Model(
+        "wagon",
+        equations,
+        states=(State("speed", "m/s", initial=10.0),),
+        inputs=(Input("effort", "N", upper=6e4), Input("pressure", "N", upper=4e5)),
+        outputs=(Output("speed", "m/s", display_unit="km/h"),),
+        parameters=(Parameter("mu", "1", value=0.3, lower=0.05, upper=0.6, fitted=True),),
+    )
+    seen = library(wagon, ranges={"speed": (5.0, 25.0)})
+    (law,) = (h for h in seen if h.name == "parameter_curve_mu_over_speed")
+    model = wagon.with_effect(law.at_size(0.1, {"bend": math.pi}))
+    told = _along(model, model.effects[-1])
+    # What is never negative goes as 0.3^2 over 0.3 less the change.
+    assert told == "; mu is 0.45 at 18 km/h, 0.3 at 54 km/h, 0.225 at 90 km/h of speed"
+    assert _along(model, coulomb_friction("speed.rate")) == ""
 
 
 def test_a_name_is_doubted_where_most_is_missing_still() -> None:

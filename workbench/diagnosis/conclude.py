@@ -19,7 +19,9 @@ from workbench.diagnosis.selection.weights import Weighted
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Kind, Value, Verdict
 from workbench.model import Effect, Model
-from workbench.model.units import in_time
+from workbench.model.quantities import shown_in
+from workbench.model.units import from_si, in_time, with_unit
+from workbench.physics.drift import along_curve
 
 _MOST_SAID = 5
 """Effects that a sentence names, and sets of effects that a verdict weighs."""
@@ -251,6 +253,22 @@ def _by_recording(model: Model, effect: Effect) -> str:
     return f"; {subject or 'it'} {begins or 'is '}{', '.join(told)}"
 
 
+def _along(model: Model, effect: Effect) -> str:
+    """Say what a parameter is along the signal that it changes with; empty if it does not."""
+    found = along_curve(model, effect)
+    named = [q for q in (*model.states, *model.inputs) if f"_over_{q.name}" in effect.name]
+    if not found or not named:
+        return ""
+    over, subject = max(named, key=lambda q: len(q.name)), effect.about.subject
+    unit, own = shown_in(over), model.parameter(subject).unit
+    told = (
+        f"{model.size_text(value, own, effect.ports, 3)} at"
+        f" {with_unit(f'{from_si(at, unit):.3g}', unit)}"
+        for at, value in found.items()
+    )
+    return f"; {subject} is {', '.join(told)} of {over.name.replace('_', ' ')}"
+
+
 def _weights(diagnosis: Diagnosis) -> tuple[Weighted, ...]:
     return diagnosis.selected.weights if diagnosis.selected is not None else ()
 
@@ -292,6 +310,7 @@ def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]])
             for name, (value, std, unit) in ((name, v.read) for name, v in told.items())
         )
         + _by_recording(diagnosis.extended.model, entry.effect)
+        + _along(diagnosis.extended.model, entry.effect)
         + (f"; cannot be told from {', '.join(alike[1:])}" if len(alike) > 1 else "")
         + (f"; {about.separated_by} would decide" if len(alike) > 1 and about.separated_by else "")
         + "."

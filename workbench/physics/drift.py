@@ -9,9 +9,9 @@ from dataclasses import replace
 import casadi as ca
 
 from workbench.errors import TIMES_S
-from workbench.model import Parameter, PortView, State
+from workbench.model import Effect, Model, Parameter, PortView, State
 from workbench.model.regularisation import Expression
-from workbench.model.scope import EffectView
+from workbench.model.scope import EffectView, Names
 from workbench.physics.law import (
     Fit,
     Law,
@@ -414,13 +414,29 @@ def _one_sided(at: Place) -> Own:
 
 
 def _bent(at: PortView) -> Expression:
-    along = (at.signals.over - at.p.middle) / at.p.reach
-    change = at.p.amount * (ca.cos(at.p.bend) * along + ca.sin(at.p.bend) * along**2)
-    own = ca.SX(at.subject)
+    return with_subject(at, _curve(at.p, ca.SX(at.subject), at.signals.over))
+
+
+def _curve(p: Names, own: Expression, over: Expression) -> Expression:
+    along = (over - p.middle) / p.reach
+    change = p.amount * (ca.cos(p.bend) * along + ca.sin(p.bend) * along**2)
     # What saturates, as iron or an enzyme does, falls as a hyperbola and is never negative.
     most = ca.fmin(change, 0.5 * own)
     saturating = own * own / (own - most + 1e-300) + 4.0 * (change - most)
-    return with_subject(at, ca.if_else(at.p.one_sided > 0.5, saturating, own + change))
+    return ca.if_else(p.one_sided > 0.5, saturating, own + change)
+
+
+def along_curve(model: Model, effect: Effect) -> dict[float, float]:
+    """Return a parameter that is a curve, in SI, by the signal that it changes with, in SI.
+
+    At both ends of what was seen of that and in the middle; empty of any other effect.
+    """
+    if effect.about.equation != parameter_curve.equation:
+        return {}
+    own = {q.name: model.parameter(f"{effect.name}.{q.name}").value for q in effect.parameters}
+    p, value = Names("parameter", own), model.parameter(effect.about.subject).value
+    places = [p.middle + side * p.reach for side in (-1.0, 0.0, 1.0)]
+    return {float(at): float(_curve(p, value, ca.DM(at))) for at in places}
 
 
 def _largest_drive(at: Place) -> float:
