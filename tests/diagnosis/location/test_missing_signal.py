@@ -11,7 +11,7 @@ from tests.diagnosis.axis_case import diagnosed
 from tests.diagnosis.unnamed_case import shaken
 from workbench.diagnosis.conclude import conclude
 from workbench.diagnosis.location.located_signal import missing_signals
-from workbench.diagnosis.location.missing_signal import Occurrence, Vector, occurrence
+from workbench.diagnosis.location.missing_signal import Occurrence, Place, Vector, occurrence
 from workbench.model import Input, Model, Output, State
 from workbench.model.quantities import declared_unit
 
@@ -55,6 +55,12 @@ def test_a_declared_unit_is_told_and_a_difference_has_no_zero() -> None:
     assert told[0][0].endswith("60 °C") and told[0][1] == "2e+03 K/s"
     assert told[1][1] == "2e+03 K"
     assert told[2][0].endswith("kW") and told[2][1] == "2 kW"
+
+
+def test_what_is_nothing_beside_the_largest_value_is_told_as_zero() -> None:
+    place = Place("current", "A", 0.9, ((-5.0, -4.0), (3e-10, 4e-10)), 0.3)
+    found = Occurrence("cell.voltage", "V", 0.1, 0.2, (), 0.3, (place,))
+    assert found.where.endswith("most at -5 to -4 and 0 A")
 
 
 def test_an_effect_that_begins_at_a_time_is_told_from_then_on() -> None:

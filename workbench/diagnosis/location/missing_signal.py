@@ -21,6 +21,9 @@ STRONG = 0.5
 THROUGHOUT = 0.7
 """Share of the time, or of the samples, from which a signal acts all the time, or everywhere."""
 
+_NOTHING = 1e-3
+"""Part of the largest value that is told, below which another one of a signal counts as zero."""
+
 _WINDOWS = 50
 _LEAST_KNOWN = 0.25
 _MOST_SPANS = 3
@@ -128,10 +131,9 @@ class Occurrence:
         if place.covered >= THROUGHOUT:
             return f"{said}, about as much at all its values"
         unit = readably(0.0, place.unit, place.shown)[1]
-        shown = [
-            [_plainly(readably(x, place.unit, place.shown)[0]) for x in pair]
-            for pair in place.ranges
-        ]
+        read = [[readably(x, place.unit, place.shown)[0] for x in pair] for pair in place.ranges]
+        least = _NOTHING * max(abs(x) for pair in read for x in pair)
+        shown = [[_plainly(x if abs(x) > least else 0.0) for x in pair] for pair in read]
         # Both ends of a narrow range may read the same.
         ends = [" to ".join(dict.fromkeys(pair)) for pair in shown]
         return f"{said}, most at {_listed(ends)} {written_unit(unit)}".rstrip()
