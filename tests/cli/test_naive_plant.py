@@ -377,3 +377,52 @@ def test_all_wrong_units_of_a_plant_are_told_at_once(
     ):  # fmt: skip
         assert any(name in part and why in part for part in told.split("; "))
     assert told.count("known: the units") == 1
+
+
+BALL = '''
+import numpy as np
+import control as ct
+from workbench.linearisation import linear_model
+from workbench.model import Input, Model, Output, State
+
+def ball():
+    """A ball on a beam that a servo tilts; nobody says how far it goes."""
+    return Model(
+        "ball on a beam",
+        lambda m: ({"r": m.x.v, "v": -7.0 * np.sin(m.x.beam), "beam": 20.0 * (m.u.tilt - m.x.beam)},
+                   {"ball": m.x.r}),
+        states=(State("r", "m"), State("v", "m/s"), State("beam", "rad")),
+        inputs=(Input("tilt", "rad", lower=-0.5, upper=0.5),),
+        outputs=(Output("ball", "m", noise_rms=1e-3, display_unit="cm"),))
+
+def hydro():
+    """The textbook's hydro turbine, which answers the wrong way first."""
+    return linear_model(ct.tf([-2.0, 1.0], [1.0, 3.0, 3.0, 1.0], inputs="gate", outputs="power"),
+                        limits={"gate": (-1.0, 1.0)})
+
+def forgotten():
+    return ct.tf([1.0], [1.0, 1.0])
+'''
+
+
+@pytest.fixture
+def balls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "balls.py").write_text(BALL)
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_step_is_more_than_the_noise_of_its_sensor(
+    balls: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["verify", "--plant", "balls:ball", "-c", "plain-pid", "--json"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)["runs"]
+    assert found["scenario"] == "step 0 to 2.5 cm and back"
+    assert found["metrics"]["settling_time"]["value"] < 3.0
+
+
+def test_a_linear_model_is_a_plant(balls: None, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["verify", "--plant", "balls:hydro", "-c", "lqi", "--json"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)["runs"]
+    assert "-0" not in found["scenario"] and found["metrics"]["settling_time"]["value"] < 20.0
+    assert run(["verify", "--plant", "balls:forgotten"]) == WRONG_USE
+    assert "return a workbench.linearisation.linear_model of it" in capsys.readouterr().err

@@ -20,7 +20,7 @@ from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
-    from workbench.model import Input, Model
+    from workbench.model import Input, Model, Output
     from workbench.study.designs import ControllerRecipe
     from workbench.study.study import Demand, Study
     from workbench.verification import Scenario
@@ -249,7 +249,7 @@ def step_of(
         about = next(q for q in chosen.model.outputs if q.name == name)
         own = name == chosen.plant.controlled_outputs(chosen.model)[0]
         # A size that nobody declared is all that the inputs bring about, from end to end.
-        size = about.scale
+        size = about.scale if about.sized else max(about.scale, SHOWS * _noise(about))
         if len(controlled) > 1:
             size *= 1.0 if about.sized else 0.25
             size = _reached(chosen.model, name, size, {n: y0[n] for n in controlled})
@@ -300,6 +300,15 @@ def step_of(
         ),
         references=dict(sorted({**references, **moving}.items())),
     )
+
+
+SHOWS = 100.0
+"""Reach over the noise of its sensor of an output of which nobody declares a size: a step is a
+quarter of it, and within 2 % of that noise that is filtered still fits."""
+
+
+def _noise(output: Output) -> float:
+    return math.hypot(output.noise_rms, output.resolution / math.sqrt(12.0))
 
 
 def settling(recipes: Sequence[ControllerRecipe], linear: LinearModel, scenario: Scenario) -> float:

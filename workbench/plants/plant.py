@@ -248,11 +248,15 @@ class Plant:
         given = self.parse(options or {})
         keywords = {o.keyword: given.get(o.name, o.default) for o in self.options}
         with user_code(f"plant {self.name!r}"), units_together():
-            model = self.build(**keywords)
+            found: Any = self.build(**keywords)
+        # A linear model is one of a plant.
+        model = getattr(getattr(found, "operating_point", None), "model", found)
         if not isinstance(model, Model):
+            fix = "workbench.model.Model"
+            if hasattr(model, "ninputs") or hasattr(model, "to_ss"):
+                fix = "workbench.linearisation.linear_model of it, with limits of its inputs"
             raise WorkbenchError(
-                f"plant {self.name!r} returned {type(model).__name__}, not a model; return a"
-                " workbench.model.Model"
+                f"plant {self.name!r} returned {type(found).__name__}, not a model; return a {fix}"
             )
         for effect in effects:
             # One may change a parameter of another that stands before it.
