@@ -508,8 +508,9 @@ def recipes_of(
     return found
 
 
-HARDLY = 0.2
-"""Disk margin (dimensionless) of a loop that is hardly stable: gains a tenth off, with a phase."""
+HARDLY = 5.0
+"""Ms, a ratio, above which a loop is hardly stable: from there on, in zone D of ISO 14839-3 on
+magnetic bearings, margins are too small to be run for long."""
 
 
 def hardly_stable(law: Any, linear: LinearModel) -> str:
@@ -521,8 +522,8 @@ def hardly_stable(law: Any, linear: LinearModel) -> str:
         if not all(loop.stable for loop in loops):
             return "not stable on its linear model; its steps here prove nothing"
         # What several sensors do together counts at the command.
-        worst = min((loop for loop in loops if loop.command), key=lambda loop: loop.disk_margin)
-        if worst.disk_margin < HARDLY:
+        worst = max((loop for loop in loops if loop.command), key=lambda loop: loop.sensitivity)
+        if worst.sensitivity > HARDLY:
             share = 100.0 * (worst.disk_gain_margin - 1.0)
             return (
                 f"hardly stable: Ms is {worst.sensitivity:.3g} at {worst.opened}, where a gain"

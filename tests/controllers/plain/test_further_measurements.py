@@ -104,7 +104,10 @@ def test_where_no_speed_was_asked_for_none_is_told_to_be_smaller() -> None:
         design.controller(linear, design.specified({"sample_time": H}))
 
 
-@pytest.mark.parametrize(("gain", "said"), [(1.0, ""), (7.8, "hardly stable: Ms"), (8.5, "not st")])
+@pytest.mark.parametrize(
+    ("gain", "said"),
+    [(1.0, ""), (4.0, ""), (5.4, "hardly stable: Ms"), (8.5, "not st")],
+)
 def test_a_loop_with_next_to_no_margins_is_said(gain: float, said: str) -> None:
     # 1 / (s + 1)^3 bears a gain of 8.
     linear = linear_model(ct.tf([1.0], [1.0, 3.0, 3.0, 1.0], inputs="u", outputs="y"))
