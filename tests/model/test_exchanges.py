@@ -11,8 +11,9 @@ import pytest
 from tests.diagnosis.newcomers import crane, drivetrain
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
+from workbench.physics.library import library
 from workbench.physics.offset_gain import gain
-from workbench.physics.place import Survey
+from workbench.physics.place import Survey, argument_of
 
 
 def tanks(*, shared: bool = False) -> Model:
@@ -95,6 +96,15 @@ def test_a_geared_coupling_is_as_far_apart_as_it_is_bent(gear: float) -> None:
         assert (local.source, local.minus) == tuple(end + suffix for end in ends)
         assert local.ratio == pytest.approx(0.25)
     assert place.elastic
+
+
+def test_what_is_offered_beside_an_exchange_can_be_attached() -> None:
+    model = drivetrain()
+    ranges = {argument_of(q.name): (-1.0, 2.0) for q in model.parameters}
+    offered = [h for h in library(model, ranges=ranges) if h.name.endswith("_argument")]
+    assert offered
+    for law in offered:
+        assert np.isfinite(model.with_effect(law.effect).rates([0.3, 0.1, 2.0, 1.5], [0.0])).all()
 
 
 def test_no_exchange_turns_on_what_parameters_or_commands_are() -> None:

@@ -813,7 +813,10 @@ class Survey:
         """Return what a parameter multiplies in all values; None unless several signals make it."""
         t, k = self.trace, self._parameter_index[name]
         found = [cofactor(value, t.p[k]) for value in values]
-        if not found or any(e is None for e in found):
+        # What weighs a body is also in what an exchange with another one does to it.
+        given = [i for q, i in self._port_index.items() if q.endswith(".exchange")]
+        weighs = any(ca.depends_on(t.rates_by_port[:, i], t.p[k]) for i in given)
+        if not found or weighs or any(e is None for e in found):
             return None
         first = ca.SX(found[0])
         signals = ca.vertcat(t.x, t.u)
