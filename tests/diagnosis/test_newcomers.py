@@ -250,7 +250,7 @@ def test_steps_of_the_filter_follow_where_a_recording_leads() -> None:
     assert steps_along(model, near).number > 5
 
 
-@pytest.mark.parametrize("gear", [1.0, 4.0])
+@pytest.mark.parametrize("gear", [pytest.param(1.0, marks=pytest.mark.long), 4.0])
 def test_the_backlash_of_a_coupling_is_found_between_two_bodies(
     monkeypatch: pytest.MonkeyPatch, gear: float
 ) -> None:
