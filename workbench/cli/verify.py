@@ -62,10 +62,11 @@ def verify(
             designed for there. By default every output that the commands hold independently is
             controlled, and each steps by itself.
         end (--to VALUE): Controlled output after the step, or several as before it.
-        hold (TIME): Time between the steps. By default what the linear model takes to respond, or
-            twice what the slowest loop of it takes to settle.
+        hold (TIME): Time between the steps. By default what the linear model takes to respond, but
+            between two and five times what the slowest loop of it takes to settle.
         sample_time (TIME): Sample time of controllers and loop. By default the controllers' own, or
-            a thousandth of that, less where the plant is unstable.
+            a thousandth of that response, less where the plant is unstable or where the commands
+            can move the controlled output sooner.
         require (METRIC=LIMIT): Largest value of a metric, such as settling_time=0.5s; may be given
             several times. By default what the plant declares.
         seed: Seed of the sensors' noise.
