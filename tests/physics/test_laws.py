@@ -257,3 +257,31 @@ def test_a_rotor_lifts_more_above_the_ground_and_a_weight_does_not() -> None:
         more = near.rates([height, 0.0], [0.7])[1] - drone.rates([height, 0.0], [0.7])[1]
         assert more == pytest.approx(grown * 22.0 * 0.7 / 1.6)
     assert near.rates([0.3, 1.0], [0.0])[1] == pytest.approx(drone.rates([0.3, 1.0], [0.0])[1])
+
+
+def test_a_sensor_may_read_what_another_one_reads() -> None:
+    def equations(m):
+        rest = m.u.supply - 1.2 * m.x.current - 0.08 * m.x.speed
+        torque = 0.08 * m.x.current - 3e-6 * m.x.speed**2
+        return (
+            {"current": rest / 0.02, "speed": torque / 0.004, "turned": m.x.speed},
+            {"current": m.x.current, "pressure": 2.0 * m.x.speed**2, "turned": m.x.turned},
+        )
+
+    pump = Model(
+        "pump",
+        equations,
+        states=(State("current", "A"), State("speed", "rad/s"), State("turned", "rad")),
+        inputs=(Input("supply", "V", lower=0.0, upper=30.0),),
+        outputs=(Output("current", "A"), Output("pressure", "Pa"), Output("turned", "rad")),
+    )
+    offered = {h.name: h for h in library(pump) if h.law == "sensor_cross_talk"}
+    # An angle beside what depends on its speed alone is late, or early.
+    assert {name.removeprefix("sensor_cross_talk_") for name in offered} == {
+        "current_supply", "pressure_supply", "turned_supply",
+        "current_turned", "pressure_current", "turned_current",
+    }  # fmt: skip
+    law = offered["sensor_cross_talk_pressure_current"]
+    shifted = pump.with_effect(law.at_size(600.0, {"zero": 0.0}))
+    read = [model.read([5.0, 100.0, 0.0], [12.0])[1] for model in (pump, shifted)]
+    assert read == pytest.approx([2e4, 2.3e4])

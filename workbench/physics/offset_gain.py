@@ -206,13 +206,13 @@ sensor_bend = replace(
 )
 
 
-def _beside_an_input(survey: Survey) -> Iterator[Fit]:
+def _beside_others(survey: Survey) -> Iterator[Fit]:
     read = {q.name for q in survey.model.outputs}
     causes = [survey.input(q.name) for q in survey.model.inputs if q.name not in read]
     for place in survey.fitting("measurement"):
         if place.output is None:
             continue
-        for cause in causes:
+        for cause in (*causes, *survey.beside(place)):
             site = replace(place, signals={**place.signals, "cause": cause})
             yield f"_{place.output.name}_{cause.source}", ((site,),)
 
@@ -232,11 +232,11 @@ def _coupled(at: Place) -> tuple[Own, ...]:
 sensor_cross_talk = Law(
     "sensor_cross_talk",
     "y = u + gain (cause - zero)",
-    _beside_an_input,
+    _beside_others,
     _coupled,
     lambda at: at.value + at.p.gain * (at.signals.cause - at.p.zero),
     group="sensor",
     source="cross-sensitivity of a sensor, a leak before a meter",
     look_alikes=("sensor_gain", "sensor_offset", "slow_response"),
-    separated_by="change that input alone, where what is measured stays",
+    separated_by="change that signal alone, where what is measured stays",
 )

@@ -370,6 +370,23 @@ class Survey:
         """Return an input as a law sees it."""
         return self._of(name)
 
+    def beside(self, place: Place) -> tuple[Local, ...]:
+        """Return what other sensors read that the one of a place is not meant to read.
+
+        Not the rate of what it reads, nor that of which it reads the rate: those are a delay.
+        """
+        value, own = self._port_value(self._port_index[place.name]), self._symbols
+        seen = [n for n in self._state_index if ca.depends_on(value, own[n])]
+        near = {*seen, *(self._integral.get(n, n) for n in seen)} | {
+            q.name for q in self.model.inputs
+        }
+        recorded = [self._measured[q.name] for q in self._recorded if q.name in self._measured]
+        return tuple(
+            self._of(n)
+            for n in dict.fromkeys(recorded)
+            if n in self._state_index and not near & {n, self._integral.get(n, n)}
+        )
+
     def causes(self, place: Place) -> tuple[Local, ...]:
         """Return the inputs that enter the signal of a place at once."""
         entered = self._entered[self._port_index[place.name]]
