@@ -16,7 +16,11 @@ from tests.diagnosis.newcomers import damper, driven_carts, rubbed, two_carts
 from workbench.diagnosis.estimation.made_up import made_up_axis
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import default_priors
-from workbench.diagnosis.estimation.process_noise import blocks_of_cost, fit_with_process_noise
+from workbench.diagnosis.estimation.process_noise import (
+    blocks_of_cost,
+    extended_start,
+    fit_with_process_noise,
+)
 from workbench.diagnosis.selection import refits
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.decision import decided, degenerates_to, preferred
@@ -30,6 +34,8 @@ from workbench.diagnosis.selection.rules import (
 )
 from workbench.diagnosis.selection.score import Score, Scores, by_name, score_library
 from workbench.diagnosis.selection.shortlist import shortlist, where
+from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.trace import Equations
 from workbench.physics.drift import offset_jump
 from workbench.physics.friction import coulomb_friction
 from workbench.physics.hypothesis import Hypothesis
@@ -507,3 +513,64 @@ def test_what_acts_at_one_of_a_pair_is_told_from_what_acts_at_both() -> None:
         assert found[0].fit is not None
         (size_,) = [e for e in found[0].fit.refit.estimates if e.name.startswith("drag")]
         assert size_.value == pytest.approx(2.0, rel=0.05)
+
+
+def test_where_nearly_all_is_explained_clearly_less_is_not_followed(
+    entries: dict[str, Hypothesis],
+) -> None:
+    names = ("stribeck_friction", "ripple", "valve_offset", "tilt_gravity")
+    gains = (900.0, 700.0, 500.0, 400.0)
+    first = [_candidate(entries[n], g, 0.5) for n, g in zip(names, gains, strict=True)]
+    assert refits._leaders(first, 0) == [0, 1, 2, 3]
+    cast(Any, first[0].fit).noise_scale = 0.01
+    assert refits._leaders(first, 0) == [0, 1]
+
+
+def test_a_law_that_contends_is_refitted_with_the_trust_that_it_earns() -> None:
+    """Its first refit ends where steps gain little; what loses from the start stays as it was."""
+
+    def equations(m: Scope) -> Equations:
+        return {"block": m.p.cooling * (m.u.jacket - m.x.block)}, {"block": m.x.block}
+
+    block = Model(
+        "block",
+        equations,
+        states=(State("block", "K", 30.0, initial=320.0),),
+        inputs=(Input("jacket", "K", nominal=320.0),),
+        outputs=(Output("block", "K", noise_rms=0.05),),
+        parameters=(Parameter("cooling", "1/s", value=0.05, lower=0.01, upper=0.2, fitted=True),),
+    )
+    rng, x, rows = np.random.default_rng(1), 320.0, []
+    for jacket in np.repeat(rng.uniform(300.0, 400.0, 15), 40):
+        rows.append((jacket, x + 0.05 * rng.normal()))
+        # 36 parts of 42 go to the jacket, the others to a room at 290 K.
+        rest = (36.0 * jacket + 6.0 * 290.0) / 42.0
+        x = rest + (x - rest) * math.exp(-0.042 * 2.0)
+    jacket, read = np.array(rows).T
+    signals = (Signal("jacket", jacket, "K", role="command"), Signal("block", read, "K"))
+    seen = observe(block, Recording("warmed", 2.0 * np.arange(len(read)), signals))
+    priors = tuple(default_priors(block))
+    base = fit_with_process_noise(block, [seen], priors)
+    laws = {h.name: h for h in library(block, duration=2.0 * len(read), sample_time=2.0)}
+    field, first = [], []
+    for name in ("heat_loss_block", "offset_jacket_command"):
+        own, start = refits.entry_priors(laws[name])
+        model = block.with_effect(laws[name].at_size(0.0))
+        fit = fit_with_process_noise(
+            model,
+            [extended_start(seen, block, model)],
+            (*priors, *own),
+            start=start,
+            noise_scale=base.noise_scale,
+            follow=False,
+        )
+        unknown = (0.0, -math.inf, math.inf)
+        first.append(Candidate(laws[name], fit, base.cost - fit.cost, unknown))
+        field.append(_score(laws[name], 900.0))
+    prior = base.cost - float(blocks_of_cost(base, [seen]).sum())
+    loss, offset = refits._trusted(base, field, first, priors, prior, [seen], 1)
+    assert loss.gain > 5.0 * first[0].gain
+    assert loss.fit is not None
+    found = {e.name: e.value for e in loss.fit.refit.estimates}
+    assert found["heat_loss_block.conductance"] == pytest.approx(0.006, rel=0.02)
+    assert offset is first[1]

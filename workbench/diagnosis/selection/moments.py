@@ -23,6 +23,9 @@ _MOMENTS, _PHASES, _STEPS = 100, 33, 20
 """Starts of a clock along a recording that are tried, or along two periods of what repeats, and
 steps from the best one on."""
 
+_WIDTHS = 5.0
+"""Half-widths of an event from its middle to where it has not begun, or is over."""
+
 _CLEARLY = 10.0
 """Log likelihood by which a recording must be likelier: more than so many tries give by chance."""
 
@@ -210,6 +213,8 @@ def with_own_moments(
             # All that came before a recording, or comes after it, is the same to it.
             beyond = max(width, 2.0 * (tried[1] - tried[0]))
             tried = tried[(first - tried < length + beyond) & (last - tried > -beyond)]
+            # Half of what one takes to come is moved within the same slope of the likelihood.
+            tried = tried[:: max(1, math.floor(0.5 * width / _WIDTHS / (tried[1] - tried[0])))]
         of = Delays(PredictionError(model, begun, (), rms), begun, clocks, span)
         found = _likeliest(of, of.cost_from(begun.start[list(clocks)]), tried)
         if found is not None:
@@ -228,7 +233,7 @@ def _span(model: Model, effects: Sequence[Effect]) -> tuple[float, float, float]
                 times.append(value - _clock(effect).initial)
             elif q.unit == "s":
                 widths.append(value)
-    return min(times), max(times), 5.0 * max(widths, default=0.0)
+    return min(times), max(times), _WIDTHS * max(widths, default=0.0)
 
 
 def is_event(effect: Effect) -> bool:

@@ -34,7 +34,7 @@ from workbench.diagnosis.selection.moments import (
     same_everywhere,
     with_own_starts,
 )
-from workbench.diagnosis.selection.rules import SAME_LEVELS, SURPASSED, UNTRIED, Limits
+from workbench.diagnosis.selection.rules import IMPERFECT, SAME_LEVELS, SURPASSED, UNTRIED, Limits
 from workbench.diagnosis.selection.score import COLLINEAR, Score
 from workbench.diagnosis.selection.shortlist import LEAST_SCORE
 from workbench.diagnosis.selection.simulation_error import closest_runs
@@ -48,6 +48,13 @@ _MOST_SENSORS = 2
 
 _FIELD = 12
 """How many hypotheses are refitted on a longer part of the recordings."""
+
+_RIVALS = 0.7
+"""Gain over that of one that leaves little of the equations in doubt, from which on others may be
+as good on all of the recordings."""
+
+_CONTENDS = 0.3
+"""Gain of a first refit over the best one, from which on a hypothesis may overtake."""
 
 _BY_SCORE = 4
 """How many of them are there for their score, whatever they gain in a first short refit."""
@@ -144,8 +151,7 @@ def refit_candidates(
     first = _first_refits(
         base, field, given, prior, fit_on, _HEADS[1], _NEAR, begun, jobs, thorough
     )
-    # Only the leaders are followed down the ladder: a hypothesis that cannot compete with the
-    # equations as imperfect as they were does not overtake with more trust in them.
+    first = _trusted(base, field, first, given, prior, fit_on, jobs)
     leaders = _leaders(first, field.index(chosen[0]) if field else 0)
     if progress and leaders:
         progress("comparing " + " and ".join(field[i].entry.name for i in leaders))
@@ -227,6 +233,28 @@ def _first_refits(
     if not field:
         return []
     short = thorough and sum(len(r.outputs) for r in fit_on) <= _SHORT
+    heads = _heads(base, field, known, fit_on, samples)
+    order = sorted(range(len(field)), key=lambda i: -field[i].gain)
+    found: dict[int, Candidate] = {}
+    for some in (order[:_BY_SCORE], order[_BY_SCORE:]):
+        # Beside what leaves nothing out nobody waits for the others to be tried in every way.
+        ways = short and not any(_leaves_nothing(base, c) for c in found.values())
+        calls: list[Call[Candidate]] = []
+        for i in some:
+            head, cost = heads[i]
+            calls.append((_first, (base, cost, field[i], priors, head, enough, begun[i], ways)))
+        found |= dict(zip(some, in_order(calls, jobs=jobs), strict=True))
+    return [found[i] for i in range(len(field))]
+
+
+def _heads(
+    base: ProcessNoiseFit,
+    field: Sequence[Score],
+    known: float,
+    fit_on: Sequence[Observed],
+    samples: int,
+) -> list[tuple[list[Observed], float]]:
+    """Return the beginnings that show each hypothesis, and their cost without it, dimensionless."""
     lengths = [samples if score.late < samples else 2 * score.late for score in field]
     steps = _ROUGHLY if samples == _HEADS[0] else STEPS
     heads = {
@@ -234,29 +262,59 @@ def _first_refits(
         for n in {*lengths}
     }
     costs = {n: known + float(blocks_of_cost(base, head).sum()) for n, head in heads.items()}
-    order = sorted(range(len(field)), key=lambda i: -field[i].gain)
-    found: dict[int, Candidate] = {}
-    for some in (order[:_BY_SCORE], order[_BY_SCORE:]):
-        # Beside what leaves nothing out nobody waits for the others to be tried in every way.
-        ways = short and not any(_leaves_nothing(base, c) for c in found.values())
-        calls: list[Call[Candidate]] = [
-            (
-                _first,
-                (
-                    base,
-                    costs[lengths[i]],
-                    field[i],
-                    priors,
-                    heads[lengths[i]],
-                    enough,
-                    begun[i],
-                    ways,
-                ),
-            )
-            for i in some
-        ]
-        found |= dict(zip(some, in_order(calls, jobs=jobs), strict=True))
-    return [found[i] for i in range(len(field))]
+    return [(heads[n], costs[n]) for n in lengths]
+
+
+def _trusted(
+    base: ProcessNoiseFit,
+    field: Sequence[Score],
+    first: Sequence[Candidate],
+    priors: tuple[Prior, ...],
+    known: float,
+    fit_on: Sequence[Observed],
+    jobs: int,
+) -> list[Candidate]:
+    """Refit the best hypotheses with as much trust in the equations as each of them earns.
+
+    Where the equations are as imperfect as without it, the right law gains little more than a wrong
+    one that bends the same way: the noise that is expected makes up for the rest.
+    """
+    most = max((c.gain for c in first), default=0.0)
+    order = sorted(range(len(first)), key=lambda i: -first[i].gain)[:_FIELD]
+    chosen = [i for i in order if first[i].gain > max(_CONTENDS * most, LEAST_SCORE)]
+    heads = _heads(base, [field[i] for i in chosen], known, fit_on, _HEADS[1])
+    calls = [
+        (_with_trust, (base, first[i], priors, head, cost))
+        for i, (head, cost) in zip(chosen, heads, strict=True)
+    ]
+    found = list(first)
+    for i, candidate in zip(chosen, in_order(calls, jobs=jobs), strict=True):
+        found[i] = candidate
+    return found
+
+
+def _with_trust(
+    base: ProcessNoiseFit,
+    first: Candidate,
+    priors: tuple[Prior, ...],
+    head: Sequence[Observed],
+    cost: float,
+) -> Candidate:
+    assert first.fit is not None
+    model = first.fit.model
+    try:
+        fit = fit_with_process_noise(
+            model,
+            [extended_start(r, base.model, model) for r in head],
+            (*priors, *entry_priors(first.entry)[0]),
+            start={e.name: e.value for e in first.fit.refit.estimates},
+            noise_scale=first.fit.noise_scale,
+            enough=_NEAR,
+        )
+    except Exception:  # noqa: BLE001
+        # Whatever a law does, its failure must not end the diagnosis.
+        return first
+    return replace(first, fit=fit, gain=cost - fit.cost)
 
 
 def _leaves_nothing(base: ProcessNoiseFit, candidate: Candidate) -> bool:
@@ -291,6 +349,10 @@ def _leaders(first: Sequence[Candidate], best: int) -> list[int]:
     """
     order = sorted(range(len(first)), key=lambda i: -first[i].gain)
     worthy = [i for i in order if first[i].fit is not None and first[i].gain > LEAST_SCORE]
+    top = first[worthy[0]] if worthy else None
+    if top is not None and top.fit is not None and top.fit.noise_scale <= IMPERFECT.value:
+        # Nearly all is explained: what explains clearly less is no rival.
+        worthy = [i for i in worthy if first[i].gain > _RIVALS * top.gain]
     leaders: list[int] = []
     laws: set[str] = set()
     for i in worthy:
