@@ -89,12 +89,12 @@ def unknown_input(model: Model, observed: Observed, ports: Sequence[str]) -> Unk
         with np.errstate(over="ignore", invalid="ignore"):
             around = problem.around(states, signal)
             states, signal, std = _smooth(around, rms, states, signal)
-        if not np.isfinite(states).all():
+            rms = np.maximum(np.sqrt(np.mean(signal**2 + std**2, axis=0)), 1e-12)
+        if not (np.isfinite(states).all() and np.isfinite(rms).all()):
             raise NumericalError(
                 f"the smoother left the finite numbers on {observed.name!r}; the model is too far"
                 " from the recording to tell what it lacks"
             )
-        rms = np.maximum(np.sqrt(np.mean(signal**2 + std**2, axis=0)), 1e-12)
     return UnknownInput(
         observed.name,
         tuple(ports),
