@@ -108,6 +108,25 @@ def test_a_step_that_nobody_sized_is_one_that_the_plant_can_hold(
     assert abs(found["metrics"]["steady_error"]["value"]) < 0.1
 
 
+def test_commands_that_are_late_are_reckoned_with(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    step = ["verify", "--plant", "boilers:boiler", "--from", "40degC", "--to", "60degC"]
+    step += ["-c", "plain-pid", "--sample-time", "2s", "--json"]
+    settled = []
+    for late, told in ((), ""), (("--delay", "29s"), "late by 15 samples of 2 s, 30 s"):
+        assert run([*step, *late]) == 0
+        said = capsys.readouterr()
+        assert told in said.err
+        (found,) = json.loads(said.out)["runs"]
+        assert found["metrics"]["overshoot"]["value"] < 0.2
+        settled.append(found["metrics"]["settling_time"]["value"])
+    # Nothing is seen of a command within its delay.
+    assert settled[0] + 30.0 < settled[1] < 20.0 * 30.0
+    assert run([*step, "--delay", "-1s"]) == WRONG_USE
+    assert "delay" in capsys.readouterr().err
+
+
 def test_one_of_several_designs_that_does_not_suit_the_plant_is_a_run_that_failed(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from workbench.verification import Scenario
 
 
+_ROOM = 0.5
+"""Part of the room of a command that a step takes at rest, up to which its end slows it little."""
+
+
 @with_plant("option", "effect", "design")
 def verify(
     chosen: Chosen,
@@ -36,6 +40,7 @@ def verify(
     end: str | None = None,
     hold: str | None = None,
     sample_time: str | None = None,
+    delay: str | None = None,
     require: list[str] | None = None,
     seed: int = 0,
     out: Path | None = None,
@@ -67,11 +72,14 @@ def verify(
         sample_time (TIME): Sample time of controllers and loop. By default the controllers' own, or
             a thousandth of that response, less where the plant is unstable or where the commands
             can move the controlled output sooner.
+        delay (TIME): How late every command acts beside the sampling, as by a computer, a bus or a
+            pipe, in whole samples. Designs for any plant reckon with it.
         require (METRIC=LIMIT): Largest value of a metric, such as settling_time=0.5s; may be given
             several times. By default what the plant declares.
         seed: Seed of the sensors' noise.
         out (DIR): Folder for results.json, summary.md, junit.xml and report.html.
     """
+    from workbench.model.units import in_time
     from workbench.reports.study_page import write_study_files
     from workbench.study.result import run_study
     from workbench.study.summary import plain_summary
@@ -85,8 +93,12 @@ def verify(
             changes.append(f"{name}={value}")
     base = nominal_design(chosen, changes)
     recipes, scenarios = tried(
-        chosen, controlled, base, begins, ends, hold, sample_time, controller or ()
+        chosen, controlled, base, begins, ends, hold, sample_time, controller or (), delay
     )
+    if delay is not None:
+        late, h = scenarios[0].late_samples, scenarios[0].sample_time
+        told = f"commands are late by {late} samples of {in_time(h)}, {in_time(late * h)}"
+        typer.echo(told, err=True)
     study = replace(study_of_steps(chosen, recipes, scenarios, require or ()), seeds=(seed,))
     with tempfile.TemporaryDirectory() as folder, counting() as counter:
         result = run_study(study, out or Path(folder), progress=counter)
@@ -131,6 +143,7 @@ def tried(
     hold: str | None = None,
     sample_time: str | None = None,
     controllers: Sequence[str] = (),
+    delay: str | None = None,
 ) -> tuple[list[ControllerRecipe], list[Scenario]]:
     """Return designs, and the steps through which they run: as given, or of each output alone.
 
@@ -145,10 +158,11 @@ def tried(
     moved = [tuple(ends or begins)] if ends or begins else [(name,) for name in own]
 
     def scenarios(hold: str | None, sample_time: str | None) -> list[Scenario]:
-        return [
+        found = [
             step_of(chosen, own, base, begins, ends, hold, sample_time, controllers, stepped)
             for stepped in moved
         ]
+        return [_late(scenario, delay) for scenario in found]
 
     found = scenarios(hold, sample_time)
     try:
@@ -157,7 +171,7 @@ def tried(
         alone = chosen.plant.controlled_outputs(chosen.model)
         if controlled or alone == own or chosen.plant.controlled or len(own) == 1:
             raise
-        return tried(chosen, alone, base, begins, ends, hold, sample_time, controllers)
+        return tried(chosen, alone, base, begins, ends, hold, sample_time, controllers, delay)
     followed = {name for recipe in recipes for name in _follows(recipe)}
     moved = [names for names in moved if followed & set(names)] or moved[:1]
     same = f"{found[0].sample_time!r} s"
@@ -165,6 +179,17 @@ def tried(
     if hold is None and long:
         hold = f"{long!r} s"
     return recipes, scenarios(hold, same)
+
+
+def _late(scenario: Scenario, delay: str | None) -> Scenario:
+    """Return a scenario in which commands are late by a time, by the next whole sample."""
+    from workbench.model.units import quantity
+
+    if delay is None:
+        return scenario
+    h, late = scenario.sample_time, quantity("delay", delay, "s")
+    check_range("delay", late, 0.0, 0.5 * scenario.duration, "s")
+    return replace(scenario, late_samples=math.ceil(late / h - 1e-9))
 
 
 def _follows(recipe: ControllerRecipe) -> tuple[str, ...]:
@@ -316,7 +341,8 @@ def settling(recipes: Sequence[ControllerRecipe], linear: LinearModel, scenario:
     """Return the time between steps, in s, that the slowest loop needs; 0 if they have it.
 
     It is twice what that loop takes to settle, or five times that where this is less than they
-    have, as of fast loops of slow plants: a step that a command's end slows down still shows.
+    have, as of fast loops of slow plants: a step that a command's end slows down a little still
+    shows. One that ends near the end of a command keeps the time of the plant.
     """
     from controllers.plain.limits import settled_after
     from controllers.plain.loop import PlainLaw
@@ -326,7 +352,7 @@ def settling(recipes: Sequence[ControllerRecipe], linear: LinearModel, scenario:
     steps = {name: own[0][2] - own[0][1] for name, own in changes.items() if own}
     times = [change[0] for own in changes.values() for change in own]
     usual = max(times, default=0.0) - min(times, default=0.0)
-    long, all_told = 0.0, True
+    long, all_told, room = 0.0, True, True
     for recipe in recipes:
         told = False
         # One that cannot be built is a run that failed.
@@ -335,11 +361,31 @@ def settling(recipes: Sequence[ControllerRecipe], linear: LinearModel, scenario:
             told = hasattr(law, "around_rest") and not recipe.kind().sensors
             if told := told or isinstance(law, PlainLaw):
                 long = max(long, settled_after(law, linear, steps))
+            room = room and _taken(linear, law.actuators, steps) < _ROOM
         all_told = all_told and told
     least, enough = (rounded_up(share * long) if long else usual for share in (2.0, 5.0))
     if least > usual:
         return least
-    return enough if all_told and enough < usual else 0.0
+    return enough if all_told and room and enough < usual else 0.0
+
+
+def _taken(linear: LinearModel, actuators: Sequence[str], steps: Mapping[str, float]) -> float:
+    """Return the part of a command's range that rest after steps, in SI, takes, 0 for none."""
+    import numpy as np
+
+    inputs = {q.name: q for q in linear.operating_point.model.inputs}
+    column = {name: i for i, name in enumerate(linear.input_names)}
+    used = [name for name in actuators if name in inputs and name in column]
+    rows = [linear.output_names.index(name) for name in steps]
+    own = [column[name] for name in used]
+    left = np.block([[linear.A, linear.B[:, own]], [linear.C[rows], linear.D[np.ix_(rows, own)]]])
+    right = np.append(np.zeros(len(linear.A)), list(steps.values()))
+    moved = np.linalg.lstsq(left, right, rcond=None)[0][len(linear.A) :]
+    rooms = [
+        inputs[n].upper - linear.u0[k] if u > 0.0 else linear.u0[k] - inputs[n].lower
+        for n, k, u in zip(used, own, moved, strict=True)
+    ]
+    return max((abs(u) / max(r, 1e-300) for u, r in zip(moved, rooms, strict=True)), default=0.0)
 
 
 def _reached(
@@ -447,6 +493,8 @@ def recipes_of(
         ("measured", followed[0] if len(followed) == 1 else followed),
         ("sample_time", scenario.sample_time),
     )
+    if scenario.late_samples:
+        told = (*told, ("delay", scenario.late_samples * scenario.sample_time))
 
     def recipe(name: str) -> ControllerRecipe:
         made = replace(base, name=name, design=name)
