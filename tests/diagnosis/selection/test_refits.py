@@ -515,17 +515,6 @@ def test_what_acts_at_one_of_a_pair_is_told_from_what_acts_at_both() -> None:
         assert size_.value == pytest.approx(2.0, rel=0.05)
 
 
-def test_where_nearly_all_is_explained_clearly_less_is_not_followed(
-    entries: dict[str, Hypothesis],
-) -> None:
-    names = ("stribeck_friction", "ripple", "valve_offset", "tilt_gravity")
-    gains = (900.0, 700.0, 500.0, 400.0)
-    first = [_candidate(entries[n], g, 0.5) for n, g in zip(names, gains, strict=True)]
-    assert refits._leaders(first, 0) == [0, 1, 2, 3]
-    cast(Any, first[0].fit).noise_scale = 0.01
-    assert refits._leaders(first, 0) == [0, 1]
-
-
 def test_a_law_that_contends_is_refitted_with_the_trust_that_it_earns() -> None:
     """Its first refit ends where steps gain little; what loses from the start stays as it was."""
 

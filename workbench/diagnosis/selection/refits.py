@@ -151,8 +151,13 @@ def refit_candidates(
     first = _first_refits(
         base, field, given, prior, fit_on, _HEADS[1], _NEAR, begun, jobs, thorough
     )
-    first = _trusted(base, field, first, given, prior, fit_on, jobs)
-    leaders = _leaders(first, field.index(chosen[0]) if field else 0)
+    best_score = field.index(chosen[0]) if field else 0
+    trusted = _trusted(base, field, first, given, prior, fit_on, jobs)
+    leaders = _leaders(first, best_score)
+    top = max((trusted[i] for i in leaders), key=lambda c: c.gain, default=None)
+    if top is not None and _explains(top):
+        # What explains clearly less is no rival.
+        leaders = [i for i in leaders if trusted[i].gain > _RIVALS * top.gain]
     if progress and leaders:
         progress("comparing " + " and ".join(field[i].entry.name for i in leaders))
     before = blocks_of_cost(base, hold_out) if leaders and hold_out else None
@@ -293,6 +298,11 @@ def _trusted(
     return found
 
 
+def _explains(candidate: Candidate) -> bool:
+    """Whether the equations with an effect explain nearly all."""
+    return candidate.fit is not None and candidate.fit.noise_scale <= IMPERFECT.value
+
+
 def _with_trust(
     base: ProcessNoiseFit,
     first: Candidate,
@@ -349,10 +359,6 @@ def _leaders(first: Sequence[Candidate], best: int) -> list[int]:
     """
     order = sorted(range(len(first)), key=lambda i: -first[i].gain)
     worthy = [i for i in order if first[i].fit is not None and first[i].gain > LEAST_SCORE]
-    top = first[worthy[0]] if worthy else None
-    if top is not None and top.fit is not None and top.fit.noise_scale <= IMPERFECT.value:
-        # Nearly all is explained: what explains clearly less is no rival.
-        worthy = [i for i in worthy if first[i].gain > _RIVALS * top.gain]
     leaders: list[int] = []
     laws: set[str] = set()
     for i in worthy:
