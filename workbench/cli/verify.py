@@ -26,10 +26,6 @@ if TYPE_CHECKING:
     from workbench.verification import Scenario
 
 
-_ROOM = 0.5
-"""Part of the room of a command that a step takes at rest, up to which its end slows it little."""
-
-
 @with_plant("option", "effect", "design")
 def verify(
     chosen: Chosen,
@@ -346,7 +342,7 @@ def settling(recipes: Sequence[ControllerRecipe], linear: LinearModel, scenario:
     """
     from controllers.plain.limits import settled_after
     from controllers.plain.loop import PlainLaw
-    from workbench.linearisation.pace import rounded_up
+    from workbench.linearisation.pace import has_room, rounded_up
 
     changes = {name: signal.changes for name, signal in scenario.references.items()}
     steps = {name: own[0][2] - own[0][1] for name, own in changes.items() if own}
@@ -361,31 +357,12 @@ def settling(recipes: Sequence[ControllerRecipe], linear: LinearModel, scenario:
             told = hasattr(law, "around_rest") and not recipe.kind().sensors
             if told := told or isinstance(law, PlainLaw):
                 long = max(long, settled_after(law, linear, steps))
-            room = room and _taken(linear, law.actuators, steps) < _ROOM
+            room = room and has_room(linear, law.actuators, steps)
         all_told = all_told and told
     least, enough = (rounded_up(share * long) if long else usual for share in (2.0, 5.0))
     if least > usual:
         return least
     return enough if all_told and room and enough < usual else 0.0
-
-
-def _taken(linear: LinearModel, actuators: Sequence[str], steps: Mapping[str, float]) -> float:
-    """Return the part of a command's range that rest after steps, in SI, takes, 0 for none."""
-    import numpy as np
-
-    inputs = {q.name: q for q in linear.operating_point.model.inputs}
-    column = {name: i for i, name in enumerate(linear.input_names)}
-    used = [name for name in actuators if name in inputs and name in column]
-    rows = [linear.output_names.index(name) for name in steps]
-    own = [column[name] for name in used]
-    left = np.block([[linear.A, linear.B[:, own]], [linear.C[rows], linear.D[np.ix_(rows, own)]]])
-    right = np.append(np.zeros(len(linear.A)), list(steps.values()))
-    moved = np.linalg.lstsq(left, right, rcond=None)[0][len(linear.A) :]
-    rooms = [
-        inputs[n].upper - linear.u0[k] if u > 0.0 else linear.u0[k] - inputs[n].lower
-        for n, k, u in zip(used, own, moved, strict=True)
-    ]
-    return max((abs(u) / max(r, 1e-300) for u, r in zip(moved, rooms, strict=True)), default=0.0)
 
 
 def _reached(

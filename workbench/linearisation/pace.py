@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -26,6 +26,9 @@ def step_time(linear: LinearModel) -> float:
 GROWN = 0.05
 """Most by which a mode may grow in a sample of a loop that shall hold it, as the exponent of e."""
 
+
+LEFT = 0.5
+"""Part of the room of a command that a step may take at rest without being slowed by its end."""
 
 SHOWN, FINEST = 0.05, 1e-3
 """Largest sample time over that in which all of a command moves an output half as far as it shall
@@ -69,6 +72,28 @@ def _moved_within(linear: LinearModel, name: str, usual: float) -> float:
             break
         time *= 0.8
     return usual if time == usual else min(usual, rounded_up(time))
+
+
+def has_room(linear: LinearModel, actuators: Sequence[str], steps: Mapping[str, float]) -> bool:
+    """Say whether rest after steps, in SI, takes so little of commands that their ends slow none.
+
+    Args:
+        actuators: Commands that a law moves; all else rests.
+        steps: Change of each output by name, in SI.
+    """
+    inputs = {q.name: q for q in linear.operating_point.model.inputs}
+    column = {name: i for i, name in enumerate(linear.input_names)}
+    used = [name for name in actuators if name in inputs and name in column]
+    rows = [linear.output_names.index(name) for name in steps]
+    own = [column[name] for name in used]
+    left = np.block([[linear.A, linear.B[:, own]], [linear.C[rows], linear.D[np.ix_(rows, own)]]])
+    right = np.append(np.zeros(len(linear.A)), list(steps.values()))
+    moved = np.linalg.lstsq(left, right, rcond=None)[0][len(linear.A) :]
+    rooms = [
+        inputs[n].upper - linear.u0[k] if u > 0.0 else linear.u0[k] - inputs[n].lower
+        for n, k, u in zip(used, own, moved, strict=True)
+    ]
+    return all(abs(u) <= LEFT * r for u, r in zip(moved, rooms, strict=True))
 
 
 def _room(command: Input, rest: float) -> float:

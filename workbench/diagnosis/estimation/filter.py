@@ -116,6 +116,10 @@ def steps_of(
     return Steps(pieces, few if 5 * few <= _PAYS * 4 * many else many, many)
 
 
+End = tuple[Vector, Vector] | None
+"""State, in SI, and its covariance over the scales, with which a filter goes on."""
+
+
 class Filtered(NamedTuple):
     """What a filter returns.
 
@@ -135,7 +139,7 @@ class Filtered(NamedTuple):
     jacobian: Vector
     log_deviation: Vector
     states: Vector
-    end: tuple[Vector, Vector] | None = None
+    end: End = None
 
 
 class _Struct(ctypes.Structure):

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from scipy.signal import lfilter
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.filter import STEPS, Asked, Filter, Steps, steps_of
+from workbench.diagnosis.estimation.filter import STEPS, Asked, End, Filter, Steps, steps_of
 from workbench.errors import NumericalError, WorkbenchError, check_choice
 from workbench.model import Model
 from workbench.model.model import index_of
@@ -136,10 +136,6 @@ def gauss_markov(
     kept = math.exp(-sample_time / time)
     fresh = rms * rng.normal(size=n) * np.r_[1.0, np.full(max(n - 1, 0), math.sqrt(1.0 - kept**2))]
     return np.asarray(lfilter([1.0], [1.0, -kept], fresh))
-
-
-End = tuple[Vector, Vector] | None
-"""State, in SI, and its covariance over the scales, with which a filter goes on."""
 
 
 @dataclass(frozen=True)

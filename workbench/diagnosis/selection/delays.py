@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.prediction_error import End, Observed, PredictionError
+from workbench.diagnosis.estimation.filter import End
+from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError
 from workbench.errors import NumericalError
 
 _PARTS, _LEAST = 100, 200
@@ -56,10 +57,9 @@ class Delays:
         self._places, self._usual = list(clocks), np.array(list(clocks.values()))
         size = max(len(observed.outputs) // _PARTS, _LEAST)
         self._step = size * observed.sample_time
+        each = [slice(k, k + size) for k in range(0, len(observed.outputs), size)]
         self._parts = [
-            replace(observed, inputs=observed.inputs[k:end], outputs=observed.outputs[k:end])
-            for k in range(0, len(observed.outputs), size)
-            for end in (k + size,)
+            replace(observed, inputs=observed.inputs[k], outputs=observed.outputs[k]) for k in each
         ]
         self._before: list[_Part] = []
         self._after: list[_Part] = []

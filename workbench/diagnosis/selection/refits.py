@@ -34,7 +34,7 @@ from workbench.diagnosis.selection.moments import (
     same_everywhere,
     with_own_starts,
 )
-from workbench.diagnosis.selection.rules import IMPERFECT, SAME_LEVELS, SURPASSED, UNTRIED, Limits
+from workbench.diagnosis.selection.rules import SAME_LEVELS, SURPASSED, UNTRIED, Limits
 from workbench.diagnosis.selection.score import COLLINEAR, Score
 from workbench.diagnosis.selection.shortlist import LEAST_SCORE
 from workbench.diagnosis.selection.simulation_error import closest_runs
@@ -54,7 +54,7 @@ _RIVALS = 0.7
 as good on all of the recordings."""
 
 _CONTENDS = 0.3
-"""Gain of a first refit over the best one, from which on a hypothesis may overtake."""
+"""Gain of a first refit over the best one, up to which more trust makes no rival of it."""
 
 _BY_SCORE = 4
 """How many of them are there for their score, whatever they gain in a first short refit."""
@@ -151,13 +151,15 @@ def refit_candidates(
     first = _first_refits(
         base, field, given, prior, fit_on, _HEADS[1], _NEAR, begun, jobs, thorough
     )
-    best_score = field.index(chosen[0]) if field else 0
-    trusted = _trusted(base, field, first, given, prior, fit_on, jobs)
-    leaders = _leaders(first, best_score)
-    top = max((trusted[i] for i in leaders), key=lambda c: c.gain, default=None)
-    if top is not None and _explains(top):
-        # What explains clearly less is no rival.
-        leaders = [i for i in leaders if trusted[i].gain > _RIVALS * top.gain]
+    leaders = _leaders(first, field.index(chosen[0]) if field else 0)
+    if len(leaders) > 1:
+        own = [field[i] for i in leaders], [first[i] for i in leaders]
+        trusted = _trusted(base, *own, given, prior, fit_on, jobs)
+        top = max(trusted, key=lambda c: c.gain)
+        if _explains(top):
+            # What explains clearly less is no rival.
+            kept = [c.gain > _RIVALS * top.gain for c in trusted]
+            leaders = [i for i, rival in zip(leaders, kept, strict=True) if rival]
     if progress and leaders:
         progress("comparing " + " and ".join(field[i].entry.name for i in leaders))
     before = blocks_of_cost(base, hold_out) if leaders and hold_out else None
@@ -279,14 +281,13 @@ def _trusted(
     fit_on: Sequence[Observed],
     jobs: int,
 ) -> list[Candidate]:
-    """Refit the best hypotheses with as much trust in the equations as each of them earns.
+    """Refit hypotheses that contend with as much trust in the equations as each of them earns.
 
     Where the equations are as imperfect as without it, the right law gains little more than a wrong
     one that bends the same way: the noise that is expected makes up for the rest.
     """
-    most = max((c.gain for c in first), default=0.0)
-    order = sorted(range(len(first)), key=lambda i: -first[i].gain)[:_FIELD]
-    chosen = [i for i in order if first[i].gain > max(_CONTENDS * most, LEAST_SCORE)]
+    least = max(_CONTENDS * max(c.gain for c in first), LEAST_SCORE)
+    chosen = [i for i, c in enumerate(first) if c.gain > least]
     heads = _heads(base, [field[i] for i in chosen], known, fit_on, _HEADS[1])
     calls = [
         (_with_trust, (base, first[i], priors, head, cost))
@@ -300,7 +301,7 @@ def _trusted(
 
 def _explains(candidate: Candidate) -> bool:
     """Whether the equations with an effect explain nearly all."""
-    return candidate.fit is not None and candidate.fit.noise_scale <= IMPERFECT.value
+    return candidate.fit is not None and candidate.fit.noise_scale <= PERFECT
 
 
 def _with_trust(
@@ -329,8 +330,7 @@ def _with_trust(
 
 def _leaves_nothing(base: ProcessNoiseFit, candidate: Candidate) -> bool:
     """Whether the equations that left something out are complete with an effect of the process."""
-    fit, sensor = candidate.fit, candidate.entry.group == "sensor"
-    return fit is not None and not sensor and fit.noise_scale <= PERFECT < base.noise_scale
+    return base.noise_scale > PERFECT and candidate.entry.group != "sensor" and _explains(candidate)
 
 
 def untried(entry: Hypothesis, why: Exception | str) -> Candidate:
