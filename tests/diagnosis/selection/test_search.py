@@ -43,6 +43,7 @@ def test_effects_that_explain_too_little_are_taken_back_with_the_reason() -> Non
     assert taken_up_again(task, left) is left
     aside = too_little_withdrawn(task, given.selected, little)
     assert aside.accepted == () and aside.extended is given.base
+    assert aside.free == task.priors
     told = taken_up_again(task, aside)
     ((kept, _),) = told.accepted
     assert kept.name == "coulomb_friction" and why in kept.doubts[-1]

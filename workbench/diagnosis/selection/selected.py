@@ -94,6 +94,7 @@ class Selected:
 
     Args:
         extended: The refitted model with what was found; the refitted nominal one if nothing was.
+        free: Priors of its parameters that are refitted.
         rounds: Scores and candidates of each round of the present search.
         accepted: What was found, in the order of finding.
         fits: The refitted nominal model and the model after each effect that was found.
@@ -126,6 +127,11 @@ class Selected:
     runs: Mapping[str, Runs] = field(default_factory=dict)
     nonparametric: NonparametricTerm | None = None
     finished: bool = False
+
+    def __post_init__(self) -> None:
+        """Free no parameter of an effect that was taken back."""
+        own = {q.name for q in self.extended.model.parameters}
+        object.__setattr__(self, "free", tuple(p for p in self.free if p.name in own))
 
     @cached_property
     def weights(self) -> tuple[Weighted, ...]:
