@@ -20,6 +20,7 @@ _OFFERED = {
     "diagnose": "workbench.diagnosis.diagnose",
     "external_data": "workbench.data_folder",
     "library": "workbench.physics.library",
+    "linear_model": "workbench.linearisation",
     "linearise": "workbench.linearisation",
     "load_study": "workbench.study.schema",
     "metrics": "workbench.verification",

@@ -48,8 +48,8 @@ from controllers.sampling import Rows, anti_windup, product, rows, tustin
 from controllers.specification import number
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_range
-from workbench.linearisation.state_space import proper_system
 from workbench.linearisation.transfer import transfer_function
+from workbench.model.linear_system import proper_system
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel

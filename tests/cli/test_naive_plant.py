@@ -400,8 +400,16 @@ def hydro():
     return linear_model(ct.tf([-2.0, 1.0], [1.0, 3.0, 3.0, 1.0], inputs="gate", outputs="power"),
                         limits={"gate": (-1.0, 1.0)})
 
+G = ct.tf([2.0], [10.0, 1.0], name="heater")
+sampled = ct.tf([0.1, 0.05], [1.0, -0.85, 0.0, 0.0, 0.0], 0.5, name="sampled heater")
+column = ct.tf([[[12.8], [-18.9]], [[6.6], [-19.4]]],
+               [[[16.7, 1.0], [21.0, 1.0]], [[10.9, 1.0], [14.4, 1.0]]], name="column")
+
+def integral():
+    return ct.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]])
+
 def forgotten():
-    return ct.tf([1.0], [1.0, 1.0])
+    return 3.0
 '''
 
 
@@ -425,4 +433,16 @@ def test_a_linear_model_is_a_plant(balls: None, capsys: pytest.CaptureFixture[st
     (found,) = json.loads(capsys.readouterr().out)["runs"]
     assert "-0" not in found["scenario"] and found["metrics"]["settling_time"]["value"] < 20.0
     assert run(["verify", "--plant", "balls:forgotten"]) == WRONG_USE
-    assert "return a workbench.linearisation.linear_model of it" in capsys.readouterr().err
+    assert "return a workbench.model.Model" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("plant", "h"), [("G", None), ("sampled", 0.5), ("integral", None)])
+def test_a_system_of_python_control_is_a_plant(
+    balls: None, plant: str, h: float | None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["linearise", "--plant", f"balls:{plant}"]) == 0
+    assert run(["verify", "--plant", f"balls:{plant}", "-c", "lqi", "--json"]) == 0
+    (found,) = json.loads(capsys.readouterr().out.partition("{")[2].join(["{", ""]))["runs"]
+    assert found["metrics"]["overshoot"]["value"] < 5.0
+    if h:
+        assert found["metrics"]["settling_time"]["value"] % h < 1e-9

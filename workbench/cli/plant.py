@@ -144,8 +144,9 @@ def chosen_plant(
     """Build the plant that the options of a verb describe.
 
     Args:
-        plant (--plant NAME): Plant: a name of 'workbench plants', a function or model of your own
-            as module:object, looked up in the current folder, or the verdict.json of a diagnosis.
+        plant (--plant NAME): Plant: a name of 'workbench plants', a function, model or
+            python-control system of your own as module:object, looked up in the current folder, or
+            the verdict.json of a diagnosis.
         inputs (--input NAME=TIME:VALUE,...): Values of an input from times on, such as
             valve=0:5.5,1.5:4.6, a number alone in the input's display unit; the short form is
             --valve 0:5.5.

@@ -10,6 +10,7 @@ import numpy as np
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.zero_order_hold import zero_order_hold
 from workbench.model import Input
+from workbench.model.linear_system import LinearEquations
 from workbench.model.sizes import horizon
 
 
@@ -40,8 +41,11 @@ def usual_sample_time(linear: LinearModel, controlled: Sequence[str] = ()) -> fl
 
     It is less where a mode of a plant that is unstable would grow too far in it, and where a
     controlled output can be moved long before the slowest mode shows, as the air of a house with
-    heavy walls can.
+    heavy walls can. A system that was given by its samples keeps their time.
     """
+    equations = linear.operating_point.model.equations
+    if isinstance(equations, LinearEquations) and equations.sample_time:
+        return equations.sample_time
     growing = float(np.max(linear.poles.real, initial=0.0))
     shown = step_time(linear) / 1000.0
     quick = min([shown, *(_moved_within(linear, name, shown) for name in controlled)])

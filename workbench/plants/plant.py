@@ -17,6 +17,7 @@ import numpy as np
 
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.model import Effect, Model
+from workbench.model.linear_system import is_system, model_of_system
 from workbench.model.quantities import units_together
 from workbench.model.units import ends_a_name, parse_unit, quantity, same_dimension, to_si
 from workbench.physics.hypothesis import Hypothesis
@@ -249,14 +250,11 @@ class Plant:
         keywords = {o.keyword: given.get(o.name, o.default) for o in self.options}
         with user_code(f"plant {self.name!r}"), units_together():
             found: Any = self.build(**keywords)
-        # A linear model is one of a plant.
-        model = getattr(getattr(found, "operating_point", None), "model", found)
-        if not isinstance(model, Model):
-            fix = "workbench.model.Model"
-            if hasattr(model, "ninputs") or hasattr(model, "to_ss"):
-                fix = "workbench.linearisation.linear_model of it, with limits of its inputs"
+        model = _as_model(found)
+        if model is None:
             raise WorkbenchError(
-                f"plant {self.name!r} returned {type(found).__name__}, not a model; return a {fix}"
+                f"plant {self.name!r} returned {type(found).__name__}, not a model; return a"
+                " workbench.model.Model"
             )
         for effect in effects:
             # One may change a parameter of another that stands before it.
@@ -364,8 +362,17 @@ def si_unit(unit: str) -> str:
     return unit
 
 
+def _as_model(found: Any) -> Model | None:
+    """Return what is a plant, or a linear one, as its model."""
+    # A linear model is one of a plant.
+    found = getattr(getattr(found, "operating_point", None), "model", found)
+    if not isinstance(found, Model):
+        return model_of_system(found) if is_system(found) else None
+    return found
+
+
 def adopt(found: object, reference: str) -> Plant:
-    """Return a plant of the user's own: a function that returns a model, or a model.
+    """Return a plant of the user's own: a model, a linear system, or a function that returns one.
 
     Keyword parameters of the function become options. A name that ends in a unit, ``mass_kg`` or
     ``supply_bar``, gives the unit; the option is then called ``mass``, ``supply``.
@@ -373,8 +380,10 @@ def adopt(found: object, reference: str) -> Plant:
     Raises:
         WorkbenchError: If it is neither, or a parameter has no default.
     """
-    if isinstance(found, Model):
-        return Plant(reference, lambda: found, found.description)
+    with user_code(f"plant {reference!r}"):
+        model = _as_model(found)
+    if model is not None:
+        return Plant(reference, lambda: model, model.description)
     if not callable(found):
         raise WorkbenchError(
             f"plant {reference!r} is a {type(found).__name__}; it must be a model, a Plant, or a"

@@ -227,16 +227,42 @@ def test_what_cannot_be_designed_is_said(case: tuple[LinearModel, Model, str, fl
         state_feedback_by_hand(linear, (1.0,))
     with pytest.raises(WorkbenchError, match="no such|is 'nothing'"):
         design_lqi(linear, LQISpecification(measured="nothing"))
-    with pytest.raises(WorkbenchError, match="z = -0.9 changes its sign.*continuous plant"):
-        design_lqi(ct.tf([1.0], [1.0, 0.9], 0.01))
-    with pytest.raises(WorkbenchError, match="2 poles at z = 0 are a delay of whole samples"):
-        design_lqi(ct.tf([1.0], [1.0, -0.9, 0.0, 0.0], 0.01))
     with pytest.raises(WorkbenchError, match="does not say how often"):
         design_lqi(ct.tf([1.0], [1.0, -0.9], True))
     with pytest.raises(WorkbenchError, match="give a LinearModel"):
         design_lqi(3.0)  # type: ignore[arg-type]
     with pytest.raises(WorkbenchError, match="within the sample"):
         design_lqi(ct.tf([1.0, 2.0], [1.0, 1.0]))
+
+
+SAMPLED = (
+    # A pole on the negative axis; whole samples late; a time between samples late, as of a pipe.
+    ([1.0, 0.3], [1.0, 0.5], 1e-12),
+    ([0.05, 0.05], [1.0, -0.9, 0.0, 0.0, 0.0, 0.0, 0.0], 0.02),
+    ([0.1, 0.05], [1.0, -0.85, 0.0], 2e-3),
+)
+
+
+@pytest.mark.parametrize(("num", "den", "near"), SAMPLED)
+def test_what_is_sampled_and_late_is_a_linear_model(
+    num: list[float], den: list[float], near: float
+) -> None:
+    import control as ct
+
+    system = ct.tf(num, den, 0.5)
+    linear = linear_model(system)
+    seen = linear.response(np.ones(40), 0.5)[:, 0]
+    told = ct.forced_response(system, 0.5 * np.arange(40), np.ones(40)).outputs
+    assert np.abs(seen - told).max() < near * np.abs(told).max()
+
+
+def test_inputs_of_a_transfer_function_may_be_late() -> None:
+    import control as ct
+
+    late = linear_model(ct.tf([1.0], [1.0, 1.0]), delay=0.5)
+    s = 1.0j
+    (found,) = late.C @ np.linalg.solve(s * np.eye(len(late.A)) - late.A, late.B) + late.D
+    assert abs(found[0] - np.exp(-0.5 * s) / (s + 1.0)) < 1e-4
 
 
 @pytest.mark.parametrize("name", REDUCED)

@@ -1,0 +1,353 @@
+"""Linear systems of python-control and ``scipy.signal`` as models."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import Matrix, Vector
+from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
+from workbench.model.model import Model
+from workbench.model.quantities import Input, Output, State
+from workbench.model.scope import Scope
+from workbench.model.trace import Equations
+
+Rows = tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class LinearEquations:
+    """Equations of a linear system in the language of plants; numbers only, so they pickle.
+
+    Args:
+        A: State matrix, in SI.
+        B: Input matrix, in SI.
+        C: Output matrix, in SI.
+        D: Feedthrough, in SI.
+        sample_time: Time between the samples that the system was given by, in s; 0 if continuous.
+    """
+
+    A: Rows
+    B: Rows
+    C: Rows
+    D: Rows
+    names: tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]
+    sample_time: float = 0.0
+
+    def __call__(self, m: Scope) -> Equations:
+        """Write down ``dx/dt = A x + B u``, ``y = C x + D u``."""
+        states, inputs, outputs = self.names
+        x = [getattr(m.x, name) for name in states]
+        u = [getattr(m.u, name) for name in inputs]
+
+        def row(by_state: tuple[float, ...], by_input: tuple[float, ...]) -> Any:
+            terms = [a * v for a, v in zip((*by_state, *by_input), (*x, *u), strict=True) if a]
+            return sum(terms[1:], start=terms[0]) if terms else 0.0 * u[0]
+
+        rates = [row(a, b) for a, b in zip(self.A, self.B, strict=True)]
+        read = [row(c, d) for c, d in zip(self.C, self.D, strict=True)]
+        return dict(zip(states, rates, strict=True)), dict(zip(outputs, read, strict=True))
+
+
+def is_system(found: object) -> bool:
+    """Tell whether an object is a linear system of python-control or ``scipy.signal``."""
+    # What differentiates has no state space and is such a system still.
+    return hasattr(found, "ninputs") or hasattr(found, "to_ss")
+
+
+def model_of_system(
+    system: Any,
+    *,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+    delay: float = 0.0,
+) -> Model:
+    """Return a linear system as a plant; units and arguments are those of `linear_model`.
+
+    A pole at z = 0 of a sampled system is a delay by a sample, and a pole on the negative axis one
+    of two that turn by half a circle in it.
+
+    Raises:
+        WorkbenchError: If it is no such system, or a name is unknown.
+    """
+    title = str(getattr(system, "name", "system"))
+    sampled = getattr(system, "dt", None) or 0.0
+    if sampled is True:
+        raise WorkbenchError(
+            f"system {title!r} is sampled and does not say how often; give its sample time"
+            " (dt), in s, or the continuous plant"
+        )
+    late = check_range("delay", delay, 0.0, TIMES_S[1], "s")
+    given = proper_system(system, "the plant of a design")
+    labels: Any = system if hasattr(system, "input_labels") else given
+    inputs, outputs = _labels(labels.input_labels), _labels(labels.output_labels)
+    ends = dict(limits or {})
+    for name in ends:
+        check_choice("name of a limited signal", name, (*inputs, *outputs))
+        if not ends[name][0] < ends[name][1]:
+            raise WorkbenchError(
+                f"limits of {name} are {ends[name][0]:g} and {ends[name][1]:g}; give the lower end"
+                " and then the upper one"
+            )
+    parts = _parts(given)
+    if sampled:
+        parts = _continuous(system, parts, float(sampled))
+    if late:
+        parts = _in_series(parts, _late((late,) * len(inputs)))
+    A, B, C, D = parts
+    states = _labels(given.state_labels)
+    if len(states) != len(A):
+        states = tuple(f"x_{i}" for i in range(len(A)))
+    infinite = (-math.inf, math.inf)
+    model = Model(
+        _plain(title),
+        LinearEquations(
+            _rows(A), _rows(B), _rows(C), _rows(D), (states, inputs, outputs), float(sampled)
+        ),
+        states=tuple(State(name, "1") for name in states),
+        inputs=tuple(
+            Input(n, "1", _scale(n, ends) or 1.0, lower=low, upper=high)
+            for n in inputs
+            for low, high in (ends.get(n, infinite),)
+        ),
+        outputs=tuple(
+            Output(n, "1", _scale(n, ends), lower=low, upper=high)
+            for n in outputs
+            for low, high in (ends.get(n, infinite),)
+        ),
+        description="linear system",
+    )
+    read = tuple(q if q.sized else replace(q, scale=min(q.scale, 1.0)) for q in model.outputs)
+    return replace(model, outputs=read)
+
+
+def proper_system(system: Any, what: str) -> Any:
+    """Return a system of python-control or ``scipy.signal`` as a ``control.StateSpace``.
+
+    Args:
+        what: What it is, as the user knows it.
+
+    Raises:
+        WorkbenchError: If it is none, or has no state space since it differentiates.
+
+    Example:
+        >>> import scipy.signal
+        >>> proper_system(scipy.signal.lti([2.0], [1.0, 3.0]), "the plant").A.tolist()
+        [[-3.0]]
+    """
+    import control as ct
+
+    scipys = type(system).__module__.startswith("scipy.signal")
+    if not scipys and not isinstance(system, (ct.StateSpace, ct.TransferFunction)):
+        raise WorkbenchError(
+            f"{what} is a {type(system).__name__}; give a LinearModel, or a python-control"
+            " StateSpace or TransferFunction"
+        )
+    try:
+        if not scipys:
+            return ct.ss(system)
+        own = system.to_ss()
+    except ValueError as error:
+        raise WorkbenchError(
+            f"{what} has no state space ({error}); if it differentiates, add the lag of its filter"
+        ) from None
+    return ct.ss(own.A, own.B, own.C, own.D, own.dt or 0)
+
+
+Parts = tuple[Matrix, Matrix, Matrix, Matrix]
+
+
+def _parts(system: Any) -> Parts:
+    A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
+    return A, B, C, D
+
+
+def before_hold(a: Matrix, b: Matrix, sample_time: float) -> tuple[Matrix, Matrix]:
+    """Return the continuous matrices, in SI, of which a sampled model with held inputs is made.
+
+    Of those with the same samples it is the one that swings least in between; each pole on the
+    negative real axis has one more state, with which it turns by half a circle.
+
+    Args:
+        a: Shape (n, n), dimensionless, without a pole at 0.
+        b: Shape (n, m), in SI.
+        sample_time: Time between samples, in s.
+
+    Source:
+        Åström and Wittenmark, Computer-Controlled Systems, 1997, section 2.3 (inverse of sampling).
+
+    Example:
+        >>> A, B = before_hold(np.array([[-0.5]]), np.array([[1.5]]), 0.1)
+        >>> from scipy.linalg import expm
+        >>> bool(np.allclose(expm(0.1 * A), -0.5 * np.eye(2)))
+        True
+    """
+    from scipy.linalg import eig, logm
+
+    n, m = b.shape
+    whole = np.vstack([np.hstack([a, b]), np.hstack([np.zeros((m, n)), np.eye(m)])])
+    poles, left, right = eig(whole, left=True)
+    turning = np.flatnonzero((poles.real < 0.0) & (np.abs(np.angle(-poles)) < _TURNING))
+    rows = [left[:, k].real / (left[:, k].real @ right[:, k].real) for k in turning]
+    columns = [right[:, k].real for k in turning]
+    for k, row, column in zip(turning, rows, columns, strict=True):
+        whole = whole - 2.0 * poles[k].real * np.outer(column, row)
+    rates = np.real(logm(whole))
+    more = len(turning)
+    A, B = np.zeros((n + more, n + more)), np.zeros((n + more, m))
+    A[:n, :n], B[:n] = rates[:n, :n], rates[:n, n:]
+    for i, (k, row, column) in enumerate(zip(turning, rows, columns, strict=True), start=n):
+        A[:n, i], A[i, :n], A[i, i] = -np.pi * column[:n], np.pi * row[:n], np.log(-poles[k].real)
+        B[i] = np.pi * row[n:]
+    return A / sample_time, B / sample_time
+
+
+_TURNING = 1e-6
+"""Angle, in rad, from the negative axis within which a pole lies on it."""
+
+_NOTHING = 1e-12
+"""Coefficient of a polynomial that is zero, over the largest."""
+
+
+def _continuous(system: Any, parts: Parts, h: float) -> Parts:
+    """Return a continuous system with the samples of one with held inputs.
+
+    Whole samples by which an output is late are delays by Pade functions; what answers within some
+    samples and is then gone is a sum of held inputs that are late.
+    """
+    import control as ct
+
+    A, B, C, D = parts
+    entries: list[list[tuple[int, Vector, Vector, tuple[float, ...]] | None]] = []
+    if np.min(np.abs(np.linalg.eigvals(A)), initial=1.0) < _GONE:
+        table = ct.tf(system if hasattr(system, "ninputs") else ct.ss(*parts, h))
+        entries = [
+            [_without_delay(*pair) for pair in zip(*rows, strict=True)]
+            for rows in zip(table.num, table.den, strict=True)
+        ]
+    if not any(entry and (entry[0] or entry[3]) for row in entries for entry in row):
+        a, b = before_hold(A, B, h)
+        return a, b, np.hstack([C, np.zeros((len(C), len(a) - len(A)))]), D
+    common = [min((e[0] for e in column if e), default=0) for column in zip(*entries, strict=True)]
+    rows: list[Parts] = []
+    for row in entries:
+        columns = []
+        for j, entry in enumerate(row):
+            whole: Parts = (
+                np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.zeros((1, 1)),
+            )  # fmt: skip
+            if entry:
+                late, num, den, taps = entry
+                slow = _parts(ct.ss(ct.tf(num, den, h)))
+                a, b = before_hold(slow[0], slow[1], h)
+                c = np.hstack([slow[2], np.zeros((1, len(a) - len(slow[0])))])
+                whole = a, b, c, slow[3]
+                for k, tap in enumerate(taps, start=1):
+                    if tap:
+                        held = _late(((k - 0.5) * h,))
+                        whole = _beside(whole, (held[0], held[1], tap * held[2], tap * held[3]))
+                whole = _in_series(whole, _late(((late - common[j]) * h,)))
+            columns.append(whole)
+        rows.append(_block(columns, stacked=False))
+    return _in_series(_block(rows, stacked=True), _late([k * h for k in common]))
+
+
+_GONE = 0.2
+"""Pole, in the unit circle, below which it may be one of several at z = 0 that rounding moved."""
+
+
+def _without_delay(
+    num: Vector, den: Vector
+) -> tuple[int, Vector, Vector, tuple[float, ...]] | None:
+    """Split a sampled transfer function z^-late (N / D + sum of taps z^-k), k = 1, 2, ...
+
+    Returns:
+        late, in samples, N, D without a root at 0, and taps; None if it is zero.
+    """
+    num, den = (np.trim_zeros(np.asarray(part, dtype=float), "f") for part in (num, den))
+    num = np.trim_zeros(
+        np.where(np.abs(num) > _NOTHING * np.abs(num).max(initial=0.0), num, 0.0), "f"
+    )
+    if not len(num):
+        return None
+    small = np.abs(den) <= _NOTHING * np.abs(den).max()
+    at_zero = int(np.argmax(~small[::-1]))
+    kept = den[: len(den) - at_zero]
+    # Held inputs are late by a sample anyway, if they do not act at once.
+    late = min(at_zero, max(len(den) - len(num) - 1, 0))
+    left = at_zero - late
+    if not left:
+        return late, num, kept, ()
+    # num / kept = c_0 + c_1 z + ..., by long division from the lowest powers up.
+    rest, c = num[::-1].copy(), []
+    rest = np.append(rest, np.zeros(max(0, left + len(kept) - len(rest))))
+    for k in range(left):
+        c.append(rest[k] / kept[-1])
+        rest[k : k + len(kept)] -= c[-1] * kept[::-1]
+    remainder = np.trim_zeros(rest[left:][::-1], "f")
+    return late, remainder if len(remainder) else np.zeros(1), kept, tuple(c[::-1])
+
+
+def _late(times: Sequence[float]) -> Parts:
+    """Return signals that are late by times in s, by the Pade function of second over third order.
+
+    Source: H. Pade 1892.
+    """
+    import control as ct
+
+    one = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1))
+    each = [_parts(ct.ss(ct.tf(*ct.pade(t, 3, 2)))) if t else one for t in times]
+    n, k = sum(len(part[0]) for part in each), len(times)
+    A, B, C, D = np.zeros((n, n)), np.zeros((n, k)), np.zeros((k, n)), np.eye(k)
+    first = 0
+    for i, (a, b, c, d) in enumerate(each):
+        own = slice(first, first + len(a))
+        A[own, own], B[own, [i]], C[[i], own], D[i, i] = a, b, c, d[0, 0]
+        first += len(a)
+    return A, B, C, D
+
+
+def _in_series(system: Parts, before: Parts) -> Parts:
+    """Return a system behind another that leads to its inputs."""
+    (A, B, C, D), (a, b, c, d) = system, before
+    whole = np.block([[A, B @ c], [np.zeros((len(a), len(A))), a]])
+    return whole, np.vstack([B @ d, b]), np.hstack([C, D @ c]), D @ d
+
+
+def _beside(one: Parts, other: Parts) -> Parts:
+    """Return the sum of two systems of the same inputs and outputs."""
+    (A, B, C, D), (a, b, c, d) = one, other
+    whole = np.block([[A, np.zeros((len(A), len(a)))], [np.zeros((len(a), len(A))), a]])
+    return whole, np.vstack([B, b]), np.hstack([C, c]), D + d
+
+
+def _block(each: Sequence[Parts], *, stacked: bool) -> Parts:
+    """Return systems side by side: of the same inputs (stacked), or of the same outputs."""
+    from scipy.linalg import block_diag
+
+    A, B, C, D = zip(*each, strict=True)
+    if stacked:
+        return block_diag(*A), np.vstack(B), block_diag(*C), np.vstack(D)
+    return block_diag(*A), block_diag(*B), np.hstack(C), np.hstack(D)
+
+
+def _rows(matrix: Vector) -> Rows:
+    return tuple(tuple(row) for row in matrix.tolist())
+
+
+def _labels(labels: Sequence[str]) -> tuple[str, ...]:
+    return tuple(_plain(label) for label in labels)
+
+
+def _plain(label: str) -> str:
+    return re.sub(r"\W+", "_", label).strip("_") or "system"
+
+
+def _scale(name: str, limits: Mapping[str, Sequence[float]]) -> float:
+    """Return half of the range of a signal; 0, which leaves it to the equations, without one."""
+    low, high = limits.get(name, (0.0, 0.0))
+    return (high - low) / 2.0 if math.isfinite(high - low) else 0.0
