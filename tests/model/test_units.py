@@ -30,6 +30,7 @@ from workbench.simulation.trajectory import what_moved
         ("l/min", "m3/s", 1e-3 / 60.0),
         ("km/h", "m/s", 1.0 / 3.6),
         ("ohm", "V/A", 1.0),
+        ("N.m.s/rad", "N m s/rad", 1.0),
         ("kOhm", "V/A", 1e3),
         ("uH", "V s/A", 1e-6),
         ("nF", "A s/V", 1e-9),

@@ -145,7 +145,9 @@ _SPELLINGS = {
 """How loggers and people spell units."""
 
 _WORD = re.compile(r"[A-Za-zµΩΔ°%]+")
-_TOKEN = re.compile(r"\s*([()/*·]|\^?[-+−]?\d+(?:\.\d+)?|[²³⁻¹]+|(?:cm|mm|in)H2O|[A-Za-zµΩΔ°%]+|-)")
+_TOKEN = re.compile(
+    r"\s*([()/*·]|\.(?!\d)|\^?[-+−]?\d+(?:\.\d+)?|[²³⁻¹]+|(?:cm|mm|in)H2O|[A-Za-zµΩΔ°%]+|-)"
+)
 _SUPERSCRIPTS = str.maketrans("²³⁻¹−", "23-1-")
 _SCALES = {
     **dict.fromkeys(("degC", "°C", "celsius"), (1.0, 273.15)),
@@ -227,7 +229,7 @@ def powers(text: str) -> list[tuple[str, float]]:
         if match is None:
             raise _unknown(text, text[position:])
         token, position = match.group(1), match.end()
-        if token in "*·":
+        if token in "*·.":
             continue
         if token == "/":
             sign = -1
