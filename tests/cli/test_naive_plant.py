@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -405,6 +406,16 @@ sampled = ct.tf([0.1, 0.05], [1.0, -0.85, 0.0, 0.0, 0.0], 0.5, name="sampled hea
 column = ct.tf([[[12.8], [-18.9]], [[6.6], [-19.4]]],
                [[[16.7, 1.0], [21.0, 1.0]], [[10.9, 1.0], [14.4, 1.0]]], name="column")
 
+def magnet():
+    """A ball under a magnet, of which somebody declares how far it may travel."""
+    def equations(m):
+        force = 4.9e-5 * (m.u.current / m.x.gap) ** 2
+        return {"gap": m.x.speed, "speed": 9.81 - force / 0.05}, {"gap": m.x.gap}
+    return Model("magnet", equations,
+        states=(State("gap", "m", initial=0.01, lower=1e-3, upper=0.03), State("speed", "m/s")),
+        inputs=(Input("current", "A", nominal=1.0, lower=0.0, upper=3.0),),
+        outputs=(Output("gap", "m", scale=0.01, display_unit="mm", noise_rms=1e-5),))
+
 def integral():
     return ct.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]])
 
@@ -434,6 +445,17 @@ def test_a_linear_model_is_a_plant(balls: None, capsys: pytest.CaptureFixture[st
     assert "-0" not in found["scenario"] and found["metrics"]["settling_time"]["value"] < 20.0
     assert run(["verify", "--plant", "balls:forgotten"]) == WRONG_USE
     assert "return a workbench.model.Model" in capsys.readouterr().err
+
+
+def test_a_step_of_what_is_unstable_stays_where_its_linear_model_holds(
+    balls: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # A loop of 10 mm more overshoots by half of it, and next loses the ball.
+    assert run(["verify", "--plant", "balls:magnet", "-c", "plain-mpc", "--json"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)["runs"]
+    assert found["metrics"]["overshoot"]["value"] < 10.0
+    first, last = map(float, re.findall(r"[0-9.]+", found["scenario"]))
+    assert round(last - first, 9) == 2.5
 
 
 @pytest.mark.parametrize(("plant", "h"), [("G", None), ("sampled", 0.5), ("integral", None)])

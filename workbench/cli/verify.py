@@ -272,13 +272,14 @@ def step_of(
         own = name == chosen.plant.controlled_outputs(chosen.model)[0]
         # A size that nobody declared is all that the inputs bring about, from end to end.
         size = about.scale if about.sized else max(about.scale, SHOWS * _noise(about))
-        if len(controlled) > 1:
-            size *= 1.0 if about.sized else 0.25
-            size = _reached(chosen.model, name, size, {n: y0[n] for n in controlled})
-        elif not about.sized:
-            command = _command_of_loop(linear, name)
-            size = _reached(chosen.model, name, 0.25 * size, {name: y0[name]}, command)
-        first, last = (own and chosen.plant.step) or (y0[name], y0[name] + size)
+        if own and chosen.plant.step:
+            first, last = chosen.plant.step
+        else:
+            size = size if about.sized else _round(0.25 * size, about.display_unit)
+            start = {n: y0[n] for n in (controlled if len(controlled) > 1 else (name,))}
+            command = "" if len(controlled) > 1 else _command_of_loop(linear, name)
+            first = y0[name]
+            last = first + _reached(chosen.model, linear, name, size, start, command)
         begin, end = (
             _level(chosen.model, f"{name}={given[name]}", f"{name} {when} the step")
             if name in given
@@ -324,6 +325,16 @@ def step_of(
     )
 
 
+def _round(size: float, unit: str) -> float:
+    """Return a difference, in SI, down to one that reads well in its unit."""
+    from workbench.model.units import from_si, of_difference, to_si
+
+    shown = float(from_si(size, of_difference(unit)))
+    decade = 10.0 ** math.floor(math.log10(shown))
+    part = max(n for n in (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0) if n <= shown / decade)
+    return float(to_si(part * decade, of_difference(unit)))
+
+
 SHOWS = 100.0
 """Reach over the noise of its sensor of an output of which nobody declares a size: a step is a
 quarter of it, and within 2 % of that noise that is filtered still fits."""
@@ -366,23 +377,69 @@ def settling(recipes: Sequence[ControllerRecipe], linear: LinearModel, scenario:
 
 
 def _reached(
-    model: Model, name: str, size: float, start: Mapping[str, float], command: str = ""
+    model: Model,
+    linear: LinearModel,
+    name: str,
+    size: float,
+    start: Mapping[str, float],
+    command: str = "",
 ) -> float:
-    """Return a step, halved until the plant rests behind it with what is commanded.
+    """Return a step, halved until the plant rests behind it and its linear model is still of use.
 
     Args:
+        linear: The model that controllers are designed on.
         start: Controlled outputs before it, in SI.
         command: What a single loop commands; all else rests.
     """
+    from workbench.linearisation import linearise
     from workbench.operating_point import operating_point
 
+    rests: list[float] = []
     for halvings in range(6):
         part = 0.5**halvings * size
         at = tuple((n, y + part if n == name else y) for n, y in start.items())
         with suppress(WorkbenchError):
-            operating_point(model, dict(_as_the_loop_rests(model, at, command) if command else at))
-            return part
-    return size
+            point = operating_point(
+                model, dict(_as_the_loop_rests(model, at, command) if command else at)
+            )
+            rests.append(part)
+            after = linearise(point, verdict=False)
+            if after.inverse is not linear.inverse or _alike(linear, after, tuple(start), command):
+                return part
+    return min(rests, default=size)
+
+
+ALIKE, NEARLY_ALIKE = 0.5, 0.15
+"""Most by which the responses at both ends of a step may differ, over the lesser of them; and that
+of a plant that is unstable, of which a loop bears less."""
+
+
+def _alike(one: LinearModel, other: LinearModel, outputs: Sequence[str], command: str) -> bool:
+    """Tell whether commands move outputs alike by two linear models.
+
+    They do by C (i w - A)^-1 B where that of one differs from the other by no more than a part; w
+    is how fast the plant grows, or 1 / `step_time`.
+    """
+    import numpy as np
+
+    from workbench.linearisation.pace import step_time
+    from workbench.linearisation.transfer import transfer_function
+
+    inputs = {q.name: q for q in one.operating_point.model.inputs}
+    outs = {q.name: q for q in one.operating_point.model.outputs}
+    acting = [command] if command else [n for n in one.input_names if inputs[n].commanded]
+    slow = 1.0 / step_time(one)
+    growing = float(np.max(one.poles.real, initial=0.0))
+    found = []
+    for linear in (one, other):
+        own = linear.select(inputs=acting, outputs=outputs)
+        rows = np.array([outs[n].scale for n in own.output_names])
+        columns = np.array([inputs[n].scale for n in own.input_names])
+        response = transfer_function(own.A, own.B, own.C, own.D, 1j * max(growing, slow))
+        found.append(response * columns / rows[:, None])
+    least = min(float(np.linalg.norm(response)) for response in found)
+    apart = float(np.linalg.norm(found[1] - found[0]))
+    return apart <= (NEARLY_ALIKE if growing > slow else ALIKE) * least
 
 
 def _level(model: Model, text: str, what: str) -> float:
