@@ -14,17 +14,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from controllers.arithmetic import Number
 from controllers.valve_inverse import ValveInverse
+from workbench.arrays import Complex
 from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation.transfer import transfer_function
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
 
-Complex = npt.NDArray[np.complex128]
 
 OPENING = "opening"
 """Name of the input of a linear model that was made with the valve's curve inverted."""

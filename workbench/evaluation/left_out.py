@@ -11,8 +11,8 @@ from types import SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.stages import Diagnosis
 from workbench.evaluation.kept import diagnosed, version
 from workbench.evaluation.rig import plant
@@ -25,8 +25,6 @@ from workbench.physics.library import library
 from workbench.plants.arm import arm, pneumatic_muscle
 from workbench.plants.arm.laws import constant_volume
 from workbench.recordings import Recording, Signal, read_case
-
-Vector = npt.NDArray[np.float64]
 
 SAMPLE_TIME = 0.02
 SUBSTEPS = 10

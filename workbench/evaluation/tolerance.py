@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
 from workbench.evaluation.kept import answered
 from workbench.evaluation.rig import plant
@@ -28,8 +28,6 @@ from workbench.study.study import Study
 from workbench.verification import Scenario, Steps, verify
 from workbench.verification.each_step import each_step, step_responses
 from workbench.verification.responses import oscillation, steady_error, variation_rate
-
-Array = NDArray[np.float64]
 
 SIMULATORS = ("rig", "own plant")
 """On what drawn machines run."""
@@ -44,7 +42,7 @@ def tolerant_study() -> Study:
     return load_study(shipped_study("tolerant"))
 
 
-def at_rest(parameters: Mapping[str, float], angle_deg: float) -> Array:
+def at_rest(parameters: Mapping[str, float], angle_deg: float) -> Vector:
     """Return the state of the rig at rest at an angle, in SI, with gauge pressures of 6 bar in sum.
 
     Args:
@@ -52,7 +50,7 @@ def at_rest(parameters: Mapping[str, float], angle_deg: float) -> Array:
     """
     given, bar = dict(parameters), 6.0
 
-    def state(difference: float) -> Array:
+    def state(difference: float) -> Vector:
         pair = (0.5 * (bar + difference), 0.5 * (bar - difference))
         return plant.initial(angle_deg, pair, given, stretched=True)
 
@@ -101,7 +99,7 @@ _RUNS: dict[str, Callable[..., dict[str, Any]]] = dict(
 )
 
 
-def measured(time: Array, angle: Array, valve: Array, signal: Steps) -> dict[str, Any]:
+def measured(time: Vector, angle: Vector, valve: Vector, signal: Steps) -> dict[str, Any]:
     """Return what is judged of a run along steps, in SI.
 
     Args:

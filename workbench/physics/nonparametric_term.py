@@ -10,11 +10,10 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import WorkbenchError, check_finite
 from workbench.model import About, Effect, EffectView, Parameter, PortView, State
 from workbench.model.regularisation import Expression, is_symbolic, maximum, minimum
-
-Vector = npt.NDArray[np.float64]
 
 BEYOND = 0.1
 """Share of the distance between the outer knots over which a curve goes on as a straight line;

@@ -15,16 +15,14 @@ from itertools import combinations, permutations
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import check_choice
 from workbench.model import Model, Output, Parameter, Port, State
 from workbench.model.expressions import cofactor
 from workbench.model.quantities import Quantity
 from workbench.model.regularisation import Expression
 from workbench.model.units import powers, same_dimension
-
-Vector = npt.NDArray[np.float64]
 
 EFFORTS = ("force", "acceleration", "circuit")
 """Roles of ports that drive a speed: of a body, or the current of a circuit."""

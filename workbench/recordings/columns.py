@@ -7,11 +7,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.recordings.recording import Scalar
-
-Values = npt.NDArray[np.float64]
 
 LARGEST = 1e100
 """Numbers beyond this are damage."""
@@ -33,7 +31,7 @@ class Columns:
 
     headers: tuple[str, ...]
     units: tuple[str, ...]
-    values: Values
+    values: Vector
     named: bool = True
     metadata: Mapping[str, Scalar] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -55,7 +53,7 @@ def without_giants(columns: Columns) -> Columns:
     return replace(columns, values=np.where(giants, np.nan, values), notes=(*columns.notes, note))
 
 
-def average_rows(rows: Values, factor: int) -> Values:
+def average_rows(rows: Vector, factor: int) -> Vector:
     """Average every ``factor`` rows, leaving NaN cells out.
 
     All columns pass through the same filter, time included, so linear relations between them
@@ -95,12 +93,12 @@ class Thinner:
         self.max_rows = max(2, max_rows - max_rows % 2)
         self.factor = 1
         self.total = 0
-        self._kept: list[Values] = []
+        self._kept: list[Vector] = []
         self._size = 0
-        self._pending: list[Values] = []
+        self._pending: list[Vector] = []
         self._waiting = 0
 
-    def add(self, rows: Values) -> None:
+    def add(self, rows: Vector) -> None:
         """Take more rows."""
         self.total += len(rows)
         if len(rows) == 0:
@@ -121,7 +119,7 @@ class Thinner:
             self._size = len(self._kept[0])
             self.factor *= 2
 
-    def rows(self) -> Values:
+    def rows(self) -> Vector:
         """Return what is kept, shape (at most max_rows, columns); an incomplete group is left out.
 
         At a factor of 1 nothing is averaged and nothing left out.

@@ -7,14 +7,11 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
-from workbench.arrays import Vector
+from workbench.arrays import Complex, Vector
 from workbench.diagnosis.location.structure import Cut
 from workbench.linearisation.transfer import transfer_function
 from workbench.recordings.checks.expected import middle_speed
-
-Complex = npt.NDArray[np.complex128]
 
 FREQUENCIES = (0.01, 0.1, 1.0, 10.0)
 """Frequencies at which transfers are computed, as multiples of the pace of the model."""

@@ -15,13 +15,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.model import Model
-
-Array = NDArray[np.float64]
 
 JOINT: dict[str, str | None] = {
     "1": "constant_torque",
@@ -149,12 +147,12 @@ def _port(equation: str, effect: str) -> str:
 
 def _terms_and_residuals(
     model: Model, observed: Observed, share: float
-) -> dict[str, tuple[dict[str, Array], Array]]:
+) -> dict[str, tuple[dict[str, Vector], Vector]]:
     """Return terms and residual of each equation along a recording."""
     h = observed.sample_time
     read = {name: _filled(observed.outputs[:, i]) for i, name in enumerate(observed.used)}
 
-    def smooth(x: Array, order: int = 0) -> Array:
+    def smooth(x: Vector, order: int = 0) -> Vector:
         return np.asarray(savgol_filter(x, _WINDOW, _ORDER, deriv=order, delta=h))
 
     q, p1, p2 = (smooth(read[n]) for n in ("angle", "pressure_1", "pressure_2"))
@@ -195,7 +193,7 @@ def _terms_and_residuals(
     }
 
 
-def _filled(x: Array) -> Array:
+def _filled(x: Vector) -> Vector:
     """Bridge measurements that were not taken."""
     known = np.isfinite(x)
     at = np.arange(len(x))
@@ -203,8 +201,8 @@ def _filled(x: Array) -> Array:
 
 
 def _predicted(
-    model: Model, observed: Observed, share: float, q: Array, w: Array, p1: Array, p2: Array
-) -> dict[str, Array]:
+    model: Model, observed: Observed, share: float, q: Vector, w: Vector, p1: Vector, p2: Vector
+) -> dict[str, Vector]:
     """Return what the equations say of the rates, the temperatures integrated along."""
     # Spool and temperatures are not read: the filter of the refitted model says what they were.
     x = filter_of(model, observed, share).run(observed, model.values).states.copy()
@@ -217,7 +215,7 @@ def _predicted(
     return {name: rates[:, at[name], 0] for name in ("speed", "pressure_1", "pressure_2")}
 
 
-def _regress(equation: str, terms: dict[str, Array], y: Array) -> Sparse:
+def _regress(equation: str, terms: dict[str, Vector], y: Vector) -> Sparse:
     names = list(terms)
     columns = np.column_stack([terms[name] for name in names])
     scale = np.sqrt(np.mean(columns**2, axis=0)) + 1e-30
@@ -243,7 +241,7 @@ def _regress(equation: str, terms: dict[str, Array], y: Array) -> Sparse:
     return Sparse(equation, sparse, alone, 1.0 - errors[chosen][0])
 
 
-def thresholded(a: Array, b: Array, threshold: float) -> Array:
+def thresholded(a: Vector, b: Vector, threshold: float) -> Vector:
     """Solve least squares ``a x = b`` again and again without the terms of small coefficients.
 
     Coefficients, terms and threshold are dimensionless; those left out are zero.

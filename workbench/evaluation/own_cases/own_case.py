@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Vector
 from workbench.diagnosis.stages import Diagnosis
 from workbench.evaluation.benchmark.baselines import answers
 from workbench.evaluation.kept import diagnosed, version
@@ -21,7 +21,6 @@ from workbench.evaluation.rig.cases import make_case
 from workbench.evaluation.rig.parameters import nominal
 from workbench.recordings import read_case
 
-Array = NDArray[np.float64]
 _FIRST = 3
 """Measurements averaged for the start."""
 
@@ -54,7 +53,7 @@ def limited_errors(folder: Path) -> dict[str, float]:
     }
 
 
-def _read_start(state: Array, data: Array, p: dict[str, float]) -> Array:
+def _read_start(state: Vector, data: Vector, p: dict[str, float]) -> Vector:
     """Move a true start to what the first measurements say, as they stand beside what is true."""
     seen = data[:_FIRST].mean(axis=0)
     # The recording without noise from the true start says what the sensors make of it.

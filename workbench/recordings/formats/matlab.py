@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
-from workbench.recordings.columns import Columns, Values
+from workbench.recordings.columns import Columns
 from workbench.recordings.formats.format import Format, ReadOptions
 from workbench.recordings.recording import Scalar
 
@@ -60,14 +61,14 @@ def _flat(name: str, value: Any, out: dict[str, Any], depth: int = 0) -> None:
         out[name] = value
 
 
-def _as_float(array: npt.NDArray[Any]) -> Values:
+def _as_float(array: npt.NDArray[Any]) -> Vector:
     # Numbers of more than 64 bits may not fit; what overflows is taken for missing later.
     with np.errstate(over="ignore", invalid="ignore"):
         return array.astype(float)
 
 
-def _sorted_out(flat: Mapping[str, Any]) -> tuple[dict[str, Values], dict[str, Scalar], list[str]]:
-    vectors: dict[str, Values] = {}
+def _sorted_out(flat: Mapping[str, Any]) -> tuple[dict[str, Vector], dict[str, Scalar], list[str]]:
+    vectors: dict[str, Vector] = {}
     scalars: dict[str, Scalar] = {}
     odd: list[str] = []
     for name, value in flat.items():
@@ -90,7 +91,7 @@ def _sorted_out(flat: Mapping[str, Any]) -> tuple[dict[str, Values], dict[str, S
     return vectors, scalars, odd
 
 
-def _time_base(vectors: Mapping[str, Values], options: ReadOptions) -> int:
+def _time_base(vectors: Mapping[str, Vector], options: ReadOptions) -> int:
     """Return the length of the columns: that of the time, or the most frequent one."""
     empty = Columns(tuple(vectors), ("",) * len(vectors), np.empty((0, len(vectors))))
     index = options.find_time(empty)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from workbench.model import Output
-from workbench.model.units import from_si, in_time, of_difference, to_si, with_unit
+from workbench.model.units import from_si, of_difference, to_si, with_unit
 from workbench.reports.figure import Figure
 from workbench.reports.figures.study_traces import output_of, value_text, written
 from workbench.reports.metrics_table import metric_title
@@ -219,12 +219,10 @@ def _limitations(result: StudyResult) -> list[Block]:
         missed_table(result),
         Words(f"{want.unknown.name}. {want.unknown.text}{_unknown_words(found)}"),
         *plan,
-        *(Words(text) for e in found for text in plan_words(e)),
         limits_table(result),
         *known,
         Words(f"{want.neglected.name}. {want.neglected.text}"),
         *ladder,
-        *(Words(text) for e in found for text in ladder_words(e)),
         Words(f"{want.loop.name}. {want.loop.text}"),
         time_table(result),
         *(Words(text) for text in want.notes),
@@ -550,36 +548,6 @@ def plan_table(result: StudyResult) -> Table:
     return _table(result, title, head, rows, "The feedback is the same in all rows of a plant.")
 
 
-def plan_words(e: Evidence) -> list[str]:
-    """Say what a faster plan costs, where the plan is longer than required."""
-    found = _paced(e)
-    own = [p for p in found if p.controller == found[0].controller]
-    ratios = {p.pace: max(e.ratio(p.controller, [p.known], s).value for s in e.steps) for p in own}
-    if not e.steps or set(ratios) != set(_paces(e)) or not ratios.get(1.0, 0.0) > e.want.ratio:
-        return []
-    overs = {p.pace: e.metric(p.controller, p.kinds, "overshoot").value for p in own}
-    bearable = [pace for pace in ratios if overs[pace] <= e.want.overshoot]
-    required = [pace for pace in ratios if ratios[pace] <= e.want.ratio]
-    most = f"{100 * e.want.overshoot:g} %"
-    text = f"{e.case.name}: " + (
-        f"the shortest plan that stays within {most} with what it does not know is"
-        f" × {bearable[0]:g}, with {number(ratios[bearable[0]])} times the limit as the largest of"
-        " the steps"
-        if bearable
-        else f"no plan that was tried stays within {most}"
-    )
-    fastest = required[-1] if required else min(ratios)
-    what = (
-        f"{e.want.ratio:g} times the limit is reached with × {fastest:g}"
-        if required
-        else f"even × {fastest:g} does not reach {e.want.ratio:g} times the limit"
-        f" ({number(ratios[fastest])} times)"
-    )
-    over = overs[fastest]
-    ends = "does not settle" if math.isnan(over) else f"overshoots by {number(100 * over)} %"
-    return [f"{text}; {what}, and there it {ends} with what it does not know."]
-
-
 def limits_table(result: StudyResult) -> Table:
     """Return the physical limits of every plant."""
     cases = evidence(result)
@@ -646,33 +614,6 @@ def ladder_table(result: StudyResult) -> Table:
     title = "One limitation less at a time: settling in s, and over the limit"
     head = ("controller", "the plant has", *map(first.words, first.steps))
     return _table(result, title, head, rows, note)
-
-
-def ladder_words(e: Evidence) -> list[str]:
-    """Say what every limitation costs, where the required ratio is missed."""
-    found = []
-    controller = next((c for c in e.want.controllers if c in e.case.controllers), "")
-    kinds = (NOMINAL, *(kind for kind, _ in e.want.ladder))
-    if not all(e.has(controller, kind) for kind in kinds):
-        return []
-    for step in e.steps:
-        limit = e.limit(step)
-        times = [e.settling(controller, kind, step).value for kind in kinds]
-        if not times[0] > e.want.ratio * limit:
-            continue
-        parts = [
-            f"{in_time(before - after, 2)} go with {what}"
-            for (_, what), before, after in zip(e.want.ladder, times, times[1:], strict=False)
-        ]
-        plan = e.planned(controller, step)
-        planned = "" if math.isnan(plan) else f" the plan takes {number(plan)} s and"
-        found.append(
-            f"{e.case.name}, {e.words(step)}: the limit is {number(limit)} s,{planned}"
-            f" the output {number(times[0])} s. Of that {'; '.join(parts)}; the other"
-            f" {in_time(times[-1] - limit, 2)} lie between the limit, which knows the plant"
-            " exactly and commands fully, and a smooth move followed by a loop with margins."
-        )
-    return found
 
 
 def time_table(result: StudyResult) -> Table:
