@@ -319,6 +319,11 @@ def test_a_jump_at_time_zero_is_the_offset_that_it_degenerates_to() -> None:
     assert degenerates_to(even, plain) and not degenerates_to(plain, even)
     assert not degenerates_to(refitted(jump, 903.0), plain)
     assert not degenerates_to(refitted(jump, 990.0, uneven=0.0), plain)
+    # A law of a book describes no machine to a thousandth of what it gains.
+    large = refitted(constant, 30e3, uneven=0.0)
+    assert degenerates_to(refitted(jump, 30.05e3, uneven=0.5), large)
+    assert not degenerates_to(refitted(jump, 30.5e3, uneven=0.5), large)
+    assert not degenerates_to(refitted(jump, 30.05e3, uneven=9.0), large)
 
 
 def test_doubts_are_those_of_the_fit_that_is_told(entries: dict[str, Hypothesis]) -> None:
@@ -563,3 +568,9 @@ def test_a_law_that_contends_is_refitted_with_the_trust_that_it_earns() -> None:
     found = {e.name: e.value for e in loss.fit.refit.estimates}
     assert found["heat_loss_block.conductance"] == pytest.approx(0.006, rel=0.02)
     assert offset is first[1]
+    # What gains more as it trusts the equations more says nothing of what trusts them less.
+    assert first[1].fit is not None
+    trusting = replace(first[1].fit, noise_scale=0.1 * base.noise_scale)
+    rival = replace(first[1], fit=trusting, gain=5.0 * first[0].gain)
+    beside = refits._trusted(base, field, [first[0], rival], priors, prior, [seen], 1)
+    assert beside[0].gain == pytest.approx(loss.gain)

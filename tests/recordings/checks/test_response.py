@@ -87,6 +87,23 @@ def test_a_long_delay_without_a_model_is_left_open(trial: Recording) -> None:
     assert found.result != "unfit" and "only after 5" in found.note
 
 
+def test_what_answers_to_the_last_change_of_a_square_wave_does_not_come_before_the_next(
+    trial: Recording,
+) -> None:
+    time = np.arange(8000) * 0.002
+    rng = np.random.default_rng(3)
+
+    def square(late: float) -> Vector:
+        noise = 1e-3 * rng.normal(size=len(time))
+        return np.asarray(5.0 + np.sign(np.sin(0.5 * np.pi * (time - late + 1e-6))) + noise)
+
+    wave = changed(trial[:8000], "valve", lambda _: square(0.0))
+    for name, late in (("angle", 1.65), ("pressure_1", 0.01), ("pressure_2", 0.01)):
+        wave = changed(wave, name, lambda _, late=late: square(late))  # type: ignore[misc]
+    found = check_response(wave, Expected())
+    assert found.result == "pass" and "no answer of angle to valve is seen" in found.note
+
+
 def test_one_measurement_that_shows_nothing_is_told(trial: Recording) -> None:
     found = check_response(changed(trial, "angle", lambda v: v[::-1]), Expected())
     assert found.result == "pass" and "no answer of angle to valve is seen" in found.note

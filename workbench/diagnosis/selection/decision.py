@@ -17,6 +17,7 @@ from workbench.diagnosis.selection.rules import (
     LEAST_EXPLAINED,
     MUCH_CLOSER,
     SAME,
+    SAME_SHARE,
     SHARE,
     SURPASSED,
     Limits,
@@ -99,17 +100,21 @@ def degenerates_to(one: Candidate, other: Candidate) -> bool:
     if not one.degenerate and not _as_likely(one, other):
         return False
     gained = [one.gain - other.gain]
+    within = max(SAME.value, SAME_SHARE.value * other.gain)
     if one.fit and other.fit and one.fit.noise_scale == other.fit.noise_scale:
         # What is trusted less gains less on unseen recordings, however equal.
         gained.append(one.held_out[0] - other.held_out[0])
-    return max(map(abs, gained)) < SAME.value
+    return max(map(abs, gained)) < within
 
 
 def _as_likely(one: Candidate, other: Candidate) -> bool:
     pairs = list(zip(one.blocks, other.blocks, strict=False))
     if len(pairs) < 2 or any(len(a) != len(b) for a, b in pairs):
         return False
-    return all(float(np.abs(a - b).mean()) < INDISTINCT.value for a, b in pairs)
+    count = sum(len(a) for a, _ in pairs)
+    # Of what the simpler one gains in a block, a part may be told by the form of its law.
+    within = max(INDISTINCT.value, SAME_SHARE.value * (other.gain + other.held_out[0]) / count)
+    return all(float(np.abs(a - b).mean()) < within for a, b in pairs)
 
 
 def overfits(one: Candidate, other: Candidate) -> bool:

@@ -54,7 +54,8 @@ _RIVALS = 0.7
 as good on all of the recordings."""
 
 _CONTENDS = 0.3
-"""Gain of a first refit over the best one, up to which more trust makes no rival of it."""
+"""Gain of a first refit over the best one, up to which more trust makes no rival of it, where both
+trust the equations as much."""
 
 _BY_SCORE = 4
 """How many of them are there for their score, whatever they gain in a first short refit."""
@@ -286,8 +287,9 @@ def _trusted(
     Where the equations are as imperfect as without it, the right law gains little more than a wrong
     one that bends the same way: the noise that is expected makes up for the rest.
     """
-    least = max(_CONTENDS * max(c.gain for c in first), LEAST_SCORE)
-    chosen = [i for i, c in enumerate(first) if c.gain > least]
+    best = max(first, key=lambda c: c.gain)
+    least = max(_CONTENDS * best.gain, LEAST_SCORE)
+    chosen = [i for i, c in enumerate(first) if c.gain > least or _trusts_less(c, best)]
     heads = _heads(base, [field[i] for i in chosen], known, fit_on, _HEADS[1])
     calls = [
         (_with_trust, (base, first[i], priors, head, cost))
@@ -297,6 +299,12 @@ def _trusted(
     for i, candidate in zip(chosen, in_order(calls, jobs=jobs), strict=True):
         found[i] = candidate
     return found
+
+
+def _trusts_less(candidate: Candidate, best: Candidate) -> bool:
+    """Whether a refit trusts the equations less than another, so that the gains do not compare."""
+    fit, other = candidate.fit, best.fit
+    return fit is not None and other is not None and fit.noise_scale > other.noise_scale
 
 
 def _explains(candidate: Candidate) -> bool:

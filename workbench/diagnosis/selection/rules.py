@@ -295,6 +295,12 @@ SAME = Threshold(
     15.0,
     "Difference of log likelihood below which two effects explain the recordings equally well.",
 )
+SAME_SHARE = Threshold(
+    "same law",
+    4e-3,
+    "Part of what a simpler effect gains that one with more parameters must gain beyond it: a law"
+    " of a book describes a machine to some 6 %, the square of which is left of its gain.",
+)
 INDISTINCT = Threshold(
     "same from block to block",
     0.5,

@@ -28,6 +28,8 @@ _NONE = 4.5
 _FEEDBACK = 4
 """Blocks by which a command of a closed loop may answer to a measurement."""
 _ENOUGH = 300
+_AGAIN = 0.5
+"""Correlation of what is new in a command with itself later, from which on it repeats itself."""
 _RICH = 0.2
 """Share of a command that its past does not predict, above which a response must show."""
 
@@ -41,7 +43,8 @@ class Answer:
         lag: Time of it after the command, in s; negative before it.
         near: Strongest correlation right after the command, in sigmas (a ratio).
         early: Whether the strongest comes before the command by more than a loop explains.
-        late: Whether it comes much later than right after the command.
+        late: Whether it comes much later than right after the command. Where a command repeats
+            itself, what comes before one change may answer to an earlier one: neither is told.
     """
 
     strength: float
@@ -67,13 +70,14 @@ def answers(recording: Recording, command: str, measurement: str) -> tuple[Answe
         lags, sigmas = _correlation(action, reaction, around)
         best = int(np.argmax(np.abs(sigmas)))
         close = (lags >= 0) & (lags <= near)
+        repeats = _repeats(action)
         found.append(
             Answer(
                 float(abs(sigmas[best])),
                 float(lags[best] * block * recording.sample_time),
                 float(np.max(np.abs(sigmas[close]))),
-                bool(lags[best] < -before),
-                bool(lags[best] > near),
+                bool(np.all(lags[best] + repeats < -before)),
+                bool(np.all(lags[best] - repeats > near)),
             )
         )
     return tuple(found)
@@ -100,6 +104,16 @@ def _correlation(first: Vector, second: Vector, around: int) -> tuple[npt.NDArra
     lags = np.arange(-around, around + 1)
     spectrum = np.conj(np.fft.rfft(first[:n], 2 * n)) * np.fft.rfft(second[:n], 2 * n)
     return lags, np.fft.irfft(spectrum, 2 * n)[lags] / size if size else np.zeros(len(lags))
+
+
+def _repeats(action: Vector) -> npt.NDArray[np.int_]:
+    """Return the lags, in blocks, at which what is new in a command comes again, or its reverse.
+
+    Zero is the first of them.
+    """
+    lags, sigmas = _correlation(action, action, len(action) // 2)
+    again = np.abs(sigmas) > _AGAIN * np.sqrt(len(action))
+    return np.asarray(lags[again & (lags >= 0)])
 
 
 @check("response", 125, fix="put command and measurements of the same rows beside each other")
