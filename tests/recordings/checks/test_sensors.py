@@ -318,6 +318,29 @@ def test_what_no_reversed_column_explains_is_a_doubt() -> None:
     assert turned.result == "unfit" and "reversed" in turned.note
 
 
+def test_a_sink_that_warms_with_its_cooler_does_not_turn_a_sign() -> None:
+    # The current cools a plate; the sink that would warm it follows the current at once.
+    rng = np.random.default_rng(0)
+    current = np.repeat(rng.uniform(0.0, 4.0, 50), 20)
+    sink = np.round(298.0 + 0.3 * current + rng.normal(0.0, 0.3, 1000), 1)
+    plate = np.full(1000, 296.0)
+    for k in range(1, 1000):
+        rate = 0.02 * (sink[k - 1] - plate[k - 1]) - 0.3 * current[k - 1]
+        plate[k] = plate[k - 1] + rate
+    signals = (
+        Signal("current", current, "A", role="command"),
+        Signal("sink", sink, "K", role="command"),
+        Signal("plate", plate + rng.normal(0.0, 0.02, 1000), "K"),
+    )
+    signs = {("current", "plate"): -1, ("sink", "plate"): 1}
+    trial = Recording("plate", 2.0 * np.arange(1000), signals)
+    found = check_signs(trial, Expected(signs=signs))
+    assert found.result == "pass" and "wrong" not in found.note
+    # Were the current reversed, nothing else would explain its answer.
+    wrong = check_signs(trial, Expected(signs={**signs, ("current", "plate"): 1}))
+    assert wrong.result == "unfit" and "current or plate is probably reversed" in wrong.note
+
+
 def test_what_begins_the_other_way_than_it_goes_has_no_sign() -> None:
     def converter(m: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         off = 1.0 - m.u.duty

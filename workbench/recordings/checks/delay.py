@@ -42,6 +42,7 @@ def response_correlation(
     *,
     max_delay: float = 0.2,
     closed_loop: bool = False,
+    beside: tuple[str, ...] = (),
 ) -> Vector:
     """Return the correlation of a response with what is new in a command, in sigmas, by lag.
 
@@ -52,10 +53,11 @@ def response_correlation(
 
     Args:
         max_delay: Longest lag, in s; 10 samples at least, 200 at most.
+        beside: Commands that may move together with this one: what they explain of it is taken out.
     """
     lags = int(np.clip(round(max_delay / recording.sample_time), 10, 200))
     moving = tuple(m for m in recording.measurements if np.ptp(recording[m]) > 0)
-    explained = moving if closed_loop else ()
+    explained = (*(moving if closed_loop else ()), *beside)
     action = surprises(recording, command, now=explained)
     return correlation(action, surprises(recording, response), range(lags + 1))
 

@@ -80,6 +80,7 @@ def _strengths(
     found: dict[tuple[str, str], float] = {}
     both: Pairs = []
     motions: dict[str, list[str]] = {}
+    moving = [c for c in recording.commands if np.ptp(recording[c]) > 0]
     for cause, response in expected.signs:
         if cause not in recording or response not in recording:
             continue
@@ -87,9 +88,13 @@ def _strengths(
             continue
         if recording.signal(cause).role == "command":
             every = response_correlation(recording, cause, response, max_delay=0.03)
-            # At lag zero a controller may have answered to the measurement.
-            early = every[1:]
-            found[cause, response] = float(early[np.argmax(np.abs(early))])
+            beside = tuple(c for c in moving if c != cause)
+            if beside and _strongest(every) * expected.signs[cause, response] < -_SURE:
+                # The answer may be to what moves together with it.
+                every = response_correlation(
+                    recording, cause, response, max_delay=0.03, beside=beside
+                )
+            found[cause, response] = _strongest(every)
             if every.min() < -_SURE and every.max() > _SURE:
                 both.append((cause, response))
         else:
@@ -98,6 +103,12 @@ def _strengths(
         for cause, (slope, strength) in accelerations(recording, causes, motion).items():
             found[cause, motion], slopes[cause, motion] = strength, slope
     return found, slopes, both
+
+
+def _strongest(every: Vector) -> float:
+    """Return the strongest correlation at a lag, in sigmas; at lag zero a controller may answer."""
+    early = every[1:]
+    return float(early[np.argmax(np.abs(early))])
 
 
 def _of_another_size(right: Pairs, slopes: Sizes, known: Sizes) -> list[str]:
