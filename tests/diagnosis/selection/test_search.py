@@ -18,6 +18,7 @@ from workbench.diagnosis.selection.rules import (
     SHARE,
     Limits,
 )
+from workbench.diagnosis.selection.search import as_it_is_told
 from workbench.diagnosis.selection.selected import Accepted
 from workbench.diagnosis.selection.simplification import simplified
 from workbench.diagnosis.selection.task import Task
@@ -51,6 +52,19 @@ def test_effects_that_explain_too_little_are_taken_back_with_the_reason() -> Non
     # But not if it predicts next to nothing of what is missing.
     gone = too_little_withdrawn(task, given.selected, 2.0 * gain / LEAST_PREDICTED.value)
     assert gone.accepted == gone.aside == () and left.aside != ()
+
+
+def test_an_effect_is_doubted_as_sure_as_it_is_told() -> None:
+    given, _ = example_diagnosis()
+    assert given.selected is not None
+    fit = given.selected.extended
+    vague = tuple(replace(e, std=abs(e.value)) for e in fit.refit.estimates)
+    unsure = replace(fit, refit=replace(fit.refit, estimates=vague))
+    state = replace(given.selected, extended=unsure, closest={"extended": fit})
+    ((found, _),) = as_it_is_told(state, 1.0).accepted
+    assert found.doubts == ()
+    ((found, _),) = as_it_is_told(replace(state, closest={}), 1.0).accepted
+    assert found.doubts == ("its size is within 3 standard deviations of zero",)
 
 
 def test_only_what_gains_where_it_was_not_fitted_opens_a_pair() -> None:

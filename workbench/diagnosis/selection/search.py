@@ -155,9 +155,20 @@ def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
     if not state.accepted:
         state = taken_up_again(task, replace(state, failed=failed if state.began else state.failed))
         state, share = run_as_found(task, state)
+    return replace(as_it_is_told(state, share), finished=True)
+
+
+def as_it_is_told(state: Selected, share: float) -> Selected:
+    """Doubt effects as they are in the model that runs closest, whose values are told.
+
+    Args:
+        share: Share of the error of free runs that goes with all of them, dimensionless.
+    """
     together = len(state.accepted) > 1 and share >= LEAST_SHOWN.value
-    accepted = tuple(as_told(a, state.extended, together=together) for a in state.accepted)
-    return replace(state, accepted=accepted, finished=True)
+    fit = state.closest.get("extended", state.extended)
+    return replace(
+        state, accepted=tuple(as_told(a, fit, together=together) for a in state.accepted)
+    )
 
 
 def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]:
