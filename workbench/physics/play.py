@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import casadi as ca
 
-from workbench.model import EffectView, PortView, State
+from workbench.model import EffectView, Names, PortView, State
 from workbench.model.regularisation import Expression, maximum
 from workbench.model.units import same_dimension
 from workbench.physics.hysteresis import elastoplastic_rate
@@ -102,6 +102,62 @@ backlash = replace(
     look_alikes=("dead_band", "delay"),
     separated_by="slow triangles of several amplitudes: play has a loop, a dead band none",
 )
+
+_PLAYS = 4
+"""Play operators of a loop."""
+
+
+def _widths(p: Names) -> list[Expression]:
+    return [p.reach * p.spread**i for i in range(_PLAYS)]
+
+
+def _held_back(at: PortView) -> Expression:
+    """Return what the loop keeps back of a signal, in its unit."""
+    kept, whole = 0.0, 0.0
+    for i, w in enumerate(_widths(at.p)):
+        e, height = at.value - at.x[f"follower_{i + 1}"], at.p.spread ** (i * at.p.growth)
+        kept += height * 0.5 * (_magnitude(e + w) - _magnitude(e - w)) / w
+        whole += height
+    return at.p.level * kept / whole
+
+
+def _follow_all(view: EffectView) -> dict[str, Expression]:
+    rates = {}
+    for i, w in enumerate(_widths(view.p)):
+        e = view.here.value - view.x[f"follower_{i + 1}"]
+        rates[f"follower_{i + 1}"] = (maximum(e - w, 0.0) - maximum(-e - w, 0.0)) / view.p.time
+    return rates
+
+
+# What follows its command along a loop: a stack of piezo ceramic, iron in a coil, a positioner.
+command_hysteresis = replace(
+    backlash,
+    name="command_hysteresis",
+    equation="y = u - level sum(h_i clip(u - s_i, -w_i, w_i) / w_i) / sum(h_i), s_i within w_i"
+    " of u, w_i = reach spread^(i-1), h_i = w_i^growth",
+    parameters=lambda at: (
+        size("level", at.unit, 0.05 * at.scale, 0.5 * at.scale, "half width of the loop",
+             signed=True),
+        shape("reach", at.unit, 0.05 * at.scale, "half width of the first operator",
+              around=(0.02, 20.0)),
+        shape("spread", "1", 2.0, "ratio of the widths of neighbouring operators",
+              around=None, between=(1.2, 6.0), scale=1.0),
+        shape("growth", "1", 0.5, "how fast the height of an operator grows with its width",
+              around=None, between=(-2.0, 4.0), scale=1.0),
+        *command_play.parameters(at)[-1:],
+    ),
+    transform=lambda at: at.value - _held_back(at),
+    states=lambda at: tuple(
+        State(f"follower_{i + 1}", at.unit, at.scale, f"position of follower {i + 1}")
+        for i in range(_PLAYS)
+    ),
+    rates=_follow_all,
+    start=lambda e: {f"follower_{i + 1}": e.here.value for i in range(_PLAYS)},
+    shapes=lambda at: [{"reach": part * at.scale} for part in (0.05, 0.01, 0.2)],
+    source="L. Prandtl 1928, A. Yu. Ishlinskii 1944; piezo ceramics, magnets, valve positioners",
+    look_alikes=("backlash", "drive_lag", "dead_band"),
+    separated_by="slow triangles of several amplitudes: the loop of small ones is narrower",
+)  # fmt: skip
 
 sensor_play = replace(
     backlash,

@@ -17,7 +17,13 @@ from workbench.physics.drift import sensor_drift, sensor_fade
 from workbench.physics.library import library
 from workbench.physics.offset_gain import asymmetric_gain, gain, offset
 from workbench.physics.place import argument_of
-from workbench.physics.play import command_play, lost_motion, play, spool_hysteresis
+from workbench.physics.play import (
+    command_hysteresis,
+    command_play,
+    lost_motion,
+    play,
+    spool_hysteresis,
+)
 from workbench.physics.saturation import (
     dead_band,
     lower_saturation,
@@ -153,6 +159,23 @@ def test_play_of_a_held_command_follows_jumps_at_once_and_keeps_small_ones_back(
     np.testing.assert_allclose(settled, expected, atol=2e-3)
     just_after = y[at == 6][1]
     assert just_after == pytest.approx(1.9, abs=2e-3)
+
+
+def test_a_loop_of_a_held_command_remembers_its_turning_points() -> None:
+    known = {"level": 0.2, "reach": 0.1, "spread": 2.0, "growth": 1.0}
+    model = bench(command_hysteresis("drive.command", **known), "V")
+    steps = np.array([0.0, 1.0, 2.0, 1.9, 1.0, 1.3, 1.0, -1.0])
+    # Prandtl and Ishlinskii: operators of 0.1, 0.2, 0.4 and 0.8 V, as high as they are wide.
+    widths = 0.1 * 2.0 ** np.arange(4)
+    expected, places = [], np.zeros(4)
+    for u in steps:
+        places = np.clip(places, u - widths, u + widths)
+        expected.append(u - 0.2 * np.sum(u - places) / np.sum(widths))
+    times = np.arange(0.0, 0.1 * len(steps), 1e-3)
+    at = np.minimum((times / 0.1 + 1e-6).astype(int), len(steps) - 1)
+    y = run(model, lambda t: {"value": float(steps[min(int(t / 0.1), len(steps) - 1)])}, times)
+    settled = [y[(at == i)][-1] for i in range(len(steps))]
+    np.testing.assert_allclose(settled, expected, atol=2e-3)
 
 
 def test_spool_hysteresis_has_the_width_of_its_loop() -> None:

@@ -165,7 +165,7 @@ def as_it_is_told(state: Selected, share: float) -> Selected:
         share: Share of the error of free runs that goes with all of them, dimensionless.
     """
     together = len(state.accepted) > 1 and share >= LEAST_SHOWN.value
-    fit = state.closest.get("extended", state.extended)
+    fit = state.closest.get("extended", state.extended) if math.isfinite(share) else state.extended
     return replace(
         state, accepted=tuple(as_told(a, fit, together=together) for a in state.accepted)
     )
