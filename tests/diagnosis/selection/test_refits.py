@@ -90,7 +90,7 @@ def test_what_cannot_be_tested_or_gains_too_little_is_not_refitted(
     entries: dict[str, Hypothesis],
 ) -> None:
     collinear = _score(entries["tilt_gravity"], 90.0, collinearity=0.999)
-    scores = Scores((replace(collinear, sigma=2.5), _score(entries["ripple"], 2.0)), np.eye(2), 1.0)
+    scores = Scores((replace(collinear, sigma=1.5), _score(entries["ripple"], 2.0)), np.eye(2), 1.0)
     assert shortlist(scores, most=18) == ()
     # What parameters reproduce but for a thousandth is refitted where that is seen clearly.
     clear = replace(scores, scores=(collinear, scores.scores[1]))

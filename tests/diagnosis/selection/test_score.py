@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -41,6 +43,9 @@ def test_the_missing_effect_scores_near_its_size(without_friction: Scores) -> No
     assert score.size == pytest.approx(COULOMB_N, rel=0.35)
     assert score.gain > 0.5 * without_friction.scores[0].gain
     assert score.sigma > 4 and score.testable
+    # What parameters reproduce but for half a percent is seen by that half, or is not.
+    assert replace(score, collinearity=0.995, sigma=3.0).testable
+    assert not replace(score, collinearity=0.995, sigma=1.5).testable
 
 
 def test_scores_are_sorted_and_confusion_is_a_cosine(without_friction: Scores) -> None:

@@ -27,10 +27,13 @@ from workbench.physics.library import Hypothesis
 Vector = npt.NDArray[np.float64]
 
 COLLINEAR = 0.99
-"""Collinearity above which an effect is told from other parameter values only if it is clear."""
+"""Collinearity above which an effect is told from other parameter values only where it is seen."""
 
 _SIGMA = 4.0
 """Multiple of the standard deviation of its size from which an effect is clear."""
+
+_SEEN = 2.0
+"""The same from which it is worth a refit, whatever else would reproduce it."""
 
 _DIFFERS = 15.0
 """Gain of log likelihood by which one size in each recording has to beat one in all of them."""
@@ -84,8 +87,8 @@ class Score:
 
         What parameters reproduce but for a hundredth may still be seen by that hundredth.
         """
-        seen = abs(self.sigma) > 2.0 or self.smallest < self.entry.largest_size
-        return seen and (self.collinearity < COLLINEAR or abs(self.sigma) > _SIGMA)
+        possible = self.smallest < self.entry.largest_size and self.collinearity < COLLINEAR
+        return possible or abs(self.sigma) > _SEEN
 
 
 @dataclass(frozen=True)
