@@ -13,6 +13,8 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from types import ModuleType
 
+from tests.meta.graph import parsed
+
 TYPE = re.compile(r"\b(float|floating|float64|ndarray|Expression|SX|MX|DM|\w*Array\w*)\b")
 """Annotations that stand for numbers with a unit; counts (int), flags and words have none."""
 
@@ -236,7 +238,7 @@ def check_module(source: str, module: ModuleType | None = None) -> list[str]:
         >>> check_module("'''A module.'''\\ndef f(): pass")
         ['line 2: f: no docstring']
     """
-    tree = ast.parse(source)
+    tree = parsed(source)
     undescribed = tree.body and not ast.get_docstring(tree)
     problems = ["line 1: module: no docstring"] if undescribed else []
     # A module of numerics may state the units of all its numbers once.

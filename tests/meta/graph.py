@@ -6,13 +6,13 @@ import ast
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 
 
-@lru_cache(maxsize=1)
+@cache
 def parsed(source: str) -> ast.Module:
-    """Return the tree of a source; several questions about one follow each other."""
+    """Return the tree of a source, parsed once for every question."""
     return ast.parse(source)
 
 

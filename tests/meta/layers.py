@@ -6,6 +6,7 @@ import ast
 import re
 from collections.abc import Iterator
 
+from tests.meta.graph import parsed
 from tests.meta.sources import ROOT
 
 PAGE = ROOT / "data" / "docs" / "architecture.md"
@@ -52,7 +53,7 @@ def room(module: str) -> str | None:
 
 def imports(source: str) -> Iterator[tuple[int, str]]:
     """Yield the line and name of every module that a source imports, anywhere in it."""
-    for node in ast.walk(ast.parse(source)):
+    for node in ast.walk(parsed(source)):
         if isinstance(node, ast.Import):
             for item in node.names:
                 yield node.lineno, item.name
