@@ -202,7 +202,7 @@ def test_fallbacks_of_c_are_those_of_the_law(
     measurements[1000:1010, 1] = np.nan
     measurements[2000, 0] = np.inf
     reference[3000:3003] = np.nan
-    found = compare(mpc, InC(mpc, tmp_path, *STRICT), measurements, reference)
+    found = compare(mpc, InC(mpc, tmp_path, *STRICT), measurements[:CHAINED], reference)
     # Contradictions by the law; a measurement and a reference that are no numbers by the guard.
     assert found["statuses"] & {0, 2, 48, 32, 16} == {0, 2, 48, 32, 16}
     assert {status // 16 for status in found["statuses"]} == {0, 1, 2, 3}
@@ -228,7 +228,7 @@ def test_mpc_in_c_agrees_with_the_solver_in_python(
     law = make(schedule, linear)
     measurements, reference = hard_run(law)
     in_c = InC(law, tmp_path, *STRICT)
-    found = compare(law, in_c, measurements[:1500], reference, openings=1e-10)
+    found = compare(law, in_c, measurements[:600], reference, openings=1e-10)
     assert 0.0 < found["difference"] / 10.0 <= 1e-9
 
 
