@@ -447,6 +447,12 @@ def test_a_linear_model_is_a_plant(balls: None, capsys: pytest.CaptureFixture[st
     assert "return a workbench.model.Model" in capsys.readouterr().err
 
 
+def test_designs_show_how_far_they_are(balls: None, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["verify", "--plant", "balls:G", "-c", "lqi", "-c", "plain-pid"]) == 0
+    told = capsys.readouterr().err
+    assert "designs:   0%" in told and "2/2" in told.partition("runs:")[0]
+
+
 def test_a_step_of_what_is_unstable_stays_where_its_linear_model_holds(
     balls: None, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -151,16 +151,16 @@ def counting() -> Iterator[Callable[[str, int, int, str], None]]:
                 # What was finished before took no time of this run.
                 initial=done if what == FINISHED_BEFORE else 0,
                 desc=part,
-                unit="run",
+                unit=part.removesuffix("s"),
                 file=sys.stderr,
                 # A log keeps every line: there, one per tenth is enough.
                 miniters=1 if screen else max(1, total // 10),
                 mininterval=0.1 if screen else 0.0,
                 maxinterval=1e9,
             )
-        bar.update(done - bar.n)
         if screen:
             bar.set_postfix_str(what, refresh=False)
+        bar.update(done - bar.n)
 
     try:
         yield count

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from workbench.study.designs import ControllerRecipe
     from workbench.study.study import Demand, Study
     from workbench.verification import Scenario
+
+Progress = Callable[[str, int, int, str], None]
+"""Told what is being done, how many are done, of how many, and which one."""
 
 
 @with_plant("option", "effect", "design")
@@ -88,9 +91,11 @@ def verify(
             _level(chosen.model, f"{name}={value}", f"{name} before the step")
             changes.append(f"{name}={value}")
     base = nominal_design(chosen, changes)
-    recipes, scenarios = tried(
-        chosen, controlled, base, begins, ends, hold, sample_time, controller or (), delay
-    )
+    names = controller or ()
+    with counting() as counter:
+        recipes, scenarios = tried(
+            chosen, controlled, base, begins, ends, hold, sample_time, names, delay, counter
+        )
     if delay is not None:
         late, h = scenarios[0].late_samples, scenarios[0].sample_time
         told = f"commands are late by {late} samples of {in_time(h)}, {in_time(late * h)}"
@@ -140,12 +145,14 @@ def tried(
     sample_time: str | None = None,
     controllers: Sequence[str] = (),
     delay: str | None = None,
+    progress: Progress | None = None,
 ) -> tuple[list[ControllerRecipe], list[Scenario]]:
     """Return designs, and the steps through which they run: as given, or of each output alone.
 
     Args:
         controlled: What is controlled; by default (nothing) all that the commands hold
             independently, or the first alone if no design fits them.
+        progress: Told ``"designs"``, how many are done of how many, and which one is next.
     """
     from workbench.study.designs import followed_by_default
 
@@ -162,12 +169,14 @@ def tried(
 
     found = scenarios(hold, sample_time)
     try:
-        recipes = recipes_of(base, controllers, found[0])
+        recipes = recipes_of(base, controllers, found[0], progress)
     except WorkbenchError:
         alone = chosen.plant.controlled_outputs(chosen.model)
         if controlled or alone == own or chosen.plant.controlled or len(own) == 1:
             raise
-        return tried(chosen, alone, base, begins, ends, hold, sample_time, controllers, delay)
+        return tried(
+            chosen, alone, base, begins, ends, hold, sample_time, controllers, delay, progress
+        )
     followed = {name for recipe in recipes for name in _follows(recipe)}
     moved = [names for names in moved if followed & set(names)] or moved[:1]
     same = f"{found[0].sample_time!r} s"
@@ -512,7 +521,10 @@ def _as_the_loop_rests(
 
 
 def recipes_of(
-    base: ControllerRecipe, names: Sequence[str], scenario: Scenario
+    base: ControllerRecipe,
+    names: Sequence[str],
+    scenario: Scenario,
+    progress: Progress | None = None,
 ) -> list[ControllerRecipe]:
     """Return the named designs, or those made for such a plant, or those for any plant."""
     from controllers.design import DESIGNS, designs_for
@@ -551,7 +563,10 @@ def recipes_of(
     found: list[ControllerRecipe] = []
     partly: list[ControllerRecipe] = []
     refused: dict[str, list[str]] = {}
-    for made in map(recipe, names or [design.name for design in designs_for(linear)]):
+    every = names or [design.name for design in designs_for(linear)]
+    for number, made in enumerate(map(recipe, every)):
+        if progress and len(every) > 1:
+            progress("designs", number, len(every), made.name)
         try:
             law = made.build()
         except WorkbenchError as error:
@@ -572,6 +587,8 @@ def recipes_of(
                 typer.echo(f"{made.name}: {said}", err=True)
             idle = [n for n in linear.input_names if n not in (*law.actuators, *only_measured)]
             (partly if idle and not names else found).append(made)
+    if progress and len(every) > 1:
+        progress("designs", len(every), len(every), "")
     for reason, which in refused.items():
         typer.echo(f"{', '.join(which)}: {reason}", err=True)
     if partly and not found:
