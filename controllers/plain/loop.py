@@ -296,6 +296,8 @@ def _check_growing(linear: LinearModel) -> None:
     A, C = linear.A * size / size[:, None], linear.C * size
     B = linear.B / size[:, None]
     values, vectors = np.linalg.eig(A)
+    integrators = int(np.sum(linear.poles == 0.0))
+    values[np.argsort(np.abs(values))[:integrators]] = 0.0
     rate = float(np.abs(values).max(initial=0.0))
     for k in np.flatnonzero(values.real > HELD * rate):
         shifted = (A - values[k] * np.eye(len(A))) / rate

@@ -97,7 +97,7 @@ def design_plain_mpc(
 def _within(want: PlainMPCSpecification, limits: LoopLimits) -> LinearMPC:
     loop, h = limits.loop, want.sample_time
     # Over many time constants of an unstable mode no prediction has a meaning.
-    growing = float(np.max(np.linalg.eigvals(loop.linear.A).real, initial=0.0))
+    growing = float(np.max(loop.linear.poles.real, initial=0.0))
     top = min(max(2.0 * growing, 0.02 / h) if growing > 1e-6 / h else FASTEST / h, 0.3 / h)
     low = min(growing, 0.5 * top)
     tried = [want.speed] if want.speed else [w for w in speeds(h, 16) if low <= w <= top]

@@ -416,6 +416,19 @@ def magnet():
         inputs=(Input("current", "A", nominal=1.0, lower=0.0, upper=3.0),),
         outputs=(Output("gap", "m", scale=0.01, display_unit="mm", noise_rms=1e-5),))
 
+def satellite():
+    """Two bodies on a spring in space: two integrators, and a mode hardly damped."""
+    def equations(m):
+        twist = 40.0 * (m.x.body - m.x.panel) + 0.3 * (m.x.rate - m.x.swing)
+        rates = {"body": m.x.rate, "rate": (m.u.torque - twist) / 100.0,
+                 "panel": m.x.swing, "swing": twist / 20.0}
+        return rates, {"angle": m.x.body}
+    return Model("satellite", equations,
+        states=(State("body", "rad"), State("rate", "rad/s"), State("panel", "rad"),
+                State("swing", "rad/s")),
+        inputs=(Input("torque", "N m", lower=-1.0, upper=1.0),),
+        outputs=(Output("angle", "rad", display_unit="deg", noise_rms=5e-5),))
+
 def integral():
     return ct.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]])
 
@@ -451,6 +464,16 @@ def test_designs_show_how_far_they_are(balls: None, capsys: pytest.CaptureFixtur
     assert run(["verify", "--plant", "balls:G", "-c", "lqi", "-c", "plain-pid"]) == 0
     told = capsys.readouterr().err
     assert "designs:   0%" in told and "2/2" in told.partition("runs:")[0]
+
+
+def test_two_integrators_do_not_grow(balls: None, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["linearise", "--plant", "balls:satellite"]) == 0
+    assert capsys.readouterr().out.count("integrator") == 2
+    # Rounding that grew had made an angle of 2e13 rad usual, and the step endless.
+    assert run(["verify", "--plant", "balls:satellite", "-c", "plain-pid", "--json"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)["runs"]
+    _, last = map(float, re.findall(r"[0-9.]+", found["scenario"]))
+    assert 0.1 < last < 5.0 and found["metrics"]["settling_time"]["value"] < 40.0
 
 
 def test_a_step_of_what_is_unstable_stays_where_its_linear_model_holds(

@@ -269,7 +269,7 @@ def step_of(
         ends: The same after the step.
         stepped: Outputs that step, by default the first; the others stay where they are.
     """
-    from workbench.linearisation.pace import step_time, usual_sample_time
+    from workbench.linearisation.pace import integrated_within, step_time, usual_sample_time
     from workbench.model.units import from_si, quantity
     from workbench.verification import Steps, step_scenario
 
@@ -280,7 +280,9 @@ def step_of(
         about = next(q for q in chosen.model.outputs if q.name == name)
         own = name == chosen.plant.controlled_outputs(chosen.model)[0]
         # A size that nobody declared is all that the inputs bring about, from end to end.
-        size = about.scale if about.sized else max(about.scale, SHOWS * _noise(about))
+        size = about.scale
+        if not about.sized:
+            size = max(size, SHOWS * _noise(about), integrated_within(linear, name))
         if own and chosen.plant.step:
             first, last = chosen.plant.step
         else:

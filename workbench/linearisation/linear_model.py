@@ -15,6 +15,7 @@ from workbench.display import Drawn, Rows
 from workbench.errors import TIMES_S, check_choice, check_range
 from workbench.linearisation.modes import Mode, find_modes
 from workbench.linearisation.zero_order_hold import zero_order_hold
+from workbench.model.sizes import poles_of
 from workbench.model.units import from_si
 from workbench.operating_point import OperatingPoint
 
@@ -118,7 +119,7 @@ class LinearModel(Drawn):
     @property
     def poles(self) -> npt.NDArray[np.complex128]:
         """Poles, shape (n_states,), in rad/s."""
-        return np.linalg.eigvals(self.A).astype(np.complex128)
+        return poles_of(self.A)
 
     @property
     def state_scales(self) -> Vector:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.arrays import Vector
+from workbench.model.sizes import poles_of
 from workbench.model.units import in_time
 
 
@@ -84,6 +85,8 @@ def find_modes(A: Vector, names: tuple[str, ...]) -> tuple[Mode, ...]:
     if not len(A):
         return ()
     poles, right = np.linalg.eig(A)
+    still = int(np.sum(poles_of(A) == 0.0))
+    poles[np.argsort(np.abs(poles))[:still]] = 0.0
     left = np.linalg.pinv(right)
     parts = np.abs(right * left.T)
     parts = parts / parts.sum(axis=0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -55,27 +55,36 @@ def usual_sample_time(linear: LinearModel, controlled: Sequence[str] = ()) -> fl
     return min(quick, rounded_up(0.4 * GROWN / growing))
 
 
+def integrated_within(linear: LinearModel, name: str) -> float:
+    """Return how far all of the commands move an output of a plant that integrates, in SI.
+
+    They do within a tenth of `step_time`; what does not integrate goes as far as its size says: 0.
+    """
+    if np.all(linear.poles != 0.0):
+        return 0.0
+    return _mover(linear, name)(0.1 * step_time(linear))
+
+
 def _moved_within(linear: LinearModel, name: str, usual: float) -> float:
     """Return the sample time, in s, that the fastest move of an output asks for, or the usual."""
+    output = next(q for q in linear.operating_point.model.outputs if q.name == name)
+    moved, time = _mover(linear, name), usual
+    while time > FINEST * usual and moved(time / SHOWN) >= 0.5 * output.scale:
+        time *= 0.8
+    return usual if time == usual else min(usual, rounded_up(time))
+
+
+def _mover(linear: LinearModel, name: str) -> Callable[[float], float]:
+    """Return what tells how far all commands move an output, in SI, within a time in s."""
     inputs = {q.name: q for q in linear.operating_point.model.inputs}
     commands = [n for n in linear.input_names if n not in inputs or inputs[n].commanded]
     own = linear.select(inputs=commands, outputs=[name]).without_unseen().without_unreached()
-    if not len(own.A):
-        return usual
-    output = next(q for q in linear.operating_point.model.outputs if q.name == name)
     # By an inverted curve the command is a fraction, which no input of the plant is.
     rests = zip(commands, own.u0.tolist(), strict=True)
     rooms = [_room(inputs[n], u) if n in inputs else 1.0 for n, u in rests]
     size = own.state_scales
     a, b = own.A * size / size[:, None], own.B * np.array(rooms) / size[:, None]
-    time = usual
-    while time > FINEST * usual:
-        # What all of the commands do together within the time that shows it.
-        moved = np.abs(own.C * size @ zero_order_hold(a, b, time / SHOWN)[1]).sum()
-        if moved < 0.5 * output.scale:
-            break
-        time *= 0.8
-    return usual if time == usual else min(usual, rounded_up(time))
+    return lambda time: float(np.abs(own.C * size @ zero_order_hold(a, b, time)[1]).sum())
 
 
 def has_room(linear: LinearModel, actuators: Sequence[str], steps: Mapping[str, float]) -> bool:

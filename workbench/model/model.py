@@ -19,7 +19,7 @@ from workbench.model.effect import Effect
 from workbench.model.quantities import Input, Output, Parameter, Quantity, State, declared_unit
 from workbench.model.regularisation import EXACT, REGULARISED, Expression, Form
 from workbench.model.scope import Names, Port
-from workbench.model.sizes import horizon, missing, silent, sized, sizes
+from workbench.model.sizes import horizon, missing, poles_of, silent, sized, sizes
 from workbench.model.trace import Equations, Trace, trace
 from workbench.model.traits import Traits
 from workbench.model.units import readably, same_dimension, with_unit
@@ -136,7 +136,7 @@ class Model(Shown):
         found = np.asarray(slopes(model.initial_state(), model.nominal_input, model.values))
         if not np.isfinite(found).all():
             return 1.0
-        return horizon(np.asarray(np.linalg.eigvals(found), dtype=complex))
+        return horizon(poles_of(found))
 
     def __getstate__(self) -> dict[str, object]:
         """Leave out what follows from the rest: another process writes it down again."""

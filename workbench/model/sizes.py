@@ -129,9 +129,43 @@ def horizon(poles: npt.NDArray[np.complex128]) -> float:
     return 3.0 / float(np.abs(own).min(initial=np.inf)) if own.size else 1.0
 
 
+def poles_of(a: Vector) -> npt.NDArray[np.complex128]:
+    """Return the eigenvalues of a matrix, shape (n,), those of integrators as zero exactly.
+
+    Rounding makes +-sqrt(eps) of two integrators behind each other, a pole that grows of them. What
+    A does not move (its null space) is taken out until all else moves.
+
+    Source: Golub and Wilkinson, Ill-conditioned eigensystems and the computation of the Jordan
+    canonical form, SIAM Review 18, 1976, section 7.
+
+    Example:
+        >>> poles_of(np.array([[0.0, 1.0], [0.0, 0.0]]))
+        array([0.+0.j, 0.+0.j])
+    """
+    from scipy.linalg import matrix_balance
+
+    poles = np.linalg.eigvals(a).astype(np.complex128)
+    if not np.isfinite(a).all():
+        return poles
+    left, none = np.asarray(matrix_balance(a, permute=False)[0]), 0
+    while len(left):
+        _, values, right = np.linalg.svd(left)
+        still = int(np.sum(values <= _NULL * values.max()))
+        if not still:
+            break
+        moving, none = right[: len(left) - still], none + still
+        left = moving @ left @ moving.T
+    poles[np.argsort(np.abs(poles))[:none]] = 0.0
+    return poles
+
+
+_NULL = 1e-13
+"""Singular value, as a share of the largest, that rounding leaves of zero."""
+
+
 def _response(a: Vector, b: Vector, of_u: Vector) -> Vector:
     """Return the largest response over the paces of a linear model, shape (n_states,), in SI."""
-    poles = np.asarray(np.linalg.eigvals(a), dtype=complex)
+    poles = poles_of(a)
     paces = np.abs(poles)
     own = paces[paces > _INTEGRATES * paces.max(initial=0.0)]
     each = [
