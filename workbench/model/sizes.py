@@ -130,7 +130,7 @@ def horizon(poles: npt.NDArray[np.complex128]) -> float:
 
 
 def poles_of(a: Vector) -> npt.NDArray[np.complex128]:
-    """Return the eigenvalues of a matrix, shape (n,), those of integrators as zero exactly.
+    """Return eigenvalues, shape (n,), in 1/s, those of integrators as zero exactly.
 
     Rounding makes +-sqrt(eps) of two integrators behind each other, a pole that grows of them. What
     A does not move (its null space) is taken out until all else moves.
