@@ -142,12 +142,10 @@ def poles_of(a: Vector) -> npt.NDArray[np.complex128]:
         >>> poles_of(np.array([[0.0, 1.0], [0.0, 0.0]]))
         array([0.+0.j, 0.+0.j])
     """
-    from scipy.linalg import matrix_balance
-
     poles = np.linalg.eigvals(a).astype(np.complex128)
     if not np.isfinite(a).all():
         return poles
-    left, none = np.asarray(matrix_balance(a, permute=False)[0]), 0
+    left, none = _balanced(a), 0
     while len(left):
         _, values, right = np.linalg.svd(left)
         still = int(np.sum(values <= _NULL * values.max()))
@@ -157,6 +155,22 @@ def poles_of(a: Vector) -> npt.NDArray[np.complex128]:
         left = moving @ left @ moving.T
     poles[np.argsort(np.abs(poles))[:none]] = 0.0
     return poles
+
+
+def _balanced(a: Vector) -> Vector:
+    """Return a matrix in units of its states in which rows and columns are equally large.
+
+    Source: Osborne, On pre-conditioning of matrices, J. ACM 7, 1960.
+    """
+    a = a.copy()
+    for _ in range(5):
+        for i in range(len(a)):
+            beside = np.arange(len(a)) != i
+            row, column = np.linalg.norm(a[i, beside]), np.linalg.norm(a[beside, i])
+            if row and column:
+                a[i] *= np.sqrt(column / row)
+                a[:, i] *= np.sqrt(row / column)
+    return a
 
 
 _NULL = 1e-13
