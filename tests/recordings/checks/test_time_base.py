@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.recordings.example import example_recording
-from workbench.recordings import Recording, check_recording
+from workbench.recordings import Recording, Signal, check_recording
 
 TRIAL = example_recording(seconds=4.0)
 
@@ -89,6 +89,21 @@ def test_jitter_is_interpolated(rng: np.random.Generator) -> None:
     # Straight lines between samples 2 ms apart; the angular acceleration stays below 400 rad/s2.
     again = np.interp(recording.time, TRIAL.time, TRIAL["angle"])
     assert np.abs(recording["angle"] - again).max() < 2e-4
+
+
+@pytest.mark.parametrize("taken_late", [False, True])
+def test_a_clock_that_is_uneven_alone_moves_no_sample(
+    taken_late: bool, rng: np.random.Generator
+) -> None:
+    even = 0.05 * np.arange(1000)
+    late = rng.normal(0.0, 1.2e-3, 1000)
+    taken = even + taken_late * late
+    height = np.sin(0.9 * taken) + 0.5 * np.sin(1.7 * taken) + rng.normal(0.0, 5e-4, 1000)
+    moved = Recording("lift", even + late - late[0], (Signal("height", height, "m"),))
+    result, note, recording = checked(moved, "uniformity")
+    assert (result, "interpolated" in note) == ("corrected", taken_late)
+    assert np.ptp(np.diff(recording.time)) < 1e-9
+    assert np.array_equal(recording["height"], height) is not taken_late
 
 
 def test_nanoseconds_called_seconds() -> None:

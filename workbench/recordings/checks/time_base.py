@@ -12,9 +12,16 @@ from workbench.model.units import in_time
 from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.recording import Recording
-from workbench.recordings.resampling import resample
+from workbench.recordings.resampling import low_pass, resample
 
 _TOLERANCE = 0.02
+
+_COURSE = 0.1
+"""Share of the sampling rate up to which a signal counts as its course."""
+
+_ORDER, _LIMIT, _CLEARLY = 4, 4.0, 4.0
+"""Order of the difference that leaves what is irregular, and sigmas beyond which it is an impact,
+and by which a clock must be told to be uneven alone."""
 
 
 def jitter(time: Vector) -> float:
@@ -57,11 +64,41 @@ def check_uniformity(recording: Recording, expected: Expected) -> Finding:
             values,
         )
     even = np.linspace(time[0], time[-1], len(time))
-    note = (
+    vary = (
         f"the steps vary from {in_time(spread[0], 4)} to {in_time(spread[1], 4)}"
-        f" ({100 * rms:.3g} % rms); interpolated to one every {in_time(step, 6)}"
+        f" ({100 * rms:.3g} % rms)"
     )
+    if np.max(np.abs(deviation)) < 0.5 * step and not _shown(recording, deviation, step):
+        note = f"{vary}, which no measurement shows: only the clock does, the samples are even"
+        return Finding("corrected", note, values, replace(recording, time=even))
+    note = f"{vary}; interpolated to one every {in_time(step, 6)}"
     return Finding("corrected", note, values, resample(recording, times=even))
+
+
+def _shown(recording: Recording, deviation: Vector, step: float) -> bool:
+    """Whether samples were taken at uneven times, and not only stamped late or early.
+
+    A moving signal that is read late is off by its slope times that. Least squares of what is
+    irregular in the measurements on that gives 1 of it or, where a logger stamps what a converter
+    took evenly, nothing.
+
+    Args:
+        deviation: Time of each row less that of an even base, shape (n,), in s.
+        step: Mean step, in s.
+    """
+    product, square = 0.0, 0.0
+    for name in recording.measurements:
+        values = recording[name]
+        if not np.isfinite(values).all() or np.ptp(values) == 0.0:
+            continue
+        slope = np.gradient(low_pass(values, _COURSE), step)
+        irregular, late = np.diff(values, _ORDER), np.diff(slope * deviation, _ORDER)
+        rms = 1.4826 * float(np.median(np.abs(irregular)))
+        if rms > 0.0:
+            product += float(np.clip(irregular / rms, -_LIMIT, _LIMIT) @ late) / rms
+            square += float(late @ late) / rms**2
+    # Differences of white noise go with their neighbours: less sure by up to the order.
+    return bool(product > 0.5 * square - _CLEARLY * np.sqrt(_ORDER * square))
 
 
 _EPOCH = (1e9, 4e9)
