@@ -469,6 +469,26 @@ def test_beside_what_leaves_nothing_out_others_are_not_tried_in_every_way(
     assert {thorough[float(gain)] for gain in range(6)} == {all_ways}
 
 
+def test_what_is_either_there_or_not_begins_at_the_priors_too(
+    monkeypatch: pytest.MonkeyPatch, entries: dict[str, Hypothesis]
+) -> None:
+    begun: list[tuple[float, ...]] = []
+
+    def refitted(_: Any, score: Score, __: Any, ___: Any, way: Any, ____: float) -> Any:
+        begun.append(way.ladder)
+        return score, SimpleNamespace(cost=-1.0, refit=SimpleNamespace(estimates=()))
+
+    monkeypatch.setattr(refits, "_refitted", refitted)
+    monkeypatch.setattr(refits, "_variants", lambda _: [])
+    monkeypatch.setattr(refits, "start_values", lambda *_: {})
+    base: Any = SimpleNamespace(noise_scale=0.3, refit=SimpleNamespace(estimates=()))
+    ways = {}
+    for name in ("silencers", "valve_offset"):
+        refits._first(base, 0.0, _score(entries[name], 90.0), (), [], 1.0, None, False)
+        ways[name], begun = begun, []
+    assert ways == {"silencers": [(0.3,), refits._STEEP], "valve_offset": [(0.3,)]}
+
+
 def test_many_short_recordings_are_raced_on_some_among_them_the_one_that_shows_it_best(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -528,7 +528,9 @@ def _first(
         # Without the effect, the free parameters have gone where they reproduce it best, from where
         # one that is far may not be found; where recordings are short, nobody waits for more ways.
         means = {q.name: q.mean for q in priors}
-        if thorough or score.entry.far or any(e.on_bound for e in base.refit.estimates):
+        # What is either there or not has no small size at which anything could be told of it.
+        far = score.entry.far or score.entry.replaces
+        if thorough or far or any(e.on_bound for e in base.refit.estimates):
             ways.append(_Way(means, _STEEP, shapes=True))
         if thorough:
             ways.append(_Way(means, (base.noise_scale,), shapes=True))
