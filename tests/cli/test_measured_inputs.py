@@ -123,6 +123,10 @@ def test_commands_that_are_late_are_reckoned_with(
         settled.append(found["metrics"]["settling_time"]["value"])
     # Nothing is seen of a command within its delay.
     assert settled[0] + 30.0 < settled[1] < 20.0 * 30.0
+    # Where nobody says how often, a whole number of samples is as long as the delay.
+    own = [part for part in step if part not in ("--sample-time", "2s")]
+    assert run([*own, "--delay", "29.3s"]) == 0
+    assert "late by 30 samples of 977 ms, 29.3 s" in capsys.readouterr().err
     assert run([*step, "--delay", "-1s"]) == WRONG_USE
     assert "delay" in capsys.readouterr().err
 

@@ -53,6 +53,24 @@ def test_margins_agree_with_python_control(linear: LinearModel) -> None:
     assert math.degrees(found.disk_phase_margin) == pytest.approx(disk_phase, rel=3e-3)
 
 
+def test_a_delay_takes_of_the_delay_margin(linear: LinearModel) -> None:
+    law = design_pid(linear)
+    at_once, late = (analyse_loop(law, linear, delay=late)[-1] for late in (0.0, 0.005))
+    assert late.delay_margin == pytest.approx(at_once.delay_margin - 0.005, rel=0.01)
+    assert late.sensitivity > at_once.sensitivity
+
+
+def test_commands_that_are_late_in_every_run_are_late_in_the_loop(tmp_path: Path) -> None:
+    study = load_study(small_study(tmp_path))
+    scenarios = {n: replace(s, late_samples=1) for n, s in study.scenarios.items()}
+    own, late = (
+        next(loop for loop in analyse_study(one) if loop.command)
+        for one in (study, replace(study, scenarios=scenarios))
+    )
+    h = next(iter(scenarios.values())).sample_time
+    assert late.delay_margin == pytest.approx(own.delay_margin - h, rel=0.02)
+
+
 @pytest.mark.parametrize("design", [design_pid, design_sliding_mode])
 def test_peaks_agree_with_the_design(design: Any, linear: LinearModel) -> None:
     controller = design(linear)

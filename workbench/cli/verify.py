@@ -72,7 +72,8 @@ def verify(
             a thousandth of that response, less where the plant is unstable or where the commands
             can move the controlled output sooner.
         delay (TIME): How late every command acts beside the sampling, as by a computer, a bus or a
-            pipe, in whole samples. Designs for any plant reckon with it.
+            pipe: in whole samples, of which the usual one is made a part of it. Designs for any
+            plant reckon with it.
         require (METRIC=LIMIT): Largest value of a metric, such as settling_time=0.5s; may be given
             several times. By default what the plant declares.
         seed: Seed of the sensors' noise.
@@ -154,6 +155,7 @@ def tried(
             independently, or the first alone if no design fits them.
         progress: Told ``"designs"``, how many are done of how many, and which one is next.
     """
+    from workbench.model.units import quantity
     from workbench.study.designs import followed_by_default
 
     own = controlled or followed_by_default(chosen.plant, base.linear())
@@ -168,6 +170,11 @@ def tried(
         return [_late(scenario, delay) for scenario in found]
 
     found = scenarios(hold, sample_time)
+    if delay is not None and sample_time is None and _stated(base, controllers) is None:
+        late, h = found[0].late_samples, found[0].sample_time
+        part = quantity("delay", delay, "s") / max(late, 1)
+        if part >= FINER * h:
+            found = scenarios(hold, sample_time := f"{part!r} s")
     try:
         recipes = recipes_of(base, controllers, found[0], progress)
     except WorkbenchError:
@@ -184,6 +191,10 @@ def tried(
     if hold is None and long:
         hold = f"{long!r} s"
     return recipes, scenarios(hold, same)
+
+
+FINER = 0.25
+"""Least sample time over the usual that is taken for a delay to be one of whole samples."""
 
 
 def _late(scenario: Scenario, delay: str | None) -> Scenario:
@@ -378,7 +389,8 @@ def settling(recipes: Sequence[ControllerRecipe], linear: LinearModel, scenario:
             law: Any = recipe.build()
             told = hasattr(law, "around_rest") and not recipe.kind().sensors
             if told := told or isinstance(law, PlainLaw):
-                long = max(long, settled_after(law, linear, steps))
+                late = scenario.late_samples * scenario.sample_time
+                long = max(long, settled_after(law, linear, steps) + late)
             room = room and has_room(linear, law.actuators, steps)
         all_told = all_told and told
     least, enough = (rounded_up(share * long) if long else usual for share in (2.0, 5.0))
@@ -541,8 +553,8 @@ def recipes_of(
         ("measured", followed[0] if len(followed) == 1 else followed),
         ("sample_time", scenario.sample_time),
     )
-    if scenario.late_samples:
-        told = (*told, ("delay", scenario.late_samples * scenario.sample_time))
+    if late := scenario.late_samples * scenario.sample_time:
+        told = (*told, ("delay", late))
 
     def recipe(name: str) -> ControllerRecipe:
         made = replace(base, name=name, design=name)
@@ -585,7 +597,7 @@ def recipes_of(
                 reason = f"follows {', '.join(law.controlled)}, not {', '.join(left)} too"
                 refused.setdefault(reason, []).append(made.name)
                 continue
-            if made.specification == told and (said := hardly_stable(law, linear)):
+            if made.specification == told and (said := hardly_stable(law, linear, late)):
                 typer.echo(f"{made.name}: {said}", err=True)
             idle = [n for n in linear.input_names if n not in (*law.actuators, *only_measured)]
             (partly if idle and not names else found).append(made)
@@ -615,12 +627,16 @@ HARDLY = 5.0
 magnetic bearings, margins are too small to be run for long."""
 
 
-def hardly_stable(law: Any, linear: LinearModel) -> str:
-    """Return what is to be said of a loop with next to no margins; nothing of any other."""
+def hardly_stable(law: Any, linear: LinearModel, delay: float = 0.0) -> str:
+    """Return what is to be said of a loop with next to no margins; nothing of any other.
+
+    Args:
+        delay: Time by which every command is late, in s.
+    """
     from workbench.study.linear_loop import analyse_loop
 
     with suppress(WorkbenchError):
-        loops = analyse_loop(law, linear, points=200)
+        loops = analyse_loop(law, linear, points=200, delay=delay)
         if not all(loop.stable for loop in loops):
             return "not stable on its linear model; its steps here prove nothing"
         # What several sensors do together counts at the command.

@@ -26,7 +26,7 @@ from controllers.sensitivity import (
     frequencies,
     gain_of,
     least_gain,
-    loop_matrices,
+    loops_at,
     sensitivities_of,
 )
 from workbench.arrays import Complex, Vector
@@ -110,6 +110,7 @@ def analyse_loop(
     *,
     points: int = 600,
     every: bool = False,
+    delay: float = 0.0,
 ) -> tuple[LoopAnalysis, ...]:
     """Open the loop at the first sensor and at the command, and compute its margins.
 
@@ -121,6 +122,7 @@ def analyse_loop(
         point: Given values of the operating point, by name, in SI, for the record.
         points: Number of frequencies between 0.05 Hz and 0.98 of the Nyquist frequency.
         every: Whether it is opened at the other sensors too.
+        delay: Time by which every command is late beside the sampling, in s.
 
     Returns:
         Analyses, the commands' behind the sensors', that of all together last; with a reason
@@ -135,7 +137,7 @@ def analyse_loop(
     at_rest = tuple(values.get(name, 0.0) for name in controller.sensors)
     sizes = {q.name: q.scale for q in linear.operating_point.model.outputs}
     _check_linear(controller, at_rest, values, sizes.get(controller.sensors[0], 1.0))
-    loop, h = loop_matrices(controller, linear), controller.sample_time
+    (loop,), h = loops_at(controller, linear, ((delay, 0.0),)), controller.sample_time
     angle = frequencies(points)
     sensors, commands = controller.sensors, controller.actuators
     shown = sensors if every else controller.controlled if len(commands) > 1 else sensors[:1]
@@ -261,11 +263,13 @@ def crossings(frequency: Vector, response: Complex) -> tuple[Complex, Vector, Co
 def analyse_study(study: Study) -> tuple[LoopAnalysis, ...]:
     """Open the loops of every controller of a study at its operating points."""
     found: list[LoopAnalysis] = []
+    # What is late in every scenario is late in the loop.
+    late = min((s.late_samples * s.sample_time for s in study.scenarios.values()), default=0.0)
     for recipe in study.controllers.values():
         for point in study.points:
             try:
                 with user_code("linear analysis"):
-                    found += analyse_loop(recipe.build(), recipe.linear(point), point)
+                    found += analyse_loop(recipe.build(), recipe.linear(point), point, delay=late)
             # Own controllers may have any state; what cannot be linearised is told, not fatal.
             except WorkbenchError as error:
                 reason = " ".join(str(error).removeprefix("linear analysis failed: ").split())
