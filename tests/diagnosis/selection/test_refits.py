@@ -476,7 +476,8 @@ def test_what_is_either_there_or_not_begins_at_the_priors_too(
 
     def refitted(_: Any, score: Score, __: Any, ___: Any, way: Any, ____: float) -> Any:
         begun.append(way.ladder)
-        return score, SimpleNamespace(cost=-1.0, refit=SimpleNamespace(estimates=()))
+        fit = SimpleNamespace(cost=-1.0, noise_scale=0.3, refit=SimpleNamespace(estimates=()))
+        return score, fit
 
     monkeypatch.setattr(refits, "_refitted", refitted)
     monkeypatch.setattr(refits, "_variants", lambda _: [])
