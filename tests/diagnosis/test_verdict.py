@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.example_diagnosis import example_diagnosis
-from workbench.diagnosis.conclude import _along, conclude
+from workbench.diagnosis.conclude import _along, _still_off, conclude
 from workbench.diagnosis.selection.held_out import explained
 from workbench.diagnosis.selection.weights import Compared
 from workbench.diagnosis.verdict import SCHEMA, Finding, Value, Verdict
@@ -109,6 +109,29 @@ def test_a_name_is_doubted_where_most_is_missing_still() -> None:
     (finding,) = conclude(found).findings
     assert finding.belief == "likely"
     assert finding.doubts[-1].startswith("beside it 60 % of what was missing is still missing")
+
+
+@pytest.mark.parametrize(("left", "noise_scale", "belief"), [
+    (0.3, 3.0, "likely"),
+    # Little is left, or equations that leave nothing out drift off with the noise.
+    (0.1, 3.0, "sure"),
+    (0.3, 0.003, "sure"),
+])  # fmt: skip
+def test_a_name_is_doubted_where_equations_leave_something_out_and_run_off(
+    left: float, noise_scale: float, belief: str
+) -> None:
+    given, _ = example_diagnosis()
+    extended = replace(given.extended, noise_scale=noise_scale)
+    assert given.validated is not None
+    found = replace(given, validated=replace(given.validated, extended=extended))
+    fit = {
+        "noise_floor": {"position": 1e-5},
+        "refitted": {"position": 1e-2},
+        "extended": {"position": left * 1e-2},
+    }
+    doubts = _still_off(found, fit)
+    assert bool(doubts) == (belief == "likely")
+    assert all(text.startswith("9 % of the mean square") for text in doubts)
 
 
 def test_numbers_that_are_not_finite_become_null() -> None:

@@ -13,7 +13,13 @@ from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.held_out import explained, held_out_errors
 from workbench.diagnosis.selection.moments import levels, moments
-from workbench.diagnosis.selection.rules import IMPERFECT, LEAST_GAIN, MOST_LEFT, NEAR_NOISE
+from workbench.diagnosis.selection.rules import (
+    IMPERFECT,
+    LEAST_GAIN,
+    MOST_LEFT,
+    MOST_OFF,
+    NEAR_NOISE,
+)
 from workbench.diagnosis.selection.score import COLLINEAR
 from workbench.diagnosis.selection.weights import Weighted
 from workbench.diagnosis.stages import Diagnosis
@@ -299,7 +305,7 @@ def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]])
     parameters = _own(diagnosis.extended, entry.effect.name)
     size = parameters.get(entry.size_parameter)
     about = entry.effect.about
-    doubts = (*candidate.doubts, *_still_missing(diagnosis))
+    doubts = (*candidate.doubts, *_still_missing(diagnosis), *_still_off(diagnosis, fit))
     # A law that is either there or not is told by its other numbers.
     told = {entry.size_parameter: size} if size else parameters
     text = (
@@ -346,6 +352,14 @@ def _still_missing(diagnosis: Diagnosis) -> tuple[str, ...]:
         return ()
     place = after.best.replace("_", " ")
     return (f"beside it {100 * share:.0f} % of what was missing is still missing, at {place}",)
+
+
+def _still_off(diagnosis: Diagnosis, fit: Mapping[str, Mapping[str, float]]) -> tuple[str, ...]:
+    """Doubt what was found where equations that leave something out still run far off with it."""
+    share = 1.0 - explained(fit)
+    if not (share > MOST_OFF.value and _rest(diagnosis, fit)):
+        return ()
+    return (f"{100 * share:.0f} % of the mean square error of the held-out runs is left",)
 
 
 def still_missing(before: Location, after: Location) -> float:

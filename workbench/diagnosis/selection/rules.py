@@ -252,6 +252,13 @@ MOST_LEFT = Threshold(
     "Where more than half of the misfit of the worst place is left beside everything found, a name"
     " may stand for something that the library does not have.",
 )
+MOST_OFF = Threshold(
+    "runs still off",
+    0.03,
+    "Part of the mean square of the held-out runs' error beyond the noise that is left beside"
+    " everything found, from which on a name is only likely where the equations leave something"
+    " out: the nearest law of the library takes the place of one that it does not have.",
+)
 NO_NAME = Threshold(
     "share still missing without a name",
     0.8,
