@@ -167,6 +167,26 @@ def test_ports_beside_those_of_the_author_stand_at_inputs_and_rates_that_none_ca
     assert axis.opened() is axis  # One port carries the force and all that turns into speed.
 
 
+def test_what_opened_ports_add_stands_in_their_order_behind_a_port_of_the_author() -> None:
+    def equations(m: Scope) -> Equations:
+        passed = m.port("wall.heat", 5.0 * (m.x.inside - m.x.wall), unit="W")
+        inside, wall = (80.0 * m.u.heater - passed) / 2e3, passed / 4e3
+        return {"inside": inside, "wall": wall}, {"inside": m.x.inside}
+
+    room = Model(
+        "room",
+        equations,
+        states=(State("inside", "K"), State("wall", "K")),
+        inputs=(Input("heater", "1"),),
+        outputs=(Output("inside", "K"),),
+    ).opened()
+    slopes = room.exact.function("by_port", room.exact.rates_by_port)
+    columns = np.asarray(slopes(room.initial_state(), [0.0], [])).T
+    of = dict(zip((q.name for q in room.ports), columns, strict=True))
+    np.testing.assert_allclose(of["heater.command"], [80.0 / 2e3, 0.0])
+    np.testing.assert_allclose(of["wall.heat"], [-1.0 / 2e3, 1.0 / 4e3])
+
+
 def test_rates_that_the_ports_of_the_author_change_one_by_one_are_no_place_to_look_at() -> None:
     def equations(m: Scope) -> Equations:
         passed = m.port("wall.heat", 5.0 * (m.x.inside - m.x.wall), unit="W")

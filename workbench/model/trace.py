@@ -307,7 +307,8 @@ def trace(model: Written, form: Form) -> Trace:
     signals = ca.vcat([_symbolic(v) for v in scope.values.values()] or [ca.SX(0, 1)])
     perturbed_rates = _stack(model, "rate of state", rates, model.states)
     perturbed_outputs = _stack(model, "measurement of output", outputs, model.outputs)
-    perturbation = _vector(perturbations)
+    # The equations may have been traced before ports were opened at what they read.
+    perturbation = _vector({q.name: perturbations[q.name] for q in scope.ports})
     sources = {**scope.values, **symbols["parameter"], **known}
     own_signals = [ca.vcat([_symbolic(v) for v in local[q.name].values()]) for q in scope.ports]
     traced = [perturbed_rates, perturbed_outputs, start, signals, *own_signals]
