@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import threading
@@ -52,6 +53,18 @@ def test_recordings_are_filtered_side_by_side_as_one_by_one() -> None:
     ):
         np.testing.assert_array_equal(one.whitened, together.whitened)
         np.testing.assert_array_equal(one.jacobian, together.jacobian)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="threads are counted in /proc")
+@pytest.mark.parametrize(("given", "threads"), [({}, 1), ({"OPENBLAS_NUM_THREADS": "3"}, 3)])
+def test_a_verb_has_one_thread_of_linear_algebra_or_as_many_as_the_user_says(
+    given: dict[str, str], threads: int
+) -> None:
+    program = "import os, workbench.cli, numpy.linalg; print(len(os.listdir('/proc/self/task')))"
+    usual = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
+    done = subprocess.check_output([sys.executable, "-c", program], env=usual | given)
+    assert int(done) <= threads
+    assert os.cpu_count() == 1 or int(done) > 1 or threads == 1
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no fork")

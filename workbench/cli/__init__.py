@@ -1,5 +1,9 @@
 """The command line: each verb calls one function; mistakes get one sentence and status 2."""
 
-from workbench.cli.main import main
+from workbench.work import one_thread
+
+one_thread()
+
+from workbench.cli.main import main  # noqa: E402
 
 __all__ = ["main"]

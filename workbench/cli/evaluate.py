@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
@@ -47,7 +46,6 @@ class Campaign:
         """Answer the cases and print a line for each."""
         from workbench.evaluation.kept import run_cases
 
-        _one_thread()
         part, only = part_of(self.part), self.only or ()
         kept = self.out, answer, line_of
         for line in run_cases(cases, *kept, part=part, only=only, jobs=self.jobs, dask=self.dask):
@@ -135,7 +133,6 @@ def experiments(
         only: Name of a case, such as own-2003, or of a machine; several times.
         jobs: Processes of one diagnosis.
     """
-    _one_thread()
     from workbench.evaluation.own_cases.experiments import run_experiments
 
     share = part_of(part)
@@ -219,7 +216,6 @@ def baselines(cases: Path, out: Path, *, only: list[str] | None = None) -> int:
         out (OUT): Folder of the answers.
         only: Name of a method, such as greedy; several times.
     """
-    _one_thread()
     from workbench.evaluation.benchmark.baselines import run_baselines
 
     for line in run_baselines(cases, out, only or ()):
@@ -273,12 +269,6 @@ def part_of(text: str) -> tuple[int, int]:
     if not 1 <= k <= n:
         raise WorkbenchError(f"part {text!r} must be K/N with K from 1 to N, such as 1/2")
     return k, n
-
-
-def _one_thread() -> None:
-    """Leave the cores to the processes: threads of linear algebra would only get in their way."""
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
 
 
 for _verb in (

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from workbench.work import one_thread
 
 if TYPE_CHECKING:
     from workbench.speed.benchmark import Benchmark
@@ -23,9 +24,8 @@ def _write(found: Benchmark, out: Path) -> None:
 
 def main() -> None:
     """Measure what is asked for."""
-    # Threads of linear algebra compete with what is timed; they begin when NumPy is imported.
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
+    # Threads of linear algebra would compete with what is timed.
+    one_thread()
     from workbench.speed.benchmark import PARTS, run_benchmark
 
     parser = argparse.ArgumentParser(prog="python -m workbench.speed", description=__doc__)
