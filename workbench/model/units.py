@@ -201,6 +201,7 @@ def _unknown(text: str, token: str) -> WorkbenchError:
     return WorkbenchError(f"unit {text!r} has the unknown part {token!r}{hint}{KNOWN}")
 
 
+@lru_cache(maxsize=4096)
 def in_symbols(text: str) -> str:
     """Return a unit with words for units replaced by their symbols.
 
