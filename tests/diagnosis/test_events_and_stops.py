@@ -283,3 +283,51 @@ def test_what_repeats_is_named_with_its_phase_in_each_recording(
     assert found["period"] == pytest.approx(1.6, rel=1e-3)
     assert found["flatness"] > 50.0 if square else found["flatness"] < 0.1
     assert verdict.fit["extended"]["position"] < 1.5 * verdict.fit["noise_floor"]["position"]
+
+
+def _web(m: Scope) -> Equations:
+    drawn = m.p.stiffness * (m.u.draw - m.u.unwind) - m.u.draw * m.x.tension
+    return {"tension": drawn / 4.0}, {"tension": m.x.tension}
+
+
+def _rolled_off(number: int) -> Recording:
+    """Return a web from a roll of 0.31 m that is out of round by 1.2 %, at any angle."""
+    rng = np.random.default_rng(number)
+    unwind, draw = np.empty(700), np.empty(700)
+    for at in range(0, 700, 70):
+        unwind[at : at + 70] = rng.uniform(0.5, 2.0)
+        draw[at : at + 70] = unwind[at] * (1.02 + rng.uniform(0.0, 0.03))
+    tension, angle, read = 20.0, rng.uniform(0.0, 2.0 * np.pi), np.empty(700)
+    for k in range(700):
+        read[k] = tension + rng.normal(0.0, 0.15)
+        for _ in range(20):
+            fed = unwind[k] * (1.0 + 0.012 * np.sin(angle))
+            tension += 1e-3 * (900.0 * (draw[k] - fed) - draw[k] * tension) / 4.0
+            angle += 1e-3 * unwind[k] / 0.31
+    speeds = (Signal(n, v, "m/s", role="command") for n, v in (("unwind", unwind), ("draw", draw)))
+    return Recording(
+        f"web {number}", 0.02 * np.arange(700), (*speeds, Signal("tension", read, "N"))
+    )
+
+
+def test_what_repeats_with_each_turn_is_named_wherever_a_recording_begins(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    web = Model(
+        "web",
+        _web,
+        states=(State("tension", "N"),),
+        inputs=(Input("unwind", "m/s"), Input("draw", "m/s")),
+        outputs=(Output("tension", "N", noise_rms=0.15),),
+        parameters=(Parameter("stiffness", "N", value=800.0, lower=200.0, upper=2e3, fitted=True),),
+    )
+    only(monkeypatch, "uneven_turn", "sensor_lag", "gain", "bend")
+    runs = [_rolled_off(i) for i in (1, 2, 3)]
+    verdict = diagnose(web, runs[:2], runs[2:], jobs=1, advise=False).verdict
+    assert verdict is not None
+    (finding,) = verdict.findings
+    assert finding.effect == "uneven_turn_unwind_command", verdict
+    assert finding.parameters["amount"].value == pytest.approx(0.012, rel=0.05)
+    assert finding.parameters["stride"].value == pytest.approx(2.0 * np.pi * 0.31, rel=2e-3)
+    assert finding.parameters["stride"].unit == "m"
+    assert verdict.fit["extended"]["tension"] < 1.2 * 0.15

@@ -28,7 +28,7 @@ from workbench.physics.law import (
     with_subject,
 )
 from workbench.physics.offset_gain import sensor_error
-from workbench.physics.place import EFFORTS, FLOWS, Local, Place, Survey
+from workbench.physics.place import EFFORTS, FLOWS, Local, Place, Survey, per
 
 _WIDTH = 0.03
 """Half-width of a jump whose time is still to be found, as a fraction of the recording."""
@@ -238,6 +238,36 @@ sensor_hum = replace(
     source="pick-up of mains, light or vibration",
     look_alikes=("periodic_push",),
 )
+
+
+def _turned(at: Place) -> tuple[Own, ...]:
+    stride = at.stride or at.scale * at.horizon
+    most = max(map(abs, at.seen)) if at.seen else at.scale
+    apart = min(0.5, stride / (most * at.lasting))
+    return (
+        size("amount", "1", 0.02, 1.0, "amplitude, relative to the signal", signed=True),
+        shape("stride", per(at.unit, "1/s"), stride, "what passes in one turn",
+              around=(1.0 - apart, 1.0 + apart), scale=0.1 * apart * stride, source=""),
+    )  # fmt: skip
+
+
+# A roll or wheel that is not round, the teeth of a pump: what repeats with each turn repeats the
+# faster the faster it turns, and where it begins in a recording nobody knows.
+uneven_turn = Law(
+    "uneven_turn",
+    "y = u (1 + amount sin(a)), da/dt = 2 pi u / stride, a begins otherwise in each recording",
+    drives("flow", only=lambda at: at.stride > 0.0),
+    _turned,
+    lambda at: at.value * (1.0 + at.p.amount * ca.sin(at.x.turn)),
+    states=lambda at: (State("turn", "1", 1.0, "how far it has turned", start_rms=2.0),),
+    rates=lambda e: {"turn": 2.0 * math.pi * e.here.value / e.p.stride},
+    begins="turn",
+    far=True,
+    source="eccentric rolls and wheels, pulsation of pumps, meshing of gears",
+    look_alikes=("periodic_push", "ripple"),
+    separated_by="runs at two constant speeds: it repeats with what has passed, not with time",
+)
+
 
 gain_jump = replace(
     offset_jump,

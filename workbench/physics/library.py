@@ -22,6 +22,7 @@ def library(
     duration: float = 0.0,
     sample_time: float = 0.0,
     period: float = 0.0,
+    strides: Mapping[str, float] | None = None,
     ranges: Mapping[str, tuple[float, float]] | None = None,
     more_of: Collection[str] = (),
     found: Collection[str] = (),
@@ -40,6 +41,8 @@ def library(
             0 if it is not known.
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
         period: Period with which something repeats that nobody read, in s; 0 if nothing does.
+        strides: How much of a command passes until something repeats, in its unit times s, by
+            port; nothing repeats at others.
         ranges: Smallest and largest value along the recordings of ports and states, by name, in
             SI, for limits that lie there.
         more_of: Names of attached effects of which there may be more than their parameters allow.
@@ -54,8 +57,8 @@ def library(
         (True, False)
     """
     survey = Survey(
-        model, outputs, duration=duration, sample_time=sample_time, period=period, ranges=ranges,
-        found=found,
+        model, outputs, duration=duration, sample_time=sample_time, period=period,
+        strides=strides, ranges=ranges, found=found,
     )  # fmt: skip
     given = [item for item in extra if isinstance(item, Hypothesis)]
     laws = dict.fromkeys([*LAWS.members().values(), *(x for x in extra if isinstance(x, Law))])
@@ -97,11 +100,12 @@ def every_name(
         model,
         parameters=tuple(replace(q, value=values.get(q.name, q.value)) for q in model.parameters),
     )
+    strides = {f"{q.name}.command": q.scale * model.horizon for q in model.inputs}
     found: dict[str, Hypothesis] = {}
     for known, more_of in ((model, ()), (refitted, [e.name for e in model.effects])):
         offered = library(
             known, duration=duration, sample_time=sample_time, period=model.horizon,
-            more_of=more_of, named=named,
+            strides=strides, more_of=more_of, named=named,
         )  # fmt: skip
         for hypothesis in (one for h in offered for one in (h, *h.alone)):
             found.setdefault(hypothesis.name, hypothesis)

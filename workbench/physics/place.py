@@ -198,6 +198,8 @@ class Place:
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
         seen: Smallest and largest value along the recordings, in its unit; None if not known.
         period: Period with which something repeats that nobody read, in s; 0 if nothing does.
+        stride: How much of the signal passes, in its unit times s, until something repeats that
+            goes with it; 0 if nothing does.
         terms: How far the terms that add up to the signal, and may balance, go along recordings:
             half of the range of the largest one, in its unit; 0 if a size is declared.
     """
@@ -224,6 +226,7 @@ class Place:
     duration: float = 0.0
     sample_time: float = 0.0
     period: float = 0.0
+    stride: float = 0.0
     seen: tuple[float, float] | None = None
     terms: float = 0.0
 
@@ -291,6 +294,8 @@ class Survey:
         duration: Length of the recordings, in s; 0 if it is not known.
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
         period: Period with which something repeats that nobody read, in s; 0 if nothing does.
+        strides: The same by commands: how much of one passes meanwhile, in its unit times s, by
+            port.
         ranges: Smallest and largest value along the recordings of ports and states, by name, and
             of differences of two states, in SI.
         found: Names of attached effects whose parameters are not offered a change with time.
@@ -310,11 +315,12 @@ class Survey:
         duration: float = 0.0,
         sample_time: float = 0.0,
         period: float = 0.0,
+        strides: Mapping[str, float] | None = None,
         ranges: Mapping[str, tuple[float, float]] | None = None,
         found: Collection[str] = (),
     ) -> None:
         self.model, self.trace, self._found = model, model.exact, found
-        self.ranges, self.period = ranges or {}, period
+        self.ranges, self.period, self.strides = ranges or {}, period, strides or {}
         # A recording that is to be refused later may have no sensible time base.
         self.duration = duration if 0.0 < duration < math.inf else 0.0
         self.sample_time = sample_time if 0.0 < sample_time < math.inf else 0.0
@@ -471,7 +477,7 @@ class Survey:
             whole=self._whole(index), elastic=(shared or role in EFFORTS) and elastic,
             directed=directed, output=output, horizon=self.model.horizon, duration=self.duration,
             sample_time=self.sample_time, period=self.period, seen=self.ranges.get(name),
-            terms=self._terms(port),
+            stride=self.strides.get(name, 0.0), terms=self._terms(port),
         )  # fmt: skip
 
     def _terms(self, port: Port) -> float:

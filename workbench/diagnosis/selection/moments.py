@@ -153,6 +153,11 @@ def _begun(
         # Its amount is the root mean square of the levels.
         factor = math.sqrt(sum(v * v for v in found.values()) / len(found)) or 1.0
         found = {name: v / factor for name, v in found.items()}
+    elif not about.subject:
+        # What turns is told with a positive amplitude.
+        factor = math.copysign(1.0, _own(model, effect, size).value)
+        turn = 0.0 if factor > 0.0 else math.pi
+        found = {name: math.remainder(v + turn, 2.0 * math.pi) for name, v in found.items()}
     else:
         factor, found = from_first(found, recordings[0].name, _reached(model, effect))
     value = factor * _own(model, effect, size).value
@@ -273,7 +278,7 @@ def _moved(
 
 def levels(model: Model, effect: Effect) -> dict[str, float]:
     """Return what an effect adds at the start of each recording, in its SI unit; empty if one."""
-    if not effect.about.begins:
+    if not effect.about.begins or not (effect.about.level or effect.about.subject):
         return {}
     size = model.parameter(f"{effect.name}.{effect.parameters[0].name}").value
     subject = model.parameter(effect.about.subject).value if effect.about.subject else 0.0

@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of, steps_along
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import (
@@ -83,6 +84,7 @@ class Task:
                 duration=longest.sample_time * (len(longest.outputs) - 1),
                 sample_time=longest.sample_time,
                 period=self._period,
+                strides=self._strides,
                 ranges=self._ranges,
                 more_of=self._more_of,
                 found=attached - given,
@@ -145,8 +147,11 @@ class Task:
             return {}
 
     @cached_property
-    def _period(self) -> float:
-        """Period of what the refitted model lacks, in s: where it was located, or of its errors."""
+    def _lacking(self) -> list[list[tuple[Vector, Vector]]]:
+        """Signals that the refitted model lacks by recording, with their times in s.
+
+        Where it was located, and its errors.
+        """
         model, left = self.base.model, []
         ports = self.location.ports(model) if self.location else ()
         try:
@@ -159,13 +164,43 @@ class Task:
                     parts = [*((found.time, signal) for signal in found.signal.T), *parts]
                 left.append(parts)
         except (NumericalError, np.linalg.LinAlgError):
-            return 0.0
-        for same in zip(*left, strict=True):
+            return []
+        return left
+
+    @cached_property
+    def _period(self) -> float:
+        """Period of what the refitted model lacks, in s; 0 if it does not repeat."""
+        for same in zip(*self._lacking, strict=True):
             times = [(r.name, time) for r, (time, _) in zip(self.fitting, same, strict=True)]
             period = period_of(times, np.concatenate([signal for _, signal in same]))
             if math.isfinite(period):
                 return period
         return 0.0
+
+    @cached_property
+    def _strides(self) -> dict[str, float]:
+        """How much of a command passes until what is lacking repeats, by port.
+
+        In its unit times s, of commands of one sign.
+        """
+        found = {}
+        for i, q in enumerate(self.base.model.inputs):
+            inputs = [r.inputs[:, i] for r in self.fitting]
+            if not q.commanded or not all(np.all(u >= 0.0) or np.all(u <= 0.0) for u in inputs):
+                continue
+            for same in zip(*self._lacking, strict=True):
+                ways, signals = [], []
+                for seen, u, (time, signal) in zip(self.fitting, inputs, same, strict=True):
+                    held = seen.sample_time * np.concatenate([[0.0], np.cumsum(np.abs(u))[:-1]])
+                    way = np.interp(time, seen.sample_time * np.arange(len(u)), held)
+                    even = np.linspace(way[0], way[-1], len(way))
+                    ways.append((seen.name, even))
+                    signals.append(np.interp(even, way, signal))
+                stride = period_of(ways, np.concatenate(signals))
+                if math.isfinite(stride):
+                    found[f"{q.name}.command"] = stride
+                    break
+        return found
 
     @cached_property
     def _more_of(self) -> set[str]:
