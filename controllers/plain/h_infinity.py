@@ -85,7 +85,11 @@ def _within(want: PlainHInfinitySpecification, limits: LoopLimits) -> TransferLa
             f" ({str(error).partition(';')[0]}); take another family, such as lqi"
         ) from None
     law, speed = without_lags[best]
-    return limits.at_pace(limits.led(law.behind_lags, (speed,) * limits.outputs))
+    led = limits.led(law.behind_lags, (speed,) * limits.outputs)
+    chosen = limits.better([led, *limits.unexcited(law)])
+    if chosen is led:
+        return limits.at_pace(led)
+    return limits.best_at_pace([chosen, chosen.conditioned()])
 
 
 def _h_infinity(

@@ -44,6 +44,7 @@ from workbench.errors import WorkbenchError
 from workbench.linearisation.transfer import transfer_function
 
 if TYPE_CHECKING:
+    from controllers.plain.transfer_law import TransferLaw
     from workbench.linearisation import LinearModel
 
 
@@ -370,6 +371,71 @@ class LoopLimits:
             best.append(tried[int(np.argmin(errors))][i])
         return lagging(tuple(best))
 
+    def better(self, laws: Sequence[C]) -> C:
+        """Return the law whose steps of the references are the best, the loops being the same."""
+        found = self.answered(stacked([law.around_rest() for law in laws]))
+        errors = cost(found, found.errors.min(axis=0), self.want.overshoot)
+        return laws[int(np.argmin(errors))]
+
+    def unexcited(self, law: TransferLaw) -> list[TransferLaw]:
+        """Return laws of the same loop whose references leave as many modes alone as it has states.
+
+        With references entering by E = [B Dr; Br], a mode of left eigenvector w stays at rest if
+        w E = 0; what is left free makes the outputs arrive at the references. Those that stay are
+        the slowest few and else the fastest: a step shows no tail of what else the loop is for, and
+        no swing of an observer.
+
+        Source: Åström and Wittenmark, Computer-Controlled Systems, 1997, section 5.2 (observer
+        polynomial).
+        """
+        (A, B, C), own, p = self.plants[0], law.around_rest(), self.outputs
+        one = LinearLaw(*(part[None] for part in own))
+        closed, n, k, m = _closed(self.plants[0], one)[0][0], len(A), len(own.F), B.shape[1]
+        if m > 1 or not k or np.any(self.loop.linear.poles.real > 0.0):
+            # Of several outputs, what is fast for one reference is not for another; and commands
+            # that are at their ends for a reference hold nothing that grows.
+            return []
+        poles, left = np.linalg.eig(closed.T)
+        order = np.argsort(-np.abs(poles), kind="stable")
+        # What the references' gains (Dr, then Br) do to states, and to outputs at rest.
+        enter = np.block([[B, np.zeros((n, k))], [np.zeros((k, m)), np.eye(k)]])
+        seen = np.hstack([C[:p], np.zeros((p, k))])
+        at_rest = seen @ np.linalg.solve(np.eye(n + k) - closed, enter)
+        found = []
+        for slow in range(min(k, MOST_SLOW) + 1):
+            still = np.concatenate([order[:slow], order[len(order) - k + slow :]])
+            rates = np.log(poles[order[:slow]].astype(complex))
+            swings = np.any(np.abs(rates.imag) > SWINGS * np.abs(rates.real))
+            # Half of a pair is no mode, and what swings is not left to swing by itself.
+            if abs(np.sum(poles[still].imag)) > 1e-9 or swings:
+                continue
+            modes = left[:, still].T @ enter
+            table = np.vstack([modes.real, modes.imag, at_rest])
+            size = np.maximum(np.linalg.norm(table, axis=1, keepdims=True), 1e-300)
+            aim = np.vstack([np.zeros((2 * k, p)), np.eye(p)]) / size
+            gains, _, rank, _ = np.linalg.lstsq(table / size, aim, rcond=1e-12)
+            if rank == k + m and np.linalg.cond(gains[:m]) < 1e9:
+                found.append(law.referred(gains[m:], gains[:m]))
+        return found
+
+    def best_at_pace(self, laws: Sequence[P]) -> P:
+        """Return the law, at its pace, whose large steps are the best, the loops being the same.
+
+        Overshoots count by their third power: what is no faster for them is no better.
+        """
+        paced: list[Any] = [self.at_pace(law) for law in laws]
+        total = np.zeros(len(laws))
+        for i in range(self.outputs):
+            size, _ = self._large(laws[0], i)
+            if len(size):
+                each = [
+                    self._paced(self._run, law, i, size, np.array([(law.pace or {i: math.inf})[i]]))
+                    for law in paced
+                ]
+                errors, penalty = (np.vstack(part) for part in zip(*each, strict=True))
+                total += np.sum(errors / errors.min(axis=0) * penalty**3, axis=1)
+        return cast(P, paced[int(np.argmin(total))])
+
     def at_pace(self, law: P) -> P:
         """Return the law at the pace of its references that suits steps beyond the commands' ends.
 
@@ -382,13 +448,17 @@ class LoopLimits:
         paces = tuple(self._pace(law, i) for i in range(self.outputs))
         return replace(cast(Any, law), pace=paces) if min(paces) < math.inf else law
 
-    def _pace(self, law: Any, i: int) -> float:
+    def _large(self, law: Any, i: int) -> tuple[Vector, Vector]:
+        """Return steps beyond the commands' ends, in SI of an output, and paces, per sample.
+
+        There are none where nothing ends, or only small steps can be held.
+        """
         loop = self.loop
         ends = np.array([loop.lower, loop.upper]) - loop.rest_command
         y, asked = self._freely(law.around_rest(), i)
         peak, held = asked[np.argmax(np.abs(asked), axis=0), np.arange(asked.shape[1])], asked[-1]
         if not (np.isfinite(ends).any() and np.all(np.isfinite(peak)) and np.any(peak)):
-            return math.inf
+            return np.zeros(0), np.zeros(0)
         sizes, enough = set(), set()
         with np.errstate(divide="ignore", invalid="ignore"):
             for sign in (-1.0, 1.0):
@@ -404,11 +474,17 @@ class LoopLimits:
         if slow < math.inf:
             sizes |= set() if sizes else {-loop.output_scale[i], loop.output_scale[i]}
         if not sizes:
-            return math.inf
+            return np.zeros(0), np.zeros(0)
         size, arrived = np.array(sorted(sizes)), max(int(np.argmax(y > 0.63)), 1)
         tried = {share * least / arrived for least in enough for share in PACES}
         tried |= {share * slow for share in SLOW if slow < math.inf}
         paces = np.array([math.inf, *sorted(tried, reverse=True)])
+        return size, paces
+
+    def _pace(self, law: Any, i: int) -> float:
+        size, paces = self._large(law, i)
+        if not len(size):
+            return math.inf
         if isinstance(law, PlainLaw):
             errors, penalty = self._paced(self._run, law, i, size, paces)
         else:
@@ -541,6 +617,12 @@ def _designed(designs: Iterable[Callable[[], D]]) -> list[D]:
         raise reason
     return found
 
+
+MOST_SLOW = 4
+"""Slowest modes of a loop that a reference may leave alone."""
+
+SWINGS = 2.0
+"""Frequency over rate of decay of a mode that swings on: a twenty-fifth is left after a period."""
 
 STRIDES = (4, 2, 1)
 """Steps of a grid by which the speed of one output is changed."""

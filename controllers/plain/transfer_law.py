@@ -101,6 +101,35 @@ class TransferLaw(PlainLaw):
             at_rest=rows(np.vstack([self.at_rest, one, one])),
         )
 
+    def referred(self, by_reference: Matrix, reference_gain: Matrix) -> TransferLaw:
+        """Return the law with other entries of the references, of shapes (n, p) and (m, p), in SI.
+
+        The outputs must arrive at the references with them.
+        """
+        p = len(self.controlled)
+        entry = by_reference - np.array(self.by_output)[:, :p]
+        gain = reference_gain - np.array(self.output_gain)[:, :p]
+        # At rest where it is asked to be, the states stay and the commands are those of rest.
+        table = np.vstack([np.eye(len(self.A)) - np.array(self.A), self.C])
+        at_rest = np.linalg.lstsq(table, np.vstack([entry, -gain]), rcond=None)[0]
+        return replace(
+            self,
+            by_reference=rows(by_reference),
+            reference_gain=rows(reference_gain),
+            at_rest=rows(at_rest),
+        )
+
+    def conditioned(self) -> TransferLaw:
+        """Return the law whose states move as with references that ask for no more than there is.
+
+        Where commands end, that is by L = Br Dr^-1.
+
+        Source: Hanus, Kinnaert and Henrotte, Conditioning technique, a general anti-windup and
+        bumpless transfer method, Automatica 23, 1987.
+        """
+        back = np.array(self.by_reference) @ np.linalg.inv(self.reference_gain)
+        return replace(self, back=rows(back))
+
     def initial_state(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> TransferState:
         """Return the state of a loop at rest where it is measured."""
         y = self.deviations(measurement)[: len(self.controlled)]

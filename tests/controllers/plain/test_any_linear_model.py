@@ -13,6 +13,7 @@ import pytest
 
 from controllers.design import DESIGNS
 from controllers.guard import Guarded
+from controllers.h_infinity.synthesis import has_slycot
 from controllers.pid import design_pid
 from controllers.plain.loop import loop_of
 from controllers.plain.mpc import PlainMPCSpecification, design_plain_mpc
@@ -665,3 +666,22 @@ def test_systems_of_python_control_and_scipy_are_taken_wherever_a_linear_model_i
         linear_model(plant, limits={"u": (1.0, -1.0)})
     with pytest.raises(WorkbenchError, match="for a joint with 'valve'.*plain-pid"):
         design_pid(plant)
+
+
+@pytest.mark.skipif(not has_slycot(), reason="needs slycot")
+def test_an_h_infinity_loop_shows_a_reference_no_tail_of_what_it_does_about_loads() -> None:
+    import control as ct
+
+    # The water of a boiler's drum: it integrates, and swells the wrong way first.
+    drum = linear_model(
+        ct.ss(np.diag([0.0, -1.0 / 15.0]), [[6.7e-5], [-3.3e-4]], [[1.0, 1.0]], [[0.0]]),
+        limits={"u_0": (-20.0, 20.0)},
+    )
+    law = DESIGNS.get("plain-h-infinity")
+    found: Any = law.controller(drum, law.specified({"sample_time": 0.2, "noise": 2e-3}))
+    plant = drum.operating_point.model
+    run = verify(found, plant, step_scenario("y_0", 0.0, 0.05, hold=600.0, sample_time=0.2))
+    scores = metrics(run)
+    # The command is at its end on the way; within the ends the loop settles in 50 s.
+    assert run["u_0"].max() == 20.0
+    assert scores["settling_time"].value < 200.0 and scores["overshoot"].value < 0.02
