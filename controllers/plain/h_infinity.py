@@ -86,7 +86,8 @@ def _within(want: PlainHInfinitySpecification, limits: LoopLimits) -> TransferLa
         ) from None
     law, speed = without_lags[best]
     led = limits.led(law.behind_lags, (speed,) * limits.outputs)
-    chosen = limits.better([led, *limits.unexcited(law)])
+    unexcited = [law.referred(*entry) for entry in limits.unexcited(law.around_rest())]
+    chosen = limits.better([led, *unexcited])
     if chosen is led:
         return limits.at_pace(led)
     return limits.best_at_pace([chosen, chosen.conditioned()])

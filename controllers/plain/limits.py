@@ -44,7 +44,6 @@ from workbench.errors import WorkbenchError
 from workbench.linearisation.transfer import transfer_function
 
 if TYPE_CHECKING:
-    from controllers.plain.transfer_law import TransferLaw
     from workbench.linearisation import LinearModel
 
 
@@ -377,8 +376,8 @@ class LoopLimits:
         errors = cost(found, found.errors.min(axis=0), self.want.overshoot)
         return laws[int(np.argmin(errors))]
 
-    def unexcited(self, law: TransferLaw) -> list[TransferLaw]:
-        """Return laws of the same loop whose references leave as many modes alone as it has states.
+    def unexcited(self, own: LinearLaw) -> list[tuple[Matrix, Matrix]]:
+        """Return ways by which references leave as many modes of a loop alone as its law has states.
 
         With references entering by E = [B Dr; Br], a mode of left eigenvector w stays at rest if
         w E = 0; what is left free makes the outputs arrive at the references. Those that stay are
@@ -387,8 +386,11 @@ class LoopLimits:
 
         Source: Åström and Wittenmark, Computer-Controlled Systems, 1997, section 5.2 (observer
         polynomial).
+
+        Returns:
+            Br, shape (n, p), and Dr, shape (m, p), of each, in SI.
         """
-        (A, B, C), own, p = self.plants[0], law.around_rest(), self.outputs
+        (A, B, C), p = self.plants[0], self.outputs
         one = LinearLaw(*(part[None] for part in own))
         closed, n, k, m = _closed(self.plants[0], one)[0][0], len(A), len(own.F), B.shape[1]
         if m > 1 or not k or np.any(self.loop.linear.poles.real > 0.0):
@@ -415,7 +417,7 @@ class LoopLimits:
             aim = np.vstack([np.zeros((2 * k, p)), np.eye(p)]) / size
             gains, _, rank, _ = np.linalg.lstsq(table / size, aim, rcond=1e-12)
             if rank == k + m and np.linalg.cond(gains[:m]) < 1e9:
-                found.append(law.referred(gains[m:], gains[:m]))
+                found.append((gains[m:], gains[:m]))
         return found
 
     def best_at_pace(self, laws: Sequence[P]) -> P:
