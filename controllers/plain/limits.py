@@ -377,7 +377,7 @@ class LoopLimits:
         return laws[int(np.argmin(errors))]
 
     def unexcited(self, own: LinearLaw) -> list[tuple[Matrix, Matrix]]:
-        """Return ways by which references leave as many modes of a loop alone as its law has states.
+        """Return ways by which references leave as many modes alone as the law has states.
 
         With references entering by E = [B Dr; Br], a mode of left eigenvector w stays at rest if
         w E = 0; what is left free makes the outputs arrive at the references. Those that stay are
