@@ -56,7 +56,7 @@ def test_what_is_kept_is_not_answered_again(tmp_path: Path) -> None:
 
 def test_a_part_of_a_plan_or_the_cases_that_are_named(tmp_path: Path) -> None:
     def lines(**asked: Any) -> list[str]:
-        return list(run_cases(CASES, tmp_path, _answer, lambda row: str(row["case"]), **asked))
+        return list(run_cases(tmp_path, CASES, _answer, lambda row: str(row["case"]), **asked))
 
     assert lines(part=(2, 2)) == ["case-2"]
     assert lines(only=["case-3"]) == ["case-3"]

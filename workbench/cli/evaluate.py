@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -46,9 +46,12 @@ class Campaign:
         """Answer the cases and print a line for each."""
         from workbench.evaluation.kept import run_cases
 
-        part, only = part_of(self.part), self.only or ()
-        kept = self.out, answer, line_of
-        for line in run_cases(cases, *kept, part=part, only=only, jobs=self.jobs, dask=self.dask):
+        return self.told(run_cases, cases, answer, line_of)
+
+    def told(self, campaign: Callable[..., Iterator[str]], *asked: Any) -> int:
+        """Print the lines of a campaign, called with the folder and what is asked of it."""
+        share = {"part": part_of(self.part), "only": self.only or ()}
+        for line in campaign(self.out, *asked, **share, jobs=self.jobs, dask=self.dask):
             typer.echo(line)
         return 0
 
@@ -110,15 +113,8 @@ def own_cases(
     return campaign.run(own_case.cases(count, seeds, campaign.only or ()), answer, own_case.line_of)
 
 
-def experiments(
-    out: Path,
-    *,
-    count: Positive = 10,
-    seeds: int | None = None,
-    part: str = "1/1",
-    only: list[str] | None = None,
-    jobs: Positive = 1,
-) -> int:
+@with_campaign
+def experiments(campaign: Campaign, *, count: Positive = 10, seeds: int | None = None) -> int:
     """Play what a diagnosis proposes on the machine of poorly recorded cases, and judge again.
 
     Cases of the arm on a second simulator, recorded in closed loop only, are diagnosed until COUNT
@@ -126,19 +122,12 @@ def experiments(
     last lines say how many became names. Finished cases are kept in OUT as with own-cases.
 
     Args:
-        out (OUT): Folder of the answers.
         count: Cases that are to end as classes.
         seeds: Seed of the first case.
-        part: K/N: every Nth case from the Kth on.
-        only: Name of a case, such as own-2003, or of a machine; several times.
-        jobs: Processes of one diagnosis.
     """
     from workbench.evaluation.own_cases.experiments import run_experiments
 
-    share = part_of(part)
-    for line in run_experiments(out, count, seeds, part=share, only=only or (), jobs=jobs):
-        typer.echo(line)
-    return 0
+    return campaign.told(run_experiments, count, seeds)
 
 
 @with_campaign

@@ -36,8 +36,8 @@ Answer = Callable[[Any, int], dict[str, Any]]
 
 
 def run_cases(
-    cases: Sequence[Case],
     out: Path,
+    cases: Sequence[Case],
     answer: Answer,
     line_of: Callable[[Mapping[str, Any]], str],
     *,

@@ -102,6 +102,7 @@ def run_experiments(
     part: tuple[int, int] = (1, 1),
     only: Sequence[str] = (),
     jobs: int = 1,
+    dask: str | None = None,
 ) -> Iterator[str]:
     """Diagnose poorly recorded cases until ``count`` ended as classes, each with one experiment.
 
@@ -112,7 +113,7 @@ def run_experiments(
     for case in chosen_cases(cases, part, only):
         if sum("after" in row for row in _kept(cases, out)) >= count:
             break
-        yield from map(line_of, answered([case], out, answer, jobs=jobs))
+        yield from map(line_of, answered([case], out, answer, jobs=jobs, dask=dask))
     yield table(_kept(cases, out))
 
 
