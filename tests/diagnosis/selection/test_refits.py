@@ -490,6 +490,37 @@ def test_what_is_either_there_or_not_begins_at_the_priors_too(
     assert ways == {"silencers": [(0.3,), refits._STEEP], "valve_offset": [(0.3,)]}
 
 
+@pytest.mark.parametrize(("gained", "searches"), [(0.0, 1), (20.0, 2)])
+def test_times_of_an_event_that_gain_nothing_are_searched_once(
+    monkeypatch: pytest.MonkeyPatch, gained: float, searches: int
+) -> None:
+    survey = Survey(arm(3), duration=20.0)
+    (jump,) = [h for h in offset_jump.hypotheses(survey) if h.ports == ("joint.torque",)]
+    costs = [-100.0 - gained * k for k in range(3)]
+    told = []
+
+    def fitted(cost: float) -> Any:
+        refit = SimpleNamespace(estimates=(), converged=True)
+        return SimpleNamespace(cost=cost, refit=refit, model=SimpleNamespace(effects=[jump.effect]))
+
+    def own_starts(effects: Any, *_: Any) -> Any:
+        told.append(effects)
+        return (replace(effects[0], states=effects[0].states[:]),)
+
+    monkeypatch.setattr(
+        refits, "_narrowed", lambda _, entry, *__, **___: (entry, fitted(costs.pop(0)), [])
+    )
+    monkeypatch.setattr(refits, "with_own_starts", own_starts)
+    monkeypatch.setattr(refits, "changed_values", lambda *_: {})
+    monkeypatch.setattr(refits, "same_everywhere", lambda _: False)
+    monkeypatch.setattr(refits, "blocks_of_cost", lambda *_: np.zeros(1))
+    monkeypatch.setattr(refits, "_closest_errors", lambda *_: None)
+    first = Candidate(jump, fitted(0.0), 100.0, (0.0, -math.inf, math.inf))
+    base: Any = SimpleNamespace(cost=0.0, model=None)
+    refits._judged_on(base, first, (), (), (), None)
+    assert len(told) == searches
+
+
 def test_many_short_recordings_are_raced_on_some_among_them_the_one_that_shows_it_best(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -819,8 +819,11 @@ def _judged_on(
             entry, fit, started = _narrowed(base, entry, fit, ended, priors, fit_on, times=0)
             break
         # Told one time for all recordings an event came slowly; told more, it may be sharp, and
-        # what is sharp tells its times better.
+        # what is sharp tells its times better; what gained nothing by its own times is no event.
+        told_once = fit.cost
         entry, fit, started = _narrowed(base, entry, fit, ended, priors, fit_on)
+        if fit.cost > told_once - _NEARER:
+            break
     model = fit.model
     held_out, blocks, shift = (0.0, -math.inf, math.inf), [blocks_of_cost(fit, started)], math.nan
     if before is not None:
