@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.example_diagnosis import example_diagnosis
-from workbench.diagnosis.conclude import _along, _still_off, conclude
+from workbench.diagnosis.conclude import _along, _rest, _still_off, conclude
 from workbench.diagnosis.selection.held_out import explained
 from workbench.diagnosis.selection.weights import Compared
 from workbench.diagnosis.verdict import SCHEMA, Finding, Value, Verdict
@@ -132,6 +132,19 @@ def test_a_name_is_doubted_where_equations_leave_something_out_and_run_off(
     doubts = _still_off(found, fit)
     assert bool(doubts) == (belief == "likely")
     assert all(text.startswith("9 % of the mean square") for text in doubts)
+
+
+def test_runs_that_drift_off_are_told_whatever_a_filter_makes_of_the_equations(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    given, _ = example_diagnosis()
+    assert given.extended.noise_scale < 0.1
+    fit = {"noise_floor": {"position": 1e-5}, "extended": {"position": 2e-3}}
+    assert _rest(given, fit) == ""
+    monkeypatch.setattr(
+        "workbench.diagnosis.conclude.over_floor", lambda *given: {"position": 150.0}
+    )
+    assert "the held-out error of position is 200 times the noise" in _rest(given, fit)
 
 
 def test_numbers_that_are_not_finite_become_null() -> None:

@@ -6,12 +6,14 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.estimation.refit_result import Estimate
 from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
-from workbench.diagnosis.selection.held_out import explained, held_out_errors
+from workbench.diagnosis.selection.held_out import explained, held_out_errors, over_floor
 from workbench.diagnosis.selection.moments import levels, moments
 from workbench.diagnosis.selection.rules import (
     IMPERFECT,
@@ -24,6 +26,7 @@ from workbench.diagnosis.selection.score import COLLINEAR
 from workbench.diagnosis.selection.weights import Weighted
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Kind, Value, Verdict
+from workbench.errors import NumericalError
 from workbench.model import Effect, Model
 from workbench.model.quantities import shown_in
 from workbench.model.units import from_si, in_time, with_unit
@@ -448,11 +451,11 @@ def _far(diagnosis: Diagnosis) -> str:
 
 def _rest(diagnosis: Diagnosis, fit: Mapping[str, Mapping[str, float]]) -> str:
     """Say what is still left out, by how much, and what would explain most of it."""
-    if diagnosis.extended.noise_scale <= IMPERFECT.value:
-        return ""
     over = {o: fit["extended"][o] / max(n, 1e-300) for o, n in fit["noise_floor"].items()}
     output = max(over, key=lambda name: over[name])
     if over[output] <= NEAR_NOISE.value:
+        return ""
+    if diagnosis.extended.noise_scale <= IMPERFECT.value and not _drifts_off(diagnosis):
         return ""
     said = (
         f" Something else is still left out: the held-out error of {output.replace('_', ' ')} is"
@@ -465,6 +468,19 @@ def _rest(diagnosis: Diagnosis, fit: Mapping[str, Mapping[str, float]]) -> str:
     best = max(tried, key=lambda c: c.gain)
     name, gain = best.entry.name.replace("_", " "), max(best.gain, 0.0)
     return f"{said}; the best candidate for it, {name}, gains {gain:.3g} of log likelihood."
+
+
+def _drifts_off(diagnosis: Diagnosis) -> bool:
+    """Whether runs with all that was found go farther off than its uncertain parameters explain.
+
+    A filter that corrects a level at each sample may leave its equations next to no doubt where
+    small errors add up along a run.
+    """
+    try:
+        over = over_floor(diagnosis.extended, diagnosis.nominal, diagnosis.prepared.judging)
+    except (NumericalError, np.linalg.LinAlgError):
+        return False
+    return max(over.values(), default=0.0) > NEAR_NOISE.value
 
 
 def _coloured(diagnosis: Diagnosis) -> str:
