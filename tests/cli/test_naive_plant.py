@@ -429,6 +429,19 @@ def satellite():
         inputs=(Input("torque", "N m", lower=-1.0, upper=1.0),),
         outputs=(Output("angle", "rad", display_unit="deg", noise_rms=5e-5),))
 
+def boost():
+    """A boost converter, which answers the wrong way first, and the more so the higher it is."""
+    def equations(m):
+        left = 1.0 - m.u.duty
+        return {"current": (12.0 - left * m.x.voltage - 0.1 * m.x.current) / 150e-6,
+                "voltage": (left * m.x.current - m.x.voltage / 20.0) / 220e-6}, {
+                "voltage": m.x.voltage}
+    return Model("boost", equations,
+        states=(State("current", "A", initial=2.5),
+                State("voltage", "V", initial=24.0, lower=0.0, upper=60.0)),
+        inputs=(Input("duty", "1", nominal=0.5, lower=0.0, upper=0.9),),
+        outputs=(Output("voltage", "V", noise_rms=0.02),))
+
 def integral():
     return ct.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]])
 
@@ -464,6 +477,21 @@ def test_designs_show_how_far_they_are(balls: None, capsys: pytest.CaptureFixtur
     assert run(["verify", "--plant", "balls:G", "-c", "lqi", "-c", "plain-pid"]) == 0
     told = capsys.readouterr().err
     assert "designs:   0%" in told and "2/2" in told.partition("runs:")[0]
+
+
+def test_a_step_to_where_the_design_does_not_hold_is_told(
+    balls: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    step = ["verify", "--plant", "balls:boost", "-c", "lqi", "--from", "24V", "--to", "48V"]
+    settled = []
+    for more in ([], ["--design-voltage", "48V"]):
+        assert run([*step, *more, "--json"]) == 0
+        said = capsys.readouterr()
+        assert ("where the step ends it is not stable" in said.err) == (not more)
+        assert more or "(--design-voltage 48V)" in said.err
+        (found,) = json.loads(said.out)["runs"]
+        settled.append(found["metrics"]["settling_time"]["value"])
+    assert settled[0] is None and settled[1] < 0.02
 
 
 def test_two_integrators_do_not_grow(balls: None, capsys: pytest.CaptureFixture[str]) -> None:

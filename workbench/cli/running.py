@@ -161,6 +161,9 @@ def counting() -> Iterator[Callable[[str, int, int, str], None]]:
         if screen:
             bar.set_postfix_str(what, refresh=False)
         bar.update(done - bar.n)
+        if done == total:
+            # What is said next has a line of its own.
+            bar.close()
 
     try:
         yield count

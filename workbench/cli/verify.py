@@ -574,6 +574,8 @@ def recipes_of(
     only_measured = [q.name for q in model.inputs if not q.commanded]
     stepped = [name for name, asked in scenario.references.items() if asked.changes]
     stepped = stepped if len(stepped) > 1 else []
+    behind = _linear_behind(linear, scenario, taken if len(followed) == 1 else "")
+    weak: list[str] = []
     found: list[ControllerRecipe] = []
     partly: list[ControllerRecipe] = []
     refused: dict[str, list[str]] = {}
@@ -597,14 +599,18 @@ def recipes_of(
                 reason = f"follows {', '.join(law.controlled)}, not {', '.join(left)} too"
                 refused.setdefault(reason, []).append(made.name)
                 continue
-            if made.specification == told and (said := hardly_stable(law, linear, late)):
-                typer.echo(f"{made.name}: {said}", err=True)
+            plain = made.specification == told
+            if plain and (said := hardly_stable(law, linear, late)):
+                weak.append(f"{made.name}: {said}")
+            elif plain and behind and (said := hardly_stable(law, behind, late)):
+                words = f"{made.name}: where the step ends it is {said.partition(';')[0]}"
+                weak.append(f"{words}; {_design_for_the_end(behind, scenario)}")
             idle = [n for n in linear.input_names if n not in (*law.actuators, *only_measured)]
             (partly if idle and not names else found).append(made)
     if progress and len(every) > 1:
         progress("designs", len(every), len(every), "")
-    for reason, which in refused.items():
-        typer.echo(f"{', '.join(which)}: {reason}", err=True)
+    for sentence in (*weak, *(f"{', '.join(n)}: {reason}" for reason, n in refused.items())):
+        typer.echo(sentence, err=True)
     if partly and not found:
         # Of designs that nobody asked for, those that command every input come first.
         typer.echo(f"what a design does not command rests, such as {', '.join(idle)}", err=True)
@@ -620,6 +626,40 @@ def recipes_of(
         for sentence in interaction(loop_of(linear, followed, other)):
             typer.echo(sentence, err=True)
     return found
+
+
+def _levels_behind(linear: LinearModel, scenario: Scenario) -> dict[str, float]:
+    """Return where the controlled outputs are behind the first step, in SI."""
+    return {
+        name: asked.changes[0][2] if asked.changes else float(asked.sample(0.0))
+        for name, asked in scenario.references.items()
+        if name in linear.output_names
+    }
+
+
+def _linear_behind(linear: LinearModel, scenario: Scenario, command: str) -> LinearModel | None:
+    """Return the linear model behind the first step; None where it is the same, or is not found."""
+    import numpy as np
+
+    from workbench.linearisation import linearise
+    from workbench.operating_point import operating_point
+
+    model, at = linear.operating_point.model, tuple(_levels_behind(linear, scenario).items())
+    with suppress(WorkbenchError):
+        given = dict(_as_the_loop_rests(model, at, command) if command else at)
+        found = linearise(operating_point(model, given), verdict=False)
+        if found.A.shape == linear.A.shape and not np.allclose(found.A, linear.A):
+            return found
+    return None
+
+
+def _design_for_the_end(behind: LinearModel, scenario: Scenario) -> str:
+    from workbench.model.units import from_si
+
+    units = {q.name: q.display_unit for q in behind.operating_point.model.outputs}
+    levels = _levels_behind(behind, scenario).items()
+    told = (f"--design-{n} {float(from_si(v, units[n])):.4g}{units[n]}" for n, v in levels)
+    return f"design it for there ({' '.join(told)}) or step less far"
 
 
 HARDLY = 5.0
