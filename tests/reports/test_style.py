@@ -14,6 +14,7 @@ import pytest
 from workbench.cli.main import run
 from workbench.errors import WorkbenchError
 from workbench.reports.figures.study_traces import parts
+from workbench.reports.pictures import Picture
 from workbench.reports.style import (
     FURTHER,
     INK,
@@ -154,3 +155,13 @@ def test_numbers_at_an_axis_are_words_and_only_their_power_of_ten_is_a_formula()
     figure.draw_without_rendering()
     assert "1.25" in [text.get_text() for text in axes.get_xticklabels()]
     assert axes.xaxis.get_offset_text().get_text().startswith(r"$\times\mathdefault{10^{6}}")
+
+
+def test_a_name_with_dollar_signs_is_no_formula_and_powers_of_ten_are_one() -> None:
+    figure, (axes,) = new_figure([1.0])
+    axes.plot([1.0, 1e6], [0.0, 1.0])
+    axes.set_xscale("log")
+    axes.set_yticks([0.0, 1.0], ["costs 2$ or 3$", "nothing"])
+    drawn = Picture("dollars", figure, "").document
+    assert ">costs 2$ or 3$<" in drawn
+    assert r"<!-- $\mathdefault{10^{6}}$ -->" in drawn

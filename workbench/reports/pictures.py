@@ -66,7 +66,8 @@ def _plain_words(figure: Figure) -> None:
         text.set_parse_math(False)
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
-            for label in (*axis.get_ticklabels(which="both"), axis.get_offset_text()):
+            powers = axis.get_ticklabels(which="both") if axis.get_scale() != "linear" else ()
+            for label in (*powers, axis.get_offset_text()):
                 label.set_parse_math(True)
 
 
