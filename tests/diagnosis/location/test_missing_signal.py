@@ -11,7 +11,13 @@ from tests.diagnosis.axis_case import diagnosed
 from tests.diagnosis.unnamed_case import shaken
 from workbench.diagnosis.conclude import conclude
 from workbench.diagnosis.location.located_signal import missing_signals
-from workbench.diagnosis.location.missing_signal import Occurrence, Place, Vector, occurrence
+from workbench.diagnosis.location.missing_signal import (
+    Occurrence,
+    Place,
+    Vector,
+    correlation_ratio,
+    occurrence,
+)
 from workbench.model import Input, Model, Output, State
 from workbench.model.quantities import declared_unit
 
@@ -89,6 +95,12 @@ def test_the_signal_and_its_values_are_those_it_depends_on() -> None:
     # Of the same size at both ends, though not of the same sign.
     both = _told(np.sign(SPEED) * (np.abs(SPEED) > 0.8)).places[0]
     assert both.signal == "speed" and len(both.ranges) == 2
+
+
+def test_a_constant_goes_with_nothing_however_it_is_rounded() -> None:
+    speed = np.sin(np.linspace(0.0, 20.0, 1000))
+    assert correlation_ratio(9.0 + 1e-12 * speed, speed) == 0.0
+    assert correlation_ratio(9.0 + 1e-3 * speed, speed) > 0.98
 
 
 def test_what_the_measurements_do_not_tell_is_left_out() -> None:

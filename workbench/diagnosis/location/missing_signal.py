@@ -30,6 +30,9 @@ _MOST_SPANS = 3
 _MOST_PLACES = 4
 _LEAST_DEPENDENCE = 0.05
 
+_CONSTANT = 1e-5
+"""Standard deviation over root mean square up to which a signal is a constant."""
+
 _SINE, _REPEATS = 0.15, 3
 """Share of the variance that a sine holds, and how often it repeats, where a signal is periodic."""
 
@@ -424,7 +427,8 @@ def correlation_ratio(signal: Vector, argument: Vector) -> float:
     edges = np.unique(np.quantile(argument, np.linspace(0, 1, BINS + 1)[1:-1]))
     which = np.searchsorted(edges, argument)
     count = np.bincount(which)
-    if variance == 0.0 or np.count_nonzero(count) < 2:
+    # What varies by rounding alone is a constant, and goes with nothing.
+    if variance <= _CONSTANT**2 * float(np.mean(signal**2)) or np.count_nonzero(count) < 2:
         return 0.0
     mean = np.bincount(which, weights=signal) / np.maximum(count, 1)
     between = float(np.sum(count * (mean - signal.mean()) ** 2)) / len(signal)
