@@ -144,7 +144,13 @@ def test_runs_that_drift_off_are_told_whatever_a_filter_makes_of_the_equations(
     monkeypatch.setattr(
         "workbench.diagnosis.conclude.over_floor", lambda *given: {"position": 150.0}
     )
-    assert "the held-out error of position is 200 times the noise" in _rest(given, fit)
+    assert "the held-out error of position is 200 times the noise." in _rest(given, fit)
+    assert given.selected is not None
+    gained = given.rounds[0]
+    idle = gained._replace(candidates=tuple(replace(c, gain=0.7) for c in gained.candidates))
+    for later, told in ((gained, "; the best candidate for it, coulomb"), (idle, ", and no law")):
+        state = replace(given.selected, rounds=(gained, later))
+        assert f"times the noise{told}" in _rest(replace(given, selected=state), fit)
 
 
 def test_numbers_that_are_not_finite_become_null() -> None:

@@ -466,8 +466,10 @@ def _rest(diagnosis: Diagnosis, fit: Mapping[str, Mapping[str, float]]) -> str:
     if not tried:
         return f"{said}."
     best = max(tried, key=lambda c: c.gain)
-    name, gain = best.entry.name.replace("_", " "), max(best.gain, 0.0)
-    return f"{said}; the best candidate for it, {name}, gains {gain:.3g} of log likelihood."
+    if best.gain < LEAST_GAIN:
+        return f"{said}, and no law of the library explains more of it."
+    name = best.entry.name.replace("_", " ")
+    return f"{said}; the best candidate for it, {name}, gains {best.gain:.3g} of log likelihood."
 
 
 def _drifts_off(diagnosis: Diagnosis) -> bool:
