@@ -27,6 +27,7 @@ from workbench.diagnosis.selection.decision import decided, degenerates_to, pref
 from workbench.diagnosis.selection.held_out import NO_RUNS, RunErrors
 from workbench.diagnosis.selection.rules import (
     LEAST_GAIN,
+    SURPASSED,
     Limits,
     doubted_in,
     judged,
@@ -165,6 +166,10 @@ def _candidate(entry: Hypothesis, gain: float, error: float) -> Candidate:
     blocks = (np.full(40, -gain / 40), np.full(40, -gain / 40))
     held_out = (gain, 0.8 * gain, 1.2 * gain)
     return Candidate(entry, fit, gain, held_out, shift=5.0, blocks=blocks, run=_run(error))
+
+
+def _trusting(candidate: Candidate) -> Any:
+    return SimpleNamespace(**{**vars(cast(Any, candidate.fit)), "noise_scale": 0.003})
 
 
 def _taken(candidates: tuple[Candidate, ...]) -> list[str]:
@@ -519,6 +524,36 @@ def test_times_of_an_event_that_gain_nothing_are_searched_once(
     base: Any = SimpleNamespace(cost=0.0, model=None)
     refits._judged_on(base, first, (), (), (), None)
     assert len(told) == searches
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_what_explains_less_is_followed_where_what_explains_nearly_all_is_refused(
+    monkeypatch: pytest.MonkeyPatch, entries: dict[str, Hypothesis], fails: bool
+) -> None:
+    names = ("sensor_lag_angle", "valve_offset")
+    both = [
+        _candidate(entries[n], gain, 0.5) for n, gain in zip(names, (900.0, 400.0), strict=True)
+    ]
+    first = [replace(c, refused=SURPASSED, followed=False, fit=_trusting(c)) for c in both]
+    tried = []
+
+    def followed(_: Any, candidate: Candidate, *__: Any) -> Candidate:
+        tried.append(candidate.name)
+        if fails and candidate.name == names[0]:
+            return replace(refits.untried(candidate.entry, "it broke"), followed=True)
+        return replace(candidate, refused="", followed=True)
+
+    monkeypatch.setattr(refits, "_first_refits", lambda *_: list(first))
+    monkeypatch.setattr(refits, "_trusted", lambda *_: list(first))
+    monkeypatch.setattr(refits, "_followed", followed)
+    monkeypatch.setattr(refits, "_closest_errors", lambda *_: WITHOUT)
+    monkeypatch.setattr(refits, "blocks_of_cost", lambda *_: np.zeros(1))
+    field = [_score(entries[n], 90.0) for n in names]
+    base: Any = SimpleNamespace(cost=0.0, model=None)
+    seen: Any = SimpleNamespace(outputs=np.zeros((100, 1)))
+    found = refits.refit_candidates(base, field, (), [seen], [], limits=Limits(20.0, 100.0), jobs=1)
+    assert tried == [*names[: 1 + fails]]
+    assert _taken(found) == [names[int(fails)]]
 
 
 def test_many_short_recordings_are_raced_on_some_among_them_the_one_that_shows_it_best(

@@ -153,24 +153,32 @@ def refit_candidates(
         base, field, given, prior, fit_on, _HEADS[1], _NEAR, begun, jobs, thorough
     )
     leaders = _leaders(first, field.index(chosen[0]) if field else 0)
+    weaker: list[int] = []
     if len(leaders) > 1:
         own = [field[i] for i in leaders], [first[i] for i in leaders]
         trusted = _trusted(base, *own, given, prior, fit_on, jobs)
         top = max(trusted, key=lambda c: c.gain)
         if _explains(top):
-            # What explains clearly less is no rival.
-            kept = [c.gain > _RIVALS * top.gain for c in trusted]
-            leaders = [i for i, rival in zip(leaders, kept, strict=True) if rival]
-    if progress and leaders:
-        progress("comparing " + " and ".join(field[i].entry.name for i in leaders))
+            # What explains clearly less is no rival, unless what explains more is refused.
+            least = _RIVALS * top.gain
+            weaker = [i for i, c in zip(leaders, trusted, strict=True) if not c.gain > least]
+            leaders = [i for i in leaders if i not in weaker]
     before = blocks_of_cost(base, hold_out) if leaders and hold_out else None
     known = given, tuple(fit_on), tuple(hold_out), before
-    runs: Call[Any] = (_closest_errors, (base, base.model, tuple(fit_on), tuple(hold_out)))
-    finals: list[Call[Any]] = [(_followed, (base, first[i], *known)) for i in leaders]
-    done: list[Any] = in_order([runs, *finals], jobs=jobs) if finals else [NO_RUNS]
-    for i, final in zip(leaders, done[1:], strict=True):
-        first[i] = final
-    found = decided((*first, *lost), done[0], limits)
+    plain: list[Call[Any]] = [(_closest_errors, (base, base.model, tuple(fit_on), tuple(hold_out)))]
+    runs, found = NO_RUNS, decided((*first, *lost), NO_RUNS, limits)
+    for some in (leaders, weaker):
+        if not some or any(not c.refused for c in found):
+            break
+        if progress:
+            progress("comparing " + " and ".join(field[i].entry.name for i in some))
+        finals: list[Call[Any]] = [(_followed, (base, first[i], *known)) for i in some]
+        done: list[Any] = in_order([*finals, *plain], jobs=jobs)
+        for i, final in zip(some, done, strict=False):
+            first[i] = final
+        if plain:
+            runs, plain = done[-1], []
+        found = decided((*first, *lost), runs, limits)
     best = next((c for c in found if not c.refused), None)
     if best is None or not best.entry.alone:
         return found
@@ -182,7 +190,7 @@ def refit_candidates(
         for entry in best.entry.alone
     ]
     alone = in_order([(_followed, (base, c, *known)) for c in at_one], jobs=jobs)
-    return decided((*first, *lost, *alone), done[0], limits)
+    return decided((*first, *lost, *alone), runs, limits)
 
 
 def _raced(
