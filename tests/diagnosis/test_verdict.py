@@ -129,7 +129,7 @@ def test_a_name_is_doubted_where_equations_leave_something_out_and_run_off(
         "refitted": {"position": 1e-2},
         "extended": {"position": left * 1e-2},
     }
-    doubts = _still_off(found, fit)
+    doubts = _still_off(_rest(found, fit), fit)
     assert bool(doubts) == (belief == "likely")
     assert all(text.startswith("9 % of the mean square") for text in doubts)
 

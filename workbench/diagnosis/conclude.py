@@ -57,9 +57,12 @@ def conclude(diagnosis: Diagnosis) -> Verdict:
     validated = diagnosis.validated
     assert validated is not None
     fit = held_out_errors(validated.runs, prepared.judging)
-    findings = tuple(_finding(diagnosis, i, fit) for i in range(len(diagnosis.accepted)))
+    count = len(diagnosis.accepted)
+    rest = _rest(diagnosis, fit) if count else ""
+    doubts = (*_still_missing(diagnosis), *_still_off(rest, fit)) if count else ()
+    findings = tuple(_finding(diagnosis, i, fit, doubts) for i in range(count))
     findings = findings or _without_name(diagnosis, fit)
-    kind, sentence = _kind(diagnosis, findings, fit)
+    kind, sentence = _kind(diagnosis, findings, rest)
     left = validated.occurrence() if kind == "unexplained" and not findings else None
     used = prepared.judging[0].used
     return Verdict(
@@ -301,14 +304,20 @@ def _weight(diagnosis: Diagnosis, alike: set[str]) -> float:
     return min(1.0, sum(w.weight for w in weights if alike & set(w.effects)))
 
 
-def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]]) -> Finding:
+def _finding(
+    diagnosis: Diagnosis,
+    index: int,
+    fit: dict[str, dict[str, float]],
+    together: tuple[str, ...],
+) -> Finding:
     candidate, alike = diagnosis.accepted[index]
     entry = candidate.entry
     alike = (*alike, *(n for n in _instead(diagnosis, entry.effect.name) if n not in alike))
     parameters = _own(diagnosis.extended, entry.effect.name)
     size = parameters.get(entry.size_parameter)
     about = entry.effect.about
-    doubts = (*candidate.doubts, *_still_missing(diagnosis), *_still_off(diagnosis, fit))
+    # What was found is doubted alone, and together with all else.
+    doubts = (*candidate.doubts, *together)
     # A law that is either there or not is told by its other numbers.
     told = {entry.size_parameter: size} if size else parameters
     text = (
@@ -357,10 +366,10 @@ def _still_missing(diagnosis: Diagnosis) -> tuple[str, ...]:
     return (f"beside it {100 * share:.0f} % of what was missing is still missing, at {place}",)
 
 
-def _still_off(diagnosis: Diagnosis, fit: Mapping[str, Mapping[str, float]]) -> tuple[str, ...]:
+def _still_off(rest: str, fit: Mapping[str, Mapping[str, float]]) -> tuple[str, ...]:
     """Doubt what was found where equations that leave something out still run far off with it."""
     share = 1.0 - explained(fit)
-    if not (share > MOST_OFF.value and _rest(diagnosis, fit)):
+    if not (share > MOST_OFF.value and rest):
         return ()
     return (f"{100 * share:.0f} % of the mean square error of the held-out runs is left",)
 
@@ -500,9 +509,7 @@ def _coloured(diagnosis: Diagnosis) -> str:
     )
 
 
-def _kind(
-    diagnosis: Diagnosis, findings: Sequence[Finding], fit: Mapping[str, Mapping[str, float]]
-) -> tuple[Kind, str]:
+def _kind(diagnosis: Diagnosis, findings: Sequence[Finding], rest: str) -> tuple[Kind, str]:
     far = _far(diagnosis)
     if findings and not diagnosis.accepted:
         if findings[0].effect is not None:
@@ -514,7 +521,7 @@ def _kind(
         )
     if findings:
         sentence = " ".join(f.sentence for f in findings)
-        sentence += _rest(diagnosis, fit)
+        sentence += rest
         if all(f.belief == "likely" for f in findings):
             return "likely", sentence
         if any(len(f.alike) > 1 for f in findings):

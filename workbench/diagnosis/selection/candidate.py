@@ -5,15 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-import numpy as np
-import numpy.typing as npt
-
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.estimation.refit_result import Estimate
 from workbench.diagnosis.selection.held_out import RunErrors
 from workbench.physics.library import Hypothesis
-
-Vector = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import FreeRun, failed_run, free_run
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.process_noise import (
@@ -29,8 +29,6 @@ from workbench.diagnosis.estimation.windows import (
 from workbench.errors import NumericalError
 from workbench.model import Model
 from workbench.work.processes import in_order
-
-Vector = npt.NDArray[np.float64]
 
 Runs = Mapping[str, FreeRun]
 """Free runs by recording."""

@@ -7,17 +7,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, disturbances
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, extended_start
 from workbench.diagnosis.selection.delays import Delays
 from workbench.errors import NumericalError
 from workbench.model import Effect, Model, Parameter, State
 from workbench.physics.drift import from_first
-
-Vector = npt.NDArray[np.float64]
 
 _MOMENTS, _PHASES, _STEPS = 100, 33, 20
 """Starts of a clock along a recording that are tried, or along two periods of what repeats, and

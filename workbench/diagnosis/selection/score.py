@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import (
     Innovations,
     Observed,
@@ -23,8 +23,6 @@ from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import extended_start, summed_over_blocks
 from workbench.model import Effect, Model
 from workbench.physics.library import Hypothesis
-
-Vector = npt.NDArray[np.float64]
 
 COLLINEAR = 0.99
 """Collinearity above which an effect is told from other parameter values only where it is seen."""

@@ -12,9 +12,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import least_squares
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import free_runs
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior, is_guess
@@ -23,8 +23,6 @@ from workbench.diagnosis.selection.held_out import pieces, run_errors
 from workbench.diagnosis.selection.rules import IMPERFECT
 from workbench.model import Model
 from workbench.model.model import index_of
-
-Vector = npt.NDArray[np.float64]
 
 _MOST_WORK = 1.5e6
 """Samples times squared number of states times free parameters up to which nobody waits for it."""
