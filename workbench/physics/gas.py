@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from workbench.model import About, Effect, PortView
 from workbench.model.regularisation import EXACT, Expression, Form
-from workbench.physics.law import Fit, Law, Where, size
+from workbench.physics.law import Fit, Law, Where, shape, share, size
 from workbench.physics.place import Survey
 
 FLOW_WIDTH = 1e-6
@@ -185,6 +185,32 @@ polytropic_exchange = Law(
     far=True,
     source="polytropic change of state; R. Clausius",
     look_alikes=("extra_heat_exchange", "braid_volume"),
+    separated_by="fill and vent at two speeds: n stays, heat exchange fades when fast",
+)
+
+
+def _polytropic(at: PortView) -> Expression:
+    s, gamma, n = at.signals, AIR.heat_ratio, at.p.exponent
+    work, mass = s.pressure * s.volume_rate, s.temperature * s.mass_flow
+    of_mass = n * (AIR.gas_constant * mass - work)
+    heat = (of_mass - gamma * (AIR.gas_constant * s.enthalpy_flow - work)) / (gamma - 1.0)
+    return at.value + at.p.share * (heat - at.value)
+
+
+# Between isothermal (n = 1) and adiabatic change (n = gamma) of what a chamber holds, whose heat
+# balance it takes the place of.
+polytropic_gas = Law(
+    "polytropic_gas",
+    "V dp/dt = n (R T sum(mdot) - p dV/dt)",
+    chambers("pressure", "enthalpy_flow", "mass_flow", "volume_rate"),
+    lambda at: (
+        share("share of the law; 0 is its absence"),
+        shape("exponent", "1", 1.2, "polytropic exponent", around=None, between=(0.9, 1.5)),
+    ),
+    _polytropic,
+    shapes=lambda at: tuple({"exponent": n} for n in (1.2, 1.05, 1.35)),
+    source="polytropic change of state, p (V/m)^n = const; R. Clausius",
+    look_alikes=("polytropic_exchange", "extra_heat_exchange", "braid_volume"),
     separated_by="fill and vent at two speeds: n stays, heat exchange fades when fast",
 )
 

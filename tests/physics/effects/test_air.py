@@ -11,7 +11,7 @@ from tests.physics.effects.bench import bench, read
 from tests.physics.one_way import iso6358
 from workbench.errors import WorkbenchError
 from workbench.model import Model
-from workbench.physics.gas import isothermal_gas, polytropic_exchange
+from workbench.physics.gas import AIR, isothermal_gas, polytropic_exchange, polytropic_gas
 from workbench.physics.leakage import chamber_leakage, cross_leakage, edge_leakage
 from workbench.physics.stores import overflow
 from workbench.physics.supply import line, regulator_droop, silencer, supply_droop
@@ -156,6 +156,29 @@ def test_a_closed_chamber_follows_its_polytrope(departure: float) -> None:
     )
     if departure == 0.4:
         assert x1[1] == pytest.approx(x0[1], rel=1e-6)
+
+
+@pytest.mark.parametrize("flow", [6e-4, -2e-4])
+def test_polytropic_gas_keeps_what_a_mass_of_it_keeps(flow: float) -> None:
+    """p (V/m)^n stays, however a moving chamber is filled or vented, as textbooks have it."""
+    effect = polytropic_gas(("chamber.heat",), share=1.0, exponent=1.25)
+    model = pneumatic_muscle().with_effect(effect)
+    f, p = model.exact.rates_function, model.values
+
+    def inputs(t: float) -> list[float]:
+        return [0.2 - 0.02 * t, -0.02, flow]
+
+    def kept(x: np.ndarray, t: float) -> float:
+        volume = model.signals(x, inputs(t))["chamber.volume"]
+        mass = x[0] * volume / (AIR.gas_constant * x[1])
+        return float(x[0] * (volume / mass) ** 1.25)
+
+    x0 = model.initial_state({"pressure": 4e5})
+    result = solve_ivp(
+        lambda t, x: np.asarray(f(x, inputs(t), p)).ravel(), (0, 0.5), x0, rtol=1e-10, atol=1e-7
+    )
+    assert abs(result.y[0, -1] / x0[0] - 1.0) > 0.1
+    assert kept(result.y[:, -1], 0.5) == pytest.approx(kept(x0, 0.0), rel=1e-6)
 
 
 def test_extra_heat_exchange_adds_to_the_plants_own() -> None:

@@ -146,6 +146,7 @@ def muscle(
             "gauge_pressure": gauge,
             "pressure": pressure,
             "enthalpy_flow": enthalpy_flow,
+            "mass_flow": flow,
             "volume_rate": volume_rate,
         },
     )
