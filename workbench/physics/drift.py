@@ -310,14 +310,14 @@ def _each_parameter(survey: Survey) -> Iterator[Fit]:
         )
 
 
-def _gained(survey: Survey) -> Iterator[tuple[Parameter, tuple[Place, ...]]]:
+def gained(survey: Survey) -> Iterator[tuple[Parameter, tuple[Place, ...]]]:
     """Yield refitted parameters of the plant, gains of what is driven too, with their ports."""
     entering = [*_entering(survey), *((q, (at,)) for at in survey.places for q in at.gains)]
     yield from ((q, places) for q, places in entering if "." not in q.name)
 
 
 def _each_parameter_over(survey: Survey) -> Iterator[Fit]:
-    for q, places in _gained(survey):
+    for q, places in gained(survey):
         for over in survey.may_bend_over(q, places):
             yield (
                 f"_{q.name}_over_{over.source}",
@@ -532,7 +532,7 @@ parameter_curve = Law(
 
 
 def _terms(survey: Survey) -> Iterator[Fit]:
-    for q, places in _gained(survey):
+    for q, places in gained(survey):
         if over := survey.argument(q, places):
             yield (
                 f"_{q.name}",

@@ -23,7 +23,7 @@ from workbench.physics.law import (
     size,
     together,
 )
-from workbench.physics.place import EFFORTS, Local, Place, Survey, per
+from workbench.physics.place import EFFORTS, FLOWS, Local, Place, Survey, per
 
 
 def _amount(typical: float, largest: float) -> Callable[[Place], tuple[Own, ...]]:
@@ -109,6 +109,37 @@ gain = at_inputs_too(
         separated_by="compare with a reference at two levels of the signal",
     )
 )
+
+
+def _beside_unused(survey: Survey) -> Iterator[Fit]:
+    for cause in survey.unused_inputs:
+        for at in survey.fitting(*EFFORTS, *FLOWS):
+            if not at.commanded:
+                site = replace(at, signals={**at.signals, "cause": cause})
+                yield f"_{cause.source}_{by_port(at)}", ((site,),)
+
+
+def _per_cause(at: Place) -> tuple[Own, ...]:
+    cause = at.signals.get("cause", Local("cause", "1"))
+    typical = 0.05 * at.scale / cause.scale
+    return (
+        size("gain", per(at.unit, cause.unit), typical, 100.0 * typical, "signal over the input",
+             signed=True),
+    )  # fmt: skip
+
+
+# What was recorded because it may matter, and stands nowhere in the equations: the sun, the wind.
+unused_input = Law(
+    "unused_input",
+    "y = u + gain v, v an input that the equations do not use",
+    _beside_unused,
+    _per_cause,
+    lambda at: at.value + at.p.gain * at.signals.cause,
+    source="first term of a Taylor series",
+    look_alikes=("exchange_with_input", "offset"),
+    separated_by="that input changes, and nothing else",
+)
+
 
 sensor_gain = replace(
     gain,

@@ -46,6 +46,9 @@ _STEADY = 0.2
 _VISIBLE = 0.02
 """Part of a port's scale that a parameter must bring in to be offered a change with time."""
 
+_RESISTANCES = ("ohm", "S", "N s/m", "N m s/rad", "Pa s/m3", "m3/(s Pa)")
+"""Units of parameters that make heat of what they multiply, or divide."""
+
 _ROLES = {
     "force": ("N", "N m"),
     "acceleration": ("m/s2", "rad/s2"),
@@ -427,6 +430,18 @@ class Survey:
             )
         return tuple(found)
 
+    def inputs_alike(self, level: Local) -> tuple[Local, ...]:
+        """Return the inputs in the unit of a level."""
+        alike = [q.name for q in self.model.inputs if same_dimension(q.unit, level.unit)]
+        return tuple(self._of(name) for name in alike)
+
+    @property
+    def unused_inputs(self) -> tuple[Local, ...]:
+        """Return the inputs that the equations do not use."""
+        t, e = self.trace, ca.vertcat(self.trace.rates, self.trace.outputs)
+        unused = (k for k in range(t.u.numel()) if not ca.depends_on(e, t.u[k]))
+        return tuple(self._of(self.model.inputs[k].name) for k in unused)
+
     def attached(self, equation: str) -> bool:
         """Tell whether an effect of that equation is part of the model."""
         return any(e.about.equation == equation for e in self.model.effects)
@@ -802,6 +817,41 @@ class Survey:
             if read and any(ca.depends_on(s, t.u[i]) for s in slopes):
                 found.append(self._of(u.name))
         return tuple(found)
+
+    def dissipating(self, q: Parameter, places: Sequence[Place]) -> Local | None:
+        """Return what a parameter at some ports makes heat of: a current, what a resistance passes.
+
+        It is what the parameter multiplies there, or divides.
+        """
+        t, symbol = self.trace, self.trace.p[self._parameter_index[q.name]]
+        values = [self._port_value(self._port_index[at.name]) for at in places]
+        found = [e for value in values if (e := cofactor(value, symbol)) is not None]
+        known = (str(e) for e in found if e.is_symbolic())
+        passed = [self._of(name) for name in known if name in self._known]
+        # A magnet is weaker the warmer the current makes it, which it turns as well as brakes with.
+        if current := next((q for q in passed if same_dimension(q.unit, "A")), None):
+            return current
+        signals = ca.vertcat(t.x, t.u)
+        if (
+            len(found) < len(places)
+            or not ca.depends_on(found[0], signals)
+            or not all(ca.is_equal(found[0], e, 8) for e in found[1:])
+            or not any(same_dimension(q.unit, u) for u in _RESISTANCES)
+        ):
+            return None
+        seen = self.ranges.get(argument_of(q.name))
+        argument = Local("argument", "1", _largest(seen) or 1.0, seen=seen, multiplied=True)
+        return passed[0] if passed else argument
+
+    def heating(self, place: Place) -> tuple[Local, ...]:
+        """Return the currents, and the voltages and shares of one that are set, that may heat."""
+        states = [q.name for q in self.model.states if same_dimension(q.unit, "A")]
+        given = [
+            q.name
+            for q in self.model.inputs
+            if q.commanded and any(same_dimension(q.unit, u) for u in ("A", "V", "1"))
+        ]
+        return tuple(self._of(name) for name in (*states, *given))
 
     def argument(self, q: Parameter, places: Sequence[Place]) -> Local | None:
         """Return what a parameter multiplies at some ports, if that is made of several signals.

@@ -369,6 +369,30 @@ second_store = Law(
 )  # fmt: skip
 
 
+def _beside_inputs(survey: Survey) -> Iterator[Fit]:
+    for name, ((place,),) in _also_of_heat(survey):
+        for beyond in survey.inputs_alike(place.level):
+            site = replace(place, signals={**place.signals, "beyond": beyond})
+            yield f"{name}_{beyond.source}", ((site,),)
+
+
+# What a store exchanges with something that is recorded: the weather, a jacket, a reservoir.
+exchange_with_input = Law(
+    "exchange_with_input",
+    "flow = flow - conductance (level - u)",
+    _beside_inputs,
+    lambda at: (
+        size("conductance", per(at.unit, at.level.unit), 0.1 * at.scale / at.level.scale,
+             100.0 * at.scale / at.level.scale, "flow to it over the difference", signed=True),
+        sense(at),
+    ),
+    lambda at: at.value - at.p.sense * at.p.conductance * (at.signals.level - at.signals.beyond),
+    source="I. Newton 1701, A. Fick 1855",
+    look_alikes=("heat_loss", "linear_outflow", "second_store"),
+    separated_by="what it exchanges with changes, and nothing else",
+)  # fmt: skip
+
+
 def _of_head(at: Place) -> Own:
     head = at.signals["head"]
     typical = max(map(abs, head.seen)) if head.seen else head.scale

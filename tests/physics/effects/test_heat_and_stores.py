@@ -252,6 +252,62 @@ def test_what_is_around_a_lossy_store_is_refitted() -> None:
     assert around.lower == pytest.approx(140.0) and around.upper == pytest.approx(540.0)
 
 
+def element() -> Model:
+    """Return a heating element of a current, with weather that its author recorded and left out."""
+
+    def equations(m: Scope) -> Equations:
+        drop = m.u.voltage - m.p.resistance * m.x.current
+        return (
+            {"current": drop / m.p.inductance, "warmth": m.p.heat * m.x.current},
+            {"warmth": m.x.warmth},
+        )
+
+    return Model(
+        "element",
+        equations,
+        states=(State("current", "A", 1.0), State("warmth", "K", 50.0, initial=300.0)),
+        inputs=(
+            Input("voltage", "V", 10.0),
+            Input("outside", "K", 20.0, nominal=290.0),
+            Input("sun", "W/m2", 500.0),
+        ),
+        outputs=(Output("warmth", "K", 20.0),),
+        parameters=(
+            Parameter("resistance", "ohm", value=2.0, lower=0.1, upper=9.0, fitted=True),
+            Parameter("inductance", "H", value=0.1),
+            Parameter("heat", "K/(A s)", value=0.1, lower=0.0, upper=1.0, fitted=True),
+        ),
+    )
+
+
+def test_a_winding_warms_with_the_square_of_its_current() -> None:
+    law = offered(element(), "own_warming_resistance", ranges={"current": (-3.0, 4.0)})
+    shape = {"time_constant": 50.0}
+    warm, cold = element().with_effect(law.at_size(1.5, shape)), element()
+    x = warm.initial_state({"current": -2.0})
+    assert warm.rates(x, [0.0, 290.0, 0.0])[-1] == pytest.approx((2.0 / 4.0) ** 2 / 50.0)
+    x[-1] = 0.4
+    drop = cold.rates(x[:2], [0.0, 290.0, 0.0])[0] - warm.rates(x, [0.0, 290.0, 0.0])[0]
+    assert drop == pytest.approx(0.4 * 1.5 * -2.0 / 0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "given"),
+    [
+        ("resistive_heat_warmth_current", (2.0 / 4.0) ** 2),
+        ("exchange_with_input_warmth_outside", 290.0 - 310.0),
+        ("unused_input_sun_warmth_rate", 700.0),
+    ],
+)
+def test_what_warms_a_store_beside_what_the_equations_know(name: str, given: float) -> None:
+    law = offered(element(), name, ranges={"current": (-3.0, 4.0)})
+    x, u = element().initial_state({"current": -2.0}), [0.0, 290.0, 700.0]
+    x[1] = 310.0
+    size = 1e-2 * law.typical_size
+    more = element().with_effect(law.at_size(size)).rates(x, u)[1] - element().rates(x, u)[1]
+    assert more == pytest.approx(given * size)
+
+
 def kiln() -> Model:
     """A heater and what it heats, as a newcomer writes them: no port is declared."""
 

@@ -1,0 +1,94 @@
+"""What a current, a flow or a speed warms: a parameter that goes with its heat, a store.
+
+The heat of what passes a resistance goes with its square. What it warms follows late: a winding
+within minutes, a magnet or the oil of a gear within an hour.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from workbench.model import PortView, State
+from workbench.model.regularisation import Expression
+from workbench.physics.drift import gained
+from workbench.physics.law import Fit, Law, Own, shape, size, with_subject
+from workbench.physics.place import Local, Place, Survey
+from workbench.physics.stores import heat_stores, sense
+
+
+def _warmed(survey: Survey) -> Iterator[Fit]:
+    for q, places in gained(survey):
+        if over := survey.dissipating(q, places):
+            at = (replace(p, parameters=(q,), signals={**p.signals, "over": over}) for p in places)
+            yield f"_{q.name}", (tuple(at),)
+
+
+def _over(at: Place) -> Local:
+    return at.signals.get("over", Local("over", "1"))
+
+
+def _largest(at: Place) -> Own:
+    over = _over(at)
+    most = max(map(abs, over.seen)) if over.seen else over.scale
+    return shape("largest", over.unit, most or 1.0, "largest value seen", source="", fitted=False)
+
+
+def _changing(at: Place) -> tuple[Own, ...]:
+    unit, scale = (at.parameters[0].unit, at.parameters[0].scale) if at.parameters else ("1", 1.0)
+    return (
+        size("amount", unit, 0.3 * scale, 10.0 * scale,
+             "change of the parameter if the largest value lasted", signed=True),
+        shape("time_constant", "s", 0.3 * at.lasting, "time in which it warms",
+              around=(1e-3, 100.0)),
+        _largest(at),
+    )  # fmt: skip
+
+
+def _hot(at: PortView) -> Expression:
+    return with_subject(at, at.subject + at.p.amount * at.x.warmth)
+
+
+own_warming = Law(
+    "own_warming",
+    "parameter + amount w, dw/dt = ((i / i_largest)^2 - w) / time_constant",
+    _warmed,
+    _changing,
+    _hot,
+    states=lambda at: (
+        State("warmth", "1", 1.0, "heat stored, over that of the largest value", start_rms=0.5),
+    ),
+    rates=lambda e: {
+        "warmth": ((e.here.signals.over / e.p.largest) ** 2 - e.x.warmth) / e.p.time_constant
+    },
+    shapes=lambda at: [{"time_constant": part * at.lasting} for part in (0.3, 0.05, 1.0)],
+    of_parameter=True,
+    source="J. P. Joule 1841: copper warms with the square of the current, oil with that of the"
+    " speed",
+    look_alikes=("parameter_fade", "parameter_curve", "gain_fade"),
+    separated_by="a long load, then the same motion as before it: it comes back as it cools",
+)
+
+
+def _heated(survey: Survey) -> Iterator[Fit]:
+    for name, ((place,),) in heat_stores(survey):
+        for over in survey.heating(place):
+            at = replace(place, signals={**place.signals, "over": over})
+            yield f"{name}_{over.source}", ((at,),)
+
+
+resistive_heat = Law(
+    "resistive_heat",
+    "Q = Q + heat (i / i_largest)^2",
+    _heated,
+    lambda at: (
+        size("heat", at.unit, 0.2 * at.scale, 20.0 * at.scale, "heat of the largest value",
+             signed=True),
+        _largest(at),
+        sense(at),
+    ),
+    lambda at: at.value + at.p.sense * at.p.heat * (at.signals.over / at.p.largest) ** 2,
+    source="J. P. Joule 1841",
+    look_alikes=("bend", "parameter_curve", "heat_loss"),
+    separated_by="the same current in both directions: the heat is the same",
+)  # fmt: skip
