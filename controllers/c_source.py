@@ -34,23 +34,47 @@ class CSource(NamedTuple):
     operations: int
 
 
-def closed_form(controller: Any, name: str) -> CSource:
-    """Write a law in closed form as C: traced once with symbols, from its own text."""
+class Traced(NamedTuple):
+    """A law in closed form on CasADi symbols, in SI.
+
+    Args:
+        measurement: What is measured, in SI.
+        reference: References, in SI.
+        entries: Entries of the state, in SI.
+        begin: State in which it starts, by the measurement.
+        command: Commands, in SI.
+        following: Entries of the next state, in SI.
+        told: What is told about the step, by name.
+    """
+
+    measurement: ca.SX
+    reference: ca.SX
+    entries: ca.SX
+    begin: Any
+    command: ca.SX
+    following: ca.SX
+    told: dict[str, Any]
+
+
+def traced(controller: Any) -> Traced:
+    """Trace a law once with symbols, from its own text."""
     m = ca.SX.sym("measurement", len(controller.sensors))
     r = ca.SX.sym("reference", len(controller.controlled) * (1 + controller.preview))
     measured = tuple(ca.vertsplit(m))
     begin = controller.initial_state(measured, SYMBOLS)
-    entries = flat(begin)
-    z = ca.SX.sym("state", len(entries))
+    z = ca.SX.sym("state", len(flat(begin)))
     state = restored(begin, ca.vertsplit(z))
-    command, following, _ = controller.law(state, measured, tuple(ca.vertsplit(r)), SYMBOLS)
-    start = ca.Function(f"{name}_start_kernel", [m], [ca.densify(ca.vcat(entries))])
-    step = ca.Function(
-        f"{name}_step_kernel",
-        [z, m, r],
-        [ca.densify(ca.vcat(command)), ca.densify(ca.vcat(flat(following)))],
-    )
-    source = generated(name, start, step) + _wrappers(name, start, step, len(entries))
+    command, after, told = controller.law(state, measured, tuple(ca.vertsplit(r)), SYMBOLS)
+    asked, following = (ca.densify(ca.vcat(numbers)) for numbers in (command, flat(after)))
+    return Traced(m, r, z, begin, asked, following, told)
+
+
+def closed_form(controller: Any, name: str) -> CSource:
+    """Write a law in closed form as C: traced once with symbols, from its own text."""
+    m, r, z, begin, command, following, _ = traced(controller)
+    start = ca.Function(f"{name}_start_kernel", [m], [ca.densify(ca.vcat(flat(begin)))])
+    step = ca.Function(f"{name}_step_kernel", [z, m, r], [command, following])
+    source = generated(name, start, step) + _wrappers(name, start, step, z.numel())
     return CSource(source, names(begin), _STATELESS, (), int(step.n_instructions()))
 
 

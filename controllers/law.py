@@ -7,14 +7,18 @@ and the step in C.
 
 from __future__ import annotations
 
+import itertools
+import math
+import struct
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
-from controllers.c_source import CSource, closed_form
+from controllers.c_source import CSource, closed_form, traced
 from controllers.protocol import Command, Info, Measurement, Reference
 from workbench.display import Rows, Shown
 
@@ -99,3 +103,48 @@ class ClosedForm(ShownLaw):
     def c_source(self, name: str) -> CSource:
         """Write the law as C."""
         return closed_form(self, name)
+
+
+class Kernel:
+    """The step of a law whose state is a named tuple of tuples, or of None, traced once.
+
+    Ten times as fast as the text of a law with many states. Where anything is not finite it is the
+    text that runs: symbols take another branch there.
+    """
+
+    def __init__(self, law: ClosedForm) -> None:
+        one = traced(law)
+        self._law, self._kind, self._names = law, type(one.begin), tuple(one.told)
+        told = [ca.SX(value) for value in one.told.values()]
+        entering = ca.vertcat(one.entries, one.measurement, one.reference)
+        leaving = ca.vertcat(one.following, one.command, *told)
+        self._function = ca.Function("step", [entering], [ca.densify(leaving)])
+        self._buffer, self._call = self._function.buffer()
+        self._arguments, self._results = (bytearray(8 * len(v.nz)) for v in (entering, leaving))
+        self._buffer.set_arg(0, memoryview(self._arguments).cast("d"))
+        self._buffer.set_res(0, memoryview(self._results).cast("d"))
+        self._packed, self._read = (struct.Struct(f"{len(v.nz)}d") for v in (entering, leaving))
+        self._ends: list[int | None] = []
+        at = 0
+        for part in one.begin:
+            at += len(part or ())
+            self._ends.append(None if part is None else at)
+        self._commanded = at + one.command.numel()
+
+    def __call__(
+        self, state: Any, measurement: Measurement, reference: Reference
+    ) -> tuple[Command, Any, Info]:
+        """Compute the command of one sample, its next state, and what is told about it."""
+        entries = itertools.chain(*[part for part in state if part is not None])
+        self._packed.pack_into(self._arguments, 0, *entries, *measurement, *reference)
+        self._call()
+        values = self._read.unpack_from(self._results)
+        if not math.isfinite(sum(values)):
+            return self._law.law(state, measurement, reference, FLOATS)
+        parts, begin = [], 0
+        for end in self._ends:
+            parts.append(None if end is None else values[begin:end])
+            begin = end or begin
+        command = values[begin : self._commanded]
+        told = dict(zip(self._names, values[self._commanded :], strict=True))
+        return command, self._kind(*parts), told

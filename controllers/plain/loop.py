@@ -8,15 +8,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from controllers.arithmetic import Arithmetic, Numbers, Told
-from controllers.law import ClosedForm
+from controllers.law import ClosedForm, Kernel
 from controllers.linear_law import LinearLaw
-from controllers.protocol import Command
+from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.specification import Checked, number
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
@@ -431,6 +432,20 @@ class PlainLaw(ClosedForm):
     pace: tuple[float, ...] = ()
     preview: int = 0
     name: str = "plain"
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the kernel out: another process makes its own."""
+        return {name: own for name, own in vars(self).items() if name != "_kernel"}
+
+    @cached_property
+    def _kernel(self) -> Kernel:
+        return Kernel(self)
+
+    def step(
+        self, state: Any, measurement: Measurement, reference: Reference
+    ) -> tuple[Command, Any, Info]:
+        """Compute the command of one sample."""
+        return self._kernel(state, measurement, reference)
 
     def deviations(self, values: Numbers) -> Numbers:
         """Return measurements or references, in SI, as deviations from rest."""
