@@ -63,6 +63,37 @@ def terms(expression: ca.SX) -> list[ca.SX]:
     return [expression]
 
 
+def weight(expression: ca.SX, signals: ca.SX) -> ca.SX | None:
+    """Find what a sum of signals is divided by as a whole, any unit, if that is no constant.
+
+    Such is the inertia of a machine that depends on where it is, the area of a tank that widens,
+    the volume of a vessel; None if there is none.
+
+    Args:
+        expression: What a port carries or a rate is, any unit.
+        signals: States and inputs, a column vector, in SI.
+
+    Example:
+        >>> t, m, r, w = (ca.SX.sym(n) for n in "tmrw")
+        >>> weight((t - w) / (m * r), ca.vertcat(t, r, w)), weight(t / r, ca.vertcat(t, r))
+        (SX(r), None)
+    """
+    total, adds = ca.SX(1.0), False
+    waiting = [(expression, True)]
+    while waiting:
+        node, above = waiting.pop()
+        op = node.op() if node.n_dep() else None
+        if op in (ca.OP_NEG, ca.OP_MUL, ca.OP_DIV):
+            waiting.append((node.dep(0), above))
+            if op != ca.OP_NEG:
+                waiting.append((node.dep(1), above == (op == ca.OP_MUL)))
+        elif above:
+            adds |= op in (ca.OP_ADD, ca.OP_SUB) and ca.depends_on(node, signals)
+        elif ca.depends_on(node, signals):
+            total = total * node
+    return total if adds and not total.is_constant() else None
+
+
 _LOOKS = 32
 
 

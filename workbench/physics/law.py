@@ -26,7 +26,7 @@ from workbench.model import (
     PortView,
     State,
 )
-from workbench.model.expressions import cofactor
+from workbench.model.expressions import cofactor, weight
 from workbench.model.regularisation import Expression
 from workbench.physics.hypothesis import Group, Hypothesis
 from workbench.physics.place import DRIVES, Place, Survey, unknown_place
@@ -402,6 +402,18 @@ class Law:
             raise WorkbenchError(f"effect {name!r} acts twice on one of its ports")
         several = len(sites) > 1
 
+        def weighed(at: PortView) -> Expression:
+            """Return by how much more than at the start what a law adds is divided there."""
+            usual = sites_of[at.port][2].usual
+            if not usual or self.of_parameter:
+                return 1.0
+            known = {name: ca.SX(at.known[name]) for name in usual if name in at.known}
+            found = weight(ca.SX(at.value), ca.vcat(list(known.values())))
+            if found is None:
+                return 1.0
+            start = ca.DM([usual[name] for name in known])
+            return found / ca.substitute(found, ca.vcat(list(known.values())), start)
+
         def seen(at: PortView) -> PortView:
             number, index, place = sites_of[at.port]
             subject = at.parameters[place.parameters[0].name] if place.parameters else None
@@ -414,6 +426,7 @@ class Law:
             return replace(
                 at,
                 index=index,
+                value=at.value * weighed(at),
                 signals=Names(f"signal at port {at.port}", {**at.signals, **found}),
                 x=_numbered(at.x, number) if several else at.x,
                 scale=place.scale,
@@ -434,7 +447,7 @@ class Law:
         return Effect(
             name,
             tuple(sites_of),
-            lambda at: self.transform(seen(at)),
+            lambda at: self.transform(seen(at)) / weighed(at),
             parameters=tuple(parameters),
             states=tuple(
                 replace(q, name=f"{q.name}_{number + 1}") if several else q

@@ -19,7 +19,7 @@ import numpy as np
 from workbench.arrays import Vector
 from workbench.errors import check_choice
 from workbench.model import Model, Output, Parameter, Port, State
-from workbench.model.expressions import cofactor
+from workbench.model.expressions import cofactor, weight
 from workbench.model.quantities import Quantity
 from workbench.model.regularisation import Expression
 from workbench.model.units import powers, same_dimension
@@ -205,6 +205,8 @@ class Place:
             goes with it; 0 if nothing does.
         terms: How far the terms that add up to the signal, and may balance, go along recordings:
             half of the range of the largest one, in its unit; 0 if a size is declared.
+        usual: States and inputs at the start, by name, in SI, where they change what the signal is
+            divided by as a whole, such as an inertia that depends on where a machine is.
     """
 
     port: Port
@@ -232,6 +234,7 @@ class Place:
     stride: float = 0.0
     seen: tuple[float, float] | None = None
     terms: float = 0.0
+    usual: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -493,7 +496,18 @@ class Survey:
             directed=directed, output=output, horizon=self.model.horizon, duration=self.duration,
             sample_time=self.sample_time, period=self.period, seen=self.ranges.get(name),
             stride=self.strides.get(name, 0.0), terms=self._terms(port),
+            usual=self._weighing(index) if role in (*EFFORTS, *FLOWS) else {},
         )  # fmt: skip
+
+    def _weighing(self, index: int) -> dict[str, float]:
+        """Return the start of what changes the divisor of a port's whole signal."""
+        t, m = self.trace, self.model
+        found = weight(ca.SX(self._port_value(index)), ca.vertcat(t.x, t.u))
+        start = {q.name: q.nominal for q in m.inputs} | {q.name: q.initial for q in m.states}
+        if found is None:
+            return {}
+        first = t.function("weight", found)(m.initial_state(), m.nominal_input, m.values)
+        return start if float(first) and math.isfinite(float(first)) else {}
 
     def _terms(self, port: Port) -> float:
         """Return how far the largest term of a port's signal goes, if its author gives no size."""

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from tests.physics.effects.bench import bench, read, run, triangle
+from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.trace import Equations
 from workbench.physics.friction import (
     coulomb_friction,
     direction_dependent_viscous,
@@ -121,3 +123,36 @@ def test_muscle_viscosity_grows_with_pressure() -> None:
     model = bench(effect, "N", "contraction_speed", "gauge_pressure")
     assert read(model, contraction_speed=0.1) == pytest.approx(-30.0)
     assert read(model, contraction_speed=0.1, gauge_pressure=5e5) == pytest.approx(-45.0)
+
+
+def carousel() -> Model:
+    """A turntable with a mass on a rail, which nothing but a torque moves round; no port."""
+
+    def equations(m: Scope) -> Equations:
+        inertia = m.p.table + 2.0 * m.x.radius**2
+        torque = m.u.torque - 0.1 * m.x.turning - 4.0 * m.x.radius * m.u.pull * m.x.turning
+        return {"turning": torque / inertia, "radius": m.u.pull}, {"turning": m.x.turning}
+
+    return Model(
+        "carousel",
+        equations,
+        states=(State("turning", "rad/s", 1.0), State("radius", "m", 0.3, initial=0.1)),
+        inputs=(Input("torque", "N m", 1.0), Input("pull", "m/s", 0.1)),
+        outputs=(Output("turning", "rad/s", 1.0),),
+        parameters=(Parameter("table", "kg m2", value=0.3, lower=0.1, upper=1.0, fitted=True),),
+    )
+
+
+def test_friction_is_a_torque_whatever_it_turns() -> None:
+    for table in (0.3, 0.6):
+        model = carousel().with_parameters({"table": table})
+        law = next(h for h in library(model) if h.law == "quadratic_drag")
+        braked = model.with_effect(law.at_size(0.05))
+        other = next(h for h in library(braked) if h.law == "cubic_drag")
+        twice = braked.with_effect(other.at_size(0.02))
+        for radius in (0.1, 0.4):
+            x = model.initial_state({"turning": 0.9, "radius": radius})
+            free, once, both = (float(m.rates(x, [0.2, 0.0])[0]) for m in (model, braked, twice))
+            share = (table + 2.0 * 0.1**2) / (table + 2.0 * radius**2)
+            assert free - once == pytest.approx(0.05 * 0.9**2 * share)
+            assert once - both == pytest.approx(0.02 * 0.9**3 * share)
