@@ -85,7 +85,7 @@ def _within(want: PlainHInfinitySpecification, limits: LoopLimits) -> TransferLa
             f" ({str(error).partition(';')[0]}); take another family, such as lqi"
         ) from None
     law, speed = without_lags[best]
-    led = limits.led(law.behind_lags, (speed,) * limits.outputs)
+    led = limits.led(law.behind_lags, limits.lags((speed,) * limits.outputs))
     unexcited = [law.referred(*entry) for entry in limits.unexcited(law.around_rest())]
     chosen = limits.better([led, *unexcited])
     if chosen is led:

@@ -353,14 +353,13 @@ class LoopLimits:
                 best, error = found[held[k]], errors[k]
         return best
 
-    def led(self, lagging: Callable[[tuple[float, ...]], C], speeds: Sequence[float]) -> C:
-        """Return the best of a law's lags of the references, of about these speeds, in rad/s.
+    def led(self, entered: Callable[[tuple[D, ...]], C], tried: Sequence[tuple[D, ...]]) -> C:
+        """Return the best of a law's ways in which references enter, one for each output.
 
         They change what a loop does after steps of the references, each of its own.
         """
-        top, p = 0.5 / self.want.sample_time, self.outputs
-        tried = [tuple(min(k * w, top) for w in speeds) for k in LAGS]
-        reached = self.answered(stacked([lagging(each).around_rest() for each in tried]))
+        p = self.outputs
+        reached = self.answered(stacked([entered(each).around_rest() for each in tried]))
         best = []
         for i in range(p):
             own = [i, *range(p, reached.errors.shape[1])]
@@ -368,7 +367,12 @@ class LoopLimits:
             part = Answer(*alone, reached.errors[:, own])
             errors = cost(part, part.errors.min(axis=0), self.want.overshoot)
             best.append(tried[int(np.argmin(errors))][i])
-        return lagging(tuple(best))
+        return entered(tuple(best))
+
+    def lags(self, speeds: Sequence[float]) -> list[tuple[float, ...]]:
+        """Return speeds of lags of references that are tried, of about these, in rad/s."""
+        top = 0.5 / self.want.sample_time
+        return [tuple(min(k * w, top) for w in speeds) for k in LAGS]
 
     def better(self, laws: Sequence[C]) -> C:
         """Return the law whose steps of the references are the best, the loops being the same."""

@@ -139,7 +139,7 @@ def _within(want: PlainMPCSpecification, limits: LoopLimits) -> LinearMPC:
         path = reference_paths(speed, h, law.prediction.preview_index)
         return replace(law, reference_speed=speed, path=path)
 
-    return limits.at_pace(limits.led(lagging, law.reference_speed))
+    return limits.at_pace(limits.led(lagging, limits.lags(law.reference_speed)))
 
 
 def _straight(loop: Loop) -> tuple[ValveInverse, ...]:

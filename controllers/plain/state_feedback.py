@@ -35,7 +35,7 @@ import numpy as np
 from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
 from controllers.design import Design
 from controllers.linear_law import LinearLaw
-from controllers.plain.limits import LoopLimits, ReadingSpecification
+from controllers.plain.limits import LAGS, LoopLimits, ReadingSpecification
 from controllers.plain.loop import (
     Loop,
     LoopSpecification,
@@ -213,6 +213,9 @@ def _freed(change: Numbers, gain: Rows, free: Sequence[Any], arithmetic: Arithme
     return change
 
 
+SHARES = (0.0, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0)
+"""Shares of rest elsewhere that are tried for integrals to hold after a step of the reference."""
+
 DISTURBANCES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003)
 """Disturbances of the command that are tried for a Kalman filter, as fractions of it."""
 
@@ -283,15 +286,9 @@ def design_lqi(linear: LinearModel, specification: LQISpecification | None = Non
 
     def designed(limits: LoopLimits) -> ObserverLaw:
         law, _ = _fastest(limits, want, speeds(want.sample_time), want.disturbances)
-        if want.reference_speed:
-            return limits.at_pace(law)
-        return limits.at_pace(limits.led(partial(_led, law), law.reference_speed))
+        return limits.at_pace(_ObservedModel(limits.loop, want).led(limits, law))
 
     return want.designed(linear, designed)
-
-
-def _led(law: ObserverLaw, reference_speed: tuple[float, ...]) -> ObserverLaw:
-    return replace(law, reference_speed=reference_speed)
 
 
 def reachable_speed(limits: LoopLimits, want: LoopSpecification) -> float:
@@ -458,9 +455,7 @@ def design_plain_sliding_mode(
         tried = itertools.product(slopes, want.disturbances, doubts(limits.loop))
         designs = [partial(designed, *numbers) for numbers in tried]
         law = limits.best(designs, "a sliding mode")
-        if want.reference_speed:
-            return limits.at_pace(law)
-        return limits.at_pace(limits.led(partial(_led, law), law.reference_speed))
+        return limits.at_pace(model.led(limits, law))
 
     return want.designed(linear, within)
 
@@ -618,38 +613,68 @@ class _ObservedModel:
             slow: Pole that a zero takes the place of, in rad/s; none by default (0).
         """
         loop, xs = self.loop, self.target
-        forward = self.command + gain @ xs
-        start, along = np.zeros((xs.shape[1],) * 2), 0.0
-        if surface:
-            along = float(np.dot(surface, xs[:, 0]))
-            kept = min(max(surface_integral / (slow * along), 0.0), 1.0)
-            start = np.full((1, 1), (1.0 - kept) * along / surface_integral)
-            along *= kept
-        elif np.any(integral_gain):
-            # What the integrals hold at rest is what no zero takes the place of.
-            into, out = loop.command_scale[:, None], loop.output_scale
-            scaled = integral_gain / into * out, forward / into * out
-            whole = out[:, None] * np.linalg.lstsq(*scaled, rcond=None)[0] / out
-            share = 1.0 / (slow * np.diag(whole)) if slow else np.ones(len(whole))
-            start = np.asarray(whole * (1.0 - np.clip(share, 0.0, 1.0)))
-            forward = forward - integral_gain @ start
-        return ObserverLaw(
+        law = ObserverLaw(
             F=rows(self.F),
             G=rows(self.G),
             C=rows(loop.seen),
             M=(),
             gain=rows(gain),
             integral_gain=rows(integral_gain),
-            reference_gain=rows(forward),
+            reference_gain=(),
             target=rows(xs),
-            start=rows(start),
+            start=(),
             surface=surface,
             surface_integral=surface_integral,
-            surface_reference=along,
             sample_time=self.want.sample_time,
             name=name,
             **{"reference_speed": (0.0,) * len(loop.measured)} | loop.ends | more,
         )
+        # What the integrals hold at rest is what no zero takes the place of.
+        whole = slow * np.diag(self._whole(law))
+        shares = 1.0 - np.clip(1.0 / np.where(whole, whole, math.inf), 0.0, 1.0)
+        return self.held(law, shares.tolist())
+
+    def _whole(self, law: ObserverLaw) -> Matrix:
+        """Return integrals that hold all of rest elsewhere, shape (p, p), in s; 0 without them."""
+        loop, xs = self.loop, self.target
+        if law.surface:
+            return np.full((1, 1), float(np.dot(law.surface, xs[:, 0])) / law.surface_integral)
+        into, out = loop.command_scale[:, None], loop.output_scale
+        forward = self.command + np.array(law.gain) @ xs
+        scaled = np.array(law.integral_gain) / into * out, forward / into * out
+        return np.asarray(out[:, None] * np.linalg.lstsq(*scaled, rcond=None)[0] / out)
+
+    def held(self, law: ObserverLaw, shares: Sequence[float]) -> ObserverLaw:
+        """Return the law whose integrals hold shares of rest elsewhere, the references the others.
+
+        Args:
+            shares: One for each followed output, dimensionless.
+        """
+        start, xs, along = self._whole(law) * np.array(shares), self.target, 0.0
+        if law.surface:
+            along = float(np.dot(law.surface, xs[:, 0])) * (1.0 - shares[0])
+        forward = self.command + np.array(law.gain) @ xs - np.array(law.integral_gain) @ start
+        return replace(
+            law, reference_gain=rows(forward), start=rows(start), surface_reference=along
+        )
+
+    def led(self, limits: LoopLimits, law: ObserverLaw) -> ObserverLaw:
+        """Return the law whose references enter, behind lags and past integrals, as suits best."""
+        whole, lags = np.diag(self._whole(law)), (1.0,) if self.want.reference_speed else LAGS
+        own = np.diag(law.start) / np.where(whole, whole, 1.0)
+        top, speeds = 0.5 / law.sample_time, law.reference_speed
+        each = [tuple(own.tolist()), *((share,) * len(own) for share in SHARES if whole.any())]
+        tried = [
+            tuple((min(k * w, top), share) for w, share in zip(speeds, shares, strict=True))
+            for k in lags
+            for shares in each
+        ]
+
+        def entered(chosen: Sequence[tuple[float, float]]) -> ObserverLaw:
+            speed, shares = zip(*chosen, strict=True)
+            return replace(self.held(law, shares), reference_speed=speed)
+
+        return limits.led(entered, tried)
 
 
 LQI = Design(

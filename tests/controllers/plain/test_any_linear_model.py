@@ -15,6 +15,7 @@ from controllers.design import DESIGNS
 from controllers.guard import Guarded
 from controllers.h_infinity.synthesis import has_slycot
 from controllers.pid import design_pid
+from controllers.plain.limits import settled_after
 from controllers.plain.loop import loop_of
 from controllers.plain.mpc import PlainMPCSpecification, design_plain_mpc
 from controllers.plain.state_feedback import (
@@ -685,3 +686,21 @@ def test_an_h_infinity_loop_shows_a_reference_no_tail_of_what_it_does_about_load
     # The command is at its end on the way; within the ends the loop settles in 50 s.
     assert run["u_0"].max() == 20.0
     assert scores["settling_time"].value < 200.0 and scores["overshoot"].value < 0.02
+
+
+def test_a_state_feedback_shows_references_no_tail_and_no_overshoot_of_its_integrals() -> None:
+    import control as ct
+
+    # Two lags that settle in 300 s by themselves; and two outputs, each with a tail of its own.
+    both = ct.tf(
+        [[[12.8], [-18.9]], [[6.6], [-19.4]]],
+        [[[16.7, 1.0], [21.0, 1.0]], [[10.9, 1.0], [14.4, 1.0]]],
+    )
+    for plant, h, within in (
+        (ct.tf([2.0], [1200.0, 90.0, 1.0]), 0.5, 18.0),
+        (ct.ss(both), 0.1, 4.0),
+    ):
+        linear = linear_model(plant)
+        law = design_lqi(linear, LQISpecification(sample_time=h))
+        for name in law.controlled:
+            assert settled_after(law, linear, {name: 1.0}) < within
