@@ -353,7 +353,7 @@ def prepare(
 def fit(model: Model, prepared: Prepared) -> Fitted:
     """Refit the nominal model."""
     base, fitting = fit_with_likely_starts(model, prepared.fitting, prepared.priors)
-    judging = tuple(likely_start(base.model, one) for one in prepared.judging)
+    judging = tuple(likely_start(base.model, r, r, base.noise_scale) for r in prepared.judging)
     fitting, judging = (tuple(growth_along(base, r) for r in g) for g in (fitting, judging))
     started = replace(prepared, fitting=fitting, judging=judging)
     return Fitted(with_fixed_uncertainty(base, fitting), started)

@@ -201,7 +201,7 @@ def run_refit(problem: Problem, *, progress: Callable[[str], None] | None = None
     values = {e.name: e.value for e in found.estimates}
     for model, seen in judged:
         changed = model.with_parameters(values)
-        observed = seen if how.stages else likely_start(changed, seen)
+        observed = seen if how.stages else likely_start(changed, seen, seen, scale)
         own = ProcessNoiseFit(replace(found, model=changed), scale)
         observed = growth_along(own, observed)
         if observed.diverges:

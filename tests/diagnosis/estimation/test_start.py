@@ -9,6 +9,7 @@ import pytest
 from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.made_up import made_up
 from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import perfect_cost
 from workbench.diagnosis.estimation.start import (
@@ -99,10 +100,13 @@ def generator() -> Model:
     )
 
 
-def test_a_product_of_two_hidden_states_does_not_lead_the_filter_astray() -> None:
+TRUE = {"inertia": 3.6, "damping": 12.0, "line": 0.5, "field_time": 5.0}
+
+
+def of_generator() -> tuple[Model, Observed]:
+    """Return the generator, its noise declared, and a recording of one with other parameters."""
     nominal = generator()
-    true = {"inertia": 3.6, "damping": 12.0, "line": 0.5, "field_time": 5.0}
-    machine = nominal.with_parameters(true)
+    machine = nominal.with_parameters(TRUE)
     rng = np.random.default_rng(1)
     steps = np.column_stack([rng.uniform(0.35, 0.85, 16), rng.uniform(1.8, 2.8, 16)])
     inputs = np.repeat(steps, 125, axis=0)
@@ -121,21 +125,36 @@ def test_a_product_of_two_hidden_states_does_not_lead_the_filter_astray() -> Non
     signals += [Signal("power", read[:, 0], "1"), Signal("frequency", read[:, 1], "Hz")]
     recording = Recording("grid", run.time, tuple(signals))
     nominal, _ = with_undeclared(nominal, [recording])
-    seen = observe(nominal, recording)
+    return nominal, observe(nominal, recording)
+
+
+def test_a_product_of_two_hidden_states_does_not_lead_the_filter_astray() -> None:
+    nominal, seen = of_generator()
     assert abs(seen.start[2] - 1.45) > 0.5  # a frequency and a power say little of it
     found, (started,) = fit_with_likely_starts(nominal, [seen], default_priors(nominal))
     assert started.start == pytest.approx([0.2, 0.0, 1.45], abs=0.05)
-    for name, value in true.items():
+    for name, value in TRUE.items():
         assert found.refit.estimate(name).value == pytest.approx(value, rel=0.02), name
     # Nothing is missing, and the filter needs nothing that takes up what is.
     assert found.noise_scale <= 0.03
     assert found.cost < perfect_cost(found.model, [started]) + 100.0
 
 
+def test_equations_that_leave_something_out_make_no_start_surer_than_they_move_it() -> None:
+    nominal, seen = of_generator()
+    machine = nominal.with_parameters(TRUE)
+    right, wrong = (likely_start(machine, seen, seen, scale) for scale in (0.0, 1.0))
+    for started in (right, wrong):
+        assert started.start[2] == pytest.approx(1.45, abs=0.1)
+    moved = np.abs(wrong.start - seen.start)
+    assert np.all(wrong.start_rms >= moved)
+    assert right.start_rms[2] < moved[2]
+
+
 def test_a_start_that_is_as_likely_as_any_stays() -> None:
     tanks = cascaded_tanks()
     seen = made_up(tanks, np.full(200, 3.0), sample_time=4.0)
-    assert likely_start(tanks, seen) is seen
+    assert likely_start(tanks, seen, seen) is seen
 
 
 def test_a_reading_tells_no_more_of_a_start_than_is_known_of_the_parameters_between() -> None:

@@ -14,6 +14,7 @@ from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import (
+    PERFECT,
     ProcessNoiseFit,
     fit_with_process_noise,
     likely_scale,
@@ -43,7 +44,8 @@ def fit_with_likely_starts(
     """
     best, seen = fit_with_process_noise(model, recordings, priors), tuple(recordings)
     for _ in range(_ROUNDS):
-        started = tuple(likely_start(best.model, one) for one in seen)
+        pairs = zip(recordings, seen, strict=True)
+        started = tuple(likely_start(best.model, *pair, best.noise_scale) for pair in pairs)
         if all(a is b for a, b in zip(started, seen, strict=True)):
             break
         values = {e.name: e.value for e in best.refit.estimates}
@@ -54,21 +56,31 @@ def fit_with_likely_starts(
     return best, seen
 
 
-def likely_start(model: Model, observed: Observed) -> Observed:
-    """Return a recording with a fitted start where that is clearly more likely than its own.
+def likely_start(
+    model: Model, observed: Observed, now: Observed, noise_scale: float = 0.0
+) -> Observed:
+    """Return a recording with a fitted start where that is clearly likelier than its present one.
 
     A filter that begins with a wide guess takes the equations for straight lines as far as the
     guess reaches. Where they are not, as in a product of two hidden states, it becomes sure of what
     is wrong.
+
+    Args:
+        observed: The recording as it came.
+        now: The same with a start of before.
+        noise_scale: How far the equations are from what was recorded, dimensionless. Those that
+            leave something out are no reason to be surer of a start than by how far they move it: a
+            gas whose law is wrong would begin 40 K off, for every law that is tried afterwards.
     """
     if np.all(observed.start_rms < _HIDDEN * np.array([q.scale for q in model.states])):
-        return observed
+        return now
     count = min(_LOOKED_AT, len(observed.outputs))
     first = replace(observed, inputs=observed.inputs[:count], outputs=observed.outputs[:count])
     filter_ = filter_of(model, first, likely_scale(model, [first], {}))
-    best, least = observed, math.inf
+    best, least = now, math.inf
     with contextlib.suppress(NumericalError):
-        least = filter_.run(first, model.values).cost
+        present = replace(first, start=now.start, start_rms=now.start_rms)
+        least = filter_.run(present, model.values).cost
     for samples in (n for n in _MET if n <= count):
         try:
             start = fitted_start(model, first, samples=samples).start
@@ -76,6 +88,8 @@ def likely_start(model: Model, observed: Observed) -> Observed:
             continue
         for share in _NEARER:
             rms = share * observed.start_rms
+            if noise_scale > PERFECT:
+                rms = np.maximum(rms, np.abs(start - observed.start))
             with contextlib.suppress(NumericalError):
                 trial = replace(first, start=start, start_rms=rms)
                 cost = filter_.run(trial, model.values).cost + _CLEARLY
