@@ -182,9 +182,9 @@ def test_truncated_files_are_one_sentence(tmp_path: Path, name: str, share: floa
 
 
 def test_unknown_format_and_missing_file(tmp_path: Path) -> None:
-    (tmp_path / "trial.xlsx").write_bytes(b"PK")
-    with pytest.raises(WorkbenchError, match=r"'.xlsx', which is no known format"):
-        read_recording(tmp_path / "trial.xlsx")
+    (tmp_path / "trial.ods").write_bytes(b"PK")
+    with pytest.raises(WorkbenchError, match=r"'.ods', which is no known format"):
+        read_recording(tmp_path / "trial.ods")
     (tmp_path / "trial.csv").write_text("")
     with pytest.raises(WorkbenchError, match=r"did you mean 'trial.csv'"):
         read_recording(tmp_path / "trail.csv")
@@ -222,3 +222,171 @@ def test_a_format_of_the_users_own(tmp_path: Path) -> None:
     rules.write_text('format = "jsno"\n')
     with pytest.raises(WorkbenchError, match="json"):
         read_recording(path)
+
+
+def test_numpy_arrays_by_name(tmp_path: Path) -> None:
+    path = tmp_path / "trial.npz"
+    np.savez(path, t=TIME, qm=POSITION, vir=VOLTAGE, kp=160.18)
+    assert_same(read_recording(path))
+    stamps = np.datetime64("2024-03-01T12:00") + (1e3 * TIME).astype("timedelta64[ms]")
+    np.savez(path, timestamp=stamps, qm=POSITION)
+    assert read_recording(path).time == pytest.approx(TIME)
+
+
+def test_a_table_of_numpy_takes_its_names_from_its_fields_or_a_mapping(tmp_path: Path) -> None:
+    path = tmp_path / "trial.npy"
+    np.save(path, np.column_stack([TIME, POSITION, VOLTAGE]))
+    with pytest.raises(WorkbenchError, match="name its 3 columns"):
+        read_recording(path)
+    named = read_recording(path, mapping={"columns": ["t", "qm", "vir"]})
+    assert np.array_equal(named["vir"], VOLTAGE)
+    np.save(path, np.rec.fromarrays([TIME, POSITION], names="t,qm"))
+    assert np.array_equal(read_recording(path)["qm"], POSITION)
+
+
+def test_numpy_objects_are_never_unpickled(tmp_path: Path) -> None:
+    path = tmp_path / "trial.npz"
+    np.savez(path, t=np.array([{}], dtype=object))
+    with pytest.raises(WorkbenchError, match="holds more than arrays of numbers"):
+        read_recording(path)
+
+
+def test_hdf5_of_other_programs_than_matlab(tmp_path: Path) -> None:
+    import h5py
+
+    path = tmp_path / "trial.h5"
+    with h5py.File(path, "w") as file:
+        run = file.create_group("run")
+        run.attrs["kp"] = 160.18
+        run["t"], run["qm"], run["vir"] = TIME, 1e3 * POSITION, VOLTAGE
+        run["qm"].attrs["units"] = "mm"
+    recording = read_recording(path)
+    assert recording["qm"] == pytest.approx(POSITION)
+    assert recording.signal("qm").unit == "m"
+    assert recording.metadata["kp"] == 160.18
+    with h5py.File(path, "w") as file:
+        file["table"] = np.rec.fromarrays([TIME, VOLTAGE], names="t,vir")
+    assert np.array_equal(read_recording(path)["vir"], VOLTAGE)
+
+
+def test_one_struct_around_everything_says_nothing(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    path = tmp_path / "trial.mat"
+    savemat(path, {"out": {"tout": TIME, "qm": POSITION, "vir": VOLTAGE}})
+    recording = read_recording(path)
+    assert np.array_equal(recording["qm"], POSITION)
+    mapped = read_recording(path, mapping={"time": "out.tout", "signals": {"q": "out.qm"}})
+    assert np.array_equal(mapped["q"], POSITION)
+
+
+LVM = """LabVIEW Measurement\t
+Separator\tTab
+Multi_Headings\tYes
+X_Columns\t{columns}
+Time_Pref\tAbsolute
+***End_of_Header***\t\t\t
+\t\t\t
+Channels\t2\t\t
+Samples\t60\t60\t
+Y_Unit_Label\tmm\tV\t
+X0\t0.0\t0.0\t
+Delta_X\t0.001\t0.001\t
+***End_of_Header***\t\t\t
+"""
+
+
+@pytest.mark.parametrize("with_time", [True, False])
+def test_labview_measurements(tmp_path: Path, with_time: bool) -> None:
+    path = tmp_path / "trial.lvm"
+    rows = np.column_stack([TIME, 1e3 * POSITION, VOLTAGE])[:, 0 if with_time else 1 :].tolist()
+    titles = ["X_Value"] * with_time + ["qm", "vir", "Comment"]
+    lines = ["\t".join(titles), *("\t".join(map(str, row)) for row in rows)]
+    path.write_text(LVM.format(columns="One" if with_time else "No") + "\n".join(lines))
+    recording = read_recording(path)
+    assert recording.time == pytest.approx(TIME)
+    assert recording["qm"] == pytest.approx(POSITION)
+    assert recording.signal("vir").unit == "V"
+
+
+def test_tdms(tmp_path: Path) -> None:
+    nptdms = pytest.importorskip("nptdms")
+    path = tmp_path / "trial.tdms"
+    told = {"wf_increment": 0.001}
+    with nptdms.TdmsWriter(path) as file:
+        file.write_segment(
+            [
+                nptdms.RootObject({"kp": 160.18}),
+                nptdms.ChannelObject("run", "qm", POSITION, told | {"unit_string": "m"}),
+                nptdms.ChannelObject("run", "vir", VOLTAGE, told),
+            ]
+        )
+    recording = read_recording(path)
+    assert recording.time == pytest.approx(TIME)
+    assert np.array_equal(recording["qm"], POSITION)
+    assert recording.metadata["kp"] == 160.18
+    path.write_bytes(b"TDSm" + bytes(20))
+    with pytest.raises(WorkbenchError, match="not a TDMS file|holds no channels"):
+        read_recording(path)
+
+
+def test_the_longest_sheet_of_a_workbook(tmp_path: Path) -> None:
+    openpyxl = pytest.importorskip("openpyxl")
+    path = tmp_path / "trial.xlsx"
+    book = openpyxl.Workbook()
+    book.active.append(["notes"])
+    sheet = book.create_sheet("run")
+    for row in (["t", "qm", "vir"], ["s", "mm", "V"]):
+        sheet.append(row)
+    for row in zip(TIME, 1e3 * POSITION, VOLTAGE, strict=True):
+        sheet.append([float(v) for v in row])
+    book.save(path)
+    recording = read_recording(path)
+    assert recording["qm"] == pytest.approx(POSITION)
+    assert "sheet 'run', the longest of 2" in recording.notes[0]
+    path.write_bytes(b"PK")
+    with pytest.raises(WorkbenchError, match="no Excel workbook"):
+        read_recording(path)
+
+
+@pytest.mark.parametrize(("module", "name"), [("nptdms", "a.tdms"), ("openpyxl", "a.xlsx")])
+def test_what_an_extra_reads_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, module: str, name: str
+) -> None:
+    (tmp_path / name).write_bytes(b"")
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(WorkbenchError, match="install it with the extra 'logs'"):
+        read_recording(tmp_path / name)
+
+
+@pytest.mark.parametrize("unit", [True, False])
+def test_a_row_per_value_becomes_a_row_per_instant(tmp_path: Path, unit: bool) -> None:
+    path = tmp_path / "trial.csv"
+    lines = ["Timestamp;Tag;Value" + ";Unit" * unit]
+    for t, q, v in zip(TIME, POSITION, VOLTAGE, strict=True):
+        stamp = f"2024-03-01 12:00:{t:06.3f}"
+        lines += [f"{stamp};qm;{1e3 * q:.9f}" + ";mm" * unit, f"{stamp};vir;{v:.9f}" + ";V" * unit]
+    path.write_text("\n".join(lines))
+    recording = read_recording(path)
+    assert recording.time == pytest.approx(TIME, abs=1e-6)
+    assert recording["qm"] == pytest.approx(POSITION * (1 if unit else 1e3))
+    assert recording["vir"] == pytest.approx(VOLTAGE)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+def test_instants_since_1970_tell_their_unit(tmp_path: Path, unit: str, factor: float) -> None:
+    path = tmp_path / "trial.csv"
+    lines = [f"{round(factor * (1.7e9 + k))},{k}" for k in range(60)]
+    path.write_text("timestamp,qm\n" + "\n".join(lines))
+    recording = read_recording(path)
+    assert np.diff(recording.time) == pytest.approx(1.0)
+    assert unit == "s" or recording.mapping.rows[0].unit == unit
+
+
+def test_a_blank_within_a_cell_separates_no_columns(tmp_path: Path) -> None:
+    path = tmp_path / "trial.tsv"
+    rows = (f"2024-03-01 12:00:{t:06.3f}\t{q}" for t, q in zip(TIME, POSITION, strict=True))
+    path.write_text("Timestamp\tqm\n" + "\n".join(rows))
+    recording = read_recording(path)
+    assert recording.time == pytest.approx(TIME, abs=1e-6)
+    assert np.array_equal(recording["qm"], POSITION)

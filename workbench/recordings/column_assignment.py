@@ -26,6 +26,10 @@ from workbench.recordings.quantity_kinds import kind_of
 from workbench.recordings.recording import ColumnMapping, MappedColumn, Role, Scalar, Signal
 
 AMBIENT_PA = 101325.0
+_EPOCHS = {"ms": 1e11, "us": 1e14, "ns": 1e17}
+"""Smallest count since 1970 that is one of milli-, micro- and nanoseconds: seconds do not get there
+before the year 5138, and the others have since 1973."""
+
 _STEP_NAMES = ("ts", "dt", "sampletime", "samplingtime", "sampleperiod")
 
 
@@ -76,10 +80,12 @@ def header_list(columns: Columns) -> list[Header]:
 
 def find_column(headers: Sequence[Header], rule: ColumnRule) -> int:
     """Return the index of the column that a rule names."""
-    for key in ("column", "name"):
-        for i, header in enumerate(headers):
-            if getattr(header, key).strip() == rule.column.strip():
-                return i
+    wanted = rule.column.strip()
+    for name in (wanted, wanted.rsplit(".", 1)[-1]):
+        for key in ("column", "name"):
+            for i, header in enumerate(headers):
+                if getattr(header, key).strip() == name:
+                    return i
     raise WorkbenchError(
         f"the mapping takes {rule.signal!r} from column {rule.column!r}, which the file does not "
         f"have; it has: {', '.join(h.column for h in headers)[:400]}"
@@ -182,6 +188,13 @@ def _signal(
     return signal, row
 
 
+def _since_1970(instants: Vector) -> str:
+    """Return the unit of instants that are too large for seconds since 1970; else ``""``."""
+    least = float(np.nanmin(instants, initial=np.inf, where=np.isfinite(instants)))
+    units = [unit for unit, from_ in _EPOCHS.items() if from_ <= least < np.inf]
+    return units[-1] if units else ""
+
+
 def _time(
     columns: Columns, headers: Sequence[Header], rules: MappingRules
 ) -> tuple[Vector | None, MappedColumn | None, int | None]:
@@ -199,6 +212,7 @@ def _time(
         if unit and not same_dimension(unit, "s"):
             raise WorkbenchError(f"the time column {header.column!r} is in {unit!r}; give s or ms")
         raw = rule.sign * rule.factor * columns.values[:, index] + rule.offset
+        unit = unit or _since_1970(raw)
         how = "mapping file" if rules.time is not None else "name"
         row = MappedColumn(
             header.column, "time", unit, "s", how, rule.sign, rule.factor, rule.offset

@@ -20,7 +20,7 @@ _SYNONYMS = (
     {"pressure", "p", "druck"},
     {
         "time", "t", "timestamp", "time_stamp", "zeit", "elapsed", "elapsed_time", "tiempo",
-        "temps", "date", "datum", "datetime", "clock", "uhrzeit",
+        "temps", "date", "datum", "datetime", "clock", "uhrzeit", "tout", "stamp", "epoch",
     },
 )  # fmt: skip
 _COMMANDS = {

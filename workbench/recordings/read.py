@@ -153,7 +153,7 @@ def read_recording(
     max_rows: int = MAX_ROWS,
     name: str | None = None,
 ) -> Recording:
-    r"""Read a recording: CSV, MATLAB ``.mat``, Parquet or a JSON log.
+    r"""Read a recording: text, Excel, MATLAB, HDF5, NumPy, LabVIEW, TDMS, Parquet or JSON.
 
     Units come from the headers (``pressure_1_bar``, ``angle [deg]``), a row of units or the
     mapping; a column without unit is taken as SI and the mapping says so. Print

@@ -21,6 +21,7 @@ import numpy.typing as npt
 from workbench.errors import WorkbenchError
 from workbench.recordings.columns import Columns, Thinner
 from workbench.recordings.formats.format import Format, ReadOptions
+from workbench.recordings.formats.long_table import Long, long_table, widened
 from workbench.recordings.headers import read_unit
 from workbench.recordings.recording import Scalar
 
@@ -28,6 +29,7 @@ COMMENT_SIGNS = ("#", "%", "//")
 SAVED_MARK = "# recording: "
 _POINT = re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")
 _COMMA = re.compile(r"^[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?$")
+_REMARKS = ("", "comment", "comments", "remark", "remarks")
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "+inf", "-inf", "#n/a"}
 _STAMP = re.compile(
     r"(?P<date>(?P<year>\d{4})([-/.])(?P<month>\d\d?)\3(?P<day>\d\d?)"
@@ -182,7 +184,7 @@ def detect_layout(lines: Sequence[str], *, source: str) -> Layout:
     body = [(i, line) for i, line in enumerate(lines) if not is_comment(line)]
     if not body:
         raise WorkbenchError(f"{source} holds no rows of numbers; it is empty or all comments")
-    best: tuple[float, int, int, str | None, str] | None = None
+    best: tuple[tuple[float, bool, int], int, str | None, str] | None = None
     for separator, decimal in _candidates([line for _, line in body]):
         rows = [split_line(line, separator) for _, line in body]
         start = _first_row(rows, decimal, 2 if separator is not None else 1)
@@ -192,14 +194,16 @@ def detect_layout(lines: Sequence[str], *, source: str) -> Layout:
         alike = [r for r in rows[start : start + 40] if len(r) == width]
         # The share of numbers decides first: "0,5;2" split at its commas is wider, but not numbers.
         share = round(sum(_numeric_share(r, decimal) for r in alike) / len(alike), 1)
-        if best is None or (share, width) > best[:2]:
-            best = (share, width, start, separator, decimal)
+        # A blank may also stand between the date and the time of day in a cell.
+        rank = (share, separator is not None, width)
+        if best is None or rank > best[0]:
+            best = (rank, start, separator, decimal)
     if best is None:
         raise WorkbenchError(
             f"{source} holds no rows of numbers that share one separator (tab, semicolon, comma or "
             f"blank); its first line is {body[0][1].strip()[:60]!r}"
         )
-    _, width, start, separator, decimal = best
+    (_, _, width), start, separator, decimal = best
     headers, units, used = _titles(body, lines, start, separator, width)
     above = [line for i, line in enumerate(lines[: body[start][0]]) if i not in used]
     metadata, saved = _metadata(above)
@@ -241,7 +245,7 @@ def _titles(
     used.add(i)
     if len(cells) == width - 1 and separator is not None:
         cells = [*cells, ""]
-    if len(cells) == width + 1 and not cells[-1]:
+    if len(cells) == width + 1 and cells[-1].lower() in _REMARKS:
         cells = cells[:-1]
     if len(cells) != width:
         raise WorkbenchError(
@@ -270,9 +274,7 @@ def guess_encoding(start: bytes, source: str) -> str:
         if start.startswith(mark):
             return name
     if b"\x00" in start:
-        raise WorkbenchError(
-            f"{source} is not a text file; recordings are CSV, MATLAB .mat, Parquet or JSON"
-        )
+        raise WorkbenchError(f"{source} is not a text file; its ending must tell what it is")
     try:
         # The last bytes may be half a character.
         start[: max(0, len(start) - 4)].decode("utf-8")
@@ -433,8 +435,28 @@ def read_text(path: Path, options: ReadOptions) -> Columns:
         first += block
         if len(first) >= _LOOK_AHEAD:
             break
+    found = _long(first[:_LOOK_AHEAD])
+    if found is not None:
+        separator, long = found
+        lines = [line for block in (first, *blocks) for line in block if not is_comment(line)]
+        rows = (split_line(line, separator) for line in lines[long.first + 1 :])
+        wide = widened(rows, long)
+        first = ["\t".join(row) for row in wide]
+        cut.append(f"a row per value: {len(lines)} rows became {len(wide) - 1}")
     layout = detect_layout(first[:_LOOK_AHEAD], source=path.name)
     return _read_rows(path, first, blocks, layout, options, cut)
+
+
+def _long(lines: Sequence[str]) -> tuple[str | None, Long] | None:
+    """Return the separator of a long table, and which column is which; None if it is none."""
+    body = [line for line in lines if not is_comment(line)]
+    for separator, decimal in _candidates(body):
+        if separator is not None:
+            rows = [split_line(line, separator) for line in body]
+            found = long_table(rows, lambda c, d=decimal: is_number(c, d) or is_missing(c))
+            if found is not None:
+                return separator, found
+    return None
 
 
 def _read_rows(

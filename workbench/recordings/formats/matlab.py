@@ -1,8 +1,8 @@
-"""MATLAB files of version 5 and 7.3: their variables, and columns of those.
+"""MATLAB files of version 5.
 
-Version 5 is written out here rather than left to SciPy because a damaged file must end in a
-sentence: every size is compared with what is there before anything is read, while compiled readers
-trust it. Version 7.3 is HDF5.
+They are taken apart here rather than by SciPy because a damaged file must end in a sentence: every
+size is compared with what is there before anything is read, while compiled readers trust it.
+Version 7.3 is HDF5, see `workbench.recordings.formats.hdf5`.
 
 Source: MathWorks, MAT-File Format, level 5 (R2023b), chapter 1.
 """
@@ -11,129 +11,17 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from workbench.arrays import Vector
-from workbench.errors import WorkbenchError
 from workbench.recordings.columns import Columns
 from workbench.recordings.formats.format import Format, ReadOptions
-from workbench.recordings.recording import Scalar
-
-MAX_DEPTH = 8
-_MAX_LISTED_ITEMS = 1000
-_MAX_LISTED = 16
-
-
-def is_hdf5(start: bytes) -> bool:
-    """Tell by the first 520 bytes whether a file is HDF5, with or without MATLAB's user block."""
-    return start.startswith(b"\x89HDF") or start[512:516] == b"\x89HDF"
-
-
-def unreadable(path: Path, error: Exception) -> WorkbenchError:
-    """Return the sentence for a file that cannot be taken apart."""
-    reason = " ".join(str(error).split())[:120] or type(error).__name__
-    return WorkbenchError(
-        f"{path.name} is truncated or not a MATLAB file ({reason}); save or copy it again"
-    )
-
-
-def _flat(name: str, value: Any, out: dict[str, Any], depth: int = 0) -> None:
-    """Write structs out as ``struct.field``, and pairs of ``Name`` and ``Data`` by their name."""
-    if depth > MAX_DEPTH:
-        return
-    if isinstance(value, Mapping):
-        title = value.get("Name", value.get("name"))
-        data = value.get("Data", value.get("data"))
-        if isinstance(title, str) and title and isinstance(data, np.ndarray):
-            out[title] = data
-            return
-        for key, item in value.items():
-            _flat(f"{name}.{key}", item, out, depth + 1)
-    elif isinstance(value, list):
-        for k, item in enumerate(value[:_MAX_LISTED_ITEMS]):
-            _flat(f"{name}.{k + 1}", item, out, depth + 1)
-    elif value is not None:
-        out[name] = value
-
-
-def _as_float(array: npt.NDArray[Any]) -> Vector:
-    # Numbers of more than 64 bits may not fit; what overflows is taken for missing later.
-    with np.errstate(over="ignore", invalid="ignore"):
-        return array.astype(float)
-
-
-def _sorted_out(flat: Mapping[str, Any]) -> tuple[dict[str, Vector], dict[str, Scalar], list[str]]:
-    vectors: dict[str, Vector] = {}
-    scalars: dict[str, Scalar] = {}
-    odd: list[str] = []
-    for name, value in flat.items():
-        if isinstance(value, str):
-            scalars[name] = value
-            continue
-        array = np.asarray(value)
-        if array.dtype.kind not in "fiub" or array.size == 0 or array.ndim > 2:
-            odd.append(name)
-        elif array.size == 1:
-            number = float(_as_float(array).ravel()[0])
-            if np.isfinite(number):
-                scalars[name] = number
-        elif array.ndim == 1:
-            vectors[name] = _as_float(array)
-        else:
-            columns = array if array.shape[0] >= array.shape[1] else array.T
-            for k in range(columns.shape[1]):
-                vectors[f"{name}_{k + 1}"] = _as_float(columns[:, k])
-    return vectors, scalars, odd
-
-
-def _time_base(vectors: Mapping[str, Vector], options: ReadOptions) -> int:
-    """Return the length of the columns: that of the time, or the most frequent one."""
-    empty = Columns(tuple(vectors), ("",) * len(vectors), np.empty((0, len(vectors))))
-    index = options.find_time(empty)
-    if index is not None:
-        return len(list(vectors.values())[index])
-    lengths = [len(v) for v in vectors.values()]
-    return max(set(lengths), key=lambda n: (lengths.count(n), n))
-
-
-def columns_of_variables(path: Path, content: Mapping[str, Any], options: ReadOptions) -> Columns:
-    """Sort the variables of a file into columns and settings.
-
-    The vectors as long as the time become columns (those of the most frequent length if there is
-    no time), a matrix one column per short side, structs are written out as ``struct.field``,
-    scalars, texts and short vectors of another length become settings.
-    """
-    flat: dict[str, Any] = {}
-    for name, value in content.items():
-        _flat(name, value, flat)
-    vectors, scalars, odd = _sorted_out(flat)
-    if not vectors:
-        raise WorkbenchError(
-            f"{path.name} holds no vectors of numbers; it holds: {', '.join(flat) or 'nothing'}"
-        )
-    length = _time_base(vectors, options)
-    headers = tuple(name for name, v in vectors.items() if len(v) == length)
-    notes = []
-    for name, v in vectors.items():
-        if len(v) == length:
-            continue
-        text = f"variable {name!r} has {len(v)} samples instead of {length} and "
-        if len(v) <= _MAX_LISTED and np.isfinite(v).all():
-            scalars[name] = ", ".join(f"{x:g}" for x in v)
-            notes.append(text + "became a setting")
-        else:
-            notes.append(text + "was left out")
-    if odd:
-        notes.append(f"left out, not columns of numbers: {', '.join(odd)}")
-    values = np.column_stack([vectors[h] for h in headers])
-    values[~np.isfinite(values)] = np.nan
-    return Columns(headers, ("",) * len(headers), values, True, scalars, tuple(notes))
-
+from workbench.recordings.formats.hdf5 import is_hdf5
+from workbench.recordings.formats.variables import MAX_DEPTH, columns_of_variables, unreadable
 
 _NUMBERS = {
     1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8",
@@ -318,40 +206,3 @@ def read_mat_5(path: Path, options: ReadOptions) -> Columns:
 MAT_5 = Format(
     "mat-5", "MATLAB 5", (".mat",), read_mat_5, recognises=lambda start: not is_hdf5(start)
 )
-
-
-def _variables(path: Path) -> dict[str, Any]:
-    import h5py
-
-    def value(item: Any, depth: int) -> Any:
-        if isinstance(item, h5py.Group):
-            if depth > MAX_DEPTH:
-                return None
-            return {k: value(item[k], depth + 1) for k in item if not k.startswith("#")}
-        if not isinstance(item, h5py.Dataset) or item.dtype.kind not in "fiub":
-            return None
-        if item.attrs.get("MATLAB_empty", 0):
-            return None
-        data = np.asarray(item[()])
-        if item.attrs.get("MATLAB_class", b"") == b"char":
-            return "".join(chr(int(c)) for c in data.T.ravel() if c)
-        # MATLAB stores columns first, HDF5 reports rows first.
-        return np.squeeze(data.T)
-
-    with h5py.File(path, "r") as file:
-        return {k: value(file[k], 0) for k in file if not k.startswith("#")}
-
-
-def read_mat_73(path: Path, options: ReadOptions) -> Columns:
-    """Read a MATLAB file of version 7.3, see `columns_of_variables`."""
-    # HDF5 raises whatever the damaged bytes lead it into, so nothing narrower is safe.
-    try:
-        content = _variables(path)
-    except ImportError:
-        raise
-    except Exception as error:  # noqa: BLE001
-        raise unreadable(path, error) from None
-    return columns_of_variables(path, content, options)
-
-
-MAT_73 = Format("mat-7.3", "MATLAB 7.3", (".mat",), read_mat_73, recognises=is_hdf5)

@@ -1,0 +1,49 @@
+"""Excel workbooks: the sheet with the most rows, read as text tables are."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from workbench.errors import WorkbenchError
+from workbench.recordings.columns import Columns
+from workbench.recordings.formats.delimited_text import read_text
+from workbench.recordings.formats.format import Format, ReadOptions
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    if hasattr(value, "isoformat"):
+        return str(value.isoformat())
+    return " ".join(str(value).split())
+
+
+def read_excel(path: Path, options: ReadOptions) -> Columns:
+    """Read the sheet with the most rows of a workbook; formulas count with the values kept."""
+    import openpyxl
+
+    # A damaged archive leads its reader anywhere, so nothing narrower is safe.
+    try:
+        book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+        sheets = [[[_cell(v) for v in row] for row in s.values] for s in book.worksheets]
+        titles = [s.title for s in book.worksheets]
+    except Exception as error:  # noqa: BLE001
+        raise WorkbenchError(
+            f"{path.name} is truncated or no Excel workbook ({str(error)[:120]}); save it again, or"
+            " as CSV"
+        ) from None
+    rows = max(sheets, key=len, default=[])
+    with tempfile.TemporaryDirectory() as folder:
+        table = Path(folder) / path.with_suffix(".tsv").name
+        table.write_text("\n".join("\t".join(row) for row in rows), encoding="utf-8")
+        found = read_text(table, options)
+    if len(sheets) > 1:
+        note = f"read from sheet {titles[sheets.index(rows)]!r}, the longest of {len(sheets)}"
+        found = replace(found, notes=(*found.notes, note))
+    return found
+
+
+EXCEL = Format("excel", "Excel", (".xlsx", ".xlsm"), read_excel, extra="logs")

@@ -1,0 +1,75 @@
+"""LabVIEW measurement files (``.lvm``), which are text, and TDMS files."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import WorkbenchError
+from workbench.recordings.columns import Columns
+from workbench.recordings.formats.delimited_text import line_blocks, read_text
+from workbench.recordings.formats.format import Format, ReadOptions
+from workbench.recordings.formats.variables import columns_of_variables, unreadable
+
+
+def read_lvm(path: Path, options: ReadOptions) -> Columns:
+    """Read the table of a measurement file, with the units and the sample time of its header.
+
+    Source: NI, Specification for the LabVIEW Measurement File (.lvm).
+    """
+    found = read_text(path, options)
+    told: dict[str, list[str]] = {}
+    for line in next(line_blocks(path, []), [])[:200]:
+        key, *cells = (cell.strip() for cell in line.split("\t"))
+        told.setdefault(key, [c for c in cells if c])
+    units = told.get("Y_Unit_Label", [])
+    first = len(found.headers) - len(units)
+    if units and first >= 0:
+        found = replace(found, units=(*found.units[:first], *units))
+    headers = tuple("time" if h == "X_Value" else h for h in found.headers)
+    empty = Columns(headers, found.units, np.empty((0, len(headers))))
+    step = told.get("Delta_X", [""])[0].replace(",", ".")
+    metadata = dict(found.metadata)
+    if options.find_time(empty) is None and step:
+        metadata["sample_time_s"] = float(step)
+    return replace(found, headers=headers, metadata=metadata)
+
+
+LVM = Format("lvm", "LabVIEW", (".lvm",), read_lvm, packed=True)
+
+
+def read_tdms(path: Path, options: ReadOptions) -> Columns:
+    """Read the channels of a TDMS file, with their units, and the time that its waveforms tell."""
+    from nptdms import TdmsFile
+
+    # A damaged file leads its reader anywhere, so nothing narrower is safe.
+    try:
+        file = TdmsFile.read(path)
+        channels = [c for group in file.groups() for c in group.channels()]
+        content: dict[str, Any] = {
+            k: v for k, v in file.properties.items() if isinstance(v, (str, int, float))
+        }
+        names = [c.name for c in channels]
+        longest = max(channels, key=len, default=None)
+        for c in channels:
+            name = c.name if names.count(c.name) == 1 else f"{c.group_name}.{c.name}"
+            unit = str(c.properties.get("unit_string", "")).strip()
+            values = np.asarray(c[:])
+            if values.dtype.kind == "M":
+                values, unit = (values - values[0]) / np.timedelta64(1, "s"), "s"
+            content[f"{name} [{unit}]" if unit else name] = values
+    except Exception as error:  # noqa: BLE001
+        raise unreadable(path, error, "a TDMS file") from None
+    if longest is None:
+        raise WorkbenchError(f"{path.name} holds no channels")
+    step = longest.properties.get("wf_increment", 0.0)
+    empty = Columns(tuple(content), ("",) * len(content), np.empty((0, len(content))))
+    if step and options.find_time(empty) is None:
+        content = {"time [s]": step * np.arange(len(longest))} | content
+    return columns_of_variables(path, content, options)
+
+
+TDMS = Format("tdms", "TDMS", (".tdms",), read_tdms, extra="logs")

@@ -1,0 +1,74 @@
+"""NumPy files: arrays by name (``.npz``), or one table or structured array (``.npy``)."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import WorkbenchError
+from workbench.recordings.columns import Columns
+from workbench.recordings.formats.format import Format, ReadOptions
+from workbench.recordings.formats.variables import columns_of_variables
+
+
+def _content(path: Path) -> Any:
+    """Return a mapping from names to arrays, or one array; instants in s from the first one."""
+    try:
+        found = np.load(path, allow_pickle=False)
+        return found if isinstance(found, np.ndarray) else dict(found.items())
+    except (ValueError, OSError, EOFError, zipfile.BadZipFile, KeyError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise WorkbenchError(
+            f"{path.name} is truncated or holds more than arrays of numbers ({reason}); write it"
+            " with numpy.savez(file, time=..., ...)"
+        ) from None
+
+
+def _fields(array: Any) -> dict[str, Any]:
+    return {name: array[name] for name in array.dtype.names}
+
+
+def _seconds(name: str, value: Any) -> tuple[str, Any]:
+    if value.dtype.kind not in "mM" or not value.size:
+        return name, value
+    since = value - value.flat[0] if value.dtype.kind == "M" else value
+    return f"{name} [s]", since / np.timedelta64(1, "s")
+
+
+def read_numpy(path: Path, options: ReadOptions) -> Columns:
+    """Read arrays by name, see `columns_of_variables`, or the columns of one array.
+
+    The columns of an array without names are named by ``columns`` of a mapping.
+    """
+    content = _content(path)
+    if isinstance(content, np.ndarray) and content.dtype.names is None:
+        if content.ndim != 2 or content.dtype.kind not in "fiub":
+            raise WorkbenchError(
+                f"{path.name} holds an array of shape {content.shape} of {content.dtype}; a"
+                " recording is a table of numbers, one row per sample"
+            )
+        table = content if len(content) >= content.shape[1] else content.T
+        width = table.shape[1]
+        if options.columns and len(options.columns) != width:
+            raise WorkbenchError(
+                f"columns names {len(options.columns)} columns but {path.name} has {width}; name"
+                " them all"
+            )
+        headers = options.columns or tuple(f"column_{k + 1}" for k in range(width))
+        values = np.where(np.isfinite(table), table, np.nan).astype(float)
+        return Columns(headers, ("",) * width, values, bool(options.columns))
+    named = _fields(content) if isinstance(content, np.ndarray) else content
+    variables: dict[str, Any] = {}
+    for name, value in named.items():
+        if value.dtype.names:
+            variables[name] = dict(_seconds(*pair) for pair in _fields(value).items())
+        else:
+            title, numbers = _seconds(name, value)
+            variables[title] = str(value) if value.dtype.kind == "U" and not value.ndim else numbers
+    return columns_of_variables(path, variables, options)
+
+
+NUMPY = Format("numpy", "NumPy", (".npz", ".npy"), read_numpy)

@@ -1,0 +1,126 @@
+"""Variables of a file by name, numbers, texts and structs of them, as columns and settings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.arrays import Vector
+from workbench.errors import WorkbenchError
+from workbench.recordings.columns import Columns
+from workbench.recordings.formats.format import ReadOptions
+from workbench.recordings.recording import Scalar
+
+MAX_DEPTH = 8
+_MAX_LISTED_ITEMS = 1000
+_MAX_LISTED = 16
+
+
+def unreadable(path: Path, error: Exception, kind: str = "a MATLAB file") -> WorkbenchError:
+    """Return the sentence for a file that cannot be taken apart."""
+    reason = " ".join(str(error).split())[:120] or type(error).__name__
+    return WorkbenchError(
+        f"{path.name} is truncated or not {kind} ({reason}); save or copy it again"
+    )
+
+
+def _flat(name: str, value: Any, out: dict[str, Any], depth: int = 0) -> None:
+    """Write structs out as ``struct.field``, and pairs of ``Name`` and ``Data`` by their name."""
+    if depth > MAX_DEPTH:
+        return
+    if isinstance(value, Mapping):
+        title = value.get("Name", value.get("name"))
+        data = value.get("Data", value.get("data"))
+        if isinstance(title, str) and title and isinstance(data, np.ndarray):
+            out[title] = data
+            return
+        for key, item in value.items():
+            _flat(f"{name}.{key}", item, out, depth + 1)
+    elif isinstance(value, list):
+        for k, item in enumerate(value[:_MAX_LISTED_ITEMS]):
+            _flat(f"{name}.{k + 1}", item, out, depth + 1)
+    elif value is not None:
+        out[name] = value
+
+
+def _as_float(array: npt.NDArray[Any]) -> Vector:
+    # Numbers of more than 64 bits may not fit; what overflows is taken for missing later.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return array.astype(float)
+
+
+def _sorted_out(flat: Mapping[str, Any]) -> tuple[dict[str, Vector], dict[str, Scalar], list[str]]:
+    vectors: dict[str, Vector] = {}
+    scalars: dict[str, Scalar] = {}
+    odd: list[str] = []
+    for name, value in flat.items():
+        if isinstance(value, str):
+            scalars[name] = value
+            continue
+        array = np.asarray(value)
+        if array.dtype.kind not in "fiub" or array.size == 0 or array.ndim > 2:
+            odd.append(name)
+        elif array.size == 1:
+            number = float(_as_float(array).ravel()[0])
+            if np.isfinite(number):
+                scalars[name] = number
+        elif array.ndim == 1:
+            vectors[name] = _as_float(array)
+        else:
+            columns = array if array.shape[0] >= array.shape[1] else array.T
+            for k in range(columns.shape[1]):
+                vectors[f"{name}_{k + 1}"] = _as_float(columns[:, k])
+    return vectors, scalars, odd
+
+
+def _time_base(vectors: Mapping[str, Vector], options: ReadOptions) -> int:
+    """Return the length of the columns: that of the time, or the most frequent one."""
+    empty = Columns(tuple(vectors), ("",) * len(vectors), np.empty((0, len(vectors))))
+    index = options.find_time(empty)
+    if index is not None:
+        return len(list(vectors.values())[index])
+    lengths = [len(v) for v in vectors.values()]
+    return max(set(lengths), key=lambda n: (lengths.count(n), n))
+
+
+def columns_of_variables(path: Path, content: Mapping[str, Any], options: ReadOptions) -> Columns:
+    """Sort the variables of a file into columns and settings.
+
+    The vectors as long as the time become columns (those of the most frequent length if there is
+    no time), a matrix one column per short side, structs are written out as ``struct.field`` where
+    there are several, scalars, texts and short vectors of another length become settings.
+    """
+    flat: dict[str, Any] = {}
+    while len(inside := [v for v in content.values() if isinstance(v, Mapping)]) == 1 and not any(
+        isinstance(v, (np.ndarray, list)) and np.size(v) > 1 for v in content.values()
+    ):
+        # One struct or group around everything says nothing.
+        content = {k: v for k, v in content.items() if v is not inside[0]} | dict(inside[0])
+    for name, value in content.items():
+        _flat(name, value, flat)
+    vectors, scalars, odd = _sorted_out(flat)
+    if not vectors:
+        raise WorkbenchError(
+            f"{path.name} holds no vectors of numbers; it holds: {', '.join(flat) or 'nothing'}"
+        )
+    length = _time_base(vectors, options)
+    headers = tuple(name for name, v in vectors.items() if len(v) == length)
+    notes = []
+    for name, v in vectors.items():
+        if len(v) == length:
+            continue
+        text = f"variable {name!r} has {len(v)} samples instead of {length} and "
+        if len(v) <= _MAX_LISTED and np.isfinite(v).all():
+            scalars[name] = ", ".join(f"{x:g}" for x in v)
+            notes.append(text + "became a setting")
+        else:
+            notes.append(text + "was left out")
+    if odd:
+        notes.append(f"left out, not columns of numbers: {', '.join(odd)}")
+    values = np.column_stack([vectors[h] for h in headers])
+    values[~np.isfinite(values)] = np.nan
+    return Columns(headers, ("",) * len(headers), values, True, scalars, tuple(notes))
