@@ -12,6 +12,7 @@ import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import date
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -447,13 +448,17 @@ def read_text(path: Path, options: ReadOptions) -> Columns:
     return _read_rows(path, first, blocks, layout, options, cut)
 
 
+def _is_value(decimal: str, cell: str) -> bool:
+    return is_number(cell, decimal) or is_missing(cell)
+
+
 def _long(lines: Sequence[str]) -> tuple[str | None, Long] | None:
     """Return the separator of a long table, and which column is which; None if it is none."""
     body = [line for line in lines if not is_comment(line)]
     for separator, decimal in _candidates(body):
         if separator is not None:
             rows = [split_line(line, separator) for line in body]
-            found = long_table(rows, lambda c, d=decimal: is_number(c, d) or is_missing(c))
+            found = long_table(rows, partial(_is_value, decimal))
             if found is not None:
                 return separator, found
     return None
