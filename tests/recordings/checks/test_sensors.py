@@ -341,6 +341,31 @@ def test_a_sink_that_warms_with_its_cooler_does_not_turn_a_sign() -> None:
     assert wrong.result == "unfit" and "current or plate is probably reversed" in wrong.note
 
 
+def test_a_flow_has_the_sign_that_its_own_warmth_gives_it() -> None:
+    def heater(m: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        return {"t": 1e3 * m.u.flow * (m.u.t_in - m.x.t)}, {"t": m.x.t}
+
+    # Nobody declares how warm what flows in is: by default it is at zero kelvin.
+    model = Model(
+        "heater",
+        heater,
+        states=(State("t", "K", initial=300.0),),
+        inputs=(Input("flow", "m3/s"), Input("t_in", "K")),
+        outputs=(Output("t", "K"),),
+    )
+    flow = np.random.default_rng(1).uniform(1e-4, 3e-4, 400).repeat(5)
+    t = [310.0]
+    for f in flow[:-1]:
+        t.append(t[-1] + 0.1 * (1e3 * f * (340.0 - t[-1]) - 0.1 * (t[-1] - 290.0)))
+    columns = {"flow": flow, "t_in": 0 * flow + 340.0, "t": np.array(t)}
+    roles = {"t": "measurement", "t_in": "command", "flow": "command"}
+    units = {"t": "K", "t_in": "K", "flow": "m3/s"}
+    signals = tuple(Signal(n, v, units[n], role=roles[n]) for n, v in columns.items())
+    trial = Recording("heater", 0.1 * np.arange(len(flow)), signals)
+    found = check_signs(trial, expectations(trial, model=model))
+    assert found.result != "unfit"
+
+
 def test_what_begins_the_other_way_than_it_goes_has_no_sign() -> None:
     def converter(m: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         off = 1.0 - m.u.duty

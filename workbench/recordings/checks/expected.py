@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from workbench.model import Input, Model, Output
 
 
+_LOOKS = 5
+"""Points along a recording at which a response must have the sign that it has at the start."""
+
+
 @dataclass(frozen=True)
 class Expected:
     """What the notes of an experiment and a model say about a recording.
@@ -47,13 +51,47 @@ class Expected:
     believed: frozenset[str] = frozenset()
 
 
-def _at_start(model: Model) -> tuple[npt.NDArray[np.float64], ...]:
-    """Return A, B, C and D of a model at its start."""
-    x, u = model.initial_state(), model.nominal_input
+Point = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
+
+
+def _at_start(model: Model, point: Point | None = None) -> tuple[npt.NDArray[np.float64], ...]:
+    """Return A, B, C and D of a model at its start, or at other states and inputs, in SI."""
+    x, u = point or (model.initial_state(), model.nominal_input)
     return tuple(np.asarray(m) for m in model.exact.jacobian_function(x, u, model.values))
 
 
-def response_signs(model: Model) -> dict[tuple[str, str], int]:
+def _along(model: Model, recording: Recording) -> list[Point]:
+    """Return inputs of a model along a recording, with the start and what was measured of it."""
+    *_, C, _ = _at_start(model)
+    read = {model.outputs[i].name: row for i, row in enumerate(C) if np.count_nonzero(row) == 1}
+    points = []
+    for k in np.linspace(0, len(recording) - 1, _LOOKS + 2).astype(int)[1:-1]:
+        x, u = model.initial_state().copy(), model.nominal_input.copy()
+        for name, row in read.items():
+            if name in recording and math.isfinite(recording[name][k]):
+                at = int(np.flatnonzero(row)[0])
+                x[at] = recording[name][k] / row[at]
+        for j, q in enumerate(model.inputs):
+            if q.name in recording and math.isfinite(recording[q.name][k]):
+                u[j] = recording[q.name][k]
+        points.append((x, u))
+    return points
+
+
+def sure_signs(model: Model, recording: Recording) -> dict[tuple[str, str], int]:
+    """Return the signs that responses have at the start of a model and all along a recording.
+
+    More of a flow warms a tank or cools it, by the temperature of what flows in: what stands at the
+    start in place of an input that nobody declared, zero kelvin, does not tell.
+    """
+    signs = response_signs(model)
+    for point in _along(model, recording):
+        there = response_signs(model, point)
+        signs = {k: s for k, s in signs.items() if there.get(k) == s}
+    return signs
+
+
+def response_signs(model: Model, point: Point | None = None) -> dict[tuple[str, str], int]:
     """Return the signs of responses that follow from the structure of a model.
 
     With the linear model (A, B, C, D) at the start, an input u first shows in an output y through
@@ -62,7 +100,7 @@ def response_signs(model: Model) -> dict[tuple[str, str], int]:
     the voltage of a boost converter does. A measured state accelerates a measured position (a state
     whose rate is another state) if it stands in its second derivative.
     """
-    A, B, C, D = _at_start(model)
+    A, B, C, D = _at_start(model, point)
     n = len(model.states)
     signs: dict[tuple[str, str], int] = {}
     for j, cause in enumerate(model.inputs):
@@ -228,7 +266,7 @@ def expectations(
         }
         # Dry friction holds at rest, and says nothing about a motion.
         free = model.without(*model.dry_effects)
-        signs = response_signs(free) if signs is None else signs
+        signs = sure_signs(free, recording) if signs is None else signs
     if required is not None:
         names = tuple(required)
     for name in names or ():
