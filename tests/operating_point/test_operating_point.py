@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 import re
+from typing import Any
 
 import numpy as np
 import pytest
 
 from workbench.errors import WorkbenchError
+from workbench.model import Input, Model, Output, State
 from workbench.operating_point import operating_point
 from workbench.physics.hysteresis import muscle_hysteresis
 from workbench.plants.arm import arm
@@ -174,3 +176,27 @@ def test_wrong_pressures_and_bounds_are_refused() -> None:
 def test_bounds_are_kept() -> None:
     with pytest.raises(WorkbenchError, match="no operating point"):
         operating_point(ARM, {"angle": 0.2}, bounds={"valve": (5.0, 10.0)})
+
+
+def test_a_vessel_whose_rounded_flows_do_not_cancel_rests_where_it_starts() -> None:
+    # Feed, heat and draw-off as they are read off a data sheet: the level integrates what is left.
+    def equations(m: Any) -> Any:
+        boiled = (m.u.heat - 2.0e3 * m.u.feed) / 2.26e6
+        level = (m.u.feed - boiled - m.u.draw) / 500.0
+        share = (0.1 * m.u.feed - m.x.share * m.u.draw) / 500.0
+        return {"level": level, "share": share}, {"level": m.x.level, "share": m.x.share}
+
+    vessel = Model(
+        "vessel",
+        equations,
+        states=(State("level", "m", initial=0.8), State("share", "1", initial=0.21)),
+        inputs=(
+            Input("draw", "kg/s", nominal=0.48, lower=0.0, upper=1.0),
+            Input("heat", "W", nominal=1.18e6, lower=0.0, upper=3e6, display_unit="kW"),
+            Input("feed", "kg/s", nominal=1.0, commanded=False),
+        ),
+        outputs=(Output("level", "m"), Output("share", "1")),
+    )
+    point = operating_point(vessel)
+    assert point.is_equilibrium and (point["level"], point["share"]) == (0.8, 0.21)
+    assert point["draw"] == pytest.approx(0.1 / 0.21) and point["feed"] == 1.0

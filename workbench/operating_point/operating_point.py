@@ -10,7 +10,7 @@ own, so any other mean can only be passed through, not held. A plant declares su
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -144,7 +144,7 @@ def operating_point(
     Args:
         given: Values of measurements, states or inputs by name, in SI, at most one per input (and
             one per drifting direction); measurements are looked up first. By default the inputs at
-            rest; where the only one does not hold the model, its first output as it starts.
+            rest; where they do not hold the model, as many outputs as commands can as they start.
         bounds: Smallest and largest value of states and inputs by name, in SI, inside those of
             the model and the limits that the plant declares.
 
@@ -172,14 +172,11 @@ def operating_point(
     x = np.clip(x, problem.lower[: len(x)], problem.upper[: len(x)])
     solution = solve(problem, x, u)
     if not solution.solved:
-        if not given and len(model.inputs) == 1 and model.outputs:
-            # A load that its one nominal input does not carry is held where it starts.
-            name, held = (
-                model.outputs[0].name,
-                model.read(model.initial_state(), model.nominal_input),
-            )
-            with suppress(WorkbenchError):
-                return operating_point(model, {name: float(held[0])}, bounds=bounds, near=near)
+        if not given:
+            # What nominal inputs do not carry, or fill and empty, is held where it starts.
+            for held in _held_at_start(model):
+                with suppress(WorkbenchError):
+                    return operating_point(model, held, bounds=bounds, near=near)
         raise _impossible(problem, solution)
     if any("." in name for name in solution.undetermined):
         solution = _with_effects_at_start(problem, solution, x, u)
@@ -214,6 +211,17 @@ def operating_point(
         condition_number=solution.condition_number,
         undetermined=solution.undetermined,
     )
+
+
+def _held_at_start(model: Model) -> Iterator[dict[str, float]]:
+    """Yield outputs as they start, as many as commands can hold first, and inputs that are left."""
+    start = model.read(model.initial_state(), model.nominal_input)
+    commands = model.commands
+    idle = {q.name: q.nominal for q in model.inputs if not q.commanded}
+    for count in range(min(len(commands), len(model.outputs)), 0, -1):
+        left = {q.name: q.nominal for q in commands[count:]}
+        outputs = model.outputs[:count]
+        yield {**{q.name: float(y) for q, y in zip(outputs, start, strict=False)}, **left, **idle}
 
 
 def _drifting(model: Model, names: Iterable[str]) -> list[str]:
