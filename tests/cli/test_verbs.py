@@ -85,6 +85,19 @@ def test_linearise_writes_the_matrices(tmp_path: Path, capsys: pytest.CaptureFix
     assert any(1.7 <= f <= 2.3 for f in swings)
 
 
+def test_linearise_writes_for_matlab(tmp_path: Path) -> None:
+    from scipy.io import loadmat
+
+    arguments = ["linearise", "--plant", "servo-axis", "--out"]
+    for name in ("axis.mat", "axis.json"):
+        assert run([*arguments, str(tmp_path / name)]) == 0
+    told = json.loads((tmp_path / "axis.json").read_text())
+    found = loadmat(tmp_path / "axis.mat", simplify_cells=True, mat_dtype=True)
+    for name in "ABCD":
+        np.testing.assert_allclose(np.reshape(found[name], np.shape(told[name])), told[name])
+    assert np.atleast_1d(found["states"]).tolist() == list(told["states"])
+
+
 def test_linearise_uses_parameters_with_units(tmp_path: Path) -> None:
     out = tmp_path / "linear.json"
     arguments = ["linearise", "-p", "supply_pressure=5.5bar", "--without", "bearing_friction"]

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from workbench.cli.options import AsJson
 from workbench.cli.plant import Chosen, with_plant
 from workbench.cli.running import tell
+from workbench.files import write_whole
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -30,7 +31,7 @@ def linearise(
 
     Args:
         verdict: Also simulate how large and how fast a motion may be (seconds).
-        out: JSON file for the operating point and the matrices A, B, C, D, in SI.
+        out: JSON or MATLAB .mat file for the operating point and the matrices A, B, C, D, in SI.
     """
     from workbench.linearisation import linearise as linear_model
     from workbench.operating_point import operating_point
@@ -51,8 +52,29 @@ def linearise(
             "outputs": dict(zip(linear.output_names, linear.y0.tolist(), strict=True)),
             **{name: getattr(linear, name).tolist() for name in "ABCD"},
         }
-        tell(content, as_json=as_json, file=out)
+        to_matlab = out is not None and out.suffix.lower() == ".mat"
+        tell(content, as_json=as_json, file=None if to_matlab else out)
+        if out is not None and to_matlab:
+            write_whole(out, _matlab(content))
+            typer.echo(f"written to {out}: load it and take ss(A, B, C, D)", err=as_json)
     return 0
+
+
+def _matlab(content: Mapping[str, Any]) -> bytes:
+    """Return matrices, points of rest as columns ``x0``, ``u0``, ``y0``, and their names."""
+    from io import BytesIO
+
+    import numpy as np
+    from scipy.io import savemat
+
+    variables: dict[str, Any] = {name: np.atleast_2d(content[name]) for name in "ABCD"}
+    for key, letter in (("states", "x"), ("inputs", "u"), ("outputs", "y")):
+        at_rest = content[key]
+        variables[f"{letter}0"] = np.reshape(list(at_rest.values()), (-1, 1))
+        variables[key] = np.array(list(at_rest), dtype=object)
+    file = BytesIO()
+    savemat(file, variables, oned_as="column")
+    return file.getvalue()
 
 
 def _interaction(linear: LinearModel, commands: Sequence[str]) -> list[str]:
