@@ -91,12 +91,20 @@ def _ahead(at: PortView) -> Expression:
     return at.value + lead * (at.value - at.x.memory)
 
 
+def _sampled_inputs(survey: Survey) -> Iterator[Fit]:
+    """Yield what inputs reach at once, but no port whose inputs all have ports of their own."""
+    own = {c.source for q in survey.places if q.commanded for c in survey.causes(q)}
+    for end, ((at,),) in drives("force", "acceleration", "flow", only=lambda q: q.driven)(survey):
+        if at.commanded or any(c.source not in own for c in survey.causes(at)):
+            yield end, ((at,),)
+
+
 # A simulation holds each sample. An input that ran in a straight line was ahead of that by half a
 # sampling interval on average, which a lead that fades within the interval gives back.
 input_interpolation = Law(
     "input_interpolation",
     "y = u + (u - m) / 2, dm/dt = (u - m) / interval",
-    drives("force", "acceleration", "flow", only=lambda at: at.driven),
+    _sampled_inputs,
     lambda at: (
         size("interval", "s", 10 * at.interval, 5e4 * at.interval, "interval between samples"),
         floor(at, 0.5),

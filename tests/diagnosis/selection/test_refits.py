@@ -441,37 +441,43 @@ def test_what_comes_late_is_raced_on_what_shows_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("scale", "group", "before", "all_ways"),
+    ("scale", "group", "before", "leader", "all_ways"),
     [
-        (0.003, "process", 3.0, False),
-        (0.3, "process", 3.0, True),
+        (0.003, "process", 3.0, 0, 4),
+        # One that the score does not put first ends the wait for those well behind it.
+        (0.003, "process", 3.0, 7, 12),
+        (0.3, "process", 3.0, 0, 30),
         # It colours the noise, and so predicts the next sample of anything.
-        (0.003, "sensor", 3.0, True),
+        (0.003, "sensor", 3.0, 0, 30),
         # The equations were trusted without it.
-        (0.003, "process", 0.003, True),
+        (0.003, "process", 0.003, 0, 30),
     ],
 )
 def test_beside_what_leaves_nothing_out_others_are_not_tried_in_every_way(
-    monkeypatch: pytest.MonkeyPatch, scale: float, group: str, before: float, all_ways: bool
+    monkeypatch: pytest.MonkeyPatch,
+    scale: float,
+    group: str,
+    before: float,
+    leader: int,
+    all_ways: int,
 ) -> None:
     thorough: dict[float, bool] = {}
 
     def first(_: Any, __: float, score: Score, *rest: Any) -> Any:
         thorough[score.gain] = rest[-1]
-        leads = score.gain == 9.0
+        leads = score.gain == 29.0 - leader
         found = SimpleNamespace(noise_scale=scale if leads else 3.0)
         return SimpleNamespace(entry=SimpleNamespace(group=group), fit=found, gain=score.gain)
 
     monkeypatch.setattr(refits, "_first", first)
     monkeypatch.setattr(refits, "blocks_of_cost", lambda *_: np.zeros(1))
     entry = library(servo_axis())[0]
-    field = [_score(entry, float(gain)) for gain in range(10)]
+    field = [_score(entry, float(gain)) for gain in range(30)]
     seen: Any = made_up_axis(1, samples=100)
     base: Any = SimpleNamespace(noise_scale=before)
-    found = refits._first_refits(base, field, (), 0.0, [seen], 1500, 10.0, [None] * 10, 1)
-    assert [c.gain for c in found] == [*range(10)]
-    assert all(thorough[gain] for gain in (9.0, 8.0, 7.0, 6.0))
-    assert {thorough[float(gain)] for gain in range(6)} == {all_ways}
+    found = refits._first_refits(base, field, (), 0.0, [seen], 1500, 10.0, [None] * 30, 1)
+    assert [c.gain for c in found] == [*range(30)]
+    assert [thorough[29.0 - rank] for rank in range(30)] == [rank < all_ways for rank in range(30)]
 
 
 def test_what_is_either_there_or_not_begins_at_the_priors_too(

@@ -396,3 +396,11 @@ def test_what_a_loop_asks_for_in_proportion_ends_at_a_limit() -> None:
     for error, asked in ((0.02, 0.04), (0.3, 0.1), (-0.3, -0.1)):
         rate = model.rates([0.1, 0.03], [0.1 + error])[1]
         assert rate == pytest.approx((asked - 0.03) / 0.1)
+
+
+def test_an_input_with_a_port_of_its_own_is_interpolated_there_alone() -> None:
+    def offered(model: Model) -> list[str]:
+        return [h.name for h in library(model) if h.law == "input_interpolation"]
+
+    assert offered(breathing("resistance")) == ["input_interpolation_pressure_command"]
+    assert offered(servo_axis()) == ["input_interpolation_axis_force"]

@@ -6,6 +6,7 @@ import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -252,7 +253,9 @@ def _first_refits(
     heads = _heads(base, field, known, fit_on, samples)
     order = sorted(range(len(field)), key=lambda i: -field[i].gain)
     found: dict[int, Candidate] = {}
-    for some in (order[:_BY_SCORE], order[_BY_SCORE:]):
+    # The best scores first, then ever more at a time.
+    ends = [_BY_SCORE * (2**k - 1) for k in range(len(order).bit_length() + 1)]
+    for some in (order[i:j] for i, j in pairwise(ends) if i < len(order)):
         # Beside what leaves nothing out nobody waits for the others to be tried in every way.
         ways = short and not any(_leaves_nothing(base, c) for c in found.values())
         calls: list[Call[Candidate]] = []
