@@ -390,3 +390,12 @@ def test_a_blank_within_a_cell_separates_no_columns(tmp_path: Path) -> None:
     recording = read_recording(path)
     assert recording.time == pytest.approx(TIME, abs=1e-6)
     assert np.array_equal(recording["qm"], POSITION)
+
+
+@pytest.mark.parametrize(
+    "line", ["# sample rate = 1 kHz", "# Fs [Hz]: 1000", "# dt = 1 ms", "# sample_time_s = 0.001"]
+)
+def test_a_sampling_rate_above_the_table_gives_its_instants(tmp_path: Path, line: str) -> None:
+    path = tmp_path / "trial.csv"
+    path.write_text("\n".join([line, "qm,vir", *(f"{q},0" for q in POSITION)]))
+    assert read_recording(path).time == pytest.approx(TIME)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import cast
@@ -30,6 +31,7 @@ _EPOCHS = {"ms": 1e11, "us": 1e14, "ns": 1e17}
 """Smallest count since 1970 that is one of milli-, micro- and nanoseconds: seconds do not get there
 before the year 5138, and the others have since 1973."""
 
+_RATE_NAMES = ("fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency")
 _STEP_NAMES = ("ts", "dt", "sampletime", "samplingtime", "sampleperiod")
 
 
@@ -195,6 +197,18 @@ def _since_1970(instants: Vector) -> str:
     return units[-1] if units else ""
 
 
+def _with_unit(value: Scalar, header: Header, alike: str) -> float:
+    """Return a setting in SI, stated with a unit or in the header's; 0 if it is none like that."""
+    found = re.fullmatch(r"([0-9.eE+-]+)\s*([A-Za-z]*)", str(value).strip())
+    unit = header.unit or (found is not None and found[2] and read_unit(found[2])[0]) or alike
+    if found is None or not same_dimension(unit, alike):
+        return 0.0
+    try:
+        return max(to_si(float(found[1]), unit), 0.0)
+    except ValueError:
+        return 0.0
+
+
 def _time(
     columns: Columns, headers: Sequence[Header], rules: MappingRules
 ) -> tuple[Vector | None, MappedColumn | None, int | None]:
@@ -222,10 +236,12 @@ def _time(
     source = "sample_time_s"
     if step is None:
         for key, value in columns.metadata.items():
-            plain = read_header(key).name.replace("_", "").lower()
-            if plain in _STEP_NAMES and isinstance(value, (int, float)) and value > 0:
-                unit = read_header(key).unit
-                step, source = (to_si(float(value), unit) if unit else float(value)), key
+            header = read_header(key)
+            plain = re.sub(r"[\W_]+", "", header.name).lower()
+            if plain in _STEP_NAMES and (number := _with_unit(value, header, "s")):
+                step, source = number, key
+            elif plain in _RATE_NAMES and (number := _with_unit(value, header, "Hz")):
+                step, source = 1.0 / number, key
     if step is None:
         return None, None, None
     note = f"every {step:g} s"

@@ -197,7 +197,8 @@ def read_recording(
     if assigned.time is None:
         raise WorkbenchError(
             f"{file.name} has no time column (its columns: {', '.join(found.headers)[:300]}); name "
-            'one in a mapping file, time = "...", or give sample_time_s there'
+            'one in a mapping file, time = "...", or give sample_time_s there, or write'
+            ' "# sample rate = 100 Hz" above the table'
         )
     if not assigned.signals:
         raise WorkbenchError(f"{file.name} holds a time but no signals")
