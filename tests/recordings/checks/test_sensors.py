@@ -366,6 +366,37 @@ def test_a_flow_has_the_sign_that_its_own_warmth_gives_it() -> None:
     assert found.result != "unfit"
 
 
+def test_what_a_loop_holds_against_what_would_fall_has_its_sign() -> None:
+    def magnet(m: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        force = 41.0 * m.u.current + 2.2e5 * m.x.gap
+        return {"gap": m.x.speed, "speed": force / 2.3}, {"gap": m.x.gap}
+
+    model = Model(
+        "magnet",
+        magnet,
+        states=(State("gap", "m"), State("speed", "m/s")),
+        inputs=(Input("current", "A"),),
+        outputs=(Output("gap", "m"),),
+    )
+    # A load that nobody records pushes it about, which the current answers to.
+    rng = np.random.default_rng(2)
+    gap, speed, gaps, currents = 0.0, 0.0, [], []
+    for load in np.repeat(rng.uniform(-25.0, 25.0, 50), 50):
+        gaps.append(gap + rng.normal(0.0, 2e-7))
+        read = gap + rng.normal(0.0, 2e-7)
+        currents.append(-12e3 * read - 22.0 * speed)
+        for _ in range(4):
+            speed += 5e-5 * (41.0 * currents[-1] + 2.2e5 * gap + load) / 2.3
+            gap += 5e-5 * speed
+    signals = (
+        Signal("current", np.array(currents), "A", role="command"),
+        Signal("gap", np.array(gaps), "m", role="measurement"),
+    )
+    trial = Recording("magnet", 2e-4 * np.arange(len(gaps)), signals)
+    found = check_signs(trial, expectations(trial, model=model))
+    assert found.result != "unfit" and "a loop holds the machine" in found.note
+
+
 def test_what_begins_the_other_way_than_it_goes_has_no_sign() -> None:
     def converter(m: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         off = 1.0 - m.u.duty

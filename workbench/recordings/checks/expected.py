@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from workbench.model import Input, Model, Output
 
 
+_MANY = 10.0
+"""Time constants of an unstable mode along a recording beyond which a loop must have held it."""
+
 _LOOKS = 5
 """Points along a recording at which a response must have the sign that it has at the start."""
 
@@ -37,6 +40,7 @@ class Expected:
         believed: Signals whose typical size somebody declared; of others the inputs' ranges tell
             how far they may go, not how far they usually do.
         speed: Middle one of the magnitudes of the model's eigenvalues, in rad/s; NaN if unknown.
+        unstable: Whether only a loop can have held the machine where it was.
         slopes: How strongly a measured cause accelerates a motion, by (cause, motion), in SI.
     """
 
@@ -49,6 +53,7 @@ class Expected:
     slopes: Mapping[tuple[str, str], float] = field(default_factory=dict)
     reach: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     believed: frozenset[str] = frozenset()
+    unstable: bool = False
 
 
 Point = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
@@ -172,6 +177,15 @@ def drifting(model: Model) -> frozenset[str]:
     return frozenset(q.name for q, s in zip(model.outputs, shares, strict=True) if s > 1e-6)
 
 
+def _falls_over(model: Model, recording: Recording) -> bool:
+    """Tell whether a model would leave its start many times over along a recording."""
+    A, *_ = _at_start(model)
+    if not A.size or not np.isfinite(A).all() or len(recording) < 2:
+        return False
+    seconds = float(recording.time[-1] - recording.time[0])
+    return bool(np.linalg.eigvals(A).real.max() * seconds > _MANY)
+
+
 def middle_speed(model: Model) -> float:
     """Return the middle one of the magnitudes of a model's eigenvalues at its start, in rad/s.
 
@@ -285,4 +299,5 @@ def expectations(
         {} if free is None else acceleration_slopes(free),
         reach,
         believed,
+        free is not None and _falls_over(free, recording),
     )

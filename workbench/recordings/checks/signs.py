@@ -70,15 +70,15 @@ def accelerations(
 
 def _strengths(
     recording: Recording, expected: Expected
-) -> tuple[dict[tuple[str, str], float], dict[tuple[str, str], float], Pairs]:
+) -> tuple[dict[tuple[str, str], float], dict[tuple[str, str], float], dict[tuple[str, str], str]]:
     """Return how surely each cause acts, in sigmas, and how strongly it accelerates, in SI.
 
-    Listed last are pairs whose answer goes surely both ways: what is new in a very smooth
-    measurement swings, and its strongest swing does not tell where the measurement itself goes.
+    Listed last are pairs of which the sign cannot be told, with the reason: what is new in a very
+    smooth measurement swings, and its strongest swing does not tell where the measurement goes.
     """
     slopes: dict[tuple[str, str], float] = {}
     found: dict[tuple[str, str], float] = {}
-    both: Pairs = []
+    untold: dict[tuple[str, str], str] = {}
     motions: dict[str, list[str]] = {}
     moving = [c for c in recording.commands if np.ptp(recording[c]) > 0]
     for cause, response in expected.signs:
@@ -89,20 +89,27 @@ def _strengths(
         if recording.signal(cause).role == "command":
             every = response_correlation(recording, cause, response, max_delay=0.03)
             beside = tuple(c for c in moving if c != cause)
-            if beside and _strongest(every) * expected.signs[cause, response] < -_SURE:
+            if beside and _against(expected, cause, response, every):
                 # The answer may be to what moves together with it.
                 every = response_correlation(
                     recording, cause, response, max_delay=0.03, beside=beside
                 )
             found[cause, response] = _strongest(every)
             if every.min() < -_SURE and every.max() > _SURE:
-                both.append((cause, response))
+                untold[cause, response] = "it swings both ways"
+            elif expected.unstable and _against(expected, cause, response, every):
+                # What pushes the machine off is there before the command that works against it.
+                untold[cause, response] = "a loop holds the machine, and the command answers to it"
         else:
             motions.setdefault(response, []).append(cause)
     for motion, causes in motions.items():
         for cause, (slope, strength) in accelerations(recording, causes, motion).items():
             found[cause, motion], slopes[cause, motion] = strength, slope
-    return found, slopes, both
+    return found, slopes, untold
+
+
+def _against(expected: Expected, cause: str, response: str, every: Vector) -> bool:
+    return _strongest(every) * expected.signs[cause, response] < -_SURE
 
 
 def _strongest(every: Vector) -> float:
@@ -133,8 +140,8 @@ def check_signs(recording: Recording, expected: Expected) -> Finding:
     if not expected.signs or len(recording) < 10 * MEMORY:
         why = "no model says which way a response goes" if not expected.signs else "too short"
         return Finding("not checked", why)
-    found, slopes, both = _strengths(recording, expected)
-    told = {k: s * expected.signs[k] for k, s in found.items() if k not in both}
+    found, slopes, untold = _strengths(recording, expected)
+    told = {k: s * expected.signs[k] for k, s in found.items() if k not in untold}
     wrong = [k for k, s in told.items() if s < -_SURE]
     # Exchanged columns accelerate as much as the model says. Where the motion is so slow that
     # pressures and friction balance, a regression of the acceleration tells nothing.
@@ -145,7 +152,7 @@ def check_signs(recording: Recording, expected: Expected) -> Finding:
     if mistake := _mistake(wrong, right, expected.signs):
         listed = ", ".join(f"{c} -> {r}" for c, r in wrong)
         return Finding("unfit", f"the response has the wrong sign: {listed}; {mistake}", values)
-    doubts = [f"the sign of {c} -> {r} cannot be told: it swings both ways" for c, r in both]
+    doubts = [f"the sign of {c} -> {r} cannot be told: {why}" for (c, r), why in untold.items()]
     doubts += [f"the sign of {c} -> {r} cannot be told: it hardly acts" for c, r in faint]
     doubts += [
         f"{c} -> {r} has the wrong sign, which no reversed or exchanged column explains"
