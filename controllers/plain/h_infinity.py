@@ -85,12 +85,38 @@ def _within(want: PlainHInfinitySpecification, limits: LoopLimits) -> TransferLa
             f" ({str(error).partition(';')[0]}); take another family, such as lqi"
         ) from None
     law, speed = without_lags[best]
-    led = limits.led(law.behind_lags, limits.lags((speed,) * limits.outputs))
-    unexcited = [law.referred(*entry) for entry in limits.unexcited(law.around_rest())]
-    chosen = limits.better([led, *unexcited])
-    if chosen is led:
-        return limits.at_pace(led)
-    return limits.best_at_pace([chosen, chosen.conditioned()])
+    speeds, own = (speed,) * limits.outputs, law.around_rest()
+    mild = limits.led(law.behind_lags, limits.lags(speeds))
+    others = [law.referred(*entry) for entry in limits.unexcited(own)]
+    entering = limits.entering(own)
+
+    def entered(reluctance: float, speeds: tuple[float, ...]) -> TransferLaw:
+        return law.referred(*entering(speeds, reluctance))
+
+    for by in (partial(entered, reluctance) for reluctance in RELUCTANCES):
+        lags = limits.lags(speeds)[FASTER:]
+        if limits.growing:
+            # Commands that are at their ends for a reference hold nothing that grows.
+            most = max(SWING, limits.swing(mild))
+            lags = [each for each in lags if limits.swing(by(each)) <= most]
+        others += [limits.led(by, lags)] if lags else []
+    if not others:
+        return limits.at_pace(mild)
+    eager = limits.better(others)
+    if limits.growing:
+        return limits.at_pace(limits.better([mild, eager]))
+    return limits.best_at_pace([mild, eager, eager.conditioned(), others[-1]])
+
+
+RELUCTANCES = (1e-3, 0.1)
+"""What it may cost references to enter otherwise than by the error, ratios."""
+
+SWING = 0.5
+"""Largest swing of commands of a plant that grows, after a step of an output's scale, over theirs,
+if it swings no further by the error alone."""
+
+FASTER = 2
+"""Lags of references that are too fast for what answers without a tail."""
 
 
 def _h_infinity(

@@ -380,6 +380,17 @@ class LoopLimits:
         errors = cost(found, found.errors.min(axis=0), self.want.overshoot)
         return laws[int(np.argmin(errors))]
 
+    @property
+    def growing(self) -> bool:
+        """Whether the plant is unstable."""
+        return bool(np.any(self.loop.linear.poles.real > 0.0))
+
+    def swing(self, law: AroundRest) -> float:
+        """Return the largest swing of a command after a step of an output, over scales, a ratio."""
+        swings = [np.abs(self._freely(law.around_rest(), i)[1]) for i in range(self.outputs)]
+        each = [own.max(axis=0) / self.loop.command_scale for own in swings]
+        return float(np.max(np.array(each) * self.loop.output_scale[:, None]))
+
     def unexcited(self, own: LinearLaw) -> list[tuple[Matrix, Matrix]]:
         """Return ways by which references leave as many modes alone as the law has states.
 
@@ -397,9 +408,8 @@ class LoopLimits:
         (A, B, C), p = self.plants[0], self.outputs
         one = LinearLaw(*(part[None] for part in own))
         closed, n, k, m = _closed(self.plants[0], one)[0][0], len(A), len(own.F), B.shape[1]
-        if m > 1 or not k or np.any(self.loop.linear.poles.real > 0.0):
-            # Of several outputs, what is fast for one reference is not for another; and commands
-            # that are at their ends for a reference hold nothing that grows.
+        if m > 1 or not k or self.growing:
+            # Of several outputs, what is fast for one reference is not for another.
             return []
         poles, left = np.linalg.eig(closed.T)
         order = np.argsort(-np.abs(poles), kind="stable")
@@ -424,23 +434,74 @@ class LoopLimits:
                 found.append((gains[m:], gains[:m]))
         return found
 
-    def best_at_pace(self, laws: Sequence[P]) -> P:
-        """Return the law, at its pace, whose large steps are the best, the loops being the same.
+    def entering(self, own: LinearLaw) -> Callable[[Sequence[float], float], tuple[Matrix, Matrix]]:
+        """Return what tells how references enter a law so that outputs answer them as lags do.
 
-        Overshoots count by their third power: what is no faster for them is no better.
+        After a unit step of a reference, its output is as near as can be to that of two lags of a
+        speed, in rad/s, and the others stay, in the mean square of time by error; all arrive. The
+        answer to what enters at each state and each command adds up to it, so that no mode of the
+        loop is in the way; its poles, and what it does about loads, stay. What it costs to enter
+        otherwise than by the error of the output is a ratio.
+
+        Args:
+            own: Law around rest.
+
+        Returns:
+            A function of a speed for each output, in rad/s, and that ratio, which returns Br, shape
+            (n, p), and Dr, shape (m, p), in SI.
+
+        Source: Åström and Wittenmark, Computer-Controlled Systems, 1997, section 5.3 (model
+        following).
         """
+        F, G, H, J = own
+        (k, m), p, y = (len(F), len(H)), self.outputs, self.sensors
+        each = np.vstack([np.eye(m, m + k), np.eye(k, m + k, m)])
+        law = LinearLaw(F, np.hstack([G[:, :y], each[m:]]), H, np.hstack([J[:, :y], each[:m]]))
+        time, seen, _ = self.steps(stacked([law]))
+        size, weight = self.loop.output_scale, np.sqrt(np.gradient(time) * time)
+        seen = seen[0, :, :, : m + k] / size[:, None]
+        by_error = np.vstack([J[:, y : y + p], G[:, y : y + p]])
+        weighed = weight[:, None, None] * seen
+        column = np.maximum(np.linalg.norm(weighed, axis=(0, 1)), 1e-300)
+        table, last = weighed.reshape(-1, m + k) / column, seen[-1] / column
+        arriving, free = np.linalg.pinv(last), np.linalg.svd(last)[2][p:].T
+
+        def entered(speeds: Sequence[float], reluctance: float) -> tuple[Matrix, Matrix]:
+            entry = by_error.copy()
+            for i, speed in enumerate(speeds):
+                asked = np.zeros((len(time), p))
+                asked[:, i] = (1.0 - (1.0 + speed * time) * np.exp(-speed * time)) / size[i]
+                missing = asked - seen @ by_error[:, i]
+                begun = arriving @ (np.eye(p)[i] / size[i] - seen[-1] @ by_error[:, i])
+                left = (weight[:, None] * missing).ravel() - table @ begun
+                within = np.vstack([table @ free, reluctance * free])
+                more = np.linalg.lstsq(within, np.append(left, -reluctance * begun), rcond=None)[0]
+                entry[:, i] += (begun + free @ more) / column
+            return entry[m:], entry[:m]
+
+        return entered
+
+    def best_at_pace(self, laws: Sequence[P]) -> P:
+        """Return the law, at its pace, whose steps are the best, the loops being the same.
+
+        Small and large steps count alike; overshoots of large ones by their third power: what is no
+        faster for them is no better.
+        """
+        reached = self.answered(stacked([law.around_rest() for law in laws]))
+        small = cost(reached, reached.errors.min(axis=0), self.want.overshoot)
         paced: list[Any] = [self.at_pace(law) for law in laws]
-        total = np.zeros(len(laws))
+        large = np.zeros(len(laws))
         for i in range(self.outputs):
-            size, _ = self._large(laws[0], i)
-            if len(size):
+            # Those of the first law that has room for any.
+            sizes = [found for law in laws if len(found := self._large(law, i)[0])]
+            for size in sizes[:1]:
                 each = [
                     self._paced(self._run, law, i, size, np.array([(law.pace or {i: math.inf})[i]]))
                     for law in paced
                 ]
                 errors, penalty = (np.vstack(part) for part in zip(*each, strict=True))
-                total += np.sum(errors / errors.min(axis=0) * penalty**3, axis=1)
-        return cast(P, paced[int(np.argmin(total))])
+                large += np.sum(errors / errors.min(axis=0) * penalty**3, axis=1)
+        return cast(P, paced[int(np.argmin(small * large if large.any() else small))])
 
     def at_pace(self, law: P) -> P:
         """Return the law at the pace of its references that suits steps beyond the commands' ends.

@@ -127,7 +127,7 @@ class TransferLaw(PlainLaw):
         Source: Hanus, Kinnaert and Henrotte, Conditioning technique, a general anti-windup and
         bumpless transfer method, Automatica 23, 1987.
         """
-        back = np.array(self.by_reference) @ np.linalg.inv(self.reference_gain)
+        back = np.array(self.by_reference) @ np.linalg.pinv(self.reference_gain, rcond=1e-6)
         return replace(self, back=rows(back))
 
     def initial_state(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> TransferState:
