@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -165,3 +166,20 @@ def test_a_heater_that_rests_near_its_end_is_as_fast_as_its_power() -> None:
     found = metrics(verify(law, oven, warmer))
     # 20 K take 333 s at all of the power. What overshoots cools for hours.
     assert found["settling_time"].value < 600.0 and found["overshoot"].value < 0.02
+
+
+def test_a_loop_far_slower_than_its_plant_is_not_waited_for(
+    oven: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "slow.py").write_text(
+        "from controllers.plain.transfer_law import pid_by_hand\n"
+        "def design(linear, specification):\n"
+        "    told = {'measured': 'rise', 'actuator': 'duty', 'upper': 1.0, 'sample_time': 0.2}\n"
+        "    return pid_by_hand(0.0, 1e-5, **told)\n"
+    )
+    words = ["verify", *oven, "-c", "slow:design", "--from", "20K", "--to", "40K"]
+    assert run([*words, "--sample-time", "200ms", "--json"]) == 0
+    told = capsys.readouterr()
+    assert re.search(r"slow:design settles in [\d.]+ h, later than .*--hold [\d.]+h runs", told.err)
+    (found,) = json.loads(told.out)["runs"]
+    assert found["metrics"]["settling_time"]["value"] is None

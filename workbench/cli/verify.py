@@ -155,7 +155,8 @@ def tried(
             independently, or the first alone if no design fits them.
         progress: Told ``"designs"``, how many are done of how many, and which one is next.
     """
-    from workbench.model.units import quantity
+    from workbench.linearisation.pace import rounded_up
+    from workbench.model.units import in_time, quantity
     from workbench.study.designs import followed_by_default
 
     own = controlled or followed_by_default(chosen.plant, base.linear())
@@ -187,9 +188,17 @@ def tried(
     followed = {name for recipe in recipes for name in _follows(recipe)}
     moved = [names for names in moved if followed & set(names)] or moved[:1]
     same = f"{found[0].sample_time!r} s"
-    long = max(settling(recipes, base.linear(), scenario) for scenario in found)
-    if hold is None and long:
-        hold = f"{long!r} s"
+    if hold is None:
+        slow: dict[str, float] = {}
+        long = max(settling(recipes, base.linear(), scenario, slow) for scenario in found)
+        hold = f"{long!r} s" if long else None
+        for name, settled in slow.items():
+            whole = in_time(rounded_up(2.0 * settled)).replace(" ", "")
+            typer.echo(
+                f"{name} settles in {in_time(settled)}, later than the step is run for by default;"
+                f" --hold {whole} runs all of it",
+                err=True,
+            )
     return recipes, scenarios(hold, same)
 
 
@@ -366,12 +375,24 @@ def _noise(output: Output) -> float:
     return math.hypot(output.noise_rms, output.resolution / math.sqrt(12.0))
 
 
-def settling(recipes: Sequence[ControllerRecipe], linear: LinearModel, scenario: Scenario) -> float:
+LONGEST = 20_000
+"""Most samples between steps that a loop that is slower than its plant is given by default."""
+
+
+def settling(
+    recipes: Sequence[ControllerRecipe],
+    linear: LinearModel,
+    scenario: Scenario,
+    slow: dict[str, float],
+) -> float:
     """Return the time between steps, in s, that the slowest loop needs; 0 if they have it.
 
     It is twice what that loop takes to settle, or five times that where this is less than they
     have, as of fast loops of slow plants: a step that a command's end slows down a little still
     shows. One that ends near the end of a command keeps the time of the plant.
+
+    Args:
+        slow: Takes up, by name, what loops that would need too many samples take to settle, in s.
     """
     from controllers.plain.limits import settled_after
     from controllers.plain.loop import PlainLaw
@@ -390,7 +411,11 @@ def settling(recipes: Sequence[ControllerRecipe], linear: LinearModel, scenario:
             told = hasattr(law, "around_rest") and not recipe.kind().sensors
             if told := told or isinstance(law, PlainLaw):
                 late = scenario.late_samples * scenario.sample_time
-                long = max(long, settled_after(law, linear, steps) + late)
+                settled = settled_after(law, linear, steps) + late
+                if 2.0 * settled > max(usual, LONGEST * scenario.sample_time):
+                    slow[recipe.name], told = max(settled, slow.get(recipe.name, 0.0)), False
+                else:
+                    long = max(long, settled)
             room = room and has_room(linear, law.actuators, steps)
         all_told = all_told and told
     least, enough = (rounded_up(share * long) if long else usual for share in (2.0, 5.0))
