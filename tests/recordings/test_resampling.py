@@ -64,6 +64,17 @@ def test_recordings_of_several_rates_come_to_that_of_the_slowest() -> None:
     assert at_one_pace([made[0], holed]) == [made[0], holed]
 
 
+def test_clocks_that_hardly_differ_move_no_sample() -> None:
+    noise = np.random.default_rng(0).normal(size=(2, 1000))
+    made = [
+        Recording(str(k), t0 + np.arange(1000) * step, (Signal("x", noise[k]),))
+        for k, (t0, step) in enumerate([(300.0, 0.02), (0.0, 0.02 * (1.0 + 1e-5))])
+    ]
+    one, other = at_one_pace(made)
+    assert one.sample_time == pytest.approx(other.sample_time, rel=1e-9)
+    assert np.array_equal(one["x"], noise[0]) and np.array_equal(other["x"], noise[1])
+
+
 def test_low_pass_has_no_delay_and_unit_gain() -> None:
     time = np.linspace(0.0, 1.0, 401)
     assert np.allclose(low_pass(3 * time + 1, 0.05), 3 * time + 1, atol=1e-9)

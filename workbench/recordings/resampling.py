@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
@@ -13,8 +14,8 @@ from workbench.errors import TIMES_S, WorkbenchError, check_finite, check_range
 from workbench.model.units import in_time
 from workbench.recordings.recording import Recording, Signal, Span
 
-_DIGITS = 9
-"""Decimals of a sample time, in s, that count."""
+_SAME = 0.02
+"""Part of a step by which two clocks of one pace may drift apart along a recording."""
 
 _MOSTLY = 0.9
 
@@ -116,12 +117,19 @@ def at_one_pace(recordings: Sequence[Recording]) -> list[Recording]:
         >>> [round(r.sample_time, 9) for r in at_one_pace(made)]
         [0.2, 0.2]
     """
-    paces = [round(_pace(r), _DIGITS) for r in recordings]
+    paces = [_pace(r) for r in recordings]
     slowest = max(paces, default=0.0)
-    return [
-        r if pace == slowest or not r.increasing else resample(r, rate_Hz=1.0 / slowest)
-        for r, pace in zip(recordings, paces, strict=True)
-    ]
+
+    def paced(recording: Recording, pace: float) -> Recording:
+        if not recording.increasing or math.isclose(pace, slowest, rel_tol=1e-9):
+            return recording
+        n = len(recording)
+        if (slowest - pace) * n < _SAME * slowest:
+            even = recording.time + (slowest - pace) * (np.arange(n) - 0.5 * (n - 1))
+            return replace(recording, time=even)
+        return resample(recording, rate_Hz=1.0 / slowest)
+
+    return [paced(r, pace) for r, pace in zip(recordings, paces, strict=True)]
 
 
 def refined(recording: Recording, parts: int, straight: Collection[str]) -> Recording:

@@ -104,6 +104,8 @@ def test_a_clock_that_is_uneven_alone_moves_no_sample(
     assert (result, "interpolated" in note) == ("corrected", taken_late)
     assert np.ptp(np.diff(recording.time)) < 1e-9
     assert np.array_equal(recording["height"], height) is not taken_late
+    # All stamps together tell the step, not the first and the last one.
+    assert taken_late or recording.sample_time == pytest.approx(0.05, abs=4e-7)
 
 
 def test_nanoseconds_called_seconds() -> None:
