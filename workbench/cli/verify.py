@@ -388,21 +388,21 @@ def settling(
     """Return the time between steps, in s, that the slowest loop needs; 0 if they have it.
 
     It is twice what that loop takes to settle, or five times that where this is less than they
-    have, as of fast loops of slow plants: a step that a command's end slows down a little still
-    shows. One that ends near the end of a command keeps the time of the plant.
+    have, as of fast loops of slow plants: a step that a command's end slows down still shows, and
+    the step back. One that ends near the end of a command keeps the time of the plant.
 
     Args:
         slow: Takes up, by name, what loops that would need too many samples take to settle, in s.
     """
     from controllers.plain.limits import settled_after
     from controllers.plain.loop import PlainLaw
-    from workbench.linearisation.pace import has_room, rounded_up
+    from workbench.linearisation.pace import has_room, least_time, rounded_up
 
     changes = {name: signal.changes for name, signal in scenario.references.items()}
     steps = {name: own[0][2] - own[0][1] for name, own in changes.items() if own}
     times = [change[0] for own in changes.values() for change in own]
     usual = max(times, default=0.0) - min(times, default=0.0)
-    long, all_told, room = 0.0, True, True
+    long, ended, all_told, room = 0.0, 0.0, True, True
     for recipe in recipes:
         told = False
         # One that cannot be built is a run that failed.
@@ -417,11 +417,15 @@ def settling(
                 else:
                     long = max(long, settled)
             room = room and has_room(linear, law.actuators, steps)
+            ended = max(ended, least_time(linear, law.actuators, steps))
         all_told = all_told and told
-    least, enough = (rounded_up(share * long) if long else usual for share in (2.0, 5.0))
-    if least > usual:
+    if not long:
+        return 0.0
+    if (least := rounded_up(2.0 * long)) > usual:
         return least
-    return enough if all_told and room and enough < usual else 0.0
+    # A step back may have less of the command than the step, as what only cools.
+    enough = max(5.0 * long, 2.0 * (long + ended))
+    return rounded_up(enough) if all_told and room and enough < 0.99 * usual else 0.0
 
 
 def _reached(

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from workbench.arrays import Vector
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.zero_order_hold import zero_order_hold
 from workbench.model import Input
@@ -94,19 +95,61 @@ def has_room(linear: LinearModel, actuators: Sequence[str], steps: Mapping[str, 
         actuators: Commands that a law moves; all else rests.
         steps: Change of each output by name, in SI.
     """
-    inputs = {q.name: q for q in linear.operating_point.model.inputs}
+    used, moved = _moved_at_rest(linear, actuators, steps)
+    below, above = _rooms(linear, used)
+    rooms = np.where(moved > 0.0, above, below)
+    return bool(np.all(np.abs(moved) <= LEFT * rooms))
+
+
+def least_time(linear: LinearModel, actuators: Sequence[str], steps: Mapping[str, float]) -> float:
+    """Return the time, in s, in which commands at their ends move outputs by steps and back.
+
+    It is that of the slowest; infinite where they do not within ten times `step_time`.
+
+    Args:
+        actuators: Commands that a law moves; all else rests.
+        steps: Change of each output by name, in SI.
+    """
+    longest = 0.0
+    for name, step in steps.items():
+        used, moved = _moved_at_rest(linear, actuators, {name: step})
+        below, above = _rooms(linear, used)
+        own = linear.select(inputs=used, outputs=[name])
+        size = own.state_scales
+        a, b, c = own.A * size / size[:, None], own.B / size[:, None], own.C * size
+        for asked, down, up in ((step, below, above), (-step, below + moved, above - moved)):
+            time, most = 1e-4 * step_time(linear), 10.0 * step_time(linear)
+            while time < most:
+                by = math.copysign(1.0, asked) * (c @ zero_order_hold(a, b, time)[1])[0]
+                # What may move without end need not be asked whether it moves enough.
+                far = np.where(by > 0.0, up, down)
+                if np.sum(np.abs(by[by != 0.0]) * far[by != 0.0]) >= abs(asked):
+                    break
+                time *= 1.25
+            longest = max(longest, time if time < most else math.inf)
+    return longest
+
+
+def _moved_at_rest(
+    linear: LinearModel, actuators: Sequence[str], steps: Mapping[str, float]
+) -> tuple[list[str], Vector]:
+    """Return commands, and what they move by for rest after steps, in SI."""
+    inputs = {q.name for q in linear.operating_point.model.inputs}
     column = {name: i for i, name in enumerate(linear.input_names)}
     used = [name for name in actuators if name in inputs and name in column]
     rows = [linear.output_names.index(name) for name in steps]
     own = [column[name] for name in used]
     left = np.block([[linear.A, linear.B[:, own]], [linear.C[rows], linear.D[np.ix_(rows, own)]]])
     right = np.append(np.zeros(len(linear.A)), list(steps.values()))
-    moved = np.linalg.lstsq(left, right, rcond=None)[0][len(linear.A) :]
-    rooms = [
-        inputs[n].upper - linear.u0[k] if u > 0.0 else linear.u0[k] - inputs[n].lower
-        for n, k, u in zip(used, own, moved, strict=True)
-    ]
-    return all(abs(u) <= LEFT * r for u, r in zip(moved, rooms, strict=True))
+    return used, np.linalg.lstsq(left, right, rcond=None)[0][len(linear.A) :]
+
+
+def _rooms(linear: LinearModel, commands: Sequence[str]) -> tuple[Vector, Vector]:
+    """Return what commands may change by below and above rest, in SI."""
+    inputs = {q.name: q for q in linear.operating_point.model.inputs}
+    rest = np.array([linear.u0[linear.input_names.index(name)] for name in commands])
+    ends = np.array([(inputs[name].lower, inputs[name].upper) for name in commands]).reshape(-1, 2)
+    return rest - ends[:, 0], ends[:, 1] - rest
 
 
 def _room(command: Input, rest: float) -> float:
