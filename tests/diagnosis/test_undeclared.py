@@ -82,6 +82,21 @@ def test_a_problem_of_files_says_which_numbers_count_in_si_for_want_of_a_unit(
     ]
 
 
+def test_recordings_of_two_uneven_clocks_keep_their_samples(tmp_path: Path) -> None:
+    even, rng = 0.02 * np.arange(1000), np.random.default_rng(1)
+    noise = 1e-3 * rng.normal(size=1000)
+    for name in ("a", "b"):
+        stamps = even + rng.uniform(-2e-3, 2e-3, 1000)
+        columns = np.column_stack([stamps, np.sin(even), np.cos(3.0 * even) + noise])
+        header = "t [s],drive [N],position [m]"
+        np.savetxt(tmp_path / f"{name}.csv", columns, "%.9g", ",", header=header, comments="")
+    problem = problem_of_files(oscillator(), [tmp_path / "a.csv"], [tmp_path / "b.csv"])
+    for recording in (*problem.fit, *problem.hold_out):
+        assert np.allclose(recording["position"], np.cos(3.0 * even) + noise, rtol=0.0, atol=1e-8)
+    steps = [r.sample_time for r in (*problem.fit, *problem.hold_out)]
+    assert steps == pytest.approx([0.02, 0.02], rel=2e-5) and steps[0] == pytest.approx(steps[1])
+
+
 def test_a_run_that_diverges_tells_nothing_of_noise(monkeypatch: pytest.MonkeyPatch) -> None:
     bare = replace(oscillator(), outputs=(Output("position", "m", 1.0),))
     run = _swinging(0.0)

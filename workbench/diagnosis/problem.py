@@ -115,7 +115,11 @@ def problem_of_files(
         read[path] = recording.with_roles(
             dict.fromkeys([n for n in inputs if n in recording], "command")
         )
-    read = dict(zip(read, at_one_pace(list(read.values())), strict=True))
+    given = list(read.values())
+    if any(a is not b for a, b in zip(at_one_pace(given), given, strict=True)):
+        # Of clocks that are uneven alone the paces show without that.
+        given = at_one_pace([evened(r) if r.increasing else r for r in given])
+    read = dict(zip(read, given, strict=True))
     declared = model
     model, notes = with_undeclared(model, list(read.values()))
     # Within a step, too, what goes straight pushes a plant otherwise than its mean does.
