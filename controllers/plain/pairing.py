@@ -184,6 +184,8 @@ def interaction(loop: Loop) -> list[str]:
         return []
     G = gain_at_rest(loop)
     table = relative_gains(G * loop.command_scale / loop.output_scale[:, None])
+    # What rounding leaves is nothing.
+    table[np.abs(table) < 1e-9 * np.abs(table).max()] = 0.0
     rows = "; ".join(
         f"{name}: "
         + ", ".join(f"{gain:.3g} {u}" for gain, u in zip(row, loop.actuators, strict=True))

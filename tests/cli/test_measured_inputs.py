@@ -159,7 +159,9 @@ def test_a_run_starts_at_rest_and_says_so_or_where_the_plant_begins(
 def test_a_plant_that_does_not_rest_is_run_from_where_it_begins(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (folder / "boilers.py").write_text(PLANT.replace("flow = m.u.draw *", "flow = 0.0 *"))
+    # What heats can be turned down, and not off.
+    told = PLANT.replace("flow = m.u.draw *", "flow = 0.0 *")
+    (folder / "boilers.py").write_text(told.replace("4e4, lower=0.0", "4e4, lower=1e4"))
     words = ["simulate", "--plant", "boilers:boiler", "--power", "0:41.8kW", "--out", "run.csv"]
     assert run(words) == WRONG_USE
     assert "no operating point" in capsys.readouterr().err

@@ -156,7 +156,7 @@ def test_a_redesign_is_run_until_its_loops_have_settled(
     from workbench.cli import verify
 
     (tmp_path / "verdict.json").write_text(json.dumps({"plant": {"name": "servo-axis"}}))
-    monkeypatch.setattr(verify, "settling", lambda recipes, linear, scenario: 4.0)
+    monkeypatch.setattr(verify, "settling", lambda *_: 4.0)
     out = tmp_path / "out"
     assert run(["redesign", str(tmp_path / "verdict.json"), "-f", "lqi", "--out", str(out)]) == 0
     conditions = json.loads((out / "results.json").read_text())["conditions"]
