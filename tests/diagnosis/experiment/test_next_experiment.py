@@ -79,6 +79,26 @@ def test_the_menu_is_written_in_the_units_in_which_people_read_inputs_and_long_t
     assert all(text.endswith((" h", " d")) for text in said), said
 
 
+def test_what_was_never_at_rest_moves_about_the_middle_of_what_was_recorded() -> None:
+    plant = Model(
+        "wash",
+        lambda m: ({"salt": (20.0 - m.u.flow * m.x.salt) / 50.0}, {"salt": m.x.salt}),
+        states=(State("salt", "kg/m3", 1.0),),
+        inputs=(Input("flow", "m3/s", lower=0.0),),
+        outputs=(Output("salt", "kg/m3", 1.0, noise_rms=0.01),),
+    )
+    time = np.arange(400.0)
+    flow = 4.0 + 2.0 * np.sign(np.sin(time / 20.0))
+    salt = [5.0]
+    for f in flow[:-1]:
+        salt.append(salt[-1] + (20.0 - f * salt[-1]) / 50.0)
+    signals = Signal("flow", flow, "m3/s", role="command"), Signal("salt", salt, "kg/m3")
+    found = menu(plant, [observe(plant, Recording("a", time, signals))])
+    assert any("pulses of flow" in e.text for e in found)
+    assert not any(e.text.startswith("rest") for e in found)
+    assert all(e.inputs.min() >= 0.0 for e in found)
+
+
 def test_settings_are_those_a_user_can_change() -> None:
     words = dict(other_settings(arm(load_kg=3)))
     assert words["at 1 kg load"] == {"load": 1.0}

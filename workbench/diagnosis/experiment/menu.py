@@ -119,6 +119,10 @@ def with_setting(experiment: Experiment, words: str, values: Mapping[str, float]
     )
 
 
+_RARELY = 0.05
+"""Part of the samples beyond which an input must lie on both sides of its rest to move about it."""
+
+
 class _Plan:
     """What the recordings admit, and inputs within it."""
 
@@ -129,7 +133,10 @@ class _Plan:
         self.share = np.arange(n) / n
         self.start = first.start
         inputs = np.concatenate([r.inputs for r in recordings])
-        self.rest = np.clip(model.nominal_input, inputs.min(axis=0), inputs.max(axis=0))
+        # What was hardly ever at rest, as a flow that must go on, moves about a middle.
+        rarely = np.quantile(inputs, [_RARELY, 1.0 - _RARELY], axis=0)
+        near = (rarely[0] <= model.nominal_input) & (model.nominal_input <= rarely[1])
+        self.rest = np.where(near, model.nominal_input, np.median(inputs, axis=0))
         # A recording may hold a single spike; what is admissible is what was held for some time.
         low, high = np.quantile(inputs, [0.01, 0.99], axis=0)
         self.reach = np.maximum(np.minimum(high - self.rest, self.rest - low), 0.0)
@@ -187,7 +194,21 @@ class _Plan:
                     text = f"{words} of {q.name}, +-{shown}, for {in_time(self.duration)}"
                     made.append(Experiment(text, self.sample_time, inputs))
         rest = np.tile(self.rest, (self.n, 1))
-        return [*made, Experiment(f"rest for {in_time(self.duration)}", self.sample_time, rest)]
+        return [*made, Experiment(self._resting(), self.sample_time, rest)]
+
+    def _resting(self) -> str:
+        """Say what stays as it is."""
+        lasting = in_time(self.duration)
+        commands = [
+            (q, x) for q, x in zip(self.model.inputs, self.rest, strict=True) if q.commanded
+        ]
+        if all(x == q.nominal for q, x in commands):
+            return f"rest for {lasting}" if commands else f"a run left to itself for {lasting}"
+        held = [
+            f"{q.name} at {with_unit(f'{from_si(x, q.display_unit):.3g}', q.display_unit)}"
+            for q, x in commands
+        ]
+        return f"{' and '.join(held)} for {lasting}"
 
     def _shapes(self) -> list[tuple[str, Vector]]:
         """Return signals between -1 and 1 over the duration."""
