@@ -461,7 +461,7 @@ def test_a_step_is_more_than_the_noise_of_its_sensor(
 ) -> None:
     assert run(["verify", "--plant", "balls:ball", "-c", "plain-pid", "--json"]) == 0
     (found,) = json.loads(capsys.readouterr().out)["runs"]
-    assert found["scenario"] == "step 0 to 2.5 cm and back"
+    assert found["scenario"] == "step 0 to 5 cm and back"
     assert found["metrics"]["settling_time"]["value"] < 3.0
 
 

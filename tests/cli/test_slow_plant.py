@@ -183,3 +183,51 @@ def test_a_loop_far_slower_than_its_plant_is_not_waited_for(
     assert re.search(r"slow:design settles in [\d.]+ h, later than .*--hold [\d.]+h runs", told.err)
     (found,) = json.loads(told.out)["runs"]
     assert found["metrics"]["settling_time"]["value"] is None
+
+
+FURNACE = """
+from workbench.model import Input, Model, Output, State
+
+def furnace():
+    def equations(m):
+        loss = 9e-9 * (m.x.T**4 - 300.0**4)
+        lining = 40.0 * (m.x.T - m.x.lining)
+        return {
+            "T": (m.u.power - loss - lining) / 1.95e5,
+            "lining": (lining - 15.0 * (m.x.lining - 300.0)) / 1.8e5,
+        }, {"T": m.x.T}
+
+    return Model("furnace", equations,
+        states=(State("T", "K", 1500.0, initial=1500.0), State("lining", "K", initial=1100.0)),
+        inputs=(Input("power", "W", nominal=6e4, lower=0.0, upper=2.5e5),),
+        outputs=(Output("T", "K", noise_rms=1.0),))
+
+def leaning():
+    def equations(m):
+        return {"lean": m.x.rate, "rate": 9.8 * m.x.lean + 25.0 * m.x.fork,
+            "fork": 10.0 * (m.u.steer - m.x.fork)}, {"lean": m.x.lean}
+    return Model("leaning", equations,
+        states=(State("lean", "rad", 0.1), State("rate", "rad/s", 0.3), State("fork", "rad", 0.1)),
+        inputs=(Input("steer", "rad", lower=-0.7, upper=0.7),),
+        outputs=(Output("lean", "rad", noise_rms=0.002),))
+"""
+
+
+@pytest.mark.parametrize(
+    ("plant", "noise", "most"), [("furnace", 1.0, 800.0), ("leaning", 0.002, 3.0)]
+)
+def test_a_step_of_what_is_large_or_noisy_is_sampled_so_and_goes_so_far_that_it_settles(
+    plant: str,
+    noise: float,
+    most: float,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / "shop.py").write_text(FURNACE)
+    monkeypatch.chdir(tmp_path)
+    assert run(["verify", "--plant", f"shop:{plant}", "-c", "lqi", "--json"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)["runs"]
+    assert found["metrics"]["settling_time"]["value"] < most
+    before, after = re.findall(r"[\d.]+", found["scenario"])
+    assert float(after) - float(before) > 40.0 * noise

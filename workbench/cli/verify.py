@@ -324,7 +324,8 @@ def step_of(
     held = shown if hold is None else quantity("time", hold, "s")
     check_range("time between the steps", held, *TIMES_S, "s")
     step = (
-        _stated(base, controllers) or usual_sample_time(linear, controlled)
+        _stated(base, controllers)
+        or usual_sample_time(linear, controlled, {n: b - a for n, (a, b) in moved.items()})
         if sample_time is None
         else quantity("sample time", sample_time, "s")
     )
@@ -366,9 +367,9 @@ def _round(size: float, unit: str) -> float:
     return float(to_si(part * decade, of_difference(unit)))
 
 
-SHOWS = 100.0
+SHOWS = 200.0
 """Reach over the noise of its sensor of an output of which nobody declares a size: a step is a
-quarter of it, and within 2 % of that noise that is filtered still fits."""
+quarter of it, and what a loop makes of that noise still fits within 2 % of it."""
 
 
 def _noise(output: Output) -> float:

@@ -37,19 +37,26 @@ SHOWN, FINEST = 0.05, 1e-3
 move; and the smallest over the usual that is taken for it."""
 
 
-def usual_sample_time(linear: LinearModel, controlled: Sequence[str] = ()) -> float:
+def usual_sample_time(
+    linear: LinearModel, controlled: Sequence[str] = (), steps: Mapping[str, float] | None = None
+) -> float:
     """Return a sample time, in s, that shows the response: a thousandth of `step_time`.
 
     It is less where a mode of a plant that is unstable would grow too far in it, and where a
     controlled output can be moved long before the slowest mode shows, as the air of a house with
     heavy walls can. A system that was given by its samples keeps their time.
+
+    Args:
+        steps: How far controlled outputs shall move, by name, in SI; as far as their scale by
+            default, which of a temperature may be all of it.
     """
     equations = linear.operating_point.model.equations
     if isinstance(equations, LinearEquations) and equations.sample_time:
         return equations.sample_time
     growing = float(np.max(linear.poles.real, initial=0.0))
     shown = step_time(linear) / 1000.0
-    quick = min([shown, *(_moved_within(linear, name, shown) for name in controlled)])
+    far = steps or {}
+    quick = min([shown, *(_moved_within(linear, n, shown, far.get(n)) for n in controlled)])
     # What grows by less within the whole step integrates.
     if growing * shown <= GROWN:
         return quick
@@ -66,11 +73,12 @@ def integrated_within(linear: LinearModel, name: str) -> float:
     return _mover(linear, name)(0.1 * step_time(linear))
 
 
-def _moved_within(linear: LinearModel, name: str, usual: float) -> float:
+def _moved_within(linear: LinearModel, name: str, usual: float, step: float | None) -> float:
     """Return the sample time, in s, that the fastest move of an output asks for, or the usual."""
     output = next(q for q in linear.operating_point.model.outputs if q.name == name)
+    far = min(output.scale, abs(step) if step else math.inf)
     moved, time = _mover(linear, name), usual
-    while time > FINEST * usual and moved(time / SHOWN) >= 0.5 * output.scale:
+    while time > FINEST * usual and moved(time / SHOWN) >= 0.5 * far:
         time *= 0.8
     return usual if time == usual else min(usual, rounded_up(time))
 
