@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.diagnosis.example_diagnosis import example_diagnosis
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+from workbench.diagnosis.selection import withdrawal
 from workbench.diagnosis.selection.pairs import _openings, with_pair
 from workbench.diagnosis.selection.refits import entry_priors
 from workbench.diagnosis.selection.rules import (
@@ -151,3 +155,41 @@ def test_what_ended_as_a_simpler_law_is_told_as_that() -> None:
     ((told, alike),) = simplified(task, named).accepted
     assert told.entry.law == "coulomb_friction" and alike == (told.name,)
     assert told.size is not None and told.size.value == pytest.approx(level, rel=0.02)
+
+
+@dataclass(frozen=True)
+class _Found:
+    extended: Any
+    closest: Any = None
+
+
+@pytest.mark.parametrize(
+    ("whole", "share"),
+    [
+        # Within slack no filter knows where a window begins: all of the recording tells more.
+        (0.2, 0.97),
+        # It drifts: what windows say stands.
+        (2.0, 0.19),
+    ],
+)
+def test_runs_over_windows_do_not_hide_that_all_of_a_recording_is_followed(
+    monkeypatch: pytest.MonkeyPatch, whole: float, share: float
+) -> None:
+    over_windows = {"refitted": 1.0, "extended": 0.9}
+    over_all = {"refitted": 1.2, "extended": whole}
+
+    def runs(errors: dict[str, float]) -> Any:
+        return lambda fit, *_: SimpleNamespace(rmse={"y": errors[getattr(fit, "model", fit)]})
+
+    monkeypatch.setattr(withdrawal, "judged_run", runs(over_windows))
+    monkeypatch.setattr(withdrawal, "settled_run", runs(over_all))
+    monkeypatch.setattr(withdrawal, "start_floors", lambda *_: {})
+    seen = SimpleNamespace(
+        name="a", used=("y",), all_noise_rms=np.array([0.1]), drifts=True, diverges=False
+    )
+    refitted, extended = (SimpleNamespace(model=name) for name in ("refitted", "extended"))
+    task: Any = SimpleNamespace(
+        base=refitted, nominal=None, judging=(seen,), closest=lambda fit, robust: fit
+    )
+    state: Any = _Found(extended)
+    assert withdrawal.run_freely(task, state)[1] == pytest.approx(share, abs=0.01)

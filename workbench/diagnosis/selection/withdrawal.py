@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.decision import is_sensor
 from workbench.diagnosis.selection.held_out import (
@@ -14,6 +16,7 @@ from workbench.diagnosis.selection.held_out import (
     held_out_errors,
     judged_run,
     run_errors,
+    settled_run,
     start_floors,
 )
 from workbench.diagnosis.selection.rules import (
@@ -82,6 +85,8 @@ def run_freely(task: Task, state: Selected) -> tuple[Selected, float]:
         if share < LEAST_EXPLAINED.value:
             # What seems too little may be what the starts of the runs hide.
             share = explained(errors, start_floors(fits, task.nominal, task.judging))
+        if share < LEAST_EXPLAINED.value:
+            share = max(share, _over_all(task, fits, errors))
     except (NumericalError, np.linalg.LinAlgError) as error:
         task.say(f"the improved model could not be run: {error}")
         return state, math.nan
@@ -90,6 +95,28 @@ def run_freely(task: Task, state: Selected) -> tuple[Selected, float]:
     if first.diverges or not first.drifts:
         state = replace(state, runs=runs)
     return state, share
+
+
+def _over_all(
+    task: Task, fits: Mapping[str, ProcessNoiseFit], errors: Mapping[str, Mapping[str, float]]
+) -> float:
+    """Return the share that goes along whole recordings, where windows are further off than those.
+
+    Where a machine is within its slack no filter knows, and a window that begins there is off from
+    its start. A run over all of a recording, which can only drift beside windows, then tells more.
+
+    Args:
+        errors: Those of the runs over windows, by model and output, in SI.
+    """
+    if not task.judging[0].drifts or task.judging[0].diverges:
+        return 0.0
+    runs = {
+        label: {r.name: settled_run(fit.model, task.nominal, r) for r in task.judging}
+        for label, fit in fits.items()
+    }
+    whole = held_out_errors(runs, task.judging)
+    closer = all(whole["extended"][q] <= error for q, error in errors["extended"].items())
+    return explained(whole) if closer else 0.0
 
 
 def too_little_withdrawn(task: Task, state: Selected, excess: float) -> Selected:
