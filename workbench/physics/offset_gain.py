@@ -167,12 +167,18 @@ edge_gain = replace(
     separated_by="fill and vent each chamber alone over the same pressures",
 )
 
+
+def _both_ways(at: Place) -> bool:
+    """Tell whether a signal goes to both sides of zero: else two gains are one."""
+    return at.seen is None or at.seen[0] < 0.0 < at.seen[1]
+
+
 asymmetric_gain = Law(
     "asymmetric_gain",
     "y = u + (difference / 2) |u - centre|",
     together(
-        first_of(each("spool"), each("command", "voltage", label=by_port)),
-        each("flow", only=lambda at: at.driven, label=by_port),
+        first_of(each("spool"), each("command", "voltage", label=by_port, only=_both_ways)),
+        each("flow", only=lambda at: at.driven and _both_ways(at), label=by_port),
     ),
     lambda at: (
         size("difference", "1", 0.1, 1.0, "factor above the centre less that below", signed=True),

@@ -404,3 +404,9 @@ def test_an_input_with_a_port_of_its_own_is_interpolated_there_alone() -> None:
 
     assert offered(breathing("resistance")) == ["input_interpolation_pressure_command"]
     assert offered(servo_axis()) == ["input_interpolation_axis_force"]
+
+
+@pytest.mark.parametrize(("low", "offered"), [(-1e3, True), (0.0, False)])
+def test_two_gains_of_what_goes_one_way_are_one(low: float, offered: bool) -> None:
+    found = library(breathing("resistance"), ranges={"pressure.command": (low, 2e3)})
+    assert ("asymmetric_gain_pressure_command" in {h.name for h in found}) == offered
