@@ -269,6 +269,19 @@ def test_hdf5_of_other_programs_than_matlab(tmp_path: Path) -> None:
     assert np.array_equal(read_recording(path)["vir"], VOLTAGE)
 
 
+def test_groups_of_which_one_holds_the_time(tmp_path: Path) -> None:
+    import h5py
+
+    path = tmp_path / "trial.h5"
+    with h5py.File(path, "w") as file:
+        file["drive/t"], file["drive/vir"], file["table/qm"] = TIME, VOLTAGE, POSITION
+    recording = read_recording(path)
+    assert np.array_equal(recording.time, TIME)
+    assert set(recording.names) == {"drive_vir", "table_qm"}
+    asked = read_recording(path, signals=["vir", "qm"])
+    assert np.array_equal(asked["qm"], POSITION)
+
+
 def test_one_struct_around_everything_says_nothing(tmp_path: Path) -> None:
     from scipy.io import savemat
 

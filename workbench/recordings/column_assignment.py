@@ -100,7 +100,8 @@ def find_time(headers: Sequence[Header], rules: MappingRules) -> int | None:
         return find_column(headers, rules.time)
     if rules.sample_time_s is not None:
         return None
-    named = [i for i, h in enumerate(headers) if is_time(h)]
+    last = [replace(h, name=h.column.rsplit(".", 1)[-1]) for h in headers]
+    named = [i for titles in (headers, last) for i, h in enumerate(titles) if is_time(h)]
     if named:
         return named[0]
     by_unit = [

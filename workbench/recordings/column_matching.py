@@ -136,7 +136,9 @@ def _same(requested: Requested, header: Header) -> int:
     """Return how well a name fits: 0 not at all, 1 a synonym, 2 the name itself."""
     if _plain(requested.name) in (_plain(header.name), _plain(header.column)):
         return 2
-    return int(_meaning(requested.name) == _meaning(header.name))
+    # Of a signal in a group, as "drive.speed", the last word is its name.
+    inside = read_header(header.column.rsplit(".", 1)[-1]).name
+    return int(_meaning(requested.name) in (_meaning(header.name), _meaning(inside)))
 
 
 def _words(name: str) -> set[str]:
