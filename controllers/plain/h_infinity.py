@@ -18,7 +18,7 @@ from controllers.design import Design
 from controllers.h_infinity.synthesis import Weights, synthesise
 from controllers.plain.limits import LoopLimits, ReadingSpecification
 from controllers.plain.loop import Loop
-from controllers.plain.state_feedback import reachable_speed
+from controllers.plain.state_feedback import reachable_speed, reading_helps
 from controllers.plain.transfer_law import TransferLaw, sampled_controller
 from workbench.errors import NumericalError, WorkbenchError, check_range
 from workbench.linearisation.transfer import transfer_function
@@ -59,7 +59,7 @@ def design_plain_h_infinity(
         WorkbenchError: If slycot is not installed, or there is no such controller.
     """
     want = specification or PlainHInfinitySpecification()
-    return want.designed(linear, partial(_within, want))
+    return want.designed(linear, partial(_within, want), reading_helps)
 
 
 def _within(want: PlainHInfinitySpecification, limits: LoopLimits) -> TransferLaw:
@@ -72,7 +72,7 @@ def _within(want: PlainHInfinitySpecification, limits: LoopLimits) -> TransferLa
         without_lags[led] = law, speed
         return led
 
-    about = 0.0 if want.speed else reachable_speed(limits, want)
+    about = 0.0 if want.speed else reachable_speed(limits)
     tried = [about * factor for factor in FACTORS] if about else [want.speed]
     designs = [partial(designed, w, size) for w in tried for size in INPUT_SIZES]
     try:

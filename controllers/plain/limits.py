@@ -98,7 +98,8 @@ class ReadingSpecification(LoopSpecification):
     Args:
         also_measured: Name of an output that is read and that nobody follows, or several with
             commas between or as a list; by default none, or all that show the same states where
-            no loop of the followed outputs alone is within its limits.
+            no loop of the followed outputs alone is within its limits, or a much better one is
+            with them.
     """
 
     also_measured: str | tuple[str, ...] = ""
@@ -107,8 +108,16 @@ class ReadingSpecification(LoopSpecification):
         """Return the loop to control."""
         return loop_of(linear, self.measured, self.actuator, self.also_measured)
 
-    def designed(self, linear: Any, design: Callable[[LoopLimits], C]) -> C:
+    def designed(
+        self,
+        linear: Any,
+        design: Callable[[LoopLimits], C],
+        helps: Callable[[LoopLimits, LoopLimits], bool],
+    ) -> C:
         """Return a design of the followed outputs, or of others too where that is what it takes.
+
+        Args:
+            helps: Tells whether loops of the second limits, which read more, are much better.
 
         Raises:
             WorkbenchError: If there is no such design.
@@ -120,8 +129,8 @@ class ReadingSpecification(LoopSpecification):
         wider = replace(self, also_measured=more).loop(linear)
         best: tuple[float, C | None] = math.inf, None
         reason: WorkbenchError | None = None
-        for tried in (loop, wider):
-            limits = LoopLimits(tried, self)
+        both = [LoopLimits(tried, self) for tried in (loop, wider)]
+        for limits in reversed(both) if helps(*both) else both:
             try:
                 law = design(limits)
             except WorkbenchError as error:
@@ -924,6 +933,21 @@ def cost(found: Answer, least: Vector, overshoot: float) -> Vector:
     penalty = (1.0 + OVERSHOT * beyond) * (1.0 + found.interaction.max(axis=1)) ** 2
     return np.asarray(np.sum(found.errors / least, axis=1) * penalty)
 
+
+def much_better(helped: Answer, alone: Answer, overshoot: float) -> bool:
+    """Tell whether a loop makes so much less of an error that what it reads more is worth it.
+
+    Args:
+        overshoot: Of a step of a reference that is allowed, as a fraction of it.
+    """
+    least = np.minimum(helped.errors.min(axis=0), alone.errors.min(axis=0))
+    with_it, without = (float(cost(one, least, overshoot)[0]) for one in (helped, alone))
+    return with_it < MUCH * without
+
+
+MUCH = 0.05
+"""Largest share of the errors of a loop of the followed outputs alone for which others are read:
+they go with the square of time, so that it is some five times as fast."""
 
 OVERSHOT = 10.0
 """What an overshoot beyond what is allowed, as a fraction of the step, adds to errors, a ratio."""

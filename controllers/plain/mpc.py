@@ -29,7 +29,7 @@ from controllers.mpc.whole_model import (
 from controllers.plain.limits import LoopLimits, ReadingSpecification
 from controllers.plain.loop import Loop, speeds
 from controllers.plain.pairing import gain_at_rest
-from controllers.plain.state_feedback import DISTURBANCES, doubts, random_walk
+from controllers.plain.state_feedback import DISTURBANCES, doubts, random_walk, reading_helps
 from controllers.valve_inverse import ValveInverse
 from workbench.arrays import Matrix
 from workbench.errors import check_range
@@ -91,7 +91,7 @@ def design_plain_mpc(
             equation has no solution.
     """
     want = specification or PlainMPCSpecification()
-    return want.designed(linear, partial(_within, want))
+    return want.designed(linear, partial(_within, want), reading_helps)
 
 
 def _within(want: PlainMPCSpecification, limits: LoopLimits) -> LinearMPC:

@@ -35,7 +35,13 @@ import numpy as np
 from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
 from controllers.design import Design
 from controllers.linear_law import LinearLaw
-from controllers.plain.limits import LAGS, LoopLimits, ReadingSpecification
+from controllers.plain.limits import (
+    LAGS,
+    LoopLimits,
+    ReadingSpecification,
+    much_better,
+    stacked,
+)
 from controllers.plain.loop import (
     Loop,
     LoopSpecification,
@@ -288,15 +294,33 @@ def design_lqi(linear: LinearModel, specification: LQISpecification | None = Non
         law, _ = _fastest(limits, want, speeds(want.sample_time), want.disturbances)
         return limits.at_pace(_ObservedModel(limits.loop, want).led(limits, law))
 
-    return want.designed(linear, designed)
+    return want.designed(linear, designed, reading_helps)
 
 
-def reachable_speed(limits: LoopLimits, want: LoopSpecification) -> float:
+def reachable_speed(limits: LoopLimits) -> float:
     """Return about how fast a loop within limits is, in rad/s: that of a state feedback."""
-    told = {f.name: getattr(want, f.name) for f in fields(LoopSpecification)}
-    coarse = speeds(want.sample_time, 20)
-    reached = _fastest(limits, LQISpecification(**told), coarse, DISTURBANCES[::2])[1]
-    return float(np.exp(np.mean(np.log(reached))))
+    return float(np.exp(np.mean(np.log(_coarsely(limits)[1]))))
+
+
+def reading_helps(limits: LoopLimits, wider: LoopLimits) -> bool:
+    """Tell whether a state feedback within limits is much better if it reads more outputs."""
+    found = []
+    for tried in (limits, wider):
+        try:
+            law = stacked([_coarsely(tried)[0].around_rest()])
+        except WorkbenchError:
+            return False
+        if tried.judge(law).excess[0] > 1.0:
+            return False
+        found.append(tried.answered(law))
+    alone, helped = found
+    return much_better(helped, alone, limits.want.overshoot)
+
+
+def _coarsely(limits: LoopLimits) -> tuple[ObserverLaw, tuple[float, ...]]:
+    told = {f.name: getattr(limits.want, f.name) for f in fields(LoopSpecification)}
+    coarse = speeds(limits.want.sample_time, 20)
+    return _fastest(limits, LQISpecification(**told), coarse, DISTURBANCES[::2])
 
 
 def _fastest(
@@ -457,7 +481,7 @@ def design_plain_sliding_mode(
         law = limits.best(designs, "a sliding mode")
         return limits.at_pace(model.led(limits, law))
 
-    return want.designed(linear, within)
+    return want.designed(linear, within, reading_helps)
 
 
 def _sliding(

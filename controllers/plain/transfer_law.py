@@ -41,6 +41,7 @@ from controllers.plain.limits import (
     ReadingSpecification,
     answer,
     cost,
+    much_better,
 )
 from controllers.plain.loop import Loop, PlainLaw, loop_of, named
 from controllers.plain.pairing import best_pairings, decoupled, paired
@@ -491,7 +492,24 @@ def design_plain_pid(
         Loop shaping with lag and lead: Åström and Murray, Feedback Systems, 2008, section 11.4.
     """
     want = specification or PlainPIDSpecification()
-    return want.designed(linear, partial(_within, linear, want))
+    return want.designed(linear, partial(_within, linear, want), partial(_cascade_helps, want))
+
+
+def _cascade_helps(want: PlainPIDSpecification, limits: LoopLimits, wider: LoopLimits) -> bool:
+    """Tell whether a cascade within limits is much better than a PID of its output alone."""
+    if limits.outputs > 1 or len(limits.loop.actuators) > 1:
+        return False
+    found = []
+    for tried in (limits, wider):
+        try:
+            best = _best([_tuned(tried, want, one) for one in _begun(tried, want)], want)
+        except WorkbenchError:
+            return False
+        if best.excess > 1.0:
+            return False
+        found.append(best.answer)
+    alone, helped = found
+    return much_better(helped, alone, want.overshoot)
 
 
 def _within(linear: LinearModel, want: PlainPIDSpecification, limits: LoopLimits) -> TransferLaw:

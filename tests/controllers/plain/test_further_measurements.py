@@ -114,3 +114,19 @@ def test_a_loop_with_next_to_no_margins_is_said(gain: float, said: str) -> None:
     law = pid_by_hand(gain, measured="y", actuator="u", sample_time=1e-3)
     found = hardly_stable(law, linear)
     assert found.startswith(said) and bool(found) == bool(said)
+
+
+def test_what_makes_a_much_better_loop_is_read_too() -> None:
+    # A buck converter with a load of constant power; the current tells where the voltage goes.
+    inductance, capacity = 1e-4, 4.7e-4
+    A = [[-0.05 / inductance, -1.0 / inductance], [1.0 / capacity, 0.09 / capacity]]
+    names = {"inputs": ["duty"], "outputs": ["voltage", "current"]}
+    buck = ct.ss(A, [[24.0 / inductance], [0.0]], [[0.0, 1.0], [1.0, 0.0]], 0, **names)
+    linear = linear_model(buck, limits={"duty": (-0.5, 0.5), "voltage": (-3.0, 3.0)})
+    told = LQISpecification(measured="voltage", sample_time=1e-5, noise=0.01)
+    both, alone = (
+        design_lqi(plant, told) for plant in (linear, linear.select(outputs=["voltage"]))
+    )
+    assert both.sensors == ("voltage", "current") and alone.sensors == ("voltage",)
+    after = [settled_after(law, linear, {"voltage": 1.0}) for law in (both, alone)]
+    assert after[0] < 0.5 * after[1]
