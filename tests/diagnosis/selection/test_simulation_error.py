@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -10,7 +11,8 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.newcomers import oscillations, oscillator
-from workbench.diagnosis.estimation.free_run import free_run
+from workbench.arrays import Vector
+from workbench.diagnosis.estimation.free_run import FreeRun, free_run
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import default_priors
@@ -122,3 +124,18 @@ def test_moments_far_off_do_not_decide_where_tails_are_heavy() -> None:
         for loss in ("linear", "cauchy")
     }
     assert abs(found["cauchy"] - 30.0) < 0.1 * abs(found["linear"] - 30.0)
+
+
+def test_runs_that_leave_everything_are_lost_and_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    case, usual = lacking(), simulation_error.free_runs
+    damping = [q.name for q in case.model.parameters].index("damping")
+
+    def runs(model: Model, begun: Sequence[Observed], *, values: Vector) -> list[FreeRun]:
+        found = usual(model, begun, values=values)
+        far = abs(values[damping] - case.fit.model.values[damping]) > 1e-3
+        return [replace(r, simulated=r.simulated + 1e200 * far) for r in found]
+
+    monkeypatch.setattr(simulation_error, "free_runs", runs)
+    # Warnings are errors here.
+    found = simulation_error._refitted(case.fit, list(case.fitting), "linear")
+    assert np.isfinite(found.model.values).all()

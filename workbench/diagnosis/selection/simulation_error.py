@@ -28,8 +28,9 @@ _MOST_WORK = 1.5e6
 """Samples times squared number of states times free parameters up to which nobody waits for it."""
 
 _STEP, _EVALUATIONS, _ENOUGH = 1e-3, 40, 1e-3
-_LOST = 10.0
-"""Error of a run that ended early, over that of the runs before the refit."""
+_LOST, _MOST = 10.0, 1e6
+"""Error of a run that ended early, over that of the runs before the refit; and the largest that
+counts, whose square is still a number."""
 
 _GUESS, _FAR = 10.0, 30.0
 """Uncertainty of a guess over its value, and how far one refit may go from it."""
@@ -115,9 +116,11 @@ def _refitted(fit: ProcessNoiseFit, begun: Sequence[Observed], loss: str) -> Pro
     read = [np.isfinite(piece.outputs) for piece in begun]
 
     def residual(x: Vector) -> Vector:
+        with np.errstate(over="ignore"):
+            off = [np.nan_to_num(e / unit, nan=_LOST) for e in errors(x)]
         found = [
-            np.where(seen, np.nan_to_num(e / unit, nan=_LOST), 0.0).ravel()
-            for e, seen in zip(errors(x), read, strict=True)
+            np.where(seen, np.clip(e, -_MOST, _MOST), 0.0).ravel()
+            for e, seen in zip(off, read, strict=True)
         ]
         return np.concatenate([share * np.concatenate(found), (x - mean) / std])
 
