@@ -85,7 +85,7 @@ def _within(want: PlainHInfinitySpecification, limits: LoopLimits) -> TransferLa
             f" ({str(error).partition(';')[0]}); take another family, such as lqi"
         ) from None
     law, speed = without_lags[best]
-    speeds, own = (speed,) * limits.outputs, law.around_rest()
+    speeds, own, limits = (speed,) * limits.outputs, law.around_rest(), limits.late
     mild = limits.led(law.behind_lags, limits.lags(speeds))
     others = [law.referred(*entry) for entry in limits.unexcited(own)]
     entering = limits.entering(own)

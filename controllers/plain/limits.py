@@ -26,6 +26,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar, cast
@@ -390,6 +391,16 @@ class LoopLimits:
         return laws[int(np.argmin(errors))]
 
     @property
+    def late(self) -> LoopLimits:
+        """The same, whose steps are those of commands that are late by the delay."""
+        count = round(self.want.delay / self.want.sample_time)
+        if not 0 < count <= MOST_LATE:
+            return self
+        found = copy(self)
+        found.plants = [_late(plant, count) for plant in self.plants]
+        return found
+
+    @property
     def growing(self) -> bool:
         """Whether the plant is unstable."""
         return bool(np.any(self.loop.linear.poles.real > 0.0))
@@ -694,6 +705,9 @@ def _designed(designs: Iterable[Callable[[], D]]) -> list[D]:
     return found
 
 
+MOST_LATE = 40
+"""Samples of a delay up to which steps reckon with it."""
+
 MOST_SLOW = 4
 """Slowest modes of a loop that a reference may leave alone."""
 
@@ -872,6 +886,17 @@ def _closed(plant: tuple[Matrix, Matrix, Matrix], laws: LinearLaw) -> tuple[Matr
         B,
     )
     return closed, entry
+
+
+def _late(plant: tuple[Matrix, Matrix, Matrix], count: int) -> tuple[Matrix, Matrix, Matrix]:
+    """Return a sampled plant whose commands act so many samples late."""
+    A, B, C = plant
+    n, m = B.shape
+    over = np.eye(n + count * m, k=-m)
+    over[:n], over[n : n + m] = 0.0, 0.0
+    over[:n, :n], over[:n, n + (count - 1) * m :] = A, B
+    entry = np.eye(n + count * m, m, k=-n)
+    return over, entry, np.hstack([C, np.zeros((len(C), count * m))])
 
 
 def settled_after(law: Any, linear: LinearModel, steps: Mapping[str, float]) -> float:

@@ -29,7 +29,7 @@ from controllers.mpc.whole_model import (
 from controllers.plain.limits import LoopLimits, ReadingSpecification
 from controllers.plain.loop import Loop, speeds
 from controllers.plain.pairing import gain_at_rest
-from controllers.plain.state_feedback import DISTURBANCES, doubts, random_walk, reading_helps
+from controllers.plain.state_feedback import DISTURBANCES, doubts, random_walk
 from controllers.valve_inverse import ValveInverse
 from workbench.arrays import Matrix
 from workbench.errors import check_range
@@ -91,7 +91,8 @@ def design_plain_mpc(
             equation has no solution.
     """
     want = specification or PlainMPCSpecification()
-    return want.designed(linear, partial(_within, want), reading_helps)
+    # What else is measured is held against the model at rest, from which a plant is far elsewhere.
+    return want.designed(linear, partial(_within, want), lambda *_: False)
 
 
 def _within(want: PlainMPCSpecification, limits: LoopLimits) -> LinearMPC:
@@ -139,7 +140,8 @@ def _within(want: PlainMPCSpecification, limits: LoopLimits) -> LinearMPC:
         path = reference_paths(speed, h, law.prediction.preview_index)
         return replace(law, reference_speed=speed, path=path)
 
-    return limits.at_pace(limits.led(lagging, limits.lags(law.reference_speed)))
+    late = limits.late
+    return late.at_pace(late.led(lagging, limits.lags(law.reference_speed)))
 
 
 def _straight(loop: Loop) -> tuple[ValveInverse, ...]:

@@ -292,7 +292,7 @@ def design_lqi(linear: LinearModel, specification: LQISpecification | None = Non
 
     def designed(limits: LoopLimits) -> ObserverLaw:
         law, _ = _fastest(limits, want, speeds(want.sample_time), want.disturbances)
-        return limits.at_pace(_ObservedModel(limits.loop, want).led(limits, law))
+        return limits.late.at_pace(_ObservedModel(limits.loop, want).led(limits.late, law))
 
     return want.designed(linear, designed, reading_helps)
 
@@ -479,7 +479,7 @@ def design_plain_sliding_mode(
         tried = itertools.product(slopes, want.disturbances, doubts(limits.loop))
         designs = [partial(designed, *numbers) for numbers in tried]
         law = limits.best(designs, "a sliding mode")
-        return limits.at_pace(model.led(limits, law))
+        return limits.late.at_pace(model.led(limits.late, law))
 
     return want.designed(linear, within, reading_helps)
 

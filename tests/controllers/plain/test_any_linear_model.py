@@ -708,3 +708,17 @@ def test_references_of_several_outputs_show_no_tail_of_what_loops_do_about_loads
         law: Any = design.controller(linear, design.specified({"sample_time": h}))
         for output in law.controlled:
             assert settled_after(law, linear, {output: 1.0}) < within
+
+
+def test_a_reference_enters_as_suits_commands_that_are_late() -> None:
+    if not has_slycot():
+        pytest.skip("slycot is not installed")
+    import control as ct
+
+    # The idling of an engine, 100 ms late.
+    plant = linear_model(ct.tf([2400.0], np.poly([-35.6, -1.05 + 0.7j, -1.05 - 0.7j]).real))
+    design, h = DESIGNS.get("plain-h-infinity"), 0.01
+    law = design.controller(plant, design.specified({"sample_time": h, "delay": 0.1}))
+    late = replace(step_scenario("y_0", 0.0, 1.0, hold=4.0, sample_time=h), late_samples=10)
+    run = metrics(verify(law, plant.operating_point.model, late))
+    assert run["overshoot"].value < 0.04 and run["settling_time"].value < 1.5
