@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
 
+from controllers.largest_bandwidth import MarginedDesign
+from controllers.protocol import Controller
 from controllers.uncertainty import Uncertainty
+from workbench.errors import WorkbenchError
 from workbench.evaluation.rig.plant import derivative
 from workbench.evaluation.rig.variations import BLIND_SEED, KINDS, TUNING_SEED, Draw, Sized, draws
-from workbench.evaluation.tolerance import at_rest, measured, on_rig, tolerant_study
-from workbench.reports.tolerance_page import least_calm_table, reached_table
+from workbench.evaluation.tolerance import at_rest, measured, on_rig, tolerance, tolerant_study
+from workbench.reports.tolerance_page import least_calm_table, missed_table, reached_table
 from workbench.study.plants import tolerated
 from workbench.verification import Steps
 
@@ -67,6 +72,7 @@ def test_the_table_counts_what_falls_short() -> None:
             "steady": [0.0],
             "stop": False,
             "chatter": 3.0,
+            "valve_at_rest": 0.02,
         }
 
     rows = [
@@ -74,10 +80,37 @@ def test_the_table_counts_what_falls_short() -> None:
         {"simulator": "rig", "draw": "b", "kinds": ["leak"], "runs": {"PID": run(0.7, None)}},
         {"simulator": "rig", "draw": "c", "kinds": ["leak"], "runs": {"PID": {"reason": "left"}}},
     ]
-    (row,) = reached_table(rows, "rig").rows
-    assert row[:4] == ("PID", "1 of 3", "0.700", "2 of 3") and row[6] == "1 of 3"
+    told = {row[0]: str(row[1]) for row in reached_table(rows, "rig").rows}
+    assert told["oscillation at most 0.2°"] == "1 of 3 ✗" and told["  largest (°)"] == "0.700"
+    assert told["no stop hit"] == "2 of 3 ✗" and told["15° settled in 0.8 s"] == "1 of 3 ✗"
     assert least_calm_table(rows).rows[0][2] == "leak"
     assert not reached_table(rows, "own plant").rows
+    # The kind that costs most comes first; what could not be run is missed too.
+    assert missed_table(rows).rows == (("leak", "2", "2"), ("delay", "1", "0"))
+
+
+@dataclass(frozen=True)
+class Refusing:
+    """A controller that refuses to begin."""
+
+    words: str
+
+    def initial_state(self, measurement: tuple[float, ...]) -> None:
+        raise WorkbenchError(self.words)
+
+
+def test_runs_are_kept_for_the_designs_that_they_are_of(tmp_path: Path) -> None:
+    def told(words: str, speed: float) -> str:
+        law = cast(Controller, Refusing(words))
+        designs = {"cascade PID": MarginedDesign(law, speed, 2.0, 2.0)}
+        (row,) = tolerance({"rig": draws(1, TUNING_SEED)}, designs, tmp_path)
+        return str(row["runs"]["cascade PID"]["reason"])
+
+    assert [told("first", 8.0), told("second", 7.0), told("third", 8.0)] == [
+        "first",
+        "second",
+        "first",
+    ]
 
 
 def test_the_study_tolerates_what_its_plant_declares() -> None:

@@ -1,12 +1,14 @@
 """Do designs tolerate what nobody modelled: drawn machines, on the rig and on the own plant.
 
-The designs are those of the shipped study ``tolerant``; none of them knows of any draw. Each runs
-its steps on every drawn machine, on the rig and on the workbench's own plant with the same sizes.
+The designs are those of the shipped study ``tolerant``; none of them knows of any draw. They are
+made once, and each runs its steps on every drawn machine, on the rig and on the workbench's own
+plant with the same sizes.
 """
 
 from __future__ import annotations
 
 import functools
+import hashlib
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,6 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from controllers.largest_bandwidth import MarginedDesign
+from controllers.protocol import Controller
 from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
 from workbench.evaluation.kept import answered
@@ -23,11 +27,13 @@ from workbench.evaluation.rig.excitation import RATE
 from workbench.evaluation.rig.plant import derivative
 from workbench.evaluation.rig.simulate import follow
 from workbench.evaluation.rig.variations import Draw
+from workbench.study.designs import bandwidth_against_delay
 from workbench.study.schema import load_study, shipped_study
 from workbench.study.study import Study
 from workbench.verification import Scenario, Steps, verify
 from workbench.verification.each_step import each_step, step_responses
 from workbench.verification.responses import oscillation, steady_error, variation_rate
+from workbench.work.processes import parallel
 
 SIMULATORS = ("rig", "own plant")
 """On what drawn machines run."""
@@ -35,11 +41,47 @@ SIMULATORS = ("rig", "own plant")
 SIZE = math.radians(15.0)
 """Steps whose settling time is told."""
 
+REST = 200
+"""Samples at the end of a step along which the valve rests."""
+
 
 @functools.cache
 def tolerant_study() -> Study:
     """Return the study whose designs are tried."""
     return load_study(shipped_study("tolerant"))
+
+
+Designs = Mapping[str, MarginedDesign[Controller]]
+"""Designs by controller of the study."""
+
+
+def tolerant_designs(*, jobs: int = 1) -> Iterator[tuple[str, MarginedDesign[Controller]]]:
+    """Design the controllers of the study, each told as soon as it is there."""
+    yield from parallel([(_designed, (name,)) for name in tolerant_study().controllers], jobs=jobs)
+
+
+def _designed(name: str) -> tuple[str, MarginedDesign[Controller]]:
+    return name, tolerant_study().controllers[name].designed()
+
+
+def traded(
+    designs: Designs, *, jobs: int = 1
+) -> Iterator[tuple[str, tuple[tuple[float, float], ...]]]:
+    """Search the fastest designs for less and more delay and lag than the study's have.
+
+    Yields:
+        Controller with largest delays, in s, and speeds, in rad/s, its own among them.
+    """
+    recipes = tolerant_study().controllers
+    for name, points in parallel([(_traded, (name,)) for name in designs], jobs=jobs):
+        fastest = recipes[name].fastest
+        assert fastest is not None
+        own = (fastest.uncertainty.delay[1], designs[name].speed)
+        yield name, tuple(sorted((*points, own)))
+
+
+def _traded(name: str) -> tuple[str, tuple[tuple[float, float], ...]]:
+    return name, bandwidth_against_delay(tolerant_study().controllers[name], (0.0, 0.5, 1.5, 2.0))
 
 
 def at_rest(parameters: Mapping[str, float], angle_deg: float) -> Vector:
@@ -120,15 +162,19 @@ def measured(time: Vector, angle: Vector, valve: Vector, signal: Steps) -> dict[
         "steady": [steady_error(t, end - y, window=0.4).value for t, y, end in rests],
         "stop": bool(np.any(angle < 0.0) or np.any(angle > math.radians(60.0))),
         "chatter": variation_rate(time, valve).value,
+        "valve_at_rest": max(
+            float(np.std(valve[part.part][-REST:])) for part in each_step(time, signal.changes)
+        ),
     }
 
 
 @dataclass(frozen=True)
 class DrawnMachine:
-    """A drawn machine on one simulator."""
+    """A drawn machine on one simulator, with the controllers that are tried on it."""
 
     draw: Draw
     simulator: str
+    laws: Mapping[str, Controller]
 
     @property
     def name(self) -> str:
@@ -138,13 +184,11 @@ class DrawnMachine:
 
 def run_machine(machine: DrawnMachine, _jobs: int) -> dict[str, Any]:
     """Run every design on one drawn machine; a machine that cannot rest or run has a reason."""
-    study = tolerant_study()
-    scenario = next(iter(study.scenarios.values()))
+    scenario = next(iter(tolerant_study().scenarios.values()))
     found: dict[str, Any] = {}
-    for name, recipe in study.controllers.items():
+    for name, law in machine.laws.items():
         try:
-            run = _RUNS[machine.simulator]
-            row = run(recipe.build(), machine.draw, scenario)
+            row = _RUNS[machine.simulator](law, machine.draw, scenario)
         except WorkbenchError as error:
             row = {"reason": str(error)}
         found[name] = row
@@ -158,8 +202,15 @@ def run_machine(machine: DrawnMachine, _jobs: int) -> dict[str, Any]:
 
 
 def tolerance(
-    drawn: Mapping[str, Sequence[Draw]], out: Path, *, jobs: int = 1
+    drawn: Mapping[str, Sequence[Draw]], designs: Designs, out: Path, *, jobs: int = 1
 ) -> Iterator[dict[str, Any]]:
-    """Run every design on drawn machines, by simulator, each kept as soon as it is there."""
-    machines = [DrawnMachine(draw, name) for name, draws in drawn.items() for draw in draws]
+    """Run every design on drawn machines, by simulator, each kept as soon as it is there.
+
+    What is kept of other designs counts for nothing: each set of designs has a folder of its own.
+    """
+    recipes = tolerant_study().controllers
+    told = "".join(f"{recipes[name]!r} {design.speed}" for name, design in designs.items())
+    out = out / hashlib.sha256(told.encode()).hexdigest()[:8]
+    laws = {name: design.controller for name, design in designs.items()}
+    machines = [DrawnMachine(draw, name, laws) for name, draws in drawn.items() for draw in draws]
     yield from answered(machines, out, run_machine, jobs=jobs)

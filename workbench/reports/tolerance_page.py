@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from workbench.evaluation.tolerance import SIMULATORS, tolerant_study
 from workbench.reports.page import Method, Page, Section, Words, again
 from workbench.reports.pictures import Picture
 from workbench.reports.style import colours, key, label, new_figure
-from workbench.reports.tables import Table, number
+from workbench.reports.tables import Cell, Table, number
 from workbench.study.linear_loop import analyse_loop
 
 Rows = Sequence[Mapping[str, Any]]
@@ -26,52 +26,78 @@ LEAST_CALM = 12
 """Runs that are listed as the least calm ones."""
 
 
+def _missed(run: Mapping[str, Any]) -> bool:
+    """Tell whether a run misses a limit, as one that could not be done does."""
+    return "reason" in run or not (
+        run["oscillation"] <= CALM
+        and not run["stop"]
+        and run["overshoot"] <= OVERSHOOT
+        and max(map(_finite, run["settling"])) <= SLOWEST
+    )
+
+
 def reached_table(rows: Rows, simulator: str) -> Table:
-    """Return what each design reaches over the drawn machines of a simulator."""
+    """Return what each design reaches over the drawn machines of a simulator, a column for each."""
     own = [row for row in rows if row["simulator"] == simulator]
-    cells = []
-    for name in own[0]["runs"] if own else ():
-        runs = [row["runs"][name] for row in own]
-        told = [run for run in runs if "reason" not in run]
-        slow = [_finite(v) for run in told for v in run["settling"]]
-        kept = (
-            sum(run["oscillation"] <= CALM for run in told),
-            sum(not run["stop"] for run in told),
-            sum(run["overshoot"] <= OVERSHOOT for run in told),
-            sum(max(map(_finite, run["settling"])) <= SLOWEST for run in told),
+    names = tuple(own[0]["runs"]) if own else ()
+    runs = {name: [row["runs"][name] for row in own] for name in names}
+    told = {name: [run for run in runs[name] if "reason" not in run] for name in names}
+
+    def kept(holds: Callable[[Mapping[str, Any]], bool]) -> tuple[Cell, ...]:
+        counts = {name: sum(map(holds, told[name])) for name in names}
+        return tuple(
+            Cell(f"{n} of {len(own)}", "met" if n == len(own) else "missed")
+            for n in counts.values()
         )
-        calm, free, small, within = (f"{count} of {len(runs)}" for count in kept)
-        steady = [v for run in told for v in run["steady"]]
-        cells.append(
-            (
-                name,
-                calm,
-                number(math.degrees(max(run["oscillation"] for run in told))),
-                free,
-                small,
-                number(100.0 * max(run["overshoot"] for run in told)),
-                within,
-                number(float(np.median(slow))),
-                number(math.degrees(float(np.median(steady))), 2),
-                number(float(np.median([run["chatter"] for run in told]))),
-            )
-        )
+
+    def typical(
+        of: Callable[..., Any], values: Callable[[Mapping[str, Any]], Sequence[float]], digits: int
+    ) -> tuple[str, ...]:
+        every = {name: [v for run in told[name] for v in values(run)] for name in names}
+        return tuple(number(float(of(v)), digits) if v else "" for v in every.values())
+
+    def settling(run: Mapping[str, Any]) -> list[float]:
+        return [_finite(v) for v in run["settling"]]
+
+    lines: dict[str, tuple[Cell | str, ...]] = {
+        "all of the limits": kept(lambda run: not _missed(run)),
+        "no stop hit": kept(lambda run: not run["stop"]),
+        f"oscillation at most {math.degrees(CALM):g}°": kept(
+            lambda run: bool(run["oscillation"] <= CALM)
+        ),
+        "  largest (°)": typical(max, lambda run: [math.degrees(run["oscillation"])], 3),
+        f"overshoot at most {100 * OVERSHOOT:g} %": kept(
+            lambda run: bool(run["overshoot"] <= OVERSHOOT)
+        ),
+        "  largest (%)": typical(max, lambda run: [100.0 * run["overshoot"]], 3),
+        f"15° settled in {SLOWEST:g} s": kept(lambda run: max(settling(run)) <= SLOWEST),
+        "  median (s)": typical(np.median, settling, 3),
+        "steady error, median (°)": typical(np.median, lambda run: np.degrees(run["steady"]), 2),
+        "valve at rest, rms, median (V)": typical(np.median, lambda run: [run["valve_at_rest"]], 2),
+        "valve travel, median (V/s)": typical(np.median, lambda run: [run["chatter"]], 3),
+    }
     return Table(
         f"{len(own)} drawn machines on the {simulator}",
-        (
-            "controller",
-            f"oscillation at most {math.degrees(CALM):g}°",
-            "largest (°)",
-            "no stop hit",
-            f"overshoot at most {100 * OVERSHOOT:g} %",
-            "largest (%)",
-            f"15° settled in {SLOWEST:g} s",
-            "median (s)",
-            "steady error, median (°)",
-            "valve travel, median (V/s)",
-        ),
-        tuple(cells),
+        ("", *names),
+        tuple((what, *cells) for what, cells in lines.items()) if own else (),
         "A step that has not settled before the next one counts as infinitely slow.",
+    )
+
+
+def missed_table(rows: Rows) -> Table:
+    """Return on how many machines with each kind of variation a design misses a limit."""
+    names = tuple(rows[0]["runs"]) if rows else ()
+    kinds = dict.fromkeys(kind for row in rows for kind in row["kinds"])
+    with_it = {kind: [row for row in rows if kind in row["kinds"]] for kind in kinds}
+    missed = {
+        kind: [sum(_missed(row["runs"][name]) for row in own) for name in names]
+        for kind, own in with_it.items()
+    }
+    worst = sorted(kinds, key=lambda kind: -sum(missed[kind]) / len(with_it[kind]))
+    return Table(
+        "Runs that miss a limit, by what differed",
+        ("what differed, alone or with two others", "runs", *names),
+        tuple((kind, str(len(with_it[kind])), *map(str, missed[kind])) for kind in worst),
     )
 
 
@@ -183,7 +209,9 @@ def tolerance_page(
         ("settling", "time until the angle stays within 2 % of a step of 15°"),
     )
     sections = (
-        Section("reached", "What is reached", (*tables, least_calm_table(rows))),
+        Section(
+            "reached", "What is reached", (*tables, missed_table(rows), least_calm_table(rows))
+        ),
         Section("margins", "Margins", (margins_table(designs), Method(methods))),
         Section("trade", "Bandwidth against delay", (trade_picture(trades, designs),)),
         *again(command),
