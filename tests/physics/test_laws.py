@@ -171,6 +171,16 @@ def test_an_effect_takes_its_unit_from_the_port_and_keeps_changed_values() -> No
         servo_axis().with_effect(coulomb_friction("axis.forces", name="more"))
 
 
+def test_a_law_that_changes_no_parameter_stays_where_one_is_taken_away() -> None:
+    # Dry effects are taken away to design; what acts at the same port does not need them.
+    found = {h.name: h for h in library(servo_axis()) if h.ports == ("axis.force",)}
+    stays = servo_axis().with_effect(found["quadratic_drag"].effect).without("viscous_friction")
+    assert stays.effects[-1].name == "quadratic_drag"
+    fade = found["parameter_fade_viscous_friction_coefficient"].effect
+    with pytest.raises(WorkbenchError, match=r"viscous_friction\.coefficient"):
+        servo_axis().with_effect(fade).without("viscous_friction")
+
+
 def test_a_plant_without_ports_is_offered_laws_where_it_can_have_them() -> None:
     def equations(m):
         pull = m.u.motor - 9.81 * m.x.swing

@@ -416,12 +416,18 @@ class Law:
 
         def seen(at: PortView) -> PortView:
             number, index, place = sites_of[at.port]
-            subject = at.parameters[place.parameters[0].name] if place.parameters else None
+            subject = None
+            if place.parameters:
+                changed = place.parameters[0].name
+                # What acts beside a parameter stays where that was taken away.
+                if self.of_parameter or changed in at.parameters:
+                    subject = at.parameters[changed]
             found = {
                 alias: cofactor(ca.SX(at.value), ca.SX(subject))
                 if q.multiplied
                 else q.value(at.signals, at.known)
                 for alias, q in place.signals.items()
+                if subject is not None or not q.multiplied
             }
             return replace(
                 at,
