@@ -101,6 +101,7 @@ def _blind(out: Path, count: int, jobs: int | None) -> int:
     plan, rows = dict.fromkeys(SIMULATORS, drawn(count, BLIND_SEED)), []
     found, trades = {}, {}
     with counting() as counter:
+        counter("designs", 0, len(names), "")
         for name, design in tolerant_designs(jobs=jobs):
             found[name] = design
             counter("designs", len(found), len(names), name)
@@ -111,6 +112,7 @@ def _blind(out: Path, count: int, jobs: int | None) -> int:
             counter("machines", len(rows), len(SIMULATORS) * count, what)
         for table in (*(reached_table(rows, name) for name in SIMULATORS), missed_table(rows)):
             typer.echo(f"{table}\n")
+        counter("trades", 0, len(names), "")
         for name, points in traded(designs, jobs=jobs):
             trades[name] = points
             counter("trades", len(trades), len(names), name)
