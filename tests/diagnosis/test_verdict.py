@@ -177,6 +177,15 @@ def test_a_printed_verdict_holds_its_numbers() -> None:
     assert "break_away" in text and "25" in text and "Move slowly." in text
 
 
+def test_a_model_that_runs_away_is_said_to() -> None:
+    fit = {"nominal": {"position": 2e56}, "noise_floor": {"position": 1e-3}}
+    lines = str(replace(_verdict(), fit=fit)).splitlines()
+    assert [line.split() for line in lines if line.split()[0] in fit] == [
+        ["nominal", "runs", "away"],
+        ["noise_floor", "0.001"],
+    ]
+
+
 def test_what_has_a_weight_instead_of_a_finding_cannot_be_told_from_it() -> None:
     given, _ = example_diagnosis()
     assert given.selected is not None and given.verdict is not None

@@ -20,6 +20,9 @@ SCHEMA = "workbench.verdict/2"
 
 _SCHEMA_1 = "workbench.verdict/1"
 
+_AWAY = 1e9
+"""Error over the noise beyond which a run is nowhere, and its number tells nothing."""
+
 Kind = Literal[
     "data_unfit",
     "nothing_missing",
@@ -234,10 +237,7 @@ class Verdict(Shown):
             lines.append("  held-out rms " + "".join(f"{head:>{wide}}" for head in heads.values()))
             lines += [
                 f"    {label:<11}"
-                + "".join(
-                    f"{errors.get(n, math.nan) / parse_unit(u).factor:>{wide}.4g}"
-                    for n, u in units.items()
-                )
+                + "".join(f"{self._told(errors, n, u):>{wide}}" for n, u in units.items())
                 for label, errors in self.fit.items()
             ]
         if len(self.weights) > 1:
@@ -246,6 +246,12 @@ class Verdict(Shown):
         if sentence := self.next_experiment.get("sentence"):
             lines.append(f"  next: {sentence}")
         return "\n".join(lines)
+
+    def _told(self, errors: Mapping[str, float], name: str, unit: str) -> str:
+        """Return the error of an output in a unit, or that the model does not stay near it."""
+        error, noise = errors.get(name, math.nan), self.fit.get("noise_floor", {}).get(name, 0.0)
+        off = noise > 0.0 and error > _AWAY * noise
+        return "runs away" if off else f"{error / parse_unit(unit).factor:.4g}"
 
 
 def upgraded(data: Mapping[str, Any], source: str = "the verdict") -> dict[str, Any]:
