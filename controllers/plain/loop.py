@@ -360,7 +360,7 @@ class LoopSpecification(Checked):
         maximum_sensitivity: Limit on Ms, the peak of the sensitivity (ratio); by default (0) 1.8,
             or the least that a loop of this plant has.
         maximum_complementary: Limit on Mt, the peak of the complementary sensitivity (ratio); by
-            default (0) 1.6, or the least that a loop of this plant has.
+            default (0) 2.8, or the least that a loop of this plant has.
         delay: Delay beside that of sampling up to which the limits hold, in s.
         sensor_lag: Time constant of the sensor with which the limits hold as well, in s.
         trusted_frequency: Frequency above which nothing of the model is trusted, in rad/s; every
