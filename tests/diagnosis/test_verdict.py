@@ -182,7 +182,7 @@ def test_a_model_that_runs_away_is_said_to() -> None:
     lines = str(replace(_verdict(), fit=fit)).splitlines()
     assert [line.split() for line in lines if line.split()[0] in fit] == [
         ["nominal", "runs", "away"],
-        ["noise_floor", "0.001"],
+        ["noise_floor", "1"],  # mm
     ]
 
 
