@@ -8,12 +8,11 @@ resists what is quick as a spring does and lets go of what is slow.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 from workbench.model import PortView, State
 from workbench.model.regularisation import Expression
-from workbench.physics.law import Fit, Law, Own, each, first_of, shape, size, twins
-from workbench.physics.place import EFFORTS, Local, Place, Survey, per
+from workbench.physics.law import Fit, Law, Own, each, first_of, gain_of, shape, size, twins
+from workbench.physics.place import EFFORTS, Place, Survey, per
 
 
 def _late(at: PortView) -> Expression:
@@ -84,22 +83,15 @@ def _read_at_once(survey: Survey) -> Iterator[Fit]:
     for place in survey.fitting("measurement"):
         for cause in () if place.commanded else survey.causes(place):
             own = place.output.name if place.output else place.port.group
-            site = replace(place, signals={**place.signals, "cause": cause})
+            site = place.with_signal("cause", cause)
             yield f"_{own}_{cause.source}", ((site,),)
 
 
-def _cause(at: Place) -> Local:
-    return at.signals.get("cause", Local("cause", "1"))
-
-
 def _path(at: Place) -> tuple[Own, ...]:
-    cause = _cause(at)
-    typical = 0.05 * at.scale / cause.scale
     return (
-        size("gain", per(at.unit, cause.unit), typical, 100 * typical, "slow part of the response",
-             signed=True),
+        gain_of(at, at.other("cause"), 0.05, "slow part of the response"),
         shape("time_constant", "s", 0.1 * at.lasting, "time constant", around=(1e-3, 10.0)),
-    )  # fmt: skip
+    )
 
 
 # A voltage that follows a current at once, and goes on when it has settled: diffusion in a cell.
@@ -110,8 +102,8 @@ slow_response = Law(
     _path,
     lambda at: at.value + at.p.gain * at.x.passed,
     states=lambda at: (
-        State("passed", _cause(at).unit, _cause(at).scale,
-              f"what {at.name} has followed of its cause", start_rms=_cause(at).scale),
+        State("passed", at.other("cause").unit, at.other("cause").scale,
+              f"what {at.name} has followed of its cause", start_rms=at.other("cause").scale),
     ),
     rates=lambda e: {"passed": (e.here.signals.cause - e.x.passed) / e.p.time_constant},
     start=lambda e: {"passed": 0.0 * e.here.signals.cause},

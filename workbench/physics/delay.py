@@ -23,7 +23,7 @@ from workbench.physics.law import (
     shape,
     size,
 )
-from workbench.physics.place import FLOWS, Local, Place, Survey
+from workbench.physics.place import FLOWS, Place, Survey
 
 
 def _constant(p: Names) -> Expression:
@@ -283,13 +283,13 @@ valve_delay = replace(
 def _ways(survey: Survey) -> Iterator[Fit]:
     for place in survey.fitting(*FLOWS, needs=("level",)):
         for level in survey.arriving(place) if place.store else ():
-            at = replace(place, signals={**place.signals, "arriving": level})
+            at = place.with_signal("arriving", level)
             yield f"_{level.source}_{place.store}", ((at,),)
 
 
 def _arriving(at: Place) -> Place:
     """Return the level that arrives late as if it were the signal of the place."""
-    level = at.signals.get("arriving", Local("arriving", "1"))
+    level = at.other("arriving")
     return replace(at, port=replace(at.port, unit=level.unit, scale=level.scale, sized=True))
 
 

@@ -321,10 +321,7 @@ def _each_parameter_over(survey: Survey) -> Iterator[Fit]:
         for over in survey.may_bend_over(q, places):
             yield (
                 f"_{q.name}_over_{over.source}",
-                tuple(
-                    (replace(at, parameters=(q,), signals={**at.signals, "over": over}),)
-                    for at in places
-                ),
+                tuple((replace(at, parameters=(q,)).with_signal("over", over),) for at in places),
             )
 
 
@@ -426,7 +423,7 @@ parameter_by_recording = replace(
 
 def _range(at: Place) -> tuple[Own, Own]:
     """Return middle and half of the range of what a parameter changes with."""
-    over = at.signals.get("over", Local("over", "1"))
+    over = at.other("over")
     low, high = over.seen or (over.start - over.scale, over.start + over.scale)
     return (
         shape("middle", over.unit, 0.5 * (low + high), "middle of the range seen",
@@ -536,15 +533,12 @@ def _terms(survey: Survey) -> Iterator[Fit]:
         if over := survey.argument(q, places):
             yield (
                 f"_{q.name}",
-                tuple(
-                    (replace(at, parameters=(q,), signals={**at.signals, "over": over}),)
-                    for at in places
-                ),
+                tuple((replace(at, parameters=(q,)).with_signal("over", over),) for at in places),
             )
 
 
 def _drive(at: Place) -> Local:
-    return at.signals.get("over", Local("over", "1"))
+    return at.other("over")
 
 
 def _clipped(at: PortView) -> Expression:

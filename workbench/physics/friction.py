@@ -282,16 +282,13 @@ def _joints(survey: Survey) -> Iterator[Fit]:
     for q, places, speed in survey.joints:
         yield (
             f"_{q.name}",
-            tuple(
-                (replace(at, parameters=(q,), signals={**at.signals, "turning": speed}),)
-                for at in places
-            ),
+            tuple((replace(at, parameters=(q,)).with_signal("turning", speed),) for at in places),
         )
 
 
 def _damping(at: Place) -> tuple[str, float, Local]:
     """Return unit and typical size of a damping, and the speed over which it acts."""
-    speed = at.signals.get("turning", Local("turning", "1"))
+    speed = at.other("turning")
     return (
         (at.parameters[0].unit, at.parameters[0].scale, speed)
         if at.parameters

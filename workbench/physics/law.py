@@ -29,7 +29,7 @@ from workbench.model import (
 from workbench.model.expressions import cofactor, weight
 from workbench.model.regularisation import Expression
 from workbench.physics.hypothesis import Group, Hypothesis
-from workbench.physics.place import DRIVES, Place, Survey, unknown_place
+from workbench.physics.place import DRIVES, Local, Place, Survey, per, unknown_place
 from workbench.registry import Registry
 
 EVERYWHERE = ("*",)
@@ -129,6 +129,16 @@ def size(
         name, unit, 0.0, below, largest, text, scale or typical, source,
         typical=typical, resists=resists,
     )  # fmt: skip
+
+
+def gain_of(at: Place, cause: Local, part: float, text: str) -> Own:
+    """State the gain of a law with which another signal enters at a place; its zero is its absence.
+
+    Args:
+        part: What the cause's usual size usually brings in, over the place's scale, a ratio.
+    """
+    typical = part * at.scale / cause.scale
+    return size("gain", per(at.unit, cause.unit), typical, 100.0 * typical, text, signed=True)
 
 
 def share(text: str) -> Own:

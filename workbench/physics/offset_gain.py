@@ -18,12 +18,13 @@ from workbench.physics.law import (
     drives,
     each,
     first_of,
+    gain_of,
     sensors,
     shape,
     size,
     together,
 )
-from workbench.physics.place import EFFORTS, FLOWS, Local, Place, Survey, per
+from workbench.physics.place import EFFORTS, FLOWS, Place, Survey
 
 
 def _amount(typical: float, largest: float) -> Callable[[Place], tuple[Own, ...]]:
@@ -115,17 +116,8 @@ def _beside_unused(survey: Survey) -> Iterator[Fit]:
     for cause in survey.unused_inputs:
         for at in survey.fitting(*EFFORTS, *FLOWS):
             if not at.commanded:
-                site = replace(at, signals={**at.signals, "cause": cause})
+                site = at.with_signal("cause", cause)
                 yield f"_{cause.source}_{by_port(at)}", ((site,),)
-
-
-def _per_cause(at: Place) -> tuple[Own, ...]:
-    cause = at.signals.get("cause", Local("cause", "1"))
-    typical = 0.05 * at.scale / cause.scale
-    return (
-        size("gain", per(at.unit, cause.unit), typical, 100.0 * typical, "signal over the input",
-             signed=True),
-    )  # fmt: skip
 
 
 # What was recorded because it may matter, and stands nowhere in the equations: the sun, the wind.
@@ -133,7 +125,7 @@ unused_input = Law(
     "unused_input",
     "y = u + gain v, v an input that the equations do not use",
     _beside_unused,
-    _per_cause,
+    lambda at: (gain_of(at, at.other("cause"), 0.05, "signal over the input"),),
     lambda at: at.value + at.p.gain * at.signals.cause,
     source="first term of a Taylor series",
     look_alikes=("exchange_with_input", "offset"),
@@ -250,16 +242,14 @@ def _beside_others(survey: Survey) -> Iterator[Fit]:
         if place.output is None:
             continue
         for cause in (*causes, *survey.beside(place)):
-            site = replace(place, signals={**place.signals, "cause": cause})
+            site = place.with_signal("cause", cause)
             yield f"_{place.output.name}_{cause.source}", ((site,),)
 
 
 def _coupled(at: Place) -> tuple[Own, ...]:
-    cause = at.signals.get("cause", Local("cause", "1"))
-    typical = sensor_error(at) * at.scale / cause.scale
+    cause = at.other("cause")
     return (
-        size("gain", per(at.unit, cause.unit), typical, 100.0 * typical,
-             "what the sensor reads of the other signal", signed=True),
+        gain_of(at, cause, sensor_error(at), "what the sensor reads of the other signal"),
         shape("zero", cause.unit, cause.start, "value of the other signal that it does not read",
               around=None, source="", fitted=False),
     )  # fmt: skip

@@ -264,6 +264,14 @@ class Place:
         """Length of the recordings, in s; long for the model where it is not known."""
         return self.duration or 20.0 * self.horizon
 
+    def with_signal(self, name: str, other: Local) -> Place:
+        """Return the place with a signal of elsewhere beside its own, by the name of a law."""
+        return replace(self, signals={**self.signals, name: other})
+
+    def other(self, name: str) -> Local:
+        """Return a signal of elsewhere by the name of a law; dimensionless where there is none."""
+        return self.signals.get(name, Local(name, "1"))
+
     @property
     def speed(self) -> Local:
         """The speed of what moves."""
@@ -361,7 +369,7 @@ class Survey:
     def with_level(self, place: Place) -> Place:
         """Return a place with the level of the store that it alone changes."""
         level = self._of(place.store)
-        return replace(place, signals={**place.signals, "level": level})
+        return place.with_signal("level", level)
 
     def arriving(self, place: Place) -> tuple[Local, ...]:
         """Return the levels of other stores that enter what fills a store at once."""

@@ -328,7 +328,7 @@ def _driven(survey: Survey) -> Iterator[Fit]:
         causes = survey.causes(place)
         distance = not place.coordinate.minus and same_dimension(place.coordinate.unit, "m")
         if len(causes) == 1 and distance:
-            at = replace(place, signals={**place.signals, "cause": causes[0]})
+            at = place.with_signal("cause", causes[0])
             yield f"_{by_port(place)}", ((at,),)
 
 

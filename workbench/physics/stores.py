@@ -307,9 +307,7 @@ def _pairs(survey: Survey) -> Iterator[Fit]:
         names = a.level.source, b.level.source
         alike = a.level.unit == b.level.unit and a.unit == b.unit
         if alike and f"{'_'.join(names)}.exchange" not in joined:
-            site = tuple(
-                replace(q, signals={**q.signals, "beyond": r.level}) for q, r in ((a, b), (b, a))
-            )
+            site = tuple(q.with_signal("beyond", r.level) for q, r in ((a, b), (b, a)))
             yield f"_{'_'.join(names)}", (site,)
 
 
@@ -372,7 +370,7 @@ second_store = Law(
 def _beside_inputs(survey: Survey) -> Iterator[Fit]:
     for name, ((place,),) in _also_of_heat(survey):
         for beyond in survey.inputs_alike(place.level):
-            site = replace(place, signals={**place.signals, "beyond": beyond})
+            site = place.with_signal("beyond", beyond)
             yield f"{name}_{beyond.source}", ((site,),)
 
 
@@ -381,11 +379,7 @@ exchange_with_input = Law(
     "exchange_with_input",
     "flow = flow - conductance (level - u)",
     _beside_inputs,
-    lambda at: (
-        size("conductance", per(at.unit, at.level.unit), 0.1 * at.scale / at.level.scale,
-             100.0 * at.scale / at.level.scale, "flow to it over the difference", signed=True),
-        sense(at),
-    ),
+    lambda at: (_conductance(at, "flow to it over the difference", signed=True), sense(at)),
     lambda at: at.value - at.p.sense * at.p.conductance * (at.signals.level - at.signals.beyond),
     source="I. Newton 1701, A. Fick 1855",
     look_alikes=("heat_loss", "linear_outflow", "second_store"),

@@ -20,12 +20,12 @@ from workbench.physics.stores import heat_stores, sense
 def _warmed(survey: Survey) -> Iterator[Fit]:
     for q, places in gained(survey):
         if over := survey.dissipating(q, places):
-            at = (replace(p, parameters=(q,), signals={**p.signals, "over": over}) for p in places)
+            at = (replace(p, parameters=(q,)).with_signal("over", over) for p in places)
             yield f"_{q.name}", (tuple(at),)
 
 
 def _over(at: Place) -> Local:
-    return at.signals.get("over", Local("over", "1"))
+    return at.other("over")
 
 
 def _largest(at: Place) -> Own:
@@ -73,7 +73,7 @@ own_warming = Law(
 def _heated(survey: Survey) -> Iterator[Fit]:
     for name, ((place,),) in heat_stores(survey):
         for over in survey.heating(place):
-            at = replace(place, signals={**place.signals, "over": over})
+            at = place.with_signal("over", over)
             yield f"{name}_{over.source}", ((at,),)
 
 

@@ -56,16 +56,15 @@ def read_hdf5(path: Path, options: ReadOptions) -> Columns:
 
     Groups are written out as ``group.dataset``; an attribute ``unit`` or ``units`` is the unit.
     """
+    import h5py
+
     # HDF5 raises whatever the damaged bytes lead it into, so nothing narrower is safe.
     try:
-        import h5py
-
         with h5py.File(path, "r") as file:
             content = dict(_datasets(file, h5py))
-    except ImportError:
-        raise
     except Exception as error:  # noqa: BLE001
-        raise unreadable(path, error, "an HDF5 file") from None
+        kind = "a MATLAB file" if path.suffix.lower() == ".mat" else "an HDF5 file"
+        raise unreadable(path, error, kind) from None
     return columns_of_variables(path, content, options)
 
 

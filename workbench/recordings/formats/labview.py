@@ -12,7 +12,7 @@ from workbench.errors import WorkbenchError
 from workbench.recordings.columns import Columns
 from workbench.recordings.formats.delimited_text import line_blocks, read_text
 from workbench.recordings.formats.format import Format, ReadOptions
-from workbench.recordings.formats.variables import columns_of_variables, unreadable
+from workbench.recordings.formats.variables import columns_of_variables, in_seconds, unreadable
 
 
 def read_lvm(path: Path, options: ReadOptions) -> Columns:
@@ -57,10 +57,8 @@ def read_tdms(path: Path, options: ReadOptions) -> Columns:
         for c in channels:
             name = c.name if names.count(c.name) == 1 else f"{c.group_name}.{c.name}"
             unit = str(c.properties.get("unit_string", "")).strip()
-            values = np.asarray(c[:])
-            if values.dtype.kind == "M":
-                values, unit = (values - values[0]) / np.timedelta64(1, "s"), "s"
-            content[f"{name} [{unit}]" if unit else name] = values
+            title, values = in_seconds(name, np.asarray(c[:]))
+            content[f"{name} [{unit}]" if unit and title == name else title] = values
     except Exception as error:  # noqa: BLE001
         raise unreadable(path, error, "a TDMS file") from None
     if longest is None:

@@ -199,7 +199,7 @@ def read_mat_5(path: Path, options: ReadOptions) -> Columns:
     try:
         variables = parse_mat5(content)
     except Exception as error:  # noqa: BLE001
-        raise unreadable(path, error) from None
+        raise unreadable(path, error, "a MATLAB file") from None
     return columns_of_variables(path, variables, options)
 
 

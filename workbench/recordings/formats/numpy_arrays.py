@@ -11,7 +11,7 @@ import numpy as np
 from workbench.errors import WorkbenchError
 from workbench.recordings.columns import Columns
 from workbench.recordings.formats.format import Format, ReadOptions
-from workbench.recordings.formats.variables import columns_of_variables
+from workbench.recordings.formats.variables import columns_of_variables, in_seconds
 
 
 def _content(path: Path) -> Any:
@@ -29,13 +29,6 @@ def _content(path: Path) -> Any:
 
 def _fields(array: Any) -> dict[str, Any]:
     return {name: array[name] for name in array.dtype.names}
-
-
-def _seconds(name: str, value: Any) -> tuple[str, Any]:
-    if value.dtype.kind not in "mM" or not value.size:
-        return name, value
-    since = value - value.flat[0] if value.dtype.kind == "M" else value
-    return f"{name} [s]", since / np.timedelta64(1, "s")
 
 
 def read_numpy(path: Path, options: ReadOptions) -> Columns:
@@ -64,9 +57,9 @@ def read_numpy(path: Path, options: ReadOptions) -> Columns:
     variables: dict[str, Any] = {}
     for name, value in named.items():
         if value.dtype.names:
-            variables[name] = dict(_seconds(*pair) for pair in _fields(value).items())
+            variables[name] = dict(in_seconds(*pair) for pair in _fields(value).items())
         else:
-            title, numbers = _seconds(name, value)
+            title, numbers = in_seconds(name, value)
             variables[title] = str(value) if value.dtype.kind == "U" and not value.ndim else numbers
     return columns_of_variables(path, variables, options)
 

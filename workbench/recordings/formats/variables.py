@@ -20,7 +20,7 @@ _MAX_LISTED_ITEMS = 1000
 _MAX_LISTED = 16
 
 
-def unreadable(path: Path, error: Exception, kind: str = "a MATLAB file") -> WorkbenchError:
+def unreadable(path: Path, error: Exception, kind: str) -> WorkbenchError:
     """Return the sentence for a file that cannot be taken apart."""
     reason = " ".join(str(error).split())[:120] or type(error).__name__
     return WorkbenchError(
@@ -45,6 +45,14 @@ def _flat(name: str, value: Any, out: dict[str, Any], depth: int = 0) -> None:
             _flat(f"{name}.{k + 1}", item, out, depth + 1)
     elif value is not None:
         out[name] = value
+
+
+def in_seconds(name: str, values: npt.NDArray[Any]) -> tuple[str, npt.NDArray[Any]]:
+    """Return instants in s from the first one and spans in s, named so; all else as it is."""
+    if values.dtype.kind not in "mM" or not values.size:
+        return name, values
+    since = values - values.flat[0] if values.dtype.kind == "M" else values
+    return f"{name} [s]", since / np.timedelta64(1, "s")
 
 
 def _as_float(array: npt.NDArray[Any]) -> Vector:
