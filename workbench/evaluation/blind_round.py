@@ -119,6 +119,22 @@ def error_ratio(above: Mapping[str, Any], below: Mapping[str, Any]) -> float:
         return float(np.sqrt(np.mean(np.square(ratios)))) if ratios else math.nan
 
 
+def over_limit(verdict: Mapping[str, Any], limit: Mapping[str, float]) -> float:
+    """Return the held-out error of a verdict's model over a limit, a ratio; NaN if it has none.
+
+    Args:
+        limit: Error of the true model by output, root mean square in SI.
+    """
+    held_out = (verdict.get("fit") or {}).get("held_out") or {}
+    return error_ratio(held_out.get("extended") or {}, limit)
+
+
+def names_of(verdict: Mapping[str, Any]) -> list[str]:
+    """Return the names that a verdict gives."""
+    found = verdict.get("findings", ())
+    return [f["effect"] for f in found if f["effect"] not in (None, "nonparametric")]
+
+
 RIGHT, CLASS, GROUP, SIDE, NONE, WRONG = 6, 3, 2, 1, 0, -6
 """Points."""
 
@@ -164,14 +180,8 @@ class Line:
 
     def as_data(self) -> dict[str, Any]:
         """Return the score as plain data."""
-        return {
-            "case": self.case,
-            "hidden": self.hidden,
-            "said": self.said,
-            "points": self.points,
-            "most": self.most,
-            "remark": self.remark,
-        }
+        kept = ("case", "hidden", "said", "points", "most", "remark")
+        return {name: getattr(self, name) for name in kept}
 
 
 @dataclass(frozen=True)
@@ -380,7 +390,7 @@ def _points(answer: Answer, finding: tuple[tuple[str, ...], tuple[str, ...]], tr
             return RIGHT
         if here:
             return GROUP
-        return SIDE if bool(groups) and _sensors(groups) == truth.sensor else NONE
+        return SIDE if groups and ("sensor" in groups[0]) == truth.sensor else NONE
     if not set(names) & set(truth.library):
         return WRONG
     if len(names) == 1:
@@ -392,10 +402,6 @@ def _points(answer: Answer, finding: tuple[tuple[str, ...], tuple[str, ...]], tr
 
 def _in_group(groups: Sequence[str], truth: Truth) -> bool:
     return bool(groups) and groups[0] in truth.groups
-
-
-def _sensors(groups: Sequence[str]) -> bool:
-    return "sensor" in groups[0]
 
 
 def _said(answer: Answer) -> str:

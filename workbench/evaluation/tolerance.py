@@ -35,9 +35,6 @@ from workbench.verification.each_step import each_step, step_responses
 from workbench.verification.responses import oscillation, steady_error, variation_rate
 from workbench.work.processes import parallel
 
-SIMULATORS = ("rig", "own plant")
-"""On what drawn machines run."""
-
 SIZE = math.radians(15.0)
 """Steps whose settling time is told."""
 
@@ -107,15 +104,11 @@ def at_rest(parameters: Mapping[str, float], angle_deg: float) -> Vector:
 def on_rig(law: Any, draw: Draw, scenario: Scenario) -> dict[str, Any]:
     """Run a controller on the rig of a draw along steps and measure it, in SI."""
     parameters, signal, settle = draw.rig, _steps(scenario), scenario.settle
-    times, values = np.array(signal.times) + settle, np.array(signal.values)
-
-    def reference(time: float) -> float:
-        return float(values[max(0, int(np.searchsorted(times, time + 1e-9)) - 1)])
-
+    time = np.arange(round((scenario.duration + settle) * RATE)) / RATE - settle
     start = at_rest(parameters, math.degrees(signal.values[0]))
-    run = follow(law, parameters, start, reference, scenario.duration + settle, seed=draw.number)
-    first = round(settle * RATE)
-    return measured(run.time[first:] - settle, run.angle[first:], run.valve[first:], signal)
+    run = follow(law, parameters, start, signal.sample(time), seed=draw.number)
+    judged = slice(round(settle * RATE), None)
+    return measured(time[judged], run.states[judged, 0], run.valve[judged], signal)
 
 
 def on_own_plant(law: Any, draw: Draw, scenario: Scenario) -> dict[str, Any]:
@@ -136,9 +129,11 @@ def _steps(scenario: Scenario) -> Steps:
     return signal
 
 
-_RUNS: dict[str, Callable[..., dict[str, Any]]] = dict(
-    zip(SIMULATORS, (on_rig, on_own_plant), strict=True)
-)
+SIMULATORS: dict[str, Callable[..., dict[str, Any]]] = {
+    "rig": on_rig,
+    "own plant": on_own_plant,
+}
+"""On what drawn machines run."""
 
 
 def measured(time: Vector, angle: Vector, valve: Vector, signal: Steps) -> dict[str, Any]:
@@ -188,17 +183,12 @@ def run_machine(machine: DrawnMachine, _jobs: int) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name, law in machine.laws.items():
         try:
-            row = _RUNS[machine.simulator](law, machine.draw, scenario)
+            found[name] = SIMULATORS[machine.simulator](law, machine.draw, scenario)
         except WorkbenchError as error:
-            row = {"reason": str(error)}
-        found[name] = row
-    kinds = list(machine.draw.kinds)
-    return {
-        "draw": machine.draw.name,
-        "simulator": machine.simulator,
-        "kinds": kinds,
-        "runs": found,
-    }
+            found[name] = {"reason": str(error)}
+    draw = machine.draw
+    kinds = list(draw.kinds)
+    return {"draw": draw.name, "simulator": machine.simulator, "kinds": kinds, "runs": found}
 
 
 def tolerance(

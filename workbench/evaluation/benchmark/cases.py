@@ -17,7 +17,7 @@ import numpy as np
 from workbench.errors import WorkbenchError
 from workbench.evaluation.answer_key import NOTHING
 from workbench.evaluation.benchmark.baselines import read_limits
-from workbench.evaluation.blind_round import RoundScore, error_ratio, score_verdicts, verdict_file
+from workbench.evaluation.blind_round import RoundScore, over_limit, score_verdicts, verdict_file
 from workbench.evaluation.own_cases.own_case import limited_errors, made
 from workbench.evaluation.own_cases.plan import FIRST_SEED, Planned, plan
 from workbench.files import write_whole
@@ -109,7 +109,7 @@ def _over(folder: Path, score: RoundScore, limits: dict[str, Any]) -> float:
         verdict = json.loads(verdict_file(folder, line.case).read_text(encoding="utf-8"))
         held_out = (verdict.get("fit") or {}).get("held_out") or {}
         below = limits.get(line.case) or held_out.get("noise_floor") or {}
-        ratios.append(error_ratio(held_out.get("extended") or {}, below))
+        ratios.append(over_limit(verdict, below))
     known = [ratio for ratio in ratios if math.isfinite(ratio)]
     return float(np.median(known)) if known else math.nan
 

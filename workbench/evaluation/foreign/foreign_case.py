@@ -18,7 +18,14 @@ from typing import Any
 import numpy as np
 
 from workbench.evaluation.answer_key import Names, Truth
-from workbench.evaluation.blind_round import LARGEST_RATIO, Line, answer_of, error_ratio, score_case
+from workbench.evaluation.blind_round import (
+    LARGEST_RATIO,
+    Line,
+    answer_of,
+    names_of,
+    over_limit,
+    score_case,
+)
 from workbench.evaluation.foreign.circuit import CIRCUIT
 from workbench.evaluation.foreign.crane import CRANE
 from workbench.evaluation.foreign.drive import DRIVE
@@ -191,12 +198,6 @@ def judge(row: Mapping[str, Any]) -> Line:
     return score_case(answer_of(row["verdict"], row["case"], Names({}, {})), truths)
 
 
-def over_limit(row: Mapping[str, Any]) -> float:
-    """Return the held-out error over that of the truth, dimensionless; NaN if there is none."""
-    held_out = row["verdict"].get("fit", {}).get("held_out", {})
-    return error_ratio(held_out.get("extended") or {}, row["limit"])
-
-
 def refused_right(row: Mapping[str, Any]) -> list[str]:
     """Return right names that gained on held-out recordings and are not in the verdict."""
     right = {name for truth in row["hidden"] for name in truth["library"]}
@@ -211,11 +212,12 @@ def refused_right(row: Mapping[str, Any]) -> list[str]:
 def line_of(row: Mapping[str, Any]) -> str:
     """Return one line about a kept case."""
     line, failure = judge(row), row["verdict"].get("failure", "")
+    error = over_limit(row["verdict"], row["limit"])
     tail = "; ".join([*refused_right(row), *([failure] if failure else [])])
     outside = " (outside the library)" if any(not t["library"] for t in row["hidden"]) else ""
     return (
         f"{row['case']} {row['title']:<40} {line.said:<44} {line.points:>3} of {line.most:<3}"
-        f" {line.remark}{outside}; {over_limit(row):.3g} of the limit, {row['seconds']:.0f} s"
+        f" {line.remark}{outside}; {error:.3g} of the limit, {row['seconds']:.0f} s"
         + (f"; {tail}" if tail else "")
     )
 
@@ -272,19 +274,15 @@ def rates_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, Rate]:
     named = [(t, right) for r, j in faulty for t, right in zip(r["hidden"], j.named, strict=True)]
     within = "held-out error within 1.5 of the truth"
     return {
-        "false names": Rate.of(_names(r) for r, _ in clean),
+        "false names": Rate.of(bool(names_of(r["verdict"])) for r, _ in clean),
         "right name or class": Rate.of(right for _, right in named),
         "right name or class, what the library has": Rate.of(r for t, r in named if t["library"]),
         "right place": Rate.of(right for _, j in faulty for right in j.located),
         "wrong name": Rate.of("wrong name" in j.remark for _, j in faulty),
-        within: Rate.of(over_limit(r) <= LARGEST_RATIO for r in rows),
+        within: Rate.of(over_limit(r["verdict"], r["limit"]) <= LARGEST_RATIO for r in rows),
         "gains but is refused": Rate.of(bool(refused_right(r)) for r, _ in faulty),
         "diagnosis failed": Rate.of(r["verdict"]["verdict"] == "failed" for r in rows),
     }
-
-
-def _names(row: Mapping[str, Any]) -> bool:
-    return any(f["effect"] not in (None, "nonparametric") for f in row["verdict"]["findings"])
 
 
 def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -296,7 +294,11 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "rates": {name: rate.as_data() for name, rate in rates_of(rows).items()},
         "each": [
             judge(row).as_data()
-            | {"hidden": row["title"], "over_limit": over_limit(row), "refused": refused_right(row)}
+            | {
+                "hidden": row["title"],
+                "over_limit": over_limit(row["verdict"], row["limit"]),
+                "refused": refused_right(row),
+            }
             for row in rows
         ],
     }

@@ -18,6 +18,7 @@ import numpy as np
 from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.stages import Diagnosis
+from workbench.evaluation.blind_round import names_of
 from workbench.evaluation.kept import diagnosed, version
 from workbench.evaluation.machines.plants import muscle
 from workbench.model import Model
@@ -130,15 +131,9 @@ def _in_loop(model: Model, task: Task, output: str) -> float:
     return math.sqrt(sum(squares) / len(squares))
 
 
-def names_of(row: Mapping[str, Any]) -> list[str]:
-    """Return the names that a verdict gives."""
-    found = row["verdict"]["findings"]
-    return [f["effect"] for f in found if f["effect"] not in (None, "nonparametric")]
-
-
 def shortfalls(row: Mapping[str, Any]) -> list[str]:
     """Return what a result lacks against the table."""
-    entry, names = table()[row["machine"]], names_of(row)
+    entry, names = table()[row["machine"]], names_of(row["verdict"])
     lacking = [
         f"no {' or '.join(group)}"
         for group in entry.get("named", ())
@@ -169,7 +164,7 @@ def line_of(row: Mapping[str, Any]) -> str:
 
     lacking = "; ".join([*shortfalls(row), verdict.get("failure", "")]).strip("; ")
     return (
-        f"{row['machine']:<9} {verdict['verdict']:<16} {', '.join(names_of(row)) or '-':<46}"
+        f"{row['machine']:<9} {verdict['verdict']:<16} {', '.join(names_of(verdict)) or '-':<46}"
         f" {shown('refitted')} -> {shown('extended')} {unit}, bar {bar or 'none'};"
         f" {lacking or 'reached'} ({row['seconds']:.0f} s)"
     )

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from workbench.evaluation.answer_key import Truth
-from workbench.evaluation.blind_round import Line, answer_of, error_ratio, score_case, score_round
+from workbench.evaluation.blind_round import Line, answer_of, over_limit, score_case, score_round
 from workbench.evaluation.own_cases.plan import COUNTERPARTS, FACTORS, OUTSIDE, SINGLE, SIZES, names
 from workbench.evaluation.rates import Rate
 from workbench.evaluation.rig.parameters import nominal
@@ -122,7 +122,6 @@ def judge(row: Mapping[str, Any], who: str = "tool") -> Judged | None:
     line = score_case(given, truths)
     found = {_region(groups[0]) for _, groups in given.findings if groups}
     regions = tuple(bool(found & set(map(_region, truth.groups))) for truth in truths)
-    held_out = verdict.get("fit", {}).get("held_out", {})
     seconds = row.get("processor_seconds") if who == "tool" else verdict.get("processor_seconds")
     return Judged(
         row["case"],
@@ -134,7 +133,7 @@ def judge(row: Mapping[str, Any], who: str = "tool") -> Judged | None:
         regions,
         any(_surely_wrong(f, truths) for f in verdict["findings"]),
         tuple(_sizes(row, verdict)),
-        error_ratio(held_out.get("extended") or {}, row["limit"]),
+        over_limit(verdict, row["limit"]),
         math.nan if seconds is None else float(seconds),
     )
 

@@ -5,7 +5,7 @@ Units: SI, recorded columns in volt, degrees and bar.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -105,39 +105,17 @@ class Law(Protocol):
         """Return the command, the next state, and what the step tells about itself."""
 
 
-@dataclass(frozen=True)
-class ClosedRun:
-    """A closed-loop run: time in s, angles in rad, command in volt."""
-
-    time: Array
-    reference: Array
-    angle: Array
-    valve: Array
-    infos: Sequence[dict[str, float]]
-
-
 def follow(
-    law: Law,
-    parameters: dict[str, float],
-    state: Array,
-    reference: Callable[[float], float],
-    seconds: float,
-    *,
-    seed: int = 0,
-) -> ClosedRun:
-    """Run a controller on the rig, from a state on, along a reference in rad over time in s."""
-    time = np.arange(round(seconds * RATE)) / RATE
-    wanted = np.array([reference(t) for t in time.tolist()])
-    infos: list[dict[str, float]] = []
+    law: Law, parameters: dict[str, float], state: Array, reference: Array, *, seed: int = 0
+) -> Record:
+    """Run a controller on the rig, from a state on, along a reference in rad at each sample."""
     inner: list[Any] = []
 
     def volt(k: int, angle_deg: float, pressures: tuple[float, float]) -> float:
         seen = (float(np.radians(angle_deg)), *pressures)
         before = inner.pop() if inner else law.initial_state(seen)
-        command, after, info = law.step(before, seen, (float(wanted[k]),))
+        command, after, _ = law.step(before, seen, (float(reference[k]),))
         inner.append(after)
-        infos.append(dict(info))
         return min(10.0, max(0.0, float(command[0])))
 
-    run = driven(parameters, state, len(time), volt, seed=seed)
-    return ClosedRun(time, wanted, run.states[:, 0], run.valve, infos)
+    return driven(parameters, state, len(reference), volt, seed=seed)
