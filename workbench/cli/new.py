@@ -62,12 +62,15 @@ def study_fields() -> int:
 def _of_plant(plant: str) -> dict[str, Any]:
     """Return what a study of a plant says: its first design that fits, step and parameters."""
     from workbench.cli.plant import chosen_plant
-    from workbench.cli.verify import nominal_design, tried
+    from workbench.cli.running import note
+    from workbench.cli.verify import nominal_design
     from workbench.model.units import from_si, of_difference
+    from workbench.study.step_trial import StepTrial
     from workbench.verification import Steps
 
     chosen = chosen_plant(plant)
-    (design, *_), (scenario, *_) = tried(chosen, (), nominal_design(chosen))
+    trial = StepTrial(chosen.recipe, nominal_design(chosen), say=note)
+    (design, *_), (scenario, *_) = trial.prepared()
     outputs = {q.name: q for q in chosen.model.outputs}
     stepped = next(name for name, own in scenario.references.items() if own.changes)
     about, reference = outputs[stepped], scenario.references[stepped]

@@ -90,21 +90,24 @@ def _nominal_and_redesigned(
     found: Chosen, verdict: Path, designs: Sequence[str], at: Sequence[str]
 ) -> Study:
     """Return the study of designs for the nominal plant and for the machine, on that machine."""
-    from workbench.cli.verify import nominal_design, recipes_of, study_of_steps, tried
+    from workbench.cli.running import note
+    from workbench.cli.verify import nominal_design
     from workbench.plants.registry import nominal_of_file
     from workbench.study.plants import PlantRecipe
+    from workbench.study.step_trial import StepTrial
 
     kind, options = nominal_of_file(verdict)
     base = nominal_design(found, at)
     nominal = replace(base, plant=PlantRecipe(kind, options, folder=base.plant.folder))
-    after, scenarios = tried(found, (), base, controllers=designs)
-    before = recipes_of(nominal, designs, scenarios[0])
+    trial = StepTrial(found.recipe, base, tuple(designs), say=note)
+    after, scenarios = trial.prepared()
+    before = replace(trial, base=nominal).recipes(scenarios[0])
     recipes = [
         replace(recipe, name=f"{recipe.name}, {word}")
         for known, word in ((before, "nominal"), (after, "redesigned"))
         for recipe in known
     ]
-    study = study_of_steps(found, recipes, scenarios, (), "redesign")
+    study = trial.study(recipes, scenarios, name="redesign")
     # A family has one colour, whatever it was designed for.
     kin = tuple((r.name, own.name) for r, own in zip(recipes, (*before, *after), strict=True))
     return replace(study, report=replace(study.report, kin=kin))

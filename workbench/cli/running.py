@@ -107,6 +107,11 @@ def tell(content: Mapping[str, Any], *, as_json: bool, file: Path | None = None)
         typer.echo(f"written to {file}", err=as_json)
 
 
+def note(sentence: str) -> None:
+    """Tell a reader something beside the result, on the error stream."""
+    typer.echo(sentence, err=True)
+
+
 class Steps:
     """Says on the error stream which of some steps is being done, and how long it took."""
 

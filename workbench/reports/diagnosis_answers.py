@@ -215,7 +215,5 @@ def hull_sentence(term: NonparametricTerm) -> str:
         (low, high), unit = hull(term, a)
         ends = f"{number(low)} to {number(high)} {unit}".removesuffix(" 1")
         ranges.append(f"{plain(a.name)} from {ends}")
-    curves = "curve is" if len(ranges) == 1 else "curves are"
-    return f"The {curves} empirical: valid inside its data hull, {' and '.join(ranges)}.".replace(
-        "are empirical: valid inside its", "are empirical: valid inside their"
-    )
+    curves, own = ("curve is", "its") if len(ranges) == 1 else ("curves are", "their")
+    return f"The {curves} empirical: valid inside {own} data hull, {' and '.join(ranges)}."

@@ -177,10 +177,10 @@ def scores_table(
 
 def weights_table(verdict: Verdict) -> Table:
     """Tabulate how likely each of the sets of effects is that were compared."""
-    return Table(
+    return Table.of(
         "How likely each set of effects is",
-        ("effects", "weight"),
-        tuple((plain(str(w)), f"{w.weight:.2f}") for w in verdict.weights),
+        verdict.weights,
+        {"effects": lambda w: plain(str(w)), "weight": lambda w: f"{w.weight:.2f}"},
         "Share of the posterior over all sets that were refitted to the end, averaged over blocks"
         " of the recordings drawn with replacement. What spoils free runs is none of them.",
     )
@@ -217,10 +217,10 @@ def _outcome(candidate: Candidate | None, taken_back: Mapping[str, str]) -> Cell
 
 def unseen_table(verdict: Verdict) -> Table:
     """Build the table of effects that these recordings could not have shown."""
-    return Table(
+    return Table.of(
         "What these recordings could not have shown",
-        ("effect", "why"),
-        tuple((plain(item["effect"]), item["reason"]) for item in verdict.not_testable),
+        verdict.not_testable,
+        {"effect": lambda item: plain(item["effect"]), "why": lambda item: item["reason"]},
         f"Collinear beyond {100 * COLLINEAR:.0f} %, or too small at every plausible size.",
     )
 
@@ -229,19 +229,15 @@ def checks_table(verdict: Verdict) -> Table:
     """Build the table of checks that did not simply pass."""
     passed = sum(row.get("result") == "pass" for row in verdict.data)
     remarks = [row for row in verdict.data if row.get("result") != "pass"]
-    rows = tuple(
-        (
-            row["recording"],
-            row["check"],
-            Cell(row["result"], "missed" if row["result"] == "unfit" else ""),
-            row["note"],
-        )
-        for row in sorted(remarks, key=lambda row: row["result"] != "unfit")
-    )
-    return Table(
+    return Table.of(
         "Checks of the recordings",
-        ("recording", "check", "result", "note"),
-        rows,
+        sorted(remarks, key=lambda row: row["result"] != "unfit"),
+        {
+            "recording": lambda row: row["recording"],
+            "check": lambda row: row["check"],
+            "result": lambda row: Cell(row["result"], "missed" if row["result"] == "unfit" else ""),
+            "note": lambda row: row["note"],
+        },
         f"{passed} checks passed without remark.",
     )
 
@@ -311,14 +307,14 @@ def _isolability_note(found: Isolability, located: Sequence[str]) -> str:
 
 def likenesses_table(term: NonparametricTerm) -> Table:
     """Build the table of shapes that stood in the place of the curve."""
-    rows = tuple(
-        (plain(k.law) if k.law else "the curve itself", number(k.gain, 5), number(k.penalised, 5))
-        for k in term.likenesses
-    )
-    return Table(
+    return Table.of(
         "Shapes of the library in the place of the curve",
-        ("shape of", "gain when refitted", "less its penalty"),
-        rows,
+        term.likenesses,
+        {
+            "shape of": lambda k: plain(k.law) if k.law else "the curve itself",
+            "gain when refitted": lambda k: number(k.gain, 5),
+            "less its penalty": lambda k: number(k.penalised, 5),
+        },
         "Gains in units of log likelihood; every parameter has its penalty. law.py holds the first"
         " of them as a law of your own, ready for --effects.",
     )

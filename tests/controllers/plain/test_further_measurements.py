@@ -19,10 +19,10 @@ from controllers.plain.transfer_law import (
     pid_by_hand,
 )
 from tests.controllers.in_c import InC
-from workbench.cli.verify import hardly_stable
 from workbench.errors import WorkbenchError
 from workbench.linearisation import linear_model
 from workbench.study.linear_loop import analyse_loop
+from workbench.study.step_trial import hardly_stable
 from workbench.verification import step_scenario, verify
 
 H = 0.01

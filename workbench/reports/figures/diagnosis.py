@@ -267,7 +267,6 @@ def _thinned(time: Vector, values: Vector) -> tuple[Vector, Vector]:
     return time[::step], values[::step]
 
 
-_POINTS = 1200
 _SHOWN = 0.4
 
 
@@ -282,7 +281,7 @@ def _draw_law(axes: Axes, located: MissingSignal) -> None:
     """Draw a located signal and the law on it against its argument."""
     rows = np.flatnonzero(located.known)
     rows = rows[:: max(1, len(rows) // _POINTS)]
-    y, unit = readably(located.signal[rows], located.unit, located.shown)
+    y = readably(located.signal[rows], located.unit, located.shown)[0]
     x = readably(located.argument_values[rows], located.argument_unit, located.argument_shown)[0]
     axes.plot(
         x,
@@ -315,7 +314,7 @@ def _draw_law(axes: Axes, located: MissingSignal) -> None:
     label(
         axes,
         x=titled(located.argument, located.argument_unit, located.argument_shown),
-        y=f"{located.port.replace('_', ' ')} in {unit}" if unit != "1" else located.port,
+        y=titled(located.port, located.unit, located.shown),
     )
     key(axes, columns=2)
     legend = axes.get_legend()
@@ -330,8 +329,8 @@ def diagnosis_signal(located: MissingSignal) -> Figure:
     rows = located.time <= located.time[0] + last
     rows &= np.maximum.accumulate(located.time) == located.time
     time = located.time[rows]
-    (signal, unit), (std, _) = (
-        readably(values[rows], located.unit, located.shown)
+    signal, std = (
+        readably(values[rows], located.unit, located.shown)[0]
         for values in (located.signal, located.std)
     )
     axes.fill_between(
@@ -343,16 +342,15 @@ def diagnosis_signal(located: MissingSignal) -> Figure:
         axes.plot(time, law, color=AFTER.light, linewidth=1.0, label=located.law_name)
         signal = np.concatenate([signal, law])
     _limit(axes, signal)
-    name = located.port.replace("_", " ")
-    label(axes, x="time in s", y=f"{name} in {unit}" if unit != "1" else name)
+    label(axes, x="time in s", y=titled(located.port, located.unit, located.shown))
     key(axes, columns=2)
     return figure
 
 
-def _limit(axes: object, values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> None:
+def _limit(axes: Axes, values: Vector) -> None:
     low, high = np.quantile(values, [0.002, 0.998])
     room = 0.15 * (high - low) or abs(high) or 1.0
-    axes.set_ylim(min(low - room, -0.1 * room), max(high + room, 0.1 * room))  # type: ignore[attr-defined]
+    axes.set_ylim(min(low - room, -0.1 * room), max(high + room, 0.1 * room))
 
 
 def diagnosis_location(
@@ -430,11 +428,10 @@ def diagnosis_nonparametric(
     axes.plot(x, curve, color=AFTER.light, linewidth=1.4, label="fitted curve")
     axes.axhline(0.0, color=FAINT.light, linewidth=0.9, zorder=1)
     axes.margins(x=0.03)
-    name = place.replace("_", " ")
     label(
         axes,
         x=titled(argument.name, argument.unit, argument_shown),
-        y=f"{'change of ' if unit == '1' else ''}{titled(name, unit, shown)}",
+        y=f"{'change of ' if unit == '1' else ''}{titled(place, unit, shown)}",
     )
     handles, _ = axes.get_legend_handles_labels()
     # The measurements come first, as they do in every picture.

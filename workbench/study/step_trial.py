@@ -1,0 +1,568 @@
+"""Controllers tried through steps: which designs, of which outputs, how far, how long, how often.
+
+Who tries a plant for the first time need not say: what is not given follows from the linear model
+that the controllers are designed on.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controllers.design import DESIGNS, designs_for
+from controllers.plain.limits import settled_after
+from controllers.plain.loop import PlainLaw, loop_of
+from controllers.plain.pairing import interaction
+from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
+from workbench.linearisation import LinearModel, linearise
+from workbench.linearisation.pace import (
+    has_room,
+    integrated_within,
+    least_time,
+    rounded_up,
+    step_time,
+    usual_sample_time,
+)
+from workbench.linearisation.transfer import transfer_function
+from workbench.model import Input, Model, Output
+from workbench.model.units import convert, from_si, in_time, of_difference, quantity, to_si
+from workbench.operating_point import operating_point
+from workbench.plants.plant import Plant
+from workbench.study.designs import ControllerRecipe, followed_by_default
+from workbench.study.feasible import check_demand
+from workbench.study.linear_loop import analyse_loop
+from workbench.study.plants import PlantRecipe
+from workbench.study.study import NOMINAL, Case, Demand, Study, Variation, load_metrics
+from workbench.verification import Requirement, Scenario, Steps, step_scenario
+from workbench.verification.metrics import metric_of, metric_units
+
+Progress = Callable[[str, int, int, str], None]
+"""Told what is being done, how many are done, of how many, and which one."""
+
+FINER = 0.25
+"""Least sample time over the usual that is taken for a delay to be one of whole samples."""
+
+SHOWS = 200.0
+"""Reach over the noise of its sensor of an output of which nobody declares a size: a step is a
+quarter of it, and what a loop makes of that noise still fits within 2 % of it."""
+
+
+@dataclass(frozen=True)
+class StepTrial:
+    """What is tried: controllers for a nominal plant, on a machine, through steps.
+
+    Args:
+        machine: The plant that they run on.
+        base: Recipe of a design, for the nominal plant or another, whose name is still open.
+        designs: Names of designs, or ``module:function``; by default all that fit.
+        controlled: Outputs that are controlled; by default (none) all that the commands hold
+            independently, or the first alone if no design fits them.
+        begins: Levels before the step by output, in SI; those of the design by default.
+        ends: The same after the step, in SI.
+        hold: Time between the steps, in s; by default what plant and loops take.
+        sample_time: Sample time of the loop, in s; by default that of the controllers or the plant.
+        delay: Time by which commands are late, in s.
+        say: Told what a reader should know, in sentences.
+        progress: Told ``"designs"``, how many are done of how many, and which one is next.
+    """
+
+    machine: PlantRecipe
+    base: ControllerRecipe
+    designs: tuple[str, ...] = ()
+    controlled: tuple[str, ...] = ()
+    begins: Mapping[str, float] = field(default_factory=dict)
+    ends: Mapping[str, float] = field(default_factory=dict)
+    hold: float | None = None
+    sample_time: float | None = None
+    delay: float | None = None
+    say: Callable[[str], None] = lambda said: None
+    progress: Progress | None = None
+
+    @cached_property
+    def model(self) -> Model:
+        """The model of the machine."""
+        return self.machine.build()
+
+    @cached_property
+    def plant(self) -> Plant:
+        """What the machine is one of."""
+        return self.machine.plant()
+
+    @property
+    def linear(self) -> LinearModel:
+        """The linear model that controllers are designed on."""
+        return self.base.linear()
+
+    def prepared(self) -> tuple[list[ControllerRecipe], list[Scenario]]:
+        """Return designs, and the steps through which they run: as given, or of each output alone.
+
+        Raises:
+            WorkbenchError: If no design fits, or the plant does not rest where the steps begin.
+        """
+        own = self.controlled or followed_by_default(self.plant, self.linear)
+        given = tuple(self.ends or self.begins)
+        moved = [given] if given else [(name,) for name in own]
+        hold, sample_time = self.hold, self.sample_time
+
+        def scenarios() -> list[Scenario]:
+            asked = replace(self, controlled=own, hold=hold, sample_time=sample_time)
+            return [asked.scenario(stepped) for stepped in moved]
+
+        found = scenarios()
+        if self.delay is not None and sample_time is None and self._stated is None:
+            part = self.delay / max(found[0].late_samples, 1)
+            if part >= FINER * found[0].sample_time:
+                sample_time = part
+                found = scenarios()
+        try:
+            recipes = self.recipes(found[0])
+        except WorkbenchError:
+            alone = self.plant.controlled_outputs(self.model)
+            if self.controlled or alone == own or self.plant.controlled or len(own) == 1:
+                raise
+            return replace(self, controlled=alone, sample_time=sample_time).prepared()
+        followed = {name for recipe in recipes for name in _follows(recipe)}
+        moved = [names for names in moved if followed & set(names)] or moved[:1]
+        sample_time = found[0].sample_time
+        if hold is None:
+            slow: dict[str, float] = {}
+            hold = max(settling(recipes, self.linear, scenario, slow) for scenario in found) or None
+            for name, settled in slow.items():
+                whole = in_time(rounded_up(2.0 * settled)).replace(" ", "")
+                self.say(
+                    f"{name} settles in {in_time(settled)}, later than the step is run for by"
+                    f" default; --hold {whole} runs all of it"
+                )
+        return recipes, scenarios()
+
+    def scenario(self, stepped: Sequence[str]) -> Scenario:
+        """Return a step of some controlled outputs and back, the others staying where they are."""
+        linear, shown = self.linear, step_time(self.linear)
+        y0 = {n: float(y) for n, y in zip(linear.output_names, linear.y0, strict=True)}
+        moved = {name: self._levels(name, y0) for name in stepped}
+        held = shown if self.hold is None else self.hold
+        check_range("time between the steps", held, *TIMES_S, "s")
+        step = self.sample_time
+        if step is None:
+            sizes = {name: end - begin for name, (begin, end) in moved.items()}
+            step = self._stated or usual_sample_time(linear, self.controlled, sizes)
+        check_range("sample time", step, TIMES_S[0], held, "s")
+        units = {q.name: q.display_unit for q in self.model.outputs}
+        each = [
+            step_scenario(
+                name,
+                *(float(from_si(level, units[name])) for level in ends),
+                unit=units[name],
+                back=True,
+                lead=0.25 * held,
+                hold=held,
+                sample_time=step,
+            )
+            for name, ends in moved.items()
+        ]
+        # Other controlled outputs stay as they are at the design point.
+        references = {n: Steps((0.0,), (y0[n],)) for n in self.controlled if n not in moved}
+        moving = {name: signal for asked in each for name, signal in asked.references.items()}
+        several = len(self.controlled) > 1
+        found = replace(
+            each[0],
+            name=", ".join(
+                f"{name}: {asked.name}" if several else asked.name
+                for name, asked in zip(moved, each, strict=True)
+            ),
+            references=dict(sorted({**references, **moving}.items())),
+        )
+        if self.delay is None:
+            return found
+        check_range("delay", self.delay, 0.0, 0.5 * found.duration, "s")
+        # By the next whole sample.
+        return replace(found, late_samples=math.ceil(self.delay / found.sample_time - 1e-9))
+
+    def _levels(self, name: str, y0: Mapping[str, float]) -> tuple[float, float]:
+        """Return the levels of an output before and after a step, in SI, as given or usual."""
+        if name in self.begins and name in self.ends:
+            return self.begins[name], self.ends[name]
+        about = next(q for q in self.model.outputs if q.name == name)
+        # A size that nobody declared is all that the inputs bring about, from end to end.
+        size = about.scale
+        if not about.sized:
+            size = max(size, SHOWS * _noise(about), integrated_within(self.linear, name))
+        if self.plant.step and name == self.plant.controlled_outputs(self.model)[0]:
+            first, last = self.plant.step
+        else:
+            size = size if about.sized else _round(0.25 * size, about.display_unit)
+            several = len(self.controlled) > 1
+            start = {n: y0[n] for n in (self.controlled if several else (name,))}
+            command = "" if several else _command_of_loop(self.linear, name)
+            first = y0[name]
+            last = first + _reached(self.model, self.linear, name, size, start, command)
+        return self.begins.get(name, first), self.ends.get(name, last)
+
+    @cached_property
+    def _stated(self) -> float | None:
+        """Sample time of the first controller that has one of its own, in s."""
+        for name in self.designs or [design.name for design in designs_for(self.linear)]:
+            made = replace(self.base, name=name, design=name)
+            if made.kind().sensors or made.kind().own:
+                # One that cannot be built is told with the others (`recipes`).
+                with suppress(WorkbenchError):
+                    return made.build().sample_time
+        return None
+
+    def recipes(self, scenario: Scenario) -> list[ControllerRecipe]:
+        """Return the named designs, or those made for such a plant, or those for any plant."""
+        base, names, progress, linear = self.base, self.designs, self.progress, self.linear
+        model = linear.operating_point.model
+        followed = tuple(name for name in linear.output_names if name in scenario.references)
+        # What a design for any linear model must be told: which outputs, and how often.
+        told: tuple[tuple[str, Any], ...] = (
+            ("measured", followed[0] if len(followed) == 1 else followed),
+            ("sample_time", scenario.sample_time),
+        )
+        if late := scenario.late_samples * scenario.sample_time:
+            told = (*told, ("delay", late))
+
+        def recipe(name: str) -> ControllerRecipe:
+            made = replace(base, name=name, design=name)
+            own = made.kind().sensors or made.kind().own
+            return made if own else replace(made, specification=told, at=held)
+
+        held, other = base.at, ""
+        if len(followed) == 1:
+            taken = _command_of_loop(linear, followed[0])
+            other = taken if taken and taken != model.commands[0].name else ""
+            told = (*told, ("actuator", other)) if other else told
+            held = _as_the_loop_rests(model, base.at, taken)
+        one = {n: d for n, d in DESIGNS.members().items() if d.needs == "linear"}
+        for name in names:
+            if (design := DESIGNS.get(name, folder=Path.cwd())).needs != "linear":
+                check_choice("controller", design.name, one)
+        only_measured = [q.name for q in model.inputs if not q.commanded]
+        stepped = [name for name, asked in scenario.references.items() if asked.changes]
+        stepped = stepped if len(stepped) > 1 else []
+        behind = _linear_behind(linear, scenario, taken if len(followed) == 1 else "")
+        weak: list[str] = []
+        found: list[ControllerRecipe] = []
+        partly: list[ControllerRecipe] = []
+        refused: dict[str, list[str]] = {}
+        every = names or [design.name for design in designs_for(linear)]
+        for number, made in enumerate(map(recipe, every)):
+            if progress and len(every) > 1:
+                progress("designs", number, len(every), made.name)
+            try:
+                law = made.build()
+            except WorkbenchError as error:
+                # Of designs that nobody asked for, those count that suit the plant; of several that
+                # were, one that does not is a run that failed.
+                if len(names) > 1:
+                    found.append(made)
+                elif names or made.kind().sensors:
+                    raise
+                else:
+                    refused.setdefault(str(error), []).append(made.name)
+            else:
+                if left := [name for name in stepped if name not in law.controlled]:
+                    reason = f"follows {', '.join(law.controlled)}, not {', '.join(left)} too"
+                    refused.setdefault(reason, []).append(made.name)
+                    continue
+                plain = made.specification == told
+                if plain and (said := hardly_stable(law, linear, late)):
+                    weak.append(f"{made.name}: {said}")
+                elif plain and behind and (said := hardly_stable(law, behind, late)):
+                    words = f"{made.name}: where the step ends it is {said.partition(';')[0]}"
+                    weak.append(f"{words}; {_design_for_the_end(behind, scenario)}")
+                idle = [n for n in linear.input_names if n not in (*law.actuators, *only_measured)]
+                (partly if idle and not names else found).append(made)
+        if progress and len(every) > 1:
+            progress("designs", len(every), len(every), "")
+        for sentence in (*weak, *(f"{', '.join(n)}: {reason}" for reason, n in refused.items())):
+            self.say(sentence)
+        if partly and not found:
+            # Of designs that nobody asked for, those that command every input come first.
+            self.say(f"what a design does not command rests, such as {', '.join(idle)}")
+            found = partly
+        if not found:
+            raise WorkbenchError(
+                f"no design of the workbench fits {model.name!r}; give one of your own with"
+                " --controller module:function"
+            )
+        if other and any(made.specification == told for made in found):
+            self.say(f"a single loop commands {other}, which acts most on {followed[0]}")
+        if any(made.specification == told for made in found):
+            for sentence in interaction(loop_of(linear, followed, other)):
+                self.say(sentence)
+        return found
+
+    def study(
+        self,
+        recipes: Sequence[ControllerRecipe],
+        steps: Sequence[Scenario],
+        require: Sequence[str] = (),
+        name: str = "verify",
+    ) -> Study:
+        """Return the study of controllers for the nominal plant, through steps on the machine.
+
+        Args:
+            require: What is required, as ``METRIC=LIMIT``; by default what the plant declares.
+        """
+        controllers = {r.name: r for r in recipes}
+        scenarios = {scenario.name: scenario for scenario in steps}
+        demands, metrics = self._demands(require, scenarios, controllers)
+        return Study(
+            name,
+            Path.cwd() / name,
+            {"": Case("", self.machine, controllers, scenarios)},
+            {NOMINAL: Variation(NOMINAL, self.machine)},
+            controllers,
+            scenarios,
+            demands,
+            points=tuple(dict.fromkeys(r.at for r in recipes)),
+            own_metrics=metrics,
+        )
+
+    def _demands(
+        self,
+        given: Sequence[str],
+        scenarios: Mapping[str, Scenario],
+        controllers: Mapping[str, ControllerRecipe],
+    ) -> tuple[tuple[Demand, ...], tuple[str, ...]]:
+        """Return what is required, and the metrics of the user's own that it names."""
+        pairs = [
+            (name.strip(), value.strip()) for name, _, value in (t.partition("=") for t in given)
+        ]
+        own = tuple(name for name, _ in pairs if ":" in name)
+        metrics = load_metrics(own, Path.cwd())
+        called = dict(zip(own, (m.name for m in metrics), strict=True))
+        followed = next(iter(scenarios.values())).references
+        units = metric_units(self.model, tuple(followed), metrics)
+        wanted = []
+        for name, value in pairs:
+            metric = check_choice("metric", called.get(name, name), units)
+            about = metric_of(metric, metrics)
+            level = about is not None and about.level
+            limit = quantity(f"limit of {metric}", value, units[metric], difference=not level)
+            unit = re.sub(r"^[-+.\d]+([eE][-+]?\d+)?\s*", "", value) or units[metric]
+            unit = unit if level else of_difference(unit)
+            wanted.append(Requirement(metric, float(convert(limit, units[metric], unit)), unit))
+        demands = [Demand(r) for r in wanted or (Requirement(*r) for r in self.plant.requirements)]
+        for demand in demands:
+            check_demand(demand, units, scenarios, controllers, metrics)
+        return tuple(demands), own
+
+
+def _follows(recipe: ControllerRecipe) -> tuple[str, ...]:
+    # One that cannot be built is a run that failed.
+    with suppress(WorkbenchError):
+        return recipe.build().controlled
+    return ()
+
+
+def _noise(output: Output) -> float:
+    return math.hypot(output.noise_rms, output.resolution / math.sqrt(12.0))
+
+
+def _round(size: float, unit: str) -> float:
+    """Return a difference, in SI, down to one that reads well in its unit."""
+    shown = float(from_si(size, of_difference(unit)))
+    decade = 10.0 ** math.floor(math.log10(shown))
+    part = max(n for n in (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0) if n <= shown / decade)
+    return float(to_si(part * decade, of_difference(unit)))
+
+
+LONGEST = 20_000
+"""Most samples between steps that a loop that is slower than its plant is given by default."""
+
+
+def settling(
+    recipes: Sequence[ControllerRecipe],
+    linear: LinearModel,
+    scenario: Scenario,
+    slow: dict[str, float],
+) -> float:
+    """Return the time between steps, in s, that the slowest loop needs; 0 if they have it.
+
+    It is twice what that loop takes to settle, or five times that where this is less than they
+    have, as of fast loops of slow plants: a step that a command's end slows down still shows, and
+    the step back. One that ends near the end of a command keeps the time of the plant.
+
+    Args:
+        slow: Takes up, by name, what loops that would need too many samples take to settle, in s.
+    """
+    changes = {name: signal.changes for name, signal in scenario.references.items()}
+    steps = {name: own[0][2] - own[0][1] for name, own in changes.items() if own}
+    times = [change[0] for own in changes.values() for change in own]
+    usual = max(times, default=0.0) - min(times, default=0.0)
+    long, ended, all_told, room = 0.0, 0.0, True, True
+    for recipe in recipes:
+        told = False
+        # One that cannot be built is a run that failed.
+        with suppress(WorkbenchError):
+            law: Any = recipe.build()
+            told = hasattr(law, "around_rest") and not recipe.kind().sensors
+            if told := told or isinstance(law, PlainLaw):
+                late = scenario.late_samples * scenario.sample_time
+                settled = settled_after(law, linear, steps) + late
+                if 2.0 * settled > max(usual, LONGEST * scenario.sample_time):
+                    slow[recipe.name], told = max(settled, slow.get(recipe.name, 0.0)), False
+                else:
+                    long = max(long, settled)
+            room = room and has_room(linear, law.actuators, steps)
+            ended = max(ended, least_time(linear, law.actuators, steps))
+        all_told = all_told and told
+    if not long:
+        return 0.0
+    if (least := rounded_up(2.0 * long)) > usual:
+        return least
+    # A step back may have less of the command than the step, as what only cools.
+    enough = max(5.0 * long, 2.0 * (long + ended))
+    return rounded_up(enough) if all_told and room and enough < 0.99 * usual else 0.0
+
+
+def _reached(
+    model: Model,
+    linear: LinearModel,
+    name: str,
+    size: float,
+    start: Mapping[str, float],
+    command: str = "",
+) -> float:
+    """Return a step, halved until the plant rests behind it and its linear model is still of use.
+
+    Args:
+        linear: The model that controllers are designed on.
+        start: Controlled outputs before it, in SI.
+        command: What a single loop commands; all else rests.
+    """
+    rests: list[float] = []
+    for halvings in range(6):
+        part = 0.5**halvings * size
+        at = tuple((n, y + part if n == name else y) for n, y in start.items())
+        with suppress(WorkbenchError):
+            point = operating_point(
+                model, dict(_as_the_loop_rests(model, at, command) if command else at)
+            )
+            rests.append(part)
+            after = linearise(point, verdict=False)
+            if after.inverse is not linear.inverse or _alike(linear, after, tuple(start), command):
+                return part
+    return min(rests, default=size)
+
+
+ALIKE, NEARLY_ALIKE = 0.5, 0.15
+"""Most by which the responses at both ends of a step may differ, over the lesser of them; and that
+of a plant that is unstable, of which a loop bears less."""
+
+
+def _alike(one: LinearModel, other: LinearModel, outputs: Sequence[str], command: str) -> bool:
+    """Tell whether commands move outputs alike by two linear models.
+
+    They do by C (i w - A)^-1 B where that of one differs from the other by no more than a part; w
+    is how fast the plant grows, or 1 / `step_time`.
+    """
+    inputs = {q.name: q for q in one.operating_point.model.inputs}
+    outs = {q.name: q for q in one.operating_point.model.outputs}
+    acting = [command] if command else [n for n in one.input_names if inputs[n].commanded]
+    slow = 1.0 / step_time(one)
+    growing = float(np.max(one.poles.real, initial=0.0))
+    found = []
+    for linear in (one, other):
+        own = linear.select(inputs=acting, outputs=outputs)
+        rows = np.array([outs[n].scale for n in own.output_names])
+        columns = np.array([inputs[n].scale for n in own.input_names])
+        response = transfer_function(own.A, own.B, own.C, own.D, 1j * max(growing, slow))
+        found.append(response * columns / rows[:, None])
+    least = min(float(np.linalg.norm(response)) for response in found)
+    apart = float(np.linalg.norm(found[1] - found[0]))
+    return apart <= (NEARLY_ALIKE if growing > slow else ALIKE) * least
+
+
+def _as_the_loop_rests(
+    model: Model, at: tuple[tuple[str, float], ...], command: str
+) -> tuple[tuple[str, float], ...]:
+    """Hold what a single loop does not command at its nominal value, where the loop leaves it."""
+    idle = [q for q in model.inputs if q.name != command and q.name not in dict(at)]
+    room = len(model.inputs) - len(at) if at else 0
+    return (*at, *((q.name, q.nominal) for q in idle[: max(room, 0)]))
+
+
+def _levels_behind(linear: LinearModel, scenario: Scenario) -> dict[str, float]:
+    """Return where the controlled outputs are behind the first step, in SI."""
+    return {
+        name: asked.changes[0][2] if asked.changes else float(asked.sample(0.0))
+        for name, asked in scenario.references.items()
+        if name in linear.output_names
+    }
+
+
+def _linear_behind(linear: LinearModel, scenario: Scenario, command: str) -> LinearModel | None:
+    """Return the linear model behind the first step; None where it is the same, or is not found."""
+    model, at = linear.operating_point.model, tuple(_levels_behind(linear, scenario).items())
+    with suppress(WorkbenchError):
+        given = dict(_as_the_loop_rests(model, at, command) if command else at)
+        found = linearise(operating_point(model, given), verdict=False)
+        if found.A.shape == linear.A.shape and not np.allclose(found.A, linear.A):
+            return found
+    return None
+
+
+def _design_for_the_end(behind: LinearModel, scenario: Scenario) -> str:
+
+    units = {q.name: q.display_unit for q in behind.operating_point.model.outputs}
+    levels = _levels_behind(behind, scenario).items()
+    told = (f"--design-{n} {float(from_si(v, units[n])):.4g}{units[n]}" for n, v in levels)
+    return f"design it for there ({' '.join(told)}) or step less far"
+
+
+HARDLY = 5.0
+"""Ms, a ratio, above which a loop is hardly stable: from there on, in zone D of ISO 14839-3 on
+magnetic bearings, margins are too small to be run for long."""
+
+
+def hardly_stable(law: Any, linear: LinearModel, delay: float = 0.0) -> str:
+    """Return what is to be said of a loop with next to no margins; nothing of any other.
+
+    Args:
+        delay: Time by which every command is late, in s.
+    """
+    with suppress(WorkbenchError):
+        loops = analyse_loop(law, linear, points=200, delay=delay)
+        if not all(loop.stable for loop in loops):
+            return "not stable on its linear model; its steps here prove nothing"
+        # What several sensors do together counts at the command.
+        worst = max((loop for loop in loops if loop.command), key=lambda loop: loop.sensitivity)
+        if worst.sensitivity > HARDLY:
+            share = 100.0 * (worst.disk_gain_margin - 1.0)
+            return (
+                f"hardly stable: Ms is {worst.sensitivity:.3g} at {worst.opened}, where a gain"
+                f" {share:.2g} % off may make it unstable; take another family, or measure more"
+            )
+    return ""
+
+
+def _command_of_loop(linear: LinearModel, measured: str) -> str:
+    """Return what a single loop commands: for the first output the first, else the strongest.
+
+    The strongest is that whose range moves the output most in the time that a step takes: by its
+    gain abs(C (i w - A)^-1 B + D) at w = 1 / `step_time`, times what the command may change.
+    """
+    model = linear.operating_point.model
+    if len(model.commands) < 2 or measured == model.outputs[0].name:
+        return next((q.name for q in model.commands), "")
+    row = linear.output_names.index(measured)
+    pole = 1j / step_time(linear) * np.eye(len(linear.A)) - linear.A
+    gain = np.abs(linear.C[row] @ np.linalg.solve(pole, linear.B) + linear.D[row])
+
+    def moved(command: Input) -> float:
+        span = command.upper - command.lower
+        size = span if math.isfinite(span) else command.scale
+        return float(size * gain[linear.input_names.index(command.name)])
+
+    return max(model.commands, key=moved).name
