@@ -16,7 +16,7 @@ def folder(tmp_path: Path) -> Path:
 def test_case(folder: Path) -> None:
     case = read_case(folder)
     assert case.options == {"load": 3.0, "plane": "horizontal", "supply": 6.0}
-    assert (case.plant.name, case.sample_rate_Hz) == ("arm", 500.0)
+    assert (case.plant.name, case.settings["sample_rate_Hz"]) == ("arm", 500)
     assert list(case.fit) == ["identify_open", "identify_closed"]
     assert list(case.hold_out) == ["validate_open", "validate_closed"]
     recording = case.recordings["identify_open"]

@@ -31,7 +31,9 @@ def assert_fit(found: dict[str, CheckReport]) -> None:
         assert np.rad2deg(angle.floor) == pytest.approx(0.002 / np.sqrt(12), rel=0.05)
         assert np.isnan(angle.noise_rms)
         if role != "validate_open":  # Its two levels do not tell the converter's step.
-            assert report.steps["valve"] == pytest.approx(10 / 4096, rel=0.01)
+            assert report.check("quantisation").values["steps"]["valve"] == pytest.approx(
+                10 / 4096, rel=0.01
+            )
 
 
 @pytest.mark.parametrize("name", shipped_cases())

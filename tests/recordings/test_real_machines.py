@@ -114,7 +114,9 @@ def test_servo_logs(real: Path, tmp_path: Path) -> None:
         assert report.check("uniformity").result == "corrected"
         assert report.fit, str(report)
         # 4096 counts per turn.
-        assert report.steps["position"] == pytest.approx(2 * np.pi / 4096, rel=1e-3)
+        assert report.check("quantisation").values["steps"]["position"] == pytest.approx(
+            2 * np.pi / 4096, rel=1e-3
+        )
 
 
 def test_seal_friction(real: Path, tmp_path: Path) -> None:
@@ -128,8 +130,10 @@ def test_seal_friction(real: Path, tmp_path: Path) -> None:
         assert np.median(recording["pressure"]) / 1e5 == pytest.approx(stated, abs=0.1)
     report = check_recording(read(folder / "NAPN_1bar.csv", ZILLEN, tmp_path))
     assert report.fit
-    assert report.steps["position"] == pytest.approx(1e-6, rel=1e-3)
-    assert report.directions["position"].reversals >= 9  # Ten strokes.
+    assert report.check("quantisation").values["steps"]["position"] == pytest.approx(1e-6, rel=1e-3)
+    assert (
+        report.check("excitation").values["directions"]["position"].reversals >= 9
+    )  # Ten strokes.
 
 
 def test_force_maps(real: Path) -> None:

@@ -201,15 +201,6 @@ class Case(Shown):
                     f"case.toml of case {self.name} does not give {option.keyword}; add it"
                 )
 
-    @property
-    def sample_rate_Hz(self) -> float:
-        """Sample rate, in Hz."""
-        if "sample_rate_Hz" not in self.settings:
-            raise WorkbenchError(
-                f"case.toml of case {self.name} does not give sample_rate_Hz; add it"
-            )
-        return float(self.settings["sample_rate_Hz"])
-
     def used(self, use: str) -> dict[str, Recording]:
         """Return the recordings of one use, by name."""
         return {name: r for name, r in self.recordings.items() if self.uses[name] == use}

@@ -18,7 +18,7 @@ from workbench.recordings.column_matching import Requested, requested_signals
 from workbench.recordings.columns import Columns
 from workbench.recordings.formats.format import FORMATS, MAX_ROWS, ReadOptions, format_of
 from workbench.recordings.mapping import MappingRules, read_mapping, rules_from
-from workbench.recordings.recording import ColumnMapping, Recording, Signal
+from workbench.recordings.recording import Recording, Signal
 from workbench.recordings.saving import restore_recording
 from workbench.registry import user_code
 
@@ -27,18 +27,11 @@ MappingLike = str | Path | Mapping[str, Any] | MappingRules | None
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Columns in SI without a time, such as a map of static forces.
-
-    Args:
-        metadata: Settings found beside the columns, in the units of the file.
-    """
+    """Columns in SI without a time, such as a map of static forces."""
 
     name: str
     signals: tuple[Signal, ...]
-    source: str = ""
     notes: tuple[str, ...] = ()
-    metadata: Mapping[str, str | int | float | bool] | None = None
-    mapping: ColumnMapping | None = None
 
     def __getitem__(self, name: str) -> Vector:
         for signal in self.signals:
@@ -248,6 +241,4 @@ def read_table(path: str | Path, *, mapping: MappingLike = None) -> Table:
     signals_ = assigned.signals
     if assigned.time is not None:
         signals_ = (Signal("time", assigned.time, "s"), *signals_)
-    return Table(
-        _title(file), signals_, file.name, assigned.notes, assigned.metadata, assigned.mapping
-    )
+    return Table(_title(file), signals_, assigned.notes)

@@ -8,7 +8,7 @@ TIME = 0.002 * np.arange(5000)
 
 def directions_of(values: np.ndarray) -> tuple[float, float, float, int]:
     trial = Recording("r", TIME, (Signal("angle", values, "rad"),))
-    found = check_recording(trial).directions["angle"]
+    found = check_recording(trial).check("excitation").values["directions"]["angle"]
     return found.forward, found.backward, found.resting, found.reversals
 
 
@@ -26,11 +26,3 @@ def test_directions() -> None:
 def test_one_way_motion_is_told() -> None:
     trial = Recording("r", TIME, (Signal("angle", 0.1 * TIME + 0.01 * np.sin(TIME), "rad"),))
     assert "one way only" in check_recording(trial).check("excitation").note
-
-
-def test_occupancy() -> None:
-    trial = Recording("r", TIME, (Signal("angle", 0.5 * TIME / 10, "rad"),))
-    narrow = check_recording(trial, ranges={"angle": (0.0, 1.0)}).occupancy["angle"]
-    assert narrow.share.sum() == pytest.approx(1.0)
-    assert narrow.covered == pytest.approx(0.5, abs=0.05)
-    assert narrow.edges[-1] == 1.0

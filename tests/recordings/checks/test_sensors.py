@@ -125,13 +125,12 @@ def test_clipped_sensor(name: str, quantile: float) -> None:
     assert report.recording[name].max() == pytest.approx(limit)
 
 
-def test_clipped_for_long_is_a_hypothesis_with_a_name() -> None:
+def test_clipped_for_long_stays() -> None:
     limit = float(np.median(TRIAL["pressure_2"]))
     clipped = with_values("pressure_2", np.maximum(TRIAL["pressure_2"], limit))
     report = check_recording(clipped)
     check = report.check("clipping")
     assert (check.result, "wider range" in check.note) == ("pass", True)
-    assert [(h.signal, h.effect) for h in report.hypotheses] == [("pressure_2", "saturation")]
     assert report.recording.valid("pressure_2").all()
 
 
@@ -199,7 +198,6 @@ def test_range_of_the_machine() -> None:
     ranges = {"angle": (0.0, 0.2)}
     check = check_recording(TRIAL, ranges=ranges).check("units")
     assert (check.result, "outside the plausible" in check.note) == ("pass", True)
-    assert [(h.signal, h.effect) for h in check.hypotheses] == [("angle", "offset_gain")]
 
 
 def test_absolute_pressures_become_gauge() -> None:
@@ -219,10 +217,9 @@ def test_absolute_pressures_become_gauge() -> None:
     assert np.allclose(report.recording["pressure_1"], vented["pressure_1"])
 
 
-def test_pressure_above_the_supply_is_a_hypothesis() -> None:
+def test_pressure_above_the_supply_is_a_doubt() -> None:
     report = check_recording(TRIAL, ranges={"pressure_1": (0.0, 2.5e5)})
-    assert report.fit
-    assert [(h.signal, h.effect) for h in report.hypotheses] == [("pressure_1", "offset_gain")]
+    assert report.fit and report.doubtful == ("units",)
 
 
 def test_pressures_of_a_model_that_counts_from_vacuum_stay() -> None:
@@ -271,7 +268,7 @@ def test_few_converter_steps() -> None:
     coarse = with_values("angle", np.round(TRIAL["angle"] / 0.08) * 0.08)
     report = check_recording(coarse)
     assert report.fit
-    assert [(h.signal, h.effect) for h in report.hypotheses] == [("angle", "quantisation")]
+    assert "angle covers" in report.check("quantisation").note
 
 
 def test_still_machine() -> None:

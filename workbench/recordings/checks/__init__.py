@@ -1,8 +1,8 @@
 """Is a recording fit to judge a model by? One file per question."""
 
-from workbench.recordings.checks.check import CHECKS, Check, Finding, Hypothesis
+from workbench.recordings.checks.check import CHECKS, Check, Finding
 from workbench.recordings.checks.delay import Delay, estimate_delay
-from workbench.recordings.checks.excitation import Directions, Occupancy
+from workbench.recordings.checks.excitation import Directions
 from workbench.recordings.checks.expected import Expected, expectations
 from workbench.recordings.checks.noise import NoiseFloor
 from workbench.recordings.checks.report import CheckReport, check_recording
@@ -15,9 +15,7 @@ __all__ = [
     "Directions",
     "Expected",
     "Finding",
-    "Hypothesis",
     "NoiseFloor",
-    "Occupancy",
     "check_recording",
     "estimate_delay",
     "expectations",

@@ -21,26 +21,13 @@ MAX_EXCLUDED = 0.2
 
 
 @dataclass(frozen=True)
-class Hypothesis:
-    """What a sensor may do to a signal: a guess with a name, for a diagnosis to try.
-
-    Args:
-        effect: ``saturation``, ``quantisation`` or ``offset_gain``.
-    """
-
-    signal: str
-    effect: str
-    reason: str
-
-
-@dataclass(frozen=True)
 class Finding:
     """The answer of a check.
 
     Args:
         result: ``pass``, ``corrected``, ``unfit``, or ``not checked`` where something is missing
             that would tell; the note says what.
-        values: The numbers behind it, in SI, for reports and plots.
+        values: The numbers behind it, in SI.
         recording: The corrected recording; None if it is left as it is.
         doubt: Whether the note holds a suspicion that only a person or a diagnosis can decide.
     """
@@ -49,7 +36,6 @@ class Finding:
     note: str
     values: Mapping[str, Any] = field(default_factory=dict)
     recording: Recording | None = None
-    hypotheses: tuple[Hypothesis, ...] = ()
     name: str = ""
     doubt: bool = False
 

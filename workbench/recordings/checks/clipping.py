@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.model.units import in_time
-from workbench.recordings.checks.check import MAX_EXCLUDED, Finding, Hypothesis, check
+from workbench.recordings.checks.check import MAX_EXCLUDED, Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.gaps import runs
 from workbench.recordings.checks.noise import white_rms
@@ -65,7 +65,7 @@ def check_clipping(recording: Recording, expected: Expected) -> Finding:
     beyond; where they are more than a fifth they stay, and the limit belongs into the model.
     A saturated command is what the machine really got and only noted.
     """
-    notes, hypotheses = [], []
+    notes = []
     changed, limits = recording, {}
     for signal in recording.signals:
         if signal.role == "reference":
@@ -89,7 +89,6 @@ def check_clipping(recording: Recording, expected: Expected) -> Finding:
             f"{signal.display_unit} for {in_time(bad.sum() * recording.sample_time)} "
             f"({100 * share:.3g} %)"
         ).replace("  ", " ")
-        hypotheses.append(Hypothesis(signal.name, "saturation", text))
         if share > MAX_EXCLUDED:
             notes.append(f"{text}, too long to leave out: use a sensor of wider range")
             continue
@@ -101,5 +100,5 @@ def check_clipping(recording: Recording, expected: Expected) -> Finding:
         notes.append(text + "; excluded")
     if changed is recording:
         note = "; ".join(notes) or "no sensor at its limit"
-        return Finding("pass", note, {"limits": limits}, hypotheses=tuple(hypotheses))
-    return Finding("corrected", "; ".join(notes), {"limits": limits}, changed, tuple(hypotheses))
+        return Finding("pass", note, {"limits": limits})
+    return Finding("corrected", "; ".join(notes), {"limits": limits}, changed)

@@ -5,36 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from workbench.arrays import Vector
 from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.noise import white_rms
 from workbench.recordings.recording import Recording, Signal
 
-_BINS = 20
 _SMOOTHED = 5.0
 """Samples over which a motion is smoothed before its direction is read."""
 
 _MOTIONS = ("rad", "m")
 """SI units of what moves forward and backward."""
-
-
-@dataclass(frozen=True, eq=False)
-class Occupancy:
-    """Where a signal has been.
-
-    Args:
-        edges: Edges of the bins, shape (21,), in SI.
-        share: Share of the samples in each bin, shape (20,).
-        covered: Share of the bins that hold at least half a percent of the samples.
-    """
-
-    signal: str
-    edges: Vector
-    share: Vector
-    covered: float
 
 
 @dataclass(frozen=True)
@@ -46,7 +27,6 @@ class Directions:
         forward: Fraction of the time with positive speed.
         backward: Fraction of the time with negative speed.
         resting: Fraction of the time with a speed that the noise hides.
-        top_speed: Largest speed (99.5 % of the samples are slower), in SI.
     """
 
     signal: str
@@ -54,21 +34,6 @@ class Directions:
     backward: float
     resting: float
     reversals: int
-    top_speed: float
-
-
-def occupancy(signal: Signal, limits: tuple[float, float] | None = None) -> Occupancy:
-    """Return where a signal has been, in twenty bins.
-
-    Args:
-        limits: Ends of the range of the machine, in SI; by default those of the signal.
-    """
-    low, high = limits or (float(signal.values.min()), float(signal.values.max()))
-    edges: Vector = np.linspace(low, high if high > low else low + 1.0, _BINS + 1)
-    inside = np.clip(signal.values, edges[0], edges[-1])
-    counts, _ = np.histogram(inside, edges)
-    share: npt.NDArray[np.float64] = counts / len(signal.values)
-    return Occupancy(signal.name, edges, share, float(np.mean(share >= 0.005)))
 
 
 def directions(signal: Signal, sample_time: float) -> Directions:
@@ -93,7 +58,6 @@ def directions(signal: Signal, sample_time: float) -> Directions:
         float(np.mean(sign < 0)),
         float(np.mean(sign == 0)),
         int(np.count_nonzero(np.diff(moving))),
-        float(np.quantile(np.abs(speed), 0.995)),
     )
 
 
@@ -101,7 +65,6 @@ def directions(signal: Signal, sample_time: float) -> Directions:
 def check_excitation(recording: Recording, expected: Expected) -> Finding:
     """Tell where the machine has been: angles or positions, directions, pressures, commands."""
     moving = [s for s in recording.signals if s.role != "reference" and np.ptp(s.values) > 0]
-    where = {s.name: occupancy(s, expected.ranges.get(s.name)) for s in moving}
     motions = [s for s in moving if s.role == "measurement" and s.unit in _MOTIONS]
     turns = {s.name: directions(s, recording.sample_time) for s in motions}
     notes = []
@@ -126,6 +89,4 @@ def check_excitation(recording: Recording, expected: Expected) -> Finding:
     asked = [n for n in recording.measurements if n in expected.required]
     if asked and not any(s.name in asked for s in moving):
         return Finding("unfit", "no required measurement moves")
-    return Finding(
-        "pass", "; ".join(notes) or "nothing moves", {"occupancy": where, "directions": turns}
-    )
+    return Finding("pass", "; ".join(notes) or "nothing moves", {"directions": turns})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from workbench.recordings.checks.check import Finding, Hypothesis, check
+from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.recording import Recording
 
@@ -64,9 +64,9 @@ def recorded_quantum(recording: Recording, name: str) -> float:
 
 @check("quantisation", 80, fix="widen the gain of the channel, or move further, and record again")
 def check_quantisation(recording: Recording, expected: Expected) -> Finding:
-    """Estimate the step of every signal; fewer than 20 levels are a hypothesis with a name."""
+    """Estimate the step of every signal, and say which have fewer than 20 levels."""
     steps = {name: recorded_quantum(recording, name) for name in recording.names}
-    notes, hypotheses = [], []
+    notes, coarse = [], []
     for signal in recording.signals:
         step = steps[signal.name]
         if step:
@@ -76,7 +76,6 @@ def check_quantisation(recording: Recording, expected: Expected) -> Finding:
         levels = round(float(np.ptp(finite)) / step) + 1 if step else 0
         if step and levels < 20 and not signal.zero_order_hold and signal.name in expected.required:
             text = f"{signal.name} covers {levels} converter steps only"
-            hypotheses.append(Hypothesis(signal.name, "quantisation", text))
+            coarse.append(f"{text}: amplify it or move further")
     note = "steps of " + ", ".join(notes) if notes else "no steps visible"
-    note = "; ".join([note, *(f"{h.reason}: amplify it or move further" for h in hypotheses)])
-    return Finding("pass", note, {"steps": steps}, hypotheses=tuple(hypotheses))
+    return Finding("pass", "; ".join([note, *coarse]), {"steps": steps})

@@ -11,9 +11,8 @@ from workbench.recordings.aligned_table import aligned_table
 
 if TYPE_CHECKING:
     from workbench.model import Model
-from workbench.recordings.checks.check import CHECKS, Finding, Hypothesis, Result
+from workbench.recordings.checks.check import CHECKS, Finding, Result
 from workbench.recordings.checks.delay import Delay
-from workbench.recordings.checks.excitation import Directions, Occupancy
 from workbench.recordings.checks.expected import expectations
 from workbench.recordings.checks.noise import NoiseFloor
 from workbench.recordings.recording import Recording
@@ -48,11 +47,6 @@ class CheckReport:
         return tuple(check.name for check in self.checks if check.doubt)
 
     @property
-    def hypotheses(self) -> tuple[Hypothesis, ...]:
-        """What sensors may do to their signals."""
-        return tuple(h for check in self.checks for h in check.hypotheses)
-
-    @property
     def noise(self) -> dict[str, NoiseFloor]:
         """Noise floors by measured signal, in SI; empty if the recording is unfit."""
         return dict(self._values("noise floor").get("floors", {}))
@@ -66,21 +60,6 @@ class CheckReport:
     def delays(self) -> tuple[Delay, ...]:
         """Delays from every command to every measured signal."""
         return tuple(self._values("delay").get("delays", ()))
-
-    @property
-    def steps(self) -> dict[str, float]:
-        """Steps of the converters by signal, in SI; 0 where none shows."""
-        return dict(self._values("quantisation").get("steps", {}))
-
-    @property
-    def occupancy(self) -> dict[str, Occupancy]:
-        """Where each signal has been."""
-        return dict(self._values("excitation").get("occupancy", {}))
-
-    @property
-    def directions(self) -> dict[str, Directions]:
-        """How each motion divides between its directions."""
-        return dict(self._values("excitation").get("directions", {}))
 
     def _values(self, name: str) -> Mapping[str, Any]:
         return next((c.values for c in self.checks if c.name == name), {})

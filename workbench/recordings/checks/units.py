@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.model.units import from_si, same_dimension, to_si
-from workbench.recordings.checks.check import Finding, Hypothesis, check
+from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.column_assignment import AMBIENT_PA
 from workbench.recordings.recording import Recording, Signal
@@ -200,7 +200,7 @@ def check_units(recording: Recording, expected: Expected) -> Finding:
     is possible, but so small that another unit is as likely, is a doubt.
     """
     stated = {row.signal: row.unit for row in recording.mapping or ()}
-    problems, remarks, hypotheses, unknown = [], [], [], []
+    problems, remarks, unknown = [], [], []
     for signal in recording.signals:
         known = _plausible(signal, expected)
         if known is None:
@@ -220,8 +220,6 @@ def check_units(recording: Recording, expected: Expected) -> Finding:
             problems.append(problem)
         elif problem:
             remarks.append(problem)
-            if signal.role == "measurement" and "outside" in problem:
-                hypotheses.append(Hypothesis(signal.name, "offset_gain", problem))
     if problems:
         return Finding("unfit", "; ".join(problems))
     doubt = bool(remarks)
@@ -234,4 +232,4 @@ def check_units(recording: Recording, expected: Expected) -> Finding:
         remarks.insert(0, "no model or range says what is plausible")
         return Finding("not checked", "; ".join(remarks))
     note = "; ".join(remarks) or "plausible sizes"
-    return Finding("pass", note, hypotheses=tuple(hypotheses), doubt=doubt)
+    return Finding("pass", note, doubt=doubt)

@@ -575,6 +575,4 @@ def _lift_scalars(found: Columns, unreadable: Mapping[int, tuple[int, str]]) -> 
     )
 
 
-TEXT = Format(
-    "csv", "CSV", (".csv", ".txt", ".tsv", ".dat", ".asc", ".log"), read_text, packed=True
-)
+TEXT = Format("csv", "CSV", (".csv", ".txt", ".tsv", ".dat", ".asc", ".log"), read_text)

@@ -40,7 +40,6 @@ class Format:
         recognises: Tells by the first 520 bytes whether a file is of this format, where several
             share its suffix.
         extra: Extra of the workbench that installs what ``read`` imports; ``""`` for none.
-        packed: Whether the file may also be compressed (``.gz``).
     """
 
     name: str
@@ -49,7 +48,6 @@ class Format:
     read: Callable[[Path, ReadOptions], Columns]
     recognises: Callable[[bytes], bool] = bool
     extra: str = ""
-    packed: bool = False
 
     def columns(self, path: Path, options: ReadOptions) -> Columns:
         """Read a file as columns."""

@@ -38,7 +38,7 @@ def read_lvm(path: Path, options: ReadOptions) -> Columns:
     return replace(found, headers=headers, metadata=metadata)
 
 
-LVM = Format("lvm", "LabVIEW", (".lvm",), read_lvm, packed=True)
+LVM = Format("lvm", "LabVIEW", (".lvm",), read_lvm)
 
 
 def read_tdms(path: Path, options: ReadOptions) -> Columns:
