@@ -121,6 +121,14 @@ def test_what_a_command_did_between_uneven_samples_is_kept(step: float) -> None:
     assert step > 2.0 or np.mean(np.diff(even["flow"]) == 0.0) > 0.5
 
 
+def test_a_command_that_is_stamped_a_little_late_is_not_a_sample_late() -> None:
+    rng = np.random.default_rng(0)
+    late = 0.1 * np.arange(400) + rng.uniform(0.0, 0.004, 400)
+    recording = Recording("loop", late, (Signal("u", rng.normal(size=400), role="command"),))
+    even = resample(recording, times=np.linspace(late[0], late[-1], 400))
+    assert np.allclose(even["u"], recording["u"], atol=0.2)
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [

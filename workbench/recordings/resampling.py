@@ -176,7 +176,6 @@ def _held(values: Vector, time: Vector, times: Vector) -> Vector:
     last = np.append(np.searchsorted(time, times[1:] - slack, side="left") - 1, index[-1])
     changes = np.concatenate([[0], np.cumsum(values[1:] != values[:-1])])
     moved = changes[np.maximum(last, index)] > changes[index]
-    moved &= np.ptp(np.diff(time)) > _UNEVEN * np.mean(np.diff(time))
     area = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(time))])
     past = values[-1] * np.clip(times - time[-1], 0.0, None)
     means = np.diff(np.interp(times, time, area) + past) / np.diff(times)
@@ -189,10 +188,10 @@ def resample(
     """Return a recording on another time base.
 
     Commands and references keep their value until the next sample (zero-order hold), measurements
-    are interpolated by straight lines. Of uneven steps a command has its mean between two instants,
-    and a measurement comes from the nearest sample. Where one is missing a line bridges the gap,
-    which is excluded. If the new step is more than 1.2 times the old one measurements are
-    low-passed at 0.4 of the new rate before, so that nothing folds down.
+    are interpolated by straight lines. Where a command changes between two instants, its mean there
+    is taken; of uneven steps a measurement comes from the nearest sample. Where one is missing a
+    line bridges the gap, which is excluded. If the new step is more than 1.2 times the old one
+    measurements are low-passed at 0.4 of the new rate before, so that nothing folds down.
 
     Args:
         rate_Hz: Rate of a uniform time base that starts at the first sample.

@@ -107,8 +107,10 @@ def test_a_start_told_by_a_sensor_is_open_where_that_sensor_may_be_shifted() -> 
     place = model.states[0]
     assert seen.start_rms[0] < 0.01 * place.scale
     assert rms("sensor_offset_position") == (place.start_rms or place.scale)
-    # At the start a lag reads what is there, and friction shifts no sensor.
-    assert rms("sensor_lag_position") == rms("stribeck_friction") == seen.start_rms[0]
+    # What a slow sensor remembers may be as far from what is there as its law says.
+    memory = known["sensor_lag_position"].effect.states[0].start_rms
+    assert rms("sensor_lag_position") == pytest.approx(memory, rel=0.01)
+    assert rms("stribeck_friction") == seen.start_rms[0]
 
 
 def test_ranges_are_those_of_what_was_read_and_of_the_filtered_states() -> None:

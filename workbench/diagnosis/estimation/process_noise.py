@@ -7,6 +7,7 @@ A model that lacks physics stops early, the right one goes down to the noise of 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -77,7 +78,8 @@ def extended_start(observed: Observed, model: Model, extended: Model) -> Observe
     """Return a recording whose start covers the states of attached effects, where these put them.
 
     A state that was known from a sensor that the effects may shift is known no better than the
-    model says. ``model`` is that for which the recording was brought into shape.
+    model says, and what a slow sensor reads no better than what that remembers. ``model`` is that
+    for which the recording was brought into shape.
     """
     if len(extended.effects) == len(model.effects):
         return observed
@@ -86,9 +88,10 @@ def extended_start(observed: Observed, model: Model, extended: Model) -> Observe
     given |= {name: at[observed.name] for name, at in own.items() if observed.name in at}
     start = extended.initial_state(given, u=observed.inputs[0])
     reopened = _misread(model, extended, observed, start)
+    apart = _remembered(model, extended, observed)
     known = {
-        q.name: max(r, q.start_rms or q.scale) if q.name in reopened else r
-        for q, r in zip(model.states, observed.start_rms, strict=True)
+        q.name: max(r, q.start_rms or q.scale) if q.name in reopened else math.hypot(r, away)
+        for q, r, away in zip(model.states, observed.start_rms, apart, strict=True)
     }
     rms = np.array(
         [known.get(q.name, q.start_rms or _UNKNOWN_START * q.scale) for q in extended.states]
@@ -115,6 +118,24 @@ def _misread(model: Model, extended: Model, observed: Observed, start: Vector) -
     ]
     read = np.asarray(trace.jacobian_function(*at)[2])[shifted]
     return {q.name for i, q in enumerate(extended.states) if np.any(read[:, i] != 0.0)}
+
+
+def _remembered(model: Model, extended: Model, observed: Observed) -> Vector:
+    """Return how far each state may be from what attached slow sensors remember, in its unit."""
+    attached = {effect.name for effect in model.effects}
+    kept = {
+        effect.ports[0]: max(q.start_rms for q in effect.states)
+        for effect in extended.effects
+        if effect.states and effect.name not in attached
+    }
+    apart = np.array([kept.get(f"{q.name}.reading", 0.0) for q in model.outputs])
+    if not apart.any():
+        return np.zeros(len(model.states))
+    at = observed.start, observed.inputs[0], model.values
+    slopes = np.abs(np.asarray(model.exact.jacobian_function(*at)[2]))
+    away = np.divide(apart[:, None], slopes, out=np.zeros_like(slopes), where=slopes > 0.0)
+    most = np.array([q.start_rms or q.scale for q in model.states])
+    return np.asarray(np.minimum(away.max(axis=0), most))
 
 
 def fit_with_process_noise(
