@@ -37,10 +37,10 @@ class Rate:
         """Wilson's 95 % interval; all shares out of none."""
         if self.total == 0:
             return 0.0, 1.0
-        share, n, z = self.value, float(self.total), 1.959964
-        middle = (share + z**2 / (2 * n)) / (1 + z**2 / n)
-        half = z / (1 + z**2 / n) * math.sqrt(share * (1 - share) / n + z**2 / (4 * n**2))
-        return max(0.0, middle - half), min(1.0, middle + half)
+        from scipy.stats import binomtest
+
+        low, high = binomtest(self.count, self.total).proportion_ci(method="wilson")
+        return float(low), float(high)
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data."""

@@ -54,14 +54,10 @@ def low_pass(values: Vector, fraction: float) -> Vector:
     if len(values) < 3:
         return values
     reach = min(int(np.ceil(_CROSSINGS / (2 * fraction))), len(values) - 1)
-    steps = np.arange(-reach, reach + 1)
-    kernel = np.sinc(2 * fraction * steps) * np.hamming(2 * reach + 1)
-    kernel /= kernel.sum()
-    before = 2 * values[0] - values[reach:0:-1]
-    after = 2 * values[-1] - values[-2 : -reach - 2 : -1]
-    extended = np.concatenate([before, values, after])
-    from scipy.signal import fftconvolve
+    from scipy.signal import fftconvolve, firwin
 
+    extended = np.pad(values, reach, mode="reflect", reflect_type="odd")
+    kernel = firwin(2 * reach + 1, 2 * fraction, window="hamming")
     filtered: Vector = fftconvolve(extended, kernel, mode="valid")
     return filtered
 

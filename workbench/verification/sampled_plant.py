@@ -51,8 +51,8 @@ class FullPlant:
         self.state_names = tuple(q.name for q in model.states)
         self._parameters = model.parameters
         self.tolerance = tolerance
-        self._scale = np.array([q.scale for q in model.states])
-        integrator = integrator_of(method, model.exact, self._scale, sample_time, tolerance)
+        scale = np.array([q.scale for q in model.states])
+        integrator = integrator_of(method, model.exact, scale, sample_time, tolerance)
         self.integrator = name_of(integrator)
         self._x = check_vector("state", start, model.states).copy()
         self._u, self._p = model.nominal_input.copy(), model.values.copy()
@@ -69,11 +69,6 @@ class FullPlant:
     def parameters(self) -> Vector:
         """Parameter values of now, shape (n_parameters,), in SI."""
         return self._p.copy()
-
-    @property
-    def scale(self) -> Vector:
-        """Scales of the states, shape (n_states,), in SI."""
-        return self._scale
 
     @property
     def state(self) -> Vector:
@@ -149,11 +144,6 @@ class LinearPlant:
     def parameters(self) -> Vector:
         """No parameters, shape (0,); a linear model has numbers (in SI) in its matrices only."""
         return np.zeros(0)
-
-    @property
-    def scale(self) -> Vector:
-        """Ones, shape (n_states,), in SI: the states are kept as they are."""
-        return np.ones(len(self._x0))
 
     @property
     def state(self) -> Vector:

@@ -45,7 +45,6 @@ class Judged:
         seconds: Processor time, in s.
     """
 
-    case: str
     kind: str
     effects: tuple[str, ...]
     factor: float
@@ -66,11 +65,6 @@ class Judged:
         """
         return "wrong name" in self.line.remark and self.names > 0
 
-    @property
-    def outside(self) -> bool:
-        """Whether the library does not have what is hidden."""
-        return self.kind == "outside"
-
 
 @dataclass(frozen=True)
 class SizeFound:
@@ -82,8 +76,6 @@ class SizeFound:
         std: Standard deviation of the estimate, in SI; NaN if none was given.
     """
 
-    effect: str
-    named: str
     true: float
     value: float
     std: float
@@ -120,11 +112,10 @@ def judge(row: Mapping[str, Any], who: str = "tool") -> Judged | None:
         return None
     given, truths = answer_of(verdict, row["case"], names()), truths_of(row)
     line = score_case(given, truths)
-    found = {_region(groups[0]) for _, groups in given.findings if groups}
-    regions = tuple(bool(found & set(map(_region, truth.groups))) for truth in truths)
+    found = {REGIONS.get(groups[0], groups[0]) for _, groups in given.findings if groups}
+    regions = tuple(bool(found & {REGIONS.get(g, g) for g in truth.groups}) for truth in truths)
     seconds = row.get("processor_seconds") if who == "tool" else verdict.get("processor_seconds")
     return Judged(
-        row["case"],
         row["kind"],
         tuple(row["effects"]),
         row["factor"],
@@ -145,10 +136,6 @@ def _surely_wrong(finding: Mapping[str, Any], truths: Sequence[Truth]) -> bool:
     return bool(names) and finding.get("belief", "sure") == "sure" and not names & hidden
 
 
-def _region(group: str) -> str:
-    return REGIONS.get(group, group)
-
-
 def _sizes(row: Mapping[str, Any], verdict: Mapping[str, Any]) -> list[SizeFound]:
     """Compare sizes where rig and library state the same quantity."""
     found = []
@@ -162,7 +149,7 @@ def _sizes(row: Mapping[str, Any], verdict: Mapping[str, Any]) -> list[SizeFound
                 continue
             true = counterpart.true(nominal() | row["true"])
             std = math.nan if value.get("std") is None else float(value["std"])
-            found.append(SizeFound(effect, finding["effect"], true, float(value["value"]), std))
+            found.append(SizeFound(true, float(value["value"]), std))
     return found
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.arrays import Vector
 from workbench.model.quantities import Channel, Output
-from workbench.model.units import from_si, with_unit
+from workbench.model.units import from_si, with_unit, written_unit
 from workbench.reports.style import Colour, shades, told_apart
 from workbench.study.result import StudyResult
 from workbench.study.study import Study
@@ -63,7 +63,7 @@ def output_of(study: Study, name: str) -> Output:
 
 def written(unit: str) -> str:
     """Return a unit as axes and tables write it."""
-    return unit.replace("deg", "°")
+    return written_unit(unit) or "1"
 
 
 def shown(values: Any, quantity: Channel) -> Vector:
