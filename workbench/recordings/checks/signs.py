@@ -97,6 +97,10 @@ def _strengths(
             found[cause, response] = _strongest(every)
             if every.min() < -_SURE and every.max() > _SURE:
                 untold[cause, response] = "it swings both ways"
+            elif (cause, response) in expected.balanced and _against(
+                expected, cause, response, every
+            ):
+                untold[cause, response] = "it works against what else moves that"
             elif expected.unstable and _against(expected, cause, response, every):
                 # What pushes the machine off is there before the command that works against it.
                 untold[cause, response] = "a loop holds the machine, and the command answers to it"
