@@ -25,6 +25,7 @@ from workbench.diagnosis.location.locate import Location, locate
 from workbench.diagnosis.location.located_signal import missing_signals
 from workbench.diagnosis.nonparametric.fit import nonparametric_term
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
+from workbench.diagnosis.reversed_columns import with_signs_tried
 from workbench.diagnosis.second_search import VIEWS, View, beside
 from workbench.diagnosis.selection.held_out import settled_run
 from workbench.diagnosis.selection.rules import LEAST_SHOWN, NO_NAME
@@ -332,11 +333,14 @@ def prepare(
     """Check and observe the recordings."""
     needed = [q.name for q in model.inputs]
     reports = [
-        check_recording(
-            # What drives the model is held between samples, whatever its column was taken for.
-            r.with_roles({n: "command" for n in needed if n in r}),
-            model=model,
-            required=[*needed, *(q.name for q in model.outputs if q.name in r)],
+        with_signs_tried(
+            model,
+            check_recording(
+                # What drives the model is held between samples, whatever its column was taken for.
+                r.with_roles({n: "command" for n in needed if n in r}),
+                model=model,
+                required=[*needed, *(q.name for q in model.outputs if q.name in r)],
+            ),
         )
         for r in (*fit_on, *hold_out)
     ]

@@ -203,7 +203,7 @@ def _wider(model: Model, recordings: Sequence[Recording]) -> Model:
     wider = replace(model, inputs=tuple(inputs))
     if wider.inputs == model.inputs:
         return model
-    return model if _clearly_likelier(model, wider, recordings) else wider
+    return model if clearly_likelier(model, wider, recordings) else wider
 
 
 def _straight(model: Model, recordings: Sequence[Recording]) -> tuple[str, ...]:
@@ -219,10 +219,10 @@ def _straight(model: Model, recordings: Sequence[Recording]) -> tuple[str, ...]:
         return ()
     known = (*model.traits.straight, *moving)
     trial = replace(model, traits=replace(model.traits, straight=known))
-    return moving if _clearly_likelier(trial, model, recordings) else ()
+    return moving if clearly_likelier(trial, model, recordings) else ()
 
 
-def _clearly_likelier(
+def clearly_likelier(
     one: Model,
     other: Model,
     recordings: Sequence[Recording],
@@ -255,7 +255,7 @@ def more_finely(model: Model, recordings: Sequence[Recording]) -> list[Recording
     if not model.traits.straight or parts < 2:
         return []
     finer = [refined(r, parts, model.traits.straight) for r in recordings]
-    return finer if _clearly_likelier(model, model, finer, recordings) else []
+    return finer if clearly_likelier(model, model, finer, recordings) else []
 
 
 def _unforetold(

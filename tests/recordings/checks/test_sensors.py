@@ -394,45 +394,6 @@ def test_what_a_loop_holds_against_what_would_fall_has_its_sign() -> None:
     assert found.result != "unfit" and "a loop holds the machine" in found.note
 
 
-def test_what_takes_a_coupling_away_has_its_sign() -> None:
-    def rates(x: Any, u: Any) -> tuple[Any, ...]:
-        return (
-            600.0 * u[0] - 300.0 * x[0] + 4.0 * x[2] * x[1],
-            600.0 * u[1] - 300.0 * x[1] - 75.0 * x[2],
-            580.0 * x[1] - 2.0 * x[2],
-        )
-
-    def motor(m: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        x = (m.x.direct, m.x.torque, m.x.speed)
-        raised = rates(x, (m.u.direct_V, m.u.torque_V))
-        return dict(zip(names, raised, strict=True)), dict(zip(names, x, strict=True))
-
-    names = ("direct", "torque", "speed")
-    model = Model(
-        "motor",
-        motor,
-        states=tuple(State(n, "A" if n != "speed" else "rad/s") for n in names),
-        inputs=(Input("direct_V", "V"), Input("torque_V", "V")),
-        outputs=tuple(Output(n, "A" if n != "speed" else "rad/s") for n in names),
-    )
-    rng, x, rows = np.random.default_rng(1), np.zeros(3), []
-    for wanted in np.repeat(rng.uniform(-30.0, 30.0, 16), 120):
-        u = np.array([-4.0 * x[2] * x[1] / 600.0, 0.125 * x[2] + 0.06 * (wanted - x[2])])
-        rows.append([*u, *(x + rng.normal(0.0, [0.008, 0.008, 0.06]))])
-        for _ in range(20):
-            x = x + 5e-5 * np.array(rates(x, u))
-    columns = dict(zip(("direct_V", "torque_V", *names), np.array(rows).T, strict=True))
-    units = dict(zip(columns, ("V", "V", "A", "A", "rad/s"), strict=True))
-    signals = tuple(
-        Signal(n, v, units[n], role="command" if units[n] == "V" else "measurement")
-        for n, v in columns.items()
-    )
-    trial = Recording("motor", 1e-3 * np.arange(len(rows)), signals)
-    found = check_signs(trial, expectations(trial, model=model))
-    assert found.result == "pass"
-    assert "direct_V -> direct cannot be told: it works against" in found.note
-
-
 def test_what_begins_the_other_way_than_it_goes_has_no_sign() -> None:
     def converter(m: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         off = 1.0 - m.u.duty

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
@@ -21,9 +20,6 @@ if TYPE_CHECKING:
 
 _MANY = 10.0
 """Time constants of an unstable mode along a recording beyond which a loop must have held it."""
-
-_LESS = 0.5
-"""Part of what a command alone does that is left where it works against the rest."""
 
 _LOOKS = 5
 """Points along a recording at which a response must have the sign that it has at the start."""
@@ -45,7 +41,6 @@ class Expected:
             how far they may go, not how far they usually do.
         speed: Middle one of the magnitudes of the model's eigenvalues, in rad/s; NaN if unknown.
         unstable: Whether only a loop can have held the machine where it was.
-        balanced: Causes that work against what else moves a response, by (cause, response).
         slopes: How strongly a measured cause accelerates a motion, by (cause, motion), in SI.
     """
 
@@ -59,7 +54,6 @@ class Expected:
     reach: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     believed: frozenset[str] = frozenset()
     unstable: bool = False
-    balanced: frozenset[tuple[str, str]] = frozenset()
 
 
 Point = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
@@ -71,29 +65,22 @@ def _at_start(model: Model, point: Point | None = None) -> tuple[npt.NDArray[np.
     return tuple(np.asarray(m) for m in model.exact.jacobian_function(x, u, model.values))
 
 
-def _along(model: Model, recording: Recording, at: npt.NDArray[np.intp] | slice) -> Point:
-    """Return states and inputs of a model along a recording, as measured or else as at the start.
-
-    Args:
-        at: Which rows of the recording.
-
-    Returns:
-        Shapes (n_rows, n_states) and (n_rows, n_inputs), in SI.
-    """
+def _along(model: Model, recording: Recording) -> list[Point]:
+    """Return inputs of a model along a recording, with the start and what was measured of it."""
     *_, C, _ = _at_start(model)
-    count = len(recording.time[at])
-    x, u = (np.tile(q, (count, 1)) for q in (model.initial_state(), model.nominal_input))
-    columns = [(u, j, q.name, 1.0) for j, q in enumerate(model.inputs)]
-    for row, q in zip(C, model.outputs, strict=True):
-        if np.count_nonzero(row) == 1:
-            i = int(np.flatnonzero(row)[0])
-            columns.append((x, i, q.name, row[i]))
-    for table, column, name, factor in columns:
-        if name in recording:
-            values = recording[name][at]
-            known = np.isfinite(values)
-            table[known, column] = values[known] / factor
-    return x, u
+    read = {model.outputs[i].name: row for i, row in enumerate(C) if np.count_nonzero(row) == 1}
+    points = []
+    for k in np.linspace(0, len(recording) - 1, _LOOKS + 2).astype(int)[1:-1]:
+        x, u = model.initial_state().copy(), model.nominal_input.copy()
+        for name, row in read.items():
+            if name in recording and math.isfinite(recording[name][k]):
+                at = int(np.flatnonzero(row)[0])
+                x[at] = recording[name][k] / row[at]
+        for j, q in enumerate(model.inputs):
+            if q.name in recording and math.isfinite(recording[q.name][k]):
+                u[j] = recording[q.name][k]
+        points.append((x, u))
+    return points
 
 
 def sure_signs(model: Model, recording: Recording) -> dict[tuple[str, str], int]:
@@ -103,39 +90,10 @@ def sure_signs(model: Model, recording: Recording) -> dict[tuple[str, str], int]
     start in place of an input that nobody declared, zero kelvin, does not tell.
     """
     signs = response_signs(model)
-    looks = np.linspace(0, len(recording) - 1, _LOOKS + 2).astype(int)[1:-1]
-    for point in zip(*_along(model, recording, looks), strict=True):
+    for point in _along(model, recording):
         there = response_signs(model, point)
         signs = {k: s for k, s in signs.items() if there.get(k) == s}
     return signs
-
-
-def balanced(
-    model: Model, recording: Recording, pairs: Iterable[tuple[str, str]]
-) -> frozenset[tuple[str, str]]:
-    """Return those causes and responses of which a loop takes away what else moves the response.
-
-    Where all that drives the derivative in which a command first shows moves clearly less than what
-    the command alone does, the command works against the rest, as one that takes the coupling of
-    two axes away: the answer to it does not show, and with a sign reversed the two would add up.
-    """
-    x, u = _along(model, recording, slice(None))
-    trace, found = model.exact, []
-    inputs, outputs = ([q.name for q in some] for some in (model.inputs, model.outputs))
-    for cause, response in pairs:
-        if cause not in inputs or response not in outputs:
-            continue
-        j, whole = inputs.index(cause), trace.outputs[outputs.index(response)]
-        for _ in model.states:
-            if ca.depends_on(whole, trace.u[j]):
-                break
-            whole = ca.jtimes(whole, trace.x, trace.rates)
-        own = ca.jacobian(whole, trace.u[j]) * trace.u[j]
-        moved = trace.along(x, u, model.values, whole, own)
-        every, alone = (float(np.std(v[np.isfinite(v)])) for v in moved)
-        if every < _LESS * alone:
-            found.append((cause, response))
-    return frozenset(found)
 
 
 def response_signs(model: Model, point: Point | None = None) -> dict[tuple[str, str], int]:
@@ -331,17 +289,15 @@ def expectations(
                 f"recording {recording.name!r} has no signal {name!r}; it has "
                 f"{', '.join(recording.names)}"
             )
-    signs = {k: s for k, s in (signs or {}).items() if k[0] in recording and k[1] in recording}
     return Expected(
         names if names is not None else _required(recording),
         _rate(recording),
         {**known, **(ranges or {})},
-        signs,
+        {k: s for k, s in (signs or {}).items() if k[0] in recording and k[1] in recording},
         scales,
         math.nan if free is None else middle_speed(free),
         {} if free is None else acceleration_slopes(free),
         reach,
         believed,
         free is not None and _falls_over(free, recording),
-        frozenset() if free is None else balanced(free, recording, signs),
     )

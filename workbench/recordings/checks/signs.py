@@ -97,10 +97,6 @@ def _strengths(
             found[cause, response] = _strongest(every)
             if every.min() < -_SURE and every.max() > _SURE:
                 untold[cause, response] = "it swings both ways"
-            elif (cause, response) in expected.balanced and _against(
-                expected, cause, response, every
-            ):
-                untold[cause, response] = "it works against what else moves that"
             elif expected.unstable and _against(expected, cause, response, every):
                 # What pushes the machine off is there before the command that works against it.
                 untold[cause, response] = "a loop holds the machine, and the command answers to it"
@@ -152,9 +148,16 @@ def check_signs(recording: Recording, expected: Expected) -> Finding:
     faint = [k for k in wrong if abs(slopes.get(k, math.inf)) < expected.slopes.get(k, 0.0) / _FAR]
     wrong = [k for k in wrong if k not in faint]
     right = [k for k, s in told.items() if s > _SURE]
-    values = {"strength": {f"{c}->{r}": s for (c, r), s in found.items()}}
-    if mistake := _mistake(wrong, right, expected.signs):
+    exchanged = _exchanged(wrong, expected.signs) if not right and len(wrong) > 2 else ""
+    turned = [] if exchanged else _turned(wrong, right)
+    strength = {f"{c}->{r}": s for (c, r), s in found.items()}
+    # What else a command goes with may answer for it; a regression takes that out.
+    unsure = turned if all(pair not in slopes for pair in wrong) else []
+    values = {"strength": strength, "turned": unsure}
+    if exchanged or turned:
         listed = ", ".join(f"{c} -> {r}" for c, r in wrong)
+        mistake = f"{' or '.join(turned)} is probably reversed (sign = -1 in the mapping)"
+        mistake = f"{exchanged} are probably exchanged" if exchanged else mistake
         return Finding("unfit", f"the response has the wrong sign: {listed}; {mistake}", values)
     doubts = [f"the sign of {c} -> {r} cannot be told: {why}" for (c, r), why in untold.items()]
     doubts += [f"the sign of {c} -> {r} cannot be told: it hardly acts" for c, r in faint]
@@ -183,12 +186,9 @@ def _exchanged(wrong: Pairs, signs: Signs) -> str:
     return ""
 
 
-def _mistake(wrong: Pairs, right: Pairs, signs: Signs) -> str:
-    """Return which columns explain the wrong signs and contradict no right one, ``""`` if none."""
-    if exchanged := _exchanged(wrong, signs) if not right and len(wrong) > 2 else "":
-        return f"{exchanged} are probably exchanged"
+def _turned(wrong: Pairs, right: Pairs) -> list[str]:
+    """Return columns of which one, if reversed, explains wrong signs and turns no right one."""
     sound = {n for pair in right for n in pair}
-    if not wrong or any(sound.issuperset(pair) for pair in wrong):
-        return ""
-    turned = sorted({n for pair in wrong for n in pair} - sound)
-    return f"{' or '.join(turned)} is probably reversed (sign = -1 in the mapping)"
+    if any(sound.issuperset(pair) for pair in wrong):
+        return []
+    return sorted({n for pair in wrong for n in pair} - sound)

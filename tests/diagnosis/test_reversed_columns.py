@@ -1,0 +1,62 @@
+"""A wrong sign is only one where the model follows the recording better with a column reversed."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from workbench.diagnosis.reversed_columns import with_signs_tried
+from workbench.model import Input, Model, Output, Parameter, State
+from workbench.recordings import Recording, Signal, check_recording
+
+NAMES = ("direct", "torque", "speed")
+
+
+def rates(x: Any, u: Any, resistance: Any = 300.0) -> tuple[Any, ...]:
+    return (
+        600.0 * u[0] - resistance * x[0] + 4.0 * x[2] * x[1],
+        600.0 * u[1] - resistance * x[1] - 75.0 * x[2],
+        580.0 * x[1] - 2.0 * x[2],
+    )
+
+
+def motor() -> Model:
+    def equations(m: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        x = (m.x.direct, m.x.torque, m.x.speed)
+        raised = rates(x, (m.u.direct_V, m.u.torque_V), m.p.resistance)
+        return dict(zip(NAMES, raised, strict=True)), dict(zip(NAMES, x, strict=True))
+
+    units = dict(zip(NAMES, ("A", "A", "rad/s"), strict=True))
+    return Model(
+        "motor",
+        equations,
+        states=tuple(State(n, units[n]) for n in NAMES),
+        inputs=(Input("direct_V", "V"), Input("torque_V", "V")),
+        outputs=tuple(Output(n, units[n]) for n in NAMES),
+        parameters=(
+            Parameter("resistance", "1/s", value=280.0, lower=100.0, upper=900.0, fitted=True),
+        ),
+    )
+
+
+def test_what_takes_a_coupling_away_is_not_reversed() -> None:
+    rng, x, rows = np.random.default_rng(1), np.zeros(3), []
+    for wanted in np.repeat(rng.uniform(-30.0, 30.0, 10), 120):
+        # The drive takes away what the torque's current adds to the other one.
+        u = np.array([-4.0 * x[2] * x[1] / 600.0, 0.125 * x[2] + 0.06 * (wanted - x[2])])
+        rows.append([*u, *(x + rng.normal(0.0, [0.008, 0.008, 0.06]))])
+        for _ in range(20):
+            x = x + 5e-5 * np.array(rates(x, u))
+    units = {"direct_V": "V", "torque_V": "V", "direct": "A", "torque": "A", "speed": "rad/s"}
+    signals = tuple(
+        Signal(n, v, unit, role="command" if unit == "V" else "measurement")
+        for (n, unit), v in zip(units.items(), np.array(rows).T, strict=True)
+    )
+    trial = Recording("motor", 1e-3 * np.arange(len(rows)), signals)
+    report = check_recording(trial, model=motor())
+    assert not report.fit
+    tried = with_signs_tried(motor(), report)
+    assert tried.fit and "signs" in tried.doubtful
+    turned = tuple(replace(s, values=-s.values) if s.name == "torque_V" else s for s in signals)
+    wrong = check_recording(replace(trial, signals=turned), model=motor())
+    assert with_signs_tried(motor(), wrong) is wrong and not wrong.fit

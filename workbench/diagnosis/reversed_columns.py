@@ -1,0 +1,34 @@
+"""Is a column reversed whose response has the wrong sign?"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from workbench.diagnosis.undeclared import clearly_likelier, with_undeclared
+from workbench.model import Model
+from workbench.recordings.checks.report import CheckReport
+
+
+def with_signs_tried(model: Model, report: CheckReport) -> CheckReport:
+    """Doubt a wrong sign with which the refitted model follows a recording better than without.
+
+    A command that answers to what it moves, as in a drive that takes the coupling of its axes away,
+    goes with the answer of others: its own may show the other way round.
+    """
+    wrong = next((c for c in report.checks if c.values.get("turned")), None)
+    if wrong is None or wrong.result != "unfit":
+        return report
+    seen = report.recording
+    told, _ = with_undeclared(model, [seen])
+    for name in wrong.values["turned"]:
+        other = replace(
+            seen,
+            signals=tuple(
+                replace(s, values=-s.values) if s.name == name else s for s in seen.signals
+            ),
+        )
+        if not clearly_likelier(told, told, [seen], [other]):
+            return report
+    note = f"{wrong.note.partition(';')[0]}, but reversed the model follows it less well"
+    doubt = replace(wrong, result="pass", note=note, doubt=True)
+    return replace(report, checks=tuple(doubt if c is wrong else c for c in report.checks))
