@@ -370,7 +370,7 @@ class LoopSpecification(Checked):
         overshoot: Overshoot of a step within the command's ends that is allowed, as a fraction of
             the step.
         noise: Noise rms of every measurement, in SI of the output; by default (0) what the sensor
-            declares, and 1e-4 of its scale at least.
+            declares, and 1e-4 of its scale at least where one is declared or no noise is.
     """
 
     measured: str | tuple[str, ...] = ""
@@ -397,11 +397,11 @@ class LoopSpecification(Checked):
 
     def loop_noise(self, loop: Loop) -> Vector:
         """Return the noise rms that is reckoned with, shape (n_sensors,), in SI."""
-        scale = loop.output_scale
-        if loop.read is not None:
-            sizes = {q.name: q.scale for q in loop.read.operating_point.model.outputs}
-            scale = np.array([sizes[name] for name in loop.sensors])
-        least = np.maximum(loop.noise, 1e-4 * scale)
+        outputs = {q.name: q for q in (loop.read or loop.linear).operating_point.model.outputs}
+        read = [outputs[name] for name in loop.sensors]
+        # What the equations tell of a size is less sure than what a sensor declares.
+        sure = np.array([q.sized for q in read]) | (loop.noise == 0.0)
+        least = np.maximum(loop.noise, np.where(sure, 1e-4, 0.0) * [q.scale for q in read])
         return np.full_like(least, self.noise) if self.noise else least
 
     def loop(self, linear: Any) -> Loop:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,13 @@ import pytest
 
 from controllers.design import DESIGNS
 from controllers.plain.limits import settled_after
+from controllers.plain.loop import LoopSpecification, loop_of
 from workbench.cli.main import WRONG_USE, run
 from workbench.linearisation import linearise
-from workbench.linearisation.pace import step_time, usual_sample_time
+from workbench.linearisation.pace import reach_of, step_time, usual_sample_time
 from workbench.model import Input, Model, Output, State
 from workbench.operating_point import operating_point
+from workbench.study.step_trial import _reached
 from workbench.verification import metrics, step_scenario, verify
 
 PLANT = """
@@ -231,3 +234,86 @@ def test_a_step_of_what_is_large_or_noisy_is_sampled_so_and_goes_so_far_that_it_
     assert found["metrics"]["settling_time"]["value"] < most
     before, after = re.findall(r"[\d.]+", found["scenario"])
     assert float(after) - float(before) > 40.0 * noise
+
+
+def drum() -> Model:
+    """A drum between 0 and 2 m that a pump empties in minutes: all that it does is integrate."""
+    return Model(
+        "drum",
+        lambda m: ({"h": (m.u.inflow - m.u.pump) / 3.0}, {"h": m.x.h}),
+        states=(State("h", "m", initial=1.0, lower=0.0, upper=2.0),),
+        inputs=(
+            Input("pump", "m3/s", lower=0.0, upper=0.02),
+            Input("inflow", "m3/s", nominal=0.01, commanded=False),
+        ),
+        outputs=(Output("h", "m", noise_rms=0.005),),
+    )
+
+
+def upright() -> Model:
+    """A body on two wheels: what grows within 0.2 s moves far in the time of its rest."""
+    return Model(
+        "wheels",
+        lambda m: (
+            {
+                "way": m.x.speed,
+                "speed": 0.385 * m.u.torque - 0.24 * m.x.speed - 10.0 * m.x.pitch,
+                "pitch": m.x.rate,
+                "rate": 28.3 * m.x.pitch - 0.645 * m.u.torque + 0.34 * m.x.speed,
+            },
+            {"way": m.x.way, "pitch": m.x.pitch},
+        ),
+        states=(
+            State("way", "m"),
+            State("speed", "m/s"),
+            State("pitch", "rad"),
+            State("rate", "1/s"),
+        ),
+        inputs=(Input("torque", "N m", lower=-60.0, upper=60.0),),
+        outputs=(Output("way", "m", noise_rms=1e-3), Output("pitch", "rad", noise_rms=2e-3)),
+    )
+
+
+def drone() -> Model:
+    """A rotor that lifts: a fast lag, two integrators and a drag that hardly counts."""
+    return Model(
+        "drone",
+        lambda m: (
+            {
+                "z": m.x.v,
+                "v": m.x.thrust / 1.2 - 9.81 - 0.07 * m.x.v,
+                "thrust": (36.0 * m.u.throttle - m.x.thrust) / 0.06,
+            },
+            {"z": m.x.z},
+        ),
+        states=(State("z", "m", initial=1.0), State("v", "m/s"), State("thrust", "N")),
+        inputs=(Input("throttle", "1", lower=0.0, upper=1.0),),
+        outputs=(Output("z", "m", noise_rms=0.01),),
+    )
+
+
+@pytest.mark.parametrize(
+    ("plant", "most", "time"), [(drum, 2.0, 2000.0), (upright, 3.0, 100.0), (drone, 10.0, 100.0)]
+)
+def test_what_integrates_goes_as_far_as_it_is_led_in_a_good_loop(
+    plant: Callable[[], Model], most: float, time: float
+) -> None:
+    # A drum was told of 2 s, in which it moves by 7 mm; the others to step 4e21 m and 150 m.
+    linear = linearise(operating_point(plant()), verdict=False)
+    assert 0.2 * most < reach_of(linear, linear.output_names[0]) <= 1.001 * most
+    assert step_time(linear) == time
+    # What the equations tell of its size makes no more noise of it than its sensor has.
+    (noise,) = LoopSpecification().loop_noise(loop_of(linear, linear.output_names[0]))
+    assert noise == linear.operating_point.model.outputs[0].noise_rms
+
+
+def test_what_stands_still_at_the_end_of_its_command_steps_to_where_it_can() -> None:
+    oven = Model(
+        "cooler",
+        lambda m: ({"T": (300.0 - m.x.T - 20.0 * m.u.cooling) / 600.0}, {"T": m.x.T}),
+        states=(State("T", "K"),),
+        inputs=(Input("cooling", "1", lower=0.0, upper=1.0),),
+        outputs=(Output("T", "K", noise_rms=0.01),),
+    )
+    linear = linearise(operating_point(oven), verdict=False)
+    assert _reached(oven, linear, "T", 5.0, {"T": 300.0}) == -5.0

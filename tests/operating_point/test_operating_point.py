@@ -200,3 +200,24 @@ def test_a_vessel_whose_rounded_flows_do_not_cancel_rests_where_it_starts() -> N
     point = operating_point(vessel)
     assert point.is_equilibrium and (point["level"], point["share"]) == (0.8, 0.21)
     assert point["draw"] == pytest.approx(0.1 / 0.21) and point["feed"] == 1.0
+
+
+def test_a_reactor_that_says_where_it_starts_is_held_there_and_not_washed_out() -> None:
+    def equations(m: Any) -> Any:
+        growth = 1.1e-4 * m.x.S / (0.2 + m.x.S)
+        eaten = growth * m.x.X / 0.5
+        rates = {"X": (growth - m.u.D) * m.x.X, "S": m.u.D * (10.0 - m.x.S) - eaten}
+        return rates, {"S": m.x.S}
+
+    chemostat = Model(
+        "chemostat",
+        equations,
+        states=(State("X", "kg/m3", initial=4.8), State("S", "kg/m3", initial=0.4)),
+        inputs=(Input("D", "1/s", lower=0.0, upper=1.5e-4),),
+        outputs=(Output("S", "kg/m3"),),
+    )
+    # Without a flow it rests empty of food, and at any of it without what eats.
+    point = operating_point(chemostat)
+    assert point["S"] == pytest.approx(0.4) and point["D"] == pytest.approx(1.1e-4 / 1.5)
+    for food in (0.41, 0.5, 1.0):
+        assert operating_point(chemostat, {"S": food})["X"] == pytest.approx(0.5 * (10.0 - food))

@@ -10,14 +10,43 @@ import numpy as np
 from workbench.arrays import Vector
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.zero_order_hold import zero_order_hold
-from workbench.model import Input
+from workbench.model import Input, Output
 from workbench.model.linear_system import LinearEquations
 from workbench.model.sizes import horizon
 
 
 def horizon_of(linear: LinearModel) -> float:
-    """Return how long the response of a linear model takes to show, in s; see `horizon`."""
+    """Return how long the response of a linear model takes to show, in s; see `horizon`.
+
+    Of integrators alone it is how long all of the commands take to move an output as far as it
+    shows, the longest.
+    """
+    if len(linear.A) and np.all(linear.poles == 0.0):
+        outputs = linear.operating_point.model.outputs
+        times = [_time_for(_mover(linear, q.name), _shows(q)) for q in outputs]
+        if moved := [time for time in times if time < math.inf]:
+            return max(moved)
     return horizon(np.array([m.pole for m in linear.modes]))
+
+
+SHOWS = 200.0
+"""Reach over the noise of its sensor of an output of which nobody declares a size: a step is a
+quarter of it, and what a loop makes of that noise still fits within 2 % of it."""
+
+
+def _noise(output: Output) -> float:
+    return math.hypot(output.noise_rms, output.resolution / math.sqrt(12.0))
+
+
+def _shows(output: Output) -> float:
+    return output.scale if output.sized else max(output.scale, SHOWS * _noise(output))
+
+
+def _time_for(moved: Callable[[float], float], far: float) -> float:
+    """Return the time, in s, in which integrators move by so much, in SI; infinite if never."""
+    first, second = moved(1.0), moved(2.0)
+    # n of them go with the time to the power of n.
+    return (far / first) ** (1.0 / math.log2(second / first)) if first > 0.0 else math.inf
 
 
 def step_time(linear: LinearModel) -> float:
@@ -63,14 +92,23 @@ def usual_sample_time(
     return min(quick, rounded_up(0.4 * GROWN / growing))
 
 
-def integrated_within(linear: LinearModel, name: str) -> float:
-    """Return how far all of the commands move an output of a plant that integrates, in SI.
+def reach_of(linear: LinearModel, name: str) -> float:
+    """Return how far an output goes, in SI.
 
-    They do within a tenth of `step_time`; what does not integrate goes as far as its size says: 0.
+    It is its size. Where nobody declares one and it integrates, it is how far all of the commands
+    move it in a tenth of `step_time`, in the middle between that and the same of its fastest mode,
+    before anything grows; and what shows over its noise at least.
     """
-    if np.all(linear.poles != 0.0):
-        return 0.0
-    return _mover(linear, name)(0.1 * step_time(linear))
+    output = next(q for q in linear.operating_point.model.outputs if q.name == name)
+    far = _shows(output)
+    own = linear.select(outputs=[name]).without_unseen().poles
+    rates = np.abs(own[own != 0.0])
+    if output.sized or len(rates) == len(own) or not len(rates):
+        return far
+    within = 0.1 * step_time(linear) * math.sqrt(rates.min() / rates.max())
+    within = min(within, 2.0 / max(float(own.real.max()), 1e-300))
+    shown = SHOWS * _noise(output)
+    return max(shown, _mover(linear, name)(within)) or far
 
 
 def _moved_within(linear: LinearModel, name: str, usual: float, step: float | None) -> float:

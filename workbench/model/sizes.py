@@ -59,6 +59,7 @@ def sizes(
     """
     of_u = np.array([q.scale or _reach(q, _usual(q)) for q in inputs])
     declared = np.array([q.scale for q in states])
+    known = np.array([q.scale or _reach(q, 0.0) for q in states])
     ends = np.array([(q.lower, q.upper) for q in states]).reshape(-1, 2)
     limits = np.array([(q.lower, q.upper) for q in inputs]).reshape(-1, 2)
     named = [port.name for port in traced.ports]
@@ -81,7 +82,7 @@ def sizes(
             rates, outputs, ports = (np.asarray(part) for part in slopes(at, driven, p))
             if not np.isfinite(rates).all():
                 continue
-            responses.append(_response(rates[:, :n_x], rates[:, n_x:], of_u))
+            responses.append(_response(rates[:, :n_x], rates[:, n_x:], of_u, known))
             moved = np.concatenate([np.where(declared > 0.0, declared, responses[-1]), of_u])
             measured.append(np.abs(outputs) @ moved)
             passed.append(np.abs(ports) @ moved)
@@ -177,16 +178,27 @@ _NULL = 1e-13
 """Singular value, as a share of the largest, that rounding leaves of zero."""
 
 
-def _response(a: Vector, b: Vector, of_u: Vector) -> Vector:
-    """Return the largest response over the paces of a linear model, shape (n_states,), in SI."""
+def _response(a: Vector, b: Vector, of_u: Vector, known: Vector) -> Vector:
+    """Return the largest response over the paces of a linear model, shape (n_states,), in SI.
+
+    Integrators alone have the pace at which inputs move them as far as is known of one of them, in
+    SI, 0 of those of which nothing is; 1 rad/s if of none.
+    """
     poles = poles_of(a)
     paces = np.abs(poles)
+
+    def at(pace: float) -> Vector:
+        shown = np.linalg.solve(_beside(pace, poles) * np.eye(len(a)) - a, b)
+        return np.asarray(np.abs(shown) @ of_u)
+
     own = paces[paces > _INTEGRATES * paces.max(initial=0.0)]
-    each = [
-        np.abs(np.linalg.solve(_beside(w, poles) * np.eye(len(a)) - a, b)) @ of_u
-        for w in (own if own.size else [1.0])
-    ]
-    return np.asarray(np.max(each, axis=0))
+    if own.size:
+        return np.asarray(np.max([at(pace) for pace in own], axis=0))
+    one, fast = at(1.0), at(2.0)
+    told = (known > 0.0) & (one > 0.0)
+    # What n integrators show goes with the pace to the power of -n.
+    order = np.log2(one[told] / fast[told])
+    return at(float(np.max((one[told] / known[told]) ** (1.0 / order), initial=0.0)) or 1.0)
 
 
 def _beside(pace: float, poles: npt.NDArray[np.complex128]) -> complex:

@@ -10,7 +10,7 @@ own, so any other mean can only be passed through, not held. A plant declares su
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -144,7 +144,8 @@ def operating_point(
     Args:
         given: Values of measurements, states or inputs by name, in SI, at most one per input (and
             one per drifting direction); measurements are looked up first. By default the inputs at
-            rest; where they do not hold the model, as many outputs as commands can as they start.
+            rest; where they do not hold the model, or no command declares a value at rest and a
+            state starts elsewhere than at 0, as many outputs as commands can as they start.
         bounds: Smallest and largest value of states and inputs by name, in SI, inside those of
             the model and the limits that the plant declares.
 
@@ -164,6 +165,8 @@ def operating_point(
         >>> round(free["pressure_1"] / 1e5, 1), free.is_equilibrium
         (4.2, True)
     """
+    if not given and _tells_where(model) and (held := _held_at_start(model, bounds, near)):
+        return held
     wanted = _with_disturbances(model, _checked(model, given))
     sums = [total for total in model.traits.sums if total.name in _drifting(model, wanted)]
     direction = _direction(model, sums)
@@ -172,11 +175,9 @@ def operating_point(
     x = np.clip(x, problem.lower[: len(x)], problem.upper[: len(x)])
     solution = solve(problem, x, u)
     if not solution.solved:
-        if not given:
-            # What nominal inputs do not carry, or fill and empty, is held where it starts.
-            for held in _held_at_start(model):
-                with suppress(WorkbenchError):
-                    return operating_point(model, held, bounds=bounds, near=near)
+        # What nominal inputs do not carry, or fill and empty, is held where it starts.
+        if not given and (held := _held_at_start(model, bounds, near)):
+            return held
         raise _impossible(problem, solution)
     if any("." in name for name in solution.undetermined):
         solution = _with_effects_at_start(problem, solution, x, u)
@@ -213,15 +214,25 @@ def operating_point(
     )
 
 
-def _held_at_start(model: Model) -> Iterator[dict[str, float]]:
-    """Yield outputs as they start, as many as commands can hold first, and inputs that are left."""
+def _tells_where(model: Model) -> bool:
+    """Say whether a model tells where its machine is, not what commands hold it there."""
+    return bool(not any(q.nominal for q in model.commands) and np.any(model.initial_state()))
+
+
+def _held_at_start(
+    model: Model, bounds: Mapping[str, tuple[float, float]] | None, near: OperatingPoint | None
+) -> OperatingPoint | None:
+    """Find where as many outputs as commands can hold rest as they start; None if nowhere."""
     start = model.read(model.initial_state(), model.nominal_input)
     commands = model.commands
     idle = {q.name: q.nominal for q in model.inputs if not q.commanded}
     for count in range(min(len(commands), len(model.outputs)), 0, -1):
         left = {q.name: q.nominal for q in commands[count:]}
-        outputs = model.outputs[:count]
-        yield {**{q.name: float(y) for q, y in zip(outputs, start, strict=False)}, **left, **idle}
+        outputs = zip(model.outputs[:count], start, strict=False)
+        held = {**{q.name: float(y) for q, y in outputs}, **left, **idle}
+        with suppress(WorkbenchError):
+            return operating_point(model, held, bounds=bounds, near=near)
+    return None
 
 
 def _drifting(model: Model, names: Iterable[str]) -> list[str]:
@@ -375,6 +386,15 @@ def _start(
         for name, weight in total.drifting:
             known[name] = x[names.index(name)] + weight * missing
         x = model.initial_state(known, u=u)
+    if _tells_where(model):
+        # Of several places of rest, the one where the machine is: an empty reactor rests as well.
+        left = [i for i, q in enumerate(model.inputs) if q.name not in given]
+        rates, slope = derivatives_of(model, EXACT)(x, u, model.values)
+        n, size = len(x), np.array([q.scale for q in model.states])
+        at, by = rates[:n] / size, slope[:n, n:][:, left] / size[:, None]
+        if np.isfinite(by).all() and np.isfinite(at).all():
+            scale = np.array([model.inputs[i].scale for i in left])
+            u[left] += scale * np.linalg.lstsq(by * scale, -at, rcond=None)[0]
     return x, u
 
 

@@ -25,14 +25,14 @@ from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 from workbench.linearisation import LinearModel, linearise
 from workbench.linearisation.pace import (
     has_room,
-    integrated_within,
     least_time,
+    reach_of,
     rounded_up,
     step_time,
     usual_sample_time,
 )
 from workbench.linearisation.transfer import transfer_function
-from workbench.model import Input, Model, Output
+from workbench.model import Input, Model
 from workbench.model.units import convert, from_si, in_time, of_difference, quantity, to_si
 from workbench.operating_point import operating_point
 from workbench.plants.plant import Plant
@@ -49,10 +49,6 @@ Progress = Callable[[str, int, int, str], None]
 
 FINER = 0.25
 """Least sample time over the usual that is taken for a delay to be one of whole samples."""
-
-SHOWS = 200.0
-"""Reach over the noise of its sensor of an output of which nobody declares a size: a step is a
-quarter of it, and what a loop makes of that noise still fits within 2 % of it."""
 
 
 @dataclass(frozen=True)
@@ -191,13 +187,11 @@ class StepTrial:
         if name in self.begins and name in self.ends:
             return self.begins[name], self.ends[name]
         about = next(q for q in self.model.outputs if q.name == name)
-        # A size that nobody declared is all that the inputs bring about, from end to end.
-        size = about.scale
-        if not about.sized:
-            size = max(size, SHOWS * _noise(about), integrated_within(self.linear, name))
         if self.plant.step and name == self.plant.controlled_outputs(self.model)[0]:
             first, last = self.plant.step
         else:
+            # A size that nobody declared is all that the inputs bring about, from end to end.
+            size = reach_of(self.linear, name)
             size = size if about.sized else _round(0.25 * size, about.display_unit)
             several = len(self.controlled) > 1
             start = {n: y0[n] for n in (self.controlled if several else (name,))}
@@ -365,10 +359,6 @@ def _follows(recipe: ControllerRecipe) -> tuple[str, ...]:
     return ()
 
 
-def _noise(output: Output) -> float:
-    return math.hypot(output.noise_rms, output.resolution / math.sqrt(12.0))
-
-
 def _round(size: float, unit: str) -> float:
     """Return a difference, in SI, down to one that reads well in its unit."""
     shown = float(from_si(size, of_difference(unit)))
@@ -442,8 +432,10 @@ def _reached(
         command: What a single loop commands; all else rests.
     """
     rests: list[float] = []
-    for halvings in range(6):
-        part = 0.5**halvings * size
+    # Where there is nothing above, as of a pump that stands, it goes down.
+    for part in (sign * 0.5**k * size for sign in (1.0, -1.0) for k in range(6)):
+        if rests and part * rests[0] < 0.0:
+            break
         at = tuple((n, y + part if n == name else y) for n, y in start.items())
         with suppress(WorkbenchError):
             point = operating_point(
@@ -453,7 +445,7 @@ def _reached(
             after = linearise(point, verdict=False)
             if after.inverse is not linear.inverse or _alike(linear, after, tuple(start), command):
                 return part
-    return min(rests, default=size)
+    return min(rests, key=abs, default=size)
 
 
 ALIKE, NEARLY_ALIKE = 0.5, 0.15

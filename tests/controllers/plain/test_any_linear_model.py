@@ -482,7 +482,7 @@ def test_what_a_design_shall_tolerate_costs_speed(name: str) -> None:
     ]
     assert corner[1] < 1.85 < corner[0]
     with pytest.raises(WorkbenchError, match="is not to be had; the nearest has Ms"):
-        hard = {"measured": "encoder", "maximum_sensitivity": 1.06, "quiet": 1e-9}
+        hard = {"measured": "encoder", "maximum_sensitivity": 1.06, "quiet": 1e-9, "noise": 1.0}
         design.controller(linear, design.specified(hard))
 
 

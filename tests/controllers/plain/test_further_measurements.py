@@ -97,6 +97,19 @@ def test_a_pid_around_another_reads_what_it_needs() -> None:
     assert np.array(law.by_output)[1].tolist() == [0.0, 0.0]
 
 
+def test_a_body_on_wheels_has_an_h_infinity_controller_that_is_stable_by_itself() -> None:
+    # Of all that fear errors of the pitch as much as one of the way, none is.
+    A = np.zeros((4, 4))
+    A[0, 1] = A[2, 3] = 1.0
+    A[1, 1:3], A[3, 1:3] = (-0.238, -10.0), (0.34, 28.3)
+    B = np.array([[0.0], [0.385], [0.0], [-0.646]])
+    wheels = ct.ss(A, B, np.eye(4)[[0, 2]], 0, inputs="torque", outputs=["way", "pitch"])
+    linear = linear_model(wheels, limits={"torque": (-60.0, 60.0)})
+    design = DESIGNS.get("plain-h-infinity")
+    told = {"speed": 5.0, "also_measured": "pitch", "sample_time": 0.005}
+    assert design.controller(linear, design.specified(told)).sensors == ("way", "pitch")
+
+
 def test_where_no_speed_was_asked_for_none_is_told_to_be_smaller() -> None:
     linear = linear_model(pendulum()).select(outputs=["cart"])
     design = DESIGNS.get("plain-h-infinity")
