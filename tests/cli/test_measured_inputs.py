@@ -16,6 +16,8 @@ from workbench.operating_point import operating_point
 from workbench.physics.library import library
 from workbench.plants.registry import PLANTS
 from workbench.recordings.recording import Recording, Signal
+from workbench.study.schema import load_study
+from workbench.study.tasks import execute, tasks
 
 PLANT = """
 from workbench.model import Input, Model, Output, Parameter, State
@@ -179,13 +181,14 @@ def test_a_study_is_begun_with_a_plant_of_ones_own(
     assert run(["new-study", "mine.toml", "--plant", "boilers:boiler"]) == 0
     text = Path("mine.toml").read_text()
     assert "servo-axis" not in text and "mm" not in text.replace("comm", "")
-    assert run(["compare", "mine.toml", "--out", "comparison"]) == 0, capsys.readouterr()
+    words = ["compare", "mine.toml", "--out", "comparison", "--jobs", "1"]
+    assert run(words) == 0, capsys.readouterr()
     results = json.loads(Path("comparison/results.json").read_text())
     assert results["passed"] and results["robustness"]
     assert {found["variation"] for found in results["runs"]} == {"nominal", "more V"}
     (folder / "boilers.py").write_text(PLANT.replace(", lower=0.01, upper=0.3, fitted=True", ""))
     assert run(["new-study", "fixed.toml", "--plant", "boilers:boiler"]) == 0
-    assert run(["compare", "fixed.toml", "--out", "fixed"]) == 0, capsys.readouterr()
+    assert not any(execute(task).failed for task in tasks(load_study("fixed.toml")))
 
 
 def test_what_rests_on_its_bound_is_pulsed_from_there(folder: Path) -> None:

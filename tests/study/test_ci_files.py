@@ -52,6 +52,9 @@ else:
 """
 
 
+ALONE = ('[variations."4 kg"]\nparameters = { load = "4 kg" }\n', "")
+"""One run needs no processes beside its own."""
+
 UNDRAWN = """\
 from workbench.cli import main
 from workbench.reports import page
@@ -88,7 +91,7 @@ def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A study with its baseline, and programs as a runner has them on its path."""
     place = tmp_path_factory.mktemp("prepared")
     (place / "checkout" / "studies").mkdir(parents=True)
-    path = small_study(place / "checkout" / "studies", name="arm.toml")
+    path = small_study(place / "checkout" / "studies", ALONE, name="arm.toml")
     study = load_study(path)
     records = Workers(Store(place / "runs", "0")).records(tasks(study))
     write_baseline(path.with_name("arm.baseline.json"), study.name, records, conditions(study))
@@ -212,7 +215,7 @@ def test_an_unchanged_controller_is_green_and_reported(checkout: Path) -> None:
 @pytest.mark.system
 def test_a_worse_controller_is_red_and_still_reported(checkout: Path) -> None:
     # On the other host: both end in the same command.
-    small_study(checkout / "studies", WORSE, name="arm.toml")
+    small_study(checkout / "studies", ALONE, WORSE, name="arm.toml")
     good, comments = play(gitlab_lines(), checkout)
     assert not good and len(comments) == 1 and "small failed" in comments[0]["body"]
     text = (checkout / "comparison" / "summary.md").read_text(encoding="utf-8")

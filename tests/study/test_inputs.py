@@ -13,7 +13,6 @@ from tests.study.small_study import small_study
 from workbench.errors import WorkbenchError
 from workbench.study import store as store_module
 from workbench.study.execution import FINISHED_BEFORE, Workers, store_of, verify_kept
-from workbench.study.execution import kept as kept_run
 from workbench.study.inputs import new_study, watched
 from workbench.study.result import run_study
 from workbench.study.schema import load_study
@@ -83,40 +82,16 @@ def test_a_damaged_result_is_none(tmp_path: Path, damage: str) -> None:
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_gains_that_a_design_reads_from_elsewhere_are_seen(tmp_path: Path, jobs: int) -> None:
-    gains = tmp_path / "tuning" / "gains.txt"
-    gains.parent.mkdir()
-    gains.write_text("30")
-    place = tmp_path / "study"
-    place.mkdir()
-    (place / "own_gains_of_this_test.py").write_text(
-        "from pathlib import Path\nfrom controllers.pid import PIDSpecification, design_pid\n"
-        "def design(linear, specification):\n"
-        f"    speed = float(Path({str(gains)!r}).read_text())\n"
-        "    return design_pid(linear, PIDSpecification(bandwidth=speed))\n"
-    )
-    own = (
-        'design = "pid"\nspecification = { bandwidth = 30.0 }',
-        'design = "own_gains_of_this_test:design"',
-    )
-    study = load_study(small_study(place, own))
-    task = tasks(study)[0]
-    Workers(store_of(study, tmp_path / "out"), jobs=jobs).records(tasks(study))
-    assert kept_run(store_of(study, tmp_path / "out"), task) is not None
-    for path in (tmp_path / "out" / "runs").glob("*.json"):
-        assert json.loads(path.read_text())["work"], "what a run has cost is kept with it"
-    gains.write_text("12")
-    assert kept_run(store_of(study, tmp_path / "out"), task) is None
-
-
-@pytest.mark.parametrize("jobs", [1, 2])
 def test_what_is_edited_between_two_studies_of_a_session(tmp_path: Path, jobs: int) -> None:
-    own, gains = tmp_path / f"edited_with_{jobs}.py", tmp_path / "gains.txt"
+    place, gains = tmp_path / "study", tmp_path / "tuning" / "gains.txt"
+    place.mkdir()
+    gains.parent.mkdir()
+    own = place / f"edited_with_{jobs}.py"
     by_hand = (
         'design = "pid"\nspecification = { bandwidth = 30.0 }',
         f'design = "{own.stem}:design"',
     )
-    place = small_study(tmp_path, by_hand)
+    file = small_study(place, by_hand)
 
     def rmse(gain: float, factor: float) -> tuple[list[float], list[str]]:
         text = (
@@ -130,7 +105,7 @@ def test_what_is_edited_between_two_studies_of_a_session(tmp_path: Path, jobs: i
             if not path.exists() or path.read_text() != content:
                 path.write_text(content)
         said: list[str] = []
-        study = load_study(place)
+        study = load_study(file)
         workers = Workers(store_of(study, tmp_path / "out"), jobs=jobs)
         records = workers.records(tasks(study), lambda *told: said.append(told[2]))
         return [r.metrics["rmse"].value for r in records if r.metrics is not None], said
@@ -145,6 +120,8 @@ def test_what_is_edited_between_two_studies_of_a_session(tmp_path: Path, jobs: i
         before = slower
     # What is as it was is not done again.
     assert rmse(22.0, 0.45) == (before, [FINISHED_BEFORE])
+    for path in (tmp_path / "out" / "runs").glob("*.json"):
+        assert json.loads(path.read_text())["work"], "what a run has cost is kept with it"
 
 
 def test_a_sample_of_the_finished_runs_is_done_again(tmp_path: Path) -> None:

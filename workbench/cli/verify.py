@@ -105,7 +105,8 @@ def verify(
         note(f"commands are late by {late} samples of {in_time(h)}, {in_time(late * h)}")
     study = replace(trial.study(recipes, scenarios, require or ()), seeds=(seed,))
     with tempfile.TemporaryDirectory() as folder, counting() as counter:
-        result = run_study(study, out or Path(folder), progress=counter)
+        kept = out or Path(folder)
+        result = run_study(study, kept, traces=out is not None, progress=counter)
     if len(result.failed) == len(result.records):
         raise WorkbenchError(result.records[0].reason)
     for record in result.records:

@@ -290,6 +290,7 @@ def run_study(
     dask: str | None = None,
     fresh: bool = False,
     verify_cache: bool = False,
+    traces: bool = True,
     progress: Callable[[str, int, int, str], None] | None = None,
 ) -> StudyResult:
     """Run a study, judge it, and compare it with a baseline.
@@ -299,6 +300,7 @@ def run_study(
 
     Args:
         verify_cache: Whether a sample of the finished runs is done again and must agree.
+        traces: Whether trajectories are kept for the pictures of a page.
         progress: Told the part of the study, finished and all runs of it, and what was finished;
             by default a notebook shows a bar.
     """
@@ -322,7 +324,7 @@ def run_study(
     if verify_cache:
         verify_kept(tasks(study), store)
     workers = Workers(store, jobs, dask)
-    records = workers.records(tasks(study), part("runs"))
+    records = workers.records(tasks(study, traces=traces), part("runs"))
     found = robustness(study, workers, part("parameter box"))
     limits = find_limits(study, workers, part("physical limit"))
     loops = analyse_study(study)

@@ -205,8 +205,13 @@ def _event(row: Mapping[str, Any]) -> EventResponse:
     return EventResponse(row["output"], row["time"], row["what"], *sizes)
 
 
-def tasks(study: Study) -> tuple[Task, ...]:
-    """List every run of a study, without those of its parameter box."""
+def tasks(study: Study, *, traces: bool = True) -> tuple[Task, ...]:
+    """List every run of a study, without those of its parameter box.
+
+    Args:
+        traces: Whether runs that pictures show keep their trajectories, and are also done on the
+            linear model.
+    """
     return tuple(
         Task(
             study.cases[variation.case].controllers[controller],
@@ -214,7 +219,8 @@ def tasks(study: Study) -> tuple[Task, ...]:
             replace(study.cases[variation.case].scenarios[scenario], name=scenario),
             seed,
             study.own_metrics,
-            traces=(variation.nominal or variation.kind in study.report.traced)
+            traces=traces
+            and (variation.nominal or variation.kind in study.report.traced)
             and seed == study.seeds[0],
         )
         for variation, controller, scenario, seed in study.runs()
