@@ -207,3 +207,8 @@ def test_what_has_a_weight_instead_of_a_finding_cannot_be_told_from_it() -> None
     assert said((("linear_spring",), 5.0))[::2] == ((name,), "named")
     alike, weight, _ = said((("linear_spring", "creep"), -20.0))
     assert alike == (name,) and weight == pytest.approx(0.5)
+
+
+def test_a_size_is_read_in_the_unit_of_its_sentence() -> None:
+    value, _, unit = Value(24.4, "rad/s2", 0.1).read
+    assert (round(value), unit) == (1398, "°/s²")

@@ -136,6 +136,34 @@ def test_place_and_speed_of_one_body_over_another() -> None:
     assert harder.signals([0.3, -0.2, 0, 0], [0.0])["shaft.torque"] == pytest.approx(2.25)
 
 
+def test_place_and_speed_over_what_carries_a_body() -> None:
+    def seat(m):
+        travel, speed = m.x.height - m.u.floor, m.x.speed - m.u.floor_speed
+        pushed = -((1.0 + travel) ** 3.0 - 1.0) * m.p.stiffness - 3.0 * speed - m.p.drag * m.x.speed
+        return {"height": m.x.speed, "speed": pushed}, {"travel": travel}
+
+    model = Model(
+        "seat",
+        seat,
+        states=(State("height", "m"), State("speed", "m/s")),
+        inputs=(Input("floor", "m"), Input("floor_speed", "m/s")),
+        outputs=(Output("travel", "m"),),
+        parameters=(
+            Parameter("stiffness", "m/s2", value=40.0),
+            Parameter("drag", "1/s", value=0.5),
+        ),
+    )
+    place = Survey(model).place("speed.rate")
+    assert (place.coordinate.source, place.coordinate.minus) == ("height", "floor")
+    # Of a body that the air drags too its own speed counts.
+    assert (place.speed.source, place.speed.minus) == ("speed", "")
+    stops = next(h for h in library(model) if h.law == "end_stops").at_size(500.0)
+    at_rest = model.with_effect(stops.with_parameters({"upper": 0.02, "lower": -0.02}))
+    pushed = at_rest.rates([0.31, 0.0], [0.3, 0.0])[1] - model.rates([0.31, 0.0], [0.3, 0.0])[1]
+    assert pushed == pytest.approx(0.0, abs=1e-3)
+    assert at_rest.rates([0.0, 0.0], [0.03, 0.0])[1] > 4.0
+
+
 def test_a_measured_force_resists_the_motion() -> None:
     def equations(m):
         force = m.port(

@@ -13,7 +13,7 @@ from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError
 from workbench.files import json_text, plain
 from workbench.model import Model
-from workbench.model.units import of_difference, parse_unit, written_unit
+from workbench.model.units import of_difference, parse_unit, readably, written_unit
 from workbench.work.counted import Work
 
 SCHEMA = "workbench.verdict/2"
@@ -57,8 +57,8 @@ class Value:
     @property
     def read(self) -> tuple[float, float, str]:
         """Number, standard deviation and unit as people read them."""
-        factor = parse_unit(self.shown).factor if self.shown else 1.0
-        return self.value / factor, self.std / factor, self.shown or self.unit
+        factor, unit = readably(1.0, self.unit, self.shown)
+        return factor * self.value, factor * self.std, unit
 
 
 @dataclass(frozen=True)

@@ -583,7 +583,26 @@ class Survey:
             found["coordinate"] = self._of(place)
         elif "speed" in found and (where := self._integral_of(index, found["speed"], own)):
             found["coordinate"] = where
-        return found
+        return self._carried(index, found)
+
+    def _carried(self, index: int, motion: dict[str, Local]) -> dict[str, Local]:
+        """Count place and speed from what carries a body, if a signal tells where that is moved.
+
+        So the travel of a seat is its height over the floor, which an input moves.
+        """
+        value, own = self._port_value(index), self._symbols
+
+        def over(local: Local) -> Local:
+            if local.minus or local.source not in self._state_index:
+                return local
+            slope = self._sampled(ca.jacobian(value, own[local.source]))
+            bases = (q.name for q in self.model.inputs if q.unit == local.unit)
+            based = (q for q in bases if _same(-self._sampled(ca.jacobian(value, own[q])), slope))
+            return next((self._over(local.source, q) for q in based), local)
+
+        carried = {name: over(local) for name, local in motion.items()}
+        at = carried.get("coordinate")
+        return carried if at is not None and at.minus else motion
 
     @cached_property
     def _collocated(self) -> dict[int, str]:
