@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import nbformat
@@ -88,10 +89,39 @@ def test_a_starter_of_a_plant_of_ones_own(tmp_path: Path, monkeypatch: pytest.Mo
     assert len(found["runs"]) >= 2  # type: ignore[arg-type]
 
 
+def test_a_plant_that_no_design_fits_gets_a_starter_without(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("still_tank.py").write_text(OWN.replace("m.u.pump / area_m2", "0.0 * m.u.pump"))
+    assert "wb.verify" not in written(Path("tank.ipynb"), "--plant", "still_tank:tank")
+
+
 @pytest.mark.parametrize("plant", ["cylinder", "pendulum", "two-valve-arm"])
-def test_a_plant_that_no_design_fits_gets_a_starter_without(tmp_path: Path, plant: str) -> None:
-    code = written(tmp_path / "starter.ipynb", "--plant", plant)
-    assert ("wb.verify" in code) == (plant == "two-valve-arm")
+def test_a_starter_tries_what_verify_tries(tmp_path: Path, plant: str) -> None:
+    assert "wb.verify" in written(tmp_path / "starter.ipynb", "--plant", plant)
+
+
+def test_a_starter_steps_and_samples_as_verify_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    # Its step was sampled five times as slowly as its laws are, so that the notebook ended there.
+    Path("drones.py").write_text(
+        "from workbench.model import Input, Model, Output, State\n"
+        "def drone():\n"
+        "    def equations(m):\n"
+        "        lift = m.x.thrust / 1.2 - 9.81 - 0.07 * m.x.v\n"
+        "        slow = (36.0 * m.u.throttle - m.x.thrust) / 0.06\n"
+        "        return {'z': m.x.v, 'v': lift, 'thrust': slow}, {'z': m.x.z}\n"
+        "    return Model('drone', equations,\n"
+        "        states=(State('z', 'm', initial=1.0), State('v', 'm/s'), State('thrust', 'N')),\n"
+        "        inputs=(Input('throttle', '1', lower=0.0, upper=1.0),),\n"
+        "        outputs=(Output('z', 'm', 1.0, noise_rms=0.01),))\n"
+    )
+    code = written(Path("drone.ipynb"), "--plant", "drones:drone")
+    (h,) = re.findall(r"duration=[\d.]+, sample_time=([\d.]+)\)", code)
+    assert code.count(f"'sample_time': {h}}}") == 5
 
 
 @pytest.mark.parametrize(

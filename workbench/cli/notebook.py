@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import typer
@@ -20,14 +21,17 @@ def notebook(chosen: Chosen, *, out: Path = Path("starter.ipynb")) -> int:
     Args:
         out (FILE.ipynb): Notebook to write; it must not exist.
     """
+    from workbench.cli.running import note
+    from workbench.cli.verify import nominal_design
     from workbench.files import write_whole
-    from workbench.notebook.starter import Beginning, starter_notebook
+    from workbench.notebook.starter import starter_notebook
+    from workbench.study.step_trial import StepTrial
 
     if out.suffix != ".ipynb":
         raise WorkbenchError(f"file {str(out)!r} does not end in .ipynb; try starter.ipynb")
     if out.exists():
         raise WorkbenchError(f"file {str(out)!r} exists; give another name, nothing was changed")
-    begin = Beginning(chosen.plant, chosen.recipe, chosen.nominal, chosen.design_point)
-    write_whole(out, starter_notebook(begin))
+    base = replace(nominal_design(chosen), at=tuple(chosen.design_point.items()))
+    write_whole(out, starter_notebook(StepTrial(chosen.recipe, base, say=note)))
     typer.echo(f"written to {out}; open it: jupyter lab {out}")
     return 0

@@ -4,56 +4,50 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
-from controllers.design import designs_for
 from workbench.errors import WorkbenchError
-from workbench.linearisation import LinearModel, linearise
-from workbench.linearisation.pace import step_time, usual_sample_time
+from workbench.linearisation import linearise
 from workbench.model import Model
 from workbench.model.quantities import shown_in
 from workbench.model.units import from_si
 from workbench.operating_point import operating_point
 from workbench.plants.plant import Plant
 from workbench.reports.page import template
-from workbench.study.designs import followed_by_default
+from workbench.study.designs import ControllerRecipe, followed_by_default
 from workbench.study.plants import PlantRecipe
+from workbench.study.step_trial import StepTrial
+from workbench.verification import Scenario, Steps
 
 
-@dataclass(frozen=True)
-class Beginning:
-    """What a starter notebook begins with.
+def starter_notebook(trial: StepTrial) -> str:
+    """Return a notebook, as text, that runs as it stands beside the modules that it names.
 
-    Args:
-        recipe: What is chosen of it; no design knows its effects and changed parameters.
-        model: The plant's model with the options alone, for which designs are made.
-        at: Values at rest by name, in SI; empty for the nominal inputs.
+    Its designs run through the first of the steps that are tried.
     """
-
-    plant: Plant
-    recipe: PlantRecipe
-    model: Model
-    at: Mapping[str, float] = field(default_factory=dict)
-
-
-def starter_notebook(begin: Beginning) -> str:
-    """Return a notebook, as text, that runs as it stands beside the modules that it names."""
-    plant, recipe, model = begin.plant, begin.recipe, begin.model
-    linear = linearise(operating_point(model.without(*model.dry_effects), begin.at))
-    controlled, time = followed_by_default(plant, linear), step_time(linear)
+    plant, recipe, model = trial.plant, trial.machine, trial.base.plant.build()
+    at: dict[str, float] = dict(trial.base.at)
+    linear = linearise(operating_point(model.without(*model.dry_effects), at))
+    controlled = followed_by_default(plant, linear)
+    recipes: list[ControllerRecipe] = []
+    # Where no design fits, all else is there.
+    with suppress(WorkbenchError):
+        recipes, (scenario, *_) = trial.prepared()
+        at = dict(recipes[0].at)
     text = template("workbench.notebook", "starter.j2").render(
         plant=plant,
         recipe=recipe,
         model=model,
         options={n: _with_unit(plant, n, value) for n, value in recipe.options},
         changes=_changes(recipe),
-        at=", ".join(f"{name!r}: {_si(model, name, v)}" for name, v in begin.at.items()),
+        at=", ".join(f"{name!r}: {_si(model, name, v)}" for name, v in at.items()),
         controlled=controlled[0],
-        specified=_specified(model, linear, controlled, usual_sample_time(linear, controlled)),
-        steps=_steps(begin, linear, controlled, time / 4),
-        time=time,
+        specified={own.name: _plainly(own.specification) for own in recipes},
+        steps=_steps(model, scenario) if recipes else [],
+        duration=scenario.duration if recipes else 0.0,
+        sample_time=scenario.sample_time if recipes else 0.0,
     )
     _, *parts = re.split(r"^=== (.+)\n", text, flags=re.MULTILINE)
     content = {
@@ -81,35 +75,16 @@ def _changes(recipe: PlantRecipe) -> str:
     return ", ".join(f"{name}={list(words)!r}" for name, words in changes.items() if words)
 
 
-def _specified(
-    model: Model, linear: LinearModel, controlled: Sequence[str], sample_time: float
-) -> dict[str, dict[str, Any]]:
-    """Return the designs that command every input, with what each must be told."""
-    found = {}
-    measured = controlled[0] if len(controlled) == 1 else list(controlled)
-    for design in designs_for(linear):
-        told = {} if design.sensors else {"measured": measured, "sample_time": sample_time}
-        try:
-            controller = design.controller(linear, design.specified(told))
-        except WorkbenchError:
-            continue
-        if {q.name for q in model.inputs} <= set(controller.actuators):
-            found[design.name] = told
-    return found
+def _plainly(specification: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    return {n: list(told) if isinstance(told, tuple) else told for n, told in specification}
 
 
-def _steps(
-    begin: Beginning, linear: LinearModel, controlled: Sequence[str], at: float
-) -> list[tuple[str, list[float], str]]:
-    """Return times and levels of the references: a step of the first, the others at rest."""
-    rest = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
-    name = controlled[0]
-    scale = {q.name: q.scale for q in begin.model.outputs}[name]
-    levels: dict[str, tuple[float, ...]] = {n: (rest[n],) for n in controlled}
-    levels[name] = begin.plant.step or (rest[name], rest[name] + scale)
+def _steps(model: Model, scenario: Scenario) -> list[tuple[str, list[float], str]]:
+    """Return times and levels of the references."""
     return [
-        (n, [0.0, at][: len(values)], ", ".join(_si(begin.model, n, v) for v in values))
-        for n, values in levels.items()
+        (name, list(asked.times), ", ".join(_si(model, name, v) for v in asked.values))
+        for name, asked in scenario.references.items()
+        if isinstance(asked, Steps)
     ]
 
 
