@@ -209,6 +209,12 @@ def test_unknown_unit_is_left_out_or_an_error(tmp_path: Path) -> None:
     assert "furlong" in str(recording.mapping)
     with pytest.raises(WorkbenchError, match="furlong"):
         read_recording(path, signals=["x"])
+    with pytest.raises(WorkbenchError, match="furlong"):
+        read_recording(path, signals={"x": "m"})
+    # What a plant counts without a unit, as it does mU/min or NTU, is a number.
+    told = read_recording(path, signals={"x": "1"})
+    assert np.array_equal(told["x"], np.arange(5.0))
+    assert "furlong, which is taken as it stands" in str(told.mapping)
 
 
 @pytest.mark.parametrize(

@@ -156,6 +156,7 @@ def _taken_as_si(model: Model, recordings: Sequence[Recording]) -> list[str]:
         other |= {row.signal: row.unit for row in recording.mapping or () if row.unit}
     notes = []
     for recording in recordings:
+        notes += [f"{row.signal} is {row.note}" for row in recording.mapping or () if row.note]
         unstated = [
             f"{row.signal} in {row.si_unit}, not {other[row.signal]}"
             for row in recording.mapping or ()

@@ -144,12 +144,15 @@ def _signal(
             f"column {header.column!r}, needed for {rule.signal!r}, {problem}; repair the file or "
             "map another column"
         )
-    unit = rule.unit or header.unit
+    unit, note = rule.unit or header.unit, ""
     if header.problem and not rule.unit:
-        raise WorkbenchError(
-            f"column {header.column!r}: {header.problem}; write a known unit in the header or give "
-            "one in a mapping file"
-        )
+        if not request.unit or not same_dimension(request.unit, "1"):
+            raise WorkbenchError(
+                f"column {header.column!r}: {header.problem}; write a known unit in the header or"
+                " give one in a mapping file"
+            )
+        # What is no unit of the SI, such as NTU or mU/min, is a number for the plant too.
+        note = f"in {header.stated}, which is taken as it stands"
     if request.unit and unit and not same_dimension(unit, request.unit):
         raise WorkbenchError(
             f"column {header.column!r} is in {unit!r} but {rule.signal} is measured in "
@@ -167,7 +170,7 @@ def _signal(
         unit_shown, kind = unit, kind_of(unit)
         if unit:
             values = to_si(values, unit)
-    name, note = kind.name, ""
+    name = kind.name
     reference = rule.reference or header.reference
     if kind.name == "pressure" and reference == "absolute":
         values, name = values - AMBIENT_PA, "gauge pressure"
