@@ -102,3 +102,22 @@ def test_each_table_of_a_shipped_study_is_on_the_page() -> None:
 
     for path in (shipped_folder() / "studies").glob("*.toml"):
         assert set(tomllib.loads(path.read_text())) <= set(TABLES["study"].fields)
+
+
+def test_a_study_asks_a_noisy_sensor_for_no_more_than_it_shows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    plant = (
+        "from workbench.model import Input, Model, Output, State\n"
+        "def oven():\n"
+        "    return Model('oven', lambda m: ({'T': (m.u.P - 2.0 * m.x.T) / 50.0}, {'T': m.x.T}),\n"
+        "        states=(State('T', 'K'),),\n"
+        "        inputs=(Input('P', 'W', nominal=20.0, lower=0.0, upper=100.0),),\n"
+        "        outputs=(Output('T', 'K', 5.0, noise_rms=NOISE),))\n"
+    )
+    for module, noise, asked in (("calm", "0.01", "settling_time"), ("noisy", "0.2", "rise_time")):
+        Path(f"{module}_oven.py").write_text(plant.replace("NOISE", noise))
+        assert run(["new-study", f"{module}.toml", "--plant", f"{module}_oven:oven"]) == 0
+        # A step that noise leaves nowhere within 2 % of its end had failed the study as written.
+        assert f'metric = "{asked}"' in Path(f"{module}.toml").read_text()

@@ -115,3 +115,23 @@ def test_steps_of_an_unstable_plant_end_before_it_has_run_away() -> None:
     holds = linearise(operating_point(plasma)).verdict.amplitude
     assert holds.horizon == pytest.approx(3.0 / 60.0, rel=0.05)
     assert holds.errors.max() < 1e-4 and holds.moves.max() < 1.0
+
+
+def test_no_sine_is_tried_on_what_grows_before_it_shows() -> None:
+    body = Model(
+        "body on wheels",
+        lambda m: (
+            {
+                "speed": 0.385 * m.u.torque - 0.24 * m.x.speed - 10.0 * m.x.pitch,
+                "pitch": m.x.rate,
+                "rate": 28.3 * m.x.pitch - 0.645 * m.u.torque + 0.34 * m.x.speed,
+            },
+            {"speed": m.x.speed},
+        ),
+        states=(State("speed", "m/s"), State("pitch", "rad"), State("rate", "1/s")),
+        inputs=(Input("torque", "N m", lower=-60.0, upper=60.0),),
+        outputs=(Output("speed", "m/s"),),
+    )
+    # It had grown beyond all numbers, with warnings, before the first period was over.
+    found = linearise(operating_point(body)).verdict.frequency
+    assert str(found) == "sines of torque: none can be tried, as the plant grows"

@@ -24,7 +24,10 @@ def controllers(
     draws: Annotated[int, typer.Option(help="Number of drawn machines.", min=1, max=10000)] = 200,
     jobs: Jobs = None,
 ) -> int:
-    """Compare all families of controllers on the full plant, with what physics allows beside them.
+    """Compare all families of controllers on the full arm, with what physics allows beside them.
+
+    Of a plant of your own 'workbench verify --plant my_plants:rig' tries them all, and 'workbench
+    new-study' writes a study of it.
 
     Runs the shipped study 'controllers': each family designed for 0, 3 and 8 kg horizontal and 3 kg
     vertical, steps and sines on the full plant with muscle hysteresis, another load, supply and

@@ -64,6 +64,7 @@ def _of_plant(plant: str) -> dict[str, Any]:
     from workbench.cli.plant import chosen_plant
     from workbench.cli.running import note
     from workbench.cli.verify import nominal_design
+    from workbench.linearisation.pace import noise_of
     from workbench.model.units import from_si, of_difference
     from workbench.study.step_trial import StepTrial
     from workbench.verification import Steps
@@ -97,6 +98,10 @@ def _of_plant(plant: str) -> dict[str, Any]:
         "unit": json.dumps(unit),
         "times": list(reference.times),
         "levels": levels,
+        # Nobody sees a step settle within 2 % of less than fifty times the noise.
+        "arrives": "settling_time"
+        if 0.02 * abs(reference.values[1] - reference.values[0]) >= noise_of(about)
+        else "rise_time",
         "settling": f"{0.4 * scenario.duration:.6g}",
         "error": f"{0.1 * abs(levels[1] - levels[0]):.3g}",
         "difference": json.dumps(of_difference(unit)),

@@ -34,12 +34,13 @@ SHOWS = 200.0
 quarter of it, and what a loop makes of that noise still fits within 2 % of it."""
 
 
-def _noise(output: Output) -> float:
+def noise_of(output: Output) -> float:
+    """Return the noise rms of a measurement with that of its conversion, in SI."""
     return math.hypot(output.noise_rms, output.resolution / math.sqrt(12.0))
 
 
 def _shows(output: Output) -> float:
-    return output.scale if output.sized else max(output.scale, SHOWS * _noise(output))
+    return output.scale if output.sized else max(output.scale, SHOWS * noise_of(output))
 
 
 def _time_for(moved: Callable[[float], float], far: float) -> float:
@@ -107,7 +108,7 @@ def reach_of(linear: LinearModel, name: str) -> float:
         return far
     within = 0.1 * step_time(linear) * math.sqrt(rates.min() / rates.max())
     within = min(within, 2.0 / max(float(own.real.max()), 1e-300))
-    shown = SHOWS * _noise(output)
+    shown = SHOWS * noise_of(output)
     return max(shown, _mover(linear, name)(within)) or far
 
 

@@ -358,6 +358,8 @@ class FrequencyValidity:
     def __str__(self) -> str:
         """Return one line: the band that agrees."""
         limits = f"within {100 * GAIN_WITHIN:.0f} % and {math.degrees(PHASE_WITHIN):.0f} deg"
+        if np.isnan(self.gain_ratios).all():
+            return f"sines of {self.input}: none can be tried, as the plant grows"
         if math.isnan(self.upper):
             return f"sines of {self.input}: {self.output} agrees at no frequency {limits}"
         low, high = f"{self.lower:.3g}", f"{self.upper:.3g}"
@@ -370,7 +372,8 @@ def frequency_validity(linear: LinearModel) -> FrequencyValidity:
 
     At each frequency the input's amplitude is chosen so that the linear model predicts an
     oscillation of the output by 5 % of its scale, as far as the input's range allows. After the
-    transient, gain and phase of the fundamental are fitted to both runs alike.
+    transient, gain and phase of the fundamental are fitted to both runs alike. What grows beyond
+    three of its time constants within that is not tried: nothing of a sine is left.
 
     Source:
         Describing functions by simulation.
@@ -381,14 +384,16 @@ def frequency_validity(linear: LinearModel) -> FrequencyValidity:
     # Twenty samples show a sine.
     highest = min(20.0 / horizon, 1.0 / (20 * trial.sample_time))
     frequencies = np.logspace(math.log10(0.2 / horizon), math.log10(highest), _POINTS)
+    grows = max((m.pole.real for m in linear.modes), default=0.0) * horizon > _GROWN
     swinging = [-m.pole.real for m in linear.modes if m.damping < 1.0 and m.pole.real < 0.0]
     settle = min(4.0 / min(swinging), _LONGEST * horizon) if swinging else 0.0
     amplitudes, ratios = [], []
-    for frequency in frequencies:
+    for frequency in frequencies.tolist():
         gain = abs(trial.gain(2j * math.pi * frequency))
         driven = min(wanted / gain if gain else math.inf, 0.9 * trial.largest)
         amplitudes.append(driven)
-        ratios.append(_sine_ratio(trial, float(frequency), driven, settle))
+        ratio = complex(math.nan) if grows else _sine_ratio(trial, frequency, driven, settle)
+        ratios.append(ratio)
     table = np.array(ratios)
     found = FrequencyValidity(
         input=linear.input_names[0],
