@@ -12,9 +12,11 @@ import pytest
 
 from tests.diagnosis.unnamed_case import sprung_runs
 from workbench.diagnosis import diagnose as module
+from workbench.diagnosis import stage_files
 from workbench.diagnosis.conclude import conclude_early
 from workbench.diagnosis.diagnose import diagnose, stages
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
+from workbench.diagnosis.stage_files import fingerprint
 from workbench.diagnosis.stages import Diagnosis
 from workbench.physics.library import library
 from workbench.plants.servo_axis import servo_axis
@@ -111,6 +113,18 @@ def test_other_options_are_used_from_their_stage_on(
     other = [replace(fit_on[0], name="another")]
     with pytest.raises(AssertionError, match="reached before"):
         diagnose(model, other, hold_out, folder=tmp_path, **options)
+
+
+def test_what_other_code_reached_is_not_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, fit_on, *_ = _given()
+    before = fingerprint(model, fit_on, (), split=1)
+    assert fingerprint(model, fit_on, (), split=1) == before
+    read = Path.read_bytes
+    edited = {"filter.py": b"# edited"}
+    monkeypatch.setattr(Path, "read_bytes", lambda path: edited.get(path.name) or read(path))
+    stage_files._code.cache_clear()
+    assert fingerprint(model, fit_on, (), split=1) != before
+    stage_files._code.cache_clear()
 
 
 def test_a_file_that_cannot_be_read_is_done_again(tmp_path: Path) -> None:

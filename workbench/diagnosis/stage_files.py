@@ -2,21 +2,20 @@
 
 One JSON file per stage. Arrays stand in it compressed; a model is the effects that were attached to
 the nominal model (or taken away) and the parameter values, and is built again from the plant. Each
-file carries a key of everything that it depends on: the plant, the recordings, the priors, the
-options of the stages up to it. A file with another key is left aside.
+file carries a key of everything that it depends on: the code, the plant, the recordings, the
+priors, the options of the stages up to it. A file with another key is left aside.
 """
 
 from __future__ import annotations
 
 import base64
-import contextlib
 import dataclasses
+import functools
 import hashlib
 import json
 import zlib
 from collections.abc import Mapping, Sequence
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -51,8 +50,7 @@ def fingerprint(
     """
     equations = model.exact.function("key", model.exact.rates, model.exact.outputs)
     digest = hashlib.sha256(equations.serialize().encode())
-    with contextlib.suppress(PackageNotFoundError):
-        digest.update(version("muscle-arm-workbench").encode())
+    digest.update(_code())
     quantities = (model.states, model.inputs, model.outputs, model.parameters, model.ports)
     digest.update(repr((FORMAT, model.name, quantities, tuple(priors), split)).encode())
     for recording in recordings:
@@ -60,6 +58,15 @@ def fingerprint(
         digest.update(recording.matrix(list(recording.names)).tobytes())
         digest.update(recording.time.tobytes())
     return digest.hexdigest()
+
+
+@functools.cache
+def _code() -> bytes:
+    """Return a digest of the workbench itself: what other code reached it may not reach."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.digest()
 
 
 class StageFiles:
