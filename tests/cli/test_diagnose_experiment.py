@@ -93,6 +93,7 @@ def test_the_next_input_is_written_and_played(
     assert sum(not line.startswith("#") for line in lines) == samples + 1
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("machine", "said"),
     [

@@ -224,6 +224,7 @@ def test_a_case_names_its_plant_and_prepares_its_recordings(folder: Path) -> Non
     assert len(case.hold_out["b"]) == 100 and set(case.hold_out["b"]["gain"]) == {3.0}
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_report_shows_the_linear_loop(folder: Path) -> None:
     assert run(["report", "circuit.toml", "--bode", "--tapped", "1V", "--out", "margins"]) == 0
     assert "integral" in (folder / "margins" / "report.html").read_text()
