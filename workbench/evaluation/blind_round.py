@@ -20,6 +20,7 @@ import numpy as np
 
 from workbench.checked_json import TableShape, listed, named, number, optional, read_json, text
 from workbench.diagnosis.verdict import upgraded
+from workbench.display import aligned_table
 from workbench.errors import WorkbenchError
 from workbench.evaluation.answer_key import (
     NOTHING,
@@ -31,7 +32,6 @@ from workbench.evaluation.answer_key import (
     words_of,
 )
 from workbench.evaluation.rates import Rate
-from workbench.recordings.aligned_table import aligned_table
 
 
 @dataclass(frozen=True)

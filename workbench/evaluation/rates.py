@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-from workbench.recordings.aligned_table import aligned_table
+from workbench.display import aligned_table
 
 
 @dataclass(frozen=True)

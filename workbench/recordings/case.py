@@ -49,14 +49,13 @@ from workbench.checked_json import (
     within,
 )
 from workbench.data_folder import shipped_cases, shipped_data, shipped_folder
-from workbench.display import Rows, Shown
+from workbench.display import Rows, Shown, aligned_table
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.model import Model
 from workbench.model.units import of_difference, quantity, to_si
 from workbench.plants import DEFAULT_PLANT
 from workbench.plants.plant import Plant
 from workbench.plants.registry import PLANTS
-from workbench.recordings.aligned_table import aligned_table
 from workbench.recordings.formats.format import known_suffixes, suffix_of
 from workbench.recordings.public_data import public_file
 from workbench.recordings.read import MappingLike, mapping_beside, read_recording

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Vector
+from workbench.display import aligned_table
 from workbench.errors import WorkbenchError, check_range
-from workbench.recordings.aligned_table import aligned_table
 from workbench.recordings.column_assignment import assign, find_time, header_list
 from workbench.recordings.column_matching import Requested, requested_signals
 from workbench.recordings.columns import Columns

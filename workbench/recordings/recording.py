@@ -10,10 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.display import Drawn, Rows
+from workbench.display import Drawn, Rows, aligned_table
 from workbench.errors import WorkbenchError, check_choice
 from workbench.model.units import from_si, in_time, same_dimension
-from workbench.recordings.aligned_table import aligned_table
 from workbench.recordings.quantity_kinds import kind_of
 
 Role = Literal["command", "reference", "measurement"]

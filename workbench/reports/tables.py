@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, TypeVar
 
+from workbench.display import aligned_table
 from workbench.errors import WorkbenchError
-from workbench.recordings.aligned_table import aligned_table
 
 T = TypeVar("T")
 

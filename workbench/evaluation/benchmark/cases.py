@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.display import aligned_table
 from workbench.errors import WorkbenchError
 from workbench.evaluation.answer_key import NOTHING
 from workbench.evaluation.benchmark.baselines import read_limits
@@ -21,7 +22,6 @@ from workbench.evaluation.blind_round import RoundScore, over_limit, score_verdi
 from workbench.evaluation.own_cases.own_case import limited_errors, made
 from workbench.evaluation.own_cases.plan import FIRST_SEED, Planned, plan
 from workbench.files import write_whole
-from workbench.recordings.aligned_table import aligned_table
 
 KEY, NAMES = "key.json", "names.toml"
 """Files of the answers beside the cases, and of how their words are read."""

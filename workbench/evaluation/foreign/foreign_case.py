@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.display import aligned_table
 from workbench.evaluation.answer_key import Names, Truth
 from workbench.evaluation.blind_round import (
     LARGEST_RATIO,
@@ -37,7 +38,6 @@ from workbench.evaluation.rates import Rate, reliability_lines, told
 from workbench.model import Model
 from workbench.physics.library import library
 from workbench.recordings import Recording, Signal
-from workbench.recordings.aligned_table import aligned_table
 
 MACHINES: tuple[tuple[Machine, Callable[[], Model]], ...] = (
     (DRIVE, drive),

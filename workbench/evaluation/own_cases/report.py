@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from workbench.display import aligned_table
 from workbench.evaluation.own_cases.plan import FACTORS
 from workbench.evaluation.own_cases.statistics import (
     ANSWERERS,
@@ -22,7 +23,6 @@ from workbench.evaluation.own_cases.statistics import (
     truths_of,
 )
 from workbench.evaluation.rates import Rate, reliability_lines, told
-from workbench.recordings.aligned_table import aligned_table
 
 COLOURS = {
     "right": "#1b7837",

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
+from workbench.display import aligned_table
 from workbench.errors import check_choice
-from workbench.recordings.aligned_table import aligned_table
 
 if TYPE_CHECKING:
     from workbench.model import Model
