@@ -84,13 +84,9 @@ def answered(
         else:
             left.append(case)
     own = jobs if dask is None and len(left) == 1 else 1
-    calls = [(_named, (case.name, answer, case, own)) for case in left]
-    for name, row in parallel(calls, jobs=jobs, dask=dask):
-        yield keep(out / f"{name}.json", row)
-
-
-def _named(name: str, answer: Answer, case: Case, jobs: int) -> tuple[str, dict[str, Any]]:
-    return name, answer(case, jobs)
+    calls = [(answer, (case, own)) for case in left]
+    for i, row in parallel(calls, jobs=jobs, dask=dask):
+        yield keep(out / f"{left[i].name}.json", row)
 
 
 def keep(path: Path, row: Mapping[str, Any]) -> dict[str, Any]:

@@ -54,11 +54,9 @@ Designs = Mapping[str, MarginedDesign[Controller]]
 
 def tolerant_designs(*, jobs: int = 1) -> Iterator[tuple[str, MarginedDesign[Controller]]]:
     """Design the controllers of the study, each told as soon as it is there."""
-    yield from parallel([(_designed, (name,)) for name in tolerant_study().controllers], jobs=jobs)
-
-
-def _designed(name: str) -> tuple[str, MarginedDesign[Controller]]:
-    return name, tolerant_study().controllers[name].designed()
+    recipes = tolerant_study().controllers
+    for i, found in parallel([(r.designed, ()) for r in recipes.values()], jobs=jobs):
+        yield list(recipes)[i], found
 
 
 def traded(
@@ -70,15 +68,14 @@ def traded(
         Controller with largest delays, in s, and speeds, in rad/s, its own among them.
     """
     recipes = tolerant_study().controllers
-    for name, points in parallel([(_traded, (name,)) for name in designs], jobs=jobs):
+    shares = (0.0, 0.5, 1.5, 2.0)
+    calls = [(bandwidth_against_delay, (recipes[name], shares)) for name in designs]
+    for i, points in parallel(calls, jobs=jobs):
+        name = list(designs)[i]
         fastest = recipes[name].fastest
         assert fastest is not None
         own = (fastest.uncertainty.delay[1], designs[name].speed)
         yield name, tuple(sorted((*points, own)))
-
-
-def _traded(name: str) -> tuple[str, tuple[tuple[float, float], ...]]:
-    return name, bandwidth_against_delay(tolerant_study().controllers[name], (0.0, 0.5, 1.5, 2.0))
 
 
 def at_rest(parameters: Mapping[str, float], angle_deg: float) -> Vector:

@@ -62,8 +62,10 @@ class Workers:
         found = {i: table for i, table in kept if table is not None}
         if progress and found:
             progress(len(found), len(asked), FINISHED_BEFORE)
-        calls = [(_numbered, (i, do, one)) for i, one in enumerate(asked) if i not in found]
-        for i, table, read, work in parallel(calls, jobs=self.jobs, dask=self.dask):
+        left = [i for i in range(len(asked)) if i not in found]
+        calls = [(_with_inputs, (do, asked[i])) for i in left]
+        for place, (table, read, work) in parallel(calls, jobs=self.jobs, dask=self.dask):
+            i = left[place]
             found[i] = table
             seen_elsewhere(read)
             self.store.put(keys[i], table, read, work)
@@ -83,12 +85,11 @@ class Workers:
         return tuple(map(record_from_table, tables))
 
 
-def _numbered(
-    number: int, do: Callable[[T], dict[str, Any]], one: T
-) -> tuple[int, dict[str, Any], Seen, Work]:
+def _with_inputs(do: Callable[[T], dict[str, Any]], one: T) -> tuple[dict[str, Any], Seen, Work]:
+    """Return a result, what its process has read so far, and what it cost."""
     before = done()
     table = do(one)
-    return number, table, seen(), since(before)
+    return table, seen(), since(before)
 
 
 def _stored(task: Task) -> dict[str, Any]:

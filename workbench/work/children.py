@@ -22,9 +22,11 @@ class Returned(NamedTuple):
     """What a call returned, and what it took where.
 
     Args:
+        place: That of the call among others.
         process: `THIS_PROCESS` of the one that did it.
     """
 
+    place: int
     result: Any
     work: Work
     process: str
@@ -38,10 +40,10 @@ def is_worker() -> bool:
     return _worker
 
 
-def call(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Returned:
+def call(place: int, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Returned:
     """Call a function and tell what it took."""
     before = done()
-    return Returned(function(*arguments), since(before), THIS_PROCESS)
+    return Returned(place, function(*arguments), since(before), THIS_PROCESS)
 
 
 def end_with(parent: int, team: int = 0) -> None:  # noqa: ARG001

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, suppress
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
@@ -50,8 +51,12 @@ def _team() -> int:
     return _Team.number
 
 
-def parallel(calls: Sequence[Call[T]], *, jobs: int = 1, dask: str | None = None) -> Iterator[T]:
+def parallel(
+    calls: Sequence[Call[T]], *, jobs: int = 1, dask: str | None = None
+) -> Iterator[tuple[int, T]]:
     """Yield the results of calls as they come, from this process, others, or a cluster.
+
+    Each with the place, counted from 0, at which its call stands.
 
     Args:
         jobs: Number of processes; 1 stays in this one.
@@ -63,14 +68,14 @@ def parallel(calls: Sequence[Call[T]], *, jobs: int = 1, dask: str | None = None
 
     Example:
         >>> sorted(parallel([(max, (1, 2)), (min, (1, 2))]))
-        [1, 2]
+        [(0, 2), (1, 1)]
     """
     count = int(check_range("number of processes", jobs, 1, 1024))
     if not calls:
         return
     if dask is None and (count == 1 or len(calls) == 1):
-        for function, arguments in calls:
-            yield function(*arguments)
+        for i, (function, arguments) in enumerate(calls):
+            yield i, function(*arguments)
         return
     import joblib
 
@@ -91,11 +96,11 @@ def parallel(calls: Sequence[Call[T]], *, jobs: int = 1, dask: str | None = None
         )
         try:
             for returned in workers_pool(
-                joblib.delayed(call)(function, given) for function, given in calls
+                joblib.delayed(call)(i, *known) for i, known in enumerate(calls)
             ):
                 if returned.process != THIS_PROCESS:
                     add(returned.work)
-                yield returned.result
+                yield returned.place, returned.result
         except BrokenProcessPool:
             raise WorkbenchError(
                 "a process that did a run ended in the middle of it: it ran out of memory, or a"
@@ -105,13 +110,7 @@ def parallel(calls: Sequence[Call[T]], *, jobs: int = 1, dask: str | None = None
 
 def in_order(calls: Sequence[Call[T]], *, jobs: int = 1) -> list[T]:
     """Return the results of calls in their order, however `parallel` shared them."""
-    numbered: list[Call[tuple[int, T]]] = [(_numbered, (i, *call)) for i, call in enumerate(calls)]
-    found = dict(parallel(numbered, jobs=jobs))
-    return [found[i] for i in range(len(calls))]
-
-
-def _numbered(number: int, function: Callable[..., T], arguments: tuple[Any, ...]) -> tuple[int, T]:
-    return number, function(*arguments)
+    return [result for _, result in sorted(parallel(calls, jobs=jobs), key=itemgetter(0))]
 
 
 def _client(address: str) -> Any:
