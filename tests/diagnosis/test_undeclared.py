@@ -125,6 +125,27 @@ def test_a_run_that_diverges_tells_nothing_of_noise(monkeypatch: pytest.MonkeyPa
     assert with_undeclared(bare, [short])[0].outputs[0].noise_rms > 0.3 * told
 
 
+def test_what_jumps_now_and_then_is_no_noise() -> None:
+    def lag(m: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        return {"x": 2.0 * (m.u.drive - m.x.x)}, {"x": m.x.x}
+
+    model = Model(
+        "lag",
+        lag,
+        states=(State("x", "m"),),
+        inputs=(Input("drive", "m"),),
+        outputs=(Output("x", "m"),),
+    )
+    rng, x, values = np.random.default_rng(1), 0.0, []
+    drive = np.repeat(rng.uniform(-1.0, 1.0, 40), 20)
+    for u in drive:
+        values.append(x + rng.normal(0.0, 0.01) + (0.3 if rng.uniform() < 0.02 else 0.0))
+        x = u + (x - u) * np.exp(-0.1)
+    signals = Signal("drive", drive, "m", role="command"), Signal("x", np.array(values), "m")
+    run = Recording("lag", 0.05 * np.arange(800), signals)
+    assert with_undeclared(model, [run])[0].outputs[0].noise_rms < 0.02
+
+
 def test_steps_below_the_declared_noise_or_resolution_change_nothing() -> None:
     declared = oscillator()
     fine = replace(declared, outputs=(replace(declared.outputs[0], resolution=0.02),))

@@ -136,6 +136,19 @@ def test_place_and_speed_of_one_body_over_another() -> None:
     assert harder.signals([0.3, -0.2, 0, 0], [0.0])["shaft.torque"] == pytest.approx(2.25)
 
 
+def test_a_follower_begins_within_a_usual_slack() -> None:
+    model = Model(
+        "valve",
+        lambda m: ({"level": m.u.valve}, {"level": m.x.level}),
+        states=(State("level", "m"),),
+        inputs=(Input("valve", "1"),),
+        outputs=(Output("level", "m"),),
+    )
+    slack = next(h for h in library(model) if h.law == "backlash")
+    # From farther off a filter takes it beyond the slack, where it learns no more of it.
+    assert [q.start_rms for q in slack.effect.states] == [slack.typical_size]
+
+
 def test_place_and_speed_over_what_carries_a_body() -> None:
     def seat(m):
         travel, speed = m.x.height - m.u.floor, m.x.speed - m.u.floor_speed
@@ -154,14 +167,17 @@ def test_place_and_speed_over_what_carries_a_body() -> None:
         ),
     )
     place = Survey(model).place("speed.rate")
-    assert (place.coordinate.source, place.coordinate.minus) == ("height", "floor")
+    assert (place.coordinate.source, place.coordinate.minus) == ("height", "")
     # Of a body that the air drags too its own speed counts.
-    assert (place.speed.source, place.speed.minus) == ("speed", "")
-    stops = next(h for h in library(model) if h.law == "end_stops").at_size(500.0)
-    at_rest = model.with_effect(stops.with_parameters({"upper": 0.02, "lower": -0.02}))
-    pushed = at_rest.rates([0.31, 0.0], [0.3, 0.0])[1] - model.rates([0.31, 0.0], [0.3, 0.0])[1]
-    assert pushed == pytest.approx(0.0, abs=1e-3)
-    assert at_rest.rates([0.0, 0.0], [0.03, 0.0])[1] > 4.0
+    over = [(name, q.source, q.minus) for name, q in place.carried.items()]
+    assert over == [("coordinate", "height", "floor")]
+    stops = {h.name: h.at_size(500.0) for h in library(model) if h.law == "end_stops"}
+    assert stops.keys() == {"end_stops", "end_stops_over_floor"}
+    within = {"upper": 0.02, "lower": -0.02}
+    seat_stops = model.with_effect(stops["end_stops_over_floor"].with_parameters(within))
+    above = [0.31, 0.0], [0.3, 0.0]
+    assert seat_stops.rates(*above)[1] == pytest.approx(model.rates(*above)[1], abs=1e-3)
+    assert seat_stops.rates([0.0, 0.0], [0.03, 0.0])[1] > 4.0
 
 
 def test_a_measured_force_resists_the_motion() -> None:

@@ -40,6 +40,9 @@ _CLEARLY_LESS = 0.7
 _WHITE = 1.1
 """Error of a run over what successive samples of it do not share up to which it is white."""
 
+_EVEN = 0.5
+"""Part of a white error's rms that its usual differences have, unless it comes in jumps."""
+
 _MOVING = 0.5
 """Part of the samples at which an input changes that does not go in steps."""
 
@@ -286,7 +289,13 @@ def _unforetold(
                     least, white = white_rms(error, quantile=0.25), all_white_rms(error)
                     if name in names and least < _CLEARLY_LESS * rms:
                         other[name] = min(least, other.get(name, math.inf))
-                    elif name in names and run.rmse[name] < _WHITE * white and white > rms:
+                    elif (
+                        name in names
+                        and run.rmse[name] < _WHITE * white
+                        and white > rms
+                        # What jumps now and then, as a limit cycle out of step, is no noise.
+                        and usual_rms(error) > _EVEN * white
+                    ):
                         other[name] = max(white, other.get(name, 0.0))
         if not other:
             break

@@ -518,6 +518,11 @@ def each(
                 alone = groups.count(place.port.group) == 1
                 end = f"_{place.port.group if alone else by_port(place)}"
             yield end, ((place,),)
+            if label is None and set(needs) & set(place.carried):
+                # What rubs or stops a body may stand still, or go with what carries the body.
+                base = place.carried["coordinate"].minus
+                over = replace(place, signals={**place.signals, **place.carried})
+                yield f"{end}_over_{base}", ((over,),)
 
     return where
 

@@ -67,7 +67,7 @@ valve_offset = replace(
 constant_force = replace(
     offset,
     name="constant_force",
-    where=each(*EFFORTS, needs=("speed",), only=lambda at: at.unit != "N m"),
+    where=each(*EFFORTS, only=lambda at: "speed" in at.signals and at.unit != "N m"),
     parameters=_amount(0.05, 0.5),
     look_alikes=("linear_spring", "ripple"),
     separated_by="hold several positions at two levels of the drive and with two loads",
@@ -76,7 +76,7 @@ constant_force = replace(
 constant_torque = replace(
     offset,
     name="constant_torque",
-    where=each(*EFFORTS, needs=("speed",), only=lambda at: at.unit == "N m"),
+    where=each(*EFFORTS, only=lambda at: "speed" in at.signals and at.unit == "N m"),
     parameters=_amount(0.05, 0.5),
     look_alikes=("tilt_gravity", "force_gain", "linear_spring", "valve_offset"),
     separated_by="hold several positions at two levels of the drive and with two loads",

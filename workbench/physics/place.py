@@ -207,6 +207,7 @@ class Place:
             half of the range of the largest one, in its unit; 0 if a size is declared.
         usual: States and inputs at the start, by name, in SI, where they change what the signal is
             divided by as a whole, such as an inertia that depends on where a machine is.
+        carried: ``speed`` and ``coordinate`` over what carries a body, where an input moves that.
     """
 
     port: Port
@@ -235,6 +236,7 @@ class Place:
     seen: tuple[float, float] | None = None
     terms: float = 0.0
     usual: Mapping[str, float] = field(default_factory=dict)
+    carried: Mapping[str, Local] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -471,6 +473,7 @@ class Survey:
         signals = {
             s: self._local(port, s, o) for s, o in zip(port.signals, port.origins, strict=True)
         }
+        carried: dict[str, Local] = {}
         directed = elastic = True
         pressed = self._pressed(port, index) if role in ("force", "muscle_tension") else {}
         signals |= pressed
@@ -478,6 +481,7 @@ class Survey:
         if role in EFFORTS or shared:
             motion, directed = self._directed(index, self._motion(port, index, signals))
             signals |= motion | _bearing_loads(signals)
+            carried = self._carried(index, motion)
             elastic = "coordinate" in motion and self._elastic(index, motion["coordinate"])
         elif role in FLOWS:
             stores = self._filled[index]
@@ -503,7 +507,7 @@ class Survey:
             whole=self._whole(index), elastic=(shared or role in EFFORTS) and elastic,
             directed=directed, output=output, horizon=self.model.horizon, duration=self.duration,
             sample_time=self.sample_time, period=self.period, seen=self.ranges.get(name),
-            stride=self.strides.get(name, 0.0), terms=self._terms(port),
+            stride=self.strides.get(name, 0.0), terms=self._terms(port), carried=carried,
             usual=self._weighing(index) if role in (*EFFORTS, *FLOWS) else {},
         )  # fmt: skip
 
@@ -583,12 +587,12 @@ class Survey:
             found["coordinate"] = self._of(place)
         elif "speed" in found and (where := self._integral_of(index, found["speed"], own)):
             found["coordinate"] = where
-        return self._carried(index, found)
+        return found
 
-    def _carried(self, index: int, motion: dict[str, Local]) -> dict[str, Local]:
-        """Count place and speed from what carries a body, if a signal tells where that is moved.
+    def _carried(self, index: int, motion: Mapping[str, Local]) -> dict[str, Local]:
+        """Return place and speed over what carries a body, where an input moves that.
 
-        So the travel of a seat is its height over the floor, which an input moves.
+        So the travel of a seat is its height over the floor.
         """
         value, own = self._port_value(index), self._symbols
 
@@ -598,11 +602,11 @@ class Survey:
             slope = self._sampled(ca.jacobian(value, own[local.source]))
             bases = (q.name for q in self.model.inputs if q.unit == local.unit)
             based = (q for q in bases if _same(-self._sampled(ca.jacobian(value, own[q])), slope))
-            return next((self._over(local.source, q) for q in based), local)
+            return next((self._over(local.source, q).turned(local.sign) for q in based), local)
 
-        carried = {name: over(local) for name, local in motion.items()}
-        at = carried.get("coordinate")
-        return carried if at is not None and at.minus else motion
+        found = {name: over(local) for name, local in motion.items()}
+        carried = {name: q for name, q in found.items() if q is not motion[name]}
+        return carried if "coordinate" in carried else {}
 
     @cached_property
     def _collocated(self) -> dict[int, str]:

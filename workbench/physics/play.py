@@ -72,18 +72,25 @@ def _follow(view: EffectView) -> dict[str, Expression]:
     return {"follower": (maximum(e - w, 0.0) - maximum(-e - w, 0.0)) / view.p.time}
 
 
+_SLACK = 0.03
+"""Usual half of a slack, over the scale of what has it; a follower begins as near."""
+
 command_play = Law(
     "command_play",
     "y = u - clip(u - s, -w, w), s within w of u",
     each("valve_command"),
     lambda at: (
-        size("half_width", at.unit, 0.03 * at.scale, 0.5 * at.scale, "half of the slack"),
+        size("half_width", at.unit, _SLACK * at.scale, 0.5 * at.scale, "half of the slack"),
         shape("floor", at.unit, 0.001 * at.scale, "slack added to the follower's", fitted=False),
         shape("time", "s", at.interval, "time in which the follower comes near",
               around=(1.0, 1.0), source="", fitted=False),
     ),
     _kept_back,
-    states=lambda at: (State("follower", at.unit, at.scale, "position of the follower"),),
+    # A wider guess leaves the slack, beyond which a filter does not learn where it is.
+    states=lambda at: (
+        State("follower", at.unit, at.scale, "position of the follower",
+              start_rms=_SLACK * at.scale),
+    ),
     rates=_follow,
     # Somewhere within its slack: a start in the middle would have no derivative at size zero.
     start=lambda e: {"follower": e.here.value - e.p.floor},
@@ -148,7 +155,8 @@ command_hysteresis = replace(
     ),
     transform=lambda at: at.value - _held_back(at),
     states=lambda at: tuple(
-        State(f"follower_{i + 1}", at.unit, at.scale, f"position of follower {i + 1}")
+        State(f"follower_{i + 1}", at.unit, at.scale, f"position of follower {i + 1}",
+              start_rms=_SLACK * 2.0**i * at.scale)
         for i in range(_PLAYS)
     ),
     rates=_follow_all,

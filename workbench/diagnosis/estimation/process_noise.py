@@ -255,7 +255,8 @@ def ranges_along(
     """
     model, trace = fit.model, fit.model.exact
     places = Survey(model).places
-    apart = {q.apart: q for place in places for q in place.signals.values() if q.minus}
+    seen_at = (q for at in places for q in (*at.signals.values(), *at.carried.values()))
+    apart = {q.apart: q for q in seen_at if q.minus}
     values_of = dict(zip(trace.signal_names, ca.vertsplit(trace.signals), strict=True))
     entering = {
         argument_of(q.name): [cofactor(values_of[port.name], trace.p[i]) for port in trace.ports]
