@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 
 from tests.study.small_study import WORSE, small_study
+from workbench.cli.compare import named_study
 from workbench.cli.main import WRONG_USE, run
+from workbench.study.schema import load_study, shipped_study
 
 FILES = {"results.json", "summary.md", "junit.xml", "report.html"}
 
@@ -93,6 +95,14 @@ CASES = {
     "limit with bode": (["report", "STUDY", "--bode", "--limit", "--out", "out"], "leave out --b"),
     "controller without bode": (["report", "STUDY", "-c", "pid", "--out", "out"], "add --bode"),
 }
+
+
+def test_a_folder_of_results_hides_no_shipped_study(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("arm").mkdir()
+    assert named_study(Path("arm"), None, ()).name == load_study(shipped_study("arm")).name
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -101,7 +101,7 @@ def named_study(given: Path, limit: bool | None, options: Iterable[str]) -> Stud
     """
     from workbench.study.schema import read_study, resolve, shipped_study
 
-    named = given.exists() or given.suffix or len(given.parts) > 1
+    named = given.is_file() or given.suffix or len(given.parts) > 1
     file = read_study(given if named else shipped_study(str(given)))
     if changed := dict(named_value("option", text) for text in options):
         plant = {**file.table.get("plant", {}), **changed}
