@@ -221,3 +221,23 @@ def test_a_reactor_that_says_where_it_starts_is_held_there_and_not_washed_out() 
     assert point["S"] == pytest.approx(0.4) and point["D"] == pytest.approx(1.1e-4 / 1.5)
     for food in (0.41, 0.5, 1.0):
         assert operating_point(chemostat, {"S": food})["X"] == pytest.approx(0.5 * (10.0 - food))
+
+
+def test_a_saturation_beside_which_nothing_has_a_slope_is_found_a_way_around() -> None:
+    # Without heat the air cools as fast as the law lets it, whatever is heated a little.
+    def equations(m: Any) -> Any:
+        free = (7400.0 * m.u.valve - 225.0 * (m.x.air - m.u.outside)) / 4e5
+        return {"air": np.clip(free, -0.003, 0.003)}, {"room": m.x.air}
+
+    house = Model(
+        "house",
+        equations,
+        states=(State("air", "K", initial=293.15),),
+        inputs=(
+            Input("valve", "1", lower=0.0, upper=1.0),
+            Input("outside", "K", nominal=278.15, commanded=False),
+        ),
+        outputs=(Output("room", "K"),),
+    )
+    point = operating_point(house, {"room": 303.15})
+    assert point["valve"] == pytest.approx(225.0 * 25.0 / 7400.0)

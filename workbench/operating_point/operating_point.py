@@ -10,7 +10,7 @@ own, so any other mean can only be passed through, not held. A plant declares su
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -174,6 +174,11 @@ def operating_point(
     x, u = _start(model, wanted, sums, near)
     x = np.clip(x, problem.lower[: len(x)], problem.upper[: len(x)])
     solution = solve(problem, x, u)
+    for elsewhere in _within_ranges(model, u) if not solution.solved else ():
+        # A saturation beside which nothing has a slope leads nowhere.
+        if (other := solve(problem, x, elsewhere)).solved:
+            solution = other
+            break
     if not solution.solved:
         # What nominal inputs do not carry, or fill and empty, is held where it starts.
         if not given and (held := _held_at_start(model, bounds, near)):
@@ -212,6 +217,14 @@ def operating_point(
         condition_number=solution.condition_number,
         undetermined=solution.undetermined,
     )
+
+
+def _within_ranges(model: Model, u: Vector) -> Iterator[Vector]:
+    """Yield inputs, in SI, with those that have a range elsewhere within it."""
+    lower, upper = (np.array([getattr(q, end) for q in model.inputs]) for end in ("lower", "upper"))
+    ranged = np.isfinite(upper - lower)
+    for share in (0.5, 0.25, 0.75) if ranged.any() else ():
+        yield np.where(ranged, lower + share * np.where(ranged, upper - lower, 0.0), u)
 
 
 def _tells_where(model: Model) -> bool:
