@@ -86,17 +86,18 @@ def _refitted(
     return best
 
 
-def _begun(simpler: Hypothesis, entry: Hypothesis, value: float) -> Hypothesis:
+def _begun(simpler: Hypothesis, entry: Hypothesis, size: float) -> Hypothesis:
     """Return a law with what was tuned of another one, and bounds as wide as its size asks."""
     tuned = {q.name: q.value for q in entry.effect.parameters if not q.fitted}
     own = []
     for q in simpler.effect.parameters:
         if q.name == simpler.size_parameter:
-            reach = 2.0 * abs(value)
+            reach = 2.0 * abs(size)
             lower = min(q.lower, -reach) if q.lower < 0.0 else q.lower
             own.append(replace(q, lower=lower, upper=max(q.upper, reach)))
         else:
-            own.append(replace(q, value=tuned.get(q.name, q.value)))
+            value = min(max(tuned.get(q.name, q.value), q.lower), q.upper)
+            own.append(replace(q, value=value))
     return replace(simpler, effect=replace(simpler.effect, parameters=tuple(own)))
 
 
