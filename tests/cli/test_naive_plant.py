@@ -284,7 +284,6 @@ def design(linear, specification):
 SEEN_FIRST = ("settling time", "overshoot", "steady error")
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_two_outputs_step_together_by_two_inputs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -71,7 +71,6 @@ def verify(
         out (DIR): Folder for results.json, summary.md, junit.xml and report.html.
     """
     from workbench.model.units import in_time, quantity
-    from workbench.reports.study_page import write_study_files
     from workbench.study.result import run_study
     from workbench.study.step_trial import StepTrial
     from workbench.study.summary import plain_summary
@@ -116,6 +115,8 @@ def verify(
     if result.judgements or result.failed:
         typer.echo(plain_summary(result), err=as_json)
     if out is not None:
+        from workbench.reports.study_page import write_study_files
+
         files = write_study_files(result, out, command=typed())
         typer.echo(f"written to {out}: {', '.join(path.name for path in files)}", err=as_json)
     tell(result.table(), as_json=as_json)
