@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import casadi as ca
 import control as ct
@@ -217,3 +218,44 @@ def test_a_slope_that_passes_zero_smoothly_is_no_kink() -> None:
         outputs=(Output("swing", "rad", 7.0),),
     )
     assert linearise(operating_point(crane, {"rope": 4.0})).verdict.kinks == ()
+
+
+def test_play_and_overlap_are_led_through_and_no_end_of_the_model() -> None:
+    def gear(m: Any) -> Any:
+        twist = m.x.motor - m.x.load
+        torque = 5.0 * np.where(
+            twist > 0.01, twist - 0.01, np.where(twist < -0.01, twist + 0.01, 0.0)
+        )
+        rates = {"motor": m.x.fast, "fast": (0.05 * m.u.volts - 0.01 * m.x.fast - torque) / 2e-4}
+        return {**rates, "load": m.x.slow, "slow": (torque - 1e-4 * m.x.slow) / 4e-4}, {
+            "load": m.x.load
+        }
+
+    states = (("motor", "rad"), ("fast", "rad/s"), ("load", "rad"), ("slow", "rad/s"))
+    servo = Model(
+        "servo",
+        gear,
+        states=tuple(State(*q) for q in states),
+        inputs=(Input("volts", "V", lower=-24.0, upper=24.0),),
+        outputs=(Output("load", "rad", resolution=1e-3),),
+    )
+    linear = linearise(operating_point(servo))
+    # Within the play no voltage moves the load; both sides of it turn together.
+    assert linear.A[3, 0] == pytest.approx(5.0 / 4e-4, rel=0.02)
+    assert linear.A[1] @ [1.0, 0.0, 1.0, 0.0] == pytest.approx(0.0, abs=1e-9)
+    assert "slope of d slow/dt by load" in str(linear.verdict) or "by motor" in str(linear.verdict)
+    assert linearise(operating_point(servo), amplitude={}).A[3, 0] == 0.0
+
+    def valve(m: Any) -> Any:
+        past = np.where(m.u.spool > 0.05, m.u.spool - 0.05, np.minimum(m.u.spool + 0.05, 0.0))
+        return {"x": (0.5 * past - m.x.x) / 0.03}, {"x": m.x.x}
+
+    cylinder = Model(
+        "cylinder",
+        valve,
+        states=(State("x", "m/s"),),
+        inputs=(Input("spool", "1", lower=-1.0, upper=1.0),),
+        outputs=(Output("x", "m/s"),),
+    )
+    B = linearise(operating_point(cylinder), verdict=False).B
+    assert 0.9 * 0.5 / 0.03 < B[0, 0] < 0.5 / 0.03

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 
 from workbench.arrays import Vector
@@ -12,11 +13,14 @@ from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.linearisation.actuator_inverse import ActuatorInverse, straightened_point
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.validity import DescribingFunction, Validity, find_kinks, slope_read
-from workbench.model import EXACT, ActuatorCurve, Form, Model
+from workbench.model import EXACT, ActuatorCurve, Form, Model, Quantity
 from workbench.model.units import rate_unit
 from workbench.operating_point import Derivatives, OperatingPoint, derivatives_of
 
 _POINTS = 32
+
+_LITTLE = 1e-9
+"""Part of a scale within which what is in a dead zone moves nothing."""
 
 
 def speeds(model: Model, jacobian: Vector) -> dict[str, float]:
@@ -55,14 +59,15 @@ def check_amplitude(model: Model, amplitude: Mapping[str, float]) -> dict[str, f
 def describing_function(
     at: Derivatives, x: Vector, u: Vector, p: Vector, index: int, amplitude: float, point: Vector
 ) -> Vector:
-    """Compute the describing function of rates and measurements for an oscillation of one state.
+    """Compute the describing function of rates and measurements for an oscillation of one of x, u.
 
     Args:
         x: States, shape (n_x,), in SI.
         u: Inputs, shape (n_u,), in SI.
         p: Parameters, shape (n_p,), in SI.
+        index: Place of the state, or of the input behind the states.
         amplitude: Amplitude of the oscillation, in SI.
-        point: Derivatives by that state at the point, shape (n_x + n_y,), in SI.
+        point: Derivatives by it at the point, shape (n_x + n_y,), in SI.
 
     Returns:
         Rates and measurements in phase with the oscillation, per amplitude, shape (n_x + n_y,), in
@@ -82,12 +87,7 @@ def describing_function(
         >>> abs(95.0 * slope[1] / -(200.0 + coulomb) - 1) < 1e-3
         np.True_
     """
-
-    def displaced(by: float) -> Vector:
-        moved = x.copy()
-        moved[index] += by
-        return at.values(moved, u, p)
-
+    displaced = _displaced(at, x, u, p, index)
     secant = (displaced(amplitude) - displaced(-amplitude)) / (2 * amplitude)
     near = (displaced(0.3 * amplitude) - displaced(-0.3 * amplitude)) / (0.6 * amplitude)
     size = np.abs(secant) + np.abs(point)
@@ -99,6 +99,65 @@ def describing_function(
     for cosine in np.cos(phases):
         total += cosine * displaced(amplitude * float(cosine))
     return np.where(bent, 2.0 * total / (_POINTS * amplitude), point)
+
+
+def _displaced(
+    at: Derivatives, x: Vector, u: Vector, p: Vector, index: int
+) -> Callable[[float], Vector]:
+    """Return what computes rates and measurements, in SI, with one of x, u moved."""
+
+    def displaced(by: float) -> Vector:
+        moved = np.concatenate([x, u])
+        moved[index] += by
+        return at.values(moved[: len(x)], moved[len(x) :], p)
+
+    return displaced
+
+
+def _dead_zones(
+    model: Model, at: Derivatives, point: OperatingPoint, jacobian: Vector
+) -> dict[str, float]:
+    """Find states and inputs within dead zones that keep an input from an output, with amplitudes.
+
+    Play in a gear, or a valve that overlaps: a little of it does nothing at all at the point, and
+    all of it something to both sides.
+
+    Args:
+        jacobian: Derivatives of rates and measurements, shape (n_x + n_y, n_x + n_u), in SI.
+    """
+    traced, n = model.form(EXACT), len(model.states)
+    moved = _moved(jacobian != 0.0, n)
+    if moved.all():
+        return {}
+    values, by = ca.vertcat(traced.rates, traced.outputs), ca.vertcat(traced.x, traced.u)
+    written = np.array(ca.DM(ca.jacobian_sparsity(values, by), 1.0)) != 0.0
+    if np.all(_moved(written, n) <= moved):
+        return {}
+    found: list[Quantity] = []
+    for i, quantity in enumerate((*model.states, *model.inputs)):
+        displaced = _displaced(at, point.x, point.u, model.values, i)
+        little, more = (
+            [displaced(sign * by * quantity.scale) - displaced(0.0) for sign in (1.0, -1.0)]
+            for by in (_LITTLE, 1.0)
+        )
+        dead = ((little[0] == 0.0) | (little[1] == 0.0)) & (more[0] * more[1] < 0.0)
+        if np.any(dead & written[:, i] & (jacobian[:, i] == 0.0)):
+            found.append(quantity)
+    # Bodies on both sides of a play swing alike, lest turning them together stretches it.
+    widest = {q.unit: max(other.scale for other in found if other.unit == q.unit) for q in found}
+    return {q.name: widest[q.unit] for q in found}
+
+
+def _moved(slopes: Vector, n: int) -> Vector:
+    """Tell which outputs any input moves, shape (n_y,), by which slopes are there.
+
+    Args:
+        slopes: Whether rates and measurements, by states and inputs, have one.
+    """
+    moved = slopes[:, n:].any(axis=1)
+    for _ in range(n):
+        moved = moved | slopes[:, :n] @ moved[:n]
+    return np.asarray(moved[n:])
 
 
 def linearise(
@@ -113,7 +172,8 @@ def linearise(
 
     The matrices are exact, automatic derivatives. Where the plant has a kink that is a maximum or
     minimum they are the mean of both sides; the verdict holds both. Slopes by a *speed* are taken
-    over an oscillation (``amplitude``), because dry friction has no slope at rest.
+    over an oscillation (``amplitude``), because dry friction has no slope at rest; so are those by
+    what is within a dead zone there, where no input would move an output otherwise.
 
     Args:
         input: ``"plant"`` for the plant's own inputs, or the name of an actuator's curve that the
@@ -160,12 +220,17 @@ def linearise(
             f"the derivatives of {model.name!r} are not finite at this operating point; move it a"
             " little, or linearise the regularised form"
         )
-    wanted = speeds(model, jacobian) if amplitude is None else check_amplitude(model, amplitude)
     described = []
     matrix = jacobian.copy()
     names = [q.name for q in model.states]
+    if amplitude is None:
+        wanted = speeds(model, jacobian) | _dead_zones(model, at, point, jacobian)
+    else:
+        wanted = check_amplitude(model, amplitude)
+    both = [*model.states, *model.inputs]
+    places = {q.name: i for i, q in reversed(list(enumerate(both)))}
     for name, size in wanted.items():
-        i = names.index(name)
+        i = places[name]
         matrix[:, i] = describing_function(at, point.x, point.u, p, i, size, jacobian[:, i])
         if not np.array_equal(matrix[:, i], jacobian[:, i]):
             row = int(np.argmax(np.abs(matrix[: len(names), i] - jacobian[: len(names), i])))
@@ -176,12 +241,12 @@ def linearise(
                     names[row],
                     float(jacobian[row, i]),
                     float(matrix[row, i]),
-                    model.reading(model.states[i].unit, name),
+                    model.reading(both[i].unit, name),
                     slope_read(
                         model,
                         f"rate of {names[row]}",
                         rate_unit(model.states[row].unit),
-                        model.states[i],
+                        both[i],
                     ),
                 )
             )
