@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import casadi as ca
 import numpy as np
+import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.errors import WorkbenchError, check_choice, check_range
@@ -18,6 +19,8 @@ from workbench.model.units import rate_unit
 from workbench.operating_point import Derivatives, OperatingPoint, derivatives_of
 
 _POINTS = 32
+
+Flags = npt.NDArray[np.bool_]
 
 _LITTLE = 1e-9
 """Part of a scale within which what is in a dead zone moves nothing."""
@@ -130,7 +133,7 @@ def _dead_zones(
     if moved.all():
         return {}
     values, by = ca.vertcat(traced.rates, traced.outputs), ca.vertcat(traced.x, traced.u)
-    written = np.array(ca.DM(ca.jacobian_sparsity(values, by), 1.0)) != 0.0
+    written = np.asarray(ca.DM(ca.jacobian_sparsity(values, by), 1.0).full() != 0.0)
     if np.all(_moved(written, n) <= moved):
         return {}
     found: list[Quantity] = []
@@ -148,15 +151,15 @@ def _dead_zones(
     return {q.name: widest[q.unit] for q in found}
 
 
-def _moved(slopes: Vector, n: int) -> Vector:
+def _moved(slopes: Flags, n: int) -> Flags:
     """Tell which outputs any input moves, shape (n_y,), by which slopes are there.
 
     Args:
         slopes: Whether rates and measurements, by states and inputs, have one.
     """
-    moved = slopes[:, n:].any(axis=1)
+    moved = np.any(slopes[:, n:], axis=1)
     for _ in range(n):
-        moved = moved | slopes[:, :n] @ moved[:n]
+        moved = np.any(np.column_stack([moved, slopes[:, :n] & moved[:n]]), axis=1)
     return np.asarray(moved[n:])
 
 
