@@ -18,6 +18,9 @@ from workbench.recordings.recording import Recording
 _START_SAMPLES = 3
 """Samples averaged for the first measurement, which is the best known of a rig at rest."""
 
+_UPDATES = 8
+"""Updates of a start by what it reads; a straight measurement needs one."""
+
 _STILL = 5.0
 """Multiple of the noise by which the measurements of a rig at rest may differ."""
 
@@ -119,22 +122,39 @@ def _first_mean(measured: Vector, noise: float) -> tuple[float, float]:
 def _start(
     model: Model, inputs: Vector, read: Vector, names: Sequence[str], noise: Vector
 ) -> tuple[Vector, Vector]:
-    """Correct the model's starting state by the first measurements, in one Kalman update."""
+    """Correct the model's starting state by the first measurements, in Kalman updates.
+
+    Where a measurement bends, as the voltage of a cell over its charge does, the next update is
+    made about where the last one led (B. M. Bell and F. W. Cathey 1993).
+    """
     spread = np.array([q.start_rms or q.scale for q in model.states])
     rows = [i for i, q in enumerate(model.outputs) if q.name in names]
     means = [_first_mean(column, rms) for column, rms in zip(read.T, noise, strict=True)]
     first, rms = np.array(means).T
     known = np.isfinite(first)
-    x = model.initial_state(u=inputs)
-    slope = np.asarray(model.exact.jacobian_function(x, inputs, model.values)[2])[rows][known]
-    error = (first - model.read(x, inputs)[rows])[known]
-    covariance = np.diag(spread**2)
-    variance = slope @ covariance @ slope.T + np.diag(rms[known] ** 2)
-    gain = np.linalg.solve(variance, slope @ covariance).T
-    x = x + gain @ error
+    covariance, before = np.diag(spread**2), model.initial_state(u=inputs)
+
+    def error(x: Vector) -> Vector:
+        return np.asarray((first - model.read(x, inputs)[rows])[known])
+
+    def misfit(x: Vector) -> float:
+        return float(np.sum((error(x) / rms[known]) ** 2) + np.sum(((x - before) / spread) ** 2))
+
+    x, nearer = before, before
+    for update in range(_UPDATES):
+        if update and not misfit(nearer) < misfit(x) - 1.0:
+            break
+        about = np.asarray(model.exact.jacobian_function(nearer, inputs, model.values)[2])
+        if update and not np.isfinite(about).all():
+            break
+        x, slope = nearer, about[rows][known]
+        variance = slope @ covariance @ slope.T + np.diag(rms[known] ** 2)
+        gain = np.linalg.solve(variance, slope @ covariance).T
+        nearer = before + gain @ (error(x) + slope @ (x - before))
+    x = nearer if x is before else x
     given = {
         q.name: value
-        for q, value, moved in zip(model.states, x, gain @ error, strict=True)
+        for q, value, moved in zip(model.states, x, x - before, strict=True)
         if moved != 0.0
     }
     # States of effects start where the corrected states put them.
