@@ -29,6 +29,10 @@ CASES: dict[str, tuple[list[str], tuple[str, ...]]] = {
         ("critical_ratio is 2", "0.15 to 0.4"),
     ),
     "parameter without value": (["linearise", "-p", "load"], ("has no value", "NAME=VALUE")),
+    "requirement without value": (
+        ["verify", "-c", "pid", "--require", "settling_time"],
+        ("requirement 'settling_time' has no value", "NAME=VALUE"),
+    ),
     "unknown unit": (
         ["linearise", "--angle", "30degr"],
         ("unit 'degr'", "did you mean 'deg'"),

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from workbench.cli.options import AsJson, Jobs
-from workbench.cli.plant import named_value
 from workbench.cli.running import counting, processes, typed
 
 if TYPE_CHECKING:
@@ -99,6 +98,7 @@ def named_study(given: Path, limit: bool | None, options: Iterable[str]) -> Stud
     Args:
         options: Options of its plant that hold in the place of its own, as ``NAME=VALUE``.
     """
+    from workbench.model.units import named_value
     from workbench.study.schema import read_study, resolve, shipped_study
 
     named = given.is_file() or given.suffix or len(given.parts) > 1

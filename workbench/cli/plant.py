@@ -163,6 +163,7 @@ def chosen_plant(
         defaults: Options that hold unless others are given, such as those of a case.
         folder: Where modules of the user stand; the current folder by default.
     """
+    from workbench.model.units import named_value
     from workbench.plants.plant import parse_parameter
     from workbench.plants.registry import PLANTS
     from workbench.study.plants import PlantRecipe
@@ -224,7 +225,7 @@ def chosen_plant(
 
 def value_at_rest(model: Model, text: str) -> tuple[str, float]:
     """Return name and value, in SI, of a quantity written as ``NAME=VALUE``."""
-    from workbench.model.units import quantity, to_si
+    from workbench.model.units import named_value, quantity, to_si
 
     name, value = named_value("value", text)
     name = name.replace("-", "_")
@@ -242,14 +243,6 @@ def _resting(model: Model) -> dict[str, str]:
     return units | {q.name: q.display_unit for q in (*model.inputs, *model.outputs)}
 
 
-def named_value(what: str, text: str) -> tuple[str, str]:
-    """Return name and value of what is written as ``NAME=VALUE``."""
-    name, sign, value = text.partition("=")
-    if not sign or not name.strip():
-        raise WorkbenchError(f"{what} {text!r} has no value; write it as NAME=VALUE")
-    return name.strip(), value.strip()
-
-
 def _in_range(about: Input, text: str) -> float:
     """Return the value of an input, in SI; a number alone is in its display unit."""
     from workbench.model.units import from_si, quantity, to_si
@@ -261,7 +254,7 @@ def _in_range(about: Input, text: str) -> float:
 
 
 def _steps(model: Model, texts: Iterable[str]) -> dict[str, tuple[tuple[float, float], ...]]:
-    from workbench.model.units import quantity
+    from workbench.model.units import named_value, quantity
 
     quantities = {q.name: q for q in model.inputs}
     found: dict[str, list[tuple[float, float]]] = {}

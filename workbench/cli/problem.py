@@ -139,16 +139,12 @@ def _settings(
     stages: str | None,
     start_samples: int | None,
 ) -> RefitSettings:
-    from workbench.model.units import quantity
+    from workbench.model.units import named_value, quantity
     from workbench.recordings.case import noise_of
 
     changed: dict[str, Any] = {}
     if noise:
-        pairs = [text.partition("=") for text in noise]
-        for name, sign, _ in pairs:
-            if not sign:
-                raise WorkbenchError(f"noise {name!r} has no value; write it as OUTPUT=VALUE")
-        given = noise_of(model, {name.strip(): value for name, _, value in pairs})
+        given = noise_of(model, dict(named_value("noise of an output", text) for text in noise))
         changed["noise"] = {**base.noise, **given}
     if starts is not None:
         changed["starts"] = round(check_range("number of starts", starts, 1, 100))

@@ -125,13 +125,14 @@ def verify(
 
 def nominal_design(chosen: Chosen, changes: Sequence[str] = ()) -> ControllerRecipe:
     """Return the recipe of a design for the nominal plant, or for another than the plant is."""
+    from workbench.model.units import named_value
     from workbench.study.designs import ControllerRecipe
     from workbench.study.plants import PlantRecipe
 
     options, at = dict(chosen.recipe.options), dict(chosen.plant.design_point)
     known = {n for o in chosen.plant.options for n in (o.name, o.keyword)}
     for text in changes:
-        name, _, value = text.partition("=")
+        name, value = named_value("design", text)
         if name.replace("-", "_") in known:
             options |= chosen.plant.parse({name: value})
         else:

@@ -409,6 +409,19 @@ def quantity(name: str, given: object, unit: str, *, difference: bool = False) -
     return float(f"{size:.12g}")
 
 
+def named_value(what: str, text: str) -> tuple[str, str]:
+    """Return name and value of what is written as ``NAME=VALUE``.
+
+    Example:
+        >>> named_value("parameter", "mass = 3 kg")
+        ('mass', '3 kg')
+    """
+    name, sign, value = (part.strip() for part in text.partition("="))
+    if not name or not sign:
+        raise WorkbenchError(f"{what} {text!r} has no value; write it as NAME=VALUE")
+    return name, value
+
+
 def written_unit(unit: str) -> str:
     """Return a unit as an engineer writes it in a text; empty for a ratio.
 

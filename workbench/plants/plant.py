@@ -19,7 +19,14 @@ from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.model import Effect, Model
 from workbench.model.linear_system import is_system, model_of_system
 from workbench.model.quantities import units_together
-from workbench.model.units import ends_a_name, parse_unit, quantity, same_dimension, to_si
+from workbench.model.units import (
+    ends_a_name,
+    named_value,
+    parse_unit,
+    quantity,
+    same_dimension,
+    to_si,
+)
 from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.law import Law
 from workbench.physics.place import Survey
@@ -341,9 +348,7 @@ def parse_parameter(model: Model, text: str) -> tuple[str, float]:
     Raises:
         WorkbenchError: If there is no value, no such parameter, or another unit.
     """
-    name, sign, value = (part.strip() for part in text.partition("="))
-    if not sign:
-        raise WorkbenchError(f"parameter {text!r} has no value; write it as NAME=VALUE")
+    name, value = named_value("parameter", text)
     check_choice("parameter", name, [q.name for q in model.parameters])
     unit = model.parameter(name).unit
     return name, to_si(quantity(f"parameter {name}", value, unit), unit)

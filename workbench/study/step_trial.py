@@ -33,7 +33,15 @@ from workbench.linearisation.pace import (
 )
 from workbench.linearisation.transfer import transfer_function
 from workbench.model import Input, Model
-from workbench.model.units import convert, from_si, in_time, of_difference, quantity, to_si
+from workbench.model.units import (
+    convert,
+    from_si,
+    in_time,
+    named_value,
+    of_difference,
+    quantity,
+    to_si,
+)
 from workbench.operating_point import operating_point
 from workbench.plants.plant import Plant
 from workbench.study.designs import ControllerRecipe, followed_by_default
@@ -329,9 +337,7 @@ class StepTrial:
         controllers: Mapping[str, ControllerRecipe],
     ) -> tuple[tuple[Demand, ...], tuple[str, ...]]:
         """Return what is required, and the metrics of the user's own that it names."""
-        pairs = [
-            (name.strip(), value.strip()) for name, _, value in (t.partition("=") for t in given)
-        ]
+        pairs = [named_value("requirement", text) for text in given]
         own = tuple(name for name, _ in pairs if ":" in name)
         metrics = load_metrics(own, Path.cwd())
         called = dict(zip(own, (m.name for m in metrics), strict=True))
