@@ -19,8 +19,8 @@ FILLED_ROWS = 5
 
 
 _FEWEST, _REGULAR = 20, 2.5
-"""Measurements that a slow sensor gives at least, and the longest time between two of them over the
-usual one."""
+"""Measurements that a slow sensor gives at least, and the time between two of them over the usual
+one from which on some are missing."""
 
 
 def runs(mask: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -75,12 +75,13 @@ def _longest_piece(recording: Recording) -> tuple[Recording, list[str]]:
 
 
 def _now_and_then(time: Vector, measured: npt.NDArray[np.bool_]) -> float:
-    """Return the usual time between the samples of a slow sensor, in s; 0 if it has long gaps."""
+    """Return the usual time between the samples of a slow sensor, in s; 0 if many are missing."""
     if measured.sum() < _FEWEST:
         return 0.0
     usual = float(np.median(np.diff(time[measured])))
     gaps = np.diff(np.concatenate([time[:1], time[measured], time[-1:]]))
-    return usual if gaps.max() <= _REGULAR * usual else 0.0
+    lost = float(gaps[gaps > _REGULAR * usual].sum())
+    return usual if lost <= MAX_EXCLUDED * (time[-1] - time[0]) else 0.0
 
 
 def _missing_rows(recording: Recording) -> tuple[Recording, list[str]]:
