@@ -201,6 +201,17 @@ def test_wrong_unit_is_named(tmp_path: Path) -> None:
         read_recording(path, signals={"angle": "rad"})
 
 
+def test_turns_are_read_where_an_angular_speed_is_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "trial.csv"
+    rows = "".join(f"{k},{60 * k},{k},{k}\n" for k in range(5))
+    path.write_text("time_s,n [1/min],f [Hz],w [1/s]\n" + rows)
+    read = read_recording(path, signals={"n": "rad/s", "f": "rad/s", "w": "rad/s"})
+    factors = [float(read[name][1]) for name in ("n", "f", "w")]
+    assert factors == pytest.approx([2.0 * np.pi, 2.0 * np.pi, 1.0])
+    both = read_recording(path, signals={"f": "1/s"})
+    assert both["f"][1] == 1.0
+
+
 def test_unknown_unit_is_left_out_or_an_error(tmp_path: Path) -> None:
     path = tmp_path / "trial.csv"
     path.write_text("time_s,x [furlong],y\n" + "".join(f"{k},{k},{k}\n" for k in range(5)))

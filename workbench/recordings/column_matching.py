@@ -197,6 +197,25 @@ def in_degrees(headers: Sequence[Header], requested: Sequence[Requested]) -> lis
     return [read(h) for h in headers]
 
 
+def in_turns(headers: Sequence[Header], requested: Sequence[Requested]) -> list[Header]:
+    """Read ``n [1/min]`` and ``n [Hz]`` in turns, and ``w [1/s]`` in rad/s, where those are asked.
+
+    Where something is asked for in 1/s too, such as a rate of growth, they stay what they say.
+    """
+    asked = [w.unit for w in requested if w.unit]
+    turning = any(same_dimension(unit, "rad/s") for unit in asked)
+    if not turning or any(same_dimension(unit, "1/s") for unit in asked):
+        return list(headers)
+
+    def read(header: Header) -> Header:
+        if not header.unit or not same_dimension(header.unit, "1/s"):
+            return header
+        told = f"{'turn' if 'Hz' in header.unit else 'rad'} {header.unit}"
+        return replace(header, unit="rpm" if "min" in header.unit else told)
+
+    return [read(h) for h in headers]
+
+
 def _check_twice(requested: Sequence[Requested], headers: Sequence[Header]) -> None:
     """Refuse two columns of one name where a signal is meant: nobody knows which."""
     columns = [h.column.strip() for h in headers]
