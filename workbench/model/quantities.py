@@ -284,6 +284,8 @@ class Parameter(Quantity):
             or shows in a few moments only: its bounds then widen the intervals of what is refitted.
         setting: Step by which the user of the machine can set it to another value, in ``unit``; 0
             where that is not possible.
+        refined: Whether it is refitted although it is not ``fitted``, as soon as the effect that
+            it belongs to was found: a detail of its shape.
 
     Raises:
         WorkbenchError: If the value is not finite or outside its bounds.
@@ -296,6 +298,7 @@ class Parameter(Quantity):
     fitted: bool = False
     fixed: bool = False
     setting: float = 0.0
+    refined: bool = False
 
     def __post_init__(self) -> None:
         """Check the value against its bounds and derive the scale from it."""

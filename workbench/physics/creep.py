@@ -30,7 +30,7 @@ creep = Law(
         shape("slow_part", "1", 0.5, "part of the share with the slow time constant",
               around=None, between=(0.0, 1.0)),
         shape("time_constant", "s", at.horizon, "fast time constant"),
-        shape("slow_time_constant", "s", 30.0 * at.horizon, "slow time constant", fitted=False),
+        shape("slow_time_constant", "s", 30.0 * at.horizon, "slow time constant", refined=True),
     ),
     _late,
     states=lambda at: tuple(

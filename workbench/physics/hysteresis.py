@@ -107,7 +107,7 @@ def _elements(count: int) -> tuple[Own, ...]:
                   around=None, between=(1.2, 6.0), scale=1.0)  # fmt: skip
     weights = (
         shape(f"weight_{i + 1}", "1", 1.0, f"force of element {i + 1} over that of element 1",
-              around=None, between=(0.0, 20.0), fitted=False)
+              around=None, between=(0.0, 20.0), refined=True)
         for i in range(1, count)
     )  # fmt: skip
     return (*((ratio,) if count > 1 else ()), *weights)
@@ -181,16 +181,17 @@ _TURN_WIDTH = 1e-3
 """Position in the loop within which its middle is rounded, dimensionless."""
 
 
-def _turn(speed: str, *, skewed: bool = False) -> Rates:
-    """Return the rates of the loop; skewed, it rounds within a speed of the law's own."""
+def _turn(
+    speed: str, regular: Callable[[EffectView], tuple[Expression, Expression, Expression]]
+) -> Rates:
+    """Return the rates of the loop, with beta, gamma and the speed that rounds the reversal."""
 
     def rates(e: EffectView) -> dict[str, Expression]:
-        v, z = e.here.signals[speed], e.x.turn
+        v, z, (beta, gamma, width) = e.here.signals[speed], e.x.turn, regular(e)
         # |z|^(n-1) is kept off zero, where its derivative would be infinite for n < 2.
         sharp = (z * z + 1e-12) ** (0.5 * (e.p.exponent - 1.0))
-        turned = e.form.absolute(v, e.p.rounding_speed if skewed else _MUSCLE_WIDTH) * z
-        if skewed:
-            turned += e.p.skew * v * e.form.absolute(z, _TURN_WIDTH)
+        turned = beta * e.form.absolute(v, width) * z
+        turned += gamma * v * e.form.absolute(z, _TURN_WIDTH)
         return {"turn": (v - sharp * turned) / e.p.breakaway}
 
     return rates
@@ -207,7 +208,8 @@ def _of_muscle_loop(at: PortView) -> Expression:
 
 muscle_hysteresis = Law(
     "muscle_hysteresis",
-    "F = F0 - (level + level_per_pressure p) z, dz/dt = (v - |v| |z|^(n-1) z) / breakaway",
+    "F = F0 - (level + level_per_pressure p) z,"
+    " dz/dt = (v - (1 - gamma) |v| |z|^(n-1) z - gamma v |z|^n) / breakaway",
     twins("muscle_force", needs=("contraction_speed", "gauge_pressure")),
     lambda at: (
         shape("level", "N", 10.0, "half width of the loop without pressure",
@@ -217,16 +219,18 @@ muscle_hysteresis = Law(
         shape("breakaway", "m", 5e-4, "contraction over which the loop turns",
               around=None, between=(5e-5, 1e-2), source=""),
         shape("exponent", "1", 1.0, "sharpness of the turn",
-              around=None, between=(1.0, 6.0), source="", fitted=False),
+              around=None, between=(1.0, 6.0), source="", refined=True),
+        shape("gamma", "1", 0.0, "above 0 the ends of the loop soften, below they harden",
+              around=None, between=(-1.0, 0.9), scale=1.0, source="", refined=True),
     ),
     _of_muscle_loop,
     states=lambda at: _loop(),
-    rates=_turn("contraction_speed"),
+    rates=_turn("contraction_speed", lambda e: (1.0 - e.p.gamma, e.p.gamma, _MUSCLE_WIDTH)),
     shapes=lambda at: (
         {"breakaway": 5e-4}, {"breakaway": 2e-3}, {"breakaway": 5e-4, "exponent": 2.0},
     ),
     dry=True,
-    source="R. Bouc 1967, Y.-K. Wen 1976; P. R. Dahl 1968 for n = 1",
+    source="R. Bouc 1967, Y.-K. Wen 1976; P. R. Dahl 1968 for n = 1 without gamma",
     look_alikes=("coulomb_friction", "maxwell_slip_hysteresis"),
     separated_by="isometric pressure cycles: joint friction shows no loop there",
 )  # fmt: skip
@@ -243,12 +247,12 @@ bouc_wen_hysteresis = Law(
         shape("skew", "1", 0.0, "gamma over beta: above 0 the ends soften, below they harden",
               around=None, between=(-3.0, 3.0), scale=1.0),
         shape("exponent", "1", 1.0, "sharpness of the turn",
-              around=None, between=(1.0, 6.0), fitted=False),
+              around=None, between=(1.0, 6.0), refined=True),
         rounding(at),
     ),
     lambda at: at.value - at.p.level * at.x.turn,
     states=lambda at: _loop(20.0),
-    rates=_turn("speed", skewed=True),
+    rates=_turn("speed", lambda e: (1.0, e.p.skew, e.p.rounding_speed)),
     shapes=lambda at: [
         {"breakaway": k * at.coordinate.scale, "exponent": n, "skew": skew}
         for k, n, skew in ((1e-2, 1.0, 0.0), (1e-1, 1.0, 0.0), (1e-1, 2.0, 0.0), (1.0, 1.0, -1.0))

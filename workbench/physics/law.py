@@ -49,6 +49,7 @@ class Own:
         typical: Of the size of a law: its usual magnitude, in ``unit``; 0 for other parameters.
         absent: Value in a hypothesis, where that differs, in ``unit``.
         resists: Whether it has the sign of a resistance against the motion.
+        refined: Whether it is refitted as soon as the law was found, and not before.
     """
 
     name: str
@@ -64,6 +65,7 @@ class Own:
     typical: float = 0.0
     absent: float | None = None
     resists: bool = False
+    refined: bool = False
 
     def either_way(self) -> Own:
         """Return the parameter with both signs, if it is a size that only resists a motion."""
@@ -98,6 +100,7 @@ class Own:
             upper,
             self.source,
             fitted=self.fitted,
+            refined=self.refined,
         )
 
 
@@ -158,6 +161,7 @@ def shape(
     source: str = "estimate",
     fitted: bool = True,
     absent: float | None = None,
+    refined: bool = False,
 ) -> Own:
     """State another parameter of a law.
 
@@ -167,11 +171,12 @@ def shape(
         between: Bounds in ``unit``, where the value does not give them (``around=None``).
         scale: Scale of a fit, in ``unit``; the value's by default.
         absent: Value in a hypothesis, where that differs, in ``unit``.
+        refined: Whether it is a detail, refitted as soon as the law was found and not before.
     """
     lower, upper = around or between
     return Own(
-        name, unit, value, lower, upper, text, scale or abs(value) or 1.0, source, fitted,
-        relative=around is not None, absent=absent,
+        name, unit, value, lower, upper, text, scale or abs(value) or 1.0, source,
+        fitted and not refined, relative=around is not None, absent=absent, refined=refined,
     )  # fmt: skip
 
 

@@ -26,13 +26,19 @@ def bouc_wen() -> Effect:
     return muscle_hysteresis(("muscle.force",), level=10.0, level_per_pressure=1e-4)
 
 
+def softened() -> Effect:
+    return muscle_hysteresis(
+        ("muscle.force",), level=10.0, level_per_pressure=1e-4, exponent=1.5, gamma=0.5
+    )
+
+
 def ishlinskii() -> Effect:
     return prandtl_ishlinskii(3)("axis.force", level=40.0, breakaway=2.5e-4, spread=4.0)
 
 
-LAWS = [maxwell, bouc_wen, ishlinskii]
+LAWS = [maxwell, bouc_wen, softened, ishlinskii]
 HALF_WIDTH = 40.0
-"""Half width of all three at 3 bar, N."""
+"""Half width of all four at 3 bar, N."""
 
 
 def loop(effect: Effect, turns: list[float], speed: float) -> tuple[np.ndarray, np.ndarray]:

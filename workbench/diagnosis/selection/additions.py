@@ -6,18 +6,26 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from workbench.diagnosis.estimation.prediction_error import Observed
-from workbench.diagnosis.estimation.priors import Prior
+from workbench.diagnosis.estimation.priors import Prior, default_priors
 from workbench.diagnosis.estimation.process_noise import (
     INDIFFERENT,
     ProcessNoiseFit,
+    blocks_of_cost,
     fit_with_process_noise,
 )
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.decision import closer_unseen, degenerates_to, preferred
-from workbench.diagnosis.selection.held_out import told_apart
+from workbench.diagnosis.selection.held_out import held_out_gain, told_apart
 from workbench.diagnosis.selection.moments import changed_values, is_event, with_own_starts
 from workbench.diagnosis.selection.refits import entry_priors, refit_candidates
-from workbench.diagnosis.selection.rules import FREE_RUN, REFIT, SAME, SURPASSED, Limits
+from workbench.diagnosis.selection.rules import (
+    FREE_RUN,
+    REFIT,
+    SAME,
+    SURPASSED,
+    Limits,
+    selection_penalty,
+)
 from workbench.diagnosis.selection.score import Score, Scores
 from workbench.diagnosis.selection.selected import Accepted, Round, Selected
 from workbench.diagnosis.selection.task import Task
@@ -63,7 +71,9 @@ def with_candidate(task: Task, state: Selected, found: Candidate, beside: Round)
     free = (*state.free, *entry_priors(found.entry)[0])
     # What is no more than this law with more parameters may have come further.
     more = next((c.fit for c in beside.candidates if degenerates_to(c, found)), None)
-    extended = polished(found.fit, task.started(task.fitting, found.fit.model), free, more)
+    started = task.started(task.fitting, found.fit.model)
+    extended = polished(found.fit, started, free, more)
+    extended, free = shaped(task, extended, found.entry.name, started, free)
     alike = explain_as_well(found, beside.candidates, beside.scores)
     return replace(
         state,
@@ -73,6 +83,46 @@ def with_candidate(task: Task, state: Selected, found: Candidate, beside: Round)
         extended=extended,
         fits=(*state.fits, extended),
     )
+
+
+def shaped(
+    task: Task,
+    fit: ProcessNoiseFit,
+    name: str,
+    recordings: Sequence[Observed],
+    free: tuple[Prior, ...],
+) -> tuple[ProcessNoiseFit, tuple[Prior, ...]]:
+    """Refit the details of a law's shape too, if that explains more.
+
+    Args:
+        name: Name of the law in the model.
+        recordings: Fitting recordings, with starts for the model.
+
+    Returns:
+        The fit and its priors: the given ones, unless both the fitting and the held-out recordings
+        are more likely for what more parameters cost.
+    """
+    own = fit.model.effect(name).parameters
+    names = [f"{name}.{q.name}" for q in own if q.refined]
+    if not names:
+        return fit, free
+    more = (*free, *default_priors(fit.model, names))
+    begin = {e.name: e.value for e in fit.refit.estimates}
+    begin |= {p.name: p.mean for p in more if p.name not in begin}
+    samples = sum(len(r.outputs) for r in recordings)
+    try:
+        trial = fit_with_process_noise(
+            fit.model, recordings, more, start=begin, noise_scale=fit.noise_scale
+        )
+        judging = task.started(task.judging, fit.model)
+        before = blocks_of_cost(fit, judging)
+        held_out, _ = held_out_gain(before, trial, judging)
+    except Exception:  # noqa: BLE001
+        # The fit that was compared stands, whatever a law does when it is refined.
+        return fit, free
+    if held_out[0] <= 0.0 or fit.cost - trial.cost < selection_penalty(1, samples, len(names)):
+        return fit, free
+    return replace(trial, passed=fit.passed), more
 
 
 def polished(

@@ -1,0 +1,65 @@
+"""Details of a law's shape, refitted as soon as the law was found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from tests.diagnosis.newcomers import levels, oscillator
+from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.priors import default_priors
+from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+from workbench.diagnosis.selection.additions import shaped
+from workbench.diagnosis.selection.refits import entry_priors
+from workbench.diagnosis.selection.task import Task
+from workbench.physics.library import library
+from workbench.recordings.recording import Recording, Signal
+
+STEP, NOISE = 0.02, 1e-4
+
+
+def sharp_loop(seed: int, exponent: float) -> Recording:
+    """Integrate an oscillator of 1.2 kg with a loop of Bouc and Wen of 1.5 N."""
+    drive, s, seen = levels(400, seed, 6.0, 15, 40), np.zeros(3), []
+    for u in drive:
+        seen.append(s[0])
+
+        def rates(t: float, s: np.ndarray, u: float = u) -> list[float]:
+            x, v, z = s
+            bends = abs(v) * abs(z) ** (exponent - 1.0) * z
+            return [v, (u - 30.0 * x - 0.6 * v - 1.5 * z) / 1.2, (v - bends) / 0.02]
+
+        s = solve_ivp(rates, (0.0, STEP), s, rtol=1e-7, atol=1e-9).y[:, -1]
+    read = np.array(seen) + NOISE * np.random.default_rng(seed).normal(size=len(seen))
+    signals = (Signal("drive", drive, "N", role="command"), Signal("position", read, "m"))
+    return Recording(f"run {seed}", STEP * np.arange(len(drive)), signals)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 3.0])
+def test_the_sharpness_of_a_loop_is_refitted_where_that_explains_more(exponent: float) -> None:
+    nominal = oscillator(scale=5.0)
+    fitting, judging = (
+        (replace(observe(nominal, sharp_loop(i, exponent)), noise_rms=np.array([NOISE])),)
+        for i in (1, 2)
+    )
+    priors = default_priors(nominal)
+    base = fit_with_process_noise(nominal, fitting, priors)
+    task = Task(nominal, base, fitting, judging, priors, jobs=1)
+    entry = next(e for e in library(nominal) if e.name == "bouc_wen_hysteresis")
+    free = (*priors, *entry_priors(entry)[0])
+    model = nominal.with_effect(entry.effect)
+    seen = task.started(fitting, model)
+    begin = {"bouc_wen_hysteresis.level": 1.5, "bouc_wen_hysteresis.breakaway": 0.02}
+    fit = fit_with_process_noise(model, seen, free, start=begin, noise_scale=0.1)
+    found, own = shaped(task, fit, entry.name, seen, free)
+    if exponent == 1.0:
+        # Nothing pays for one more parameter.
+        assert (found, own) == (fit, free)
+        return
+    estimate = next(e for e in found.refit.estimates if e.name == "bouc_wen_hysteresis.exponent")
+    assert len(own) == len(free) + 1
+    assert found.cost < fit.cost - 20.0
+    assert abs(estimate.value - exponent) < 3.0 * estimate.std < 1.5
