@@ -25,6 +25,7 @@ from workbench.diagnosis.selection import refits
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.decision import decided, degenerates_to, preferred
 from workbench.diagnosis.selection.held_out import NO_RUNS, RunErrors
+from workbench.diagnosis.selection.moments import is_event
 from workbench.diagnosis.selection.rules import (
     LEAST_GAIN,
     SURPASSED,
@@ -667,3 +668,22 @@ def test_a_law_that_contends_is_refitted_with_the_trust_that_it_earns() -> None:
     rival = replace(first[1], fit=trusting, gain=5.0 * first[0].gain)
     beside = refits._trusted(base, field, [first[0], rival], priors, prior, [seen], 1)
     assert beside[0].gain == pytest.approx(loss.gain)
+
+
+def test_events_of_several_recordings_are_followed_beside_what_gains_more_at_one_time(
+    entries: dict[str, Hypothesis],
+) -> None:
+    names = ("stribeck_friction", "ripple", "valve_offset", "tilt_gravity")
+    events = [entry for entry in entries.values() if is_event(entry.effect)][:3]
+    known = [entries[name] for name in names] + events
+    gains = (100.0, 99.0, 98.0, 97.0, 80.0, 79.0, 40.0)
+    first = [
+        replace(_candidate(e, gain, 0.5), followed=False)
+        for e, gain in zip(known, gains, strict=True)
+    ]
+    assert refits._leaders(first, 0) == [0, 1, 2, 3]
+    assert refits._leaders(first, 0, several=True) == [0, 1, 2, 3, 4]
+    # Another that gained as much at one time may have come at those times instead.
+    now = [replace(c, followed=i < 5) for i, c in enumerate(first)]
+    assert refits._came_too(first, now, replace(now[4], gain=300.0)) == [5]
+    assert refits._came_too(first, now, now[0]) == []

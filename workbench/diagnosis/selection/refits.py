@@ -153,7 +153,7 @@ def refit_candidates(
     first = _first_refits(
         base, field, given, prior, fit_on, _HEADS[1], _NEAR, begun, jobs, thorough
     )
-    leaders = _leaders(first, field.index(chosen[0]) if field else 0)
+    leaders = _leaders(first, field.index(chosen[0]) if field else 0, several=len(fit_on) > 1)
     weaker: list[int] = []
     if len(leaders) > 1:
         own = [field[i] for i in leaders], [first[i] for i in leaders]
@@ -167,10 +167,13 @@ def refit_candidates(
     before = blocks_of_cost(base, hold_out) if leaders and hold_out else None
     known = given, tuple(fit_on), tuple(hold_out), before
     plain: list[Call[Any]] = [(_closest_errors, (base, base.model, tuple(fit_on), tuple(hold_out)))]
-    runs, found = NO_RUNS, decided((*first, *lost), NO_RUNS, limits)
-    for some in (leaders, weaker):
-        if not some or any(not c.refused for c in found):
-            break
+    runs, found, at_first = NO_RUNS, decided((*first, *lost), NO_RUNS, limits), tuple(first)
+    best: Candidate | None = None
+    waiting = [leaders, weaker]
+    while waiting:
+        some = waiting.pop(0)
+        if not some:
+            continue
         if progress:
             progress("comparing " + " and ".join(field[i].entry.name for i in some))
         finals: list[Call[Any]] = [(_followed, (base, first[i], *known)) for i in some]
@@ -180,7 +183,10 @@ def refit_candidates(
         if plain:
             runs, plain = done[-1], []
         found = decided((*first, *lost), runs, limits)
-    best = next((c for c in found if not c.refused), None)
+        early = best is None
+        best = next((c for c in found if not c.refused), None)
+        if best is not None:
+            waiting = [_came_too(at_first, first, best)] if early and len(fit_on) > 1 else []
     if best is None or not best.entry.alone:
         return found
     # What acts at several places alike may act at one of them.
@@ -366,15 +372,17 @@ def untried(entry: Hypothesis, why: Exception | str) -> Candidate:
     )
 
 
-def _leaders(first: Sequence[Candidate], best: int) -> list[int]:
+def _leaders(first: Sequence[Candidate], best: int, *, several: bool = False) -> list[int]:
     """Choose which hypotheses to follow, by their gain in the first refit.
 
     A lag or delay of a sensor reproduces many a slow or springy part of the process, and does so at
     several sensors: of each such law one is followed, and two at the most. The best score is
-    followed too, whatever its first refit gained, and takes nobody's place.
+    followed too, whatever its first refit gained, and takes nobody's place; so is the best event of
+    several recordings, which may come to each at a time of its own.
 
     Args:
         best: Place of the best score.
+        several: Whether there are several recordings.
     """
     order = sorted(range(len(first)), key=lambda i: -first[i].gain)
     worthy = [i for i in order if first[i].fit is not None and first[i].gain > LEAST_SCORE]
@@ -390,7 +398,25 @@ def _leaders(first: Sequence[Candidate], best: int) -> list[int]:
             leaders.append(i)
     if first and first[best].fit is not None and best not in leaders:
         leaders.append(best)
+    events = [i for i in worthy if is_event(first[i].entry.effect)]
+    if several and events and not set(events) & set(leaders):
+        leaders += [i for i in events[:1] if first[i].gain > _RIVALS * first[worthy[0]].gain]
     return leaders
+
+
+def _came_too(
+    at_first: Sequence[Candidate], now: Sequence[Candidate], best: Candidate
+) -> list[int]:
+    """Return what may have come instead of an event that was found, and was not followed yet.
+
+    Told one time for all recordings it gained about as much, which of several times says little.
+    """
+    if not is_event(best.entry.effect):
+        return []
+    least = _RIVALS * max((c.gain for c in at_first if c.name == best.name), default=math.inf)
+    events = [i for i, c in enumerate(now) if is_event(c.entry.effect) and not c.followed]
+    events = [i for i in events if now[i].fit is not None and now[i].gain > least]
+    return sorted(events, key=lambda i: -now[i].gain)[: _FINALISTS - 1]
 
 
 def entry_priors(
