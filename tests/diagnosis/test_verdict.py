@@ -81,14 +81,14 @@ def test_an_output_at_its_noise_has_no_say_in_what_was_explained() -> None:
 def test_a_parameter_that_is_a_curve_is_told_along_it() -> None:
     def equations(m: Scope) -> Equations:
         braking = m.p.mu * m.u.pressure
-        return {"speed": (m.u.effort - braking) / 4e4}, {"speed": m.x.speed}
+        return {"speed": (m.u.effort - braking) / 4e4}, {"tacho": m.x.speed}
 
     wagon = Model(
         "wagon",
         equations,
         states=(State("speed", "m/s", initial=10.0),),
         inputs=(Input("effort", "N", upper=6e4), Input("pressure", "N", upper=4e5)),
-        outputs=(Output("speed", "m/s", display_unit="km/h"),),
+        outputs=(Output("tacho", "m/s", display_unit="km/h"),),
         parameters=(Parameter("mu", "1", value=0.3, lower=0.05, upper=0.6, fitted=True),),
     )
     seen = library(wagon, ranges={"speed": (5.0, 25.0)})

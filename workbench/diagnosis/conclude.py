@@ -28,7 +28,7 @@ from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Kind, Value, Verdict
 from workbench.errors import NumericalError
 from workbench.model import Effect, Model
-from workbench.model.quantities import shown_in
+from workbench.model.quantities import declared_unit, shown_in
 from workbench.model.units import from_si, in_time, with_unit
 from workbench.physics.drift import along_curve
 
@@ -272,7 +272,8 @@ def _along(model: Model, effect: Effect) -> str:
     if not found or not named:
         return ""
     over, subject = max(named, key=lambda q: len(q.name)), effect.about.subject
-    unit, own = shown_in(over), model.parameter(subject).unit
+    unit = declared_unit(over.name, over.unit, model.quantities) or shown_in(over)
+    own = model.parameter(subject).unit
     told = (
         f"{model.size_text(value, own, effect.ports, 3)} at"
         f" {with_unit(f'{from_si(at, unit):.3g}', unit)}"
