@@ -100,6 +100,26 @@ def test_a_parameter_that_is_a_curve_is_told_along_it() -> None:
     assert _along(model, coulomb_friction("speed.rate")) == ""
 
 
+def test_a_curve_over_several_signals_is_told_along_what_a_parameter_multiplies() -> None:
+    def equations(m: Scope) -> Equations:
+        grip = m.p.grip * (0.5 * m.x.drum - m.x.belt)
+        return {"drum": m.u.drive - grip, "belt": 0.1 * grip}, {"belt": m.x.belt}
+
+    conveyor = Model(
+        "conveyor",
+        equations,
+        states=(State("drum", "rad/s"), State("belt", "m/s")),
+        inputs=(Input("drive", "rad/s2"),),
+        outputs=(Output("belt", "m/s"),),
+        parameters=(Parameter("grip", "1/s", value=10.0, lower=1.0, upper=100.0, fitted=True),),
+    )
+    seen = library(conveyor, ranges={"argument of grip": (-0.05, 0.05)})
+    law = next(h for h in seen if h.name == "parameter_curve_grip_over_argument")
+    model = conveyor.with_effect(law.at_size(2.0, {"bend": 0.0}))
+    told = _along(model, model.effects[-1])
+    assert "10 1/s at 0, 12.5 1/s at 0.05 of what grip multiplies" in told
+
+
 def test_a_name_is_doubted_where_most_is_missing_still() -> None:
     given, _ = example_diagnosis()
     assert given.validated is not None and given.before is not None

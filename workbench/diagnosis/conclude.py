@@ -268,18 +268,21 @@ def _by_recording(model: Model, effect: Effect) -> str:
 def _along(model: Model, effect: Effect) -> str:
     """Say what a parameter is along the signal that it changes with; empty if it does not."""
     found = along_curve(model, effect)
-    named = [q for q in (*model.states, *model.inputs) if f"_over_{q.name}" in effect.name]
-    if not found or not named:
+    if not found:
         return ""
-    over, subject = max(named, key=lambda q: len(q.name)), effect.about.subject
-    unit = declared_unit(over.name, over.unit, model.quantities) or shown_in(over)
+    subject, unit = effect.about.subject, model.parameter(f"{effect.name}.middle").unit
+    named = [q for q in (*model.states, *model.inputs) if f"_over_{q.name}" in effect.name]
+    over = max(named, key=lambda q: len(q.name), default=None)
+    said = f"what {subject} multiplies" if over is None else over.name.replace("_", " ")
+    if over is not None:
+        unit = declared_unit(over.name, over.unit, model.quantities) or shown_in(over)
     own = model.parameter(subject).unit
     told = (
         f"{model.size_text(value, own, effect.ports, 3)} at"
         f" {with_unit(f'{from_si(at, unit):.3g}', unit)}"
         for at, value in found.items()
     )
-    return f"; {subject} is {', '.join(told)} of {over.name.replace('_', ' ')}"
+    return f"; {subject} is {', '.join(told)} of {said}"
 
 
 def _weights(diagnosis: Diagnosis) -> tuple[Weighted, ...]:
