@@ -113,13 +113,22 @@ def reach_of(linear: LinearModel, name: str) -> float:
 
 
 def _moved_within(linear: LinearModel, name: str, usual: float, step: float | None) -> float:
-    """Return the sample time, in s, that the fastest move of an output asks for, or the usual."""
+    """Return the sample time, in s, that the fastest move of an output asks for, or the usual.
+
+    Commands of which nobody says how far they go ask for none.
+    """
+    silent = [q.name for q in linear.operating_point.model.inputs if not q.sized and _endless(q)]
+    linear = linear.select(inputs=[n for n in linear.input_names if n not in silent])
     output = next(q for q in linear.operating_point.model.outputs if q.name == name)
     far = min(output.scale, abs(step) if step else math.inf)
     moved, time = _mover(linear, name), usual
     while time > FINEST * usual and moved(time / SHOWN) >= 0.5 * far:
         time *= 0.8
     return usual if time == usual else min(usual, rounded_up(time))
+
+
+def _endless(command: Input) -> bool:
+    return not math.isfinite(command.upper - command.lower)
 
 
 def _mover(linear: LinearModel, name: str) -> Callable[[float], float]:

@@ -110,7 +110,7 @@ def model_of_system(
         ),
         states=tuple(State(name, "1") for name in states),
         inputs=tuple(
-            Input(n, "1", _scale(n, ends) or 1.0, lower=low, upper=high)
+            Input(n, "1", _scale(n, ends) or 1.0, lower=low, upper=high, sized=n in ends)
             for n in inputs
             for low, high in (ends.get(n, infinite),)
         ),
@@ -121,7 +121,9 @@ def model_of_system(
         ),
         description="linear system",
     )
-    read = tuple(q if q.sized else replace(q, scale=min(q.scale, 1.0)) for q in model.outputs)
+    # Where nobody says how far outputs go, the one that goes farthest counts by its unit.
+    farthest = max([1.0, *(q.scale for q in model.outputs if not q.sized)])
+    read = tuple(q if q.sized else replace(q, scale=q.scale / farthest) for q in model.outputs)
     return replace(model, outputs=read)
 
 

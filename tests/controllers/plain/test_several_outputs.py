@@ -17,12 +17,15 @@ from scipy.integrate import solve_ivp
 from controllers.design import DESIGNS
 from controllers.guard import Guarded
 from controllers.h_infinity.synthesis import has_slycot
+from controllers.plain.limits import LoopLimits
 from controllers.plain.loop import loop_of
 from controllers.plain.pairing import best_pairing, interaction, relative_gains, zeros
+from controllers.plain.state_feedback import LQISpecification, reachable_speed
 from controllers.sensitivity import least_gain, loop_matrices
 from tests.controllers.in_c import InC
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linear_model, linearise
+from workbench.linearisation.pace import usual_sample_time
 from workbench.model import Input, Model, Output, State
 from workbench.operating_point import operating_point
 from workbench.study.linear_loop import analyse_loop
@@ -422,3 +425,26 @@ def test_what_one_of_more_commands_cannot_give_the_others_do(name: str, tmp_path
     # The first command alone is at its end on the way.
     assert most == pytest.approx(2.0) or name == "plain-h-infinity"
     assert np.abs(C @ x - asked).max() < 0.02
+
+
+def test_late_outputs_of_unlike_size_are_led_as_fast_as_they_can_be() -> None:
+    """Of two outputs of Ogunnaike and Ray's column one goes ten times as far as the other."""
+
+    def late(gain: float, lag: float, delay: float) -> Any:
+        return ct.tf([gain], [lag, 1.0]) * ct.tf(*ct.pade(delay, 2))
+
+    column = ct.combine_tf(
+        [
+            [late(-2.36, 5.0, 3.0), late(-0.01, 7.09, 1.2)],
+            [late(46.2, 10.9, 9.4), late(0.87, 11.6, 1.0)],
+        ]
+    )
+    linear = linear_model(column)
+    outputs = linear.operating_point.model.outputs
+    # Nobody says how far they go: each counts by how far the commands move it.
+    assert [round(q.scale, 2) for q in outputs] == [0.1, 1.0]
+    # Nor does anybody say that a command may go by 1, which would move one within a sample of 0.02.
+    assert usual_sample_time(linear, linear.output_names) == usual_sample_time(linear) == 0.1
+    want = LQISpecification(linear.output_names, sample_time=0.25)
+    # No state feedback that asks for what the plant does by itself is within its limits.
+    assert reachable_speed(LoopLimits(want.loop(linear), want)) > 0.03
