@@ -99,8 +99,8 @@ def shaped(
         recordings: Fitting recordings, with starts for the model.
 
     Returns:
-        The fit and its priors: the given ones, unless both the fitting and the held-out recordings
-        are more likely for what more parameters cost.
+        The fit and its priors: the given ones, unless the recordings tell the details, and both the
+        fitting and the held-out ones are more likely for what more parameters cost.
     """
     own = fit.model.effect(name).parameters
     names = [f"{name}.{q.name}" for q in own if q.refined]
@@ -120,7 +120,10 @@ def shaped(
     except Exception:  # noqa: BLE001
         # The fit that was compared stands, whatever a law does when it is refined.
         return fit, free
-    if held_out[0] <= 0.0 or fit.cost - trial.cost < selection_penalty(1, samples, len(names)):
+    # Where more is left out, a shape bends towards that, and is not told by the recordings.
+    told = all(e.std < e.prior.std for e in trial.refit.estimates if e.name in names)
+    pays = fit.cost - trial.cost >= selection_penalty(1, samples, len(names))
+    if not (told and pays and held_out[0] > 0.0):
         return fit, free
     return replace(trial, passed=fit.passed), more
 
