@@ -125,6 +125,22 @@ def test_every_controller_of_a_study_is_drawn(
     assert "Not drawn" not in page and "tracking-1-part-2" in page
 
 
+@pytest.mark.usefixtures("undrawn")
+def test_an_output_is_drawn_whatever_it_is_called(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("two_lags.py").write_text(
+        "import control as ct\n"
+        "G = ct.tf([[[1.0], [0.1]], [[0.1], [1.0]]], [[[1.0, 1.0]] * 2] * 2,\n"
+        "          inputs=['P_1', 'P_2'], outputs=['T_top', 'T_Side'])\n"
+    )
+    step = ["--from", "T_top=0,T_Side=0", "--to", "T_top=1,T_Side=1"]
+    assert run(["verify", "--plant", "two_lags:G", "-c", "plain-pid", *step, "--out", "o"]) == 0
+    page = Path("o/report.html").read_text(encoding="utf-8")
+    assert "Not drawn" not in page and "tracking-1-output-2" in page
+
+
 def test_a_family_has_one_colour_whatever_it_was_designed_for() -> None:
     names = ("plain-pid", "lqi")
     kin = tuple((f"{n}, {word}", n) for word in ("nominal", "redesigned") for n in names)

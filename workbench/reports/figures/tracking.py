@@ -205,7 +205,7 @@ def _draw(result: StudyResult, scenario: str, case: str, suffix: str) -> list[Pi
         for part in parts(result.study, nominal):
             for i, output in enumerate(followed(part.runs)):
                 figure = tracked(result.study, scenario, part.runs, output)
-                name = f"tracking-{suffix}{part.tail}" + (f"-{output}" if i else "")
+                name = f"tracking-{suffix}{part.tail}" + (f"-output-{i + 1}" if i else "")
                 where = case or "nominal plant"
                 found.append(_picture(result, scenario, output, figure, name, where, tail))
     worst = _worst_runs(result, scenario, nominal)
