@@ -156,7 +156,7 @@ def test_a_redesign_is_run_until_its_loops_have_settled(
     from workbench.study import step_trial
 
     (tmp_path / "verdict.json").write_text(json.dumps({"plant": {"name": "servo-axis"}}))
-    monkeypatch.setattr(step_trial, "settling", lambda *_: 4.0)
+    monkeypatch.setattr(step_trial, "settling", lambda *_: step_trial.Needed(4.0, {}))
     out = tmp_path / "out"
     assert run(["redesign", str(tmp_path / "verdict.json"), "-f", "lqi", "--out", str(out)]) == 0
     conditions = json.loads((out / "results.json").read_text())["conditions"]

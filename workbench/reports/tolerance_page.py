@@ -77,7 +77,7 @@ def reached_table(rows: Rows, simulator: str) -> Table:
         "valve travel, median (V/s)": typical(np.median, lambda run: [run["chatter"]], 3),
     }
     return Table(
-        f"{len(own)} drawn machines on the {simulator}",
+        f"Drawn machines on the {simulator}: {len(own)}",
         ("", *names),
         tuple((what, *cells) for what, cells in lines.items()) if own else (),
         "A step that has not settled before the next one counts as infinitely slow.",
@@ -217,7 +217,7 @@ def tolerance_page(
         *again(command),
     )
     count = len({row["draw"] for row in rows})
-    lead = f"{len(designs)} designs on {count} machines that none of them was told of."
+    lead = f"{len(designs)} designs; drawn machines that none of them was told of: {count}."
     return Page("Tolerant designs", lead, sections, first=(Words(study.description),))
 
 

@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -137,9 +137,12 @@ class StepTrial:
         moved = [names for names in moved if followed & set(names)] or moved[:1]
         sample_time = found[0].sample_time
         if hold is None:
-            slow: dict[str, float] = {}
-            hold = max(settling(recipes, self.linear, scenario, slow) for scenario in found) or None
-            for name, settled in slow.items():
+            needed = [settling(recipes, self.linear, scenario) for scenario in found]
+            hold = max(each.time for each in needed) or None
+            slowest: dict[str, float] = {}
+            for name, settled in (pair for each in needed for pair in each.slow.items()):
+                slowest[name] = max(settled, slowest.get(name, 0.0))
+            for name, settled in slowest.items():
                 whole = in_time(rounded_up(2.0 * settled)).replace(" ", "")
                 self.say(
                     f"{name} settles in {in_time(settled)}, later than the step is run for by"
@@ -377,21 +380,28 @@ LONGEST = 20_000
 """Most samples between steps that a loop that is slower than its plant is given by default."""
 
 
+class Needed(NamedTuple):
+    """Time that loops need between steps.
+
+    Args:
+        time: Time between steps, in s; 0 if they have it.
+        slow: By name, what loops that would need too many samples take to settle, in s.
+    """
+
+    time: float
+    slow: Mapping[str, float]
+
+
 def settling(
-    recipes: Sequence[ControllerRecipe],
-    linear: LinearModel,
-    scenario: Scenario,
-    slow: dict[str, float],
-) -> float:
-    """Return the time between steps, in s, that the slowest loop needs; 0 if they have it.
+    recipes: Sequence[ControllerRecipe], linear: LinearModel, scenario: Scenario
+) -> Needed:
+    """Return the time between steps that the slowest loop needs.
 
     It is twice what that loop takes to settle, or five times that where this is less than they
     have, as of fast loops of slow plants: a step that a command's end slows down still shows, and
     the step back. One that ends near the end of a command keeps the time of the plant.
-
-    Args:
-        slow: Takes up, by name, what loops that would need too many samples take to settle, in s.
     """
+    slow: dict[str, float] = {}
     changes = {name: signal.changes for name, signal in scenario.references.items()}
     steps = {name: own[0][2] - own[0][1] for name, own in changes.items() if own}
     times = [change[0] for own in changes.values() for change in own]
@@ -407,19 +417,20 @@ def settling(
                 late = scenario.late_samples * scenario.sample_time
                 settled = settled_after(law, linear, steps) + late
                 if 2.0 * settled > max(usual, LONGEST * scenario.sample_time):
-                    slow[recipe.name], told = max(settled, slow.get(recipe.name, 0.0)), False
+                    slow[recipe.name], told = settled, False
                 else:
                     long = max(long, settled)
             room = room and has_room(linear, law.actuators, steps)
             ended = max(ended, least_time(linear, law.actuators, steps))
         all_told = all_told and told
     if not long:
-        return 0.0
+        return Needed(0.0, slow)
     if (least := rounded_up(2.0 * long)) > usual:
-        return least
+        return Needed(least, slow)
     # A step back may have less of the command than the step, as what only cools.
     enough = max(5.0 * long, 2.0 * (long + ended))
-    return rounded_up(enough) if all_told and room and enough < 0.99 * usual else 0.0
+    ends = all_told and room and enough < 0.99 * usual
+    return Needed(rounded_up(enough) if ends else 0.0, slow)
 
 
 def _reached(
