@@ -97,6 +97,21 @@ def test_recordings_of_two_uneven_clocks_keep_their_samples(tmp_path: Path) -> N
     assert steps == pytest.approx([0.02, 0.02], rel=2e-5) and steps[0] == pytest.approx(steps[1])
 
 
+def test_a_gap_stretches_no_clock(tmp_path: Path) -> None:
+    time, rng = 0.02 * np.arange(1000), np.random.default_rng(1)
+    for name, kept, pace in (("a", time != time[400], 1.0), ("b", time >= 0.0, 1.0 + 1e-7)):
+        position = np.cos(3.0 * time) + 1e-3 * rng.normal(size=1000)
+        rows = np.column_stack([pace * time, np.sin(time), position])[kept]
+        header = "t [s],drive [N],position [m]"
+        np.savetxt(tmp_path / f"{name}.csv", rows, "%.10g", ",", header=header, comments="")
+    problem = problem_of_files(oscillator(), [tmp_path / "a.csv"], [tmp_path / "b.csv"])
+    for recording in (*problem.fit, *problem.hold_out):
+        assert len(recording) == 1000
+        assert recording.sample_time == pytest.approx(0.02, rel=1e-5)
+    (gap,) = np.flatnonzero(~problem.fit[0].valid("position"))
+    assert gap == 400
+
+
 def test_a_run_that_diverges_tells_nothing_of_noise(monkeypatch: pytest.MonkeyPatch) -> None:
     bare = replace(oscillator(), outputs=(Output("position", "m", 1.0),))
     run = _swinging(0.0)

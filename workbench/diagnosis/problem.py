@@ -16,6 +16,7 @@ from workbench.model import Model
 from workbench.model.units import to_si
 from workbench.physics.library import every_name
 from workbench.recordings.case import Case, RefitSettings
+from workbench.recordings.checks.gaps import check_gaps
 from workbench.recordings.checks.time_base import evened
 from workbench.recordings.checks.units import beyond_range
 from workbench.recordings.column_matching import driven_by
@@ -54,7 +55,7 @@ class Problem:
         Raises:
             WorkbenchError: If it lacks an input, or has no output of the model.
         """
-        seen = observe(model or self.model, evened(recording))
+        seen = observe(model or self.model, _even(recording))
         noise = [
             self.refit.noise.get(name, rms)
             for name, rms in zip(seen.used, seen.noise_rms, strict=True)
@@ -117,8 +118,8 @@ def problem_of_files(
         )
     given = list(read.values())
     if any(a is not b for a, b in zip(at_one_pace(given), given, strict=True)):
-        # Of clocks that are uneven alone the paces show without that.
-        given = at_one_pace([evened(r) if r.increasing else r for r in given])
+        # Of clocks that are uneven alone the paces show without that, and without their gaps.
+        given = at_one_pace([_even(r) if r.increasing else r for r in given])
     read = dict(zip(read, given, strict=True))
     declared = model
     model, notes = with_undeclared(model, list(read.values()))
@@ -144,6 +145,12 @@ def problem_of_files(
         hold_out=tuple(read[path] for path in hold_out),
         notes=(*dict.fromkeys(said), *notes),
     )
+
+
+def _even(recording: Recording) -> Recording:
+    """Return a recording with even steps, after the rows of its gaps, which are no uneven steps."""
+    found = check_gaps(recording)
+    return evened(recording if found.result == "unfit" else found.recording or recording)
 
 
 def _taken_as_si(model: Model, recordings: Sequence[Recording]) -> list[str]:

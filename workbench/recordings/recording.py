@@ -273,6 +273,23 @@ class Recording(Drawn):
             good &= ~((self.time >= span.start) & (self.time <= span.stop))
         return good
 
+    def at_times(self, time: npt.ArrayLike) -> Recording:
+        """Return the same samples at other instants, shape (n,), in s; what is excluded goes along.
+
+        Example:
+            >>> span = Span("x", 1.0, 1.0, "row missing")
+            >>> made = Recording("a", np.arange(3.0), (Signal("x", np.zeros(3)),), excluded=(span,))
+            >>> made.at_times([0.1, 1.1, 2.1]).valid("x").tolist()
+            [True, False, True]
+        """
+        new = np.asarray(time, dtype=float)
+        spans = (
+            replace(s, start=float(a), stop=float(b))
+            for s in self.excluded
+            for a, b in [np.interp([s.start, s.stop], self.time, new)]
+        )
+        return replace(self, time=new, excluded=tuple(spans))
+
     def take(self, rows: slice | npt.NDArray[np.bool_] | npt.NDArray[np.intp]) -> Recording:
         """Return the recording at some of its rows."""
         return replace(

@@ -122,7 +122,7 @@ def at_one_pace(recordings: Sequence[Recording]) -> list[Recording]:
         n = len(recording)
         if (slowest - pace) * n < _SAME * slowest:
             even = recording.time + (slowest - pace) * (np.arange(n) - 0.5 * (n - 1))
-            return replace(recording, time=even)
+            return recording.at_times(even)
         return resample(recording, rate_Hz=1.0 / slowest)
 
     return [paced(r, pace) for r, pace in zip(recordings, paces, strict=True)]

@@ -72,7 +72,7 @@ def check_uniformity(recording: Recording, expected: Expected) -> Finding:
     late = time - regular
     if np.max(np.abs(late)) < 0.5 * step and not _shown(recording, late, step):
         note = f"{vary}, which no measurement shows: only the clock does, the samples are even"
-        return Finding("corrected", note, values, replace(recording, time=regular))
+        return Finding("corrected", note, values, recording.at_times(regular))
     note = f"{vary}; interpolated to one every {in_time(step, 6)}"
     return Finding("corrected", note, values, resample(recording, times=even))
 
