@@ -108,7 +108,6 @@ def shaped(
         return fit, free
     more = (*free, *default_priors(fit.model, names))
     begin = {e.name: e.value for e in fit.refit.estimates}
-    begin |= {p.name: p.mean for p in more if p.name not in begin}
     samples = sum(len(r.outputs) for r in recordings)
     try:
         trial = fit_with_process_noise(
