@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -23,6 +24,7 @@ from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.library import LAWS, library
 from workbench.plants.servo_axis import servo_axis
+from workbench.recordings.checks.time_base import evened
 from workbench.recordings.recording import Recording, Signal
 
 
@@ -140,25 +142,39 @@ def test_a_run_that_diverges_tells_nothing_of_noise(monkeypatch: pytest.MonkeyPa
     assert with_undeclared(bare, [short])[0].outputs[0].noise_rms > 0.3 * told
 
 
-def test_what_jumps_now_and_then_is_no_noise() -> None:
-    def lag(m: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        return {"x": 2.0 * (m.u.drive - m.x.x)}, {"x": m.x.x}
-
-    model = Model(
+def _lag() -> Model:
+    return Model(
         "lag",
-        lag,
+        lambda m: ({"x": 2.0 * (m.u.drive - m.x.x)}, {"x": m.x.x}),
         states=(State("x", "m"),),
         inputs=(Input("drive", "m"),),
         outputs=(Output("x", "m"),),
     )
+
+
+def _lagging(steps: Vector, error: Callable[[np.random.Generator], float]) -> Recording:
     rng, x, values = np.random.default_rng(1), 0.0, []
-    drive = np.repeat(rng.uniform(-1.0, 1.0, 40), 20)
-    for u in drive:
-        values.append(x + rng.normal(0.0, 0.01) + (0.3 if rng.uniform() < 0.02 else 0.0))
-        x = u + (x - u) * np.exp(-0.1)
+    drive = np.repeat(rng.uniform(-1.0, 1.0, len(steps) // 20), 20)
+    for u, step in zip(drive, steps, strict=True):
+        values.append(x + error(rng))
+        x = u + (x - u) * np.exp(-2.0 * step)
     signals = Signal("drive", drive, "m", role="command"), Signal("x", np.array(values), "m")
-    run = Recording("lag", 0.05 * np.arange(800), signals)
-    assert with_undeclared(model, [run])[0].outputs[0].noise_rms < 0.02
+    return Recording("lag", np.cumsum(steps) - steps[0], signals)
+
+
+def test_what_jumps_now_and_then_is_no_noise() -> None:
+    def error(rng: np.random.Generator) -> float:
+        return float(rng.normal(0.0, 0.01)) + (0.3 if rng.uniform() < 0.02 else 0.0)
+
+    run = _lagging(np.full(800, 0.05), error)
+    assert with_undeclared(_lag(), [run])[0].outputs[0].noise_rms < 0.02
+
+
+def test_lines_between_the_samples_of_a_wandering_clock_hide_no_noise() -> None:
+    steps = 0.05 + 2e-3 * np.random.default_rng(1).normal(size=1200)
+    run = evened(_lagging(steps, lambda rng: float(rng.normal(0.0, 0.02))))
+    # A line between two samples has 0.7 to 1 times the noise of one.
+    assert with_undeclared(_lag(), [run])[0].outputs[0].noise_rms > 0.7 * 0.02
 
 
 def test_steps_below_the_declared_noise_or_resolution_change_nothing() -> None:

@@ -286,7 +286,8 @@ def _unforetold(
                     continue  # A run that diverged tells nothing of noise.
                 for name, column, rms in zip(one.used, run.error.T, one.noise_rms, strict=True):
                     error = column[np.isfinite(column)]
-                    least, white = white_rms(error, quantile=0.25), all_white_rms(error)
+                    # Lines between uneven samples leave neighbours noise in common, no others.
+                    least, white = white_rms(error, quantile=0.25), all_white_rms(error[::2])
                     if name in names and least < _CLEARLY_LESS * rms:
                         other[name] = min(least, other.get(name, math.inf))
                     elif (
@@ -294,7 +295,7 @@ def _unforetold(
                         and run.rmse[name] < _WHITE * white
                         and white > rms
                         # What jumps now and then, as a limit cycle out of step, is no noise.
-                        and usual_rms(error) > _EVEN * white
+                        and usual_rms(error[::2]) > _EVEN * white
                     ):
                         other[name] = max(white, other.get(name, 0.0))
         if not other:

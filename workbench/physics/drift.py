@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import casadi as ca
@@ -16,6 +16,7 @@ from workbench.physics.law import (
     Fit,
     Law,
     Own,
+    Site,
     by_port,
     drives,
     each,
@@ -316,13 +317,15 @@ def gained(survey: Survey) -> Iterator[tuple[Parameter, tuple[Place, ...]]]:
     yield from ((q, places) for q, places in entering if "." not in q.name)
 
 
+def _changing(q: Parameter, places: Sequence[Place], over: Local) -> tuple[Site, ...]:
+    """Return the ports of a parameter that changes there with a signal."""
+    return tuple((replace(at, parameters=(q,)).with_signal("over", over),) for at in places)
+
+
 def _each_parameter_over(survey: Survey) -> Iterator[Fit]:
     for q, places in gained(survey):
         for over in survey.may_bend_over(q, places):
-            yield (
-                f"_{q.name}_over_{over.source}",
-                tuple((replace(at, parameters=(q,)).with_signal("over", over),) for at in places),
-            )
+            yield f"_{q.name}_over_{over.source}", _changing(q, places, over)
 
 
 def _amount(at: Place) -> Own:
@@ -473,11 +476,10 @@ def _largest_drive(at: Place) -> float:
 
 def _resisting(survey: Survey) -> Iterator[Fit]:
     """Yield parameters that divide or multiply what drives a flow: a resistance, a conductance."""
-    for name, sites in _each_parameter_over(survey):
-        first = sites[0][0]
-        over, q = first.signals["over"], first.parameters[0]
-        if over.multiplied and q.lower >= 0.0 and any(s[0].role in FLOWS for s in sites):
-            yield name.removesuffix(f"_over_{over.source}"), sites
+    for q, places in gained(survey):
+        fills = q.lower >= 0.0 and any(at.role in FLOWS for at in places)
+        if fills and (over := survey.driving(q, places)):
+            yield f"_{q.name}", _changing(q, places, over)
 
 
 def _hindered(at: PortView) -> Expression:
@@ -531,10 +533,7 @@ parameter_curve = Law(
 def _terms(survey: Survey) -> Iterator[Fit]:
     for q, places in gained(survey):
         if over := survey.argument(q, places):
-            yield (
-                f"_{q.name}",
-                tuple((replace(at, parameters=(q,)).with_signal("over", over),) for at in places),
-            )
+            yield f"_{q.name}", _changing(q, places, over)
 
 
 def _drive(at: Place) -> Local:

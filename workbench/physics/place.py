@@ -855,8 +855,10 @@ class Survey:
             rest = ca.vertcat(*other, t.u)
             if "." not in name and any(ca.depends_on(s, rest) for s in slopes):
                 found.append(self._of(name))
-        if argument := self._argument(q.name, values):
-            found.append(argument)
+        # As a slip is; of how far two states are apart other laws are curves.
+        over = self.driving(q, places)
+        if over and not _is_difference(ca.SX(self._multiplied(q.name, values))):
+            found.append(over)
         read = any(at.output for at in places)
         for i, u in enumerate(self.model.inputs):
             if read and any(ca.depends_on(s, t.u[i]) for s in slopes):
@@ -914,14 +916,11 @@ class Survey:
         scale = _largest(seen) or 1.0
         return Local("argument", unit, scale, seen=seen, multiplied=True)
 
-    def _argument(self, name: str, values: Sequence[ca.SX]) -> Local | None:
-        """Return what a parameter multiplies where that is made of several signals, as a slip is.
-
-        Of a single state, of an input and of how far two states are apart other laws are curves.
-        """
-        seen = self.ranges.get(argument_of(name))
-        first = None if seen is None or seen[0] == seen[1] else self._multiplied(name, values)
-        if first is None or _is_difference(first):
+    def driving(self, q: Parameter, places: Sequence[Place]) -> Local | None:
+        """Return what a parameter multiplies or divides at some ports, made of several signals."""
+        seen = self.ranges.get(argument_of(q.name))
+        values = [self._port_value(self._port_index[at.name]) for at in places]
+        if seen is None or seen[0] == seen[1] or self._multiplied(q.name, values) is None:
             return None
         return Local("argument", "1", _largest(seen), seen=seen, multiplied=True)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -343,6 +344,26 @@ def test_a_turbulent_flow_loses_pressure_with_its_square(part: str) -> None:
         (flow,) = turbulent.rates([volume], [pressure])
         assert 2e6 * flow + quadratic * flow * abs(flow) == pytest.approx(drive, abs=1e-3)
         assert turbulent.read([volume], [pressure])[0] == pytest.approx(flow)
+
+
+def test_what_drives_a_flow_between_two_stores_may_be_turbulent() -> None:
+    flow = breathing("resistance")
+
+    def equations(m: Scope) -> Equations:
+        through = (m.x.hose - m.x.lung) / m.p.resistance
+        return (
+            {"hose": 10.0 * (m.u.pressure - m.x.hose), "lung": through / m.p.compliance},
+            {"flow": through},
+        )
+
+    model = replace(
+        flow,
+        equations=equations,
+        states=(State("hose", "Pa", 1e3), State("lung", "Pa", 1e3)),
+        outputs=flow.outputs[:1],
+    )
+    ranges = {argument_of("resistance"): (-1e3, 2e3)}
+    assert "turbulent_flow_resistance" in {h.name for h in library(model, ranges=ranges)}
 
 
 def test_a_sensor_reads_something_of_an_input() -> None:
