@@ -2,64 +2,85 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from workbench.cli.options import Jobs, Positive
-from workbench.cli.running import counting, processes, typed
+from workbench.cli.plant import Chosen, with_plant
+from workbench.cli.running import counting, note, processes, typed
+from workbench.cli.verify import nominal_design
 from workbench.errors import WorkbenchError
 
+_DRAWS = "Number of drawn machines; of the arm 200, else twice what may differ."
 
+
+@with_plant("option", "effect")
 def controllers(
+    chosen: Chosen,
     *,
     out: Path,
     family: list[str] | None = None,
+    require: list[str] | None = None,
     limits: bool = True,
     seed: int = 0,
     seeds: Positive = 1,
     fresh: bool = False,
     blind: bool = False,
-    draws: Annotated[int, typer.Option(help="Number of drawn machines.", min=1, max=10000)] = 200,
+    draws: Annotated[int | None, typer.Option(help=_DRAWS, min=1, max=10000)] = None,
     jobs: Jobs = None,
 ) -> int:
-    """Compare all families of controllers on the full arm, with what physics allows beside them.
+    """Compare all families of controllers on the full plant, and on machines that differ from it.
 
-    Of a plant of your own 'workbench verify --plant my_plants:rig' tries them all, and 'workbench
-    new-study' writes a study of it.
+    Of the arm it runs the shipped study 'controllers': each family designed for 0, 3 and 8 kg
+    horizontal and 3 kg vertical, steps and sines on the full plant with muscle hysteresis, another
+    load, supply and valve. A step that takes more than twice the physical limit is marked, with
+    what prevents less.
 
-    Runs the shipped study 'controllers': each family designed for 0, 3 and 8 kg horizontal and 3 kg
-    vertical, steps and sines on the full plant with muscle hysteresis, another load, supply and
-    valve. Exit status 1 if a hard requirement is missed. A step that takes more than twice the
-    physical limit is marked, with what prevents less; it changes no exit status.
+    Of another plant, or with other options, it runs all designs that fit through the steps of
+    'workbench verify', on machines of which one thing each differs: a law that machines usually
+    have some of, wherever it fits; a parameter, or what the plant says that it tolerates; an
+    option; noise.
 
-    With --blind: designs of the study 'tolerant' on machines that differ from what they know by one
-    thing in turn or by three, drawn with a seed that nothing was tuned with. Tells on how many each
-    holds its limits, and which differences cost most; about 6 s of processor time per machine and
-    two minutes for designs. Runs are kept in OUT and not done again.
+    With --blind machines differ by one thing in turn or by three, drawn with a seed that nothing
+    was tuned with; of the arm the designs are those of the study 'tolerant', about 6 s of processor
+    time per machine and two minutes for designs, else some 1 s per machine. Tells on how many each
+    design holds its limits, and which differences cost most. Runs are kept in OUT and not done
+    again. Exit status 1 if a hard requirement is missed, but never with --blind of the arm.
 
-    Example: 'workbench controllers --out controllers'.
+    Examples: 'workbench controllers --out controllers', 'workbench controllers --plant servo-axis
+    --blind --out table'.
 
     Args:
-        out: Folder for results.json, summary.md, junit.xml and report.html, or for blind.html.
-        family (-f NAME): Name of a controller of the study; by default all.
+        out: Folder for results.json, summary.md, junit.xml and report.html; blind.html for the arm.
+        family (-f NAME): Name of a controller of the study, or of a design; by default all.
+        require (METRIC=LIMIT): Largest value of a metric, such as settling_time=0.5s, of a plant
+            without study; may be given several times. By default what the plant declares, or that
+            each step settles before the next one, which changes no exit status.
         limits: Compute the physical limits (kept on disk once found).
         seed: Seed of the sensors' noise.
         seeds: Number of seeds; the worst of all counts.
         fresh: Run loads, variations and steps too that no choice of a design was made with.
-        blind: Run designs that tolerate delay, lags and wrong loads on drawn machines instead, on
-            the workbench's own plant and on an independent simulator.
+        blind: Run designs on drawn machines instead; those of the arm tolerate delay, lags and
+            wrong loads, and run on the workbench's own plant and on an independent simulator.
     """
+    from workbench.study.plants import PlantRecipe
+
+    if chosen.recipe != PlantRecipe(folder=chosen.recipe.folder):
+        if fresh:
+            raise WorkbenchError("--fresh is of the shipped study of the arm; leave it out")
+        return _differing(chosen, out, family or [], require or [], draws, blind, seed, seeds, jobs)
+    if require:
+        raise WorkbenchError("the study of the arm has requirements; leave --require out")
     if blind:
         if family:
             raise WorkbenchError(
                 f"--blind tries all designs of the study 'tolerant', and {family[0]!r} was named;"
                 " leave --family out"
             )
-        return _blind(out, draws, jobs)
-    from dataclasses import replace
-
+        return _blind(out, draws or 200, jobs)
     from workbench.reports.figures.limitations import limitation_tables
     from workbench.reports.study_page import write_study_files
     from workbench.study.result import run_study
@@ -81,10 +102,49 @@ def controllers(
     return 0 if result.passed else 1
 
 
+def _differing(
+    chosen: Chosen,
+    out: Path,
+    designs: list[str],
+    require: list[str],
+    draws: int | None,
+    blind: bool,
+    seed: int,
+    seeds: int,
+    jobs: int | None,
+) -> int:
+    """Run designs that fit on machines that differ from what they know."""
+    from workbench.reports.figures.drawn_machines import drawn_tables
+    from workbench.reports.study_page import write_study_files
+    from workbench.study.differences import differences, drawn, each, on_machines
+    from workbench.study.result import run_study
+    from workbench.study.step_trial import StepTrial
+
+    with counting() as counter:
+        trial = StepTrial(
+            chosen.recipe, nominal_design(chosen), tuple(designs), say=note, progress=counter
+        )
+        recipes, steps = trial.prepared()
+    found = differences(chosen.recipe, steps[0].references, steps[0].sample_time)
+    machines = (
+        drawn(chosen.recipe, found, draws or 2 * len({one.kind for one in found}))
+        if blind
+        else each(chosen.recipe, found)
+    )
+    study = on_machines(trial.study(recipes, steps, require, name="controllers"), machines)
+    study = replace(study, seeds=tuple(range(seed, seed + seeds)))
+    note(str(study))
+    with counting() as counter:
+        outcome = run_study(study, out, jobs=processes(jobs), progress=counter)
+    for table in drawn_tables(outcome):
+        typer.echo(f"{table}\n")
+    written = write_study_files(outcome, out, command=typed())
+    typer.echo(f"written to {out}: {', '.join(path.name for path in written)}")
+    return 1 if outcome.missed else 0
+
+
 def _blind(out: Path, count: int, jobs: int | None) -> int:
     """Run tolerant designs on drawn machines."""
-    from workbench.evaluation.rig.variations import BLIND_SEED
-    from workbench.evaluation.rig.variations import draws as drawn
     from workbench.evaluation.tolerance import (
         SIMULATORS,
         tolerance,
@@ -92,13 +152,10 @@ def _blind(out: Path, count: int, jobs: int | None) -> int:
         tolerant_study,
         traded,
     )
+    from workbench.evaluation.variations import draws as drawn
     from workbench.reports.page import write_page
-    from workbench.reports.tolerance_page import (
-        margins_table,
-        missed_table,
-        reached_table,
-        tolerance_page,
-    )
+    from workbench.reports.tolerance_page import margins_table, tables, tolerance_page
+    from workbench.study.differences import BLIND_SEED
 
     names, jobs = list(tolerant_study().controllers), processes(jobs)
     plan, rows = dict.fromkeys(SIMULATORS, drawn(count, BLIND_SEED)), []
@@ -113,7 +170,7 @@ def _blind(out: Path, count: int, jobs: int | None) -> int:
             rows.append(row)
             what = f"{row['simulator']} / {row['draw']}"
             counter("machines", len(rows), len(SIMULATORS) * count, what)
-        for table in (*(reached_table(rows, name) for name in SIMULATORS), missed_table(rows)):
+        for table in tables(rows):
             typer.echo(f"{table}\n")
         counter("trades", 0, len(names), "")
         for name, points in traded(designs, jobs=jobs):

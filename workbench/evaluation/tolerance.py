@@ -26,7 +26,7 @@ from workbench.evaluation.rig import plant
 from workbench.evaluation.rig.excitation import RATE
 from workbench.evaluation.rig.plant import derivative
 from workbench.evaluation.rig.simulate import follow
-from workbench.evaluation.rig.variations import Draw
+from workbench.evaluation.variations import Draw
 from workbench.study.designs import bandwidth_against_delay
 from workbench.study.schema import load_study, shipped_study
 from workbench.study.study import Study
@@ -34,9 +34,6 @@ from workbench.verification import Scenario, Steps, verify
 from workbench.verification.each_step import each_step, step_responses
 from workbench.verification.responses import oscillation, steady_error, variation_rate
 from workbench.work.processes import parallel
-
-SIZE = math.radians(15.0)
-"""Steps whose settling time is told."""
 
 REST = 200
 """Samples at the end of a step along which the valve rests."""
@@ -134,7 +131,7 @@ SIMULATORS: dict[str, Callable[..., dict[str, Any]]] = {
 
 
 def measured(time: Vector, angle: Vector, valve: Vector, signal: Steps) -> dict[str, Any]:
-    """Return what is judged of a run along steps, in SI.
+    """Return what is judged of a run along steps, in SI, by the names of metrics.
 
     Args:
         time: Sample times, shape (n,), in s.
@@ -145,14 +142,17 @@ def measured(time: Vector, angle: Vector, valve: Vector, signal: Steps) -> dict[
     rests = [
         (time[part.part], angle[part.part], part.final) for part in each_step(time, signal.changes)
     ]
+    sizes = [d.step for d in tolerant_study().demands if d.step is not None]
     return {
-        "settling": [
-            s.settling.value for s in steps if math.isclose(abs(s.final - s.initial), SIZE)
+        "settling_time": [
+            s.settling.value
+            for s in steps
+            if any(math.isclose(abs(s.final - s.initial), size) for size in sizes)
         ],
         "overshoot": max(s.overshoot for s in steps),
         "oscillation": max(oscillation(t, y, window=0.6).value for t, y, _ in rests),
-        "steady": [steady_error(t, end - y, window=0.4).value for t, y, end in rests],
-        "stop": bool(np.any(angle < 0.0) or np.any(angle > math.radians(60.0))),
+        "steady_error": [steady_error(t, end - y, window=0.4).value for t, y, end in rests],
+        "stop_impacts": float(np.any(angle < 0.0) or np.any(angle > math.radians(60.0))),
         "chatter": variation_rate(time, valve).value,
         "valve_at_rest": max(
             float(np.std(valve[part.part][-REST:])) for part in each_step(time, signal.changes)

@@ -89,6 +89,7 @@ series_elasticity = Law(
     rates=_follow,
     start=lambda e: {"pull": e.form.ramp(e.here.value, 1.0)},
     far=True,
+    usual=True,
     source="A. V. Hill 1938, series element; compliance of fittings",
     look_alikes=("force_shape", "contraction_force_correction", "linear_spring"),
     separated_by="pressure steps with the joint locked at several angles",

@@ -44,6 +44,7 @@ creep = Law(
     shapes=lambda at: (
         {"time_constant": at.horizon}, {"time_constant": 0.3 * at.horizon}, {"slow_part": 1.0},
     ),
+    usual=True,
     source="standard linear solid, C. Zener 1948; creep of rubber tubes in braided muscles",
     look_alikes=("maxwell_slip_hysteresis", "chamber_leakage", "sensor_drift"),
     separated_by="hold valve and angle for a minute after a step of pressure",

@@ -46,6 +46,7 @@ coulomb_friction = Law(
     ),
     lambda at: at.value - at.p.level * ca.tanh(at.signals.speed / at.p.transition_speed),
     dry=True,
+    usual=True,
     source="C. A. Coulomb; regularised with tanh",
     look_alikes=(
         "stribeck_friction", "lugre_friction", "load_dependent_friction", "muscle_hysteresis",
@@ -62,6 +63,7 @@ viscous_friction = Law(
              0.5 * at.scale / at.speed.scale, "damping", resists=True),
     ),
     lambda at: at.value - at.p.coefficient * at.signals.speed,
+    usual=True,
     source="linear damper",
     look_alikes=("muscle_viscosity", "quadratic_drag"),
     separated_by="swings of small and large amplitude",
@@ -145,6 +147,7 @@ stribeck_friction = Law(
         for k in (0.1, 0.03, 0.3)
     ],
     dry=True,
+    usual=True,
     source="R. Stribeck 1902; Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994)",
     look_alikes=("coulomb_friction", "lugre_friction", "local_friction"),
     separated_by="runs at several slow steady speeds: only this friction falls with speed",
@@ -226,6 +229,7 @@ load_dependent_friction = Law(
     ),
     _of_bearing,
     dry=True,
+    usual=True,
     source="G. Amontons 1699; journal bearing under radial load",
     look_alikes=("coulomb_friction", "stribeck_friction", "muscle_hysteresis"),
     separated_by="the same motion under a light and under a heavy load",

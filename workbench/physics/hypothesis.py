@@ -30,6 +30,7 @@ class Hypothesis:
         far: Whether its usual sizes are beyond where the derivative at size zero tells of them, as
             with delays: a refit then begins at the priors too, not only where the last one ended.
         same_as: Names of entries that give the very same measurements, whatever is recorded.
+        usual: Whether machines usually have some of it that nobody tells a controller of.
         alone: The same law at each of its places alone, where several share its parameters.
 
     Raises:
@@ -54,6 +55,7 @@ class Hypothesis:
     far: bool = False
     same_as: tuple[str, ...] = ()
     alone: tuple[Hypothesis, ...] = ()
+    usual: bool = False
 
     def __post_init__(self) -> None:
         """Check the names and fall back to the effect's name for the law."""

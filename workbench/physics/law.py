@@ -229,6 +229,7 @@ class Law:
         stiff: Whether it brings rates well beyond 1000 1/s.
         far: Whether its usual sizes are beyond where the derivative at size zero tells of them.
         whole: Whether the largest size is all that there can be.
+        usual: Whether machines usually have some of it that nobody tells a controller of.
         of_parameter: Whether it changes a parameter of the model.
         moment: Name of the parameter that is the time of an event, on a clock that is a state.
         period: Name of the parameter with which that event repeats, in s.
@@ -266,6 +267,7 @@ class Law:
     stiff: bool = False
     far: bool = False
     whole: bool = False
+    usual: bool = False
     of_parameter: bool = False
     moment: str = ""
     period: str = ""
@@ -362,6 +364,7 @@ class Law:
             self.whole,
             self.far,
             self.same_as(survey, first),
+            usual=self.usual,
         )
 
     def _size(self, at: Place) -> Own:

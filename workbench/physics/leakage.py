@@ -62,6 +62,7 @@ chamber_leakage = Law(
     ),
     lambda at: (_conductance,),
     lambda at: at.value - _to_ambient(at),
+    usual=True,
     source="ISO 6358",
     look_alikes=("cross_leakage", "edge_leakage", "creep"),
     separated_by="hold with the valve shut at different pressures, one muscle at a time",

@@ -50,6 +50,7 @@ offset = Law(
     drives("flow"),
     _amount(0.05, 1.0),
     lambda at: at.value + at.p.amount,
+    usual=True,
     source="zero error",
     look_alikes=("gain",),
     separated_by="hold still at several positions: an offset is the same everywhere",
@@ -105,6 +106,7 @@ gain = at_inputs_too(
         drives("flow"),
         _excess(0.05),
         lambda at: at.value * (1.0 + at.p.excess),
+        usual=True,
         source="span error",
         look_alikes=("offset",),
         separated_by="compare with a reference at two levels of the signal",
@@ -146,6 +148,7 @@ force_gain = replace(
     gain,
     name="force_gain",
     where=each("muscle_force", label=by_number),
+    usual=False,
     look_alikes=("tilt_gravity", "constant_torque", "sensor_gain", "force_gain"),
     separated_by="isometric force of each muscle with a load cell",
 )
@@ -155,6 +158,7 @@ edge_gain = replace(
     name="edge_gain",
     where=each("edge", label=by_end),
     parameters=_excess(0.1),
+    usual=False,
     look_alikes=("asymmetric_gain", "valve_offset", "silencer"),
     separated_by="fill and vent each chamber alone over the same pressures",
 )

@@ -33,6 +33,7 @@ play = Law(
         )
     },
     dry=True,
+    usual=True,
     source="Krasnosel'skii and Pokrovskii 1989, play operator",
     look_alikes=("command_play", "spool_hysteresis", "dead_band"),
     separated_by="slow triangles of several amplitudes about the centre",
@@ -52,6 +53,7 @@ spool_hysteresis = replace(
             e.here.signals.speed, e.x.slack, e.p.reach, 0.001 * 0.05 * e.here.scale, form=e.form
         )
     },
+    usual=False,
     source="manufacturer: hysteresis at most 0.4 % of stroke",
     look_alikes=("play", "dead_band"),
 )  # fmt: skip
@@ -96,6 +98,7 @@ command_play = Law(
     start=lambda e: {"follower": e.here.value - e.p.floor},
     dry=True,
     family="play",
+    usual=True,
     source="Krasnosel'skii and Pokrovskii 1989, play operator",
     look_alikes=("play", "spool_hysteresis", "dead_band"),
     separated_by="slow triangles of several amplitudes about the centre",
@@ -162,6 +165,7 @@ command_hysteresis = replace(
     rates=_follow_all,
     start=lambda e: {f"follower_{i + 1}": e.here.value for i in range(_PLAYS)},
     shapes=lambda at: [{"reach": part * at.scale} for part in (0.05, 0.01, 0.2)],
+    usual=False,
     source="L. Prandtl 1928, A. Yu. Ishlinskii 1944; piezo ceramics, magnets, valve positioners",
     look_alikes=("backlash", "drive_lag", "dead_band"),
     separated_by="slow triangles of several amplitudes: the loop of small ones is narrower",
@@ -223,6 +227,7 @@ elastic_play = Law(
     ),
     _slack_taken,
     family="backlash",
+    usual=True,
     source="M. Nordin and P.-O. Gutman 2002: slack in series with spring and damper",
     look_alikes=("cubic_stiffness", "polynomial_stiffness", "linear_spring"),
     separated_by="small deflections to both sides: within the slack there is no force",

@@ -191,6 +191,7 @@ dead_band = at_inputs_too(
         _shifted,
         dry=True,
         far=True,
+        usual=True,
         source="overlap of a spool, threshold of a drive",
         look_alikes=("play", "spool_hysteresis", "centre_leakage", "backlash"),
         separated_by="a slow triangle about the centre: a dead band has no loop",

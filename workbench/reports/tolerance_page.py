@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,119 +11,74 @@ import numpy as np
 from controllers.largest_bandwidth import MarginedDesign
 from controllers.protocol import Controller
 from workbench.evaluation.tolerance import SIMULATORS, tolerant_study
+from workbench.model.units import from_si
+from workbench.reports.drawn_machines import (
+    Measured,
+    Tried,
+    missed_table,
+    reached_table,
+    worst_table,
+)
+from workbench.reports.metrics_table import demand_text
 from workbench.reports.page import Method, Page, Section, Words, again
 from workbench.reports.pictures import Picture
 from workbench.reports.style import colours, key, label, new_figure
-from workbench.reports.tables import Cell, Table, number
+from workbench.reports.tables import Table, number
 from workbench.study.linear_loop import analyse_loop
+from workbench.study.study import Demand
+from workbench.verification.requirements import score_of
 
 Rows = Sequence[Mapping[str, Any]]
 
-CALM, OVERSHOOT, SLOWEST = math.radians(0.2), 0.10, 0.8
-"""Largest residual oscillation (rad), overshoot (fraction) and settling time (s) to be reached."""
-
-LEAST_CALM = 12
-"""Runs that are listed as the least calm ones."""
-
-
-def _missed(run: Mapping[str, Any]) -> bool:
-    """Tell whether a run misses a limit, as one that could not be done does."""
-    return "reason" in run or not (
-        run["oscillation"] <= CALM
-        and not run["stop"]
-        and run["overshoot"] <= OVERSHOOT
-        and max(map(_finite, run["settling"])) <= SLOWEST
-    )
+_TOLD = {
+    "steady error": ("steady_error", "deg"),
+    "valve at rest, rms": ("valve_at_rest", "V"),
+    "valve travel": ("chatter", "V/s"),
+}
+"""What is told beside what is required: the key in a row, and the unit in which it is read."""
 
 
-def reached_table(rows: Rows, simulator: str) -> Table:
-    """Return what each design reaches over the drawn machines of a simulator, a column for each."""
-    own = [row for row in rows if row["simulator"] == simulator]
-    names = tuple(own[0]["runs"]) if own else ()
-    runs = {name: [row["runs"][name] for row in own] for name in names}
-    told = {name: [run for run in runs[name] if "reason" not in run] for name in names}
-
-    def kept(holds: Callable[[Mapping[str, Any]], bool]) -> tuple[Cell, ...]:
-        counts = {name: sum(map(holds, told[name])) for name in names}
-        return tuple(
-            Cell(f"{n} of {len(own)}", "met" if n == len(own) else "missed")
-            for n in counts.values()
-        )
-
-    def typical(
-        of: Callable[..., Any], values: Callable[[Mapping[str, Any]], Sequence[float]], digits: int
-    ) -> tuple[str, ...]:
-        every = {name: [v for run in told[name] for v in values(run)] for name in names}
-        return tuple(number(float(of(v)), digits) if v else "" for v in every.values())
-
-    def settling(run: Mapping[str, Any]) -> list[float]:
-        return [_finite(v) for v in run["settling"]]
-
-    lines: dict[str, tuple[Cell | str, ...]] = {
-        "all of the limits": kept(lambda run: not _missed(run)),
-        "no stop hit": kept(lambda run: not run["stop"]),
-        f"oscillation at most {math.degrees(CALM):g}°": kept(
-            lambda run: bool(run["oscillation"] <= CALM)
-        ),
-        "  largest (°)": typical(max, lambda run: [math.degrees(run["oscillation"])], 3),
-        f"overshoot at most {100 * OVERSHOOT:g} %": kept(
-            lambda run: bool(run["overshoot"] <= OVERSHOOT)
-        ),
-        "  largest (%)": typical(max, lambda run: [100.0 * run["overshoot"]], 3),
-        f"15° settled in {SLOWEST:g} s": kept(lambda run: max(settling(run)) <= SLOWEST),
-        "  median (s)": typical(np.median, settling, 3),
-        "steady error, median (°)": typical(np.median, lambda run: np.degrees(run["steady"]), 2),
-        "valve at rest, rms, median (V)": typical(np.median, lambda run: [run["valve_at_rest"]], 2),
-        "valve travel, median (V/s)": typical(np.median, lambda run: [run["chatter"]], 3),
-    }
-    return Table(
-        f"Drawn machines on the {simulator}: {len(own)}",
-        ("", *names),
-        tuple((what, *cells) for what, cells in lines.items()) if own else (),
-        "A step that has not settled before the next one counts as infinitely slow.",
-    )
+def _required() -> dict[str, Demand]:
+    return {demand_text(demand): demand for demand in tolerant_study().demands}
 
 
-def missed_table(rows: Rows) -> Table:
-    """Return on how many machines with each kind of variation a design misses a limit."""
-    names = tuple(rows[0]["runs"]) if rows else ()
-    kinds = dict.fromkeys(kind for row in rows for kind in row["kinds"])
-    with_it = {kind: [row for row in rows if kind in row["kinds"]] for kind in kinds}
-    missed = {
-        kind: [sum(_missed(row["runs"][name]) for row in own) for name in names]
-        for kind, own in with_it.items()
-    }
-    worst = sorted(kinds, key=lambda kind: -sum(missed[kind]) / len(with_it[kind]))
-    return Table(
-        "Runs that miss a limit, by what differed",
-        ("what differed, alone or with two others", "runs", *names),
-        tuple((kind, str(len(with_it[kind])), *map(str, missed[kind])) for kind in worst),
-    )
+def tables(rows: Rows) -> tuple[Table, ...]:
+    """Return what each design reaches on each simulator, and what costs most."""
+    own = {name: tried([row for row in rows if row["simulator"] == name]) for name in SIMULATORS}
+    reached = (reached_table(r, lines(), f"Drawn machines on the {n}") for n, r in own.items() if r)
+    return (*reached, missed_table(tried(rows)))
 
 
-def least_calm_table(rows: Rows) -> Table:
-    """Return the runs that oscillate most, and what differed in them."""
-    every = [
-        (run["oscillation"], name, row, run)
+def lines() -> tuple[Measured, ...]:
+    """Return what is told of the runs."""
+    found = [Measured(what, d.requirement.unit, required=True) for what, d in _required().items()]
+    return (*found, *(Measured(what, unit) for what, (_, unit) in _TOLD.items()))
+
+
+def tried(rows: Rows) -> list[Tried]:
+    """Return runs on drawn machines as they are told of."""
+    return [
+        Tried(name, f"{row['simulator']}, {row['draw']}", tuple(row["kinds"]), *_told(run))
         for row in rows
         for name, run in row["runs"].items()
-        if "reason" not in run
     ]
-    every.sort(key=lambda one: -one[0])
-    return Table(
-        "The least calm runs",
-        ("controller", "simulator", "what differed", "oscillation (°)", "overshoot (%)"),
-        tuple(
-            (
-                name,
-                row["simulator"],
-                ", ".join(row["kinds"]),
-                number(math.degrees(size)),
-                number(100.0 * run["overshoot"]),
-            )
-            for size, name, row, run in every[:LEAST_CALM]
-        ),
-    )
+
+
+def _told(run: Mapping[str, Any]) -> tuple[dict[str, list[float]], dict[str, float], str]:
+    if "reason" in run:
+        return {}, {}, run["reason"]
+    values = {what: _shown(run[key], unit) for what, (key, unit) in _TOLD.items()}
+    scores = {}
+    for what, demand in _required().items():
+        required = demand.requirement
+        values[what] = _shown(run[required.metric], required.unit)
+        scores[what] = score_of(required, max(values[what]))
+    return values, scores, ""
+
+
+def _shown(measured: Any, unit: str) -> list[float]:
+    every = measured if isinstance(measured, list) else [measured]
+    return [math.inf if v is None or math.isnan(v) else float(from_si(v, unit)) for v in every]
 
 
 def margins_table(designs: Mapping[str, MarginedDesign[Controller]]) -> Table:
@@ -201,17 +156,14 @@ def tolerance_page(
 ) -> Page:
     """Build the page of tolerant designs on drawn machines."""
     study = tolerant_study()
-    tables = [reached_table(rows, name) for name in SIMULATORS]
-    tables = [table for table in tables if table.rows]
+    runs = tried(rows)
     methods = (
-        ("machines", "one of 13 kinds of variation in turn, or three at random; seeded"),
+        ("machines", "one kind of difference in turn, or three at random; seeded"),
         ("oscillation", "half the range in the last 0.6 s of a step, without its straight line"),
-        ("settling", "time until the angle stays within 2 % of a step of 15°"),
+        ("settling time", "time until the angle stays within 2 % of the step"),
     )
     sections = (
-        Section(
-            "reached", "What is reached", (*tables, missed_table(rows), least_calm_table(rows))
-        ),
+        Section("reached", "What is reached", (*tables(rows), worst_table(runs))),
         Section("margins", "Margins", (margins_table(designs), Method(methods))),
         Section("trade", "Bandwidth against delay", (trade_picture(trades, designs),)),
         *again(command),
@@ -219,7 +171,3 @@ def tolerance_page(
     count = len({row["draw"] for row in rows})
     lead = f"{len(designs)} designs; drawn machines that none of them was told of: {count}."
     return Page("Tolerant designs", lead, sections, first=(Words(study.description),))
-
-
-def _finite(value: float | None) -> float:
-    return math.inf if value is None or math.isnan(value) else value

@@ -33,6 +33,7 @@ class Variation:
         lead: What is added to the lead of the feedforward, in s.
         judged: Whether requirements apply; a variation that only shows what a part costs is
             evidence, and is not judged.
+        differs: What differs of a machine that nobody modelled, each by one word.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Variation:
     plan_duration: float = 1.0
     lead: float = 0.0
     judged: bool = True
+    differs: tuple[str, ...] = ()
 
     @property
     def nominal(self) -> bool:

@@ -68,11 +68,14 @@ def judge(requirement: Requirement, measured: Metrics) -> Score:
     value = metric.value
     if requirement.unit:
         value = float(convert(value, metric.unit, requirement.unit))
+    return Score(value, score_of(requirement, value), metric.reason)
+
+
+def score_of(requirement: Requirement, value: float) -> float:
+    """Return the score, a ratio, of a value in the unit of a requirement; NaN is never met."""
     limit = requirement.limit
     if math.isnan(value):
-        score = math.inf
-    elif requirement.kind == "at_most":
-        score = value / limit if limit > 0 else (0.0 if value <= 0 else math.inf)
-    else:
-        score = limit / value if value > 0 else math.inf
-    return Score(value, score, metric.reason)
+        return math.inf
+    if requirement.kind == "at_most":
+        return value / limit if limit > 0 else (0.0 if value <= 0 else math.inf)
+    return limit / value if value > 0 else math.inf

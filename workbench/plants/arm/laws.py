@@ -128,6 +128,7 @@ loose_load = Law(
     },
     shapes=lambda at: [{"frequency": f} for f in (40.0, 20.0, 10.0, 100.0, 28.0, 14.0)],
     whole=True,
+    usual=True,
     far=True,
     source="two-mass oscillator",
     look_alikes=("load_error", "viscous_friction"),

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
 
-def _draw_scores(scores: Mapping[str, tuple[Vector, int]], shades: Mapping[str, Colour]) -> Drawing:
+def draw_scores(scores: Mapping[str, tuple[Vector, int]], shades: Mapping[str, Colour]) -> Drawing:
     """Draw the score at every plant and how many were drawn, a line of dots per controller."""
     from matplotlib.ticker import FixedLocator, NullLocator
 
@@ -116,7 +116,7 @@ def _draw(result: StudyResult) -> list[Block]:
     drawn = {r.controller: (r.scores, r.drawn) for r in result.robustness}
     picture = Picture(
         "box-scores",
-        _draw_scores(drawn, shades_of(result.study)),
+        draw_scores(drawn, shades_of(result.study)),
         "Score of each controller at every plant of the box; right of the dashed line a hard "
         "requirement is missed.",
         "scores of the controllers over drawn plants",

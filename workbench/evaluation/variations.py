@@ -15,9 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.evaluation.rig.parameters import PARAMETERS, elements, nominal
-
-TUNING_SEED, BLIND_SEED = 11, 31_416
-"""Seeds of the draws that designs were tuned with, and of those that none has seen."""
+from workbench.study.differences import in_turn
 
 VALVE = 2.9e-8
 """Conductance of the open valve, beside which lines are narrow, in m3/(s Pa)."""
@@ -182,12 +180,7 @@ def draws(count: int, seed: int) -> tuple[Draw, ...]:
     """Draw machines: in turn one kind, each as often as the others, and three kinds at random."""
     load = 3.0
     rng, found = np.random.default_rng(seed), []
-    names = list(KINDS)
-    for i in range(count):
-        if i % 2 == 0:
-            kinds = [names[(i // 2) % len(names)]]
-        else:
-            kinds = [str(k) for k in rng.choice(names, 3, replace=False)]
+    for i, kinds in enumerate(in_turn(list(KINDS), count, rng)):
         parts = tuple(KINDS[kind](rng, load) for kind in kinds)
         found.append(Draw(i, tuple(kinds), load, parts))
     return tuple(found)

@@ -1,0 +1,78 @@
+"""Machines that differ from what designs know, by what their plant declares."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from workbench.cli.main import run
+from workbench.study.differences import differences, drawn, each
+from workbench.study.plants import PlantRecipe
+
+PLANT = """
+from workbench.model import Input, Model, Output, Parameter, State
+
+def bath(volume_m3=0.05):
+    return Model(
+        "bath",
+        lambda m: (
+            {"warmth": (m.u.heat - m.p.loss * (m.x.warmth - m.p.room)) / (4.18e6 * volume_m3)},
+            {"warmth": m.x.warmth},
+        ),
+        states=(State("warmth", "K", initial=293.15),),
+        inputs=(Input("heat", "W", lower=0.0, upper=3000.0, nominal=600.0),),
+        outputs=(Output("warmth", "K", display_unit="degC", noise_rms=0.01),),
+        parameters=(Parameter("loss", "W/K", value=20.0), Parameter("room", "K", value=293.15)),
+    )
+"""
+
+
+@pytest.fixture
+def bath(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> PlantRecipe:
+    (tmp_path / "my_bath.py").write_text(PLANT)
+    monkeypatch.chdir(tmp_path)
+    return PlantRecipe("my_bath:bath", folder=tmp_path)
+
+
+def test_what_may_differ_follows_from_the_plant(bath: PlantRecipe) -> None:
+    found = {one.name: one for one in differences(bath, ["warmth"], 1.0)}
+    assert {"loss", "volume", "noise", "delay_heat_command", "sensor_lag_warmth"} <= set(found)
+    # Temperatures have no part of themselves; a loop cannot see what falsifies its own sensor.
+    assert not {"room", "sensor_offset_warmth", "sensor_gain_warmth"} & set(found)
+    less = found["loss"].made(bath, -1.0, 0.0).build()
+    assert less.parameter("loss").value == pytest.approx(16.0)
+    assert dict(found["volume"].made(bath, 0.5, 0.0).options)["volume"] == pytest.approx(0.055)
+    assert found["noise"].made(bath, 1.0, 0.0).noise == 2.0
+    for machine in each(bath, tuple(found.values())):
+        assert machine.plant != bath and machine.plant.build().parameters
+
+
+def test_a_plant_that_says_what_it_tolerates_is_taken_at_its_word() -> None:
+    ends = {one.name: one for one in differences(PlantRecipe(), ["angle"], 0.002)}
+    more = ends["load"].made(PlantRecipe(), 1.0, 0.0)
+    assert dict(more.parameters)["load"] == pytest.approx(5.0) and "lever_arm" not in ends
+
+
+def test_machines_are_drawn_again_for_the_same_seed(bath: PlantRecipe) -> None:
+    found = differences(bath, ["warmth"], 1.0)
+    machines = list(drawn(bath, found, 8, 5))
+    assert machines == list(drawn(bath, found, 8, 5)) != list(drawn(bath, found, 8, 6))
+    assert [len(one.differs) for one in machines[:4]] == [1, 3, 1, 3]
+
+
+def test_designs_run_on_machines_that_differ(
+    bath: PlantRecipe, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["controllers", "--plant", "my_bath:bath", "-f", "lqi", "--jobs", "1", "--blind"]
+    words += ["--draws", "2", "--out"]
+    assert run([*words, "table"]) == 0
+    said = capsys.readouterr().out
+    assert "Machines that differ: 2" in said and "of 2" in said
+    table = json.loads(Path("table/results.json").read_text())
+    assert {r["variation"] for r in table["runs"]} == {"nominal", "machine 1", "machine 2"}
+    page = Path("table/report.html").read_text()
+    assert "Machines that differ from what the designs know" in page
+    # What is required and missed is told by the exit status.
+    assert run([*words, "strict", "--require", "settling_time=1min"]) == 1
