@@ -42,7 +42,7 @@ def library(
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
         period: Period with which something repeats that nobody read, in s; 0 if nothing does.
         strides: How much of a command passes until something repeats, in its unit times s, by
-            port; nothing repeats at others.
+            port, or how far a state goes, by its name; nothing repeats at others.
         ranges: Smallest and largest value along the recordings of ports and states, by name, in
             SI, for limits that lie there.
         more_of: Names of attached effects of which there may be more than their parameters allow.

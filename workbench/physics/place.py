@@ -201,8 +201,8 @@ class Place:
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
         seen: Smallest and largest value along the recordings, in its unit; None if not known.
         period: Period with which something repeats that nobody read, in s; 0 if nothing does.
-        stride: How much of the signal passes, in its unit times s, until something repeats that
-            goes with it; 0 if nothing does.
+        stride: How much of the signal passes, in its unit times s, or how far goes what it moves,
+            until something repeats that goes with it; 0 if nothing does.
         terms: How far the terms that add up to the signal, and may balance, go along recordings:
             half of the range of the largest one, in its unit; 0 if a size is declared.
         usual: States and inputs at the start, by name, in SI, where they change what the signal is
@@ -311,7 +311,7 @@ class Survey:
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
         period: Period with which something repeats that nobody read, in s; 0 if nothing does.
         strides: The same by commands: how much of one passes meanwhile, in its unit times s, by
-            port.
+            port; and by what is moved: how far it goes, by state.
         ranges: Smallest and largest value along the recordings of ports and states, by name, and
             of differences of two states, in SI.
         found: Names of attached effects whose parameters are not offered a change with time.
@@ -507,9 +507,15 @@ class Survey:
             whole=self._whole(index), elastic=(shared or role in EFFORTS) and elastic,
             directed=directed, output=output, horizon=self.model.horizon, duration=self.duration,
             sample_time=self.sample_time, period=self.period, seen=self.ranges.get(name),
-            stride=self.strides.get(name, 0.0), terms=self._terms(port), carried=carried,
+            stride=self._stride(name, signals), terms=self._terms(port), carried=carried,
             usual=self._weighing(index) if role in (*EFFORTS, *FLOWS) else {},
         )  # fmt: skip
+
+    def _stride(self, name: str, signals: Mapping[str, Local]) -> float:
+        """Return how much of a signal passes, or how far what it moves goes, until it repeats."""
+        way = signals.get("coordinate")
+        alone = way is not None and not way.minus
+        return self.strides.get(way.source if way and alone else name, 0.0)
 
     def _weighing(self, index: int) -> dict[str, float]:
         """Return the start of what changes the divisor of a port's whole signal."""

@@ -223,6 +223,8 @@ _PLACES = 6
 
 def _turns(at: Place) -> tuple[float, ...]:
     """Radians of the ripple per unit of the position that are worth trying."""
+    if at.stride > 0.0:
+        return (2.0 * math.pi / at.stride,)
     if at.coordinate.unit == "rad":
         low, high = at.coordinate.seen or at.travel
         return _TEETH if high - low < 2.0 * math.pi else tuple(map(float, _WHOLE_TURNS))

@@ -39,6 +39,9 @@ _SINE, _REPEATS = 0.15, 3
 _OUTSTANDING, _LINE = 4.0, 3
 """Power of the line of that sine over the strongest other one, and how many lines away that is."""
 
+_STRETCH, _COURSE = 4, 3
+"""Samples to a stretch of a way, on the mean, and degree of the course along it."""
+
 _EXPLAINED = 0.3
 """Share of the variance that is a function of a local signal from which time explains no more."""
 
@@ -367,6 +370,36 @@ def period_of(recordings: Sequence[tuple[str, Vector]], signal: Vector) -> float
         widths.append(1.0 / whole)
     apart = max(rates) - min(rates)
     return 1.0 / float(np.mean(rates)) if apart <= 0.5 * max(widths) else math.nan
+
+
+def stride_of(way: Vector, signal: Vector) -> float:
+    """Return how far one goes along a way, back and forth, until a signal repeats; NaN if never.
+
+    The signal is averaged over short stretches of the way, and its course over all of it left out.
+
+    Args:
+        way: Where the signal acts, shape (n,), any unit.
+        signal: The signal, shape (n,), any unit.
+
+    Returns:
+        The stride, in the unit of the way.
+
+    Example:
+        >>> way = 0.3 * np.sin(0.01 * np.arange(4000))
+        >>> noise = np.random.default_rng(1).normal(0.0, 1.0, way.size)
+        >>> round(stride_of(way, np.sin(2.0 * np.pi * way / 0.0125) + way + noise), 4)
+        0.0125
+    """
+    edges = np.linspace(np.min(way), np.max(way), max(len(way) // _STRETCH, 1) + 1)
+    which = np.clip(np.searchsorted(edges, way) - 1, 0, len(edges) - 2)
+    count = np.bincount(which, minlength=len(edges) - 1)
+    level = np.bincount(which, weights=signal, minlength=len(count)) / np.maximum(count, 1)
+    if np.count_nonzero(count) <= _COURSE:
+        return math.nan
+    middles = np.linspace(-1.0, 1.0, len(count))
+    level = np.interp(middles, middles[count > 0], level[count > 0])
+    level = level - np.polyval(np.polyfit(middles, level, _COURSE), middles)
+    return period_of([("", 0.5 * (edges[1:] + edges[:-1]))], level)
 
 
 def _held(time: Vector, signal: Vector, rate: float) -> float:

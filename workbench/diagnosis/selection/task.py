@@ -10,7 +10,12 @@ from functools import cached_property
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.prediction_error import Observed, filter_of, steps_along
+from workbench.diagnosis.estimation.prediction_error import (
+    Innovations,
+    Observed,
+    filter_of,
+    steps_along,
+)
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import (
     ProcessNoiseFit,
@@ -19,13 +24,15 @@ from workbench.diagnosis.estimation.process_noise import (
     ranges_along,
 )
 from workbench.diagnosis.location.locate import Location
-from workbench.diagnosis.location.missing_signal import period_of
+from workbench.diagnosis.location.missing_signal import period_of, stride_of
 from workbench.diagnosis.location.unknown_input import unknown_input
 from workbench.diagnosis.selection.selected import Accepted, Selected
 from workbench.diagnosis.selection.simulation_error import closest_runs
 from workbench.errors import NumericalError
 from workbench.model import Model
+from workbench.model.units import same_dimension
 from workbench.physics.library import Hypothesis, Law, library
+from workbench.physics.place import per
 
 MOST_FINDINGS = 3
 """Effects that are searched for, one after the other."""
@@ -147,6 +154,17 @@ class Task:
             return {}
 
     @cached_property
+    def _filtered(self) -> list[tuple[Observed, Innovations]]:
+        model = self.base.model
+        try:
+            return [
+                (seen, filter_of(model, seen, self.base.noise_scale).run(seen, model.values))
+                for seen in self.started(self.fitting, model)
+            ]
+        except (NumericalError, np.linalg.LinAlgError):
+            return []
+
+    @cached_property
     def _lacking(self) -> list[list[tuple[Vector, Vector]]]:
         """Signals that the refitted model lacks by recording, with their times in s.
 
@@ -155,9 +173,8 @@ class Task:
         model, left = self.base.model, []
         ports = self.location.ports(model) if self.location else ()
         try:
-            for seen in self.started(self.fitting, model):
+            for seen, run in self._filtered:
                 time = seen.sample_time * np.arange(len(seen.outputs), dtype=np.float64)
-                run = filter_of(model, seen, self.base.noise_scale).run(seen, model.values)
                 parts = [(time, error) for error in np.nan_to_num(run.whitened).T]
                 if ports:
                     found = unknown_input(model, seen, ports)
@@ -181,9 +198,10 @@ class Task:
     def _strides(self) -> dict[str, float]:
         """How much of a command passes until what is lacking repeats, by port.
 
-        In its unit times s, of commands of one sign.
+        In its unit times s, of commands of one sign. And how far a state goes, by name, that is the
+        integral of another one.
         """
-        found = {}
+        found = self._ways
         for i, q in enumerate(self.base.model.inputs):
             inputs = [r.inputs[:, i] for r in self.fitting]
             if not q.commanded or not all(np.all(u >= 0.0) or np.all(u <= 0.0) for u in inputs):
@@ -199,6 +217,24 @@ class Task:
                 stride = period_of(ways, np.concatenate(signals))
                 if math.isfinite(stride):
                     found[f"{q.name}.command"] = stride
+                    break
+        return found
+
+    @property
+    def _ways(self) -> dict[str, float]:
+        found, states = {}, self.base.model.states
+        for i, q in enumerate(states):
+            if not any(same_dimension(other.unit, per(q.unit, "s")) for other in states):
+                continue
+            for same in zip(*self._lacking, strict=True):
+                ways = [
+                    np.interp(time, seen.sample_time * np.arange(len(run.states)), run.states[:, i])
+                    for (seen, run), (time, _) in zip(self._filtered, same, strict=True)
+                ]
+                signals = [signal for _, signal in same]
+                stride = stride_of(np.concatenate(ways), np.concatenate(signals))
+                if math.isfinite(stride):
+                    found[q.name] = stride
                     break
         return found
 
