@@ -8,12 +8,19 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from workbench.diagnosis.estimation.filter import _exponential_of
-from workbench.diagnosis.estimation.made_up import made_up_axis
-from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, stack
+from workbench.diagnosis.estimation.filter import Steps, _exponential_of
+from workbench.diagnosis.estimation.made_up import made_up, made_up_axis
+from workbench.diagnosis.estimation.prediction_error import (
+    Observed,
+    PredictionError,
+    stack,
+    steps_along,
+)
 from workbench.errors import WorkbenchError
+from workbench.physics.stiffness import end_stop
 from workbench.plants.servo_axis import servo_axis
 from workbench.simulation.equations import _library as built_before
+from workbench.work.counted import done
 from workbench.work.machine_code import compiler
 
 AXIS = servo_axis()
@@ -107,7 +114,10 @@ def test_unknown_names_are_refused() -> None:
 
 
 @pytest.mark.skipif(compiler() is None, reason="there is no C compiler to compare with")
-def test_without_a_compiler_the_filter_gives_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("steps", [None, Steps(1, 2, 3, 5, 5), Steps(2, 1, 4, 1, 6)])
+def test_without_a_compiler_the_filter_gives_the_same(
+    steps: Steps | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
     seen = made_up_axis(2, samples=330)
     seen.outputs[40:45] = np.nan
     seen.outputs[200] += 0.05  # an outlier
@@ -117,7 +127,9 @@ def test_without_a_compiler_the_filter_gives_the_same(monkeypatch: pytest.Monkey
         monkeypatch.setenv("WORKBENCH_CC", setting)
         compiler.cache_clear()
         built_before.cache_clear()
-        found.append(PredictionError(AXIS, seen, FREE, disturbed).run(seen, AXIS.values))
+        runs = PredictionError(AXIS, seen, FREE, disturbed)
+        runs._steps = steps or runs._steps
+        found.append(runs.run(seen, AXIS.values))
     monkeypatch.undo()
     compiler.cache_clear()
     built_before.cache_clear()
@@ -125,6 +137,27 @@ def test_without_a_compiler_the_filter_gives_the_same(monkeypatch: pytest.Monkey
         ours, other = (getattr(run, name) for run in found)
         np.testing.assert_allclose(ours, other, rtol=1e-9, atol=1e-9 * np.nanmax(np.abs(other)))
     assert np.isnan(found[0].whitened[40:45]).all()
+
+
+def test_few_steps_do_where_nothing_bends_and_a_contact_gets_all() -> None:
+    model = AXIS.with_effect(
+        end_stop("axis.force", stiffness=2e7, place=-0.25, side=-1.0, loss=0.5)
+    )
+    force = 100.0 * np.sin(0.5 * np.pi * 0.01 * np.arange(600)) - 20.0
+    seen = _sure(made_up(model, force, sample_time=0.01))
+    assert 1 <= (seen.outputs < -0.25).sum() <= 10
+    chosen = steps_along(model, seen)
+    work, found = [], []
+    for steps in (chosen, chosen._replace(few=0, straight=chosen.each)):
+        runs = PredictionError(model, seen, FREE, {"axis.force": 1.0})
+        runs._steps = steps
+        before = done()["model_evaluations"]
+        found.append(runs.run(seen, model.values))
+        work.append(done()["model_evaluations"] - before)
+    for name in ("whitened", "jacobian", "states"):
+        ours, other = (getattr(run, name) for run in found)
+        np.testing.assert_allclose(ours, other, rtol=0, atol=3e-3 * np.abs(other).max())
+    assert 5 * work[0] < work[1]
 
 
 @pytest.mark.parametrize("fastest", [0.1, 3.0, 3e5])

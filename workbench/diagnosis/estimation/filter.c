@@ -15,12 +15,14 @@ typedef struct {
     Function read;   /* measurements, and H = d / d x, D = d / d parameters (scaled) */
     Function noise;  /* covariance added in one sample (scaled) */
     int64_t states, inputs, measurements, corrected, free;
-    int64_t pieces; /* of a sample, with one linearisation each */
-    int64_t straight, steps; /* in a piece: as many as will do if nothing bends, and all */
+    int64_t calm, few; /* pieces of a sample tried first, and steps in each; none if these are 0 */
+    int64_t pieces;    /* of a sample of which a calm piece bends, with one linearisation each */
+    int64_t straight, steps; /* in such a piece: as many as will do if nothing bends, and all */
     const int64_t *places; /* of the states that measurements correct */
     const double *scale;   /* of each state */
     double sample_time, outlier, faded, little, little_bent, nothing;
-    int64_t most_doublings, bent; /* pieces of all samples that needed all their steps */
+    int64_t most_doublings;
+    int64_t uneasy, bent; /* calm pieces of all samples that bent, and pieces that needed all steps */
     double *work;
 } Filter;
 
@@ -80,16 +82,16 @@ static const double LESS[5] = {-2.0 / 3.0, 2.0, 2.0, 2.0, -16.0 / 3.0};
 
 /* Carry a state along a piece by a few Runge-Kutta steps, if these show no bend: A and B are those
  * in the middle then, and `to` is where it ends. */
-static int straight(Filter *g, const double *x, const double *u, const double *p, double **k,
-                    double *at, double *to, double *A, double *B)
+static int straight(Filter *g, int64_t pieces, int64_t steps, const double *x, const double *u,
+                    const double *p, double **k, double *at, double *to, double *A, double *B)
 {
-    const int64_t nx = g->states, middle = g->straight / 2;
-    const double h = g->sample_time / (double)(g->pieces * g->straight);
+    const int64_t nx = g->states, middle = steps / 2;
+    const double h = g->sample_time / (double)(pieces * steps);
     const double ahead[4] = {0.0, 0.5, 0.5, 1.0};
     g->slope.res[1] = A;
     g->slope.res[2] = B;
     memcpy(to, x, (size_t)nx * sizeof(double));
-    for (int64_t step = 0; step < g->straight; step++) {
+    for (int64_t step = 0; step < steps; step++) {
         for (int s = 0; s < 5; s++) {
             for (int64_t i = 0; i < nx; i++)
                 at[i] = to[i];
@@ -97,7 +99,7 @@ static int straight(Filter *g, const double *x, const double *u, const double *p
                 at[i] += ahead[s] * h * k[s - 1][i];
             for (int64_t i = 0; s == 4 && i < nx; i++)
                 at[i] += h / 32.0 * (5.0 * k[0][i] + 7.0 * k[1][i] + 13.0 * k[2][i] - k[3][i]);
-            Function *of = step == middle && s == g->straight % 2 ? &g->slope : &g->rates;
+            Function *of = step == middle && s == steps % 2 ? &g->slope : &g->rates;
             of->res[0] = k[s];
             if (evaluate_at(of, at, u, p))
                 return 0;
@@ -190,12 +192,24 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
         if (evaluate_at(&g->noise, x, u, p))
             return t;
         /* Prediction: classical Runge-Kutta steps, the exponential of the slopes amid each piece. */
-        for (int64_t piece = 0; piece < g->pieces; piece++) {
-            const int easy =
-                g->straight < g->steps && straight(g, x, u, p, k, at, to, A, B);
+        const int64_t inner = g->pieces / g->calm;
+        int64_t left = 0; /* pieces of a calm one that bends */
+        for (int64_t done = 0; done < g->pieces;) {
+            int64_t gone = inner;
+            int easy = 0;
+            if (left == 0 && g->few) {
+                easy = straight(g, g->calm, g->few, x, u, p, k, at, to, A, B);
+                g->uneasy += !easy;
+            }
+            if (!easy) {
+                gone = 1;
+                left = (left ? left : inner) - 1;
+                easy = g->straight < g->steps &&
+                       straight(g, g->pieces, g->straight, x, u, p, k, at, to, A, B);
+                g->bent += !easy;
+            }
             if (easy)
                 memcpy(x, to, (size_t)nx * sizeof(double));
-            g->bent += !easy;
             for (int64_t s = easy ? g->steps : 0; s < g->steps; s++) {
                 /* The middle is the midpoint of a step, or begins one where their number is even. */
                 Function *first = &g->rates, *second = &g->rates;
@@ -223,7 +237,7 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
                     x[i] += h / 6.0 * (k[0][i] + 2.0 * k[1][i] + 2.0 * k[2][i] + k[3][i]);
             }
             /* Parts of the piece along which the slopes do little. */
-            double most = 0.0, part = g->sample_time / (double)g->pieces;
+            double most = 0.0, part = g->sample_time * (double)gone / (double)g->pieces;
             for (int64_t i = 0; i < n; i++) {
                 double sum = 0.0;
                 for (int64_t j = 0; j < n; j++)
@@ -262,12 +276,13 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
             product(B, step, G, n, n, nf, 0, 0);
             for (int64_t i = 0; i < n * nf; i++)
                 G[i] = B[i] + driven[i];
-            if (piece == 0) {
+            if (done == 0) {
                 memcpy(all, step, (size_t)(n * n) * sizeof(double));
             } else {
                 memcpy(before, all, (size_t)(n * n) * sizeof(double));
                 product(all, step, before, n, n, n, 0, 0);
             }
+            done += gone;
         }
         product(before, all, P, n, n, n, 0, 0);
         for (int64_t i = 0; i < n; i++)

@@ -2,9 +2,9 @@
 
 Explicit Runge-Kutta steps carry the state, the exponential of the linearised equations its
 covariance and its derivatives with respect to the free parameters. Where something bends, such as
-dry friction at a reversal, several steps go along what one goes else; one linearisation in their
-middle serves them all. `filter.c` does the same as machine code; `_block_of` is the version to
-read, and the one that runs without a C compiler.
+dry friction at a reversal or a contact that is met, many steps go along what a few go else; one
+linearisation in the middle of a piece of the sample serves all its steps. `filter.c` does the same
+as machine code; `_block_of` is the version to read, and the one that runs without a C compiler.
 """
 
 from __future__ import annotations
@@ -60,6 +60,9 @@ fraction of what the states move, and of their scales. A mode may turn by 0.3 ra
 _PAYS = 0.6
 """Share of the work of all steps that those along which nothing bends may be, to be tried first."""
 
+_TRIED = 5
+"""Evaluations of the equations in a step that is tried; one more than in any other."""
+
 _NUMBERS = ("sample_time", "outlier", "faded", "little", "little_bent", "nothing")
 
 
@@ -67,11 +70,16 @@ class Steps(NamedTuple):
     """How a filter goes through the time between two samples.
 
     Args:
-        pieces: Pieces of that time with one linearisation each.
-        straight: Runge-Kutta steps in a piece along which nothing bends.
+        calm: Pieces of that time which are tried first, with one linearisation each.
+        few: Runge-Kutta steps in a calm piece; 0 if none is tried.
+        pieces: Pieces of the time, a multiple of ``calm``, where a calm piece bends or is not
+            tried; with one linearisation each.
+        straight: Runge-Kutta steps in such a piece along which nothing bends.
         each: Runge-Kutta steps in any other.
     """
 
+    calm: int
+    few: int
     pieces: int
     straight: int
     each: int
@@ -94,26 +102,41 @@ def steps_of(
         least: Steps of equations that bend.
     """
     gentle = model.exact.gentle
-    fastest = late = 0.0
+    fastest, late = np.zeros(len(states)), np.zeros(len(states))
     for form in ("exact", "regularised"):
         function = model.form(form).jacobian_function
         slopes = np.asarray(function(states.T, inputs.T, model.values)[0], dtype=float)
         each = slopes.reshape(len(slopes), len(states), -1).transpose(1, 0, 2)
         modes = np.linalg.eigvals(np.nan_to_num(each)) * sample_time
-        fastest = max(fastest, float(np.abs(modes).max(initial=0.0)))
+        fastest = np.maximum(fastest, np.abs(modes).max(axis=1, initial=0.0))
         # A step of angle w is late by w^5 / 120, summed up for as long as the mode remembers.
         turned, faded = np.abs(modes.imag), np.maximum(np.abs(modes.real), _FORGOTTEN)
-        late = max(late, float((turned**5 / (120.0 * faded)).max(initial=0.0)))
+        late = np.maximum(late, (turned**5 / (120.0 * faded)).max(axis=1, initial=0.0))
     # Half the stability limit of the classical method, a quarter where nothing else asks for more.
     stable = fastest / (0.65 if gentle else 1.3)
     bends = 0.0 if gentle else min(least, sample_time / _SHORTEST_S)
-    straight = max(stable, (late / _LATE) ** 0.25)
-    pieces, few, many = (
-        int(np.clip(np.ceil(round(asked, 6)), 1, MOST_STEPS))
-        for asked in (stable, straight, max(straight, bends))
-    )
-    few, many = -(-few // pieces), -(-many // pieces)
-    return Steps(pieces, few if 5 * few <= _PAYS * 4 * many else many, many)
+    asked = np.maximum(stable, (late / _LATE) ** 0.25)
+    all_pieces, all_steps = _whole(stable.max()), _whole(max(asked.max(), bends))
+
+    def work(level: float) -> float:
+        """Runge-Kutta steps of a sample, if those that most states ask for are tried first."""
+        return _TRIED / 4 * _whole(level) + float((asked > level).mean()) * all_steps
+
+    level = min(np.unique(asked), key=work)
+    calm, few = 1, 0
+    if work(level) <= _PAYS * all_steps:
+        calm = _whole(stable[asked <= level].max())
+        few = -(-_whole(level) // calm)
+    pieces = calm * -(-all_pieces // calm)
+    straight, each_step = (-(-n // pieces) for n in (_whole(asked.max()), all_steps))
+    pays = _TRIED * straight <= _PAYS * 4 * each_step
+    if calm == pieces and pays:
+        few = 0
+    return Steps(calm, few, pieces, straight if pays else each_step, each_step)
+
+
+def _whole(steps: float) -> int:
+    return int(np.clip(np.ceil(round(float(steps), 6)), 1, MOST_STEPS))
 
 
 End = tuple[Vector, Vector] | None
@@ -152,8 +175,7 @@ class _Struct(ctypes.Structure):
         ("places", ctypes.c_void_p),
         ("scale", ctypes.c_void_p),
         *((name, ctypes.c_double) for name in _NUMBERS),
-        ("most_doublings", ctypes.c_int64),
-        ("bent", ctypes.c_int64),
+        *((name, ctypes.c_int64) for name in ("most_doublings", "uneasy", "bent")),
         ("work", ctypes.c_void_p),
     ]
 
@@ -232,6 +254,7 @@ class Filter:
                 _NOTHING,
                 _DOUBLINGS,
                 0,
+                0,
                 address(self._work),
             )
 
@@ -279,23 +302,24 @@ class Filter:
             np.full((n, n_y), np.nan),
             np.full((n, len(x)), np.nan),
         )
-        pieces, straight, each = self._steps
+        calm, few, pieces, straight, each = self._steps
         end = None
         if self._struct is None:
             done = self._interpreted(x, covariance, u, y, r, p, d, found)
-            bent = done * pieces
+            uneasy, bent = done * calm, done * pieces
         else:
             # CasADi takes matrices by columns.
             d = np.ascontiguousarray(d.T)
             arrays = (x, covariance, sensitivity, u, y, r, p, d, *found[1:5])
             places = (address(array) for array in arrays)
-            self._struct.bent = 0
+            self._struct.uneasy = self._struct.bent = 0
             done = int(self._in_c(ctypes.byref(self._struct), n, *places))
             bent, end = self._struct.bent, (x, covariance)
+            uneasy = self._struct.uneasy if few else done * calm
         count("filtered_samples", done)
         # Measurements and process noise once, the equations in each part of each step.
-        tried = 5 * straight * pieces if straight < each else 0
-        count("model_evaluations", done * (2 + tried) + 4 * each * bent)
+        tried = calm * few * done + (pieces // calm * straight * uneasy if straight < each else 0)
+        count("model_evaluations", 2 * done + _TRIED * tried + 4 * each * bent)
         states = np.ascontiguousarray(found.states[:, :plant])
         return found._replace(done=done, states=states, end=end)
 
@@ -372,12 +396,11 @@ def _block_of(
         covariance = covariance - ca.mtimes(gain, gain.T) / variance
     # Rows of the unit matrix put the correction on the states that are corrected.
     x = filtered = x0 + scale * ca.mtimes(ca.DM.eye(n_x)[:, list(kept)], moved)
-    whole, piece = ca.MX(ca.DM.eye(n)), sample_time / steps.pieces
+    whole = ca.MX(ca.DM.eye(n))
     along = _along(slope, rates, sample_time, steps)
-    for _ in range(steps.pieces):
-        x, a, b = along(x, u, p, scale)
-        transition, half = _exponential_of(n)(piece * a.T)
-        sensitivity = ca.mtimes(transition, sensitivity) + ca.mtimes(half, piece * b.T)
+    for _ in range(steps.calm):
+        x, transition, driven = along(x, u, p, scale)
+        sensitivity = ca.mtimes(transition, sensitivity) + driven
         whole = ca.mtimes(transition, whole)
     covariance = _flushed(ca.mtimes(ca.mtimes(whole, covariance), whole.T))
     covariance = 0.5 * (covariance + covariance.T) + noise(filtered, u, p, d)
@@ -394,7 +417,9 @@ def _block_of(
 
 
 def _along(slope: ca.Function, rates: ca.Function, sample_time: float, steps: Steps) -> ca.Function:
-    """Build what carries a state along a piece of a sample, with A and B in its middle.
+    """Build what carries a state along a calm piece of a sample.
+
+    It returns the state, the transition of what it was, and what the parameters add to it.
 
     Few steps will do where what a method of third order adds to them is little.
 
@@ -405,9 +430,9 @@ def _along(slope: ca.Function, rates: ca.Function, sample_time: float, steps: St
     given = [ca.MX.sym("x", n), ca.MX.sym("u", m), ca.MX.sym("p", n_p), ca.MX.sym("scale", n)]
     x0, u, p, scale = given
 
-    def gone_along(count: int) -> tuple[list[ca.MX], ca.MX]:
+    def gone_along(time: float, count: int) -> tuple[list[ca.MX], ca.MX]:
         x, a, b, good = x0, ca.MX(), ca.MX(), ca.MX(1)
-        h = sample_time / steps.pieces / count
+        h = time / count
         for k in range(count):
             # The middle is the midpoint of a step, or begins one where their number is even.
             amid, odd = k == count // 2, count % 2
@@ -426,17 +451,28 @@ def _along(slope: ca.Function, rates: ca.Function, sample_time: float, steps: St
             gone = h / 6 * (ca.fabs(k1) + 2 * ca.fabs(k2) + 2 * ca.fabs(k3) + ca.fabs(k4))
             good *= ca.mmin(ca.fabs(away) <= _LITTLE_BENT * gone + _NOTHING * scale)
             x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        return [x, a, b], good
+        transition, half = _exponential_of(a.size1())(time * a.T)
+        return [x, transition, ca.mtimes(half, time * b.T)], good
 
-    all_steps = ca.Function("bent", given, gone_along(steps.each)[0])
-    if steps.straight == steps.each:
-        return all_steps
-    few, good = gone_along(steps.straight)
-    found = [ca.MX.sym("v", *v.size()) for v in few]
-    own = ca.Function("straight", [*found, *given], found)
-    fine = ca.Function("bent", [*found, *given], all_steps(*given))
-    chosen = ca.Function.if_else("chosen", own, fine)(good, *few, *given)
-    return ca.Function("along", given, list(chosen))
+    def unless_bent(few: list[ca.MX], good: ca.MX, fine: ca.Function) -> ca.Function:
+        found = [ca.MX.sym("v", *v.size()) for v in few]
+        own = ca.Function("straight", [*found, *given], found)
+        other = ca.Function("bent", [*found, *given], fine(*given))
+        chosen = ca.Function.if_else("chosen", own, other)(good, *few, *given)
+        return ca.Function("along", given, list(chosen))
+
+    piece = sample_time / steps.pieces
+    along = ca.Function("bent", given, gone_along(piece, steps.each)[0])
+    if steps.straight < steps.each:
+        along = unless_bent(*gone_along(piece, steps.straight), along)
+    x, transition, driven = along(*given)
+    for _ in range(1, steps.pieces // steps.calm):
+        x, further, more = along(x, u, p, scale)
+        transition, driven = ca.mtimes(further, transition), ca.mtimes(further, driven) + more
+    along = ca.Function("pieces", given, [x, transition, driven])
+    if steps.few:
+        along = unless_bent(*gone_along(sample_time / steps.calm, steps.few), along)
+    return along
 
 
 @functools.lru_cache(maxsize=32)

@@ -297,13 +297,16 @@ def steps_along(model: Model, observed: Observed) -> Steps:
     At some samples the states, random within their scales, are corrected by the measurements.
     """
     if not model.states:
-        return Steps(1, 1, 1)
+        return Steps(1, 0, 1, 1, 1)
     rng = np.random.default_rng(0)
     rows = [index_of("output", name, model.outputs) for name in observed.used]
     scale = np.array([q.scale for q in model.states])
     within = [q.lower for q in model.states], [q.upper for q in model.states]
     noise = np.maximum(observed.noise_rms, 1e-6 * np.array([model.outputs[i].scale for i in rows]))
     at = np.linspace(0, len(observed.outputs) - 1, _LOOKS).round().astype(int)
+    seen = observed.outputs[:, np.isfinite(observed.outputs).any(axis=0)]
+    ends = np.concatenate([np.nanargmin(seen, axis=0), np.nanargmax(seen, axis=0)])
+    at[1 : 1 + len(ends)] = ends[: _LOOKS - 1]  # A contact is met at an end of a course.
     u, read, trace = observed.inputs[at], observed.outputs[at], model.exact
     begin = model.initial_state(u=observed.inputs[0])
     x = np.clip(begin + rng.uniform(-1.0, 1.0, (_LOOKS, len(scale))) * scale, *within)
@@ -320,7 +323,7 @@ def steps_along(model: Model, observed: Observed) -> Steps:
         x = np.clip(x + scale * gain[:, :, 0], *within)
     steps = steps_of(model, observed.sample_time, x, u, observed.steps)
     finer = _FINER if len(observed.relative_noise) else 1
-    return steps._replace(pieces=steps.pieces * finer)
+    return steps._replace(calm=steps.calm * finer, pieces=steps.pieces * finer)
 
 
 def disturbances(model: Model, noise_scale: float) -> dict[str, float]:
