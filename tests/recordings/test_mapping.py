@@ -111,6 +111,24 @@ def test_a_word_of_the_header_names_the_signal(tmp_path: Path) -> None:
     assert not recording.notes
 
 
+class _Turbine:
+    inputs = (Input("aero", "N m"), Input("torque", "N m"))
+    outputs = (Output("n_rotor", "rad/s"), Output("n_gen", "rad/s"))
+
+
+def test_a_word_of_two_headers_names_the_one_that_no_other_word_does(tmp_path: Path) -> None:
+    path = _file(
+        tmp_path, "t [s]", "aero torque [kNm]", "generator torque [Nm]", "rotor speed [rpm]",
+        "generator speed [rpm]",
+    )  # fmt: skip
+    recording = read_recording(path, signals=driven_by(_Turbine()))
+    assert recording.mapping is not None
+    columns = {row.signal: row.column for row in recording.mapping}
+    assert columns["aero"] == "aero torque [kNm]" and columns["torque"] == "generator torque [Nm]"
+    assert columns["n_rotor"] == "rotor speed [rpm]"
+    assert columns["n_gen"] == "generator speed [rpm]"
+
+
 @pytest.mark.parametrize(
     "headers",
     [

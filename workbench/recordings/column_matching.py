@@ -146,11 +146,17 @@ def _words(name: str) -> set[str]:
 
 
 def _partly(requested: Requested, header: Header) -> bool:
-    """Tell whether a header says a name of three letters or more among other words."""
+    """Tell whether a header says a name, of three letters or more, among other words.
+
+    Or begins to: ``rotor speed`` is ``n_rotor``, in which a letter says what is measured, and
+    ``generator speed`` is ``n_gen``.
+    """
     words = _words(header.name)
+    first, *rest = re.split(r"[\W_]+", requested.name)
+    own = _words("_".join(rest) if rest and first in _letters(requested.unit) else requested.name)
     return (
-        len(_plain(requested.name)) > 2
-        and _words(requested.name) <= words
+        len("".join(own)) > 2
+        and all(w in words or (len(w) > 2 and any(v.startswith(w) for v in words)) for w in own)
         and not words & _REFERENCES
         and bool(header.unit)
         and _units_agree(requested, header)
@@ -166,8 +172,12 @@ def _shortened(requested: Requested, header: Header) -> bool:
 def _lettered(header: Header) -> bool:
     """Tell whether a header begins with the letter of what it measures, as ``T_stack`` does."""
     first, *rest = re.split(r"[\W_]+", header.name)
-    letters = next((s for unit, s in _LETTERS if same_dimension(unit, header.unit)), "")
-    return bool(rest) and first in set(letters) and not _words(header.name) & _REFERENCES
+    return bool(rest) and first in _letters(header.unit) and not _words(header.name) & _REFERENCES
+
+
+def _letters(unit: str) -> set[str]:
+    """Return the letters that stand for what is measured in a unit."""
+    return set(next((s for other, s in _LETTERS if unit and same_dimension(other, unit)), ""))
 
 
 def _units_agree(requested: Requested, header: Header) -> bool:
@@ -265,11 +275,15 @@ def match_requested(
     parts = {
         w.name: [i for i, h in enumerate(headers) if i not in used and _partly(w, h)] for w in open_
     }
-    claims = [i for columns in parts.values() for i in columns]
-    for name, columns in parts.items():
-        if len(columns) == 1 and claims.count(columns[0]) == 1:
-            found[name] = (columns[0], "part of its name")
-            used.add(columns[0])
+    while parts:
+        # What only one signal can be is taken from those that can be another column.
+        only = [columns[0] for columns in parts.values() if len(columns) == 1]
+        alone = {n: c[0] for n, c in parts.items() if len(c) == 1 and only.count(c[0]) == 1}
+        found |= {name: (i, "part of its name") for name, i in alone.items()}
+        used |= set(alone.values())
+        parts = {n: [i for i in c if i not in used] for n, c in parts.items() if n not in alone}
+        if not alone:
+            break
     for signal in requested:
         if signal.name in found or not signal.unit:
             continue
