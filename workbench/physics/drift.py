@@ -541,27 +541,35 @@ def _drive(at: Place) -> Local:
 
 
 def _clipped(at: PortView) -> Expression:
-    over, limit, own = ca.fabs(at.signals.over), at.p.limit, ca.SX(at.subject)
-    excess = at.form.ramp(over - limit, 0.01 * limit)
-    left = 1.0 - at.p.share * excess / ca.fmax(over, 0.5 * limit)
-    return with_subject(at, own * left)
+    over, knee = ca.fabs(at.signals.over) / at.p.limit + 1e-12, at.p.knee
+    left = (1.0 + over ** (1.0 / knee)) ** -knee
+    return with_subject(at, ca.SX(at.subject) * (1.0 - at.p.share * (1.0 - left)))
 
 
-# The speed that a position loop asks for, the torque that a coupling holds, the current that a
-# converter gives: what the equations ask of it in proportion ends somewhere.
+_HARD = 0.02
+"""Knee of what is clipped."""
+
+
+# The speed that a position loop asks for, the torque that a coupling or a belt holds, the current
+# that a converter gives: what the equations ask of it in proportion ends somewhere.
 term_saturation = Law(
     "term_saturation",
-    "parameter clip(x, -limit, limit), x what it multiplies",
+    "parameter x / (1 + |x / limit|^(1/knee))^knee, x what it multiplies",
     _terms,
     lambda at: (
         share("share of the excess that is cut"),
         shape("limit", _drive(at).unit, 0.5 * _drive(at).scale, "the limit of what it multiplies",
               around=(0.01, 20.0)),
+        shape("knee", "1", _HARD, "how gently it sets in: a clip, 0, to a hyperbola, 1",
+              around=None, between=(_HARD, 1.5), scale=0.2, refined=True),
     ),
     _clipped,
-    shapes=lambda at: [{"limit": k * _drive(at).scale} for k in (0.5, 0.8, 0.25, 0.1)],
+    shapes=lambda at: [
+        {"limit": k * _drive(at).scale, "knee": knee}
+        for k, knee in ((0.5, _HARD), (0.8, _HARD), (0.25, _HARD), (0.1, _HARD), (0.5, 0.5))
+    ],
     of_parameter=True,
-    source="limits of speed, torque and current within cascaded loops",
+    source="limits of speed, torque and current within cascaded loops; C. Rapp 1991; belts, tyres",
     look_alikes=("slew_limit", "saturation", "parameter_curve"),
     separated_by="steps from small to large: the answer to the large ones takes longer",
 )  # fmt: skip

@@ -919,6 +919,8 @@ class Survey:
         seen = self.ranges.get(argument_of(q.name))
         units = {self._known[str(e)].unit for e in _parts(first) if str(e) in self._known}
         unit = units.pop() if _is_difference(first) and len(units) == 1 else "1"
+        if unit == "1" and ca.is_equal(values[0], first * symbol, 8):
+            unit = per(places[0].unit, q.unit)
         scale = _largest(seen) or 1.0
         return Local("argument", unit, scale, seen=seen, multiplied=True)
 

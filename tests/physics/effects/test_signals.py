@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -13,6 +14,7 @@ from tests.diagnosis.newcomers import oscillator
 from tests.physics.effects.bench import bench, read, response, run, triangle
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
+from workbench.model.units import same_dimension
 from workbench.physics.delay import delay, sensor_delay, sensor_lag
 from workbench.physics.drift import sensor_drift, sensor_fade
 from workbench.physics.library import library
@@ -417,6 +419,28 @@ def test_what_a_loop_asks_for_in_proportion_ends_at_a_limit() -> None:
     for error, asked in ((0.02, 0.04), (0.3, 0.1), (-0.3, -0.1)):
         rate = model.rates([0.1, 0.03], [0.1 + error])[1]
         assert rate == pytest.approx((asked - 0.03) / 0.1)
+    # What is held by friction gives way gradually.
+    gently = drive.with_effect(law.at_size(1.0, {"limit": 0.05, "knee": 0.5}))
+    rate = gently.rates([0.1, 0.03], [0.15])[1]
+    assert rate == pytest.approx((2.0 * 0.05 / math.sqrt(2.0) - 0.03) / 0.1)
+
+
+def test_what_a_factor_of_a_whole_port_multiplies_has_a_unit() -> None:
+    def equations(m: Scope) -> Equations:
+        pull = m.port("belt.force", m.p.grip * (0.15 * m.u.drum - m.x.belt), unit="N")
+        return {"belt": pull / 400.0}, {"belt": m.x.belt}
+
+    belt = Model(
+        "belt",
+        equations,
+        states=(State("belt", "m/s"),),
+        inputs=(Input("drum", "rad/s"),),
+        outputs=(Output("belt", "m/s"),),
+        parameters=(Parameter("grip", "N s/m", value=8e3, lower=0.0, upper=5e4, fitted=True),),
+    )
+    (law,) = (h for h in library(belt) if h.law == "term_saturation")
+    limit = belt.with_effect(law.at_size(1.0)).parameter("term_saturation_grip.limit")
+    assert same_dimension(limit.unit, "m/s")
 
 
 def test_an_input_with_a_port_of_its_own_is_interpolated_there_alone() -> None:
