@@ -184,6 +184,19 @@ def test_a_law_of_the_process_must_not_spoil_free_runs(entries: dict[str, Hypoth
     assert _taken(found) == [offset.name] and found[0].rule == "free run"
 
 
+def test_what_makes_all_recordings_likelier_than_a_reliable_law_passes_with_it(
+    entries: dict[str, Hypothesis],
+) -> None:
+    friction = _candidate(entries["stribeck_friction"], 900.0, 0.3)
+    by_moments = replace(friction, held_out=(720.0, -1.0, 1400.0))
+    offset = _candidate(entries["valve_offset"], 500.0, 0.5)
+    near = Limits(20.0, 100.0, near_noise=True)
+    assert _taken(decided([by_moments, offset], WITHOUT, near)) == ["stribeck_friction"]
+    assert _taken(decided([by_moments], WITHOUT, near)) == []
+    worse = replace(by_moments, held_out=(400.0, -1.0, 800.0))
+    assert _taken(decided([worse, offset], WITHOUT, near)) == ["valve_offset"]
+
+
 def test_a_simpler_effect_whose_runs_are_much_closer_need_not_be_the_likelier(
     entries: dict[str, Hypothesis],
 ) -> None:

@@ -260,8 +260,8 @@ class _Plan:
             # What the loop reaches, which is less than what it is asked for.
             ends = [from_si(f(read[:, self.rows[0]]), q.display_unit) for f in (np.min, np.max)]
             text = (
-                f"in closed loop, {words} of {q.name} between {ends[0]:.3g} and {ends[1]:.3g}"
-                f" {q.display_unit}, for {in_time(self.duration)}"
+                f"in closed loop, {words} of {q.name} between {ends[0]:.3g} and"
+                f" {with_unit(f'{ends[1]:.3g}', q.display_unit)}, for {in_time(self.duration)}"
             )
             made.append(replace(unread, text=text, planned=(self.model, read)))
         return made

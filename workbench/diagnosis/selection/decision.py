@@ -21,6 +21,7 @@ from workbench.diagnosis.selection.rules import (
     SHARE,
     SURPASSED,
     Limits,
+    doubted_in,
     judged,
 )
 
@@ -49,6 +50,8 @@ def decided(
             doubt = (candidate.refused,) if candidate.rule == SHARE.name else ()
             found[i] = replace(candidate, refused="", rule="", doubts=doubt)
             break
+    reliable = [c for c in found if not c.refused]
+    found = [_as_reliable(c, reliable, without, limits) for c in found]
     passing = [c for c in found if not c.refused]
     best = passing[0] if passing else None
     if best is not None and best.doubts:
@@ -162,6 +165,25 @@ def _run_freely(candidate: Candidate, without: RunErrors, *, shown: bool) -> Can
     elif candidate.run.spoilt_from(without):
         why = "without it the model runs closer to the held-out recordings"
     return replace(candidate, refused=why, rule=FREE_RUN) if why else candidate
+
+
+def _as_reliable(
+    candidate: Candidate, reliable: Sequence[Candidate], without: RunErrors, limits: Limits
+) -> Candidate:
+    """Let pass what makes all recordings likelier than a law that passes does.
+
+    Something is missing then, and a few moments must not give it the name of the worse law.
+    """
+    known = candidate.rule == HELD_OUT.name and candidate.fit is not None
+    if not known or not any(
+        c.gain < candidate.gain and c.held_out[0] < candidate.held_out[0] for c in reliable
+    ):
+        return candidate
+    assert candidate.fit is not None
+    passed = doubted_in(replace(candidate, refused="", rule=""), candidate.fit)
+    if not limits.near_noise:
+        passed = _run_freely(passed, without, shown=limits.perfect)
+    return candidate if passed.doubts or passed.refused else passed
 
 
 def _runs_closer(candidate: Candidate, without: RunErrors) -> bool:
