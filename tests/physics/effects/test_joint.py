@@ -62,6 +62,17 @@ def test_tilt_by_a_right_angle_is_the_vertical_plane() -> None:
     assert (tilted - speed) / math.sin(0.3) == pytest.approx(upright - speed, rel=1e-9)
 
 
+def test_turned_along_with_the_arm_a_tilt_pulls_as_hard() -> None:
+    def torque(angle: float, direction: float) -> float:
+        at = {"angle": angle}
+        model = arm(3.0).with_effect(tilt_gravity(tilt=0.1, direction=direction))
+        level, tilted = (m.rates(m.initial_state(at), [5.0])[-1] for m in (arm(3.0), model))
+        return float(tilted - level)
+
+    assert torque(0.7, 0.3) == pytest.approx(torque(0.4, 0.0), rel=1e-9)
+    assert torque(0.7, 0.3) != pytest.approx(torque(0.7, 0.0), rel=0.01)
+
+
 def test_a_loose_load_that_moves_along_leaves_the_arm_as_it_is() -> None:
     """Where the load has the arm's own acceleration, its coupling replaces its inertia."""
     base = arm(3.0)

@@ -140,6 +140,7 @@ _ALIKE = (
     Counterpart("cubic_spring", "cubic_stiffness", "stiffness", _p("cubic_spring")),
     Counterpart("local_friction", "local_friction", "level", _p("local_friction")),
     Counterpart("wrong_load", "load_error", "mass", _p("load_error")),
+    Counterpart("end_pads", "end_stops", "stiffness", _p("pad_stiffness")),
 )  # fmt: skip
 COUNTERPARTS = {(c.effect, c.name): c for c in _ALIKE}
 """By effect of the rig and name in the library: where both state the same quantity."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -19,29 +20,37 @@ from workbench.plants.arm.joint import ArmBody
 _BODY = ArmBody()
 
 
-def _lever(at: PortView, centre: tuple[float, float]) -> Expression:
-    """Horizontal distance of a centre of gravity from the pivot, m."""
-    return centre[0] * ca.cos(at.signals.angle) - centre[1] * ca.sin(at.signals.angle)
+def _lever(
+    at: PortView, centre: tuple[float, float], ahead: Expression | float = 0.0
+) -> Expression:
+    """Distance of a centre of gravity from the pivot, m, along the line ``ahead`` of level."""
+    angle = at.signals.angle - ahead
+    return centre[0] * ca.cos(angle) - centre[1] * ca.sin(angle)
 
 
 def _tilted(at: PortView) -> Expression:
     weight = _BODY.gravity * (
-        _BODY.arm_mass * _lever(at, _BODY.arm_centre)
-        + at.signals.load * _lever(at, _BODY.plate_centre)
+        _BODY.arm_mass * _lever(at, _BODY.arm_centre, at.p.direction)
+        + at.signals.load * _lever(at, _BODY.plate_centre, at.p.direction)
     )
     return at.value - ca.sin(at.p.tilt) * weight
 
 
 tilt_gravity = Law(
     "tilt_gravity",
-    "T = -g sin(tilt) sum(m r cos(theta))",
+    "T = -g sin(tilt) sum(m r cos(theta - direction))",
     each("force", needs=("speed", "angle", "load")),
-    lambda at: (size("tilt", "rad", 0.05, 0.5, "angle of the plane to the level", signed=True),),
+    lambda at: (
+        size("tilt", "rad", 0.05, 0.5, "angle of the plane to the level", signed=True),
+        shape("direction", "rad", 0.0, "angle of the arm at which its weight pulls most",
+              around=None, between=(-3.2, 3.2), scale=1.0, source=""),
+    ),
     _tilted,
+    shapes=lambda at: [{"direction": direction} for direction in (0.0, 0.5 * math.pi)],
     source="statics of a heavy arm in an inclined plane",
-    look_alikes=("constant_torque", "force_gain", "linear_spring"),
+    look_alikes=("unbalanced_mass", "ripple", "constant_torque", "force_gain", "linear_spring"),
     separated_by="the same holding positions with another load: only a weight scales",
-)
+)  # fmt: skip
 
 
 def _inertia_and_weight(survey: Survey) -> Iterator[Fit]:
