@@ -111,6 +111,14 @@ def test_a_word_of_the_header_names_the_signal(tmp_path: Path) -> None:
     assert not recording.notes
 
 
+@pytest.mark.parametrize(("unit", "size"), [("m", 1e-9), ("N m", 1.0)])
+@pytest.mark.parametrize("name", ["z", "z_nm", "other"])
+def test_nm_is_what_is_asked_for(tmp_path: Path, unit: str, size: float, name: str) -> None:
+    recording = read_recording(_file(tmp_path, "t [s]", "z_nm"), signals={name: unit})
+    assert recording[name][3] == pytest.approx(8.0 * size)
+    assert recording.mapping is not None and all(row.unit for row in recording.mapping)
+
+
 class _Turbine:
     inputs = (Input("aero", "N m"), Input("torque", "N m"))
     outputs = (Output("n_rotor", "rad/s"), Output("n_gen", "rad/s"))

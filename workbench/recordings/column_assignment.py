@@ -16,6 +16,7 @@ from workbench.recordings.column_matching import (
     Requested,
     guess_role,
     in_degrees,
+    in_nm,
     in_turns,
     is_time,
     match_requested,
@@ -273,7 +274,7 @@ def assign(
     columns = without_giants(columns)
     columns, headers = _own_units(columns, header_list(columns), rules)
     metadata: dict[str, Scalar] = {**columns.metadata, **rules.metadata}
-    headers = in_turns(in_degrees(headers, requested), requested)
+    headers = in_nm(in_turns(in_degrees(headers, requested), requested), requested)
     time, time_row, time_index = _time(columns, headers, rules)
     by_name = {w.name: w for w in requested}
     signals: list[Signal] = []

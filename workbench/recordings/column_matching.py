@@ -226,6 +226,30 @@ def in_turns(headers: Sequence[Header], requested: Sequence[Requested]) -> list[
     return [read(h) for h in headers]
 
 
+def in_nm(headers: Sequence[Header], requested: Sequence[Requested]) -> list[Header]:
+    """Read ``torque_nm`` in N m where a torque is asked for, ``z_nm`` in nm where a length is."""
+    units = {"N m": "N m", "m": "nm"}
+
+    def read(header: Header) -> Header:
+        found = re.fullmatch(r"(.+?)_nm", header.name, re.IGNORECASE)
+        if found is None or header.unit:
+            return header
+        stem = Header(header.column, found[1])
+        named = [w for w in requested if _same(w, header) or _same(w, stem)]
+        meant = {
+            unit
+            for w in named or requested
+            for of, unit in units.items()
+            if w.unit and same_dimension(w.unit, of)
+        }
+        if len(meant) != 1:
+            return header
+        name = header.name if any(_same(w, header) == 2 for w in named) else stem.name
+        return replace(header, name=name, unit=meant.pop())
+
+    return [read(h) for h in headers]
+
+
 def _check_twice(requested: Sequence[Requested], headers: Sequence[Header]) -> None:
     """Refuse two columns of one name where a signal is meant: nobody knows which."""
     columns = [h.column.strip() for h in headers]
