@@ -21,11 +21,12 @@ from workbench.physics.place import Place, Survey
 _CRITICAL_RATIO = 0.3
 
 
-def _volume_and_restriction(conductance: float) -> Callable[[Place], tuple[Own, ...]]:
+def _volume_and_restriction(conductance: float, *more: Own) -> Callable[[Place], tuple[Own, ...]]:
     own = (
         shape("volume", "m3", 1e-5, "gas volume", around=None, between=(1e-6, 1e-3), source=""),
         shape("conductance", "m3/(s Pa)", conductance, "sonic conductance", around=None,
               between=(1e-9, 1e-6), scale=1e-8, source=""),
+        *more,
         share("share of the law; 0 is its absence"),
     )  # fmt: skip
     return lambda at: own
@@ -44,56 +45,77 @@ def _numbers(sites: list[Site]) -> Iterator[Fit]:
 
 
 def _tubes(survey: Survey) -> Iterator[Fit]:
-    chambers = {by_number(q): q for q in survey.fitting("gas_flow")}
-    return _numbers(
-        [
-            (q, chambers[by_number(q)])
-            for q in survey.fitting("line_pressure")
-            if by_number(q) in chambers
-        ]
+    chambers, temperatures = (
+        {by_number(q): q for q in survey.fitting(role)} for role in ("gas_flow", "line_temperature")
     )
+    sites: list[Site] = []
+    for q in survey.fitting("line_pressure"):
+        if (chamber := chambers.get(number := by_number(q))) is not None:
+            warm = temperatures.get(number)
+            sites.append((q, chamber) if warm is None else (q, chamber, warm))
+    return _numbers(sites)
+
+
+def _in_tube(at: PortView, temperature: Expression) -> Expression:
+    """Temperature of the gas in the tube, of which a share has that of the wall."""
+    return temperature + at.p.wall * (at.signals.ambient_temperature - temperature)
 
 
 def _through(at: PortView) -> Expression:
     s = at.signals
     return orifice_flow(
-        at.x.pressure, s.pressure, s.temperature, s.temperature, at.p.conductance,
+        at.x.pressure, s.pressure, _in_tube(at, s.temperature), s.temperature, at.p.conductance,
         _CRITICAL_RATIO, form=at.form,
     )  # fmt: skip
 
 
 def _tube(at: PortView) -> Expression:
-    passed = at.x.pressure if at.index == 0 else _through(at)
+    if at.index == 2:
+        passed = _in_tube(at, at.value)
+    else:
+        passed = _through(at) if at.index else at.x.pressure
     return at.value + at.p.share * (passed - at.value)
 
 
 def _tube_rates(e: EffectView) -> dict[str, Expression]:
-    _, chamber = e.at.values()
+    _, chamber, *_ = e.at.values()
     filled = chamber.value - _through(chamber)
-    return {"pressure": _stiffness(e, chamber.signals.temperature) * filled}
+    exponent = 1.0 + (AIR.heat_ratio - 1.0) * (1.0 - e.p.wall)
+    temperature = _in_tube(chamber, chamber.signals.temperature)
+    return {"pressure": exponent * AIR.gas_constant * temperature / e.p.volume * filled}
 
 
-# The valve sees the pressure of the tube, the chamber receives the flow through the restriction;
-# tube and chamber have the same temperature.
+# The valve sees the gas of the tube, the chamber receives the flow through the restriction. In a
+# wide, short tube the gas is as warm as in the chamber; in a narrow, long one it takes most of the
+# wall's temperature on its way: at 1 g/s and 0.5 m of 4 mm, alpha A / (m c_p) = 2.
 line = Law(
     "line",
-    "dp/dt = gamma R T (flow_valve - flow_chamber) / V",
+    "dp/dt = n R T (flow_valve - flow_chamber) / V, T = T_c + wall (T_w - T_c),"
+    " n = gamma - wall (gamma - 1)",
     _tubes,
-    _volume_and_restriction(4e-8),
+    _volume_and_restriction(
+        4e-8,
+        shape("wall", "1", 0.0, "how much of its wall's temperature the gas in the tube takes",
+              around=None, between=(0.0, 1.0), scale=0.5, source="", refined=True),
+    ),
     _tube,
     states=lambda at: (
         State("pressure", "Pa", 1e5, "pressure in the tube", initial=4e5, lower=0.0),
     ),
     rates=_tube_rates,
     start=lambda e: {"pressure": e.here.value},
-    shapes=lambda at: ({"conductance": 1.5e-8}, {"conductance": 4e-8}),
+    shapes=lambda at: [
+        {"conductance": conductance, "wall": wall}
+        for wall in (0.0, 1.0)
+        for conductance in (1.5e-8, 4e-8)
+    ],
     stiff=True,
     far=True,
     usual=True,
     source="lumped volume on every port of the paper's valve; ISO 6358 restriction",
     look_alikes=("spool_bandwidth", "sensor_lag"),
     separated_by="fast valve pulses with a flow meter",
-)
+)  # fmt: skip
 
 
 def _blown(e: EffectView) -> dict[str, Expression]:

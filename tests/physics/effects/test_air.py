@@ -108,6 +108,21 @@ def test_a_settled_line_passes_on_what_it_gets() -> None:
     assert signals["chamber_1.flow"] == pytest.approx(expected, rel=1e-6)
 
 
+def test_a_tube_as_warm_as_its_wall_keeps_its_mass() -> None:
+    model = arm(3.0).with_effect(line(volume=2e-5, conductance=2e-8, wall=1.0))
+    names = [q.name for q in model.states]
+    x = model.initial_state({"pressure_1": 3e5, "temperature_1": 320.0, "spool": -1.0})
+    x[names.index("line.pressure_1")] = 2.5e5
+    signals = model.signals(x, [4.0])
+    assert signals["line_1.temperature"] == pytest.approx(293.15)
+    vented = float(iso6358(2.5e5, 101325.0, 293.15, signals["valve.exhaust_1"] * 2.9e-8, 0.23))
+    passed = float(iso6358(3e5, 2.5e5, 320.0, 2e-8, 0.3))
+    filled = float(iso6358(7.01325e5, 2.5e5, 293.15, signals["valve.supply_1"] * 2.9e-8, 0.23))
+    rate = model.rates(x, [4.0])[names.index("line.pressure_1")]
+    stored = 2e-5 * rate / (AIR.gas_constant * 293.15)
+    assert stored == pytest.approx(passed + filled - vented, rel=1e-4)
+
+
 def test_shared_lines_are_two_lines_of_equal_size() -> None:
     both = arm(3.0).with_effect(line(name="lines"))
     each = arm(3.0).with_effect(

@@ -189,13 +189,23 @@ def metered_flows(
             f"exhaust_{i}", p.ambient_pressure, ambient, "behind the exhausting edge"
         )
         seen = pressure_port(f"line_{i}", pressure, temperature, "that the valve sees")
+        seen_temperature = m.port(
+            f"line_{i}.temperature",
+            temperature,
+            unit="K",
+            role="line_temperature",
+            scale=300.0,
+            description="temperature of the gas that the valve sees",
+            signals={"ambient_temperature": ambient},
+        )
         conductance, ratio = p.valve_conductance, p.critical_ratio
         filling = orifice_flow(
-            supply, seen, ambient, temperature, filling_share * conductance, ratio, form=m.form
+            supply, seen, ambient, seen_temperature, filling_share * conductance, ratio, form=m.form
         )
         venting = orifice_flow(
-            seen, exhaust, temperature, ambient, venting_share * conductance, ratio, form=m.form
-        )
+            seen, exhaust, seen_temperature, ambient, venting_share * conductance, ratio,
+            form=m.form,
+        )  # fmt: skip
         m.publish(f"exhaust_{i}.flow", venting, unit="kg/s")
         drawn = drawn + filling
         net.append(filling - venting)
