@@ -177,6 +177,17 @@ def test_lines_between_the_samples_of_a_wandering_clock_hide_no_noise() -> None:
     assert with_undeclared(_lag(), [run])[0].outputs[0].noise_rms > 0.7 * 0.02
 
 
+def test_of_a_measurement_in_steps_it_is_said_that_they_are_its_noise() -> None:
+    bare = replace(oscillator(), outputs=(Output("position", "m", display_unit="mm"),))
+    time = 0.01 * np.arange(2000)
+    stairs = 0.02 * np.round(np.sin(time) / 0.02)
+    signals = Signal("drive", 0.0 * time, "N", role="command"), Signal("position", stairs, "m")
+    notes = with_undeclared(bare, [Recording("stairs", time, signals)])[1]
+    assert notes[0] == (
+        "position declares no noise_rms; the recordings' steps of 20 mm are taken for it"
+    )
+
+
 def test_steps_below_the_declared_noise_or_resolution_change_nothing() -> None:
     declared = oscillator()
     fine = replace(declared, outputs=(replace(declared.outputs[0], resolution=0.02),))

@@ -313,6 +313,17 @@ def test_a_rotor_lifts_more_above_the_ground_and_a_weight_does_not() -> None:
     assert near.rates([0.3, 1.0], [0.0])[1] == pytest.approx(drone.rates([0.3, 1.0], [0.0])[1])
 
 
+def test_a_magnet_pulls_with_the_square_of_one_over_its_distance() -> None:
+    door = servo_axis()
+    (law,) = (
+        h for h in library(door, ranges={"position": (0.02, 0.9)}) if h.law == "surface_force"
+    )
+    near = door.with_effect(law.at_size(-40.0, {"surface": -0.03, "nearest": 0.02}))
+    for place, force in ((0.02, -40.0), (0.07, -10.0), (0.47, -0.4)):
+        more = near.rates([place, 0.0], [0.0])[1] - door.rates([place, 0.0], [0.0])[1]
+        assert 95.0 * more == pytest.approx(force)
+
+
 def test_a_sensor_may_read_what_another_one_reads() -> None:
     def equations(m):
         rest = m.u.supply - 1.2 * m.x.current - 0.08 * m.x.speed

@@ -118,13 +118,7 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
             )
             told, sizes = _with_data(replace(model, outputs=outputs), recordings)
     read = {q.name: q for q in told.outputs}
-    shown = {q.name: of_difference(q.display_unit) for q in undeclared}
-    notes = [
-        f"{name} declares no noise_rms;"
-        f" {with_unit(f'{from_si(read[name].noise_rms, unit):.3g}', unit)} is taken from the"
-        " recordings" + _growing(read[name])
-        for name, unit in shown.items()
-    ]
+    notes = [f"{q.name} declares no noise_rms; {_noise_text(read[q.name])}" for q in undeclared]
     if sizes:
         notes.append(
             f"no port of {model.name} declares a disturbance; a twentieth of its signal is taken: "
@@ -175,9 +169,16 @@ def _carried(model: Model) -> set[str]:
     return {f"{q.name}.rate" for q, part in found if part > 1.0 - _INDEPENDENT}
 
 
-def _growing(q: Output) -> str:
-    part = q.relative_noise_rms
-    return f", and {100.0 * part:.2g} % of what it reads" if part else ""
+def _noise_text(q: Output) -> str:
+    unit, part = of_difference(q.display_unit), q.relative_noise_rms
+
+    def shown(size: float) -> str:
+        return with_unit(f"{from_si(size, unit):.3g}", unit)
+
+    if not q.noise_rms and q.resolution:
+        return f"the recordings' steps of {shown(q.resolution)} are taken for it"
+    growing = f", and {100.0 * part:.2g} % of what it reads" if part else ""
+    return f"{shown(q.noise_rms)} is taken from the recordings{growing}"
 
 
 def _ranged(model: Model, recordings: Sequence[Recording]) -> dict[str, float]:

@@ -325,11 +325,14 @@ _NEARER = 2.0
 """How far what grows towards a surface does so beyond what was seen, as a factor of distance."""
 
 
+def _before(at: Place) -> bool:
+    return not at.coordinate.minus and same_dimension(at.coordinate.unit, "m")
+
+
 def _driven(survey: Survey) -> Iterator[Fit]:
     for place in survey.fitting("force", "acceleration", needs=("coordinate",)):
         causes = survey.causes(place)
-        distance = not place.coordinate.minus and same_dimension(place.coordinate.unit, "m")
-        if len(causes) == 1 and distance:
+        if len(causes) == 1 and _before(place):
             at = place.with_signal("cause", causes[0])
             yield f"_{by_port(place)}", ((at,),)
 
@@ -344,19 +347,27 @@ def _surfaces(at: Place) -> list[dict[str, float]]:
     ]
 
 
-def _surface(at: Place) -> Own:
+def _surface(at: Place) -> tuple[Own, Own]:
     low, high = at.coordinate.seen or at.travel
-    return shape("surface", at.coordinate.unit, _surfaces(at)[0]["surface"],
-                 "place of the surface", around=None, scale=0.2 * (high - low),
-                 between=(2.0 * low - high, 2.0 * high - low))  # fmt: skip
+    return (
+        shape("surface", at.coordinate.unit, _surfaces(at)[0]["surface"],
+              "place of the surface", around=None, scale=0.2 * (high - low),
+              between=(2.0 * low - high, 2.0 * high - low)),
+        shape("nearest", at.coordinate.unit, _surfaces(at)[0]["nearest"],
+              "place seen nearest to it", around=None, source="", fitted=False),
+    )  # fmt: skip
 
 
-def _grown(at: PortView) -> Expression:
+def _near(at: PortView) -> Expression:
     x, nearest, surface = at.signals.coordinate, at.p.nearest, at.p.surface
     closest = ca.fabs(nearest - surface)
     near = closest / ca.fmax(ca.fabs(x - surface), closest / _NEARER + 1e-300)
+    return near**2
+
+
+def _grown(at: PortView) -> Expression:
     driven = at.value - ca.substitute(ca.SX(at.value), ca.SX(at.signals.cause), 0.0)
-    return at.value + at.p.part * driven * near**2
+    return at.value + at.p.part * driven * _near(at)
 
 
 # A rotor above the ground, a wing above water, a magnet before iron, a thruster beside a wall.
@@ -366,15 +377,29 @@ ground_effect = Law(
     _driven,
     lambda at: (
         size("part", "1", 0.2, 10.0, "growth at the place seen nearest to it", signed=True),
-        _surface(at),
-        shape("nearest", at.coordinate.unit, _surfaces(at)[0]["nearest"],
-              "place seen nearest to it", around=None, source="", fitted=False),
+        *_surface(at),
     ),
     _grown,
     shapes=_surfaces,
     source="I. Cheeseman and W. Bennett 1955",
     look_alikes=("local_catch", "parameter_curve", "end_stops", "linear_spring"),
     separated_by="holding several distances with different loads",
+)  # fmt: skip
+
+surface_force = Law(
+    "surface_force",
+    "T = u + force ((nearest - surface) / (x - surface))^2",
+    each("force", "acceleration", needs=("coordinate",), only=_before),
+    lambda at: (
+        size("force", at.unit, 0.06 * at.scale, 0.5 * at.scale,
+             "force at the place seen nearest to it", signed=True),
+        *_surface(at),
+    ),
+    lambda at: at.value + at.p.force * _near(at),
+    shapes=_surfaces,
+    source="magnets, charged plates and fine tips attract with the square of one over a distance",
+    look_alikes=("local_catch", "ground_effect", "polynomial_stiffness", "end_stops"),
+    separated_by="holding several distances from it",
 )  # fmt: skip
 
 local_friction = Law(
