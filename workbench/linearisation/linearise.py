@@ -12,6 +12,7 @@ import numpy.typing as npt
 from workbench.arrays import Vector
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.linearisation.actuator_inverse import ActuatorInverse, straightened_point
+from workbench.linearisation.command_ends import with_command_ends
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.validity import DescribingFunction, Validity, find_kinks, slope_read
 from workbench.model import EXACT, ActuatorCurve, Form, Model, Quantity
@@ -217,6 +218,9 @@ def linearise(
     model = point.model
     at = derivatives_of(model, form)
     p = model.values
+    if curve is None:
+        model = with_command_ends(op, at)
+        op = point = replace(op, model=model)
     jacobian = at(point.x, point.u, p)[1]
     if not np.isfinite(jacobian).all():
         raise WorkbenchError(
