@@ -504,3 +504,28 @@ def test_a_switch_is_no_drive_that_saturates() -> None:
     report = check_recording(Recording("r", time, (heater, oven)), model=model)
     assert report.check("clipping").note == "heater is switched"
     assert "heater 0 to 1;" in report.check("excitation").note
+
+
+@pytest.mark.parametrize("read", [True, False])
+def test_what_goes_with_an_unread_position_has_no_sure_sign(read: bool) -> None:
+    def equations(m: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        cable = m.x.drum - m.x.dish + 0.01 * (m.x.turning - m.x.rate)
+        rates = {
+            "drum": m.x.turning,
+            "turning": m.u.torque - cable,
+            "dish": m.x.rate,
+            "rate": cable - 0.1 * m.x.rate,
+        }
+        shown = {"turning": m.x.turning, "dish": m.x.dish}
+        return rates, {**shown, "drum": m.x.drum} if read else shown
+
+    names = ("drum", "turning", "dish", "rate")
+    outputs = ("turning", "dish", "drum") if read else ("turning", "dish")
+    plant = Model(
+        "telescope",
+        equations,
+        states=tuple(State(n, "rad" if n in ("drum", "dish") else "rad/s") for n in names),
+        inputs=(Input("torque", "N m"),),
+        outputs=tuple(Output(n, "rad/s" if n == "turning" else "rad") for n in outputs),
+    )
+    assert (("turning", "dish") in response_signs(plant)) is read

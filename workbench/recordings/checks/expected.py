@@ -145,6 +145,8 @@ def _pulse(
 def acceleration_slopes(model: Model) -> dict[tuple[str, str], float]:
     """Return how strongly measured states accelerate measured positions, by the model's equations.
 
+    Of positions that nothing accelerates but what is measured.
+
     Returns:
         Acceleration over cause at the start, in SI, by (cause, motion).
     """
@@ -154,8 +156,10 @@ def acceleration_slopes(model: Model) -> dict[tuple[str, str], float]:
     read = {int(np.flatnonzero(row)[0]): i for i, row in enumerate(C) if np.count_nonzero(row) == 1}
     twice, position = A @ A, np.count_nonzero(np.hstack([A, B]), axis=1) == 1
     for m, motion in read.items():
+        # Where more acts that nobody reads, what is read may go with that.
+        unread = (twice[m] != 0) & (A[m] == 0) & ~np.isin(np.arange(len(A)), list(read))
         for c, cause_ in read.items():
-            if c != m and position[m] and A[m, c] == 0 and twice[m, c] != 0:
+            if c != m and position[m] and A[m, c] == 0 and twice[m, c] != 0 and not unread.any():
                 pair = model.outputs[cause_].name, model.outputs[motion].name
                 found[pair] = float(twice[m, c] * C[motion, m] / C[cause_, c])
     return found
