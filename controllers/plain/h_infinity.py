@@ -46,7 +46,7 @@ class PlainHInfinitySpecification(ReadingSpecification):
 FACTORS = (0.15, 0.3, 0.5, 0.8, 1.2, 2.0)
 """Speeds that are tried, over that of a state feedback."""
 
-INPUT_SIZES = (8.0, 1.0, 0.2)
+INPUT_SIZES = (8.0, 1.0, 0.4, 0.2)
 """Sizes of the command that are tried, over that at which the plant moves the output by itself."""
 
 BESIDES = (0.1, 0.01)

@@ -42,6 +42,7 @@ from controllers.plain.loop import Loop, LoopSpecification, PlainLaw, loop_of, s
 from controllers.sensitivity import least_gain, sampled_at
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import WorkbenchError
+from workbench.linearisation.pace import reach_of
 from workbench.linearisation.transfer import transfer_function
 
 if TYPE_CHECKING:
@@ -504,23 +505,25 @@ class LoopLimits:
     def best_at_pace(self, laws: Sequence[P]) -> P:
         """Return the law, at its pace, whose steps are the best, the loops being the same.
 
-        Small and large steps count alike; overshoots of large ones by their third power: what is no
-        faster for them is no better.
+        Small steps and those as far as an output goes count alike; overshoots of these by their
+        third power: what is no faster for them is no better.
         """
         reached = self.answered(stacked([law.around_rest() for law in laws]))
         small = cost(reached, reached.errors.min(axis=0), self.want.overshoot)
         paced: list[Any] = [self.at_pace(law) for law in laws]
         large = np.zeros(len(laws))
-        for i in range(self.outputs):
-            # Those of the first law that has room for any.
-            sizes = [found for law in laws if len(found := self._large(law, i)[0])]
-            for size in sizes[:1]:
-                each = [
-                    self._paced(self._run, law, i, size, np.array([(law.pace or {i: math.inf})[i]]))
-                    for law in paced
-                ]
-                errors, penalty = (np.vstack(part) for part in zip(*each, strict=True))
-                large += np.sum(errors / errors.min(axis=0) * penalty**3, axis=1)
+        for i, name in enumerate(self.loop.measured):
+            room = next((found for law in laws if len(found := self._large(law, i)[0])), None)
+            if room is None:
+                continue
+            far = reach_of(self.loop.linear, name) * np.array([-1.0, -0.25, 0.25, 1.0])
+            size = np.clip(far, room.min(), room.max())
+            each = [
+                self._paced(self._run, law, i, size, np.array([(law.pace or {i: math.inf})[i]]))
+                for law in paced
+            ]
+            errors, penalty = (np.vstack(part) for part in zip(*each, strict=True))
+            large += np.sum(errors / errors.min(axis=0) * penalty**3, axis=1)
         return cast(P, paced[int(np.argmin(small * large if large.any() else small))])
 
     def at_pace(self, law: P) -> P:

@@ -688,6 +688,35 @@ def test_an_h_infinity_loop_shows_a_reference_no_tail_of_what_it_does_about_load
     assert scores["settling_time"].value < 200.0 and scores["overshoot"].value < 0.02
 
 
+@pytest.mark.skipif(not has_slycot(), reason="needs slycot")
+def test_a_reference_is_not_held_back_for_steps_that_nobody_takes() -> None:
+    # A ball on a beam: by half of what moves a motor to its end in a slow loop it rolls for metres.
+    beam = Model(
+        "ball and beam",
+        lambda m: (
+            {
+                "way": m.x.speed,
+                "speed": 7.0 * m.x.angle - 0.1 * m.x.speed,
+                "angle": m.x.rate,
+                "rate": (m.u.motor - m.x.rate) / 0.05,
+            },
+            {"way": m.x.way, "angle": m.x.angle},
+        ),
+        states=(
+            State("way", "m"),
+            State("speed", "m/s"),
+            State("angle", "rad"),
+            State("rate", "rad/s"),
+        ),
+        inputs=(Input("motor", "rad/s", lower=-2.0, upper=2.0),),
+        outputs=(Output("way", "m", noise_rms=5e-4), Output("angle", "rad", noise_rms=1e-3)),
+    )
+    linear = linearise(operating_point(beam), verdict=False)
+    design = DESIGNS.get("plain-h-infinity")
+    law: Any = design.controller(linear, design.specified({"measured": "way", "sample_time": 0.02}))
+    assert settled_after(law, linear, {"way": 0.15}) < 4.0
+
+
 @pytest.mark.parametrize("name", ["lqi", "plain-h-infinity"])
 def test_references_of_several_outputs_show_no_tail_of_what_loops_do_about_loads(name: str) -> None:
     if name == "plain-h-infinity" and not has_slycot():
