@@ -21,6 +21,7 @@ from workbench.diagnosis.estimation.priors import Prior, default_priors
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.estimation.start import fit_with_likely_starts, likely_start
 from workbench.diagnosis.experiment.next_experiment import Advice, next_experiment
+from workbench.diagnosis.late_commands import with_commands_in_time
 from workbench.diagnosis.location.locate import Location, locate
 from workbench.diagnosis.location.located_signal import missing_signals
 from workbench.diagnosis.nonparametric.fit import nonparametric_term
@@ -129,11 +130,13 @@ def stages(
             f" and {len(hold_out)}"
         )
     say = progress or notebook_progress()
-    both = (*fit_on, *hold_out)
+    both: Sequence[Recording] = (*fit_on, *hold_out)
     model, notes = with_undeclared(model, both)
     model, rows = as_coarse_as_recorded(model, both)
+    both, late = with_commands_in_time(model, both)
+    fit_on, hold_out = both[: len(fit_on)], both[len(fit_on) :]
     model, noise = with_correlated_noise(model, both)
-    for note in (*notes, *(row["note"] for row in (*rows, *noise))):
+    for note in (*notes, *(row["note"] for row in (*rows, *late, *noise))):
         say(note)
     searched = partial(
         _stages,
@@ -146,7 +149,7 @@ def stages(
         advise=advise,
         say=say,
     )
-    rows = (*rows, *noise)
+    rows = (*rows, *late, *noise)
     found = None
     for found in searched(View(model, rows=rows), folder=folder):
         if found.verdict is None:

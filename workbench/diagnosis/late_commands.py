@@ -1,0 +1,73 @@
+"""Were commands written beside measurements that already answer to them?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.priors import default_priors
+from workbench.diagnosis.estimation.process_noise import perfect_cost
+from workbench.diagnosis.estimation.start import fit_with_likely_starts
+from workbench.diagnosis.selection.rules import SAME
+from workbench.errors import WorkbenchError
+from workbench.model import Model
+from workbench.model.units import in_time
+from workbench.recordings.recording import Recording
+
+_LEFT = 0.1
+"""Part of what is left out that may stay where a row is all that was wrong: less has causes too."""
+
+
+def moved_up(recording: Recording, names: Sequence[str], rows: int) -> Recording:
+    """Return a recording with some columns moved towards its begin by some rows."""
+    signals = tuple(
+        replace(s, values=np.append(s.values[rows:], np.full(rows, s.values[-1])))
+        if s.name in names
+        else s
+        for s in recording.signals
+    )
+    return replace(recording, signals=signals)
+
+
+def with_commands_in_time(
+    model: Model, recordings: Sequence[Recording]
+) -> tuple[Sequence[Recording], tuple[dict[str, str], ...]]:
+    """Move commands up by one row, where that explains nearly all that the refitted model lacks.
+
+    A program that reads, computes and writes, and then records what it read beside what it wrote
+    before, records each command one row late. No law of a machine is ahead of its command.
+
+    Returns:
+        The recordings, the same ones where that is not so, and what is said of it, as rows of the
+        checks of recordings.
+    """
+    names = [
+        q.name
+        for q in model.inputs
+        if q.commanded and all(q.name in r and np.ptp(r[q.name]) > 0.0 for r in recordings)
+    ]
+    first = recordings[0]
+    if not names or len(first) < 3:
+        return recordings, ()
+
+    def lacks(rows: int) -> float:
+        seen = [observe(model, moved_up(first, names, rows))]
+        fit, started = fit_with_likely_starts(model, seen, default_priors(model))
+        return fit.cost - perfect_cost(fit.model, started)
+
+    try:
+        before = lacks(0)
+        late = before > SAME.value / _LEFT and lacks(1) < _LEFT * before
+        if not late or lacks(2) < _LEFT * before:
+            return recordings, ()
+    except (WorkbenchError, np.linalg.LinAlgError):
+        return recordings, ()
+    note = (
+        f"{' and '.join(names)} acted a row before being written: moved up by one, "
+        f"{in_time(first.sample_time)}, which explains nearly all that the model left out"
+    )
+    row = {"recording": first.name, "check": "rows", "result": "corrected", "note": note}
+    return [moved_up(r, names, 1) for r in recordings], (row,)
