@@ -11,6 +11,7 @@ import pytest
 
 from tests.diagnosis.example_diagnosis import example_diagnosis
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+from workbench.diagnosis.selection import search as selection_search
 from workbench.diagnosis.selection import withdrawal
 from workbench.diagnosis.selection.pairs import _openings, with_pair
 from workbench.diagnosis.selection.refits import entry_priors
@@ -56,6 +57,20 @@ def test_effects_that_explain_too_little_are_taken_back_with_the_reason() -> Non
     # But not if it predicts next to nothing of what is missing.
     gone = too_little_withdrawn(task, given.selected, 2.0 * gain / LEAST_PREDICTED.value)
     assert gone.accepted == gone.aside == () and left.aside != ()
+
+
+@pytest.mark.parametrize(("share", "more"), [(0.2, False), (0.4, True)])
+def test_near_the_noise_what_is_left_may_be_another_effect(
+    monkeypatch: pytest.MonkeyPatch, share: float, more: bool
+) -> None:
+    monkeypatch.setattr(selection_search, "_near_noise", lambda *_: True)
+    given, _ = example_diagnosis()
+    assert given.selected is not None and given.scored is not None
+    prepared, extended = given.prepared, replace(given.selected.extended, noise_scale=0.03)
+    task = Task(given.nominal, given.base, prepared.fitting, prepared.judging, prepared.priors)
+    left = replace(given.scored, excess=100.0, perfect=extended.cost - 100.0 * share)
+    before, state = replace(given.base, noise_scale=0.3), replace(given.selected, extended=extended)
+    assert selection_search.goes_on(task, left, before, state) is more
 
 
 def test_an_effect_is_doubted_as_sure_as_it_is_told() -> None:

@@ -41,6 +41,7 @@ from workbench.diagnosis.selection.rules import (
     LEAST_GAIN,
     LEAST_OF_ALL,
     LEAST_OF_REST,
+    LEAST_SHARE,
     LEAST_SHOWN,
     LEAST_TOGETHER,
     NEAR_NOISE,
@@ -236,8 +237,21 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
         return state, False
     if len(state.accepted) > 1:
         state = _exchanged(task, scored, state)
-    became_perfect = state.extended.noise_scale <= PERFECT < current.noise_scale
-    return state, not (became_perfect and _near_noise(task, state))
+    return state, goes_on(task, scored, current, state)
+
+
+def goes_on(task: Task, scored: Scored, before: ProcessNoiseFit, state: Selected) -> bool:
+    """Whether another effect is searched for after one was found.
+
+    As much as a single effect has to explain may be one, however near the noise the runs are.
+
+    Args:
+        before: The model without what was found last, fitted.
+    """
+    became_perfect = state.extended.noise_scale <= PERFECT < before.noise_scale
+    left = state.extended.cost - scored.perfect
+    done = became_perfect and left < LEAST_SHARE.value * scored.excess
+    return not (done and _near_noise(task, state))
 
 
 def _near_noise(task: Task, state: Selected) -> bool:
