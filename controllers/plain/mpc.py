@@ -44,7 +44,7 @@ FASTEST = 0.15
 ERRORS = tuple(10.0 ** (k / 4.0) for k in range(-12, 9))
 """Errors between which it is chosen, over what the commands move the output by at the speed."""
 
-ALIKE = (8, 12)
+ALIKE = (8, 10, 12)
 """Places of those that are tried for all outputs alike."""
 
 

@@ -717,6 +717,15 @@ def test_a_reference_is_not_held_back_for_steps_that_nobody_takes() -> None:
     assert settled_after(law, linear, {"way": 0.15}) < 4.0
 
 
+def test_an_mpc_asks_for_as_much_of_the_command_as_a_rubbing_axis_takes() -> None:
+    linear = linearise(operating_point(servo_axis()), verdict=False)
+    law = design_plain_mpc(linear, PlainMPCSpecification(sample_time=0.002))
+    step = step_scenario("position", 0.0, 3.0, unit="mm", sample_time=0.002, hold=2.0)
+    scores = metrics(verify(law, servo_axis(), step))
+    # By hand a PID settles in 0.25 s.
+    assert scores["settling_time"].value < 0.25 and scores["overshoot"].value < 0.03
+
+
 @pytest.mark.parametrize("name", ["lqi", "plain-h-infinity"])
 def test_references_of_several_outputs_show_no_tail_of_what_loops_do_about_loads(name: str) -> None:
     if name == "plain-h-infinity" and not has_slycot():
