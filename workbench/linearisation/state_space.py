@@ -31,7 +31,8 @@ def linear_model(
         system: A ``control.StateSpace`` or ``control.TransferFunction``, or one of
             ``scipy.signal``, proper, in continuous time or with a sample time over which its inputs
             are held; or a `LinearModel`, which is returned.
-        limits: Lower and upper end of inputs and outputs by name, in SI; infinite if not given.
+        limits: Lower and upper end of inputs and outputs by name, in SI; infinite if not given. A
+            lone ``u[0]`` or ``u_0`` may be called ``u``.
         delay: Time by which every input acts late, in s, by a Pade function of second over third
             order. Whole samples by which a sampled system is late (poles at z = 0) count too.
 

@@ -85,7 +85,10 @@ def model_of_system(
     given = proper_system(system, "the plant of a design")
     labels: Any = system if hasattr(system, "input_labels") else given
     inputs, outputs = _labels(labels.input_labels), _labels(labels.output_labels)
-    ends = dict(limits or {})
+    # Of one signal that python-control has numbered, the letter says which.
+    alone = [names[0] for names in (inputs, outputs) if len(names) == 1]
+    called = {name.removesuffix("_0"): name for name in alone}
+    ends = {called.get(n, _plain(n)): own for n, own in (limits or {}).items()}
     for name in ends:
         check_choice("name of a limited signal", name, (*inputs, *outputs))
         if not ends[name][0] < ends[name][1]:

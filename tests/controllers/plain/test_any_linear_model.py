@@ -365,6 +365,16 @@ def test_a_tank_that_another_pump_fills_keeps_no_design_from_its_level(name: str
     assert metrics(verify(law, linear, scenario))["settling_time"].value < 300.0
 
 
+@pytest.mark.parametrize("name", ["u", "u[0]", "u_0"])
+def test_limits_of_a_lone_command_are_told_by_its_letter(name: str) -> None:
+    import control as ct
+
+    (command,) = linear_model(
+        ct.tf([1.0], [1.0, 1.0]), limits={name: (-2, 3)}
+    ).operating_point.model.inputs
+    assert (command.name, command.lower, command.upper) == ("u_0", -2.0, 3.0)
+
+
 def test_a_plant_that_nothing_drives_gets_no_controller() -> None:
     decay = Model(
         "decay",
