@@ -111,6 +111,13 @@ def test_a_word_of_the_header_names_the_signal(tmp_path: Path) -> None:
     assert not recording.notes
 
 
+def test_a_number_behind_a_name_is_a_word_of_the_header(tmp_path: Path) -> None:
+    path = _file(tmp_path, "t [s]", "heater 1 [%]", "heater 2 [%]")
+    recording = read_recording(path, signals={"heat2": "1", "heat1": "1"})
+    assert recording.mapping is not None
+    assert [row.column for row in recording.mapping][1:] == ["heater 2 [%]", "heater 1 [%]"]
+
+
 @pytest.mark.parametrize(("unit", "size"), [("m", 1e-9), ("N m", 1.0)])
 @pytest.mark.parametrize("name", ["z", "z_nm", "other"])
 def test_nm_is_what_is_asked_for(tmp_path: Path, unit: str, size: float, name: str) -> None:

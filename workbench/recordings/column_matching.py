@@ -145,15 +145,20 @@ def _words(name: str) -> set[str]:
     return {w for w in re.split(r"[\W_]+", name.lower()) if w}
 
 
+def _parts(name: str) -> set[str]:
+    """Return the words and numbers of a name: ``heat1`` has two, as ``heater 1`` has."""
+    return set(re.findall(r"[^\W\d_]+|\d+", name.lower()))
+
+
 def _partly(requested: Requested, header: Header) -> bool:
     """Tell whether a header says a name, of three letters or more, among other words.
 
     Or begins to: ``rotor speed`` is ``n_rotor``, in which a letter says what is measured, and
     ``generator speed`` is ``n_gen``.
     """
-    words = _words(header.name)
+    words = _parts(header.name)
     first, *rest = re.split(r"[\W_]+", requested.name)
-    own = _words("_".join(rest) if rest and first in _letters(requested.unit) else requested.name)
+    own = _parts("_".join(rest) if rest and first in _letters(requested.unit) else requested.name)
     return (
         len("".join(own)) > 2
         and all(w in words or (len(w) > 2 and any(v.startswith(w) for v in words)) for w in own)
