@@ -95,10 +95,10 @@ def test_steps_are_written_in_the_unit_in_which_people_read_the_input() -> None:
         lambda m: ({"warm": (m.u.power - m.x.warm) / 50.0}, {"warm": m.x.warm}),
         states=(State("warm", "K", 1.0),),
         inputs=(Input("power", "1", 1.0, nominal=0.5, lower=0.0, upper=1.0, display_unit="%"),),
-        outputs=(Output("warm", "K", 1.0),),
+        outputs=(Output("warm", "1", 1.0),),
     )
     told = str(amplitude_validity(linearise(operating_point(heater, {"power": 0.5}))))
-    assert "to 50 % (warm moves" in told and "closest at 50 % with" in told
+    assert "to 50 % (warm moves up to 0.475); closest" in told and "closest at 50 % with" in told
 
 
 def test_steps_of_an_unstable_plant_end_before_it_has_run_away() -> None:

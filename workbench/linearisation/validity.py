@@ -73,7 +73,8 @@ class Kink:
         away = f"{self.distance * self.read[1]:+.3g}"
         where = f"{with_unit(away, self.read[0])} away" if self.distance else "at the point"
         return (
-            f"kink in {self.name}, {where}: slope of {self.of} {below:.4g} {unit} below,"
+            f"kink in {self.name}, {where}: slope of {self.of}"
+            f" {with_unit(f'{below:.4g}', unit)} below,"
             f" {above:.4g} above (factor {self.factor:.3g})"
         )
 
@@ -232,8 +233,10 @@ class Comparison:
         quantity = next(q for q in op.model.inputs if q.name == self.model.input_names[0])
         room = min(quantity.upper - u0, u0 - quantity.lower)
         if room <= 0.0:
+            unit = quantity.display_unit
+            rest = with_unit(f"{from_si(u0, unit):g}", unit)
             raise WorkbenchError(
-                f"{quantity.name} rests at an end of its range, {u0:g} {quantity.unit}; how far the"
+                f"{quantity.name} rests at an end of its range, {rest}; how far the"
                 " linear model holds is tried in both directions: rest the plant elsewhere, with"
                 " another output or input (--at NAME=VALUE)"
             )
@@ -502,7 +505,7 @@ class AmplitudeValidity:
         moved = from_si(float(self.moves[i]), self.unit)
         closest = (
             f"closest at {with_unit(tried, unit)} with {100 * self.errors[i]:.0f} %, where"
-            f" {self.output} moves {moved:.3g} {self.unit}"
+            f" {self.output} moves {with_unit(f'{moved:.3g}', self.unit)}"
         )
         head = f"steps of {self.input} over {in_time(self.horizon)}"
         if math.isnan(self.upper):
@@ -510,7 +513,7 @@ class AmplitudeValidity:
         top = from_si(float(np.interp(self.upper, self.amplitudes, self.moves)), self.unit)
         return (
             f"{head}: hold within {100 * self.within:.0f} % from {lower} to"
-            f" {upper} ({self.output} moves up to {top:.3g} {self.unit}); {closest}"
+            f" {upper} ({self.output} moves up to {with_unit(f'{top:.3g}', self.unit)}); {closest}"
         )
 
 
@@ -625,8 +628,9 @@ class DescribingFunction:
         unit, factor = self.slope_read
         amplitude = with_unit(f"{self.amplitude * self.read[1]:.4g}", self.read[0])
         return (
-            f"slope of d {self.of}/dt by {self.name}: {factor * self.over_oscillation:.4g} {unit}"
-            f" over an oscillation of {amplitude}, {factor * self.at_rest:.4g} at the point"
+            f"slope of d {self.of}/dt by {self.name}:"
+            f" {with_unit(f'{factor * self.over_oscillation:.4g}', unit)} over an oscillation of"
+            f" {amplitude}, {factor * self.at_rest:.4g} at the point"
         )
 
 
