@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -60,12 +60,3 @@ def default_priors(model: Model, names: Sequence[str] | None = None) -> tuple[Pr
             )
         priors.append(Prior(name, q.value, (q.upper - q.lower) / 4, q.lower, q.upper))
     return tuple(priors)
-
-
-def widened(prior: Prior, factor: float) -> Prior:
-    """Return a prior with a larger standard deviation.
-
-    Args:
-        factor: Factor on the standard deviation, dimensionless.
-    """
-    return replace(prior, std=prior.std * factor)
