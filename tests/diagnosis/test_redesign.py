@@ -13,6 +13,7 @@ import pytest
 
 from tests.diagnosis.practice_08 import diagnosed, rig, sine
 from workbench.diagnosis.redesign import redesign
+from workbench.evaluation.rig.excitation import RATE
 from workbench.evaluation.rig.simulate import follow
 from workbench.linearisation import linearise
 from workbench.model import Model
@@ -42,11 +43,13 @@ def test_the_redesigned_controller_tracks_better_on_the_rig(
     models: dict[str, Model], frequency_hz: float
 ) -> None:
     parameters, state = rig()
+    time = np.arange(0.0, 6.0, 1.0 / RATE)
+    reference = np.array([sine(frequency_hz)(t) for t in time])
     errors = {}
     for name, model in models.items():
         law = redesign(model, ARM, "scheduled-pid")
-        run = follow(law, parameters, state, sine(frequency_hz), 6.0)
-        off = np.degrees(run.reference - run.angle)[run.time >= 2.0]
+        run = follow(law, parameters, state, reference)
+        off = np.degrees(reference - run.states[:, 0])[time >= 2.0]
         errors[name] = float(np.sqrt(np.mean(off**2)))
     assert errors["improved"] < BETTER * min(errors["nominal"], errors["refitted"])
     # Ten steps of the encoder; the loop of the nominal design is sound, only not as good.

@@ -49,7 +49,7 @@ def test_phi_is_found_from_equation_3_on_isometric_ramps() -> None:
 @pytest.mark.parametrize(
     ("physics", "seconds", "name", "before_deg"),
     [
-        ("changing-volume", 6.0, "braid_volume", 1.0),
+        ("changing-volume", 6.0, "braid_volume", 0.5),
         ("energy-of-the-gas", 4.0, "gas_energy_balance", 0.3),
         ("Coulomb-friction", 4.0, "coulomb_friction", 0.05),
     ],

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import casadi as ca
 
-from workbench.model import EffectView, PortView, State
+from workbench.model import PortView, State
 from workbench.model.regularisation import Expression
-from workbench.physics.force_laws import PaperLaw
-from workbench.physics.law import Law, Own, shape, size, twins
-from workbench.physics.place import Place
+from workbench.physics.law import Fit, Law, Own, by_number, shape, size, twins
+from workbench.physics.place import Place, Survey
 
 _NEEDS = ("contraction", "gauge_pressure")
 
@@ -55,39 +56,50 @@ wall_term = Law(
 )
 
 
-_LAG = 0.005
+_LAG = 0.002
 """Time, in s, in which the stretch follows the force, which avoids an algebraic loop: shorter than
 any motion of the rig."""
 
-_BASE = PaperLaw()
+
+def _beside_its_gas(survey: Survey) -> Iterator[Fit]:
+    lengths, gases = (
+        {number if (number := by_number(q)).isdigit() else "": q for q in found}
+        for found in (
+            survey.fitting("muscle_length"),
+            survey.fitting("volume_rate", needs=("volume", "tension")),
+        )
+    )
+    if sites := tuple((q, gases[number]) for number, q in lengths.items() if number in gases):
+        yield "", sites
+
+
+def _yields(at: PortView) -> Expression:
+    """Rate of the force in the tendon, N/s."""
+    return (at.form.ramp(at.signals.tension, 1.0) - at.x.pull) / _LAG
 
 
 def _stretched(at: PortView) -> Expression:
-    # The muscle contracts more than its anchors by what tendons, fittings and clamps stretch. The
-    # gas volume is left at the anchors' length: at 500 N and 7e-6 m/N some 5 % of volume, off.
-    q, p = at.signals.contraction, at.signals.gauge_pressure
-    stretch = at.p.compliance * at.x.pull
-    return (
-        at.value + _BASE.tension(q + stretch, p, form=at.form) - _BASE.tension(q, p, form=at.form)
-    )
+    if at.index == 0:
+        return at.value - at.p.compliance * at.x.pull
+    # The gas gives way to what the force makes of the length.
+    volume, pull = ca.SX(at.signals.volume), ca.SX(at.x.pull)
+    return at.value + ca.jtimes(volume, pull, ca.SX(_yields(at)))
 
 
-def _follow(e: EffectView) -> dict[str, Expression]:
-    return {"pull": (e.form.ramp(e.values[e.here.port], 1.0) - e.x.pull) / _LAG}
-
-
+# The muscle is shorter than its anchors are apart by what tendons, fittings and clamps stretch:
+# at 500 N and 7e-6 m/N by 3.5 mm, a twentieth of its gas volume.
 series_elasticity = Law(
     "series_elasticity",
-    "T = T(q + compliance F)",
-    twins("muscle_tension", needs=("contraction", "gauge_pressure")),
+    "s = L - compliance F",
+    _beside_its_gas,
     lambda at: (
         size("compliance", "m/N", 7e-6, 2e-5, "stretch of the tendon over its force",
              source="1e5 to 2e5 N/m in the literature"),
     ),
     _stretched,
     states=lambda at: (State("pull", "N", 100.0, "force in the tendon", 300.0),),
-    rates=_follow,
-    start=lambda e: {"pull": e.form.ramp(e.here.value, 1.0)},
+    rates=lambda e: {"pull": _yields(list(e.at.values())[1])},
+    start=lambda e: {"pull": e.form.ramp(list(e.at.values())[1].signals.tension, 1.0)},
     far=True,
     usual=True,
     source="A. V. Hill 1938, series element; compliance of fittings",

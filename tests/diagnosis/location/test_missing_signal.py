@@ -10,7 +10,8 @@ import pytest
 from tests.diagnosis.axis_case import diagnosed
 from tests.diagnosis.unnamed_case import shaken
 from workbench.diagnosis.conclude import conclude
-from workbench.diagnosis.location.located_signal import missing_signals
+from workbench.diagnosis.estimation.made_up import made_up
+from workbench.diagnosis.location.located_signal import added_at_ports, missing_signals
 from workbench.diagnosis.location.missing_signal import (
     Occurrence,
     Place,
@@ -18,8 +19,11 @@ from workbench.diagnosis.location.missing_signal import (
     correlation_ratio,
     occurrence,
 )
+from workbench.diagnosis.location.unknown_input import unknown_input
 from workbench.model import Input, Model, Output, State
 from workbench.model.quantities import declared_unit
+from workbench.physics.braided_muscle import series_elasticity
+from workbench.plants.arm import arm
 
 TIME = np.linspace(0.0, 20.0, 2001)
 SPEED = np.sin(1.3 * TIME)
@@ -153,3 +157,20 @@ def test_without_a_located_port_the_error_of_the_predictions_tells() -> None:
     assert said.kind == "unexplained" and not said.findings
     assert said.occurrence is not None and str(said.occurrence) in said.sentence
     assert said.as_data()["occurrence"]["unit"] == "m"
+
+
+def test_what_an_effect_adds_is_read_at_its_own_ports() -> None:
+    """Four ports stand against three measurements: no projection of rates tells them apart."""
+    base, compliance = arm(3.0), 6e-6
+    extended = base.with_effect(series_elasticity(compliance=compliance))
+    seen = made_up(extended, np.full(60, 5.4), sample_time=0.002)
+    inside = made_up(base, np.full(60, 5.4), sample_time=0.002)
+    ports = ("muscle_1.length", "muscle_2.length")
+    known = unknown_input(base, inside, ("joint.torque",))
+    none = np.zeros((len(known.time), 2))
+    missing = replace(known, ports=ports, units=("m", "m"), signal=none, std=none)
+    absent = {"series_elasticity.compliance": 0.0}
+    effect = extended.effect("series_elasticity")
+    added = added_at_ports(extended, effect, absent, seen, base, missing)
+    # Some 300 to 1,000 N pull at each.
+    assert np.all(added < -compliance * 100.0) and np.all(added > -compliance * 1500.0)

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from tests.physics.effects.bench import bench, read, run
 from workbench.physics.braided_muscle import series_elasticity
 from workbench.physics.creep import creep
 from workbench.physics.force_laws import PaperLaw, Sarosi
+from workbench.physics.library import library
+from workbench.physics.muscle_volume import BraidedCylinder
 from workbench.physics.offset_gain import gain
-from workbench.plants.arm import arm
+from workbench.plants.arm import arm, pneumatic_muscle
 from workbench.plants.arm.laws import (
     contraction_force_correction,
     force_shape,
     phi_term,
     pressure_force_correction,
 )
+from workbench.simulation import simulate
 
 TENSION = ("muscle.tension",)
 
@@ -43,22 +47,28 @@ def test_creep_starts_settled() -> None:
 
 
 def test_a_tendon_stretches_until_its_force_is_that_of_the_shorter_muscle() -> None:
-    law, q, p, compliance = PaperLaw(), 0.012, 4e5, 7e-6
-    model = bench(
-        series_elasticity(TENSION, compliance=compliance), "N", "contraction", "gauge_pressure"
+    """Its gas gives way too: locked at both ends and shut, the muscle keeps its mass of gas."""
+    law, braid, length, compliance = PaperLaw(), BraidedCylinder(), 0.188, 7e-6
+    ambient, dead = 101325.0, 15e-6
+    model = pneumatic_muscle().with_effect(
+        series_elasticity([("muscle.length", "chamber.volume_rate")], compliance=compliance)
     )
-    tension = float(law.tension(q, p))
-    signals = {"value": tension, "contraction": q, "gauge_pressure": p}
-    settled = run(model, lambda t: signals, np.linspace(0.0, 0.1, 51))[-1]
-    low, high = 0.0, tension
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        if float(law.tension(q + compliance * middle, p)) > middle:
-            low = middle
-        else:
-            high = middle
-    assert settled == pytest.approx(low, rel=1e-3)
-    assert settled < 0.9 * tension
+    shut = np.tile([length, 0.0, 0.0], (3001, 1))
+    begin = {"pressure": 4e5 + ambient, "series_elasticity.pull": 0.0}
+    run = simulate(model, shut, sample_time=1e-3, start=begin)
+    # It began at full length, and as warm as its wall, to which it returns.
+    amount = (4e5 + ambient) * (float(braid.volume(length)) + dead)
+
+    def excess(force: float) -> float:
+        shorter = length - compliance * force
+        pressure = amount / (float(braid.volume(shorter)) + dead) - ambient
+        return float(law.tension(0.2 - shorter, pressure)) - force
+
+    settled = brentq(excess, 0.0, 2000.0)
+    assert run["force"][-1] == pytest.approx(settled, rel=1e-3)
+    assert settled < 0.9 * float(law.tension(0.2 - length, 4e5))
+    (offered,) = (e for e in library(pneumatic_muscle()) if e.law == "series_elasticity")
+    assert offered.ports == ("muscle.length", "chamber.volume_rate")
 
 
 def test_the_whole_share_is_the_other_law() -> None:

@@ -21,7 +21,7 @@ from workbench.diagnosis.location.missing_signal import (
 )
 from workbench.diagnosis.location.unknown_input import UnknownInput, unknown_input
 from workbench.diagnosis.stages import Diagnosis
-from workbench.model import Model, Port
+from workbench.model import Effect, Model, Port
 from workbench.model.model import index_of
 from workbench.model.quantities import declared_unit
 from workbench.model.units import rate_unit
@@ -175,6 +175,7 @@ def located_signal(
         laws = [
             added_at_ports(
                 extended,
+                extended.effect(taken_out.effect),
                 taken_out.absent,
                 extended_start(seen, diagnosis.nominal, extended),
                 model,
@@ -261,6 +262,7 @@ def _taken_out(diagnosis: Diagnosis, index: int) -> _Found | None:
 
 def added_at_ports(
     extended: Model,
+    effect: Effect,
     absent: Mapping[str, float],
     observed: Observed,
     model: Model,
@@ -268,11 +270,13 @@ def added_at_ports(
 ) -> Vector:
     """Return what an effect adds at some ports along a recording.
 
-    The difference that it makes to the rates (or, at a sensor, to the measurements) at the same
-    states, divided by the effect of a unit signal at the port.
+    At its own ports, the difference that it makes to their signals at the same states; elsewhere
+    that to the rates (or, at a sensor, to the measurements), divided by the effect of a unit signal
+    at the port.
 
     Args:
-        absent: Parameter values at which the effect is absent, in SI.
+        effect: One of the extended model's.
+        absent: Parameter values at which it is absent, in SI.
         missing: The unknown input of the model without it, whose smoothed states are used where
             both models have them.
 
@@ -290,9 +294,14 @@ def added_at_ports(
     )
     shared = [index_of("state", q.name, extended.states) for q in model.states]
     states[:, shared] = missing.states
+    trace, full = model.exact, extended.exact
+    either = extended.values, extended.with_parameters(absent).values
+    if set(missing.ports) <= set(effect.ports):
+        own = full.signals[[full.signal_names.index(name) for name in missing.ports]]
+        present, gone = (full.along(states, missing.inputs, v, own)[0][:, :, 0] for v in either)
+        return np.asarray(present - gone)
     rows = [index_of("output", name, model.outputs) for name in observed.used]
     there = [[q.name for q in model.ports].index(name) for name in missing.ports]
-    trace, full = model.exact, extended.exact
     by_rate, by_read = trace.along(
         missing.states,
         missing.inputs,
@@ -301,8 +310,7 @@ def added_at_ports(
         trace.outputs_by_port[rows, there],
     )
     with_it, without = (
-        full.along(states, missing.inputs, values, full.rates, full.outputs)
-        for values in (extended.values, extended.with_parameters(absent).values)
+        full.along(states, missing.inputs, values, full.rates, full.outputs) for values in either
     )
     state_scale = np.array([q.scale for q in model.states])
     read_scale = np.array([model.outputs[i].scale for i in rows])

@@ -96,6 +96,14 @@ def muscle(
     pressure, temperature = m.x[f"pressure{suffix}"], m.x[f"temperature{suffix}"]
     ambient_pressure, ambient = p.ambient_pressure, p.ambient_temperature
     gauge = pressure - ambient_pressure
+    fibre_length = m.port(
+        f"muscle{suffix}.length",
+        fibre_length,
+        unit="m",
+        role="muscle_length",
+        scale=0.01,
+        description="length of the fibre",
+    )
     contraction = m.publish(
         f"muscle{suffix}.contraction",
         laws.volume.nominal_length - fibre_length,
@@ -131,7 +139,38 @@ def muscle(
         signals={"fibre_length": fibre_length},
     )
     volume = m.publish(f"chamber{suffix}.volume", p.volume_gain * braid + p.dead_volume, unit="m3")
-    volume_rate = ca.jtimes(volume, coordinate, coordinate_speed)
+    local = {
+        "contraction": contraction,
+        "contraction_speed": contraction_speed,
+        "gauge_pressure": gauge,
+    }
+    tension = m.port(
+        f"muscle{suffix}.tension",
+        laws.force.tension(contraction, gauge, form=m.form),
+        unit="N",
+        role="muscle_tension",
+        scale=100.0,
+        description="tension before the muscle goes slack",
+        signals=local,
+    )
+    force = m.port(
+        f"muscle{suffix}.force",
+        p.force_gain * slack(tension),
+        unit="N",
+        role="muscle_force",
+        scale=100.0,
+        description="pulling force on the lever",
+        signals=local,
+    )
+    volume_rate = m.port(
+        f"chamber{suffix}.volume_rate",
+        ca.jtimes(volume, coordinate, coordinate_speed),
+        unit="m3/s",
+        role="volume_rate",
+        scale=1e-4,
+        description="rate of the gas volume",
+        signals={"volume": volume, "tension": tension},
+    )
     enthalpy_flow = port_enthalpy_flow(flow, ambient, temperature, form=m.form)
     heat = m.port(
         f"chamber{suffix}.heat",
@@ -159,29 +198,6 @@ def muscle(
         enthalpy_flow,
         heat,
         printed_work_sign=laws.printed_work_sign,
-    )
-    local = {
-        "contraction": contraction,
-        "contraction_speed": contraction_speed,
-        "gauge_pressure": gauge,
-    }
-    tension = m.port(
-        f"muscle{suffix}.tension",
-        laws.force.tension(contraction, gauge, form=m.form),
-        unit="N",
-        role="muscle_tension",
-        scale=100.0,
-        description="tension before the muscle goes slack",
-        signals=local,
-    )
-    force = m.port(
-        f"muscle{suffix}.force",
-        p.force_gain * slack(tension),
-        unit="N",
-        role="muscle_force",
-        scale=100.0,
-        description="pulling force on the lever",
-        signals=local,
     )
     return MuscleAction(
         force, gauge, {f"pressure{suffix}": pressure_rate, f"temperature{suffix}": temperature_rate}
