@@ -45,7 +45,9 @@ def test_what_may_differ_follows_from_the_plant(bath: PlantRecipe) -> None:
     assert less.parameter("loss").value == pytest.approx(16.0)
     assert dict(found["volume"].made(bath, 0.5, 0.0).options)["volume"] == pytest.approx(0.055)
     assert found["noise"].made(bath, 1.0, 0.0).noise == 2.0
-    for machine in each(bath, tuple(found.values())):
+    machines = {one.name: one for one in each(bath, tuple(found.values()))}
+    assert {"loss 16 W/K", "loss 24 W/K", "noise x 2", "volume 0.06 m³"} <= set(machines)
+    for machine in machines.values():
         assert machine.plant != bath and machine.plant.build().parameters
 
 

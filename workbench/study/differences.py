@@ -18,11 +18,14 @@ import numpy as np
 
 from workbench.errors import WorkbenchError
 from workbench.model import Parameter
-from workbench.model.units import in_time, parse_unit, same_dimension
+from workbench.model.units import in_time, parse_unit, same_dimension, with_unit
 from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.library import library
+from workbench.physics.place import Survey
+from workbench.plants.plant import Option
 from workbench.study.plants import PlantRecipe
 from workbench.study.study import Demand, Study, Variation
+from workbench.study.summary import parameter_text
 from workbench.verification import Requirement, Scenario, Steps
 
 BLIND_SEED = 31_416
@@ -43,12 +46,14 @@ class Difference:
         kind: What several are one of: the law.
         made: Returns a machine with it, for a size over the usual one and for the place of its
             shape among those worth trying, both ratios.
+        told: Returns the size in words, for one over the usual one, a ratio.
         signed: Whether its size may have either sign.
     """
 
     name: str
     kind: str
     made: Callable[[PlantRecipe, float, float], PlantRecipe]
+    told: Callable[[float], str]
     signed: bool = True
 
     def drawn(self, machine: PlantRecipe, rng: np.random.Generator) -> PlantRecipe:
@@ -68,45 +73,60 @@ def differences(
     """
     model, plant = machine.build(), machine.plant()
     followed = {f"{name}.reading" for name in controlled}
-    # Where it is not sampled finely a delay of many samples is none that is usual.
-    fine = sample_time if sample_time < model.horizon / 500.0 else 0.0
+    # A loop that samples coarsely has no delays of as many samples.
+    usual = Survey(model).place(model.ports[0].name).interval
     laws = [
         _law(h)
-        for h in library(model, sample_time=fine)
+        for h in library(model, sample_time=min(sample_time, usual))
         if h.usual and not (followed & set(h.ports) and (h.effect.dry or not h.effect.states))
     ]
     known = {q.name: q for q in model.parameters}
     ends = plant.tolerated or {n: own for n, q in known.items() if any(own := _spread(q))}
     parameters = [_parameter(known[name], low, high) for name, (low, high) in ends.items()]
     options = [
-        _option(o.name, float(dict(machine.options).get(o.name, o.default)), o.lower, o.upper)
+        _option(o, float(dict(machine.options).get(o.name, o.default)))
         for o in plant.options
         if isinstance(o.default, float) and o.name not in known and not plant.tolerated
     ]
     noisy = any(q.noise_rms for q in model.outputs)
-    noise = Difference("noise", "noise", lambda m, k, _: m.varied(noise=1.0 + k), signed=False)
+    noise = Difference(
+        "noise",
+        "noise",
+        lambda machine, part, _: machine.varied(noise=1.0 + part),
+        lambda part: f"x {1.0 + part:.3g}",
+        signed=False,
+    )
     return (*laws, *parameters, *options, *([noise] if noisy else []))
 
 
 def _law(law: Hypothesis) -> Difference:
+    def size(part: float) -> float:
+        found = 1.0 if law.whole or law.replaces else part * law.typical_size
+        return min(max(found, law.size.lower), law.size.upper)
+
     def made(machine: PlantRecipe, part: float, shape: float) -> PlantRecipe:
         chosen = law.shapes[min(int(shape * len(law.shapes)), len(law.shapes) - 1)]
-        size = 1.0 if law.whole or law.replaces else part * law.typical_size
-        size = min(max(size, law.size.lower), law.size.upper)
-        values = {**chosen, law.size_parameter: size}.items()
+        values = {**chosen, law.size_parameter: size(part)}.items()
         own = [(f"{law.name}.{name}", value) for name, value in values]
         return machine.varied(effects=[law.name], parameters=own)
 
-    return Difference(law.name, law.law, made, law.size.lower <= -law.typical_size)
+    def told(part: float) -> str:
+        return parameter_text(size(part), law.unit)
+
+    return Difference(law.name, law.law, made, told, law.size.lower <= -law.typical_size)
 
 
 def _parameter(about: Parameter, low: float, high: float) -> Difference:
-    def made(machine: PlantRecipe, part: float, _: float) -> PlantRecipe:
-        value = about.value + abs(part) * (high if part > 0.0 else low)
-        value = min(max(value, about.lower), about.upper)
-        return machine.varied(parameters=[(about.name, value)])
+    def value(part: float) -> float:
+        moved = about.value + abs(part) * (high if part > 0.0 else low)
+        return min(max(moved, about.lower), about.upper)
 
-    return Difference(about.name, about.name, made)
+    def made(machine: PlantRecipe, part: float, _: float) -> PlantRecipe:
+        return machine.varied(parameters=[(about.name, value(part))])
+
+    return Difference(
+        about.name, about.name, made, lambda part: parameter_text(value(part), about.unit)
+    )
 
 
 def _spread(q: Parameter) -> tuple[float, float]:
@@ -119,20 +139,24 @@ def _spread(q: Parameter) -> tuple[float, float]:
     return -size, size
 
 
-def _option(name: str, value: float, lower: float, upper: float) -> Difference:
-    def made(machine: PlantRecipe, part: float, _: float) -> PlantRecipe:
-        other = min(max(value * (1.0 + USUAL * part), lower), upper)
-        return machine.varied(options=[(name, other)])
+def _option(about: Option, usual: float) -> Difference:
+    def value(part: float) -> float:
+        return min(max(usual * (1.0 + USUAL * part), about.lower), about.upper)
 
-    return Difference(name, name, made)
+    def made(machine: PlantRecipe, part: float, _: float) -> PlantRecipe:
+        return machine.varied(options=[(about.name, value(part))])
+
+    def told(part: float) -> str:
+        return with_unit(f"{value(part):.3g}", about.unit or "1")
+
+    return Difference(about.name, about.name, made, told)
 
 
 def each(machine: PlantRecipe, found: Sequence[Difference]) -> Iterator[Variation]:
     """Yield a machine with each difference alone, at its usual size and its usual shape."""
     for one in found:
         for sign in (-1.0, 1.0) if one.signed else (1.0,):
-            name = f"{one.name}{'' if not one.signed else ' less' if sign < 0.0 else ' more'}"
-            name = name.replace("_", " ")
+            name = f"{one.name.replace('_', ' ')} {one.told(sign)}"
             yield Variation(name, one.made(machine, sign, 0.0), kind=name, differs=(one.kind,))
 
 
