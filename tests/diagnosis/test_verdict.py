@@ -19,6 +19,7 @@ from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.friction import coulomb_friction
 from workbench.physics.library import library
+from workbench.physics.stiffness import linear_spring
 from workbench.plants.servo_axis import servo_axis
 
 
@@ -218,11 +219,16 @@ def test_what_has_a_weight_instead_of_a_finding_cannot_be_told_from_it() -> None
         selected = replace(given.selected, compared=tuple(sets), penalty=20.0)
         verdict = conclude(replace(given, selected=selected))
         (finding,) = verdict.findings
+        told.append(finding.sentence)
         return finding.alike, finding.weight, verdict.kind
 
+    told: list[str] = []
     alike, weight, kind = said((("linear_spring",), 1.0), ((), 100.0))
     assert (alike, kind) == ((name, "linear_spring"), "named_class")
     assert weight == pytest.approx(1.0)
+    # Each of them has its experiment.
+    for law in (coulomb_friction, linear_spring):
+        assert law.separated_by.partition(":")[0] in told[0]
     # What is hardly as likely, or has another effect beside it, is not meant.
     assert said((("linear_spring",), 5.0))[::2] == ((name,), "named")
     alike, weight, _ = said((("linear_spring", "creep"), -20.0))

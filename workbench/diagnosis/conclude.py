@@ -320,6 +320,14 @@ def _finding(
     parameters = _own(diagnosis.extended, entry.effect.name)
     size = parameters.get(entry.size_parameter)
     about = entry.effect.about
+    others = {
+        c.entry.name: c.entry.effect.about.separated_by
+        for _, candidates in diagnosis.rounds
+        for c in candidates
+    }
+    # What each of them is told by; why it is, stands behind a colon.
+    texts = (about.separated_by, *(others.get(name, "") for name in alike[1:]))
+    deciding = dict.fromkeys(q for text in texts if (q := text.partition(":")[0]))
     # What was found is doubted alone, and together with all else.
     doubts = (*candidate.doubts, *together)
     # A law that is either there or not is told by its other numbers.
@@ -334,7 +342,7 @@ def _finding(
         + _by_recording(diagnosis.extended.model, entry.effect)
         + _along(diagnosis.extended.model, entry.effect)
         + (f"; cannot be told from {', '.join(alike[1:])}" if len(alike) > 1 else "")
-        + (f"; {about.separated_by} would decide" if len(alike) > 1 and about.separated_by else "")
+        + (f"; {' or '.join(deciding)} would decide" if len(alike) > 1 and deciding else "")
         + "."
         + (f" Only likely: {'; '.join(doubts)}." if doubts else "")
     )
