@@ -33,6 +33,10 @@ def test_draws_are_seeded_and_those_for_tuning_are_others() -> None:
     assert [len(d.kinds) for d in blind[:4]] == [1, 3, 1, 3]
     assert {d.kinds[0] for d in blind[::2]} == set(KINDS)
     assert all(len(set(d.kinds)) == len(d.kinds) for d in blind)
+    # What was told of the arm is told of the same machines again.
+    assert blind[3].kinds == ("hysteresis", "delay", "pressure lag")
+    assert dict(blind[0].rig)["valve_delay"] == pytest.approx(0.002991527354)
+    assert dict(blind[3].rig)["hyst_force"] == pytest.approx(17.1029101225)
 
 
 def test_every_kind_is_named_as_both_simulators_name_it() -> None:
