@@ -10,6 +10,7 @@ import pytest
 from workbench.reports.page import Page, Words, html
 from workbench.reports.pictures import Picture
 from workbench.reports.study_page import study_page
+from workbench.reports.tables import Cell, Table
 from workbench.study.result import run_study
 from workbench.study.schema import load_study
 
@@ -102,3 +103,15 @@ def test_figures_of_the_users_own_stand_on_it(page: Page) -> None:
     picture, note = own["own-errors"], own["own-2"]
     assert isinstance(picture, Picture) and picture.caption == "How large the largest error is."
     assert isinstance(note, Words) and "nowhere" in note.text
+
+
+def test_where_no_requirement_is_hard_the_others_decide_the_score(tmp_path: Path) -> None:
+    (tmp_path / "axis_rig.py").write_text(MODULE)
+    text = STUDY.replace('unit = "mm"\n\n[report]', 'unit = "mm"\nhard = false\n\n[report]')
+    assert text != STUDY
+    text += '[variations.heavier]\nparameters = { mass = "110 kg" }\n'
+    (tmp_path / "axis.toml").write_text(text)
+    page = study_page(run_study(load_study(tmp_path / "axis.toml"), tmp_path / "out", jobs=1))
+    tables = [b for s in page.sections for b in s.blocks if isinstance(b, Table)]
+    (scores,) = (t for t in tables if t.title.startswith("Score on every plant"))
+    assert [isinstance(row[1], Cell) and row[1].mark for row in scores.rows] == ["missed", "missed"]

@@ -329,9 +329,9 @@ def _variations(outcome: StudyResult, scenario: str, case: Case) -> Table:
                 j
                 for j in outcome.judgements
                 if (j.controller, j.variation, j.scenario) == (controller, variation.name, scenario)
-                and j.hard
             ]
-            worst = max(own, key=lambda j: j.score, default=None)
+            hard = [j for j in own if j.hard]
+            worst = max(hard or own, key=lambda j: j.score, default=None)
             if worst is None:
                 row.append("–")
             else:
