@@ -22,6 +22,7 @@ from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.estimation.start import fit_with_likely_starts, likely_start
 from workbench.diagnosis.experiment.next_experiment import Advice, next_experiment
 from workbench.diagnosis.late_commands import with_commands_in_time
+from workbench.diagnosis.location.by_refits import located_by_refits
 from workbench.diagnosis.location.locate import Location, locate
 from workbench.diagnosis.location.located_signal import missing_signals
 from workbench.diagnosis.nonparametric.fit import nonparametric_term
@@ -266,6 +267,9 @@ def _stages(
             if selected.finished and _hollow(task, found, selected):
                 why = "beside it nearly everything that was missing is missing still"
                 selected = all_withdrawn(task, selected, why)  # noqa: PLW2901
+            told = replace(found, selected=selected)
+            if selected.finished and not told.improved and not told.complete:
+                found, selected = relocated(found, selected)  # noqa: PLW2901
             files.write(selected)
             found = replace(found, selected=selected, **files.spent)
             yield found
@@ -372,6 +376,21 @@ def where(base: ProcessNoiseFit, prepared: Prepared) -> Located:
         return Located(locate(base.model, prepared.fitting))
     except (NumericalError, np.linalg.LinAlgError) as error:
         return Located(Location({}, {}, 0.0), f"it could not be located, because {error}")
+
+
+def relocated(found: Diagnosis, selected: Selected) -> tuple[Diagnosis, Selected]:
+    """Locate again what no law explains, where an unknown input at one place explains as much.
+
+    Parameters that stood in for it lead astray: they are refitted beside the input.
+    """
+    assert found.fitted is not None
+    again = located_by_refits(found.base, found.prepared.fitting, found.prepared.priors)
+    if again is None:
+        return found, selected
+    location, base = again
+    fitted = replace(found.fitted, base=base)
+    selected = replace(selected, extended=base, fits=(base,), closest={}, runs={})
+    return replace(found, fitted=fitted, located=Located(location)), selected
 
 
 def _hollow(task: Task, found: Diagnosis, selected: Selected) -> bool:

@@ -18,7 +18,7 @@ from workbench.diagnosis.estimation.prediction_error import (
     Innovations,
     Observed,
     PredictionError,
-    filter_of,
+    disturbances,
     stack,
 )
 from workbench.diagnosis.estimation.priors import Prior, default_priors
@@ -51,6 +51,7 @@ def refit(
     starts: int = 1,
     seed: int = 0,
     enough: float = ENOUGH,
+    pushed: Mapping[str, float] | None = None,
     progress: Progress | None = None,
 ) -> Refit:
     """Estimate parameters of a model from recordings.
@@ -64,6 +65,7 @@ def refit(
         stages: Process-noise scales at the ports, pass by pass, dimensionless.
         start: Where to start some parameters, by name, in SI; at the prior by default.
         starts: Number of starts; those after the first are drawn from the priors.
+        pushed: Disturbances by port, rms in its SI unit; those that the model expects by default.
         enough: A step that gains less log likelihood than this ends the last pass, dimensionless.
 
     Raises:
@@ -97,7 +99,7 @@ def refit(
                 p.name: float(np.clip(rng.normal(p.mean, p.std), p.lower, p.upper)) for p in known
             }
         try:
-            search = _search(model, recordings, known, values, stages, enough, progress)
+            search = _search(model, recordings, known, values, stages, enough, pushed, progress)
         except NumericalError as error:
             failures.append(str(error))
             continue
@@ -115,6 +117,7 @@ def _search(
     start: Mapping[str, float],
     stages: Sequence[float],
     enough: float,
+    pushed: Mapping[str, float] | None,
     progress: Progress | None,
 ) -> Outcome:
     names = tuple(p.name for p in priors)
@@ -125,7 +128,9 @@ def _search(
     for number, noise_scale in enumerate(stages):
         if progress:
             progress(f"refit pass {number + 1} of {len(stages)}")
-        filter_ = filter_of(model, recordings[0], noise_scale, names)
+        size = pushed or disturbances(model, 1.0)
+        size = {port: noise_scale * rms for port, rms in size.items()}
+        filter_ = PredictionError(model, recordings[0], names, size)
 
         def evaluate(
             trial: Vector, filter_: PredictionError = filter_

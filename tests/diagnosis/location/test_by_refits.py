@@ -1,0 +1,72 @@
+"""A place that no law explains, told beside parameters of its own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from workbench.diagnosis.diagnose import diagnose
+from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
+from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.trace import Equations
+from workbench.physics.library import library
+from workbench.recordings.recording import Recording
+
+TRUE = {"wall_capacity": 26e3, "contact": 22.0, "melt_capacity": 3200.0}
+
+
+def _barrel(*, sheared: bool) -> Model:
+    """Return a heated wall and the melt in it, which a screw may shear."""
+
+    def equations(m: Scope) -> Equations:
+        given = m.p.contact * (m.x.wall - m.x.melt)
+        shear = m.u.shear if sheared else 0.0
+        return (
+            {
+                "wall": (3e3 * m.u.heat - given - 5.0 * m.x.wall) / m.p.wall_capacity,
+                "melt": (given + shear) / m.p.melt_capacity - 2e-3 * m.x.melt,
+            },
+            {"wall": m.x.wall, "melt": m.x.melt},
+        )
+
+    heat, shear = Input("heat", "1", lower=0.0, upper=1.0), Input("shear", "W", 1e3)
+    guessed = {"wall_capacity": ("J/K", 20e3), "contact": ("W/K", 15.0)}
+    guessed["melt_capacity"] = ("J/K", 4e3)
+    return Model(
+        "barrel",
+        equations,
+        states=(State("wall", "K", 100.0), State("melt", "K", 100.0)),
+        inputs=(heat, shear) if sheared else (heat,),
+        outputs=tuple(Output(name, "K", 100.0, noise_rms=0.05) for name in ("wall", "melt")),
+        parameters=tuple(
+            Parameter(n, unit, value=v, lower=0.1 * v, upper=10.0 * v, fitted=True)
+            for n, (unit, v) in guessed.items()
+        ),
+    )
+
+
+def _runs() -> list[Recording]:
+    runs = []
+    for seed in (1, 2):
+        heat = 0.5 + pushes(500, largest=0.5, hold=30, seed=seed)
+        shear = 800.0 + pushes(500, largest=800.0, hold=45, seed=seed + 9)
+        made = made_up_recording(
+            _barrel(sheared=True), np.column_stack([heat, shear]), sample_time=5.0, values=TRUE,
+            seed=seed, name=f"{seed}",
+        )  # fmt: skip
+        kept = tuple(s for s in made.signals if s.name != "shear")
+        runs.append(replace(made, signals=kept))
+    return runs
+
+
+def test_a_heat_that_nobody_reads_is_located_beside_right_parameters() -> None:
+    model, runs = _barrel(sheared=False), _runs()
+    few = [e for e in library(model) if e.law == "overflow"]
+    found = diagnose(model, runs[:1], runs[1:], entries=few, jobs=1, advise=False)
+    assert found.verdict is not None and found.verdict.kind == "unexplained"
+    assert found.verdict.findings[0].where == ("melt.rate",)
+    values = {e.name: e.value for e in found.base.refit.estimates}
+    for name in ("wall_capacity", "contact"):
+        assert values[name] == pytest.approx(TRUE[name], rel=0.05)
