@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.example_diagnosis import example_diagnosis
-from workbench.diagnosis.conclude import _along, _rest, _still_off, conclude
+from workbench.diagnosis.conclude import _along, _beyond, _rest, _still_off, conclude
 from workbench.diagnosis.selection.held_out import explained
 from workbench.diagnosis.selection.weights import Compared
 from workbench.diagnosis.verdict import SCHEMA, Finding, Value, Verdict
@@ -238,3 +238,16 @@ def test_what_has_a_weight_instead_of_a_finding_cannot_be_told_from_it() -> None
 def test_a_size_is_read_in_the_unit_of_its_sentence() -> None:
     value, _, unit = Value(24.4, "rad/s2", 0.1).read
     assert (round(value), unit) == (1398, "°/s²")
+
+
+def test_it_is_said_where_held_out_recordings_go_further_than_fitted_ones() -> None:
+    found, _ = example_diagnosis()
+    (seen,) = found.prepared.judging
+    near = replace(found.prepared, judging=found.prepared.fitting)
+    assert _beyond(replace(found, prepared=near), "likely") == ""
+    for factor in (-4.0, 4.0):
+        far = factor * np.abs(seen.outputs) / np.max(np.abs(seen.outputs))
+        prepared = replace(found.prepared, judging=(replace(seen, outputs=far),))
+        said = _beyond(replace(found, prepared=prepared), "unexplained")
+        assert f"position goes to {1e3 * factor:.0f} mm, where it was fitted to" in said
+        assert _beyond(replace(found, prepared=prepared), "named") == ""

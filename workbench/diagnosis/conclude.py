@@ -67,7 +67,7 @@ def conclude(diagnosis: Diagnosis) -> Verdict:
     used = prepared.judging[0].used
     return Verdict(
         kind=kind,
-        sentence=f"{sentence} {_acts(left)}".rstrip(),
+        sentence=f"{sentence} {_acts(left)}".rstrip() + _beyond(diagnosis, kind),
         model=diagnosis.extended.model,
         findings=findings,
         fit=fit,
@@ -86,6 +86,36 @@ def conclude(diagnosis: Diagnosis) -> Verdict:
         seconds=diagnosis.seconds,
         work=diagnosis.work,
         occurrence=left,
+    )
+
+
+def _beyond(diagnosis: Diagnosis, kind: Kind) -> str:
+    """Say which measurement goes much further on the held-out recordings than where it was fitted.
+
+    What acts there need not show in what was fitted.
+    """
+    if kind not in ("unexplained", "likely"):
+        return ""
+    fitted, judged = diagnosis.prepared.fitting, diagnosis.prepared.judging
+    low, lowest = (
+        np.min([np.nanmin(r.outputs, axis=0) for r in g], axis=0) for g in (fitted, judged)
+    )
+    high, highest = (
+        np.max([np.nanmax(r.outputs, axis=0) for r in g], axis=0) for g in (fitted, judged)
+    )
+    span = np.where(high > low, high - low, np.inf)
+    worst = int(np.argmax(np.maximum(highest - high, low - lowest) / span))
+    up = highest[worst] - high[worst] > low[worst] - lowest[worst]
+    further = highest[worst] - high[worst] if up else low[worst] - lowest[worst]
+    if not further > span[worst]:
+        return ""
+    name = fitted[0].used[worst]
+    unit = next(q.display_unit for q in diagnosis.nominal.outputs if q.name == name)
+    ends = (highest, high) if up else (lowest, low)
+    there, here = (with_unit(f"{from_si(end[worst], unit):.4g}", unit) for end in ends)
+    return (
+        f" Held out, {name.replace('_', ' ')} goes to {there}, where it was fitted to {here}"
+        " only: fit on what goes as far."
     )
 
 
