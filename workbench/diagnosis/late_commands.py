@@ -20,6 +20,9 @@ from workbench.recordings.recording import Recording
 _LEFT = 0.1
 """Part of what is left out that may stay where a row is all that was wrong: less has causes too."""
 
+_ROWS = 3000
+"""Rows of a recording that tell."""
+
 
 def moved_up(recording: Recording, names: Sequence[str], rows: int) -> Recording:
     """Return a recording with some columns moved towards its begin by some rows."""
@@ -49,7 +52,7 @@ def with_commands_in_time(
         for q in model.inputs
         if q.commanded and all(q.name in r and np.ptp(r[q.name]) > 0.0 for r in recordings)
     ]
-    first = recordings[0]
+    first = recordings[0].take(slice(_ROWS))
     if not names or len(first) < 3:
         return recordings, ()
 

@@ -52,9 +52,9 @@ def located_by_refits(
                 )
             except NumericalError:
                 continue
-            if group not in fits or trial.cost < fits[group].cost:
-                fits[group] = trial
-                values = {e.name: e.value for e in trial.estimates}
+            if group in fits and trial.cost >= fits[group].cost:
+                break
+            fits[group], values = trial, {e.name: e.value for e in trial.estimates}
     best = min(fits.values(), key=lambda fit: fit.cost, default=base.refit)
     if len(fits) < 2 or best.cost >= base.cost:
         return None
