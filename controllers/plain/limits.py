@@ -408,7 +408,8 @@ class LoopLimits:
 
     def swing(self, law: AroundRest) -> float:
         """Return the largest swing of a command after a step of an output, over scales, a ratio."""
-        swings = [np.abs(self._freely(law.around_rest(), i)[1]) for i in range(self.outputs)]
+        m = len(self.loop.actuators)
+        swings = [np.abs(self._freely(law.around_rest(), i)[1][:, :m]) for i in range(self.outputs)]
         each = [own.max(axis=0) / self.loop.command_scale for own in swings]
         return float(np.max(np.array(each) * self.loop.output_scale[:, None]))
 
@@ -544,7 +545,10 @@ class LoopLimits:
         There are none where nothing ends, or only small steps can be held.
         """
         loop = self.loop
-        ends = np.array([loop.lower, loop.upper]) - loop.rest_command
+        (low, _), (high, _) = self._moving
+        none = np.full(len(low), math.inf)
+        fixed = np.array([loop.lower, loop.upper]) - loop.rest_command
+        ends = np.hstack([fixed, [low, none], [-none, high]])
         y, asked = self._freely(law.around_rest(), i)
         peak, held = asked[np.argmax(np.abs(asked), axis=0), np.arange(asked.shape[1])], asked[-1]
         if not (np.isfinite(ends).any() and np.all(np.isfinite(peak)) and np.any(peak)):
@@ -560,7 +564,8 @@ class LoopLimits:
                     sizes |= {sign * min(share * least, 0.9 * most) for share in LARGE}
                     enough.add(least)
         # A ramp moves the commands as fast as a step of its pace moves them far.
-        slow = self.want.sample_time * float(np.min(loop.slew / np.maximum(np.abs(peak), 1e-300)))
+        far = np.maximum(np.abs(peak[: len(low)]), 1e-300)
+        slow = self.want.sample_time * float(np.min(loop.slew / far))
         if slow < math.inf:
             sizes |= set() if sizes else {-loop.output_scale[i], loop.output_scale[i]}
         if not sizes:
@@ -606,22 +611,40 @@ class LoopLimits:
         return errors.reshape(len(paces), -1), penalty.reshape(len(paces), -1)
 
     def _freely(self, law: LinearLaw, i: int) -> tuple[Vector, Matrix]:
-        """Return an output, shape (n,), and commands, shape (n, m), in SI, after its unit step."""
+        """Return an output, shape (n,), after its unit step, and what is held against ends, in SI.
+
+        That is, shape (n, 3 m), the commands, and the same over what their lower ends and their
+        upper ends move by.
+        """
         (A, B, C), (F, G, H, J) = self.plants[0], law
-        p, m, asked = self.sensors, len(H), [self.sensors + i]
+        p, entry = self.sensors, [self.sensors + i]
         # The reference, which stays, is the last state.
-        command = np.hstack([J[:, :p] @ C, H, J[:, asked]])
-        over = np.vstack([B @ command, np.hstack([G[:, :p] @ C, F, G[:, asked]])])
+        command = np.hstack([J[:, :p] @ C, H, J[:, entry]])
+        over = np.vstack([B @ command, np.hstack([G[:, :p] @ C, F, G[:, entry]])])
         over[: len(A), : len(A)] += A
         over = np.vstack([over, np.eye(1, over.shape[1], len(over))])
         states = np.eye(len(over))[:, -1:]
         while states.shape[1] < MOST_SAMPLES:
             states, over = np.hstack([states, over @ states]), over @ over
-        seen = np.vstack([command, np.eye(len(over))[: len(A)]]) @ states[:, :MOST_SAMPLES]
-        y = C[i] @ seen[m:]
+        x = states[: len(A), :MOST_SAMPLES]
+        u, y = command @ states[:, :MOST_SAMPLES], C[i] @ x
+        asked = np.vstack([u, *(u - slopes @ x for _, slopes in self._moving)])
         near = np.all(np.abs(y.reshape(-1, LOOKED_AT) - 1.0) < SETTLED, axis=1)
         end = LOOKED_AT * (int(np.argmax(near)) + 1) if near.any() else MOST_SAMPLES
-        return y[:end], seen[:m, :end].T
+        return y[:end], asked[:, :end].T
+
+    @property
+    def _moving(self) -> tuple[tuple[Vector, Matrix], tuple[Vector, Matrix]]:
+        """Lower and upper ends of commands that move with states: from rest, and their slopes."""
+        n, own = len(self.plants[0][0]), self.loop.linear
+        ends = own.ends
+        if ends is None:
+            far = np.full(own.B.shape[1], math.inf)
+            still = np.zeros((len(far), n))
+            return (-far, still), (far, still)
+        # Commands on their way are states too.
+        slopes = np.pad(ends[..., 1:], ((0, 0), (0, 0), (0, n - len(own.A))))
+        return (ends[0, :, 0], slopes[0]), (ends[1, :, 0], slopes[1])
 
     def _run(self, law: PlainLaw, i: int, step: Vector, pace: Vector) -> Matrix:
         """Return outputs, shape (n_samples, n_outputs, n), in SI, after steps from rest.
@@ -647,7 +670,9 @@ class LoopLimits:
         asked = tuple(now if j == i else 0.0 for j in range(p))
         seen = tuple(ca.vertsplit(y))
         u, following, _ = law.law(restored(example, ca.vertsplit(z)), seen, asked, SYMBOLS)
-        after = ca.vertcat(ca.mtimes(A, x) + ca.mtimes(B, ca.vcat(u)), *flat(following), now)
+        low, high = (end + ca.mtimes(slopes, x) for end, slopes in self._moving)
+        u = ca.fmin(ca.fmax(ca.vcat(u), low), high)
+        after = ca.vertcat(ca.mtimes(A, x) + ca.mtimes(B, u), *flat(following), now)
         sample = ca.Function("sample", [ca.vertcat(x, z, r), ca.vertcat(to, most)], [after, y[:p]])
         count = len(step)
         many, told = sample.map(count).mapaccum(LOOKED_AT), np.tile([step, pace], LOOKED_AT)
@@ -676,8 +701,9 @@ class LoopLimits:
             outputs[k][:, left] = y[: self.outputs]
             paced = replace(law, pace=tuple(paces[:, left]))
             told, state = paced.stepped(state, rest + y, asked[:, left])
-            command = np.array([own[0] for own in told]).T
-            x = A @ x + B @ (command - loop.rest_command[:, None])
+            command = np.array([own[0] for own in told]).T - loop.rest_command[:, None]
+            low, high = (end[:, None] + slopes @ x for end, slopes in self._moving)
+            x = A @ x + B @ np.clip(command, low, high)
             if k % SOLVED_AT == SOLVED_AT - 1:
                 late = outputs[k + 1 - SOLVED_AT : k + 1, i] / step
                 on = np.any(np.abs(late[:, left] - 1.0) >= SETTLED, axis=0)

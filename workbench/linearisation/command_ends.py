@@ -18,66 +18,91 @@ FLAT = 1e-9
 """Largest slope, over that at rest, of what answers a command no more, a ratio."""
 
 SOME = 0.1
-"""Part of their scales by which states are moved to see whether an end moves with them."""
+"""Part of its scale by which a state is moved to see whether an end moves with it."""
+
+STILL = 1e-6
+"""Within this of where it was at rest, an end has not moved with a state, a ratio."""
 
 FAR = 30
 """Octaves of a command's scale beyond rest within which its end is looked for."""
 
 
-def with_command_ends(point: OperatingPoint, at: Callable[..., tuple[Vector, Vector]]) -> Model:
+def with_command_ends(
+    point: OperatingPoint, at: Callable[..., tuple[Vector, Vector]]
+) -> tuple[Model, Vector | None]:
     """Return the model, each command ending where all slopes by it vanish, whatever the states.
 
     Equations that clip a command have none beyond: a controller that is told of no end winds up
-    there. One whose ends move with a state, as of an error that is clipped, keeps none.
+    there. Ends that move with a state, as of an error that is clipped, are told by themselves.
 
     Args:
         at: Returns rates with measurements, and their slopes by states and inputs, called with
             states, inputs and parameters.
+
+    Returns:
+        The model, and the ends that move, as of `workbench.linearisation.LinearModel.ends`.
     """
     model = point.model
     found = list(model.inputs)
+    moving = np.zeros((2, len(found), 1 + len(point.x)))
+    moving[0, :, 0], moving[1, :, 0] = -math.inf, math.inf
     for k, q in enumerate(model.inputs):
-        ends: dict[str, Any] = {
-            name: end
-            for name, sign in (("lower", -1.0), ("upper", 1.0))
-            if q.commanded
-            and not math.isfinite(getattr(q, name))
-            and (end := _end(point, at, k, sign * (q.scale or 1.0))) is not None
-        }
-        found[k] = replace(q, **ends) if ends else q
+        for side, (name, sign) in enumerate((("lower", -1.0), ("upper", 1.0))):
+            if not q.commanded or math.isfinite(getattr(q, name)):
+                continue
+            end = _end(point, at, k, sign * (q.scale or 1.0))
+            if end is None:
+                continue
+            if np.any(end[1:]):
+                moving[side, k] = end
+            else:
+                changed: dict[str, Any] = {name: float(point.u[k] + end[0])}
+                found[k] = replace(found[k], **changed)
+    ends = moving if np.isfinite(moving[..., 0]).any() else None
     if found == list(model.inputs):
-        return model
+        return model, ends
     ended = copy.copy(model)
     object.__setattr__(ended, "inputs", tuple(found))
-    return ended
+    return ended, ends
 
 
 def _end(
     point: OperatingPoint, at: Callable[..., tuple[Vector, Vector]], k: int, size: float
-) -> float | None:
-    """Return the value of an input from which on nothing answers it, in its unit; None for none."""
-    model, far = point.model, size * 2.0 ** np.arange(-FAR, FAR + 1)
-    scales = np.array([q.scale for q in model.states])
+) -> Vector | None:
+    """Return from what change of an input on nothing answers it, with its slopes by states.
 
-    def slope(x: Vector, moved: float) -> float:
-        inputs = point.u + np.where(np.arange(len(point.u)) == k, moved, 0.0)
+    Returns:
+        Shape (1 + n_states,), in SI; None for none.
+    """
+    model, far = point.model, size * 2.0 ** np.arange(-FAR, FAR + 1)
+
+    def slope(x: Vector, by: float) -> float:
+        inputs = point.u + np.where(np.arange(len(point.u)) == k, by, 0.0)
         return float(np.abs(at(x, inputs, model.values)[1][:, len(x) + k]).max())
 
-    ends = []
-    for x in (point.x, point.x + SOME * scales, point.x - SOME * scales):
+    def reached(x: Vector) -> float:
         # What is no number is no end.
         if not slope(x, far[-1]) <= FLAT * slope(x, 0.0):
-            return None
-        slopes = np.array([slope(x, moved) for moved in (0.0, *far)])
+            return math.nan
+        slopes = np.array([slope(x, by) for by in (0.0, *far)])
         flat = FLAT * np.nanmax(slopes)
         answers = ~(slopes <= flat)
         if not answers.any():
-            return None
+            return math.nan
         last = int(np.flatnonzero(answers)[-1])
         low, high = (0.0, *far)[last], far[last]
         for _ in range(50):
             middle = 0.5 * (low + high)
             low, high = (low, middle) if slope(x, middle) <= flat else (middle, high)
-        ends.append(float(point.u[k]) + high)
-    alike = np.ptp(ends) <= 1e-6 * abs(ends[0] - point.u[k])
-    return size * round(ends[0] / size, 12) if alike else None
+        return float(high)
+
+    def moved(x: Vector) -> float:
+        before, beyond = (slope(x, share * end) for share in (1.0 - STILL, 1.0 + STILL))
+        return 0.0 if beyond <= FLAT * before and before > 0.0 else reached(x) - end
+
+    end, slopes = reached(point.x), np.zeros(len(point.x))
+    for i, q in enumerate(model.states if math.isfinite(end) else ()):
+        by = SOME * q.scale * np.eye(len(slopes))[i]
+        slopes[i] = (moved(point.x + by) - moved(point.x - by)) / (2.0 * SOME * q.scale)
+    found = np.array([size * round(end / size, 12), *slopes])
+    return found if np.isfinite(found).all() else None

@@ -56,6 +56,9 @@ class LinearModel(Drawn):
         y0: Outputs at the point, shape (n_outputs,), in SI.
         drift: Rates of the states at the point, shape (n_states,), in SI per second; zero at a
             true equilibrium.
+        ends: Ends of the inputs that move with states, as of an inner loop that is clipped, shape
+            (2, n_inputs, 1 + n_states): lower and upper, at the point as deviations from ``u0``,
+            infinite for none, and their slopes by states, in SI; none by default.
         inverse: For an input that is not the plant's own: turns it into the plant's, in SI;
             a controller that thinks in the model's input sends its command through it.
         verdict: How far the model may be trusted (`workbench.linearisation.validity.Validity`), or
@@ -82,6 +85,7 @@ class LinearModel(Drawn):
     u0: Vector
     y0: Vector
     drift: Vector
+    ends: Vector | None = None
     inverse: Inverse | None = None
     verdict: Any = None
 
@@ -164,6 +168,7 @@ class LinearModel(Drawn):
             output_names=tuple(self.output_names[k] for k in o),
             u0=self.u0[i],
             y0=self.y0[o],
+            ends=None if self.ends is None else self.ends[:, i],
             inverse=self.inverse if len(i) == len(self.input_names) else None,
             verdict=None,
         )
@@ -186,7 +191,8 @@ class LinearModel(Drawn):
         W = np.linalg.solve(V[left].T, V[kept].T).T
         change = np.zeros((len(kept), len(size)))
         change[:, kept], change[:, left] = np.eye(len(kept)), -W
-        return self._with_states(kept, change @ self.A[:, kept], change @ self.B, self.C[:, kept])
+        back: Vector = np.eye(len(size))[:, kept]
+        return self._with_states(kept, change @ self.A @ back, change @ self.B, back)
 
     def without_unreached(self) -> LinearModel:
         """Return the model without what no input moves, now or later, and that does not grow.
@@ -204,13 +210,18 @@ class LinearModel(Drawn):
             return self
         kept = np.sort(_pivots(moved))
         R = moved * size[:, None]
-        back = np.linalg.solve(R[kept].T, R.T).T
-        return self._with_states(kept, self.A[kept] @ back, self.B[kept], self.C @ back)
+        back = np.asarray(np.linalg.solve(R[kept].T, R.T).T, dtype=float)
+        return self._with_states(kept, self.A[kept] @ back, self.B[kept], back)
 
-    def _with_states(self, k: npt.NDArray[np.int_], A: Vector, B: Vector, C: Vector) -> LinearModel:
+    def _with_states(
+        self, k: npt.NDArray[np.int_], A: Vector, B: Vector, back: Vector
+    ) -> LinearModel:
         names = tuple(self.state_names[i] for i in k)
-        drift = self.drift[k]
-        return replace(self, A=A, B=B, C=C, state_names=names, x0=self.x0[k], drift=drift)
+        ends = self.ends
+        if ends is not None:
+            ends = np.concatenate([ends[..., :1], ends[..., 1:] @ back], axis=-1)
+        found = replace(self, A=A, B=B, C=self.C @ back, ends=ends)
+        return replace(found, state_names=names, x0=self.x0[k], drift=self.drift[k])
 
     def discretise(self, sample_time: float) -> tuple[Vector, Vector, Vector, Vector]:
         """Return the matrices for inputs that are held over a sample, in s."""

@@ -218,8 +218,9 @@ def linearise(
     model = point.model
     at = derivatives_of(model, form)
     p = model.values
+    ends = None
     if curve is None:
-        model = with_command_ends(op, at)
+        model, ends = with_command_ends(op, at)
         op = point = replace(op, model=model)
     jacobian = at(point.x, point.u, p)[1]
     if not np.isfinite(jacobian).all():
@@ -257,7 +258,7 @@ def linearise(
                     ),
                 )
             )
-    linear = _model(op, point, matrix, curve)
+    linear = replace(_model(op, point, matrix, curve), ends=ends)
     if not verdict:
         return linear
     kinks = find_kinks(at, point, lambda sided: _model(op, point, sided, curve), matrix, jacobian)

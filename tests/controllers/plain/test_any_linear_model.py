@@ -37,6 +37,7 @@ from workbench.linearisation import LinearModel, linear_model, linearise
 from workbench.model import Input, Model, Output, Parameter, State
 from workbench.operating_point import operating_point
 from workbench.plants.servo_axis import servo_axis
+from workbench.plants.servo_pendulum import servo_pendulum
 from workbench.study.designs import ControllerRecipe
 from workbench.study.linear_loop import analyse_loop
 from workbench.study.plants import PlantRecipe
@@ -734,6 +735,15 @@ def test_an_mpc_asks_for_as_much_of_the_command_as_a_rubbing_axis_takes() -> Non
     scores = metrics(verify(law, servo_axis(), step))
     # By hand a PID settles in 0.25 s.
     assert scores["settling_time"].value < 0.25 and scores["overshoot"].value < 0.03
+
+
+@pytest.mark.parametrize("design", [design_plain_pid, design_lqi, design_plain_mpc])
+def test_a_servo_whose_own_loop_is_clipped_is_not_wound_up(design: Callable[..., Any]) -> None:
+    # What the goal is clipped to moves with the angle.
+    law = design(linearise(operating_point(servo_pendulum()), verdict=False))
+    step = step_scenario("angle", 0.0, 1.0, unit="rad", sample_time=0.002, hold=2.0)
+    scores = metrics(verify(law, servo_pendulum(), step))
+    assert scores["settling_time"].value < 0.8 and scores["overshoot"].value < 0.08
 
 
 @pytest.mark.parametrize("name", ["lqi", "plain-h-infinity"])
