@@ -73,6 +73,23 @@ def test_near_the_noise_what_is_left_may_be_another_effect(
     assert selection_search.goes_on(task, left, before, state) is more
 
 
+@pytest.mark.parametrize(("near", "whiteness", "more"), [(0, 0.7, 1), (0, 1.0, 0), (1, 0.7, 0)])
+def test_sensors_less_noisy_than_declared_hide_nothing(
+    monkeypatch: pytest.MonkeyPatch, near: int, whiteness: float, more: int
+) -> None:
+    monkeypatch.setattr(selection_search, "_near_noise", lambda *_: bool(near))
+    given, _ = example_diagnosis()
+    assert given.selected is not None and given.scored is not None
+    prepared, extended = given.prepared, given.selected.extended
+    refit = replace(extended.refit, whiteness=dict.fromkeys(extended.refit.whiteness, whiteness))
+    state = replace(given.selected, extended=replace(extended, refit=refit))
+    task = Task(given.nominal, given.base, prepared.fitting, prepared.judging, prepared.priors)
+    scored = replace(given.scored, excess=1e3, perfect=extended.cost + 10.0)
+    samples = sum(r.outputs.size for r in prepared.fitting)
+    left = selection_search._left(task, scored, state)
+    assert left == pytest.approx(0.5 * (1.0 - whiteness) * samples * more - 10.0)
+
+
 def test_an_effect_is_doubted_as_sure_as_it_is_told() -> None:
     given, _ = example_diagnosis()
     assert given.selected is not None

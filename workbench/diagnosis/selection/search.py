@@ -178,7 +178,7 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
     number = 0 if again else len(state.rounds)
     current = state.extended
     least = _least(scored, current, number)
-    if number and max(current.cost - scored.perfect, 0.0) < least:
+    if number and _left(task, scored, state) < least:
         return state, False
     if again:
         scores, candidates = state.rounds[0]
@@ -261,6 +261,25 @@ def _near_noise(task: Task, state: Selected) -> bool:
     except (NumericalError, np.linalg.LinAlgError):
         return False
     return max(floor.values()) <= NEAR_NOISE.value
+
+
+def _left(task: Task, scored: Scored, state: Selected) -> float:
+    """Return the log likelihood that what is still left out may be worth.
+
+    Where sensors are less noisy than they are said to be, a perfect model is likelier than is
+    expected of it, by as much as prediction errors are smaller; noise of the process hides that.
+    """
+    fit = state.extended
+    left = fit.cost - scored.perfect
+    if left >= _least(scored, fit, len(state.rounds)) or _near_noise(task, state):
+        return left
+    samples = {
+        name: sum(int(np.isfinite(r.outputs[:, k]).sum()) for r in task.fitting)
+        for k, name in enumerate(task.fitting[0].used)
+    }
+    return left + sum(
+        0.5 * n * max(1.0 - fit.refit.whiteness[name], 0.0) for name, n in samples.items()
+    )
 
 
 def _least(scored: Scored, current: ProcessNoiseFit, number: int) -> float:
