@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.example_diagnosis import example_diagnosis
-from workbench.diagnosis.conclude import _along, _beyond, _rest, _still_off, conclude
+from workbench.diagnosis.conclude import _along, _beyond, _differs, _rest, _still_off, conclude
 from workbench.diagnosis.selection.held_out import explained
 from workbench.diagnosis.selection.weights import Compared
 from workbench.diagnosis.verdict import SCHEMA, Finding, Value, Verdict
@@ -233,6 +233,15 @@ def test_what_has_a_weight_instead_of_a_finding_cannot_be_told_from_it() -> None
     assert said((("linear_spring",), 5.0))[::2] == ((name,), "named")
     alike, weight, _ = said((("linear_spring", "creep"), -20.0))
     assert alike == (name,) and weight == pytest.approx(0.5)
+
+
+def test_what_differs_by_recording_is_doubted_where_more_is_left_out() -> None:
+    axis = servo_axis()
+    entries = {e.law: e for e in library(axis)}
+    differing = entries["offset_by_recording"].effect
+    assert _differs(differing, " Something else is still left out.") != ()
+    assert _differs(differing, "") == ()
+    assert _differs(entries["constant_force"].effect, " Something else is still left out.") == ()
 
 
 def test_a_size_is_read_in_the_unit_of_its_sentence() -> None:

@@ -60,7 +60,10 @@ def conclude(diagnosis: Diagnosis) -> Verdict:
     count = len(diagnosis.accepted)
     rest = _rest(diagnosis, fit) if count else ""
     doubts = (*_still_missing(diagnosis), *_still_off(rest, fit)) if count else ()
-    findings = tuple(_finding(diagnosis, i, fit, doubts) for i in range(count))
+    findings = tuple(
+        _finding(diagnosis, i, fit, (*doubts, *_differs(found.candidate.entry.effect, rest)))
+        for i, found in enumerate(diagnosis.accepted)
+    )
     findings = findings or _without_name(diagnosis, fit)
     kind, sentence = _kind(diagnosis, findings, rest)
     left = validated.occurrence() if kind == "unexplained" and not findings else None
@@ -414,6 +417,16 @@ def _still_off(rest: str, fit: Mapping[str, Mapping[str, float]]) -> tuple[str, 
     if not (share > MOST_OFF.value and rest):
         return ()
     return (f"{100 * share:.0f} % of the mean square error of the held-out runs is left",)
+
+
+def _differs(effect: Effect, rest: str) -> tuple[str, ...]:
+    """Doubt what is another in each recording where the equations still leave something out.
+
+    Recordings do different things: what bends another law acts differently in each of them.
+    """
+    if not (effect.about.level and rest):
+        return ()
+    return ("it is another in each recording, as what is left out may be",)
 
 
 def still_missing(before: Location, after: Location) -> float:
