@@ -43,7 +43,7 @@ def test_a_command_ends_where_the_equations_no_longer_answer() -> None:
 def test_ends_that_move_are_told_with_the_states_that_move_them() -> None:
     def drive(m: Scope) -> Equations:
         """A cart whose speed is held by a loop of its own, with a force that is clipped."""
-        force = ca.fmin(ca.fmax(8.0 * (m.u.goal - m.x.speed), -2.0), 2.0)
+        force = ca.fmin(ca.fmax(80.0 * (m.u.goal - m.x.speed), -2.0), 2.0)
         rates = {"way": m.x.speed, "speed": force - 0.1 * m.x.speed, "heat": force - m.x.heat}
         return rates, {"way": m.x.way}
 
@@ -56,9 +56,9 @@ def test_ends_that_move_are_told_with_the_states_that_move_them() -> None:
     )
     linear = linearise(operating_point(cart), verdict=False)
     assert linear.ends is not None
-    assert linear.ends[:, 1] == pytest.approx(np.array([[-0.25, 0, 1, 0], [0.25, 0, 1, 0]]))
+    assert linear.ends[:, 1] == pytest.approx(np.array([[-0.025, 0, 1, 0], [0.025, 0, 1, 0]]))
     assert np.isinf(linear.ends[:, 0, 0]).all()
     # They go with the inputs and the states of what is made of the model.
     seen = linear.select(inputs=["goal"]).without_unseen()
     assert seen.state_names == ("way", "speed") and seen.ends is not None
-    assert seen.ends[1, 0] == pytest.approx([0.25, 0.0, 1.0])
+    assert seen.ends[1, 0] == pytest.approx([0.025, 0.0, 1.0])

@@ -17,8 +17,9 @@ from workbench.operating_point import OperatingPoint
 FLAT = 1e-9
 """Largest slope, over that at rest, of what answers a command no more, a ratio."""
 
-SOME = 0.1
-"""Part of its scale by which a state is moved to see whether an end moves with it."""
+SOME = (0.1, 1e-3, 1e-5)
+"""Parts of its scale by which a state is moved to see whether an end moves with it; the first that
+leaves the command between its ends."""
 
 STILL = 1e-6
 """Within this of where it was at rest, an end has not moved with a state, a ratio."""
@@ -102,7 +103,10 @@ def _end(
 
     end, slopes = reached(point.x), np.zeros(len(point.x))
     for i, q in enumerate(model.states if math.isfinite(end) else ()):
-        by = SOME * q.scale * np.eye(len(slopes))[i]
-        slopes[i] = (moved(point.x + by) - moved(point.x - by)) / (2.0 * SOME * q.scale)
+        for by in (share * q.scale for share in SOME):
+            up, down = (moved(point.x + to * np.eye(len(slopes))[i]) for to in (by, -by))
+            slopes[i] = (up - down) / (2.0 * by)
+            if math.isfinite(slopes[i]):
+                break
     found = np.array([size * round(end / size, 12), *slopes])
     return found if np.isfinite(found).all() else None
