@@ -52,6 +52,16 @@ if TYPE_CHECKING:
 class AroundRest(Protocol):
     """A law that tells its linear form."""
 
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the outputs that it reads, those that follow references first."""
+        ...
+
+    @property
+    def controlled(self) -> tuple[str, ...]:
+        """Names of those that follow references."""
+        ...
+
     def around_rest(self) -> LinearLaw:
         """Return the law between its ends, from measurements and references as deviations."""
         ...
@@ -138,7 +148,12 @@ class ReadingSpecification(LoopSpecification):
             except WorkbenchError as error:
                 reason = reason or error
                 continue
-            excess = float(limits.judge(stacked([law.around_rest()])).excess[0])
+            own = limits
+            if len(law.sensors) < limits.sensors:
+                # An inner loop takes one of what may be read.
+                read = tuple(name for name in law.sensors if name not in law.controlled)
+                own = LoopLimits(replace(self, also_measured=read).loop(linear), self)
+            excess = float(own.judge(stacked([law.around_rest()])).excess[0])
             if best[1] is None or excess < best[0]:
                 best = excess, law
             if excess <= 1.0:

@@ -20,7 +20,9 @@ from controllers.plain.transfer_law import (
 )
 from tests.controllers.in_c import InC
 from workbench.errors import WorkbenchError
-from workbench.linearisation import linear_model
+from workbench.linearisation import linear_model, linearise
+from workbench.operating_point import operating_point
+from workbench.plants.arm import arm
 from workbench.study.linear_loop import analyse_loop
 from workbench.study.step_trial import hardly_stable
 from workbench.verification import step_scenario, verify
@@ -143,3 +145,10 @@ def test_what_makes_a_much_better_loop_is_read_too() -> None:
     assert both.sensors == ("voltage", "current") and alone.sensors == ("voltage",)
     after = [settled_after(law, linear, {"voltage": 1.0}) for law in (both, alone)]
     assert after[0] < 0.5 * after[1]
+
+
+def test_a_cascade_that_reads_one_of_several_outputs_is_judged_by_what_it_reads() -> None:
+    point = operating_point(arm(3.0), {"angle": np.radians(30.0)})
+    linear = linearise(point, verdict=False)
+    law = design_plain_pid(linear, PlainPIDSpecification(sample_time=0.002))
+    assert len(law.sensors) == 2 < len(point.model.outputs)
