@@ -352,15 +352,11 @@ def _finding(
     alike = (*alike, *(n for n in _instead(diagnosis, entry.effect.name) if n not in alike))
     parameters = _own(diagnosis.extended, entry.effect.name)
     size = parameters.get(entry.size_parameter)
-    about = entry.effect.about
-    others = {
-        c.entry.name: c.entry.effect.about.separated_by
-        for _, candidates in diagnosis.rounds
-        for c in candidates
-    }
+    tried = {c.entry.name: c.entry for _, candidates in diagnosis.rounds for c in candidates}
+    members = (entry, *(tried[name] for name in alike[1:] if name in tried))
     # What each of them is told by; why it is, stands behind a colon.
-    texts = (about.separated_by, *(others.get(name, "") for name in alike[1:]))
-    deciding = dict.fromkeys(q for text in texts if (q := text.partition(":")[0]))
+    texts = (q.effect.about.separated_by.partition(":")[0] for q in members)
+    deciding = dict.fromkeys(text for text in texts if text)
     # What was found is doubted alone, and together with all else.
     doubts = (*candidate.doubts, *together)
     # A law that is either there or not is told by its other numbers.

@@ -86,7 +86,7 @@ def test_sensors_less_noisy_than_declared_hide_nothing(
     task = Task(given.nominal, given.base, prepared.fitting, prepared.judging, prepared.priors)
     scored = replace(given.scored, excess=1e3, perfect=extended.cost + 10.0)
     samples = sum(r.outputs.size for r in prepared.fitting)
-    left = selection_search._left(task, scored, state)
+    left = selection_search._left(task, scored, state, 50.0)
     assert left == pytest.approx(0.5 * (1.0 - whiteness) * samples * more - 10.0)
 
 

@@ -178,7 +178,7 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
     number = 0 if again else len(state.rounds)
     current = state.extended
     least = _least(scored, current, number)
-    if number and _left(task, scored, state) < least:
+    if number and _left(task, scored, state, least) < least:
         return state, False
     if again:
         scores, candidates = state.rounds[0]
@@ -263,15 +263,15 @@ def _near_noise(task: Task, state: Selected) -> bool:
     return max(floor.values()) <= NEAR_NOISE.value
 
 
-def _left(task: Task, scored: Scored, state: Selected) -> float:
-    """Return the log likelihood that what is still left out may be worth.
+def _left(task: Task, scored: Scored, state: Selected, least: float) -> float:
+    """Return the log likelihood that what is still left out may be worth, if it may be the least.
 
     Where sensors are less noisy than they are said to be, a perfect model is likelier than is
     expected of it, by as much as prediction errors are smaller; noise of the process hides that.
     """
     fit = state.extended
     left = fit.cost - scored.perfect
-    if left >= _least(scored, fit, len(state.rounds)) or _near_noise(task, state):
+    if left >= least or _near_noise(task, state):
         return left
     samples = {
         name: sum(int(np.isfinite(r.outputs[:, k]).sum()) for r in task.fitting)
