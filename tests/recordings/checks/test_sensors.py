@@ -394,6 +394,46 @@ def test_what_a_loop_holds_against_what_would_fall_has_its_sign() -> None:
     assert found.result != "unfit" and "a loop holds the machine" in found.note
 
 
+def test_what_a_balancing_command_goes_with_has_no_sign_of_its_own() -> None:
+    def rates(force: Any, v: Any, theta: Any) -> tuple[Any, Any]:
+        a = (force - 0.1 * v - 1.96 * theta) / 0.5
+        return a, (9.81 * theta - a) / 0.3
+
+    def cart(m: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        a, alpha = rates(m.u.force, m.x.v, m.x.theta)
+        return (
+            {"p": m.x.v, "v": a, "theta": m.x.omega, "omega": alpha},
+            {"p": m.x.p, "theta": m.x.theta},
+        )
+
+    model = Model(
+        "cart",
+        cart,
+        states=(State("p", "m"), State("v", "m/s"), State("theta", "rad"), State("omega", "rad/s")),
+        inputs=(Input("force", "N"),),
+        outputs=(Output("p", "m"), Output("theta", "rad")),
+    )
+    rng = np.random.default_rng(3)
+    p, v, theta, omega = 0.0, 0.0, 0.03, 0.0
+    rows = []
+    for goal in rng.uniform(-0.3, 0.3, 20).repeat(150):
+        force = 3.16 * (p - goal) + 6.2 * v + 38.0 * theta + 8.6 * omega
+        rows.append((force, p + rng.normal(0.0, 4e-4), theta + rng.normal(0.0, 7e-4)))
+        for _ in range(20):
+            a, alpha = rates(force - 0.8 * math.tanh(v / 0.01), v, theta)
+            v, omega = v + 5e-4 * a, omega + 5e-4 * alpha
+            p, theta = p + 5e-4 * v, theta + 5e-4 * omega
+    F, P, T = np.array(rows).T
+    signals = (
+        Signal("force", F, "N", role="command"),
+        Signal("p", P, "m", role="measurement"),
+        Signal("theta", T, "rad", role="measurement"),
+    )
+    trial = Recording("cart", 0.01 * np.arange(len(F)), signals)
+    found = check_signs(trial, expectations(trial, model=model))
+    assert found.result != "unfit" and "theta -> p cannot be told: a loop" in found.note
+
+
 def test_what_begins_the_other_way_than_it_goes_has_no_sign() -> None:
     def converter(m: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         off = 1.0 - m.u.duty

@@ -89,7 +89,7 @@ def _strengths(
         if recording.signal(cause).role == "command":
             every = response_correlation(recording, cause, response, max_delay=0.03)
             beside = tuple(c for c in moving if c != cause)
-            if beside and _against(expected, cause, response, every):
+            if beside and _strongest(every) * expected.signs[cause, response] < -_SURE:
                 # The answer may be to what moves together with it.
                 every = response_correlation(
                     recording, cause, response, max_delay=0.03, beside=beside
@@ -97,19 +97,17 @@ def _strengths(
             found[cause, response] = _strongest(every)
             if every.min() < -_SURE and every.max() > _SURE:
                 untold[cause, response] = "it swings both ways"
-            elif expected.unstable and _against(expected, cause, response, every):
-                # What pushes the machine off is there before the command that works against it.
-                untold[cause, response] = "a loop holds the machine, and the command answers to it"
         else:
             motions.setdefault(response, []).append(cause)
     for motion, causes in motions.items():
         for cause, (slope, strength) in accelerations(recording, causes, motion).items():
             found[cause, motion], slopes[cause, motion] = strength, slope
+    for pair, strength in found.items():
+        if expected.unstable and strength * expected.signs[pair] < -_SURE:
+            # What pushes the machine off is there before the command that works against it, and
+            # goes with that command ever after.
+            untold.setdefault(pair, "a loop holds the machine, and the command answers to it")
     return found, slopes, untold
-
-
-def _against(expected: Expected, cause: str, response: str, every: Vector) -> bool:
-    return _strongest(every) * expected.signs[cause, response] < -_SURE
 
 
 def _strongest(every: Vector) -> float:
