@@ -105,6 +105,11 @@ def test_what_ages_begins_at_what_the_first_recording_shows_as_reached() -> None
     begun = fade.with_parameters({"amount": factor * 0.2})
     changed = changed_values(oscillator().with_effect(fade), (fade,), (begun,))
     assert changed == pytest.approx({"damping": 1.1, "parameter_fade_damping.amount": factor * 0.2})
+    # From beyond its range the next refit could not begin.
+    free = oscillator()
+    kept = [replace(q, upper=0.9) if q.name == "damping" else q for q in free.parameters]
+    bounded = replace(free, parameters=tuple(kept)).with_effect(fade)
+    assert changed_values(bounded, (fade,), (begun,))["damping"] == 0.9
 
 
 def test_what_differs_is_scored_by_its_size_in_each_recording() -> None:

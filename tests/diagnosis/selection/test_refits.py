@@ -111,6 +111,14 @@ def test_the_best_score_is_followed_whatever_its_first_refit_gained(
     assert refits._leaders([first[4]], 0) == [0]
 
 
+def test_what_acts_late_and_in_few_blocks_is_late_too(entries: dict[str, Hypothesis]) -> None:
+    score = replace(_score(entries["parameter_jump_arm_inertia"], 1000.0), due=8000)
+    assert score.late == 8000
+    # Its scatter about the mean over all blocks is large, and what it gains is too.
+    assert replace(score, sigma=1.8).late == 8000
+    assert replace(score, sigma=1.8, gain=20.0).late == 0
+
+
 def test_location_of_an_effect_is_that_of_its_ports(entries: dict[str, Hypothesis]) -> None:
     assert where(entries["cross_leakage"]) == ("chamber_1", "chamber_2")
     assert where(Hypothesis(coulomb_friction("joint.torque", level=0.0), "level", 0.5)) == (

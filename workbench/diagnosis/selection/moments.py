@@ -84,8 +84,9 @@ def changed_values(
         about = new.about
         if new is not old and about.begins and about.subject and not about.level:
             left = _own(model, old, new.parameters[0].name).value - new.parameters[0].value
-            aged = model.parameter(about.subject).value + left / _reached(model, old)
-            changed[about.subject] = aged
+            aging = model.parameter(about.subject)
+            aged = aging.value + left / _reached(model, old)
+            changed[about.subject] = float(np.clip(aged, aging.lower, aging.upper))
     return changed
 
 

@@ -30,6 +30,10 @@ COLLINEAR = 0.99
 _SIGMA = 4.0
 """Multiple of the standard deviation of its size from which an effect is clear."""
 
+_HIGH = 100.0
+"""Gain of log likelihood from which an effect is clear too: one that acts in few blocks of time
+scatters about its mean over all."""
+
 _SEEN = 2.0
 """The same from which it is worth a refit, whatever else would reproduce it."""
 
@@ -77,7 +81,7 @@ class Score:
     @property
     def late(self) -> int:
         """Samples of each recording without which nothing of it is seen; 0 if it is in doubt."""
-        return self.due if abs(self.sigma) > _SIGMA else 0
+        return self.due if abs(self.sigma) > _SIGMA or self.gain > _HIGH else 0
 
     @property
     def testable(self) -> bool:
