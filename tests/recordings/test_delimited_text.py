@@ -69,6 +69,14 @@ def test_row_of_units_and_comments(tmp_path: Path) -> None:
     assert recording.signal("angle").kind == "angle"
 
 
+def test_an_oscilloscope_writes_its_step_among_the_units(tmp_path: Path) -> None:
+    head = "X,CH1,CH2,Start,Increment,\nSequence,Volt,Volt,-3.0e+00,1.0e-02\n"
+    rows = "".join(f"{k},{k / 9:.4e},{1 / (k + 1):.4e},,\n" for k in range(50))
+    recording = read_recording(saved(tmp_path, head + rows))
+    assert np.allclose(recording.time, 0.01 * np.arange(50))
+    assert recording.signal("CH1").unit == "V" and recording["CH2"][1] == 0.5
+
+
 def test_header_in_the_last_comment(tmp_path: Path) -> None:
     text = "% recorded on the bench\n% time_s,valve_V,angle_deg\n" + table(header="")
     assert read_recording(saved(tmp_path, text)).names == ("valve", "angle")

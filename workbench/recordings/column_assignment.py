@@ -34,7 +34,7 @@ _EPOCHS = {"ms": 1e11, "us": 1e14, "ns": 1e17}
 before the year 5138, and the others have since 1973."""
 
 _RATE_NAMES = ("fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency")
-_STEP_NAMES = ("ts", "dt", "sampletime", "samplingtime", "sampleperiod")
+_STEP_NAMES = ("ts", "dt", "sampletime", "samplingtime", "sampleperiod", "increment")
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,8 @@ def find_column(headers: Sequence[Header], rule: ColumnRule) -> int:
                     return i
     raise WorkbenchError(
         f"the mapping takes {rule.signal!r} from column {rule.column!r}, which the file does not "
-        f"have; it has: {', '.join(h.column for h in headers)[:400]}"
+        f"have; it has: {', '.join(h.column for h in headers)[:400]}; correct it, or name all "
+        "columns anew in the mapping: columns = [...]"
     )
 
 

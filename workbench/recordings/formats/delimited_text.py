@@ -208,6 +208,9 @@ def detect_layout(lines: Sequence[str], *, source: str) -> Layout:
     headers, units, used = _titles(body, lines, start, separator, width)
     above = [line for i, line in enumerate(lines[: body[start][0]]) if i not in used]
     metadata, saved = _metadata(above)
+    # An oscilloscope writes start and step of its time among the units.
+    metadata |= {h: float(u) for h, u in zip(headers, units, strict=False) if is_number(u)}
+    units = tuple("" if is_number(u) else u for u in units)
     return Layout(separator, decimal, headers, units, width, body[start][0], metadata, saved)
 
 
@@ -223,11 +226,9 @@ def _titles(
     above = [(i, cells) for i, cells in above if abs(len(cells) - width) <= 1]
     units: tuple[str, ...] = ()
     used: set[int] = set()
-    if len(above) >= 2 and _all_units(above[-1][1]):
-        i, cells = above.pop()
-        used.add(i)
-        units = tuple(c.strip("[]() ") for c in cells)
-        units = (units + ("",) * width)[:width]
+    if len(above) >= 2 and (told := _units(above[-1][1])):
+        used.add(above.pop()[0])
+        units = (told + ("",) * width)[:width]
     if not above and not used:
         # The header may be the last comment line above the numbers.
         for i in range(body[start][0] - 1, -1, -1):
@@ -256,10 +257,16 @@ def _titles(
     return tuple(cells), units, used
 
 
-def _all_units(cells: Sequence[str]) -> bool:
-    texts = [c.strip("[]() ") for c in cells]
-    filled = [t for t in texts if t]
-    return bool(filled) and all(read_unit(t)[0] is not None for t in filled)
+def _units(cells: Sequence[str]) -> tuple[str, ...]:
+    """Return what a row of units holds, with numbers among them; nothing if it is none."""
+    texts = tuple(c.strip("[]() ") for c in cells)
+    known = [bool(t) and read_unit(t)[0] is not None for t in texts]
+    numbers = [is_number(t) for t in texts]
+    if not any(known) or not (
+        any(numbers) or all(k for k, t in zip(known, texts, strict=True) if t)
+    ):
+        return ()
+    return tuple(t if k or n else "" for t, k, n in zip(texts, known, numbers, strict=True))
 
 
 _LOOK_AHEAD = 400
