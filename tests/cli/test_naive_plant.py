@@ -59,7 +59,10 @@ def test_columns_of_other_names_are_found(folder: Path, capsys: pytest.CaptureFi
 def test_noise_and_disturbance_come_from_the_recordings(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(["refit", "--plant", "naive:motor", "--fit", "a.csv", "--hold-out", "b.csv"]) == 0
+    words = ["refit", "--plant", "naive:motor", "--fit", "a.csv", "--hold-out", "b.csv"]
+    assert run([*words, "--out", "out"]) == 0
+    # A name keeps its letters, on the page too.
+    assert "speed declares no noise_rms" in (folder / "out/report.html").read_text()
     said = capsys.readouterr()
     # 1 rpm is 0.105 rad/s; the lowest quarter of the blocks lies below.
     assert "speed declares no noise_rms; 0.09" in said.err or "0.10" in said.err

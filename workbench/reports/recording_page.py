@@ -19,7 +19,7 @@ def recording_page(report: CheckReport, *, command: str) -> Page:
     blocks: list[Block] = [_signals(seen)]
     if seen.mapping is not None:
         blocks.append(_mapping(seen))
-    blocks += [Words(f"{note[0].upper()}{note[1:]}.", "note") for note in seen.notes if note]
+    blocks += [Words(f"{note}.", "note") for note in seen.notes if note]
     return Page(
         f"Recording {seen.name}",
         f"{len(seen)} samples over {in_time(seen.duration, 4)}.",

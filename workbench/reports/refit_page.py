@@ -37,7 +37,7 @@ def refit_page(report: RefitReport, *, command: str) -> Page:
                 (
                     *drawn[1:],
                     _errors(report),
-                    *(Words(f"{note[0].upper()}{note[1:]}.", "note") for note in report.notes),
+                    *(Words(f"{note}.", "note") for note in report.notes),
                     Method(methods("refit")),
                 ),
             ),
