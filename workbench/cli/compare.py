@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from workbench.cli.options import AsJson, Jobs
-from workbench.cli.running import counting, processes, typed
+from workbench.cli.running import counting, processes, write_study
 
 if TYPE_CHECKING:
     from workbench.study.study import Study
@@ -60,7 +60,6 @@ def compare(
         verify_cache: Do a sample of the finished runs again and compare.
     """
     from workbench.reports.figure import own_figures
-    from workbench.reports.study_page import write_study_files
     from workbench.study.ci_files import github_annotations, on_github
     from workbench.study.result import run_study
     from workbench.study.summary import plain_summary
@@ -80,13 +79,11 @@ def compare(
             verify_cache=verify_cache,
             progress=counter,
         )
-    typer.echo("writing the report ...", err=True)
-    written = write_study_files(outcome, out, command=typed())
+    write_study(outcome, out, as_json=as_json)
     if on_github(os.environ) and not as_json:
         for line in github_annotations(outcome):
             typer.echo(line)
     typer.echo(plain_summary(outcome), err=as_json)
-    typer.echo(f"written to {out}: {', '.join(path.name for path in written)}", err=as_json)
     if as_json:
         typer.echo((out / "results.json").read_text(encoding="utf-8"), nl=False)
     return 0 if outcome.passed else 1

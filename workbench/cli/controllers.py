@@ -10,7 +10,7 @@ import typer
 
 from workbench.cli.options import Jobs, Positive
 from workbench.cli.plant import Chosen, with_plant
-from workbench.cli.running import counting, note, processes, typed
+from workbench.cli.running import counting, note, processes, typed, write_study
 from workbench.cli.verify import nominal_design
 from workbench.errors import WorkbenchError
 
@@ -82,7 +82,6 @@ def controllers(
             )
         return _blind(out, draws or 200, jobs)
     from workbench.reports.figures.limitations import limitation_tables
-    from workbench.reports.study_page import write_study_files
     from workbench.study.result import run_study
     from workbench.study.schema import load_study, shipped_study
     from workbench.study.summary import plain_summary
@@ -96,9 +95,8 @@ def controllers(
         result = run_study(study, out, jobs=processes(jobs), progress=counter)
     for table in limitation_tables(result):
         typer.echo(f"{table}\n")
-    written = write_study_files(result, out, command=typed())
+    write_study(result, out)
     typer.echo(plain_summary(result))
-    typer.echo(f"written to {out}: {', '.join(path.name for path in written)}")
     return 0 if result.passed else 1
 
 
@@ -115,7 +113,6 @@ def _differing(
 ) -> int:
     """Run designs that fit on machines that differ from what they know."""
     from workbench.reports.figures.drawn_machines import drawn_tables
-    from workbench.reports.study_page import write_study_files
     from workbench.study.differences import differences, drawn, each, on_machines
     from workbench.study.result import run_study
     from workbench.study.step_trial import StepTrial
@@ -138,8 +135,7 @@ def _differing(
         outcome = run_study(study, out, jobs=processes(jobs), progress=counter)
     for table in drawn_tables(outcome):
         typer.echo(f"{table}\n")
-    written = write_study_files(outcome, out, command=typed())
-    typer.echo(f"written to {out}: {', '.join(path.name for path in written)}")
+    write_study(outcome, out)
     return 1 if outcome.missed else 0
 
 

@@ -42,8 +42,7 @@ def redesign(
     """
     from controllers.c_export import export_c
     from workbench.cli.plant import chosen_plant
-    from workbench.cli.running import counting, typed
-    from workbench.reports.study_page import write_study_files
+    from workbench.cli.running import counting, write_study
     from workbench.study.result import run_study
     from workbench.study.summary import plain_summary
 
@@ -67,8 +66,7 @@ def redesign(
             typer.echo(str(replace(record.metrics, plant=plant)))
     if result.judgements or result.failed:
         typer.echo(plain_summary(result))
-    files = write_study_files(result, out, command=typed())
-    typer.echo(f"written to {out}: {', '.join(p.name for p in files)}, and the redesigned in C")
+    write_study(result, out, more=", and the redesigned in C")
     return 0
 
 
@@ -90,7 +88,7 @@ def _nominal_and_redesigned(
     found: Chosen, verdict: Path, designs: Sequence[str], at: Sequence[str]
 ) -> Study:
     """Return the study of designs for the nominal plant and for the machine, on that machine."""
-    from workbench.cli.running import note
+    from workbench.cli.running import counting, note
     from workbench.cli.verify import nominal_design
     from workbench.plants.registry import nominal_of_file
     from workbench.study.plants import PlantRecipe
@@ -100,8 +98,10 @@ def _nominal_and_redesigned(
     base = nominal_design(found, at)
     nominal = replace(base, plant=PlantRecipe(kind, options, folder=base.plant.folder))
     trial = StepTrial(found.recipe, base, tuple(designs), say=note)
-    after, scenarios = trial.prepared()
-    before = replace(trial, base=nominal).recipes(scenarios[0])
+    with counting() as counter:
+        after, scenarios = replace(trial, progress=counter).prepared()
+    with counting() as counter:
+        before = replace(trial, base=nominal, progress=counter).recipes(scenarios[0])
     recipes = [
         replace(recipe, name=f"{recipe.name}, {word}")
         for known, word in ((before, "nominal"), (after, "redesigned"))

@@ -12,11 +12,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from workbench.errors import WorkbenchError
+
+if TYPE_CHECKING:
+    from workbench.study.result import StudyResult
 
 _WORDS: ContextVar[tuple[str, ...]] = ContextVar("_WORDS", default=())
 
@@ -129,6 +132,19 @@ class Steps:
         if self._begin:
             typer.echo(f"{time.perf_counter() - self._begin:.1f} s", err=True)
         self._begin = 0.0
+
+
+def write_study(outcome: StudyResult, out: Path, *, more: str = "", as_json: bool = False) -> None:
+    """Write what a study found into a folder, and say so before and after: pictures take seconds.
+
+    Args:
+        more: What else was written there.
+    """
+    from workbench.reports.study_page import write_study_files
+
+    note("writing the report ...")
+    files = write_study_files(outcome, out, command=typed())
+    typer.echo(f"written to {out}: {', '.join(path.name for path in files)}{more}", err=as_json)
 
 
 def processes(jobs: int | None) -> int:

@@ -12,7 +12,7 @@ import typer
 
 from workbench.cli.options import AsJson
 from workbench.cli.plant import Chosen, value_at_rest, with_plant
-from workbench.cli.running import counting, note, tell, typed
+from workbench.cli.running import counting, note, tell, write_study
 from workbench.errors import WorkbenchError, check_choice, check_range
 
 if TYPE_CHECKING:
@@ -115,10 +115,7 @@ def verify(
     if result.judgements or result.failed:
         typer.echo(plain_summary(result), err=as_json)
     if out is not None:
-        from workbench.reports.study_page import write_study_files
-
-        files = write_study_files(result, out, command=typed())
-        typer.echo(f"written to {out}: {', '.join(path.name for path in files)}", err=as_json)
+        write_study(result, out, as_json=as_json)
     tell(result.table(), as_json=as_json)
     return 0 if result.passed else 1
 
