@@ -141,7 +141,10 @@ def test_redesign_of_a_machine_that_is_no_arm(
     assert "lqi, nominal on servo axis" in said and "lqi, redesigned on servo axis" in said
     assert (tmp_path / "out" / "lqi.c").exists()
     # Both have the colour of their family, each in a picture of its own.
-    assert "tracking-1-part-2" in (tmp_path / "out" / "report.html").read_text()
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "tracking-1-part-2" in page
+    # No table without rows, and no article before a name.
+    assert "Every requirement at its worst" not in page and "opened at position" in page
     runs = json.loads((tmp_path / "out" / "results.json").read_text())["runs"]
     rmse = {r["controller"]: r["metrics"]["rmse"]["value"] for r in runs}
     assert rmse["lqi, nominal"] != rmse["lqi, redesigned"]

@@ -173,6 +173,15 @@ def test_numbers_at_an_axis_are_words_and_only_their_power_of_ten_is_a_formula()
     assert axes.xaxis.get_offset_text().get_text().startswith(r"$\times\mathdefault{10^{6}}")
 
 
+def test_no_power_of_ten_stands_in_the_legend_above_an_axis() -> None:
+    figure, (axes,) = new_figure([2.0])
+    axes.plot([0.0, 1.0], [0.0, 6e7])
+    label(axes, x="time in s", y="p in mm")
+    figure.draw_without_rendering()
+    assert axes.yaxis.get_offset_text().get_text() == ""
+    assert "2e+07" in [text.get_text() for text in axes.get_yticklabels()]
+
+
 def test_a_name_with_dollar_signs_is_no_formula_and_powers_of_ten_are_one() -> None:
     figure, (axes,) = new_figure([1.0])
     axes.plot([1.0, 1e6], [0.0, 1.0])

@@ -54,7 +54,7 @@ def study_page(outcome: StudyResult, *, command: str = "") -> Page:
         *scenarios,
         *(section for _, found in drawn for section in found),
         *failed,
-        _requirements(outcome),
+        *([_requirements(outcome)] if study.demands else []),
         _how(outcome, [figure for figure, found in drawn if found], command),
     ]
     # What each controller misses in the box stands with the box.

@@ -191,12 +191,13 @@ def label(axes: Axes, *, x: str | None = None, y: str | None = None) -> None:
 
     What is drawn over a ``time in s`` of hours or days is labelled in those.
     """
+    from matplotlib.ticker import ScalarFormatter
+
     x, y = (text and re.sub(r"(\s+in 1|/1)$", "", text) for text in (x, y))
     if x is not None:
         if x.startswith("time in s"):
             x = f"time in {time_ticks(axes)}{x.removeprefix('time in s')}"
         axes.set_xlabel(x, fontsize=FONT_POINTS, color=INK.light)
-        from matplotlib.ticker import ScalarFormatter
 
         class Numbers(ScalarFormatter):
             """Numbers as words, which take no parsing; a power of ten at the axis is a formula."""
@@ -211,6 +212,20 @@ def label(axes: Axes, *, x: str | None = None, y: str | None = None) -> None:
             numbers.set_powerlimits((-3, 5))
             axes.xaxis.set_major_formatter(numbers)
     if y is not None:
+
+        class Powers(ScalarFormatter):
+            """Numbers with a power of ten of their own, which at the axis lies in the legend."""
+
+            def format_ticks(self, values: list[float]) -> list[str]:
+                texts = super().format_ticks(values)
+                far = super().get_offset()
+                return [self.fix_minus(f"{v:g}") for v in values] if far else texts
+
+            def get_offset(self) -> str:
+                return ""
+
+        if isinstance(axes.yaxis.get_major_formatter(), ScalarFormatter):
+            axes.yaxis.set_major_formatter(Powers(useOffset=False))
         axes.set_ylabel(_broken(y, axes), fontsize=FONT_POINTS, color=INK.light)
 
 

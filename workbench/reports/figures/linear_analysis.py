@@ -61,7 +61,7 @@ def linear_blocks(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Block]:
             Picture(
                 f"bode-{index}",
                 loop_gain,
-                f"{name}: loop gain, opened at the {' or the '.join(places)}. Marked: the gain"
+                f"{name}: loop gain, opened at {' or '.join(places)}. Marked: the gain"
                 " margin, from the dot to 1, and the phase margin, from the dot to -180° or its"
                 " like.",
                 f"Bode plot of the loop gain of {name}",
@@ -107,18 +107,14 @@ def _sentence(study: Study, name: str, own: list[LoopAnalysis]) -> str:
     )
     said = (
         f"{name}: the smallest disk margin is {number(least.disk_margin, 2)},{near} opened at"
-        f" {_place(least)}; "
+        f" {least.opened}; "
     )
     if math.isinf(late.delay_margin):
         return f"{said}{delay_words(late.delay_margin)}."
     return (
         f"{said}the smallest delay margin is {in_time(late.delay_margin, 2)},{slow} opened at"
-        f" {_place(late)}."
+        f" {late.opened}."
     )
-
-
-def _place(loop: LoopAnalysis) -> str:
-    return loop.opened if len(loop.response) == 0 else f"the {loop.opened}"
 
 
 def delay_words(margin: float) -> str:
@@ -153,7 +149,7 @@ def plant_picture(study: Study) -> list[Picture]:
         Picture(
             "plant-bode",
             bode(frequency, curves, unit=unit),
-            f"The plant alone: from the command to the {controlled}, at every operating point.",
+            f"The plant alone: from {driven.name} to {controlled}, at every operating point.",
             "Bode plot of the plant",
         )
     ]
