@@ -75,7 +75,8 @@ def _cell(found: Metrics, name: str, requirement: Requirement | None) -> Cell:
     metric = found[name]
     value, unit = metric.shown()
     whole = unit == "1" and value.is_integer()
-    text = with_unit(number(int(value) if whole else value), unit)
+    shown = number(int(value) if whole else value)
+    text = with_unit(shown, unit) if value == value else shown  # NaN has no unit
     if requirement is None:
         return Cell(text, reason=metric.reason)
     return Cell(text, "met" if judge(requirement, found).met else "missed", metric.reason)

@@ -188,6 +188,22 @@ def test_numbers_without_a_unit_that_fit_in_one_of_them_alone(tmp_path: Path) ->
     assert (plain.result, plain.note) == ("pass", "no unit stated for angle: taken as SI")
 
 
+def test_the_size_of_a_state_is_that_of_the_output_which_reads_it() -> None:
+    model = Model(
+        "axis",
+        lambda m: ({"x": 0.1 * m.u.valve}, {"x": m.x.x}),
+        states=(State("x", "m", 0.1),),
+        inputs=(Input("valve", "V"),),
+        outputs=(Output("x", "m"),),
+    )
+    valve = np.random.default_rng(1).uniform(-1.0, 1.0, 40).repeat(20)
+    x = 1e3 * np.cumsum(0.1 * 0.01 * valve)
+    signals = (Signal("valve", valve, "V", role="command"), Signal("x", x, "m", role="measurement"))
+    trial = Recording("axis", 0.01 * np.arange(len(x)), signals)
+    found = check_units(trial, expectations(trial, model=model))
+    assert found.result == "unfit" and "look like mm, not m" in found.note
+
+
 def test_pressure_in_bar_called_pascal() -> None:
     bar = with_values("pressure_1", TRIAL["pressure_1"] / 1e5)
     check = check_recording(bar, ranges={"pressure_1": (0.0, 6e5)}).check("units")

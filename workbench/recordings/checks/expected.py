@@ -37,8 +37,8 @@ class Expected:
             stops, in SI.
         signs: Sign of the response to a cause, by (cause, response).
         scales: Typical size by signal, in SI.
-        believed: Signals whose typical size somebody declared; of others the inputs' ranges tell
-            how far they may go, not how far they usually do.
+        believed: Signals whose typical size somebody declared, or that of the state which they
+            read; of others the inputs' ranges tell how far they may go, not how far they do go.
         speed: Middle one of the magnitudes of the model's eigenvalues, in rad/s; NaN if unknown.
         unstable: Whether only a loop can have held the machine where it was.
         slopes: How strongly a measured cause accelerates a motion, by (cause, motion), in SI.
@@ -65,17 +65,21 @@ def _at_start(model: Model, point: Point | None = None) -> tuple[npt.NDArray[np.
     return tuple(np.asarray(m) for m in model.exact.jacobian_function(x, u, model.values))
 
 
+def _read_states(C: npt.NDArray[np.float64]) -> dict[int, int]:
+    """Return which state an output reads as it is, by the indices of both."""
+    return {i: int(np.flatnonzero(row)[0]) for i, row in enumerate(C) if np.count_nonzero(row) == 1}
+
+
 def _along(model: Model, recording: Recording) -> list[Point]:
     """Return inputs of a model along a recording, with the start and what was measured of it."""
     *_, C, _ = _at_start(model)
-    read = {model.outputs[i].name: row for i, row in enumerate(C) if np.count_nonzero(row) == 1}
+    read = {model.outputs[i].name: (k, C[i, k]) for i, k in _read_states(C).items()}
     points = []
     for k in np.linspace(0, len(recording) - 1, _LOOKS + 2).astype(int)[1:-1]:
         x, u = model.initial_state().copy(), model.nominal_input.copy()
-        for name, row in read.items():
+        for name, (at, slope) in read.items():
             if name in recording and math.isfinite(recording[name][k]):
-                at = int(np.flatnonzero(row)[0])
-                x[at] = recording[name][k] / row[at]
+                x[at] = recording[name][k] / slope
         for j, q in enumerate(model.inputs):
             if q.name in recording and math.isfinite(recording[q.name][k]):
                 u[j] = recording[q.name][k]
@@ -152,8 +156,7 @@ def acceleration_slopes(model: Model) -> dict[tuple[str, str], float]:
     """
     A, B, C, _ = _at_start(model)
     found: dict[tuple[str, str], float] = {}
-    # Outputs that read one state as it is, by the index of that state.
-    read = {int(np.flatnonzero(row)[0]): i for i, row in enumerate(C) if np.count_nonzero(row) == 1}
+    read = {state: i for i, state in _read_states(C).items()}
     twice, position = A @ A, np.count_nonzero(np.hstack([A, B]), axis=1) == 1
     for m, motion in read.items():
         # Where more acts that nobody reads, what is read may go with that.
@@ -259,7 +262,9 @@ def expectations(
         model = model.sized_by(reached(model, [recording]))
         quantities: tuple[Input | Output, ...] = (*model.inputs, *model.outputs)
         names = tuple(q.name for q in quantities)
-        believed = frozenset(q.name for q in quantities if q.sized)
+        *_, C, _ = _at_start(model)
+        told = {model.outputs[i].name for i, k in _read_states(C).items() if model.states[k].sized}
+        believed = frozenset(told | {q.name for q in quantities if q.sized})
         # What is far from zero at rest, such as an absolute temperature, is of that size.
         u = model.nominal_input
         rest = np.abs([*u, *model.read(model.initial_state(), u)])
