@@ -17,7 +17,9 @@ from workbench.operating_point import operating_point
 def _tank(m: Scope) -> Equations:
     opened = ca.fmin(ca.fmax(m.u.valve, 0.0), 1.0)
     inner = ca.fmin(ca.fmax(m.u.goal - m.x.level, -0.3), 0.3)
-    return {"level": 0.02 * opened - 0.01 * m.x.level + inner + m.u.leak}, {"level": m.x.level}
+    soft = ca.tanh(m.u.soft / 3.0) / (1.0 + m.x.level**2) + ca.log(2.0 + ca.fabs(m.u.root))
+    rate = 0.02 * opened - 0.01 * m.x.level + inner + m.u.leak + soft - math.log(2.0)
+    return {"level": rate}, {"level": m.x.level}
 
 
 def test_a_command_ends_where_the_equations_no_longer_answer() -> None:
@@ -29,6 +31,8 @@ def test_a_command_ends_where_the_equations_no_longer_answer() -> None:
             Input("valve", "1", nominal=0.5),
             Input("goal", "1", nominal=1.0),
             Input("leak", "1"),
+            Input("soft", "1", lower=-100.0),
+            Input("root", "1"),
         ),
         outputs=(Output("level", "1"),),
     )
@@ -36,7 +40,9 @@ def test_a_command_ends_where_the_equations_no_longer_answer() -> None:
     ends = {q.name: (q.lower, q.upper) for q in known.inputs}
     assert ends["valve"] == pytest.approx((0.0, 1.0), abs=1e-9)
     # The ends of a clipped error move with what it is the error of; what is linear has none.
-    assert ends["goal"] == ends["leak"] == (-math.inf, math.inf)
+    assert ends["goal"] == ends["leak"] == ends["root"] == (-math.inf, math.inf)
+    # What bends ends where a twentieth of its slope is left.
+    assert ends["soft"] == pytest.approx((-6.53, 6.53), abs=0.01)
     assert all(math.isinf(q.upper) for q in tank.inputs)
 
 
@@ -51,7 +57,7 @@ def test_ends_that_move_are_told_with_the_states_that_move_them() -> None:
         "cart",
         drive,
         states=(State("way", "m"), State("speed", "m/s"), State("heat", "1")),
-        inputs=(Input("other", "1"), Input("goal", "m/s")),
+        inputs=(Input("other", "1"), Input("goal", "m/s", lower=-5.0)),
         outputs=(Output("way", "m"),),
     )
     linear = linearise(operating_point(cart), verdict=False)

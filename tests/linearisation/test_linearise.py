@@ -246,16 +246,17 @@ def test_play_and_overlap_are_led_through_and_no_end_of_the_model() -> None:
     assert "slope of d slow/dt by load" in str(linear.verdict) or "by motor" in str(linear.verdict)
     assert linearise(operating_point(servo), amplitude={}).A[3, 0] == 0.0
 
-    def valve(m: Any) -> Any:
-        past = np.where(m.u.spool > 0.05, m.u.spool - 0.05, np.minimum(m.u.spool + 0.05, 0.0))
-        return {"x": (0.5 * past - m.x.x) / 0.03}, {"x": m.x.x}
+    def valve(past: Any) -> float:
+        cylinder = Model(
+            "cylinder",
+            lambda m: ({"x": (0.5 * past(m.u.spool) - m.x.x) / 0.03}, {"x": m.x.x}),
+            states=(State("x", "m/s"),),
+            inputs=(Input("spool", "1", lower=-1.0, upper=1.0),),
+            outputs=(Output("x", "m/s"),),
+        )
+        return float(linearise(operating_point(cylinder), verdict=False).B[0, 0]) * 0.03 / 0.5
 
-    cylinder = Model(
-        "cylinder",
-        valve,
-        states=(State("x", "m/s"),),
-        inputs=(Input("spool", "1", lower=-1.0, upper=1.0),),
-        outputs=(Output("x", "m/s"),),
-    )
-    B = linearise(operating_point(cylinder), verdict=False).B
-    assert 0.9 * 0.5 / 0.03 < B[0, 0] < 0.5 / 0.03
+    overlap = valve(lambda u: np.where(u > 0.05, u - 0.05, np.minimum(u + 0.05, 0.0)))
+    assert 0.9 < overlap < 1.0
+    # A smooth one has no slope at rest either: 3 / 4 of the cube of its amplitude.
+    assert valve(lambda u: u**3) == pytest.approx(0.75)

@@ -205,6 +205,25 @@ def test_a_bearing_that_sticks_at_the_start_is_sized_where_it_slides() -> None:
     assert math.isclose(made.outputs[0].scale, made.states[0].scale)
 
 
+@pytest.mark.parametrize("end", [math.inf, 0.6], ids=["nothing declared", "declared"])
+def test_equations_that_clip_an_input_tell_how_far_it_moves_a_plant(end: float) -> None:
+    def ship(m: Scope) -> Equations:
+        steering = ca.fmin(ca.fmax((m.u.rudder - m.x.rudder) / 2.0, -0.04), 0.04)
+        turning = (0.05 * m.x.rudder - m.x.rate - 2000.0 * m.x.rate**3) / 20.0
+        return {"heading": m.x.rate, "rate": turning, "rudder": steering}, {"heading": m.x.heading}
+
+    made = Model(
+        "ship",
+        ship,
+        states=(State("heading", "rad"), State("rate", "rad/s"), State("rudder", "rad")),
+        inputs=(Input("rudder", "rad", lower=-end, upper=end),),
+        outputs=(Output("heading", "rad"),),
+    )
+    # 0.05 of a rudder of 0.08 rad, or of the declared one; at 1 rad/s it would stop in 13 ms.
+    assert 0.001 < made.states[1].scale < 0.05 * min(end, 0.5)
+    assert abs(linearise(operating_point(made), verdict=False).mode_of("rate").pole) < 0.2
+
+
 def test_an_unstable_oscillation_gives_no_size_of_its_own() -> None:
     # Poles at growth + j, of which 1 + j is where responses are taken.
     def scale(growth: float) -> float:

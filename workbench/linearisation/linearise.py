@@ -23,9 +23,6 @@ _POINTS = 32
 
 Flags = npt.NDArray[np.bool_]
 
-_LITTLE = 1e-9
-"""Part of a scale within which what is in a dead zone moves nothing."""
-
 
 def speeds(model: Model, jacobian: Vector) -> dict[str, float]:
     """Find the states that are the rate of another state, with their scales as amplitudes, in SI.
@@ -123,8 +120,8 @@ def _dead_zones(
 ) -> dict[str, float]:
     """Find states and inputs within dead zones that keep an input from an output, with amplitudes.
 
-    Play in a gear, or a valve that overlaps: a little of it does nothing at all at the point, and
-    all of it something to both sides.
+    Play in a gear, or a valve that overlaps: they have no slope at the point, and all of it does
+    something to both sides.
 
     Args:
         jacobian: Derivatives of rates and measurements, shape (n_x + n_y, n_x + n_u), in SI.
@@ -140,12 +137,8 @@ def _dead_zones(
     found: list[Quantity] = []
     for i, quantity in enumerate((*model.states, *model.inputs)):
         displaced = _displaced(at, point.x, point.u, model.values, i)
-        little, more = (
-            [displaced(sign * by * quantity.scale) - displaced(0.0) for sign in (1.0, -1.0)]
-            for by in (_LITTLE, 1.0)
-        )
-        dead = ((little[0] == 0.0) | (little[1] == 0.0)) & (more[0] * more[1] < 0.0)
-        if np.any(dead & written[:, i] & (jacobian[:, i] == 0.0)):
+        up, down = (displaced(by) - displaced(0.0) for by in (quantity.scale, -quantity.scale))
+        if np.any((up * down < 0.0) & written[:, i] & (jacobian[:, i] == 0.0)):
             found.append(quantity)
     # Bodies on both sides of a play swing alike, lest turning them together stretches it.
     widest = {q.unit: max(other.scale for other in found if other.unit == q.unit) for q in found}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TypeVar
 
 import casadi as ca
@@ -11,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
+from workbench.model.input_end import input_end
 from workbench.model.quantities import Input, Output, Quantity, State
 from workbench.model.trace import Trace
 
@@ -57,7 +59,6 @@ def sizes(
         Sizes of states, inputs and outputs, and those of ports by name, in SI; declared sizes as
         they are, and zero where neither equations nor ranges tell.
     """
-    of_u = np.array([q.scale or _reach(q, _usual(q)) for q in inputs])
     declared = np.array([q.scale for q in states])
     known = np.array([q.scale or _reach(q, 0.0) for q in states])
     ends = np.array([(q.lower, q.upper) for q in states]).reshape(-1, 2)
@@ -69,19 +70,36 @@ def sizes(
         "slopes",
         *(ca.densify(ca.jacobian(e, both)) for e in (traced.rates, traced.outputs)),
         ca.densify(ca.jacobian(traced.signals[rows], both)),
+        ca.densify(ca.vertcat(traced.rates, traced.outputs)),
     )
     n_x = len(states)
+
+    def answered(by: float, k: int) -> tuple[Vector, Vector]:
+        found = slopes(x, u + by * np.eye(len(u))[k], p)
+        rates, outputs, _, values = (np.asarray(part) for part in found)
+        return values[:, 0], np.append(rates[:, n_x + k], outputs[:, n_x + k])
+
+    def clipped(k: int) -> float:
+        """Return how far equations let an input go whose author does not say it; 0 if anywhere."""
+        ends = [abs(input_end(partial(answered, k=k), sign)) for sign in (1.0, -1.0)]
+        return max([end for end in ends if np.isfinite(end)], default=0.0)
+
+    reaches = [q.scale or _reach(q, _usual(q)) for q in inputs]
+    of_u = np.array([reach or clipped(k) for k, reach in enumerate(reaches)])
     of_x = declared.copy()
     at_rest: list[Vector] = []
     found: list[list[Vector]] = []
     for _ in range(_ROUNDS):
-        responses, measured, passed = [], [], []
+        responses, measured, passed, answering = [], [], [], np.zeros(len(u), dtype=bool)
         for sign in (0.0, 1.0, -1.0):
             at = np.clip(x + sign * of_x, *ends.T)
             driven = np.clip(u + sign * 0.5 * of_u, *limits.T)
-            rates, outputs, ports = (np.asarray(part) for part in slopes(at, driven, p))
-            if not np.isfinite(rates).all():
+            rates, outputs, ports, _ = (np.asarray(part) for part in slopes(at, driven, p))
+            answers = np.vstack([rates, outputs])[:, n_x:].any(axis=0)
+            # Beyond the end of an input nothing is told of it.
+            if not np.isfinite(rates).all() or np.any(answering & ~answers):
                 continue
+            answering = answering | answers
             responses.append(_response(rates[:, :n_x], rates[:, n_x:], of_u, known))
             moved = np.concatenate([np.where(declared > 0.0, declared, responses[-1]), of_u])
             measured.append(np.abs(outputs) @ moved)
