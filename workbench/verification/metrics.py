@@ -318,8 +318,8 @@ def _labels(
 
 def _unit(text: str, unit: str) -> str:
     """Put the unit of a signal into that of a metric: a ratio over s is 1/s, times s is s."""
-    if unit == "1" and text == "{unit} s":
-        return "s"
+    if unit == "1":
+        text = text.removeprefix("{unit} ")
     return text.replace("{unit}", unit)
 
 
