@@ -378,6 +378,36 @@ def test_iron_that_saturates_is_a_parameter_that_changes_with_the_current(
     assert finding.parameters["amount"].value < 0.0
 
 
+def test_a_curve_that_is_an_s_is_refitted_to_its_shape(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A core that holds its inductance up to some current and has lost most of it at twice that."""
+    only(monkeypatch, "parameter_curve")
+    runs = []
+    for seed in (1, 2):
+        volts, noise = 6.0 + levels(800, seed, 6.0, 5, 30), np.random.default_rng(seed)
+        current, read = 3.0, []
+        for v in volts:
+            read.append(current + noise.normal(0.0, 0.01))
+            for _ in range(20):
+                henry = 0.02 + 0.08 / (1.0 + np.exp((current - 5.0) / 1.2))
+                current += 5e-4 * (v - current) / henry
+        signals = Signal("v", volts, "V", role="command"), Signal("i", read, "A")
+        runs.append(Recording(f"run {seed}", 0.01 * np.arange(800), signals))
+    choke = Model(
+        "choke",
+        lambda m: ({"i": (m.u.v - m.p.ohm * m.x.i) / m.p.henry}, {"i": m.x.i}),
+        states=(State("i", "A"),),
+        inputs=(Input("v", "V"),),
+        outputs=(Output("i", "A", noise_rms=0.01),),
+        parameters=(
+            Parameter("ohm", "ohm", value=0.8, lower=0.1, upper=3.0, fitted=True),
+            Parameter("henry", "H", value=0.08, lower=0.0, upper=1.0, fitted=True),
+        ),
+    )
+    verdict = diagnose(choke, runs[:1], runs[1:], jobs=1, advise=False).verdict
+    assert verdict is not None and verdict.kind == "named", verdict
+    assert verdict.fit["extended"]["i"] < 1.4 * verdict.fit["noise_floor"]["i"]
+
+
 def test_equations_of_a_fast_machine_are_trusted_as_far_as_they_go(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -84,6 +84,19 @@ def test_a_problem_of_files_says_which_numbers_count_in_si_for_want_of_a_unit(
     ]
 
 
+def test_what_a_plant_only_gives_in_si_is_read_as_its_recordings_are_headed(
+    tmp_path: Path,
+) -> None:
+    plant = replace(oscillator(), inputs=(Input("drive", "N", display_unit="lbf"),))
+    time = 0.01 * np.arange(2000)
+    columns = np.column_stack([time, np.sin(time), 1e3 * np.cos(time)])
+    for name in ("a", "b"):
+        header = "t [s],drive [kN],position [mm]"
+        np.savetxt(tmp_path / f"{name}.csv", columns, "%.6g", ",", header=header, comments="")
+    model = problem_of_files(plant, [tmp_path / "a.csv"], [tmp_path / "b.csv"]).model
+    assert [q.display_unit for q in (*model.inputs, *model.outputs)] == ["lbf", "mm"]
+
+
 def test_recordings_of_two_uneven_clocks_keep_their_samples(tmp_path: Path) -> None:
     even, rng = 0.02 * np.arange(1000), np.random.default_rng(1)
     noise = 1e-3 * rng.normal(size=1000)

@@ -101,6 +101,28 @@ def test_a_parameter_that_is_a_curve_is_told_along_it() -> None:
     assert _along(model, coulomb_friction("speed.rate")) == ""
 
 
+def test_a_curve_is_told_along_the_scale_of_the_thermometer_that_reads_its_state() -> None:
+    def equations(m: Scope) -> Equations:
+        braking = m.p.mu * m.u.push
+        return {"w": -braking, "T": braking - m.x.T + 295.0}, {"tacho": m.x.w, "disc": m.x.T}
+
+    brake = Model(
+        "brake",
+        equations,
+        states=(State("w", "rad/s"), State("T", "K", initial=295.0)),
+        inputs=(Input("push", "N", upper=100.0),),
+        outputs=(
+            Output("tacho", "rad/s", display_unit="rpm"),
+            Output("disc", "K", display_unit="degC"),
+        ),
+        parameters=(Parameter("mu", "1", value=0.3, lower=-0.6, upper=0.6, fitted=True),),
+    )
+    seen = library(brake, ranges={"T": (273.15, 473.15)})
+    law = next(h for h in seen if h.name == "parameter_curve_mu_over_T")
+    model = brake.with_effect(law.at_size(-0.1))
+    assert _along(model, model.effects[-1]) == "; mu is 0.4 at 0°C, 0.3 at 100°C, 0.2 at 200°C of T"
+
+
 def test_a_curve_over_several_signals_is_told_along_what_a_parameter_multiplies() -> None:
     def equations(m: Scope) -> Equations:
         grip = m.p.grip * (0.5 * m.x.drum - m.x.belt)

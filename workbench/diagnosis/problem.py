@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.undeclared import more_finely, with_undeclared
 from workbench.errors import WorkbenchError
-from workbench.model import Model
+from workbench.model import Input, Model, Output
 from workbench.model.units import to_si
 from workbench.physics.library import every_name
 from workbench.recordings.case import Case, RefitSettings
@@ -23,6 +24,8 @@ from workbench.recordings.column_matching import driven_by
 from workbench.recordings.read import MappingLike, read_recording
 from workbench.recordings.recording import Recording
 from workbench.recordings.resampling import at_one_pace
+
+Read = TypeVar("Read", Input, Output)
 
 
 @dataclass(frozen=True)
@@ -121,7 +124,7 @@ def problem_of_files(
         # Of clocks that are uneven alone the paces show without that, and without their gaps.
         given = at_one_pace([_even(r) if r.increasing else r for r in given])
     read = dict(zip(read, given, strict=True))
-    declared = model
+    declared = model = _read_as_recorded(model, given)
     model, notes = with_undeclared(model, list(read.values()))
     # Within a step, too, what goes straight pushes a plant otherwise than its mean does.
     finer = more_finely(model, list(read.values()))
@@ -151,6 +154,19 @@ def _even(recording: Recording) -> Recording:
     """Return a recording with even steps, after the rows of its gaps, which are no uneven steps."""
     found = check_gaps(recording)
     return evened(recording if found.result == "unfit" else found.recording or recording)
+
+
+def _read_as_recorded(model: Model, recordings: Sequence[Recording]) -> Model:
+    """Let people read in the units of the headings what the plant only gives in SI."""
+    stated = {m.signal: m.unit for r in recordings for m in r.mapping or () if m.unit}
+
+    def read(channels: Sequence[Read]) -> tuple[Read, ...]:
+        return tuple(
+            replace(q, display_unit=stated.get(q.name, q.unit)) if q.display_unit == q.unit else q
+            for q in channels
+        )
+
+    return replace(model, inputs=read(model.inputs), outputs=read(model.outputs))
 
 
 def _taken_as_si(model: Model, recordings: Sequence[Recording]) -> list[str]:

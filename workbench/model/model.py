@@ -166,8 +166,18 @@ class Model(Shown):
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
-        """Outputs, inputs and states: what may declare a unit for reading."""
-        return (*self.outputs, *self.inputs, *self.states)
+        """Outputs, inputs and states: what may declare a unit for reading.
+
+        A state that declares none is read as an output that is this state.
+        """
+        read = zip(ca.vertsplit(self.exact.outputs), self.outputs, strict=True)
+        shown = {value.element_hash(): q.display_unit for value, q in read}
+        values = zip(ca.vertsplit(self.exact.x), self.states, strict=True)
+        states = (
+            replace(q, display_unit=q.display_unit or shown.get(value.element_hash(), ""))
+            for value, q in values
+        )
+        return (*self.outputs, *self.inputs, *states)
 
     @property
     def nominal_input(self) -> Vector:

@@ -266,7 +266,7 @@ def declared_unit(
         for q in quantities
         if isinstance(q, (Channel, State)) and q.unit == unit and q.display_unit
     }
-    agreed = alike.pop() if len(alike) == 1 else unit
+    agreed = alike.pop() if len(alike) == 1 and unit != "1" else unit
     return agreed if agreed not in (unit, "1") and of_difference(agreed) == agreed else ""
 
 

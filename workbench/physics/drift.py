@@ -449,7 +449,9 @@ def _bent(at: PortView) -> Expression:
 
 def _curve(p: Names, own: Expression, over: Expression) -> Expression:
     along = (over - p.middle) / p.reach
-    change = p.amount * (ca.cos(p.bend) * along + ca.sin(p.bend) * along**2)
+    within = ca.fmax(ca.fmin(along, 1.0), -1.0)
+    detail = (within**2 - 1.0) * (p.cubic * within + p.quartic * within**2)
+    change = p.amount * (ca.cos(p.bend) * along + ca.sin(p.bend) * along**2 + detail)
     # What saturates, as iron or an enzyme does, falls as a hyperbola and is never negative.
     most = ca.fmin(change, 0.5 * own)
     saturating = own * own / (own - most + 1e-300) + 4.0 * (change - most)
@@ -518,6 +520,10 @@ parameter_curve = Law(
         _amount(at),
         shape("bend", "rad", 0.0, "from a straight line, 0, to a parabola, pi/2",
               around=None, between=(-math.pi, math.pi), scale=1.0),
+        shape("cubic", "1", 0.0, "how much it is an S between its ends",
+              around=None, between=(-5.0, 5.0), scale=0.3, refined=True),
+        shape("quartic", "1", 0.0, "how much steeper it is towards its ends",
+              around=None, between=(-5.0, 5.0), scale=0.3, refined=True),
         _one_sided(at),
         *_range(at),
     ),

@@ -18,7 +18,7 @@ from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
 from workbench.model.model import index_of
-from workbench.model.units import from_si, in_time, of_difference, shown_unit, with_unit
+from workbench.model.units import from_si, in_time, shown_unit, with_unit
 from workbench.simulation import simulate
 from workbench.simulation.stepper import Stepper
 
@@ -141,9 +141,14 @@ class _Plan:
         low, high = np.quantile(inputs, [0.01, 0.99], axis=0)
         self.reach = np.maximum(np.minimum(high - self.rest, self.rest - low), 0.0)
         wide = np.maximum(high - self.rest, self.rest - low)
-        self.reach = np.where(self.reach > 0.2 * wide, self.reach, wide)
+        one_sided = self.reach <= 0.2 * wide
+        self.reach = np.where(one_sided, wide, self.reach)
         self.reach *= [q.commanded for q in model.inputs]
         self.sign = np.where(high - self.rest >= 0.2 * wide, 1.0, -1.0)
+        # What goes to one side of its rest only, as the pressure of a brake, stays there.
+        self.ends = np.where(
+            one_sided, np.sort([0.0 * self.sign, self.sign], axis=0), [[-1.0], [1.0]]
+        )
         self.rows = [index_of("output", name, model.outputs) for name in first.used]
         outputs = np.concatenate([r.outputs for r in recordings])
         self.low, self.high = self._limits(outputs)
@@ -184,14 +189,15 @@ class _Plan:
             q = self.model.inputs[channel]
             for part in (1.0, 0.5, 2.0):
                 size = part * reach
+                low, high = self.rest[channel] + size * self.ends[:, channel]
+                if low < q.lower or high > q.upper:
+                    continue
+                ends = [f"{from_si(x, q.display_unit):.3g}" for x in (low, high)]
+                between = f"between {ends[0]} and {with_unit(ends[1], q.display_unit)}"
                 for words, shape in self._shapes():
                     inputs = np.tile(self.rest, (self.n, 1))
-                    inputs[:, channel] += self.sign[channel] * size * shape
-                    if (inputs < self.limits[0]).any() or (inputs > self.limits[1]).any():
-                        continue
-                    unit = of_difference(q.display_unit)
-                    shown = with_unit(f"{from_si(size, unit):.3g}", unit)
-                    text = f"{words} of {q.name}, +-{shown}, for {in_time(self.duration)}"
+                    inputs[:, channel] = low + 0.5 * (high - low) * (1.0 + shape)
+                    text = f"{words} of {q.name} {between}, for {in_time(self.duration)}"
                     made.append(Experiment(text, self.sample_time, inputs))
         rest = np.tile(self.rest, (self.n, 1))
         return [*made, Experiment(self._resting(), self.sample_time, rest)]
