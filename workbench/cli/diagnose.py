@@ -13,7 +13,7 @@ import typer
 from workbench.cli.options import AsJson
 from workbench.cli.plant import chosen_plant
 from workbench.cli.problem import Loaded, with_problem
-from workbench.cli.running import TimeUp, typed
+from workbench.cli.running import TimeUp, telling, typed
 from workbench.cli.running import time_limit as until
 from workbench.errors import WorkbenchError, check_range
 
@@ -168,10 +168,10 @@ class _Asked:
         def say(text: str) -> None:
             nonlocal step
             step = text
-            typer.echo(f"{time.perf_counter() - self.begin:6.1f} s  {text}", err=True)
+            tell(text)
 
         try:
-            with until(left):
+            with telling(self.begin) as tell, until(left):
                 for reached in stages(
                     problem.model,
                     problem.fit,

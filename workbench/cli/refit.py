@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import typer
 
 from workbench.cli.options import AsJson
 from workbench.cli.problem import Loaded, with_problem
-from workbench.cli.running import tell, typed
+from workbench.cli.running import tell, telling, typed
 
 
 @with_problem(settings=True)
@@ -28,7 +29,9 @@ def refit(
     from workbench.diagnosis.refit_report import run_refit
     from workbench.work.counted import in_words
 
-    report = run_refit(recorded().problem, progress=lambda text: typer.echo(text, err=True))
+    begin, problem = time.perf_counter(), recorded().problem
+    with telling(begin) as say:
+        report = run_refit(problem, progress=say)
     typer.echo(f"{report}\nwork: {in_words(report.work)}", err=as_json)
     if out is not None:
         from workbench.files import json_text, write_whole

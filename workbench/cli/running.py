@@ -7,6 +7,7 @@ import os
 import shlex
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
     from workbench.study.result import StudyResult
 
 _WORDS: ContextVar[tuple[str, ...]] = ContextVar("_WORDS", default=())
+
+QUIET_S = 10.0
+"""Time after which a reader is told that what was begun goes on, in s."""
 
 _AGAIN_S = 5.0
 """Time after which the signal comes again, should a library have swallowed it, in s."""
@@ -113,6 +117,41 @@ def tell(content: Mapping[str, Any], *, as_json: bool, file: Path | None = None)
 def note(sentence: str) -> None:
     """Tell a reader something beside the result, on the error stream."""
     typer.echo(sentence, err=True)
+
+
+@contextmanager
+def telling(begin: float) -> Iterator[Callable[[str], None]]:
+    """Say on the error stream what begins and when, and while it goes on, say so every 10 s.
+
+    Args:
+        begin: Since when time is counted, in s of a running clock.
+    """
+    said, heard, over = "starting", threading.Event(), False
+
+    def line(text: str) -> None:
+        typer.echo(f"{time.perf_counter() - begin:6.1f} s  {text}", err=True)
+
+    def say(text: str) -> None:
+        nonlocal said
+        said = text
+        heard.set()
+        line(text)
+
+    def watch() -> None:
+        while not over:
+            if heard.wait(QUIET_S):
+                heard.clear()
+            else:
+                line(f"still {said}")
+
+    thread = threading.Thread(target=watch, daemon=True)
+    thread.start()
+    try:
+        yield say
+    finally:
+        over = True
+        heard.set()
+        thread.join()
 
 
 class Steps:
