@@ -128,8 +128,12 @@ class TransferLaw(PlainLaw):
         Source: Hanus, Kinnaert and Henrotte, Conditioning technique, a general anti-windup and
         bumpless transfer method, Automatica 23, 1987.
         """
-        back = np.array(self.by_reference) @ np.linalg.pinv(self.reference_gain, rcond=1e-6)
-        return replace(self, back=rows(back))
+        gain = np.array(self.reference_gain)
+        # Each command and each output has a unit of its own.
+        into = np.maximum(np.abs(gain).max(axis=1, keepdims=True), 1e-300)
+        out = np.maximum(np.abs(gain / into).max(axis=0), 1e-300)
+        inverse = np.linalg.pinv(gain / into / out, rcond=1e-6) / out[:, None] / into.T
+        return replace(self, back=rows(np.array(self.by_reference) @ inverse))
 
     def initial_state(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> TransferState:
         """Return the state of a loop at rest where it is measured."""
@@ -526,7 +530,10 @@ def _within(linear: LinearModel, want: PlainPIDSpecification, limits: LoopLimits
         limits = LoopLimits(loop, want)
     cascade = "PID cascade" if len(gains) > limits.outputs else "PID"
     name = "decoupled PID" if best.mixed else cascade
-    return limits.at_pace(_pids(gains, mix, weight, loop.ends, sample_time=h, name=name))
+    law = _pids(gains, mix, weight, loop.ends, sample_time=h, name=name)
+    # What a command does slowly is no end: stopped by it, an integral is as slow.
+    ended = [law.conditioned()] if np.isinf(loop.slew).all() else []
+    return limits.best_at_pace([law, *ended])
 
 
 class _PIDs(NamedTuple):

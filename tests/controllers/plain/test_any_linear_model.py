@@ -780,3 +780,19 @@ def test_a_reference_enters_as_suits_commands_that_are_late() -> None:
     late = replace(step_scenario("y_0", 0.0, 1.0, hold=4.0, sample_time=h), late_samples=10)
     run = metrics(verify(law, plant.operating_point.model, late))
     assert run["overshoot"].value < 0.04 and run["settling_time"].value < 1.5
+
+
+def test_a_pid_whose_command_is_at_its_end_asks_for_no_more_than_there_is() -> None:
+    tank = Model(
+        "tank",
+        lambda m: ({"level": (0.01 - m.u.pump) / 5.0}, {"level": m.x.level}),
+        states=(State("level", "m", initial=2.0, lower=0.0, upper=4.0),),
+        inputs=(Input("pump", "m3/s", lower=0.0, upper=0.02, nominal=0.01),),
+        outputs=(Output("level", "m", noise_rms=0.005),),
+    )
+    linear = linearise(operating_point(tank), verdict=False)
+    law = design_plain_pid(linear, PlainPIDSpecification(sample_time=5.0))
+    step = step_scenario("level", 2.0, 2.8, hold=1500.0, sample_time=5.0)
+    run = metrics(verify(law, tank, step))
+    # All of the pump takes 400 s.
+    assert run["overshoot"].value < 0.02 and run["settling_time"].value < 480.0
