@@ -14,6 +14,7 @@ import pytest
 import workbench as wb
 from workbench.display import Drawn, Rows, Shown
 from workbench.errors import WorkbenchError
+from workbench.model import Input, Model, Output, State
 
 
 @pytest.fixture(scope="module")
@@ -130,6 +131,18 @@ def test_an_object_draws_itself(axis: dict[str, Drawn], kind: str, panels: int) 
     assert len(figure.axes) == panels
     assert all(re.search(r"\sin ", axes.get_ylabel()) for axes in figure.axes)
     assert all(axes.lines for axes in figure.axes)
+
+
+def test_a_gain_over_a_speed_has_one_unit() -> None:
+    plant = Model(
+        "trolley",
+        lambda m: ({"x": m.u.v}, {"x": m.x.x}),
+        states=(State("x", "m"),),
+        inputs=(Input("v", "m/s"),),
+        outputs=(Output("x", "m"),),
+    )
+    figure = wb.plot(wb.linearise(wb.operating_point(plant, {"x": 0.0})))
+    assert figure.axes[0].get_ylabel() == "magnitude in s"
 
 
 def test_what_has_no_picture_says_which_have() -> None:

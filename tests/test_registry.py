@@ -52,6 +52,13 @@ def test_a_mistake_in_a_users_module_is_a_sentence(tmp_path: Path, text: str, to
         load_object("design", f"{name}:best", folder=tmp_path)
 
 
+@pytest.mark.parametrize("name", ["nowhere", "nowhere.py"])
+def test_a_module_that_is_not_there_is_told_with_the_folder(tmp_path: Path, name: str) -> None:
+    _write(tmp_path, "nowhere_else", "best = 1\n")
+    with pytest.raises(WorkbenchError, match=rf"no module '{name}' in {tmp_path}.*mine\.py"):
+        load_object("design", f"{name}:best", folder=tmp_path)
+
+
 def test_modules_of_the_same_name_in_two_folders_are_told_apart(tmp_path: Path) -> None:
     for folder, value in (("a", 1.0), ("b", 2.0)):
         (tmp_path / folder).mkdir()

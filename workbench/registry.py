@@ -255,7 +255,16 @@ def _import(name: str, folder: Path | None) -> ModuleType:
         if file is not None and any(p.exists() for p in ours) and Path(file).resolve() not in ours:
             del sys.modules[name]
     importlib.invalidate_caches()
-    return importlib.import_module(name)
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        # What it imports in turn is another mistake.
+        if not f"{name}.".startswith(f"{error.name}."):
+            raise
+        raise WorkbenchError(
+            f"there is no module {name!r} in {folder or Path.cwd()} or on the Python path;"
+            " 'mine:thing' is what the file mine.py calls thing"
+        ) from None
 
 
 @contextmanager

@@ -73,6 +73,7 @@ def test_a_requirement_on_the_box_is_hard_unless_said_otherwise(gate: Gate) -> N
     assert not outcome.missed and not outcome.passed
     assert "failed, box missed" in outcome.verdict() and "### Missed in the box" in summary(outcome)
     assert "worst plant of the box" in junit(outcome) and "<failure" in junit(outcome)
+    assert "{" not in junit(outcome)
 
 
 def test_a_box_that_only_informs_is_named_in_title_table_and_junit(gate: Gate) -> None:

@@ -29,7 +29,7 @@ BAD: dict[str, tuple[str, str, int, tuple[str, ...]]] = {
     "unknown parameter": ("{ load =", "{ lod =", 7, ("'lod'", "did you mean 'load'")),
     "unknown design": ('design = "pid"', 'design = "pdi"', 10, ("'pdi'", "did you mean 'pid'")),
     "no such function": ('design = "pid"', 'design = "nowhere:pid"', 10,
-                         ("design", "No module named")),
+                         ("'nowhere'", "there is no module")),
     "unknown specification": ("bandwidth =", "bandwith =", 11, ("did you mean 'bandwidth'",)),
     "specification outside": ("= 30.0", "= 3000.0", 11, ("bandwidth is 3000",)),
     "unknown reference": ("references.angle", "references.angel", 17, ("did you mean 'angle'",)),

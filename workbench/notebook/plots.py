@@ -13,6 +13,7 @@ from workbench.linearisation import LinearModel
 from workbench.linearisation.transfer import frequency_response
 from workbench.model.quantities import shown_in
 from workbench.model.units import from_si, parse_unit
+from workbench.physics.place import per
 from workbench.recordings import Recording
 from workbench.reports.figures.diagnosis import as_read, diagnosis_runs
 from workbench.reports.figures.loops import bode
@@ -71,11 +72,12 @@ def _of_linear(linear: LinearModel, output: str = "") -> Figure:
     shown = response / parse_unit(quantity.display_unit).factor
     driven = linear.input_names[0]
     units = {q.name: q.unit for q in linear.operating_point.model.inputs}
-    unit = f"{written(quantity.display_unit)}/{units.get(driven, '1')}"
+    unit = written(per(quantity.display_unit, units.get(driven, "1")))
     figure = bode(hertz, {f"{driven} to {name}".replace("_", " "): shown}, unit=unit)
     turns = np.asarray(figure.axes[1].lines[0].get_ydata(), dtype=float) / 90.0
     # Whole quarter turns, so that a phase between two of them has marks on its axis.
-    figure.axes[1].set_ylim(90.0 * np.floor(turns.min()), 90.0 * np.ceil(turns.max()))
+    low = np.floor(turns.min())
+    figure.axes[1].set_ylim(90.0 * low, 90.0 * max(np.ceil(turns.max()), low + 1.0))
     return figure
 
 

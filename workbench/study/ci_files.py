@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from workbench.study.grouped import changes_by_plant, missed_by_plant
 from workbench.study.result import StudyResult
 from workbench.study.schema import read_study
+from workbench.study.summary import worst_plant
 from workbench.study.toml_lines import line_of
 
 _NOT_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -53,7 +54,8 @@ def junit(outcome: StudyResult) -> str:
     for r in outcome.robustness:
         test = case(r.controller, "robustness", "worst plant of the box")
         if r.missed:
-            message = f"score {r.worst_score:.3g} at {dict(r.worst)}: {r.judgement or r.why()}"
+            why = r.judgement or r.why()
+            message = f"score {r.worst_score:.3g} at {worst_plant(outcome, r)}: {why}"
             kind, tail = ("failure", "") if r in outcome.fragile else ("skipped", " (only informs)")
             ET.SubElement(test, kind, message=_clean(message + tail))
     for change in outcome.condition_changes:

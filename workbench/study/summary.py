@@ -443,21 +443,25 @@ def limit_text(distance: Distance | None) -> str:
     return f"{distance.ratio.value:.2g} ({step.settling.value:#.3g} s / {step.limit.value:#.3g} s)"
 
 
+def worst_plant(outcome: StudyResult, found: Robustness) -> str:
+    """Write the parameters of the worst plant of a box, with their units."""
+    units = {q.name: q.unit for q in outcome.study.plant.build().parameters}
+    return ", ".join(f"{n} {parameter_text(v, units[n])}" for n, v in found.worst.items())
+
+
 def _robustness(outcome: StudyResult) -> list[str]:
     if not outcome.robustness:
         return []
-    units = {q.name: q.unit for q in outcome.study.plant.build().parameters}
     rows = []
     for r in outcome.robustness:
         hard = [p for p in r.probabilities if p.hard]
         weakest = min(hard, key=lambda p: p.share, default=None)
-        plant = ", ".join(f"{n} {parameter_text(v, units[n])}" for n, v in r.worst.items())
         hurts = next(iter(r.effects.items()), ("", 0.0))
         rows.append(
             [
                 r.controller,
                 score_text(r.worst_score, capped=True),
-                plant,
+                worst_plant(outcome, r),
                 f"{weakest.requirement}: {100 * weakest.share:.0f} %"
                 f" ({100 * weakest.low:.0f} to {100 * weakest.high:.0f} %)"
                 if weakest

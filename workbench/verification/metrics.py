@@ -21,7 +21,7 @@ from workbench.arrays import Vector
 from workbench.display import Rows, Shown
 from workbench.errors import check_choice
 from workbench.model import Model, Output
-from workbench.model.units import convert, of_difference, time_unit
+from workbench.model.units import convert, of_difference, rate_unit, time_unit
 from workbench.registry import Registry
 from workbench.verification import responses
 from workbench.verification.closed_loop_run import NoSignalError, Run
@@ -320,6 +320,8 @@ def _unit(text: str, unit: str) -> str:
     """Put the unit of a signal into that of a metric: a ratio over s is 1/s, times s is s."""
     if unit == "1":
         text = text.removeprefix("{unit} ")
+    if text == "{unit}/s":
+        return rate_unit(unit)
     return text.replace("{unit}", unit)
 
 

@@ -13,6 +13,7 @@ from workbench.errors import WorkbenchError
 from workbench.linearisation.pace import horizon_of
 from workbench.linearisation.transfer import frequency_response
 from workbench.model.units import in_time, parse_unit
+from workbench.physics.place import per
 from workbench.reports.figure import Figure
 from workbench.reports.figures.loops import bode, nyquist
 from workbench.reports.figures.study_traces import output_of, point_text, shown, written
@@ -144,7 +145,7 @@ def plant_picture(study: Study) -> list[Picture]:
         point: frequency_response(linear, controlled, frequency) / factor
         for point, linear in models.items()
     }
-    unit = f"{written(quantity.display_unit)}/{written(driven.display_unit)}"
+    unit = written(per(quantity.display_unit, driven.display_unit))
     return [
         Picture(
             "plant-bode",
@@ -163,7 +164,7 @@ def map_picture(study: Study) -> list[Picture]:
     quantity = output_of(study, found.output)
     factor, unit = parse_unit(quantity.display_unit).factor, written(quantity.display_unit)
     driven = study.plant.build().inputs[0].display_unit
-    gain_unit = f"{unit}/{written(driven)}"
+    gain_unit = written(per(quantity.display_unit, driven))
     points = [v for point in study.points for n, v in point if n == found.output]
     figure, panels = new_figure([1.15, 1.15, 1.15])
     for axes, curve, title in (
