@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -495,6 +497,46 @@ def test_a_curve_over_what_it_multiplies_is_that_of_a_plain_sum() -> None:
         bent.exact.outputs_function([slip, rate], [steering, speed], bent.values)
     ).ravel()
     assert lateral == pytest.approx((front + rear) / 1500.0, rel=1e-12)
+
+
+def test_one_side_of_a_command_is_weaker_before_an_actuator_that_saturates(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    only(monkeypatch, "asymmetric_gain", "bend_command", "dead_band", "sensor_lag")
+
+    def equations(m: Scope) -> Equations:
+        driven = m.p.gain * ca.tanh(m.u.command / 4.0)
+        return {"speed": (driven - m.x.speed) / m.p.tau}, {"speed": m.x.speed}
+
+    fan = Model(
+        "fan",
+        equations,
+        states=(State("speed", "rad/s", 50.0),),
+        inputs=(Input("command", "V", lower=-10.0, upper=10.0),),
+        outputs=(Output("speed", "rad/s", noise_rms=0.05),),
+        parameters=(
+            Parameter("tau", "s", value=0.5, lower=0.1, upper=2.0, fitted=True),
+            Parameter("gain", "rad/s", 50.0, value=50.0, lower=10.0, upper=200.0, fitted=True),
+        ),
+    )
+
+    def run(seed: int) -> Recording:
+        command, speed, seen = levels(600, seed, 9.0, 8, 40), 0.0, np.empty(600)
+        for k, u in enumerate(command):
+            seen[k] = speed
+            goal = 52.0 * math.tanh((0.85 * u if u > 0.0 else u) / 4.0)
+            speed = goal + (speed - goal) * math.exp(-0.05 / 0.55)
+        seen += 0.05 * np.random.default_rng(seed).normal(size=600)
+        signals = Signal("command", command, "V", role="command"), Signal("speed", seen, "rad/s")
+        return Recording(f"run {seed}", 0.05 * np.arange(600), signals)
+
+    verdict = diagnose(fan, [run(0), run(1)], [run(2)], jobs=1, advise=False).verdict
+    assert verdict is not None
+    (finding,) = verdict.findings
+    assert finding.effect == "asymmetric_gain_command_command" and finding.belief == "sure"
+    # Of a difference in the middle both sides would change, which no gain after the curve undoes.
+    assert finding.parameters["difference"].value == pytest.approx(-0.15, rel=0.01)
+    assert verdict.fit["extended"]["speed"] < 1.1 * verdict.fit["noise_floor"]["speed"]
 
 
 def test_what_flows_in_a_pipe_is_slowed_as_a_body_is(monkeypatch: pytest.MonkeyPatch) -> None:

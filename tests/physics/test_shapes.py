@@ -109,6 +109,9 @@ def test_what_is_lost_one_way_is_offered_where_an_input_fills_a_store() -> None:
     lossy = whole.with_effect(law.at_size(-0.1))
     rates = [float(lossy.rates([0.5], [i])[0]) / float(whole.rates([0.5], [i])[0]) for i in (-4, 4)]
     assert rates == pytest.approx([0.95, 1.05], rel=1e-3)
+    lossy = whole.with_effect(law.at_size(-0.1, {"share": 1.0}))
+    rates = [float(lossy.rates([0.5], [i])[0]) / float(whole.rates([0.5], [i])[0]) for i in (-4, 4)]
+    assert rates == pytest.approx([0.9, 1.0], rel=1e-3)
 
 
 def test_a_second_store_takes_what_the_first_one_loses_until_both_are_level() -> None:

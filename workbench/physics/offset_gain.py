@@ -171,7 +171,7 @@ def _both_ways(at: Place) -> bool:
 
 asymmetric_gain = Law(
     "asymmetric_gain",
-    "y = u + (difference / 2) |u - centre|",
+    "y = u + difference ((share - 1/2) (u - centre) + |u - centre| / 2)",
     together(
         first_of(each("spool"), each("command", "voltage", label=by_port, only=_both_ways)),
         each("flow", only=lambda at: at.driven and _both_ways(at), label=by_port),
@@ -180,9 +180,17 @@ asymmetric_gain = Law(
         size("difference", "1", 0.1, 1.0, "factor above the centre less that below", signed=True),
         shape("centre", at.unit, 0.0, "where the two sides meet", around=None, scale=1.0,
               source="", fitted=False),
+        # Where what follows is no line, a gain of both sides is not made up for by another one.
+        shape("share", "1", 0.5, "part of the difference that is above the centre",
+              around=None, between=(0.0, 1.0), source="", refined=True),
     ),
     lambda at: at.value
-    + 0.5 * at.p.difference * at.form.absolute(at.value - at.p.centre, 0.02 * at.scale),
+    + at.p.difference
+    * (
+        (at.p.share - 0.5) * (at.value - at.p.centre)
+        + 0.5 * at.form.absolute(at.value - at.p.centre, 0.02 * at.scale)
+    ),
+    shapes=lambda at: [{"share": part} for part in (0.5, 1.0, 0.0)],
     source="unequal edges of a valve, unequal sides of an amplifier, losses of one direction",
     look_alikes=("valve_offset", "silencer", "edge_gain"),
     separated_by="steps of several sizes to both sides: an offset fades for large ones",

@@ -294,6 +294,10 @@ def test_what_unseen_recordings_prefer_twice_is_taken_before_a_larger_gain(
     as_close = replace(unseen, run=_run(0.7))
     assert _taken(decided([first, closer], WITHOUT, asked)) == [first.name]
     assert _taken(decided([first, as_close], WITHOUT, asked)) == [first.name]
+    # What has a size of its own in each recording takes that from the unseen one.
+    level = _candidate(entries["offset_by_recording_valve_command"], 600.0, 0.4)
+    told = replace(level, held_out=unseen.held_out)
+    assert _taken(decided([first, told], WITHOUT, asked)) == [first.name]
 
 
 def test_a_jump_at_time_zero_is_the_offset_that_it_degenerates_to() -> None:

@@ -138,7 +138,10 @@ def closer_unseen(one: Candidate, other: Candidate) -> bool:
     """Whether unseen recordings are likelier with one effect, and its runs there much closer.
 
     A simpler effect with such runs need not be the likelier: it is enough that it gains there.
+    What has a size of its own in each recording takes that from there: it has seen it.
     """
+    if one.entry.effect.about.level:
+        return False
     simpler = one.own_parameters < other.own_parameters and one.held_out[1] > 0.0
     if one.run is None or other.run is None:
         return False
