@@ -491,7 +491,7 @@ def test_a_curve_over_what_it_multiplies_is_that_of_a_plain_sum() -> None:
     slip, rate, steering, speed = 0.02, 0.3, 0.05, 25.0
     angle = steering - slip - 1.2 * rate / speed
     change = -2e4 * (angle / 0.1) ** 2
-    front = 7e4**2 / (7e4 - change) * angle
+    front = 7e4 * np.exp(change / 7e4) * angle
     rear = 8e4 * (-slip + 1.5 * rate / speed)
     _, lateral = np.asarray(
         bent.exact.outputs_function([slip, rate], [steering, speed], bent.values)

@@ -81,7 +81,8 @@ def test_a_parameter_that_is_never_negative_falls_towards_zero(lower: float) -> 
     iron = choke.with_effect(curve.at_size(-0.4, {"bend": 0.5 * math.pi}))
     currents = np.array([0.0, 2.5, 4.0, 10.0])
     found = [5.0 / float(iron.rates([i], [5.0 + i])[0]) for i in currents]
-    exact = 0.1 / (1 + (currents / 5.0) ** 2) if lower == 0.0 else 0.1 - 0.4 * (currents / 10) ** 2
+    change = -0.4 * (currents / 10) ** 2
+    exact = 0.1 * np.exp(change / 0.1) if lower == 0.0 else 0.1 + change
     np.testing.assert_allclose(found, exact, rtol=1e-9)
 
 
@@ -170,30 +171,22 @@ def test_a_parameter_that_enters_several_ports_may_fade_in_all_of_them() -> None
     assert set(found["parameter_fade_UA"]) == {"hot.rate", "cold.rate", "wall.rate"}
 
 
-def test_a_parameter_that_saturates_is_a_hyperbola_to_both_sides() -> None:
+def test_a_parameter_bends_over_inputs_that_nobody_uses_or_that_carry_something() -> None:
     tank = Model(
-        "plankton",
+        "tank",
         lambda m: (
-            {
-                "algae": m.u.light * m.x.algae - m.p.graze * m.x.algae * m.x.daphnia,
-                "daphnia": 0.3 * m.p.graze * m.x.algae * m.x.daphnia - 0.2 * m.x.daphnia,
-            },
-            {"algae": m.x.algae, "daphnia": m.x.daphnia},
+            {"T": (m.u.flow * (m.u.feed - m.x.T) - m.p.loss * (m.x.T - 290.0) + m.u.heat) / 50.0},
+            {"T": m.x.T},
         ),
-        states=(State("algae", "1", initial=50.0), State("daphnia", "1", initial=20.0)),
-        inputs=(Input("light", "1/s", lower=0.0, upper=1.0),),
-        outputs=(Output("algae", "1"), Output("daphnia", "1")),
-        parameters=(Parameter("graze", "1/s", value=0.02, lower=1e-3, upper=0.2, fitted=True),),
+        states=(State("T", "K", initial=290.0),),
+        inputs=(
+            Input("flow", "m3/s"),
+            Input("feed", "K"),
+            Input("heat", "W"),
+            Input("wind", "m/s"),
+        ),
+        outputs=(Output("T", "K"),),
+        parameters=(Parameter("loss", "W/K", value=2.0, lower=0.0, upper=10.0, fitted=True),),
     )
-    seen = {"algae": (0.0, 100.0), "daphnia": (0.0, 40.0)}
-    curve = next(
-        h
-        for h in library(tank, duration=100.0, sample_time=0.1, ranges=seen)
-        if h.name == "parameter_curve_graze_over_algae"
-    )
-    bent = tank.with_effect(curve.at_size(0.01, {"bend": math.pi}))
-    for algae in (10.0, 50.0, 100.0):
-        # Holling's grazing: half of the rate in the middle over the half of the range.
-        graze = 0.02 / (1.0 + 0.5 * (algae - 50.0) / 50.0)
-        eaten = -float(bent.rates([algae, 20.0], [0.0])[0])
-        assert eaten == pytest.approx(graze * algae * 20.0, rel=1e-9)
+    found = {h.name for h in parameter_curve.hypotheses(Survey(tank))}
+    assert found == {"parameter_curve_loss_over_flow", "parameter_curve_loss_over_wind"}

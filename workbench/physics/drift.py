@@ -443,6 +443,10 @@ def _one_sided(at: Place) -> Own:
                  around=None, between=(0.0, 1.0), source="", fitted=False)  # fmt: skip
 
 
+_MOST_GROWN = 10.0
+"""Logarithm of how much larger than in the middle a parameter may be at an end of its curve."""
+
+
 def _bent(at: PortView) -> Expression:
     return with_subject(at, _curve(at.p, ca.SX(at.subject), at.signals.over))
 
@@ -452,10 +456,9 @@ def _curve(p: Names, own: Expression, over: Expression) -> Expression:
     within = ca.fmax(ca.fmin(along, 1.0), -1.0)
     detail = (within**2 - 1.0) * (p.cubic * within + p.quartic * within**2)
     change = p.amount * (ca.cos(p.bend) * along + ca.sin(p.bend) * along**2 + detail)
-    # What saturates, as iron or an enzyme does, falls as a hyperbola and is never negative.
-    most = ca.fmin(change, 0.5 * own)
-    saturating = own * own / (own - most + 1e-300) + 4.0 * (change - most)
-    return ca.if_else(p.one_sided > 0.5, saturating, own + change)
+    # What is never negative falls and grows by factors.
+    grown = own * ca.exp(ca.fmin(change / (own + 1e-300), _MOST_GROWN))
+    return ca.if_else(p.one_sided > 0.5, grown, own + change)
 
 
 def along_curve(model: Model, effect: Effect) -> dict[float, float]:
@@ -513,8 +516,9 @@ turbulent_flow = Law(
 # temperature.
 parameter_curve = Law(
     "parameter_curve",
-    "parameter + c, or parameter^2 / (parameter - c) where what is never negative falls,"
-    " c = amount (cos(bend) z + sin(bend) z^2), z = (signal - middle) / reach",
+    "parameter + c, or parameter exp(c / parameter) where it is never negative,"
+    " c = amount (cos(bend) z + sin(bend) z^2 + (cubic z + quartic z^2) (z^2 - 1)),"
+    " z = (signal - middle) / reach",
     _each_parameter_over,
     lambda at: (
         _amount(at),

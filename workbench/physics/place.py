@@ -850,7 +850,9 @@ class Survey:
 
         Not states that its term is a function of, and of nothing else: a curve over them is a law
         of its own. Of the inputs those that it is a factor of in what a sensor reads, where no
-        other law is a curve over them: a resistance over its current.
+        other law is a curve over them: a resistance over its current. And those without which its
+        term is, of which the equations make nothing or that multiply a state beside it: a decay
+        over the light, a heat transfer over the flow that carries the heat.
         """
         t, k = self.trace, self._parameter_index[q.name]
         values = [self._port_value(self._port_index[at.name]) for at in places]
@@ -866,10 +868,22 @@ class Survey:
         if over and not _is_difference(ca.SX(self._multiplied(q.name, values))):
             found.append(over)
         read = any(at.output for at in places)
+        beside = [t.rates[i] for at in places for i in self._rates_of(self._port_index[at.name])]
+        unused = {u.source for u in self.unused_inputs}
         for i, u in enumerate(self.model.inputs):
-            if read and any(ca.depends_on(s, t.u[i]) for s in slopes):
+            if any(ca.depends_on(s, t.u[i]) for s in slopes):
+                bends = read
+            else:
+                carries = (ca.depends_on(ca.jacobian(rate, t.u[i]), t.x) for rate in beside)
+                bends = u.name in unused or any(carries)
+            if bends:
                 found.append(self._of(u.name))
         return tuple(found)
+
+    def _rates_of(self, index: int) -> list[int]:
+        """Return the states whose rate a port changes."""
+        raised = self.trace.rates_by_port[:, index]
+        return [k for k in range(raised.numel()) if not raised[k].is_zero()]
 
     def dissipating(self, q: Parameter, places: Sequence[Place]) -> Local | None:
         """Return what a parameter at some ports makes heat of: a current, what a resistance passes.
