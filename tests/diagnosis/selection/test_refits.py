@@ -99,6 +99,19 @@ def test_what_cannot_be_tested_or_gains_too_little_is_not_refitted(
     assert [score.entry.name for score in shortlist(clear, most=18)] == ["tilt_gravity"]
 
 
+def test_what_a_parameter_hides_off_its_bound_is_scored_where_it_is_on_it(
+    entries: dict[str, Hypothesis],
+) -> None:
+    ripple, tilt = _score(entries["ripple"], 90.0), _score(entries["tilt_gravity"], 60.0)
+    hidden = replace(tilt, sigma=0.4, collinearity=0.999)
+    confusion = np.array([[1.0, 0.2], [0.2, 1.0]])
+    scores = Scores((ripple, hidden), confusion, 1.0)
+    # As good elsewhere, what these data show is left as it was.
+    at_bound = Scores((replace(tilt, gain=200.0), replace(ripple, gain=300.0)), np.eye(2), 1.0)
+    assert scores.shown_by(at_bound).scores == (at_bound.scores[0], ripple)
+    assert scores.shown_by(replace(at_bound, scores=(hidden,))).scores == scores.scores
+
+
 def test_the_best_score_is_followed_whatever_its_first_refit_gained(
     entries: dict[str, Hypothesis],
 ) -> None:

@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.example_diagnosis import example_diagnosis
+from tests.diagnosis.newcomers import oscillations, oscillator
+from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.selection import search as selection_search
 from workbench.diagnosis.selection import withdrawal
@@ -28,6 +31,7 @@ from workbench.diagnosis.selection.selected import Accepted
 from workbench.diagnosis.selection.simplification import simplified
 from workbench.diagnosis.selection.task import Task
 from workbench.diagnosis.selection.withdrawal import taken_up_again, too_little_withdrawn
+from workbench.physics.library import library
 
 
 def test_effects_that_explain_too_little_are_taken_back_with_the_reason() -> None:
@@ -225,3 +229,29 @@ def test_runs_over_windows_do_not_hide_that_all_of_a_recording_is_followed(
     )
     state: Any = _Found(extended)
     assert withdrawal.run_freely(task, state)[1] == pytest.approx(share, abs=0.01)
+
+
+def test_a_damper_on_its_bound_hides_no_more_viscosity(monkeypatch: pytest.MonkeyPatch) -> None:
+    runs = oscillations(lambda x, v: -30.0 * x - 1.5 * v)
+    free = oscillator()
+    kept = [replace(q, upper=0.9) if q.name == "damping" else q for q in free.parameters]
+    model = replace(free, parameters=tuple(kept))
+    seen, priors = [observe(model, r) for r in runs], default_priors(model)
+    fit = fit_with_process_noise(model, seen[:2], priors)
+    assert [e.name for e in fit.refit.estimates if e.on_bound] == ["damping"]
+    more = tuple(e for e in library(model) if e.law == "viscous_friction")
+    task = Task(model, fit, tuple(seen[:2]), tuple(seen[2:]), priors, entries=more)
+
+    # Off its bound the damper is the same law, and may leave nothing to it.
+    def score_library(model: Any, recordings: Any, free: Any, entries: Any, **known: Any) -> Any:
+        found = scored(model, recordings, free, entries, **known)
+        if all(p.name != "damping" for p in free):
+            return found
+        hidden = (replace(s, sigma=0.1, collinearity=1.0) for s in found.scores)
+        return replace(found, scores=tuple(hidden))
+
+    scored = selection_search.score_library
+    monkeypatch.setattr(selection_search, "score_library", score_library)
+    (found,) = selection_search.score(task).scores.scores
+    assert found.testable and found.collinearity < 0.9
+    assert found.size == pytest.approx(0.6, rel=0.3)

@@ -110,6 +110,17 @@ class Scores:
     noise_scale: float
     failed: tuple[tuple[str, str], ...] = ()
 
+    def shown_by(self, others: Scores) -> Scores:
+        """Return the scores with those of other ones for what these data cannot show."""
+        shown = {s.entry.name: s for s in others.scores if s.testable}
+        found = [s if s.testable else shown.get(s.entry.name, s) for s in self.scores]
+        order = sorted(range(len(found)), key=lambda i: -found[i].gain)
+        return replace(
+            self,
+            scores=tuple(found[i] for i in order),
+            confusion=self.confusion[np.ix_(order, order)],
+        )
+
     def look_alikes(self, name: str, *, above: float = 0.95) -> tuple[str, ...]:
         """Return the effects whose signature resembles that of one effect.
 

@@ -93,6 +93,15 @@ def score(task: Task) -> Scored:
     except NumericalError:
         model = base.model
     scores = score_library(model, task.fitting, task.priors, tried, noise_scale=base.noise_scale)
+    held = {e.name for e in base.refit.estimates if e.on_bound}
+    hidden = [s.entry for s in scores.scores if not s.testable]
+    if held and hidden:
+        # Nor does it reproduce more than it does there.
+        free = [p for p in task.priors if p.name not in held]
+        at_bounds = score_library(
+            base.model, task.fitting, free, hidden, noise_scale=base.noise_scale
+        )
+        scores = scores.shown_by(at_bounds)
     task.say("running the refitted model on the held-out recordings")
     try:
         floor = over_floor(base, task.nominal, task.judging, jobs=task.jobs)
