@@ -121,7 +121,7 @@ def test_without_pandas_the_extra_is_named(
     axis: dict[str, Shown], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(WorkbenchError, match="install the extra 'notebooks'"):
+    with pytest.raises(WorkbenchError, match=r"workbench\[notebooks\]"):
         axis["point"].to_dataframe()
 
 

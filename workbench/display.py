@@ -12,7 +12,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from workbench.errors import WorkbenchError
+from workbench.errors import missing_package
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -116,10 +116,7 @@ class Shown:
         try:
             pandas = import_module("pandas")
         except ImportError:
-            raise WorkbenchError(
-                "a data frame needs the package pandas, which is not installed; install the extra"
-                " 'notebooks'"
-            ) from None
+            raise missing_package("a data frame", "pandas", "notebooks") from None
         return pandas.DataFrame(dict(self.columns()))
 
 

@@ -26,6 +26,18 @@ class NumericalError(WorkbenchError):
     """A computation that did not converge, left its validity or became non-finite."""
 
 
+def missing_package(what: str, package: str, extra: str, otherwise: str = "") -> WorkbenchError:
+    """Return the error of something that needs a package of an extra which is not installed.
+
+    Args:
+        otherwise: What to do without it.
+    """
+    return WorkbenchError(
+        f"{what} needs {package}, which is not installed; install it with"
+        f" pip install 'muscle-arm-workbench[{extra}]'{', or ' if otherwise else ''}{otherwise}"
+    )
+
+
 def check_range(
     name: str, value: float, lower: float, upper: float, unit: str = "", *, fix: str = ""
 ) -> float:

@@ -39,7 +39,7 @@ from controllers.joint.model import JointModel
 from controllers.sampling import tustin
 from controllers.specification import Checked, number
 from workbench.arrays import Matrix
-from workbench.errors import NumericalError, WorkbenchError, check_range
+from workbench.errors import NumericalError, check_range, missing_package
 from workbench.linearisation.transfer import transfer_function
 
 System = tuple[Matrix, Matrix, Matrix, Matrix]
@@ -181,10 +181,7 @@ def require_slycot() -> None:
         WorkbenchError: If slycot is not installed.
     """
     if not has_slycot():
-        raise WorkbenchError(
-            "the H-infinity synthesis needs slycot, which is not installed; install it with"
-            " pip install 'muscle-arm-workbench[hinf]', or take another family"
-        )
+        raise missing_package("the H-infinity synthesis", "slycot", "hinf", "take another family")
 
 
 def joint_behind_pressure_loop(joint: JointModel, inner_bandwidth: float, delay: float) -> System:

@@ -114,7 +114,7 @@ def test_parquet_without_pyarrow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     path = tmp_path / "trial.parquet"
     path.write_bytes(b"PAR1")
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(WorkbenchError, match="install it with the extra 'parquet'"):
+    with pytest.raises(WorkbenchError, match=r"workbench\[parquet\]"):
         read_recording(path)
 
 
@@ -144,6 +144,18 @@ def test_json_lines(tmp_path: Path) -> None:
     path = tmp_path / "log.jsonl"
     path.write_text("\n".join(json.dumps(row) for row in rows()))
     assert np.array_equal(read_recording(path)["qm"], POSITION)
+
+
+def test_json_of_objects_with_instants(tmp_path: Path) -> None:
+    path = tmp_path / "log.jsonl"
+    entries = [
+        {"ts": f"2024-03-04T10:11:{row['t']:09.6f}Z", "axis": {"qm": row["qm"], "ok": True}}
+        for row in rows()
+    ]
+    path.write_text("\n".join(json.dumps(entry) for entry in entries))
+    recording = read_recording(path, signals={"qm": "m"})
+    assert np.array_equal(recording["qm"], POSITION)
+    assert np.allclose(recording.time, TIME, atol=1e-6)
 
 
 def test_json_with_keys_missing_and_text(tmp_path: Path) -> None:
@@ -309,12 +321,13 @@ Delta_X\t0.001\t0.001\t
 """
 
 
+@pytest.mark.parametrize("end", ["", "\t"])
 @pytest.mark.parametrize("with_time", [True, False])
-def test_labview_measurements(tmp_path: Path, with_time: bool) -> None:
+def test_labview_measurements(tmp_path: Path, with_time: bool, end: str) -> None:
     path = tmp_path / "trial.lvm"
     rows = np.column_stack([TIME, 1e3 * POSITION, VOLTAGE])[:, 0 if with_time else 1 :].tolist()
     titles = ["X_Value"] * with_time + ["qm", "vir", "Comment"]
-    lines = ["\t".join(titles), *("\t".join(map(str, row)) for row in rows)]
+    lines = ["\t".join(titles), *("\t".join(map(str, row)) + end for row in rows)]
     path.write_text(LVM.format(columns="One" if with_time else "No") + "\n".join(lines))
     recording = read_recording(path)
     assert recording.time == pytest.approx(TIME)
@@ -368,7 +381,7 @@ def test_what_an_extra_reads_says_so(
 ) -> None:
     (tmp_path / name).write_bytes(b"")
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(WorkbenchError, match="install it with the extra 'logs'"):
+    with pytest.raises(WorkbenchError, match=r"workbench\[logs\]"):
         read_recording(tmp_path / name)
 
 

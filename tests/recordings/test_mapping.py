@@ -111,6 +111,15 @@ def test_a_word_of_the_header_names_the_signal(tmp_path: Path) -> None:
     assert not recording.notes
 
 
+def test_the_last_word_of_a_topic_names_the_signal(tmp_path: Path) -> None:
+    path = tmp_path / "bag.csv"
+    head = "__time,/axis/cmd/force,/axis/state/x [mm],/axis/state/n [U/min]\n"
+    path.write_text(head + "".join(f"{k},{k % 7},{k},{60 * k}\n" for k in range(40)))
+    found = read_recording(path, signals={"force": "N", "x": "m", "n": "rad/s"})
+    assert found["x"][3] == 0.003 and found["n"][1] == pytest.approx(2 * np.pi)
+    assert found["force"][3] == 3.0
+
+
 def test_a_number_behind_a_name_is_a_word_of_the_header(tmp_path: Path) -> None:
     path = _file(tmp_path, "t [s]", "heater 1 [%]", "heater 2 [%]")
     recording = read_recording(path, signals={"heat2": "1", "heat1": "1"})

@@ -140,7 +140,7 @@ _SPELLINGS = {
     **dict.fromkeys(("degree", "degrees", "Deg", "DEG", "grad"), "deg"),
     **dict.fromkeys(("radian", "radians", "RAD"), "rad"),
     **dict.fromkeys(("liter", "liters", "litre", "litres"), "l"),
-    "knot": "kn", "knots": "kn", "percent": "%", "VA": "V A",
+    "Upm": "rpm", "knot": "kn", "knots": "kn", "percent": "%", "VA": "V A",
 }  # fmt: skip
 """How loggers and people spell units."""
 
@@ -206,9 +206,11 @@ def in_symbols(text: str) -> str:
     """Return a unit with words for units replaced by their symbols.
 
     Example:
-        >>> in_symbols("meters/sec"), in_symbols("km/h"), in_symbols("deg C")
-        ('m/s', 'km/h', 'degC')
+        >>> in_symbols("meters/sec"), in_symbols("km/h"), in_symbols("deg C"), in_symbols("U/min")
+        ('m/s', 'km/h', 'degC', 'rpm')
     """
+    # A letter alone is as often a name: a voltage, a radius.
+    text = re.sub(r"^(U|r|tr)/min$", "rpm", text)
     symbols = _WORD.sub(lambda m: _SPELLINGS.get(m.group(), m.group()), text)
     return re.sub(r"(deg|°)\s+(?=[CF]$)", r"\1", symbols)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from workbench.errors import WorkbenchError
 from workbench.model.units import parse_unit, same_dimension
-from workbench.recordings.headers import DEGREES, Header, is_temperature, read_header
+from workbench.recordings.headers import DEGREES, TOPIC, Header, is_temperature, read_header
 from workbench.recordings.recording import Role
 
 _SYNONYMS = (
@@ -136,8 +136,8 @@ def _same(requested: Requested, header: Header) -> int:
     """Return how well a name fits: 0 not at all, 1 a synonym, 2 the name itself."""
     if _plain(requested.name) in (_plain(header.name), _plain(header.column)):
         return 2
-    # Of a signal in a group, as "drive.speed", the last word is its name.
-    inside = read_header(header.column.rsplit(".", 1)[-1]).name
+    # Of a signal in a group, as "drive.speed" or "/drive/speed", the last word is its name.
+    inside = read_header(TOPIC.sub("", header.column).rsplit(".", 1)[-1]).name
     return int(_meaning(requested.name) in (_meaning(header.name), _meaning(inside)))
 
 

@@ -19,6 +19,8 @@ _NESTED = re.compile(
 )
 _SLASH = re.compile(r"^(?P<name>.*\S)\s+/\s*(?P<unit>\S.*)$")
 _TIGHT_SLASH = re.compile(r"^(?P<name>[^/]*\w)/(?P<unit>\S+)$")
+TOPIC = re.compile(r"^/((?:[^/\[(]*/)*)")
+"""What stands before the last word of a topic, ``/drive/state/speed``, as robots log them."""
 # Symbols that are as often the name of a chamber, an axis or a constant as a unit.
 _AMBIGUOUS = {
     "A", "F", "H", "K", "J", "W", "N", "L", "h", "t", "g", "l", "m", "s", "count", "turn",
@@ -190,6 +192,7 @@ def read_header(column: str) -> Header:
         'gauge'
     """
     text = column.strip().strip('"').strip()
+    text = TOPIC.sub(lambda m: m[1].replace("/", "."), text)
     match = _NESTED.match(text) or _BRACKETS.match(text) or _SLASH.match(text)
     if match is not None and match.group("name").strip():
         name, stated = match.group("name"), match.group("unit")

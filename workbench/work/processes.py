@@ -10,7 +10,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
-from workbench.errors import WorkbenchError, check_range
+from workbench.errors import WorkbenchError, check_range, missing_package
 from workbench.registry import own_modules
 from workbench.work.children import THIS_PROCESS, call, end_with
 from workbench.work.counted import add
@@ -117,10 +117,7 @@ def _client(address: str) -> Any:
     try:
         from distributed import Client
     except ImportError:
-        raise WorkbenchError(
-            "a Dask cluster needs the package 'distributed'; install it with the extra 'cluster',"
-            ' as in pip install "muscle-arm-workbench[cluster]"'
-        ) from None
+        raise missing_package("a Dask cluster", "distributed", "cluster") from None
     try:
         return Client(address, timeout=10)
     except (OSError, ValueError, TypeError) as error:

@@ -9,7 +9,7 @@ import json
 import math
 import re
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import date
 from functools import partial
@@ -437,7 +437,17 @@ def read_text(path: Path, options: ReadOptions) -> Columns:
     without a time are left out.
     """
     cut: list[str] = []
-    blocks = line_blocks(path, cut)
+    return _read_lines(path, line_blocks(path, cut), options, cut)
+
+
+def read_cells(path: Path, rows: Iterable[Sequence[str]], options: ReadOptions) -> Columns:
+    """Read rows of texts, which a file of another kind holds, as those of a text file."""
+    return _read_lines(path, iter([["\t".join(row) for row in rows]]), options, [])
+
+
+def _read_lines(
+    path: Path, blocks: Iterator[list[str]], options: ReadOptions, cut: list[str]
+) -> Columns:
     first: list[str] = []
     for block in blocks:
         first += block

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from workbench.errors import WorkbenchError
 from workbench.recordings.columns import Columns
-from workbench.recordings.formats.delimited_text import read_text
+from workbench.recordings.formats.delimited_text import read_cells
 from workbench.recordings.formats.format import Format, ReadOptions
 
 
@@ -36,10 +35,7 @@ def read_excel(path: Path, options: ReadOptions) -> Columns:
             " as CSV"
         ) from None
     rows = max(sheets, key=len, default=[])
-    with tempfile.TemporaryDirectory() as folder:
-        table = Path(folder) / path.with_suffix(".tsv").name
-        table.write_text("\n".join("\t".join(row) for row in rows), encoding="utf-8")
-        found = read_text(table, options)
+    found = read_cells(path, rows, options)
     if len(sheets) > 1:
         note = f"read from sheet {titles[sheets.index(rows)]!r}, the longest of {len(sheets)}"
         found = replace(found, notes=(*found.notes, note))

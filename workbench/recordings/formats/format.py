@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from workbench.errors import WorkbenchError
+from workbench.errors import WorkbenchError, missing_package
 from workbench.recordings.columns import Columns
 from workbench.registry import Registry
 
@@ -56,9 +56,8 @@ class Format:
         except ImportError as error:
             if not self.extra:
                 raise
-            raise WorkbenchError(
-                f"reading {self.title} needs {error.name}, which is not installed; install it with"
-                f" the extra {self.extra!r}, or save the recording as CSV"
+            raise missing_package(
+                f"reading {self.title}", str(error.name), self.extra, "save the recording as CSV"
             ) from None
         except OSError as error:
             raise WorkbenchError(f"{path} cannot be read: {error.strerror or error}") from None

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from workbench.errors import WorkbenchError
 from workbench.recordings.columns import Columns
+from workbench.recordings.formats.delimited_text import NEVER, instant, is_number, read_cells
 from workbench.recordings.formats.format import Format, ReadOptions
-from workbench.recordings.recording import Scalar
+from workbench.recordings.formats.variables import flatten
 
 _MAX_BYTES = 500_000_000
 
@@ -65,59 +66,48 @@ def _entries(content: Any) -> tuple[Sequence[Mapping[str, Any]], dict[str, Any]]
     return [], {}
 
 
-def _number(cell: Any) -> float | None:
-    if isinstance(cell, (bool, int, float)):
-        try:
-            value = float(cell)
-        except OverflowError:
-            return None
-        return value if np.isfinite(value) else None
-    return None
+def _cell(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(int(value))
+    return "" if value is None else " ".join(str(value).split())
 
 
 def read_json(path: Path, options: ReadOptions) -> Columns:
     """Read a list of entries with the same keys, one list per key, or one entry per line.
 
-    The longest list inside an object counts; the object's other scalars become settings.
+    The longest list inside an object counts; the object's other scalars become settings. What an
+    entry holds in objects and lists of its own is called ``object.key`` and ``list.1``.
     """
-    del options
     entries, beside = _entries(_load(path))
     if len(entries) < 2:
         raise WorkbenchError(
             f"{path.name} holds no list of entries with the same keys, as a log has; it holds "
             f"{len(entries)} entry"
         )
-    keys = list(dict.fromkeys(str(k) for e in entries for k in e))[:1000]
-    columns, headers, unreadable, skipped = [], [], {}, []
-    for key in keys:
-        cells = [e.get(key) for e in entries]
-        numbers = [_number(c) for c in cells]
-        if all(n is None for n in numbers):
-            skipped.append(key)
-            continue
-        bad = [
-            i
-            for i, (c, n) in enumerate(zip(cells, numbers, strict=True))
-            if n is None and c is not None
-        ]
-        if bad:
-            unreadable[key] = (len(bad), f"{str(cells[bad[0]])[:30]!r} in entry {bad[0] + 1}")
-        columns.append([np.nan if n is None else n for n in numbers])
-        headers.append(key)
-    if not columns:
+    rows: list[dict[str, Any]] = [{} for _ in entries]
+    for entry, row in zip(entries, rows, strict=True):
+        for key, value in entry.items():
+            flatten(str(key), value, row)
+    keys = list(dict.fromkeys(key for row in rows for key in row))[:1000]
+    cells = {key: [_cell(row.get(key)) for row in rows] for key in keys}
+    kept = {k: v for k, v in cells.items() if any(is_number(c) or instant(c) != NEVER for c in v)}
+    if not kept:
         raise WorkbenchError(f"the entries of {path.name} hold no numbers")
-    metadata: dict[str, Scalar] = {
-        str(k): v for k, v in beside.items() if isinstance(v, (str, int, float, bool))
-    }
+    titles = [" ".join(key.split()) for key in kept]
+    found = read_cells(path, [titles, *zip(*kept.values(), strict=True)], options)
+    settings = {str(k): v for k, v in beside.items() if isinstance(v, (str, int, float, bool))}
+    skipped = [key for key in keys if key not in kept]
     notes = [f"left out, no numbers: {', '.join(skipped)}"] if skipped else []
-    return Columns(
-        tuple(headers),
-        ("",) * len(headers),
-        np.array(columns, dtype=float).T,
-        True,
-        metadata,
-        tuple(notes),
-        unreadable,
+    # Above the first entry stands a line of keys.
+    unreadable = {
+        key: (count, re.sub(r"line (\d+)$", lambda m: f"entry {int(m[1]) - 1}", text))
+        for key, (count, text) in found.unreadable.items()
+    }
+    return replace(
+        found,
+        metadata={**found.metadata, **settings},
+        notes=(*notes, *found.notes),
+        unreadable=unreadable,
     )
 
 

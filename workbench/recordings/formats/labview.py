@@ -26,9 +26,12 @@ def read_lvm(path: Path, options: ReadOptions) -> Columns:
         key, *cells = (cell.strip() for cell in line.split("\t"))
         told.setdefault(key, [c for c in cells if c])
     units = told.get("Y_Unit_Label", [])
-    first = len(found.headers) - len(units)
+    # The last column may be for comments, which have no unit.
+    named = [h for h in found.headers if h.lower() != "comment"]
+    first = len(named) - len(units)
     if units and first >= 0:
-        found = replace(found, units=(*found.units[:first], *units))
+        rest = found.units[len(named) :]
+        found = replace(found, units=(*found.units[:first], *units, *rest))
     headers = tuple("time" if h == "X_Value" else h for h in found.headers)
     empty = Columns(headers, found.units, np.empty((0, len(headers))))
     step = told.get("Delta_X", [""])[0].replace(",", ".")

@@ -28,7 +28,7 @@ def unreadable(path: Path, error: Exception, kind: str) -> WorkbenchError:
     )
 
 
-def _flat(name: str, value: Any, out: dict[str, Any], depth: int = 0) -> None:
+def flatten(name: str, value: Any, out: dict[str, Any], depth: int = 0) -> None:
     """Write structs out as ``struct.field``, and pairs of ``Name`` and ``Data`` by their name."""
     if depth > MAX_DEPTH:
         return
@@ -39,10 +39,10 @@ def _flat(name: str, value: Any, out: dict[str, Any], depth: int = 0) -> None:
             out[title] = data
             return
         for key, item in value.items():
-            _flat(f"{name}.{key}", item, out, depth + 1)
+            flatten(f"{name}.{key}", item, out, depth + 1)
     elif isinstance(value, list):
         for k, item in enumerate(value[:_MAX_LISTED_ITEMS]):
-            _flat(f"{name}.{k + 1}", item, out, depth + 1)
+            flatten(f"{name}.{k + 1}", item, out, depth + 1)
     elif value is not None:
         out[name] = value
 
@@ -109,7 +109,7 @@ def columns_of_variables(path: Path, content: Mapping[str, Any], options: ReadOp
         # One struct or group around everything says nothing.
         content = {k: v for k, v in content.items() if v is not inside[0]} | dict(inside[0])
     for name, value in content.items():
-        _flat(name, value, flat)
+        flatten(name, value, flat)
     vectors, scalars, odd = _sorted_out(flat)
     if not vectors:
         raise WorkbenchError(
