@@ -112,6 +112,19 @@ def test_recordings_of_two_uneven_clocks_keep_their_samples(tmp_path: Path) -> N
     assert steps == pytest.approx([0.02, 0.02], rel=2e-5) and steps[0] == pytest.approx(steps[1])
 
 
+def test_recordings_taken_at_uneven_times_are_interpolated_once(tmp_path: Path) -> None:
+    even = 0.02 * np.arange(1000)
+    for name in ("a", "b"):
+        rng = np.random.default_rng(ord(name))
+        stamps = even + rng.uniform(-2e-3, 2e-3, 1000)
+        columns = np.column_stack([stamps, np.sin(stamps), np.cos(3.0 * stamps)])
+        header = "t [s],drive [N],position [m]"
+        np.savetxt(tmp_path / f"{name}.csv", columns, "%.9g", ",", header=header, comments="")
+    notes = problem_of_files(oscillator(), [tmp_path / "a.csv"], [tmp_path / "b.csv"]).notes
+    told = [note for note in notes if "sampled" in note or "interpolated" in note]
+    assert len(told) == 2 and all("interpolated to one every 20 ms" in note for note in told), told
+
+
 def test_a_gap_stretches_no_clock(tmp_path: Path) -> None:
     time, rng = 0.02 * np.arange(1000), np.random.default_rng(1)
     for name, kept, pace in (("a", time != time[400], 1.0), ("b", time >= 0.0, 1.0 + 1e-7)):

@@ -140,7 +140,7 @@ def test_a_curve_over_several_signals_is_told_along_what_a_parameter_multiplies(
     law = next(h for h in seen if h.name == "parameter_curve_grip_over_argument")
     model = conveyor.with_effect(law.at_size(2.0, {"bend": 0.0}))
     told = _along(model, model.effects[-1])
-    assert "10 1/s at 0, 12.2 1/s at 0.05 of what grip multiplies" in told
+    assert "10 1/s at 0 m/s, 12.2 1/s at 0.05 m/s of what grip multiplies" in told
 
 
 def test_a_name_is_doubted_where_most_is_missing_still() -> None:

@@ -307,8 +307,8 @@ def _along(model: Model, effect: Effect) -> str:
     named = [q for q in (*model.states, *model.inputs) if f"_over_{q.name}" in effect.name]
     over = max(named, key=lambda q: len(q.name), default=None)
     said = f"what {subject} multiplies" if over is None else over.name.replace("_", " ")
-    if over is not None:
-        unit = declared_unit(over.name, over.unit, model.quantities) or shown_in(over)
+    read = declared_unit(over.name if over else "", unit, model.quantities)
+    unit = read or (shown_in(over) if over else unit)
     own = model.parameter(subject).unit
     told = (
         f"{model.size_text(value, own, effect.ports, 3)} at"

@@ -930,21 +930,31 @@ class Survey:
         first = self._multiplied(q.name, values)
         if first is None or any(ca.depends_on(ca.jacobian(v, symbol), symbol) for v in values):
             return None
-        seen = self.ranges.get(argument_of(q.name))
-        units = {self._known[str(e)].unit for e in _parts(first) if str(e) in self._known}
-        unit = units.pop() if _is_difference(first) and len(units) == 1 else "1"
-        if unit == "1" and ca.is_equal(values[0], first * symbol, 8):
-            unit = per(places[0].unit, q.unit)
-        scale = _largest(seen) or 1.0
-        return Local("argument", unit, scale, seen=seen, multiplied=True)
+        return self._argument(q, first, values[0], places[0])
 
     def driving(self, q: Parameter, places: Sequence[Place]) -> Local | None:
         """Return what a parameter multiplies or divides at some ports, made of several signals."""
         seen = self.ranges.get(argument_of(q.name))
         values = [self._port_value(self._port_index[at.name]) for at in places]
-        if seen is None or seen[0] == seen[1] or self._multiplied(q.name, values) is None:
+        first = self._multiplied(q.name, values)
+        if seen is None or seen[0] == seen[1] or first is None:
             return None
-        return Local("argument", "1", _largest(seen), seen=seen, multiplied=True)
+        return self._argument(q, first, values[0], places[0])
+
+    def _argument(self, q: Parameter, first: ca.SX, value: ca.SX, at: Place) -> Local:
+        """Return what a parameter multiplies in the value of a port as a signal of its own.
+
+        What adds up has one unit, that of a bare signal in it; what is all of the port with the
+        parameter has the port's over its own.
+        """
+        units = {self._known[n].unit for n in _added(first) if n in self._known}
+        unit = units.pop() if len(units) == 1 else "1"
+        if unit == "1" and ca.is_equal(
+            value, first * self.trace.p[self._parameter_index[q.name]], 8
+        ):
+            unit = per(at.unit, q.unit)
+        seen = self.ranges.get(argument_of(q.name))
+        return Local("argument", unit, _largest(seen) or 1.0, seen=seen, multiplied=True)
 
     def _multiplied(self, name: str, values: Sequence[ca.SX]) -> ca.SX | None:
         """Return what a parameter multiplies in all values; None unless several signals make it."""
@@ -1176,6 +1186,15 @@ def _same(a: Vector, b: Vector) -> bool:
 
 def _parts(expression: ca.SX) -> list[ca.SX]:
     return [expression.dep(i) for i in range(expression.n_dep())]
+
+
+def _added(expression: ca.SX) -> list[str]:
+    """Return the bare signals that add up, with others, to an expression."""
+    if expression.is_symbolic():
+        return [str(expression)]
+    if expression.op() not in (ca.OP_ADD, ca.OP_SUB, ca.OP_NEG):
+        return []
+    return [name for part in _parts(expression) for name in _added(part)]
 
 
 def _is_difference(expression: ca.SX) -> bool:

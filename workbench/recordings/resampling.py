@@ -245,6 +245,7 @@ def resample(
             missing = _unmeasured(signal, recording.time, instants, 0.5 * new)
             spans += [Span(signal.name, a, b, "not recorded") for a, b in missing]
         signals.append(replace(signal, values=values))
-    note = f"resampled from one every {in_time(old, 6)} to one every {in_time(new, 6)}"
     made = replace(recording, time=instants, signals=tuple(signals), excluded=tuple(spans))
-    return made.noted(note)
+    if math.isclose(old, new, rel_tol=_SAME):
+        return made
+    return made.noted(f"resampled from one every {in_time(old, 6)} to one every {in_time(new, 6)}")

@@ -63,17 +63,20 @@ def check_uniformity(recording: Recording, expected: Expected) -> Finding:
             f"even steps of {in_time(step, 6)} (jitter {max(100 * rms, 0.001):.2g} % of a step)",
             values,
         )
-    even = np.linspace(time[0], time[-1], len(time))
     vary = (
         f"the steps vary from {in_time(spread[0], 4)} to {in_time(spread[1], 4)}"
         f" ({100 * rms:.3g} % rms)"
     )
     regular = _line(time)
     late = time - regular
-    if np.max(np.abs(late)) < 0.5 * step and not _shown(recording, late, step):
+    near = bool(np.max(np.abs(late)) < 0.5 * step)
+    if near and not _shown(recording, late, step):
         note = f"{vary}, which no measurement shows: only the clock does, the samples are even"
         return Finding("corrected", note, values, recording.at_times(regular))
-    note = f"{vary}; interpolated to one every {in_time(step, 6)}"
+    even = np.linspace(time[0], time[-1], len(time))
+    if near:
+        even = regular + max(time[0] - regular[0], 0.0)
+    note = f"{vary}; interpolated to one every {in_time(even[1] - even[0], 4)}"
     return Finding("corrected", note, values, resample(recording, times=even))
 
 
