@@ -36,6 +36,21 @@ def test_members_are_the_objects_of_a_package(
         registry.get("math:pi")
 
 
+def test_a_function_that_a_package_announces_has_the_name_of_its_entry_point(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    entry = SimpleNamespace(name="rolling-mill", value="acme.plants:mill", load=lambda: dict)
+    monkeypatch.setattr("workbench.registry.entry_points", lambda group: [entry])
+    registry = Registry(
+        "plant",
+        SimpleNamespace,
+        package="workbench.errors",
+        group="example.plants",
+        adopt=lambda found, name: SimpleNamespace(name=name, found=found),
+    )
+    assert registry.get("rolling_mill").found is dict
+
+
 @pytest.mark.parametrize(
     ("text", "told"),
     [

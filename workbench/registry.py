@@ -132,7 +132,7 @@ class Registry(Generic[Member]):
         for entry in entry_points(group=self.group):
             with user_code(f"{self.kind} {entry.name!r} of an installed package"):
                 found = entry.load()
-            yield entry.value, self.taken(found, entry.value)
+            yield entry.value, self.taken(found, entry.name)
 
     def _name(self, member: Member) -> str:
         return str(cast(Any, member).name)

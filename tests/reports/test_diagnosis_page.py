@@ -16,8 +16,9 @@ from workbench.diagnosis.stages import Diagnosis, Prepared
 from workbench.diagnosis.verdict import Verdict
 from workbench.plants.servo_axis import servo_axis
 from workbench.reports.diagnosis_page import diagnosis_page
+from workbench.reports.figure import FIGURES, Figure
 from workbench.reports.figures.diagnosis import diagnosis_location, diagnosis_runs, moving_rms
-from workbench.reports.page import Answers, Page, html
+from workbench.reports.page import Answers, Page, Section, Words, html
 from workbench.reports.tables import Table
 
 
@@ -79,6 +80,16 @@ def test_the_page_has_every_part_of_the_proof() -> None:
     assert "<script" not in text and "http" not in text.replace("http://www.w3.org", "")
     for word in ("nominal", "refitted", "extended", "collinear", "break away", "accepted"):
         assert word in text
+
+
+def test_a_figure_of_an_installed_package_stands_on_the_page(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    own = Figure("mine", lambda found: Words(found.nominal.name), takes="diagnosis", title="Mine")
+    monkeypatch.setattr(FIGURES, "members", lambda: {"mine": own})
+    found = diagnosed(True)
+    page = diagnosis_page(found, proof_of(found), name="axis")
+    assert Section("mine", "Mine", (Words("servo axis"),)) in page.sections
 
 
 def test_the_located_group_stands_first_among_what_can_be_told_apart() -> None:

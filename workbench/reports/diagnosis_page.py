@@ -32,6 +32,8 @@ from workbench.reports.diagnosis_tables import (
     unseen_table,
     weights_table,
 )
+from workbench.reports.figure import figures_of
+from workbench.reports.figure import sections as own_sections
 from workbench.reports.figures.diagnosis import (
     as_read,
     diagnosis_answer,
@@ -72,6 +74,7 @@ def diagnosis_page(
     if verdict.kind == "parameter":
         # The wrong value is the finding, so it comes before everything else.
         sections.sort(key=lambda section: section.name != "parameters")
+    sections += own_sections(figures_of("diagnosis"), diagnosis)
     sections.append(_recordings(verdict, commands))
     return Page(
         f"Diagnosis of {name}",

@@ -8,6 +8,7 @@ from controllers.design import DESIGNS
 from workbench.checked_json import ListShape, NamedShape, Shape
 from workbench.study.shapes import TABLES, FieldTable
 from workbench.verification import METRICS
+from workbench.verification.signals import SIGNALS
 
 _HEAD = """# Fields of a study file
 
@@ -39,6 +40,7 @@ def study_fields() -> str:
     parts = [_HEAD]
     for heading, says, table in tables():
         parts.append(f"## {heading}\n\n{says}\n\n{_fields(table)}")
+    parts.append(_references())
     parts.append(_designs())
     parts.append(_metrics())
     return "\n".join(parts)
@@ -95,6 +97,15 @@ def _usual(value: object) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _references() -> str:
+    rows = [
+        (f"`{name}`", *(", ".join(f"`{k}`" for k in keys) for keys in (kind.valued, kind.others)))
+        for name, kind in SIGNALS.members().items()
+    ]
+    head = ("kind", "keys in `unit`", "keys in SI")
+    return f"## Kinds of reference\n\nNames for `kind`, with their keys.\n\n{_rows(head, rows)}"
 
 
 def _designs() -> str:
