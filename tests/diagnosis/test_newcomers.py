@@ -53,7 +53,7 @@ from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.estimation.windows import windowed_run
 from workbench.diagnosis.problem import Problem
 from workbench.diagnosis.refit_report import run_refit
-from workbench.diagnosis.selection import task
+from workbench.diagnosis.selection import refits, task
 from workbench.diagnosis.undeclared import with_undeclared
 from workbench.evaluation.foreign.foreign_case import plan
 from workbench.model import Input, Model, Output, Parameter, Scope, State
@@ -408,6 +408,39 @@ def test_a_curve_that_is_an_s_is_refitted_to_its_shape(monkeypatch: pytest.Monke
     verdict = diagnose(choke, runs[:1], runs[1:], jobs=1, advise=False).verdict
     assert verdict is not None and verdict.kind == "named", verdict
     assert verdict.fit["extended"]["i"] < 1.4 * verdict.fit["noise_floor"]["i"]
+
+
+def test_a_friction_of_what_turns_one_way_cannot_be_told_from_a_torque(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    only(monkeypatch, "offset", "constant_force", "coulomb_friction")
+    # Which short refit comes further is chance: here one is followed for it.
+    monkeypatch.setattr(refits, "_FINALISTS", 1)
+    runs = []
+    for seed in (1, 2):
+        rng, pulls = np.random.default_rng(seed), np.zeros(0)
+        while len(pulls) < 1200:
+            stroke = rng.uniform(6.0, 22.0) * np.sin(np.linspace(0.0, np.pi, 40)) ** 1.3
+            pulls = np.concatenate([pulls, stroke, np.zeros(rng.integers(40, 120))])
+        speed, read = 25.0, []
+        for torque in pulls:
+            read.append(speed + rng.normal(0.0, 0.08))
+            for _ in range(5):
+                speed += 0.04 * (torque - 1.1e-4 * speed**2 - 0.35)
+        signals = Signal("pull", pulls, "N m", role="command"), Signal("wheel", read, "rad/s")
+        runs.append(Recording(f"run {seed}", 0.02 * np.arange(len(pulls)), signals))
+    wheel = Model(
+        "wheel",
+        lambda m: ({"w": (m.u.pull - m.p.fan * m.x.w**2) / 0.1}, {"wheel": m.x.w}),
+        states=(State("w", "rad/s", 40.0, initial=25.0),),
+        inputs=(Input("pull", "N m", 10.0, lower=0.0),),
+        outputs=(Output("wheel", "rad/s", 40.0, noise_rms=0.08),),
+        parameters=(Parameter("fan", "N m s2", value=1e-4, lower=0.0, upper=1e-3, fitted=True),),
+    )
+    verdict = diagnose(wheel, runs[:1], runs[1:], jobs=1, advise=False).verdict
+    assert verdict is not None and verdict.kind == "named_class", verdict
+    (finding,) = verdict.findings
+    assert {"constant_force", "coulomb_friction"} < set(finding.alike)
 
 
 def test_equations_of_a_fast_machine_are_trusted_as_far_as_they_go(

@@ -302,6 +302,12 @@ SAME = Threshold(
     15.0,
     "Difference of log likelihood below which two effects explain the recordings equally well.",
 )
+TWIN = Threshold(
+    "twin",
+    0.999,
+    "Cosine between the signatures of two effects from which on they do the same to recordings:"
+    " what tells them apart, such as a reversal, has not been recorded.",
+)
 SAME_SHARE = Threshold(
     "same law",
     4e-3,

@@ -128,6 +128,8 @@ class Scores:
             above: Least absolute cosine, 0 to 1, dimensionless.
         """
         names = [score.entry.name for score in self.scores]
+        if name not in names:
+            return ()
         row = self.confusion[names.index(name)]
         order = [i for i in np.argsort(-row) if names[i] != name and row[i] > above]
         return tuple(names[i] for i in order)

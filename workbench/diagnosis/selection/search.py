@@ -10,7 +10,7 @@ the next, so that a search can be written down and continued.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -31,6 +31,7 @@ from workbench.diagnosis.selection.additions import (
     retimed,
     with_candidate,
 )
+from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.decision import is_sensor
 from workbench.diagnosis.selection.held_out import over_floor
 from workbench.diagnosis.selection.pairs import as_told, with_pair
@@ -47,10 +48,12 @@ from workbench.diagnosis.selection.rules import (
     NEAR_NOISE,
     OFF_NOISE,
     SAME,
+    SURPASSED,
+    TWIN,
     Limits,
     selection_penalty,
 )
-from workbench.diagnosis.selection.score import by_name, score_library
+from workbench.diagnosis.selection.score import Score, Scores, by_name, score_library
 from workbench.diagnosis.selection.selected import Accepted, Round, Scored, Selected
 from workbench.diagnosis.selection.shortlist import (
     MOST_AGAIN,
@@ -226,6 +229,7 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
         if later and all(c.refused for c in candidates):
             more = refits_beside(task, current, state.free, later, limits, thorough=first)
             candidates = tuple(sorted((*more, *candidates), key=lambda c: -c.gain))
+        candidates = _with_twins(task, state, scores, candidates, chosen, limits)
         scored_names = {s.entry.name for s in scores.scores}
         candidates += tuple(
             untried(entry, why)
@@ -247,6 +251,32 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
     if len(state.accepted) > 1:
         state = _exchanged(task, scored, state)
     return state, goes_on(task, scored, current, state)
+
+
+def _with_twins(
+    task: Task,
+    state: Selected,
+    scores: Scores,
+    candidates: tuple[Candidate, ...],
+    chosen: Sequence[Score],
+    limits: Limits,
+) -> tuple[Candidate, ...]:
+    """Follow too what does the same to these recordings as what passed every rule.
+
+    A friction of what turns one way only is a constant torque: which of them a short refit brings
+    further is chance.
+    """
+    best = next((c.name for c in candidates if not c.refused), "")
+    alike = set(scores.look_alikes(best, above=TWIN.value))
+    alike -= {c.name for c in candidates if c.followed}
+    twins = [s for s in chosen if s.entry.name in alike][:_RIVALS]
+    if not twins:
+        return candidates
+    followed = {
+        c.name: replace(c, refused=c.refused or SURPASSED)
+        for c in refits_beside(task, state.extended, state.free, twins, limits)
+    }
+    return tuple(followed.get(c.name, c) for c in candidates)
 
 
 def goes_on(task: Task, scored: Scored, before: ProcessNoiseFit, state: Selected) -> bool:
