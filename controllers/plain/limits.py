@@ -38,7 +38,14 @@ import numpy.typing as npt
 from controllers.arithmetic import SYMBOLS
 from controllers.linear_law import LinearLaw, reached
 from controllers.named_state import flat, restored
-from controllers.plain.loop import Loop, LoopSpecification, PlainLaw, loop_of, spare_outputs
+from controllers.plain.loop import (
+    Loop,
+    LoopSpecification,
+    PlainLaw,
+    loop_of,
+    paced,
+    spare_outputs,
+)
 from controllers.sensitivity import least_gain, sampled_at
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import WorkbenchError
@@ -526,7 +533,7 @@ class LoopLimits:
         """
         reached = self.answered(stacked([law.around_rest() for law in laws]))
         small = cost(reached, reached.errors.min(axis=0), self.want.overshoot)
-        paced: list[Any] = [self.at_pace(law) for law in laws]
+        tried: list[Any] = [self.at_pace(law) for law in laws]
         large = np.zeros(len(laws))
         for i, name in enumerate(self.loop.measured):
             room = next((found for law in laws if len(found := self._large(law, i)[0])), None)
@@ -535,12 +542,12 @@ class LoopLimits:
             far = reach_of(self.loop.linear, name) * np.array([-1.0, -0.25, 0.25, 1.0])
             size = np.clip(far, room.min(), room.max())
             each = [
-                self._paced(self._run, law, i, size, np.array([(law.pace or {i: math.inf})[i]]))
-                for law in paced
+                self._paced(self._run, law, i, size, np.array([limits[i]]))
+                for law, limits in zip(tried, map(self._limits, tried), strict=True)
             ]
             errors, penalty = (np.vstack(part) for part in zip(*each, strict=True))
-            large += np.sum(errors / errors.min(axis=0) * penalty**3, axis=1)
-        return cast(P, paced[int(np.argmin(small * large if large.any() else small))])
+            large += _over(errors, penalty)
+        return cast(P, tried[int(np.argmin(small * large if large.any() else small))])
 
     def at_pace(self, law: P) -> P:
         """Return the law at the pace of its references that suits steps beyond the commands' ends.
@@ -548,18 +555,27 @@ class LoopLimits:
         The linear plant is run through steps of each output, up and down, of half of what the
         commands are just enough for, and of up to ten times that, as far as they can hold it there;
         commands that change slowly do so.
-        Of paces, the best is that whose errors and overshoots are least (as by `cost`); the loop is
-        the same.
+        Of paces and brakes, the best is that whose errors and overshoots are least (as by `cost`);
+        the loop is the same.
         """
-        paces = tuple(self._pace(law, i) for i in range(self.outputs))
-        return replace(cast(Any, law), pace=paces) if min(paces) < math.inf else law
+        found = np.array([self._pace(law, i) for i in range(self.outputs)])
+        if np.isinf(found).all():
+            return law
+        pace, brake = (tuple(part.tolist()) for part in found.T)
+        more = {"brake": brake} if isinstance(law, PlainLaw) else {}
+        return cast(P, replace(cast(Any, law), pace=pace, **more))
+
+    def _limits(self, law: Any) -> list[tuple[float, float]]:
+        """Return the pace of each reference of a law, and the brake."""
+        none = (math.inf,) * self.outputs
+        return list(zip(law.pace or none, law.brake or none, strict=True))
 
     def _large(self, law: Any, i: int) -> tuple[Vector, Vector]:
-        """Return steps beyond the commands' ends, in SI of an output, and paces, per sample.
+        """Return steps beyond the commands' ends, in SI of an output, paces and brakes.
 
         There are none where nothing ends, or only small steps can be held.
         """
-        loop = self.loop
+        loop, solved = self.loop, not isinstance(law, PlainLaw)
         (low, _), (high, _) = self._moving
         none = np.full(len(low), math.inf)
         fixed = np.array([loop.lower, loop.upper]) - loop.rest_command
@@ -567,8 +583,9 @@ class LoopLimits:
         y, asked = self._freely(law.around_rest(), i)
         peak, held = asked[np.argmax(np.abs(asked), axis=0), np.arange(asked.shape[1])], asked[-1]
         if not (np.isfinite(ends).any() and np.all(np.isfinite(peak)) and np.any(peak)):
-            return np.zeros(0), np.zeros(0)
-        sizes, enough = set(), set()
+            return np.zeros(0), np.zeros((0, 2))
+        sizes, enough, reach = set(), set(), reach_of(loop.linear, loop.measured[i])
+        goes = () if solved else (0.25 * reach, reach)
         with np.errstate(divide="ignore", invalid="ignore"):
             for sign in (-1.0, 1.0):
                 least, most = (
@@ -576,7 +593,9 @@ class LoopLimits:
                     for u in (peak, held)
                 )
                 if 0.0 < least < 0.9 * most:
-                    sizes |= {sign * min(share * least, 0.9 * most) for share in LARGE}
+                    large = [share * least for share in LARGE]
+                    large += [far for far in goes if far > large[-1]]
+                    sizes |= {sign * min(far, 0.9 * most) for far in large}
                     enough.add(least)
         # A ramp moves the commands as fast as a step of its pace moves them far.
         far = np.maximum(np.abs(peak[: len(low)]), 1e-300)
@@ -584,35 +603,49 @@ class LoopLimits:
         if slow < math.inf:
             sizes |= set() if sizes else {-loop.output_scale[i], loop.output_scale[i]}
         if not sizes:
-            return np.zeros(0), np.zeros(0)
+            return np.zeros(0), np.zeros((0, 2))
         size, arrived = np.array(sorted(sizes)), max(int(np.argmax(y > 0.63)), 1)
         tried = {share * least / arrived for least in enough for share in PACES}
         tried |= {share * slow for share in SLOW if slow < math.inf}
-        paces = np.array([math.inf, *sorted(tried, reverse=True)])
-        return size, paces
+        paces = [(pace, math.inf) for pace in (math.inf, *sorted(tried, reverse=True))]
+        if not solved:
+            brakes = [least / arrived**2 for least in enough]
+            brakes += [slow / arrived] if slow < math.inf else []
+            paces += [(math.inf, share * brake) for brake in brakes for share in BRAKES]
+        return size, np.array(paces)
 
-    def _pace(self, law: Any, i: int) -> float:
+    def _pace(self, law: Any, i: int) -> tuple[float, float]:
         size, paces = self._large(law, i)
         if not len(size):
-            return math.inf
+            return math.inf, math.inf
         if isinstance(law, PlainLaw):
             errors, penalty = self._paced(self._run, law, i, size, paces)
+            braked = np.flatnonzero(np.isfinite(paces[:, 1]))
+            if len(braked):
+                # Under a brake the farthest step is fast: the plant may be slower.
+                brake = paces[braked[np.argmin(_over(errors, penalty)[braked])], 1]
+                fast = math.sqrt(brake * np.abs(size).max())
+                both = [(part * fast, k * brake) for part in PARTS for k in (1.0, 2.0)]
+                paces = np.vstack([paces, both])
+                more, worse = self._paced(self._run, law, i, size, np.array(both))
+                errors, penalty = np.vstack([errors, more]), np.vstack([penalty, worse])
         else:
             # Of those that solve something, most need no pace.
             errors, penalty = self._paced(self._solved, law, i, size, paces[:1])
             if np.all(penalty < 1.1):
-                return math.inf
+                return math.inf, math.inf
             more, worse = self._paced(self._solved, law, i, size, paces[1:])
             errors, penalty = np.vstack([errors, more]), np.vstack([penalty, worse])
-        total = np.sum(errors / errors.min(axis=0) * penalty, axis=1)
+        total = _over(errors, penalty)
         best = int(np.argmin(total))
-        return float(paces[best]) if total[best] < 0.9 * total[0] else math.inf
+        pace, brake = paces[best if total[best] < 0.9 * total[0] else 0].tolist()
+        return pace, brake
 
     def _paced(
-        self, run: Callable[..., Matrix], law: Any, i: int, size: Vector, paces: Vector
+        self, run: Callable[..., Matrix], law: Any, i: int, size: Vector, paces: Matrix
     ) -> tuple[Matrix, Matrix]:
         """Return errors of steps in s2 and penalties for what is too much, by pace and size."""
-        step, pace = (part.ravel() for part in np.meshgrid(size, paces))
+        step, pace = np.tile(size, len(paces)), np.repeat(paces.T, len(size), axis=1)
         with np.errstate(over="ignore", invalid="ignore"):
             seen = run(law, i, step, pace) / step
         own, scale = np.arange(self.outputs) == i, self.loop.output_scale
@@ -661,13 +694,14 @@ class LoopLimits:
         slopes = np.pad(ends[..., 1:], ((0, 0), (0, 0), (0, n - len(own.A))))
         return (ends[0, :, 0], slopes[0]), (ends[1, :, 0], slopes[1])
 
-    def _run(self, law: PlainLaw, i: int, step: Vector, pace: Vector) -> Matrix:
+    def _run(self, law: PlainLaw, i: int, step: Vector, pace: Matrix) -> Matrix:
         """Return outputs, shape (n_samples, n_outputs, n), in SI, after steps from rest.
 
         Args:
             i: Number of the output that steps.
             step: Sizes of the steps, shape (n,), in SI of the output.
-            pace: Largest change of the reference, shape (n,), in SI of the output per sample.
+            pace: Largest changes of the reference and of these, shape (2, n), in SI of the output
+                per sample.
         """
         loop, (A, B, C), p = self.loop, self.plants[0], self.outputs
         law = replace(
@@ -677,20 +711,24 @@ class LoopLimits:
             lower=tuple((loop.lower - loop.rest_command).tolist()),
             upper=tuple((loop.upper - loop.rest_command).tolist()),
             pace=(),
+            brake=(),
         )
         example = law.initial_state((0.0,) * self.sensors)
-        x, z, r = (ca.SX.sym("", n) for n in (len(A), len(flat(example)), 1))
-        to, most = ca.SX.sym("to"), ca.SX.sym("most")
-        y, now = ca.mtimes(C, x), r + SYMBOLS.clip(to - r, -most, most)
+        x, z, r, v = (ca.SX.sym("", n) for n in (len(A), len(flat(example)), 1, 1))
+        to, most, brake = (ca.SX.sym("", 1) for _ in range(3))
+        moved = paced(to - r, v, most, brake, SYMBOLS)
+        y, now = ca.mtimes(C, x), r + moved
         asked = tuple(now if j == i else 0.0 for j in range(p))
         seen = tuple(ca.vertsplit(y))
         u, following, _ = law.law(restored(example, ca.vertsplit(z)), seen, asked, SYMBOLS)
         low, high = (end + ca.mtimes(slopes, x) for end, slopes in self._moving)
         u = ca.fmin(ca.fmax(ca.vcat(u), low), high)
-        after = ca.vertcat(ca.mtimes(A, x) + ca.mtimes(B, u), *flat(following), now)
-        sample = ca.Function("sample", [ca.vertcat(x, z, r), ca.vertcat(to, most)], [after, y[:p]])
-        count = len(step)
-        many, told = sample.map(count).mapaccum(LOOKED_AT), np.tile([step, pace], LOOKED_AT)
+        after = ca.vertcat(ca.mtimes(A, x) + ca.mtimes(B, u), *flat(following), now, moved)
+        entering = [ca.vertcat(x, z, r, v), ca.vertcat(to, most, brake)]
+        sample, count = ca.Function("sample", entering, [after, y[:p]]), len(step)
+        # What has no end takes long to reach one.
+        pace = np.minimum(pace, 1e9 * np.abs(step))
+        many, told = sample.map(count).mapaccum(LOOKED_AT), np.tile([step, *pace], LOOKED_AT)
         state = ca.DM.zeros(after.numel(), count)
         outputs: list[Matrix] = []
         while len(outputs) * LOOKED_AT < MOST_SAMPLES:
@@ -701,11 +739,11 @@ class LoopLimits:
                 break
         return np.concatenate(outputs)
 
-    def _solved(self, law: Any, i: int, step: Vector, pace: Vector) -> Matrix:
+    def _solved(self, law: Any, i: int, step: Vector, pace: Matrix) -> Matrix:
         """Return the same of an MPC, whose programs of all steps are solved sample by sample."""
         loop, (A, B, C), count = self.loop, self.plants[0], len(step)
         rest, own = np.array(loop.ends["rest_output"])[:, None], np.eye(self.outputs)[:, [i]]
-        asked, paces = rest[: self.outputs] + own * step, np.where(own > 0.0, pace, math.inf)
+        asked, paces = rest[: self.outputs] + own * step, np.where(own > 0.0, pace[0], math.inf)
         paced = replace(law, pace=(math.inf,) * self.outputs)
         start = paced.initial_state(tuple(rest[:, 0].tolist()))
         state = type(start)(*(np.tile(part[:, None], count) for part in start))
@@ -729,6 +767,11 @@ class LoopLimits:
                 if not len(left):
                     break
         return outputs[: k + 1]
+
+
+def _over(errors: Matrix, penalty: Matrix) -> Vector:
+    """Return what steps come to, as of `LoopLimits._paced`, overshoots by their third power."""
+    return np.asarray(np.sum(errors / errors.min(axis=0) * penalty**3, axis=1))
 
 
 def _designed(designs: Iterable[Callable[[], D]]) -> list[D]:
@@ -767,6 +810,13 @@ LARGE = (0.5, 3.0, 10.0)
 PACES = (3.0, 1.5, 0.75, 0.4)
 """Paces that are tried: what the command is just enough for, up or down, in the time of a small
 step's rise."""
+
+BRAKES = (8.0, 4.0, 2.0, 1.0, 0.5)
+"""Brakes that are tried, over that which takes what the command is just enough for in the time of a
+small step's rise."""
+
+PARTS = (0.7, 0.5, 0.35, 0.25, 0.18, 0.12)
+"""Paces that are tried beside a brake, over the fastest that it lets a reference move."""
 
 SLOW = (4.0, 2.0, 1.0)
 """Paces that are tried over that which the commands' slews let them follow."""
@@ -951,12 +1001,15 @@ def settled_after(law: Any, linear: LinearModel, steps: Mapping[str, float]) -> 
     want = LoopSpecification(law.controlled, law.actuators, sample_time=law.sample_time)
     loop = loop_of(linear, law.controlled, law.actuators, law.sensors)
     time, seen, _ = LoopLimits(loop, want).steps(stacked([law.around_rest()]))
-    long, paces = 0.0, getattr(law, "pace", ()) or (math.inf,) * len(law.controlled)
-    for i, (name, pace) in enumerate(zip(law.controlled, paces, strict=True)):
+    long, none = 0.0, (math.inf,) * len(law.controlled)
+    paces, brakes = (getattr(law, name, ()) or none for name in ("pace", "brake"))
+    for i, (name, pace, brake) in enumerate(zip(law.controlled, paces, brakes, strict=True)):
         away = np.flatnonzero(np.abs(seen[0, :, i, i] - 1.0) > 0.02)
         own = float(time[min(away[-1] + 1, len(time) - 1)]) if len(away) else 0.0
         if steps.get(name):
-            long = max(long, own + abs(steps[name]) / pace * law.sample_time)
+            far = abs(steps[name])
+            moved = far / pace + 2.0 * math.sqrt(far / brake)
+            long = max(long, own + moved * law.sample_time)
     return long
 
 

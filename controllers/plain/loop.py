@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from controllers.arithmetic import Arithmetic, Numbers, Told
+from controllers.arithmetic import Arithmetic, Number, Numbers, Told
 from controllers.law import ClosedForm, Kernel
 from controllers.linear_law import LinearLaw
 from controllers.protocol import Command, Info, Measurement, Reference
@@ -409,6 +409,23 @@ class LoopSpecification(Checked):
         return loop_of(linear, self.measured, self.actuator)
 
 
+def paced(away: Number, moved: Number, pace: float, brake: float, a: Arithmetic) -> Number:
+    """Return by how much a reference moves in this sample, which moved by so much in the last one.
+
+    It moves as fast as it may, and no faster than it can stop from at what is asked: n samples that
+    each take ``brake`` off a move of n times that go n (n + 1) / 2 times as far.
+
+    Args:
+        away: What it is away from what is asked, in SI.
+    """
+    fast = a.clip(away, -pace, pace)
+    if isinstance(brake, float) and brake == math.inf:
+        return fast
+    size = a.largest(away, -away)
+    stops = 0.5 * brake * (a.root(1.0 + 8.0 * size / brake) - 1.0)
+    return a.clip(a.clip(fast, -stops, stops), moved - brake, moved + brake)
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class PlainLaw(ClosedForm):
     """A law in closed form from measurements to commands, within their ends and slews.
@@ -418,6 +435,7 @@ class PlainLaw(ClosedForm):
     Args:
         slew: Fastest changes of the commands, in SI per s.
         pace: Largest changes of the references that are followed, in SI of the outputs per sample.
+        brake: Largest changes of these changes from one sample to the next, in SI of the outputs.
     """
 
     sensors: tuple[str, ...]
@@ -430,6 +448,7 @@ class PlainLaw(ClosedForm):
     upper: tuple[float, ...]
     slew: tuple[float, ...] = ()
     pace: tuple[float, ...] = ()
+    brake: tuple[float, ...] = ()
     preview: int = 0
     name: str = "plain"
 
@@ -452,15 +471,21 @@ class PlainLaw(ClosedForm):
         # There may be fewer references than measurements.
         return tuple(v - rest for v, rest in zip(values, self.rest_output, strict=False))
 
-    def followed(self, before: Numbers | None, reference: Numbers, a: Arithmetic) -> Numbers:
-        """Return references at their pace, from those of the sample before, deviations in SI."""
+    def followed(
+        self, before: Numbers | None, reference: Numbers, a: Arithmetic
+    ) -> tuple[Numbers, Numbers | None]:
+        """Return references at their pace, deviations in SI, and what the next sample needs."""
         asked = self.deviations(reference)
         if before is None:
-            return asked
-        return tuple(
-            b + a.clip(r - b, -pace, pace) if pace < math.inf else r
-            for b, r, pace in zip(before, asked, self.pace, strict=True)
+            return asked, None
+        p, none = len(asked), (math.inf,) * len(asked)
+        limits = zip(self.pace or none, self.brake or none, strict=True)
+        moved = tuple(
+            paced(r - b, v, *own, a)
+            for r, b, v, own in zip(asked, before[:p], before[p:], limits, strict=True)
         )
+        now = tuple(b + v for b, v in zip(before, moved, strict=False))
+        return now, (*now, *moved)
 
     def applied(self, before: Numbers | None, asked: Numbers, a: Arithmetic) -> Numbers:
         """Return commands between their ends, from those of the sample before, in SI."""
@@ -474,11 +499,15 @@ class PlainLaw(ClosedForm):
             for b, u, slew in zip(before, within, self.slew, strict=True)
         )
 
-    def kept(self, references: Numbers, commands: Numbers) -> tuple[Numbers | None, Numbers | None]:
-        """Return what of references and commands, in SI, the next sample needs."""
-        paced = bool(self.pace) and min(self.pace) < math.inf
-        slow = bool(self.slew) and min(self.slew) < math.inf
-        return references if paced else None, commands if slow else None
+    def resting(self, references: Numbers) -> Numbers | None:
+        """Return what is remembered of references, in SI, that have been there for long."""
+        limits = (*self.pace, *self.brake)
+        ended = bool(limits) and min(limits) < math.inf
+        return (*references, *(0.0 for _ in references)) if ended else None
+
+    def kept(self, commands: Numbers) -> Numbers | None:
+        """Return what of commands, in SI, the next sample needs."""
+        return commands if self.slew and min(self.slew) < math.inf else None
 
     def told(self, asked: Numbers) -> Told:
         """Tell the commands before their ends, in SI."""

@@ -70,7 +70,8 @@ class ObservedState(NamedTuple):
         error_integral: Integrals q of the errors, in SI of the outputs times s.
         filtered: References after the first lag, deviations in SI.
         target: References after the second lag, deviations in SI.
-        paced: References before the lags at their pace, deviations in SI; None without a pace.
+        paced: References before the lags at their pace, deviations in SI, and by how much they
+            moved in the last sample; None without a pace.
         commands: Commands, in SI; None without a slew.
     """
 
@@ -127,17 +128,17 @@ class ObserverLaw(PlainLaw):
         """Return the state of a plant that the commands at rest hold where it is measured."""
         y = self.deviations(measurement)[: len(self.controlled)]
         x, q = product(self.target, y), product(self.start, y)
-        return ObservedState(x, q, y, y, *self.kept(y, self.rest))
+        return ObservedState(x, q, y, y, self.resting(y), self.kept(self.rest))
 
     def law(
         self, state: ObservedState, measurement: Numbers, reference: Numbers, arithmetic: Arithmetic
     ) -> tuple[Numbers, ObservedState, Told]:
         y = self.deviations(measurement)
-        paced = self.followed(state.paced, reference, arithmetic)
+        now, paced = self.followed(state.paced, reference, arithmetic)
         lags = [
             lagged(first, second, asked, speed * self.sample_time) if speed else (asked, asked)
             for first, second, asked, speed in zip(
-                state.filtered, state.target, paced, self.reference_speed, strict=True
+                state.filtered, state.target, now, self.reference_speed, strict=True
             )
         ]
         filtered, r = (tuple(part) for part in zip(*lags, strict=True))
@@ -160,7 +161,7 @@ class ObserverLaw(PlainLaw):
         summed = tuple(a + b for a, b in zip(q, change, strict=True))
         move = tuple(u - rest for u, rest in zip(command, self.rest, strict=True))
         predicted = product(self.G, move, product(self.F, x))
-        following = ObservedState(predicted, summed, filtered, r, *self.kept(paced, command))
+        following = ObservedState(predicted, summed, filtered, r, paced, self.kept(command))
         return command, following, {**self.told(asked), **told}
 
     def around_rest(self) -> LinearLaw:

@@ -138,13 +138,13 @@ class TransferLaw(PlainLaw):
     def initial_state(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> TransferState:
         """Return the state of a loop at rest where it is measured."""
         y = self.deviations(measurement)[: len(self.controlled)]
-        return TransferState(product(self.at_rest, y), *self.kept(y, self.rest))
+        return TransferState(product(self.at_rest, y), self.resting(y), self.kept(self.rest))
 
     def law(
         self, state: TransferState, measurement: Numbers, reference: Numbers, arithmetic: Arithmetic
     ) -> tuple[Numbers, TransferState, Told]:
         y = self.deviations(measurement)
-        r = self.followed(state.paced, reference, arithmetic)
+        r, paced = self.followed(state.paced, reference, arithmetic)
         asked = product(self.reference_gain, r, self.rest)
         # The same matrix of both sees their difference, as it does at rest.
         seen = product(self.output_gain, y)
@@ -156,7 +156,7 @@ class TransferLaw(PlainLaw):
         left = product(self.by_output, y)
         entering = tuple(a - b for a, b in zip(entering, left, strict=True))
         states = product(self.A, state.states, entering)
-        return command, TransferState(states, *self.kept(r, command)), self.told(asked)
+        return command, TransferState(states, paced, self.kept(command)), self.told(asked)
 
     def around_rest(self) -> LinearLaw:
         by_output, by_reference, Dy, Dr = (
@@ -172,7 +172,8 @@ class TransferState(NamedTuple):
 
     Args:
         states: States z, in SI.
-        paced: References at their pace, deviations in SI; None without a pace.
+        paced: References at their pace, deviations in SI, and by how much they moved in the last
+            sample; None without a pace.
         commands: Commands, in SI; None without a slew.
     """
 

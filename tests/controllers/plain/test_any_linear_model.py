@@ -796,3 +796,29 @@ def test_a_pid_whose_command_is_at_its_end_asks_for_no_more_than_there_is() -> N
     run = metrics(verify(law, tank, step))
     # All of the pump takes 400 s.
     assert run["overshoot"].value < 0.02 and run["settling_time"].value < 480.0
+
+
+def test_a_reference_brakes_where_a_plant_has_no_more_than_its_commands(tmp_path: Path) -> None:
+    import control as ct
+
+    # A bath behind the lag of its sensor, without noise: small steps take all of the heater too.
+    bath = linear_model(ct.tf([1.0], np.convolve([2700.0, 1.0], [20.0, 1.0])), limits={"u": (0, 9)})
+    law = design_plain_pid(bath, PlainPIDSpecification(sample_time=2.0))
+    step = step_scenario("y_0", 1.0, 3.0, hold=1500.0, sample_time=2.0)
+    run = verify(law, bath.operating_point.model, step)
+    scores = metrics(run)
+    # All of it takes 780 s.
+    assert scores["settling_time"].value < 900.0 and scores["overshoot"].value < 0.02
+    in_c, state = InC(law, tmp_path), law.initial_state((0.0,))
+    in_c.start(np.zeros(1))
+    moves = []
+    for _ in range(600):
+        command, after, _ = law.step(state, (0.0,), (2.0,))
+        in_c.step(np.zeros(1), [2.0])
+        np.testing.assert_allclose(in_c.command, command, rtol=0, atol=1e-9)
+        moves.append(after.paced[0] - state.paced[0])
+        state = after
+    # It stops where it shall, and goes past it by an eighth of a sample's braking at most.
+    assert state.paced[0] == pytest.approx(2.0, abs=1e-12)
+    assert -sum(min(move, 0.0) for move in moves) <= law.brake[0] / 8.0
+    assert np.abs(np.diff(moves)).max() <= law.brake[0] * (1.0 + 1e-9)
