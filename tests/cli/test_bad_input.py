@@ -79,7 +79,7 @@ CASES: dict[str, tuple[list[str], tuple[str, ...]]] = {
         ["simulate", "--valve", "0:12V"],
         ("valve is 12 V", "0 to 10 V"),
     ),
-    "step without value": (["simulate", "--valve", "0"], ("has no value", "TIME:VALUE")),
+    "step without value": (["simulate", "--valve", "5"], ("no value", "TIME:VALUE", "0:5")),
     "two kinds of voltage": (
         ["simulate", "--valve", "0:5", "--pulses", "1"],
         ("both --valve and --pulses",),

@@ -267,7 +267,8 @@ def _steps(model: Model, texts: Iterable[str]) -> dict[str, tuple[tuple[float, f
             time, sign, value = step.partition(":")
             if not sign:
                 raise WorkbenchError(
-                    f"step of {word} {step!r} has no value; write it as TIME:VALUE"
+                    f"step of {word} {step!r} has no time or no value; write it as TIME:VALUE,"
+                    f" such as 0:{step}"
                 )
             at = check_range(
                 f"time of a step of {word}", quantity("time", time, "s"), 0.0, TIMES_S[1], "s"

@@ -30,7 +30,7 @@ def simulate(
 ) -> int:
     """Run a plant with given inputs, from rest, and say how far the result can be trusted.
 
-    A plant that does not rest with its nominal inputs starts at the ``initial`` of its states.
+    A plant that does not rest with its nominal inputs starts at the initial values of its states.
 
     Examples: 'workbench simulate --valve 0:5.9 --valve 2:4.1',
     'workbench simulate --load 8kg --pulses 0.9V --out run.csv',
