@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from workbench.errors import WorkbenchError
+from workbench.evaluation import regained
 from workbench.evaluation.regained import (
     WHICH,
     Redesigned,
@@ -43,6 +44,12 @@ def test_the_rules_of_a_redesign_are_those_of_the_nominal_designs() -> None:
     assert not recipe.plant.build().dry_effects
     with pytest.raises(WorkbenchError, match="controller"):
         nominal_recipe("fuzzy", late())
+
+
+def test_a_wrong_family_is_told_before_any_design(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(regained, "nominal_recipe", lambda *_: pytest.fail("designed"))
+    with pytest.raises(WorkbenchError, match="family of controllers is 'fuzzy'"):
+        study_of_redesign(late(), ["state feedback", "fuzzy"])
 
 
 def test_the_study_sets_the_three_designs_of_a_family_side_by_side() -> None:

@@ -134,6 +134,9 @@ def study_of_redesign(machine: PlantRecipe, families: Sequence[str] = ()) -> Stu
     known: dict[str, ControllerRecipe] = {}
     found: dict[str, ControllerRecipe] = {}
     kin = []
+    # A name that is wrong is told before the first design, which takes half a minute.
+    for family in families:
+        check_choice("family of controllers", family, tolerant.controllers)
     for family in families or tolerant.controllers:
         names = [f"{family}, {which}" for which in WHICH]
         kin += [(name, family) for name in names]
