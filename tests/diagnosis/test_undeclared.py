@@ -421,6 +421,30 @@ def test_what_nobody_sets_goes_straight_where_the_measurements_say_so(held: bool
     assert with_undeclared(oscillator(), [recording])[0].traits.straight == ()
 
 
+def test_what_a_coarse_converter_reads_goes_straight_beside_a_gap(tmp_path: Path) -> None:
+    """A slope in steps of 0.2 N stands still at most samples, and moves all the same."""
+    wave = replace(oscillator().inputs[0], commanded=False)
+    plant = replace(oscillator(), inputs=(wave,))
+    paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    for seed, path in enumerate(paths):
+        time, random = 0.05 * np.arange(1200), np.random.default_rng(seed)
+
+        def slope(t: Any, phase: float = float(seed)) -> Any:
+            return 8.0 * np.sin(0.5 * t + phase)
+
+        def rates(t: float, x: Any) -> Any:
+            return x[1], slope(t) - 28.0 * x[0] - 0.5 * x[1]
+
+        run = solve_ivp(rates, (0.0, 60.0), [0.0, 0.0], t_eval=time, rtol=1e-8)
+        read = run.y[0] + random.normal(0.0, 1e-4, len(time))
+        rows = np.column_stack([time, 0.2 * np.round(slope(time) / 0.2), read])
+        header = "t [s],drive [N],position [m]"
+        kept = rows if seed else np.delete(rows, slice(1000, 1050), axis=0)
+        np.savetxt(path, kept, "%.9g", ",", header=header, comments="")
+    problem = problem_of_files(plant, paths[:1], paths[1:])
+    assert problem.model.traits.straight == ("drive",)
+
+
 def test_a_plant_in_waves_lacks_nothing_where_they_run_straight(tmp_path: Path) -> None:
     wave = replace(oscillator().inputs[0], commanded=False)
     read = replace(oscillator().outputs[0], noise_rms=0.0)

@@ -46,6 +46,9 @@ _EVEN = 0.5
 _MOVING = 0.5
 """Part of the samples at which an input changes that does not go in steps."""
 
+_LEVELS = 8
+"""Values of an input that goes through a coarse converter rather than in steps of its own."""
+
 _PARTS, _MOST_SAMPLES = 4, 20_000
 """Parts into which a step is divided for an input that goes straight, and samples that may come."""
 
@@ -217,13 +220,24 @@ def _straight(model: Model, recordings: Sequence[Recording]) -> tuple[str, ...]:
         for q in model.inputs
         if not q.commanded
         and q.name not in model.traits.straight
-        and all(np.mean(np.diff(r[q.name]) != 0.0) > _MOVING for r in recordings if q.name in r)
+        and all(_moves(r, q.name) for r in recordings if q.name in r)
     )
     if not moving:
         return ()
     known = (*model.traits.straight, *moving)
     trial = replace(model, traits=replace(model.traits, straight=known))
     return moving if clearly_likelier(trial, model, recordings) else ()
+
+
+def _moves(recording: Recording, name: str) -> bool:
+    """Whether an input moves at most samples, or by single steps of a converter when it does."""
+    moves = np.abs(np.diff(recording[name]))
+    moves = moves[moves > 0.0]
+    often = len(moves) > _MOVING * len(recording)
+    return often or bool(
+        len(np.unique(recording[name])) > _LEVELS
+        and np.median(moves) < 1.5 * recorded_quantum(recording, name)
+    )
 
 
 def clearly_likelier(

@@ -34,4 +34,6 @@ def test_held_out_runs_a_little_off_by_chance_call_for_no_law_that_does_not_scor
     scored = replace(score(task), over_floor={"position": 1.15}, excess=excess)
     first = next(iter(search(task, scored)))
     assert len(first.rounds[0].candidates) == tried
+    # However little a filter trusts equations that leave nothing out, they are complete.
+    assert scored.near_noise(replace(base, noise_scale=0.3)) is (excess == 0.0)
     assert not first.accepted

@@ -13,7 +13,7 @@ from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import Runs
-from workbench.diagnosis.selection.rules import IMPERFECT, NEAR_NOISE
+from workbench.diagnosis.selection.rules import IMPERFECT, LEAST_GAIN, NEAR_NOISE, OFF_NOISE
 from workbench.diagnosis.selection.score import Scores
 from workbench.diagnosis.selection.weights import Compared, Weighted, set_weights
 
@@ -48,8 +48,10 @@ class Scored:
         Args:
             within: Held-out error over that of a perfect model up to which it does, dimensionless.
         """
-        complete = base.noise_scale <= IMPERFECT.value
-        return complete and self.farthest[1] <= within
+        far = self.farthest[1]
+        # Nothing can gain what is not left out, however little the filter trusts the equations.
+        nothing_left = self.excess < LEAST_GAIN and far <= OFF_NOISE.value
+        return (nothing_left or base.noise_scale <= IMPERFECT.value) and far <= within
 
 
 class Round(NamedTuple):
