@@ -269,6 +269,8 @@ def test_what_differs_by_recording_is_doubted_where_more_is_left_out() -> None:
 def test_a_size_is_read_in_the_unit_of_its_sentence() -> None:
     value, _, unit = Value(24.4, "rad/s2", 0.1).read
     assert (round(value), unit) == (1398, "°/s²")
+    value, std, unit = Value(0.0077, "s", 3.5e-5).read
+    assert (round(value, 9), round(std, 9), unit) == (7.7, 0.035, "ms")
 
 
 def test_it_is_said_where_held_out_recordings_go_further_than_fitted_ones() -> None:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
+from workbench.cli.redesign import _beside_tolerant
 from workbench.errors import WorkbenchError
 from workbench.evaluation import regained
 from workbench.evaluation.regained import (
@@ -14,11 +17,13 @@ from workbench.evaluation.regained import (
     Redesigned,
     flow_share,
     nominal_recipe,
+    redesigned_recipe,
     study_of_redesign,
 )
 from workbench.evaluation.tolerance import tolerant_study
 from workbench.plants.arm.arm import ARM
 from workbench.reports.figures.study_traces import shades_of
+from workbench.study.designs import ControllerRecipe
 from workbench.study.plants import PlantRecipe
 from workbench.study.result import run_study
 
@@ -44,6 +49,28 @@ def test_the_rules_of_a_redesign_are_those_of_the_nominal_designs() -> None:
     assert not recipe.plant.build().dry_effects
     with pytest.raises(WorkbenchError, match="controller"):
         nominal_recipe("fuzzy", late())
+
+
+def test_what_one_family_cannot_do_costs_no_other_its_result(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def missed(_: object) -> None:
+        raise WorkbenchError("no speed meets the limits")
+
+    monkeypatch.setattr(Redesigned, "designed", missed)
+    monkeypatch.setattr(
+        ControllerRecipe, "designed", lambda _: SimpleNamespace(speed=9.0, limit="")
+    )
+    study = _beside_tolerant(cast(Any, SimpleNamespace(recipe=late())), ["cascade PID"])
+    assert list(study.controllers) == ["cascade PID, nominal", "cascade PID, tolerant"]
+    assert "redesigned: no speed meets the limits." in capsys.readouterr().out
+
+
+def test_a_redesign_may_be_as_slow_as_what_tolerates_more() -> None:
+    own = redesigned_recipe("cascade PID", late()).fastest
+    tolerant = tolerant_study().controllers["cascade PID"].fastest
+    assert own is not None and tolerant is not None
+    assert own.speeds[1] == tolerant.speeds[1] < 10.0 and own.speeds[2] > 25
 
 
 def test_a_wrong_family_is_told_before_any_design(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -72,16 +72,28 @@ def redesign(
 
 def _beside_tolerant(found: Chosen, families: Sequence[str]) -> Study:
     """Return the study of nominal, tolerant and redesigned designs, and say how fast they are."""
+    from workbench.cli.running import counting
     from workbench.evaluation.regained import study_of_redesign
 
     study = study_of_redesign(found.recipe, families)
-    said = []
-    for name, recipe in study.controllers.items():
-        made = recipe.designed()
-        limit = f"; the next faster misses: {made.limit}" if made.limit else ""
-        said.append(f"{name}: {made.speed:.3g} rad/s{limit}.")
-        typer.echo(said[-1])
-    return replace(study, description=" ".join(said))
+    said, kept, count = [], [], len(study.controllers)
+    with counting() as counter:
+        for number, (name, recipe) in enumerate(study.controllers.items()):
+            counter("designs", number, count, name)
+            try:
+                made = recipe.designed()
+            except WorkbenchError as error:
+                # What one family cannot do costs no other its result.
+                said.append(f"{name}: {error}.")
+                continue
+            limit = f"; the next faster misses: {made.limit}" if made.limit else ""
+            said.append(f"{name}: {made.speed:.3g} rad/s{limit}.")
+            kept.append(name)
+        counter("designs", count, count, "")
+    if not kept:
+        raise WorkbenchError(" ".join(said))
+    typer.echo("\n".join(said))
+    return replace(study.only(kept), description=" ".join(said))
 
 
 def _nominal_and_redesigned(

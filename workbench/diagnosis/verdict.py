@@ -13,7 +13,7 @@ from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError
 from workbench.files import json_text, plain
 from workbench.model import Model
-from workbench.model.units import of_difference, parse_unit, readably, written_unit
+from workbench.model.units import of_difference, parse_unit, readably, time_unit, written_unit
 from workbench.work.counted import Work
 
 SCHEMA = "workbench.verdict/2"
@@ -58,6 +58,9 @@ class Value:
     def read(self) -> tuple[float, float, str]:
         """Number, standard deviation and unit as people read them."""
         factor, unit = readably(1.0, self.unit, self.shown)
+        if unit == "s":
+            unit, size = time_unit(self.value)
+            factor = 1.0 / size
         return factor * self.value, factor * self.std, unit
 
 

@@ -96,8 +96,14 @@ def redesigned_recipe(family: str, machine: PlantRecipe) -> Redesigned:
     unsure = Uncertainty.known(sum(late), sensor_lag=max(slow, default=0.0))
     # A plan asks of the valve what reaches the muscles.
     told["jerk_share"] *= flow_share(model, nominal_plant(machine).build(), machine.plant())
+    # No slower than what tolerates more is a limit that a late machine may not meet.
+    first, last, count = recipe.fastest.speeds
+    tolerant = tolerant_study().controllers[family].fastest
+    slowest = min(last, tolerant.speeds[1]) if tolerant is not None else last
+    steps = (count - 1) * math.log(first / slowest) / math.log(first / last)
     fastest = replace(
         recipe.fastest,
+        speeds=(first, slowest, 1 + math.ceil(steps)),
         plants=recipe.fastest.plants[:1],
         late_sensitivity=math.inf,
         maximum_sensitivity=2.2,

@@ -10,7 +10,7 @@ from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Verdict
-from workbench.model.units import in_time, in_times, readable, readably
+from workbench.model.units import in_time, in_times, readable
 from workbench.reports.diagnosis_tables import hull
 from workbench.reports.figures.diagnosis import as_read, farthest_off
 from workbench.reports.page import Answers
@@ -59,9 +59,9 @@ def _named(finding: Finding) -> str:
     """Return the name of what was found, with its size: the first of its parameters."""
     name = plain(finding.effect or "")
     for parameter, size in finding.parameters.items():
-        factor, unit = readably(1.0, size.unit, size.shown)
-        value, std = (number(factor * x, digits) for x, digits in ((size.value, 3), (size.std, 2)))
-        return f"{name}, {plain(parameter)} {value} ± {std} {unit}".removesuffix(" 1")
+        value, std, unit = size.read
+        said = f"{number(value, 3)} ± {number(std, 2)} {unit}".removesuffix(" 1")
+        return f"{name}, {plain(parameter)} {said}"
     return name
 
 
