@@ -221,7 +221,7 @@ def loop_of(
 def spare_outputs(plant: Any, loop: Loop) -> tuple[str, ...]:
     """Return the outputs that a loop could read too, of a model of no more states.
 
-    No command moves them at once.
+    Commands move them, but none at once.
     """
     from workbench.linearisation.state_space import linear_model
 
@@ -232,7 +232,8 @@ def spare_outputs(plant: Any, loop: Loop) -> tuple[str, ...]:
         if name in loop.measured:
             continue
         own = whole.select(inputs=loop.actuators, outputs=(*loop.measured, name)).without_unseen()
-        if not np.any(own.D) and len(own.without_unreached().A) == states:
+        moved = np.any(_moved(own.select(outputs=(name,))))
+        if moved and not np.any(own.D) and len(own.without_unreached().A) == states:
             found.append(name)
     return tuple(found)
 

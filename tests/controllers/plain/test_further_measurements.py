@@ -12,6 +12,7 @@ import pytest
 from controllers.design import DESIGNS
 from controllers.guard import Guarded
 from controllers.plain.limits import settled_after
+from controllers.plain.loop import loop_of, spare_outputs
 from controllers.plain.state_feedback import LQISpecification, design_lqi
 from controllers.plain.transfer_law import (
     PlainPIDSpecification,
@@ -152,3 +153,13 @@ def test_a_cascade_that_reads_one_of_several_outputs_is_judged_by_what_it_reads(
     linear = linearise(point, verdict=False)
     law = design_plain_pid(linear, PlainPIDSpecification(sample_time=0.002))
     assert len(law.sensors) == 2 < len(point.model.outputs)
+
+
+def test_what_no_command_moves_is_not_read_too() -> None:
+    A = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -2.0]])
+    C = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    plant = linear_model(
+        ct.ss(A, [[0.0], [1.0], [0.0]], C, 0, outputs=["place", "speed", "weight"])
+    )
+    # Its scale over what commands make of it is no number, with which slycot took minutes.
+    assert spare_outputs(plant, loop_of(plant, "place")) == ("speed",)
