@@ -46,7 +46,9 @@ _STEADY = 0.2
 _VISIBLE = 0.02
 """Part of a port's scale that a parameter must bring in to be offered a change with time."""
 
-_RESISTANCES = ("ohm", "S", "N s/m", "N m s/rad", "Pa s/m3", "m3/(s Pa)")
+_DAMPINGS, _SPEEDS = ("N s/m", "N m s/rad"), ("m/s", "rad/s")
+
+_RESISTANCES = ("ohm", "S", *_DAMPINGS, "Pa s/m3", "m3/(s Pa)")
 """Units of parameters that make heat of what they multiply, or divide."""
 
 _ROLES = {
@@ -831,7 +833,8 @@ class Survey:
         """Damping parameters that several ports bring in, with the speed that each resists.
 
         They are those of joints that no command works on: what rubs there turns all the bodies of a
-        machine, each through its inertia, as the damping does.
+        machine, each through its inertia, as the damping does. So does what rubs over a speed that
+        several signals make, as that of a wheel beside the body that drives it.
         """
         t, found = self.trace, []
         commanded = {at.speed.source for at in self.places if at.shared}
@@ -843,6 +846,10 @@ class Survey:
             speed = next(iter(over))
             if len(over) == 1 and speed in self._integral and speed not in commanded:
                 found.append((q, places, self._of(speed)))
+            elif any(same_dimension(q.unit, u) for u in _DAMPINGS):
+                made, together = self.driving(q, places), self._multiplied(q.name, values)
+                if made and made.unit in _SPEEDS and not _is_difference(ca.SX(together)):
+                    found.append((q, places, made))
         return tuple(found)
 
     def may_bend_over(self, q: Parameter, places: Sequence[Place]) -> tuple[Local, ...]:

@@ -92,3 +92,32 @@ def test_it_turns_both_bodies(dry: bool) -> None:
 
     np.testing.assert_allclose(of(model), ended(reference), atol=1e-6)
     assert np.max(np.abs(of(crane()) - ended(reference))) > 1e-2
+
+
+def test_what_rubs_between_a_wheel_and_the_body_that_drives_it_acts_as_the_damping() -> None:
+    def equations(m: Scope) -> Equations:
+        sliding = m.x.speed / 0.03 - m.x.rate
+        torque = m.u.torque - m.p.bearing * sliding
+        rates = {"speed": torque / 0.03 + 2.0 * m.x.tilt, "rate": 90.0 * m.x.tilt - 70.0 * torque}
+        return rates | {"tilt": m.x.rate, "way": m.x.speed}, {"tilt": m.x.tilt, "way": m.x.way}
+
+    robot = Model(
+        "robot",
+        equations,
+        states=(
+            State("tilt", "rad"), State("rate", "rad/s"), State("way", "m"), State("speed", "m/s"),
+        ),
+        inputs=(Input("torque", "N m"),),
+        outputs=(Output("tilt", "rad"), Output("way", "m")),
+        parameters=(
+            Parameter("bearing", "N m s/rad", value=5e-4, lower=0.0, upper=0.01, fitted=True),
+        ),
+    )  # fmt: skip
+    seen = {"argument of bearing": (-20.0, 20.0)}
+    offered = {h.name: h for h in library(robot, ranges=seen)}
+    assert {"joint_friction_bearing", "joint_drag_bearing"} < offered.keys()
+    rubbing = robot.with_effect(offered["joint_friction_bearing"].at_size(0.02))
+    state = [0.1, 0.5, 0.0, 0.3]
+    # 0.3 / 0.03 - 0.5 rad/s is far beyond where the reversal is rounded.
+    expected = robot.rates(state, [0.04 - 0.02])
+    np.testing.assert_allclose(rubbing.rates(state, [0.04]), expected, rtol=1e-9)
