@@ -158,6 +158,12 @@ class ObserverLaw(PlainLaw):
         change = tuple(self.sample_time * (a - b) for a, b in zip(r, y, strict=False))
         free = [u == v for u, v in zip(command, asked, strict=True)]
         change = _freed(change, self.integral_gain, free, arithmetic)
+        if self.reach:
+            # Outside its layer a surface is reached as fast as may be, and farther off no faster.
+            away = s * self.surface_integral * change[0] < 0.0
+            held = arithmetic.where(away, 0.0 * change[0], change[0])
+            outside = arithmetic.largest(s, -s) > self.layer
+            change = (arithmetic.where(outside, held, change[0]),)
         summed = tuple(a + b for a, b in zip(q, change, strict=True))
         move = tuple(u - rest for u, rest in zip(command, self.rest, strict=True))
         predicted = product(self.G, move, product(self.F, x))

@@ -737,13 +737,15 @@ def test_an_mpc_asks_for_as_much_of_the_command_as_a_rubbing_axis_takes() -> Non
     assert scores["settling_time"].value < 0.25 and scores["overshoot"].value < 0.03
 
 
-@pytest.mark.parametrize("design", [design_plain_pid, design_lqi, design_plain_mpc])
+@pytest.mark.parametrize(
+    "design", [design_plain_pid, design_lqi, design_plain_mpc, design_plain_sliding_mode]
+)
 def test_a_servo_whose_own_loop_is_clipped_is_not_wound_up(design: Callable[..., Any]) -> None:
     # What the goal is clipped to moves with the angle.
     law = design(linearise(operating_point(servo_pendulum()), verdict=False))
     step = step_scenario("angle", 0.0, 1.0, unit="rad", sample_time=0.002, hold=2.0)
     scores = metrics(verify(law, servo_pendulum(), step))
-    assert scores["settling_time"].value < 0.8 and scores["overshoot"].value < 0.08
+    assert scores["settling_time"].value < 0.65 and scores["overshoot"].value < 0.06
 
 
 @pytest.mark.parametrize("name", ["lqi", "plain-h-infinity"])
