@@ -196,6 +196,11 @@ def told(error: BaseException) -> str:
     text = f"{type(error).__name__}: {error}".removesuffix(": ")
     if isinstance(error, SystemExit):
         text = f"it left the process with {error}, which a module must not do"
+    if "truth value of a CasADi" in text:
+        text = (
+            "values of a model are symbols, by which 'if', 'and', 'min' and 'max' cannot decide:"
+            " take np.where, np.logical_and, np.minimum and np.maximum"
+        )
     if isinstance(error, SyntaxError):
         return f"{text.split(' (')[0]} ({error.filename}, line {error.lineno})"
     place = own_place(error)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -22,8 +23,10 @@ from workbench.model import (
     State,
 )
 from workbench.model.expressions import cofactor
+from workbench.operating_point import operating_point
 from workbench.physics.friction import coulomb_friction
 from workbench.plants.arm import arm
+from workbench.plants.plant import adopt
 from workbench.plants.servo_axis import servo_axis
 
 
@@ -333,6 +336,33 @@ def test_a_law_means_the_state_where_an_input_has_its_name() -> None:
     )
     rubbed = press.with_effect(coulomb_friction("speed.rate", level=3.0, transition_speed=1e-6))
     assert rubbed.rates([0.0, -1.0], [7.0])[1] == pytest.approx(7.0 + 2.0 + 3.0)
+
+
+@pytest.mark.parametrize(
+    ("equations", "told"),
+    [
+        (lambda m: [m.u.inflow], "return a list; return two mappings"),
+        (
+            lambda m: ({"level": max(m.u.inflow, m.x.level)}, {"level": m.x.level}),
+            "'max' cannot decide: take np.where",
+        ),
+        (lambda m: ({"level": m.u.inflow / 0}, {"level": m.x.level}), "rate of level is no number"),
+    ],
+)
+def test_what_a_newcomer_writes_first_is_refused_with_what_to_write(
+    equations: Any, told: str
+) -> None:
+    def tank() -> Model:
+        return Model(
+            "tank",
+            equations,
+            states=(State("level", "m"),),
+            inputs=(Input("inflow", "m/s"),),
+            outputs=(Output("level", "m"),),
+        )
+
+    with pytest.raises(WorkbenchError, match=told), warnings.catch_warnings():
+        operating_point(adopt(tank, "my_plants:tank").model())
 
 
 def test_functions_of_numbers_are_refused_where_symbols_stand() -> None:

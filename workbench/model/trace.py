@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -259,7 +259,7 @@ def trace(model: Written, form: Form) -> Trace:
         )
 
     scope = scope_of(symbols["input"])
-    rates, outputs = model.equations(scope)
+    rates, outputs = _equations_of(model, scope)
     sizes = dict(model.traits.sizes)
     declared = dict(written)
     if not declared or model.traits.opened:
@@ -279,7 +279,7 @@ def trace(model: Written, form: Form) -> Trace:
                 for q in model.inputs
             },
         )
-        rates, outputs = model.equations(scope)
+        rates, outputs = _equations_of(model, scope)
         written_rates = rates
         if not declared:
             rates = _default_exchanges(model, scope, plain, rates, symbols, sizes)
@@ -363,6 +363,16 @@ def _leaves_the_numbers(
     return leave_the_numbers(expressions, own, x, reach, u, p)
 
 
+def _equations_of(model: Written, scope: Scope) -> Equations:
+    found: Any = model.equations(scope)
+    if isinstance(found, tuple) and [isinstance(v, Mapping) for v in found] == [True, True]:
+        return found
+    raise WorkbenchError(
+        f"the equations of {model.name!r} return a {type(found).__name__}; return two mappings, the"
+        " rate of every state and the measurement of every output"
+    )
+
+
 def _require_numbers(model: Written, values: ca.SX, names: Sequence[str]) -> None:
     """Refuse what is no number wherever a model is, as ``math.sin`` makes of a symbol."""
     if not _never_a_number(values):
@@ -370,7 +380,7 @@ def _require_numbers(model: Written, values: ca.SX, names: Sequence[str]) -> Non
     name = next(n for v, n in zip(values.elements(), names, strict=True) if _never_a_number(v))
     raise WorkbenchError(
         f"the {name} of {model.name!r} is not a number, wherever the model is; the functions of"
-        " Python's math know no symbols: take sin, sqrt and the like from casadi"
+        " Python's math know no symbols: take sin, sqrt and the like from numpy"
     )
 
 

@@ -448,10 +448,15 @@ def _asked(problem: Problem) -> str:
 
 def _impossible(problem: Problem, solution: Solution) -> WorkbenchError:
     model = problem.model
+    advice = (
+        what_would_be_possible(problem, solution)
+        if math.isfinite(solution.residual)
+        else f"the {solution.worst} is no number there: divide by nothing that may be zero"
+    )
     return WorkbenchError(
         f"there is no operating point of {model.name!r}"
         f"{f' ({model.description})' if model.description else ''} with"
-        f" {_asked(problem)}; {what_would_be_possible(problem, solution)}"
+        f" {_asked(problem)}; {advice}"
     )
 
 

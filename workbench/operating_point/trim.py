@@ -121,7 +121,7 @@ def solve(problem: Problem, x: Vector, u: Vector, *, robust: bool = True) -> Sol
         steps += more + last
         if exact.error(better) < exact.error(z):
             z = better
-    if robust and exact.error(z) > RESIDUAL_TOLERANCE:
+    if robust and RESIDUAL_TOLERANCE < exact.error(z) < math.inf:
         better, more = finished(rounded.least_squares(z))
         steps += more
         if exact.error(better) < exact.error(z):
@@ -171,6 +171,7 @@ class _Equations:
         z = np.concatenate([x, u, [0.0] if self.drifts else []]) / self.size
         return np.asarray(np.clip(z, self.lower, self.upper))
 
+    @np.errstate(over="ignore", invalid="ignore")
     def evaluate(self, z: Vector) -> tuple[Vector, Vector]:
         """Return the scaled errors and their derivatives by the scaled unknowns."""
         full = z * self.size
