@@ -445,6 +445,19 @@ def test_what_a_coarse_converter_reads_goes_straight_beside_a_gap(tmp_path: Path
     assert problem.model.traits.straight == ("drive",)
 
 
+def test_noise_of_a_slow_sensor_is_that_of_what_it_read(tmp_path: Path) -> None:
+    plant = replace(oscillator(), outputs=(replace(oscillator().outputs[0], noise_rms=0.0),))
+    time = 0.01 * np.arange(2000)
+    for seed, name in enumerate("ab"):
+        read = np.sin(time) + np.random.default_rng(seed).normal(0.0, 1e-3, len(time))
+        cells = [f"{y:.6g}" if i % 4 == 0 else "" for i, y in enumerate(read)]
+        rows = [f"{t:.2f},{np.sin(t):.6g},{cell}" for t, cell in zip(time, cells, strict=True)]
+        header = "t [s],drive [N],position [m]"
+        (tmp_path / f"{name}.csv").write_text("\n".join([header, *rows]))
+    model = problem_of_files(plant, [tmp_path / "a.csv"], [tmp_path / "b.csv"]).model
+    assert model.outputs[0].noise_rms == pytest.approx(1e-3, rel=0.2)
+
+
 def test_a_plant_in_waves_lacks_nothing_where_they_run_straight(tmp_path: Path) -> None:
     wave = replace(oscillator().inputs[0], commanded=False)
     read = replace(oscillator().outputs[0], noise_rms=0.0)

@@ -57,6 +57,17 @@ def test_long_runs_are_drawn_over_hours_or_days(step: float, unit: str) -> None:
         assert drawn.axes[-1].get_xlabel().startswith(f"time in {unit}")
 
 
+def test_what_a_slow_sensor_read_is_drawn_wherever_it_did() -> None:
+    time = np.arange(3000.0)
+    seen = np.where(time % 10.0 == 3.0, np.sin(0.01 * time), np.nan)[:, None]
+    # With every other sample for a page, none of those was among them.
+    drawn = diagnosis_runs(
+        FreeRun("a", ("flow",), ("1",), time, seen, np.sin(0.01 * time)[:, None])
+    )
+    measured = np.asarray(drawn.axes[0].lines[0].get_ydata(), dtype=float)
+    assert len(measured) == 300 and np.isfinite(measured).all()
+
+
 def test_the_zero_of_a_scale_has_no_part_in_an_error() -> None:
     outputs = (Output("air", "K", 1.0, display_unit="degF"),)
     model = Model(

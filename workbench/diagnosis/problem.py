@@ -125,7 +125,7 @@ def problem_of_files(
         given = at_one_pace([_even(r) if r.increasing else r for r in given])
     read = dict(zip(read, given, strict=True))
     declared = model = _read_as_recorded(model, given)
-    # What runs are needed for goes on where rows are missing.
+    # Runs need even steps, where rows are missing too.
     whole = [(check_gaps(r).recording if r.increasing else None) or r for r in read.values()]
     model, notes = with_undeclared(model, whole)
     # Within a step, too, what goes straight pushes a plant otherwise than its mean does.

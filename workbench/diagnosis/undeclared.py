@@ -324,7 +324,7 @@ def _with_data(model: Model, recordings: Sequence[Recording]) -> tuple[Model, di
     outputs = []
     for q in model.outputs:
         # Of a sensor slower than the others there are numbers in some rows only.
-        read = [v[np.isfinite(v)] for r in recordings if q.name in r for v in [r[q.name]]]
+        read = [r[q.name][r.valid(q.name)] for r in recordings if q.name in r]
         if q.noise_rms == 0 and q.resolution == 0 and read:
             step = max(recorded_quantum(r, q.name) for r in recordings if q.name in r)
             white = [white_rms(v, order=order, quantile=0.25) for v in read for order in (4, 6)]

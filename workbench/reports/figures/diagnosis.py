@@ -150,23 +150,21 @@ def draw_run(
 ) -> None:
     """Draw one output as measured and as both models say, at some of the samples."""
     factor = readable(before.units[i])[1]
-    time, seen = _thinned(before.time[rows], before.measured[rows, i])
-    axes.plot(time, factor * seen, color=MEASURED.light, linewidth=3.0, alpha=0.45)
-    if before.finite:
-        told = _thinned(before.time[rows], before.simulated[rows, i])[1]
-        axes.plot(time, factor * told, color=BEFORE.light, linewidth=1.2)
-    if after is not None and after.finite:
-        told = _thinned(after.time[rows], after.simulated[rows, i])[1]
-        axes.plot(time, factor * told, color=AFTER.light, linewidth=1.2, linestyle=_DASHES)
-    low, high = float(np.nanmin(seen)) * factor, float(np.nanmax(seen)) * factor
+    time, seen = _thinned(before.time[rows], factor * before.measured[rows, i])
+    axes.plot(time, seen, color=MEASURED.light, linewidth=3.0, alpha=0.45)
+    for run, colour, dashes in ((before, BEFORE, "-"), (after, AFTER, _DASHES)):
+        if run is not None and run.finite:
+            time, told = _thinned(run.time[rows], factor * run.simulated[rows, i])
+            axes.plot(time, told, color=colour.light, linewidth=1.2, linestyle=dashes)
+    whole = factor * before.measured[np.isfinite(before.measured[:, i]), i]
+    low, high = (f(seen if len(seen) else whole) for f in (np.min, np.max))
     if before.finite:
         # A model that is far off is shown as far as it leaves the measurements legible, be it
         # where nothing moves.
-        told = factor * _thinned(before.time[rows], before.simulated[rows, i])[1]
-        whole = before.measured[:, i]
-        reach = max(high - low, 0.2 * factor * float(np.nanmax(whole) - np.nanmin(whole)))
-        low = max(min(low, float(np.nanmin(told))), low - reach)
-        high = min(max(high, float(np.nanmax(told))), high + reach)
+        told = _thinned(before.time[rows], factor * before.simulated[rows, i])[1]
+        reach = max(high - low, 0.2 * np.ptp(whole))
+        low = max(min(low, np.min(told)), low - reach)
+        high = min(max(high, np.max(told)), high + reach)
     room = 0.2 * (high - low) or 1.0
     axes.set_ylim(low - room, high + room)
     label(axes, y=titled(before.used[i], before.units[i]))
@@ -263,8 +261,10 @@ def moving_rms(time: Vector, error: Vector) -> tuple[Vector, Vector]:
 
 
 def _thinned(time: Vector, values: Vector) -> tuple[Vector, Vector]:
-    step = max(1, len(time) // _POINTS)
-    return time[::step], values[::step]
+    """Return some of the samples of what was measured, which a slow sensor does now and then."""
+    known = np.flatnonzero(np.isfinite(values))
+    some = known[:: max(1, len(known) // _POINTS)]
+    return time[some], values[some]
 
 
 _SHOWN = 0.4
