@@ -77,6 +77,21 @@ def test_an_oscilloscope_writes_its_step_among_the_units(tmp_path: Path) -> None
     assert recording.signal("CH1").unit == "V" and recording["CH2"][1] == 0.5
 
 
+def test_a_row_of_units_stands_above_what_a_title_ends_in(tmp_path: Path) -> None:
+    head = "Time,Channel A,Channel B\n(ms),(V),(mm)\n\n"
+    rows = "".join(f"{k},{k},{k}\n" for k in range(9))
+    recording = read_recording(saved(tmp_path, head + rows))
+    assert [s.unit for s in recording.signals] == ["V", "m"]
+    assert recording.names == ("Channel_A", "Channel_B") and recording.time[1] == 0.001
+
+
+def test_a_night_in_which_clocks_change_has_no_gap(tmp_path: Path) -> None:
+    rows = [f"2024-03-31T01:59:{k:02d}+01:00,{k}" for k in range(50, 60)]
+    rows += [f"2024-03-31T03:00:{k:02d}+02:00,{k}" for k in range(10)]
+    recording = read_recording(saved(tmp_path, "\n".join(["time,x_mm", *rows])))
+    assert np.array_equal(recording.time, np.arange(20.0))
+
+
 def test_header_in_the_last_comment(tmp_path: Path) -> None:
     text = "% recorded on the bench\n% time_s,valve_V,angle_deg\n" + table(header="")
     assert read_recording(saved(tmp_path, text)).names == ("valve", "angle")

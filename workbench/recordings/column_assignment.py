@@ -56,8 +56,11 @@ def header_list(columns: Columns) -> list[Header]:
     """Return the headers taken apart; names that occur twice keep their unit."""
     headers = [read_header(text) for text in columns.headers]
     for i, text in enumerate(columns.units):
+        unit, reference = read_unit(text) if text else (None, "")
+        if unit and headers[i].unit and not same_dimension(unit, headers[i].unit):
+            # Below "Channel A" stands that it is in volts.
+            headers[i] = Header(headers[i].column, tidy_name(headers[i].column))
         if text and not headers[i].unit:
-            unit, reference = read_unit(text)
             problem = "" if unit is not None else f"unit {text!r} is not known"
             headers[i] = replace(
                 headers[i],

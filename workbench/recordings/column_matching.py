@@ -225,7 +225,7 @@ def in_turns(headers: Sequence[Header], requested: Sequence[Requested]) -> list[
     def read(header: Header) -> Header:
         if not header.unit or not same_dimension(header.unit, "1/s"):
             return header
-        told = f"{'turn' if 'Hz' in header.unit else 'rad'} {header.unit}"
+        told = f"{'turn' if 'Hz' in header.unit else 'rad'} {header.unit}".replace(" 1/", "/")
         return replace(header, unit="rpm" if "min" in header.unit else told)
 
     return [read(h) for h in headers]

@@ -36,7 +36,7 @@ _STAMP = re.compile(
     r"(?P<date>(?P<year>\d{4})([-/.])(?P<month>\d\d?)\3(?P<day>\d\d?)"
     r"|(?P<d>\d\d?)\.(?P<m>\d\d?)\.(?P<y>\d{4}))?"
     r"(?:(?:(?<=\d)[T ]\s*)?(?P<clock>(?P<h>\d\d?):(?P<min>\d\d)(?::(?P<s>\d\d(?:[.,]\d*)?))?)"
-    r"\s?(?:Z|UTC|[+-]\d\d:?\d\d)?)?"
+    r"\s?(?:Z|UTC|(?P<east>[+-]\d\d):?(?P<more>\d\d))?)?"
 )
 Instant = tuple[float | None, float | None]
 NEVER: Instant = (None, None)
@@ -95,11 +95,11 @@ def is_number(cell: str, decimal: str = ".") -> bool:
 def instant(cell: str) -> Instant:
     """Return the date that a cell holds, counted from 2000, and its time of day, both in s.
 
-    Zones are not counted.
-
     Example:
         >>> instant("04.01.2000 06:00"), instant("2000-01-04T00:01:30.5Z"), instant("7:00")
         ((259200.0, 21600.0), (259200.0, 90.5), (None, 25200.0))
+        >>> instant("2000-01-04T03:00+02:00")
+        (259200.0, 3600.0)
     """
     found = _STAMP.fullmatch(cell)
     if found is None:
@@ -116,6 +116,9 @@ def instant(cell: str) -> Instant:
             float((n or "0").replace(",", ".")) for n in found.group("h", "min", "s")
         )
         clock = 3600.0 * hour + 60.0 * minute + second
+        if found["east"]:
+            east = float(found["east"])
+            clock -= 3600.0 * east + math.copysign(60.0 * float(found["more"]), east)
     return day, clock
 
 
