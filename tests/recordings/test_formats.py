@@ -45,13 +45,14 @@ def test_mat_5(tmp_path: Path) -> None:
     assert recording.metadata["short"] == "0, 1, 2, 3, 4, 5, 6"
 
 
-def test_mat_5_structs_and_matrices(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("title", "data"), [("Name", "Data"), ("label", "values")])
+def test_mat_5_structs_and_matrices(tmp_path: Path, title: str, data: str) -> None:
     from scipy.io import savemat
 
     path = tmp_path / "trial.mat"
     log = np.empty(2, dtype=object)
-    log[0] = {"Name": "angle_deg", "Data": POSITION}
-    log[1] = {"Name": "valve_V", "Data": VOLTAGE}
+    log[0] = {title: "angle_deg", data: POSITION}
+    log[1] = {title: "valve_V", data: VOLTAGE}
     savemat(path, {"rec": {"time": TIME, "p": np.column_stack([POSITION, VOLTAGE])}, "Y": log})
     recording = read_recording(
         path,

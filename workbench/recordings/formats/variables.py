@@ -29,12 +29,15 @@ def unreadable(path: Path, error: Exception, kind: str) -> WorkbenchError:
 
 
 def flatten(name: str, value: Any, out: dict[str, Any], depth: int = 0) -> None:
-    """Write structs out as ``struct.field``, and pairs of ``Name`` and ``Data`` by their name."""
+    """Write structs out as ``struct.field``, and pairs of a name and data by their name.
+
+    dSPACE writes them as ``Name`` and ``Data``, a scope of Simulink as ``label`` and ``values``.
+    """
     if depth > MAX_DEPTH:
         return
     if isinstance(value, Mapping):
-        title = value.get("Name", value.get("name"))
-        data = value.get("Data", value.get("data"))
+        title = next((value[k] for k in ("Name", "name", "label") if k in value), None)
+        data = next((value[k] for k in ("Data", "data", "values") if k in value), None)
         if isinstance(title, str) and title and isinstance(data, np.ndarray):
             out[title] = data
             return
