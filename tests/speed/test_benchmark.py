@@ -11,7 +11,7 @@ from workbench.plants.servo_axis import servo_axis
 from workbench.reports.page import html
 from workbench.speed.benchmark import Benchmark, run_benchmark
 from workbench.speed.estimation import filter_times
-from workbench.speed.measure import Comparison, Curve, Figure, Times, Way, tried
+from workbench.speed.measure import Comparison, Figure, Times, Way, tried
 from workbench.speed.page import benchmark_page
 
 
@@ -54,7 +54,6 @@ def test_the_page_says_what_is_missed_and_why() -> None:
     found = Benchmark(
         [late, Figure("ok", 3.0, "x", 2.0)],
         [_comparison()],
-        [Curve("length", "Filter", "samples", (1.0, 2.0), ((1.0,), (2.0,)), ({}, {}))],
         12.0,
         0.5,
     )

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import typer
 
-from workbench.cli.running import Steps
+from workbench.cli.running import telling
 
 
 def demo(*, out: Path = Path("demo"), data: Path | None = None) -> int:
@@ -20,11 +21,10 @@ def demo(*, out: Path = Path("demo"), data: Path | None = None) -> int:
         data: Folder with recordings of real machines; adds measured force maps. By default the
             environment variable WORKBENCH_DATA, if set.
     """
-    from workbench.demo import PARTS, run_demo
+    from workbench.demo import run_demo
 
-    progress = Steps(len(PARTS) + 1)
-    result = run_demo(out, data=data, progress=progress)
-    progress.done()
+    with telling(time.perf_counter()) as say:
+        result = run_demo(out, data=data, progress=say)
     typer.echo(str(result))
     if result.interrupted:
         raise KeyboardInterrupt

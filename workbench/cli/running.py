@@ -154,25 +154,6 @@ def telling(begin: float) -> Iterator[Callable[[str], None]]:
         thread.join()
 
 
-class Steps:
-    """Says on the error stream which of some steps is being done, and how long it took."""
-
-    def __init__(self, count: int) -> None:
-        self._count, self._step, self._begin = count, 0, 0.0
-
-    def __call__(self, what: str) -> None:
-        self.done()
-        self._step += 1
-        self._begin = time.perf_counter()
-        typer.echo(f"[{self._step}/{self._count}] {what} ... ", err=True, nl=False)
-
-    def done(self) -> None:
-        """Say that the step is over."""
-        if self._begin:
-            typer.echo(f"{time.perf_counter() - self._begin:.1f} s", err=True)
-        self._begin = 0.0
-
-
 def write_study(outcome: StudyResult, out: Path, *, more: str = "", as_json: bool = False) -> None:
     """Write what a study found into a folder, and say so before and after: pictures take seconds.
 

@@ -1,4 +1,4 @@
-"""Everything that is measured, in one run: comparisons, figures to reach, growth."""
+"""Everything that is measured, in one run: comparisons and figures to reach."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from workbench.linearisation.operating_map import operating_map
 from workbench.model import Model
 from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
-from workbench.speed import estimation, growth, plant_runs, solvers, whole
-from workbench.speed.measure import Comparison, Curve, Figure, timed
+from workbench.speed import estimation, plant_runs, solvers, whole
+from workbench.speed.measure import Comparison, Figure, timed
 from workbench.speed.whole import run
 from workbench.work.counted import done, since
 
@@ -39,7 +39,6 @@ class Benchmark:
 
     figures: list[Figure] = field(default_factory=list)
     comparisons: list[Comparison] = field(default_factory=list)
-    curves: list[Curve] = field(default_factory=list)
     seconds: float = math.nan
     load: float = math.nan
     raw: dict[str, Any] = field(default_factory=dict)
@@ -53,9 +52,6 @@ class Benchmark:
             "seconds": self.seconds,
             "figures": [{**vars(f), "reached": f.reached} for f in self.figures],
             "comparisons": {c.name: c.table() for c in self.comparisons},
-            "growth": {
-                c.name: {k: v for k, v in vars(c).items() if k != "name"} for c in self.curves
-            },
             **self.raw,
         }
 
@@ -217,17 +213,12 @@ def _diagnoses(found: Benchmark, _: Model, place: Path) -> None:
     found.figures += figures
 
 
-def _growth(found: Benchmark, plant: Model, _: Path) -> None:
-    found.curves += [growth.with_length(plant), growth.with_hypotheses(plant), growth.with_cores()]
-
-
 PARTS: dict[str, Callable[[Benchmark, Model, Path], None]] = {
     "open-loop": _open_loop,
     "closed-loop": _closed_loop,
     "linear-models": _linear_models,
     "predictive": _predictive,
     "estimation": _estimation,
-    "growth": _growth,
     "start-up": lambda found, _, place: found.figures.extend(
         [*whole.start_up(), whole.first_simulation(place)]
     ),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import time
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -165,24 +165,6 @@ class Figure:
     def __str__(self) -> str:
         line = f"{self.state:<8} {self.what:<50} {self.value:.4g} {self.unit} ({self.bound})"
         return f"{line}: {self.breakdown}" if self.breakdown else line
-
-
-@dataclass(frozen=True)
-class Curve:
-    """How long something takes as one thing grows.
-
-    Args:
-        at: Its values, in the unit that ``x`` says.
-        seconds: Wall-clock time at each, in s; several tries.
-        work: Counted work at each; empty where it does not matter.
-    """
-
-    name: str
-    title: str
-    x: str
-    at: tuple[float, ...]
-    seconds: tuple[tuple[float, ...], ...]
-    work: tuple[Mapping[str, int], ...] = ()
 
 
 def tried(name: str, package: str, measure: Callable[[Any], Way]) -> Way:

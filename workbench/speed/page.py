@@ -1,4 +1,4 @@
-"""The page of the benchmark: each figure reached or not and why, peers, growth."""
+"""The page of the benchmark: each figure reached or not and why, and peers."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from workbench.reports.pictures import Picture
 from workbench.reports.style import key, label, new_figure, palette
 from workbench.reports.tables import Cell, Mark, Table, number
 from workbench.speed.benchmark import Benchmark, machine
-from workbench.speed.measure import Comparison, Curve, Figure
+from workbench.speed.measure import Comparison, Figure
 
 _MARKS: dict[bool | None, Mark] = {True: "met", False: "missed", None: "open"}
 
@@ -24,8 +24,6 @@ def benchmark_page(found: Benchmark, *, command: str) -> Page:
         drawn = _ratios(found.comparisons)
         ways = tuple(_ways(c) for c in found.comparisons)
         sections.append(Section("peers", "Beside other tools, in the same run", (drawn, *ways)))
-    if found.curves:
-        sections.append(Section("growth", "What grows with what", tuple(map(_grown, found.curves))))
     words = "; ".join(f.what for f in missed) or "nothing"
     return Page(
         "How fast the workbench is",
@@ -119,20 +117,3 @@ def _short(name: str) -> str:
         name = name.replace(part, "")
     head, _, tail = name.partition(",")
     return f"{head} (compiled)" if "compiled" in tail else head
-
-
-def _grown(curve: Curve) -> Picture:
-    figure, (axes,) = new_figure([2.2])
-    colours = palette()
-    middle = [sorted(s)[len(s) // 2] for s in curve.seconds]
-    axes.plot(curve.at, middle, marker="o", color=colours[0].light, label="measured")
-    per = middle[0] / curve.at[0] if curve.name != "cores" else None
-    straight = [per * x if per else middle[0] / x for x in curve.at]
-    words = "in proportion" if per else "shared without loss"
-    axes.plot(curve.at, straight, linestyle="--", color=colours[1].light, label=words)
-    axes.set_ylim(bottom=0.0)
-    if curve.name == "cores":
-        axes.set_xticks(curve.at)
-    label(axes, x=curve.x, y="time in s")
-    key(axes)
-    return Picture(f"growth-{curve.name}", figure, f"{curve.title}.", curve.title)
