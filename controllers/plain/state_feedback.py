@@ -87,8 +87,8 @@ class ObservedState(NamedTuple):
 class ObserverLaw(PlainLaw):
     """State feedback with integral action, with or without a sliding mode.
 
-    All is in SI, with n states, m commands, p outputs that are followed, and s that are measured,
-    those first.
+    All is in SI, with n states, the offsets of what is measured and not followed the last of them,
+    m commands, p outputs that are followed, and s that are measured, those first.
 
     Args:
         F: Transition of the states over a sample, shape (n, n).
@@ -350,7 +350,7 @@ def _fastest(
     def designed(chosen: tuple[int, ...], at: tuple[float, float, float]) -> ObserverLaw:
         speed = float(np.exp(np.mean(np.log([tried[k] for k in chosen]))))
         disturbance, doubt, calm = at
-        return model.observed(regulated(chosen, calm), random_walk(disturbance, speed), doubt)
+        return model.observed(regulated(chosen, calm), disturbance, speed, doubt)
 
     all_alike = range(len(tried))
     if np.all(given > 0.0):
@@ -453,9 +453,8 @@ def state_feedback_by_hand(
             f" {', '.join(loop.actuators)}, an entry for each of {', '.join(loop.measured)}"
         )
     h = want.sample_time
-    walk = random_walk(want.disturbance or 0.3, 0.02 / h)
     model = _ObservedModel(loop, want)
-    return model.observed(model.law(K, Kq), walk)
+    return model.observed(model.law(K, Kq), want.disturbance or 0.3, 0.02 / h)
 
 
 @dataclass(frozen=True)
@@ -503,7 +502,7 @@ def design_plain_sliding_mode(
         sliding = cache(partial(_sliding, model, want))
 
         def designed(slope: float, disturbance: float, doubt: float) -> ObserverLaw:
-            return model.observed(sliding(slope), random_walk(disturbance, slope), doubt)
+            return model.observed(sliding(slope), disturbance, slope, doubt)
 
         tried = itertools.product(slopes, want.disturbances, doubts(limits.loop))
         designs = [partial(designed, *numbers) for numbers in tried]
@@ -611,7 +610,7 @@ class _ObservedModel:
 
     def __init__(self, loop: Loop, want: ObserverSpecification) -> None:
         own, size = loop.linear, loop.linear.state_scales
-        self.loop, self.want = loop, want
+        self.loop, self.want, self.scales = loop, want, size
         self.F, self.G = zero_order_hold(own.A, own.B, want.sample_time)
         n, (p, m) = len(self.F), own.D.shape
         rest = np.block([[own.A, own.B], [own.C, np.zeros((p, m))]])
@@ -629,26 +628,46 @@ class _ObservedModel:
         self.target = target[:n] * size[:, None]
         self.command = target[n:] * loop.command_scale[:, None]
 
-    def observed(self, law: ObserverLaw, walk: float, doubt: float = 1.0) -> ObserverLaw:
+    def observed(
+        self, law: ObserverLaw, disturbance: float, speed: float, doubt: float = 1.0
+    ) -> ObserverLaw:
         """Put a state feedback on a Kalman filter.
 
+        Measurements that nobody follows have an offset each, a state that is found in ten time
+        constants: far from rest, or with friction, a plant shows them otherwise than its model.
+
         Args:
-            walk: Random walk of the integral of each command's disturbance over one second, as a
-                fraction of the command, times s.
+            disturbance: What that of each command walks by in ten time constants of the loop, rms,
+                as a fraction of the command.
+            speed: Speed of the loop, in rad/s.
             doubt: Noise of what is measured and not followed that the filter is told, over that
                 which it has.
         """
+        h, noise, size = self.want.sample_time, self.want.loop_noise(self.loop), self.scales
+        n, m, p = len(self.F), len(self.command), len(self.loop.measured)
+        noise[p:] *= doubt
+        k = len(noise) - p
         # The disturbance is white noise, held over a sample.
-        entry = self.G * (walk * self.loop.command_scale)
-        q = entry @ entry.T / self.want.sample_time
-        q = q + 1e-15 * np.diag(np.diag(q)) + 1e-300 * np.eye(len(q))
-        noise, size = self.want.loop_noise(self.loop), self.loop.linear.state_scales
-        followed = np.arange(len(noise)) < len(self.loop.measured)
-        noise = np.where(followed, noise, doubt * noise)
-        seen = self.loop.seen.T / noise
-        predictor = _regulator(self.F.T, seen, q, 1.0 / size).T / noise
-        # From the gain of the predictor to that of the correction.
-        return replace(law, M=rows(np.linalg.solve(self.F, predictor)))
+        entry = self.G * (random_walk(disturbance, speed) * self.loop.command_scale)
+        q = entry @ entry.T / h
+        q = q + 1e-15 * np.diag(np.diag(q)) + 1e-300 * np.eye(n)
+        q = np.pad(q, (0, k)) + np.diag(np.append(np.zeros(n), (0.1 * speed * h * noise[p:]) ** 2))
+        F, G = np.pad(self.F, (0, k)), np.pad(self.G, ((0, k), (0, 0)))
+        F[n:, n:] = np.eye(k)
+        C = np.hstack([self.loop.seen, np.eye(p + k, k, -p)])
+        size = np.append(size, noise[p:])
+        predictor = _regulator(F.T, C.T / noise, q, 1.0 / size).T / noise
+        return replace(
+            law,
+            F=rows(F),
+            G=rows(G),
+            C=rows(C),
+            # From the gain of the predictor to that of the correction.
+            M=rows(np.linalg.solve(F, predictor)),
+            gain=rows(np.hstack([law.gain, np.zeros((m, k))])),
+            target=rows(np.pad(law.target, ((0, k), (0, 0)))),
+            surface=law.surface and (*law.surface, *[0.0] * k),
+        )
 
     def law(
         self,
@@ -689,7 +708,7 @@ class _ObservedModel:
 
     def _whole(self, law: ObserverLaw) -> Matrix:
         """Return integrals that hold all of rest elsewhere, shape (p, p), in s; 0 without them."""
-        loop, xs = self.loop, self.target
+        loop, xs = self.loop, np.array(law.target)
         if law.surface:
             return np.full((1, 1), float(np.dot(law.surface, xs[:, 0])) / law.surface_integral)
         into, out = loop.command_scale[:, None], loop.output_scale
@@ -703,7 +722,7 @@ class _ObservedModel:
         Args:
             shares: One for each followed output, dimensionless.
         """
-        start, xs, along = self._whole(law) * np.array(shares), self.target, 0.0
+        start, xs, along = self._whole(law) * np.array(shares), np.array(law.target), 0.0
         if law.surface:
             along = float(np.dot(law.surface, xs[:, 0])) * (1.0 - shares[0])
         forward = self.command + np.array(law.gain) @ xs - np.array(law.integral_gain) @ start

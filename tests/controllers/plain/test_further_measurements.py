@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import control as ct
 import numpy as np
 import pytest
@@ -22,11 +23,13 @@ from controllers.plain.transfer_law import (
 from tests.controllers.in_c import InC
 from workbench.errors import WorkbenchError
 from workbench.linearisation import linear_model, linearise
+from workbench.model import Input, Model, Output, Scope, State
+from workbench.model.trace import Equations
 from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
 from workbench.study.linear_loop import analyse_loop
 from workbench.study.step_trial import hardly_stable
-from workbench.verification import step_scenario, verify
+from workbench.verification import metrics, step_scenario, verify
 
 H = 0.01
 
@@ -163,3 +166,35 @@ def test_what_no_command_moves_is_not_read_too() -> None:
     )
     # Its scale over what commands make of it is no number, with which slycot took minutes.
     assert spare_outputs(plant, loop_of(plant, "place")) == ("speed",)
+
+
+@pytest.mark.parametrize("name", ["lqi", "plain-sliding-mode"])
+def test_what_is_read_otherwise_than_the_model_shows_it_leads_no_speed_astray(name: str) -> None:
+    def winder(friction: float) -> Model:
+        def equations(m: Scope) -> Equations:
+            torque = 0.12 * m.x.current - 4e-4 * m.x.speed - friction * ca.tanh(m.x.speed)
+            voltage = m.u.voltage - 0.95 * m.x.current - 0.12 * m.x.speed
+            return {"current": voltage / 3e-3, "speed": torque / 2.4e-3}, {
+                "speed": m.x.speed,
+                "current": m.x.current,
+            }
+
+        return Model(
+            "winder",
+            equations,
+            states=(State("current", "A"), State("speed", "rad/s")),
+            inputs=(Input("voltage", "V", lower=-48.0, upper=48.0),),
+            outputs=(
+                Output("speed", "rad/s", noise_rms=0.3),
+                Output("current", "A", noise_rms=0.02),
+            ),
+        )
+
+    # By the current alone, a shaft that rubs is faster than it is.
+    linear = linearise(operating_point(winder(0.0)), verdict=False)
+    design = DESIGNS.get(name)
+    told = {"sample_time": 0.001, "also_measured": "current", "measured": "speed"}
+    law = design.controller(linear, design.specified(told))
+    step = step_scenario("speed", 0.0, 40.0, hold=0.6, sample_time=0.001)
+    scores = metrics(verify(law, winder(0.33), step))
+    assert scores["settling_time"].value < (0.1 if name == "lqi" else 0.25)
