@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from workbench.model import Input, Model, Output, Parameter, Scope, State
-from workbench.model.regularisation import Expression
 from workbench.model.trace import Equations
 from workbench.physics.friction import coulomb_friction, viscous_friction
 from workbench.plants.plant import Plant
+from workbench.plants.servo_axis import carriage
 
 GAIN = 35.15065188248547
 """Motor force over the controller's output, in N/V."""
@@ -25,26 +25,13 @@ SPEED_GAIN = 243.45
 
 
 def _equations(m: Scope) -> Equations:
-    return _axis(m, m.u.force)
+    return carriage(m, m.u.force - m.p.offset, disturbance=5.0)
 
 
 def _in_loop(m: Scope) -> Equations:
     wanted = POSITION_GAIN * (m.u.goal - m.x.position)
-    return _axis(m, GAIN * (SPEED_GAIN * (wanted - m.x.speed) + m.u.pulse))
-
-
-def _axis(m: Scope, drive: Expression) -> Equations:
-    force = m.port(
-        "axis.force",
-        drive - m.p.offset,
-        unit="N",
-        scale=100.0,
-        description="force on the carriage, positive with the position",
-        signals={"position": m.x.position, "speed": m.x.speed},
-        disturbance=5.0,
-    )
-    measurement = m.port("position.reading", m.x.position, unit="m", signals={"speed": m.x.speed})
-    return {"position": m.x.speed, "speed": force / m.p.mass}, {"position": measurement}
+    force = GAIN * (SPEED_GAIN * (wanted - m.x.speed) + m.u.pulse)
+    return carriage(m, force - m.p.offset, disturbance=5.0)
 
 
 def emps() -> Model:

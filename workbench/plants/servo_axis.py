@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.regularisation import Expression
 from workbench.model.trace import Equations
 from workbench.physics.friction import coulomb_friction, viscous_friction
 from workbench.plants.plant import Plant
 
 
-def _equations(m: Scope) -> Equations:
+def carriage(m: Scope, drive: Expression, *, disturbance: float = 2.0) -> Equations:
+    """Return the equations of a mass on a drive, in N, with the ports of both."""
     force = m.port(
         "axis.force",
-        m.u.force + m.p.offset,
+        drive,
         unit="N",
         scale=100.0,
         description="force on the carriage, positive with the position",
         signals={"position": m.x.position, "speed": m.x.speed},
-        disturbance=2.0,
+        disturbance=disturbance,
     )
     measurement = m.port("position.reading", m.x.position, unit="m", signals={"speed": m.x.speed})
-    return (
-        {"position": m.x.speed, "speed": force / m.p.mass},
-        {"position": measurement},
-    )
+    return {"position": m.x.speed, "speed": force / m.p.mass}, {"position": measurement}
+
+
+def _equations(m: Scope) -> Equations:
+    return carriage(m, m.u.force + m.p.offset)
 
 
 def servo_axis() -> Model:
