@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.regularisation import Expression
 from workbench.model.trace import Equations
 from workbench.physics.friction import coulomb_friction, viscous_friction
 from workbench.plants.plant import Plant
@@ -28,10 +29,14 @@ def _equations(m: Scope) -> Equations:
     return carriage(m, m.u.force - m.p.offset, disturbance=5.0)
 
 
-def _in_loop(m: Scope) -> Equations:
+def loop_force(m: Scope) -> Expression:
+    """Return the force, in N, of the motor that the controller of the recordings drives."""
     wanted = POSITION_GAIN * (m.u.goal - m.x.position)
-    force = GAIN * (SPEED_GAIN * (wanted - m.x.speed) + m.u.pulse)
-    return carriage(m, force - m.p.offset, disturbance=5.0)
+    return GAIN * (SPEED_GAIN * (wanted - m.x.speed) + m.u.pulse)
+
+
+def _in_loop(m: Scope) -> Equations:
+    return carriage(m, loop_force(m) - m.p.offset, disturbance=5.0)
 
 
 def emps() -> Model:

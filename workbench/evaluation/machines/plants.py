@@ -7,6 +7,7 @@ import math
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.regularisation import Expression, sqrt
 from workbench.model.trace import Equations
+from workbench.plants.emps import loop_force
 from workbench.plants.servo_pendulum import servo_pendulum
 
 FIBRE_ANGLE = math.radians(25.0)
@@ -27,8 +28,7 @@ def _axis(m: Scope, drive: Expression) -> Equations:
 
 
 def _axis_in_loop(m: Scope) -> Equations:
-    asked = 160.18 * (m.u.goal - m.x.position)
-    return _axis(m, 35.15065 * (243.45 * (asked - m.x.speed) + m.u.pulse))
+    return _axis(m, loop_force(m))
 
 
 def axis(*, in_loop: bool = False) -> Model:
