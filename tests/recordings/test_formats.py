@@ -372,7 +372,7 @@ def test_the_longest_sheet_of_a_workbook(tmp_path: Path) -> None:
     assert recording["qm"] == pytest.approx(POSITION)
     assert "sheet 'run', the longest of 2" in recording.notes[0]
     path.write_bytes(b"PK")
-    with pytest.raises(WorkbenchError, match="no Excel workbook"):
+    with pytest.raises(WorkbenchError, match="not an Excel workbook"):
         read_recording(path)
 
 

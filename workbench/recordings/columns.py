@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Vector
+from workbench.errors import WorkbenchError
 from workbench.recordings.recording import Scalar
 
 LARGEST = 1e100
@@ -74,6 +75,22 @@ def average_rows(rows: Vector, factor: int) -> Vector:
     return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
 
 
+def titles(
+    found: tuple[str, ...], width: int, asked: tuple[str, ...], source: str
+) -> tuple[tuple[str, ...], bool]:
+    """Return headers, those asked for before those found, and whether anybody wrote them.
+
+    Raises:
+        WorkbenchError: If not every column is asked for.
+    """
+    if asked and len(asked) != width:
+        raise WorkbenchError(
+            f"columns names {len(asked)} columns but {source} has {width}; name them all"
+        )
+    told = asked or found
+    return told or tuple(f"column_{k + 1}" for k in range(width)), bool(told)
+
+
 class Thinner:
     """A store of rows that never holds more than ``max_rows``.
 
@@ -118,6 +135,16 @@ class Thinner:
             self._kept = [average_rows(np.concatenate(self._kept), 2)]
             self._size = len(self._kept[0])
             self.factor *= 2
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Say how many rows were averaged, if any."""
+        if self.factor == 1:
+            return ()
+        return (
+            f"{self.total} rows were averaged in groups of {self.factor}, all columns alike, to"
+            f" keep at most {self.max_rows}",
+        )
 
     def rows(self) -> Vector:
         """Return what is kept, shape (at most max_rows, columns); an incomplete group is left out.

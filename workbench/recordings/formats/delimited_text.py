@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import WorkbenchError
-from workbench.recordings.columns import Columns, Thinner
+from workbench.recordings.columns import Columns, Thinner, titles
 from workbench.recordings.formats.format import Format, ReadOptions
 from workbench.recordings.formats.long_table import Long, long_table, widened
 from workbench.recordings.headers import read_unit
@@ -420,18 +420,6 @@ def _slow(lines: Sequence[str], layout: Layout, tally: _Tally) -> npt.NDArray[np
     return np.array(rows, dtype=float).reshape(-1, layout.width)
 
 
-def _headers(layout: Layout, names: Sequence[str], source: str) -> tuple[tuple[str, ...], bool]:
-    if names:
-        if len(names) != layout.width:
-            raise WorkbenchError(
-                f"columns names {len(names)} columns but {source} has {layout.width}; name them all"
-            )
-        return tuple(names), True
-    if layout.headers:
-        return layout.headers, True
-    return tuple(f"column_{k + 1}" for k in range(layout.width)), False
-
-
 def read_text(path: Path, options: ReadOptions) -> Columns:
     """Read a table of numbers from a text file.
 
@@ -492,7 +480,7 @@ def _read_rows(
     options: ReadOptions,
     cut: list[str],
 ) -> Columns:
-    headers, named = _headers(layout, options.columns, file.name)
+    headers, named = titles(layout.headers, layout.width, options.columns, file.name)
     stamps = [instant(cell) for cell in split_line(first[layout.first], layout.separator)]
     stamps = stamps[: layout.width]
     units = tuple(
@@ -567,12 +555,7 @@ def _notes(
         notes.append(f"{timeless} row(s) without a time left out")
     if tally.infinite:
         notes.append(f"{tally.infinite} cell(s) too large for a number count as missing")
-    if thinner.factor > 1:
-        notes.append(
-            f"{thinner.total} rows were averaged in groups of {thinner.factor}, all columns alike, "
-            f"to keep at most {thinner.max_rows}"
-        )
-    return notes + cut
+    return [*notes, *thinner.notes, *cut]
 
 
 def _lift_scalars(found: Columns, unreadable: Mapping[int, tuple[int, str]]) -> Columns:

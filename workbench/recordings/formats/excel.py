@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from workbench.errors import WorkbenchError
 from workbench.recordings.columns import Columns
 from workbench.recordings.formats.delimited_text import read_cells
 from workbench.recordings.formats.format import Format, ReadOptions
+from workbench.recordings.formats.variables import unreadable
 
 
 def _cell(value: Any) -> str:
@@ -30,10 +30,7 @@ def read_excel(path: Path, options: ReadOptions) -> Columns:
         sheets = [[[_cell(v) for v in row] for row in s.values] for s in book.worksheets]
         titles = [s.title for s in book.worksheets]
     except Exception as error:  # noqa: BLE001
-        raise WorkbenchError(
-            f"{path.name} is truncated or no Excel workbook ({str(error)[:120]}); save it again, or"
-            " as CSV"
-        ) from None
+        raise unreadable(path, error, "an Excel workbook") from None
     rows = max(sheets, key=len, default=[])
     found = read_cells(path, rows, options)
     if len(sheets) > 1:

@@ -13,7 +13,7 @@ from workbench.errors import WorkbenchError
 from workbench.recordings.columns import Columns
 from workbench.recordings.formats.delimited_text import NEVER, instant, is_number, read_cells
 from workbench.recordings.formats.format import Format, ReadOptions
-from workbench.recordings.formats.variables import flatten
+from workbench.recordings.formats.variables import flatten, unreadable
 
 _MAX_BYTES = 500_000_000
 
@@ -37,9 +37,7 @@ def _load(file: Path) -> Any:
                 return [json.loads(line) for line in lines]
             except (json.JSONDecodeError, RecursionError, ValueError):
                 pass
-        raise WorkbenchError(
-            f"{file.name} is truncated or not JSON ({str(error)[:80]}); save or copy it again"
-        ) from None
+        raise unreadable(file, error, "JSON") from None
 
 
 def _entries(content: Any) -> tuple[Sequence[Mapping[str, Any]], dict[str, Any]]:

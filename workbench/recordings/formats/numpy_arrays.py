@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import WorkbenchError
-from workbench.recordings.columns import Columns
+from workbench.recordings.columns import Columns, titles
 from workbench.recordings.formats.format import Format, ReadOptions
 from workbench.recordings.formats.variables import columns_of_variables, in_seconds
 
@@ -44,18 +44,12 @@ def read_numpy(path: Path, options: ReadOptions) -> Columns:
                 " recording is a table of numbers, one row per sample"
             )
         table = content if len(content) >= content.shape[1] else content.T
-        width = table.shape[1]
-        if options.columns and len(options.columns) != width:
-            raise WorkbenchError(
-                f"columns names {len(options.columns)} columns but {path.name} has {width}; name"
-                " them all"
-            )
-        headers = options.columns or tuple(f"column_{k + 1}" for k in range(width))
+        headers, named = titles((), table.shape[1], options.columns, path.name)
         values = np.where(np.isfinite(table), table, np.nan).astype(float)
-        return Columns(headers, ("",) * width, values, bool(options.columns))
-    named = _fields(content) if isinstance(content, np.ndarray) else content
+        return Columns(headers, ("",) * len(headers), values, named)
+    arrays = _fields(content) if isinstance(content, np.ndarray) else content
     variables: dict[str, Any] = {}
-    for name, value in named.items():
+    for name, value in arrays.items():
         if value.dtype.names:
             variables[name] = dict(in_seconds(*pair) for pair in _fields(value).items())
         else:

@@ -11,6 +11,7 @@ import numpy as np
 from workbench.errors import WorkbenchError
 from workbench.recordings.columns import Columns, Thinner
 from workbench.recordings.formats.format import Format, ReadOptions
+from workbench.recordings.formats.variables import unreadable
 from workbench.recordings.recording import Scalar
 
 
@@ -46,20 +47,14 @@ def read_parquet(path: Path, options: ReadOptions) -> Columns:
         metadata = _metadata(schema)
     # pyarrow raises OSError, its own errors or ValueError on damaged files.
     except (OSError, ValueError, pa.ArrowException) as error:
-        reason = " ".join(str(error).split())[:120]
-        raise WorkbenchError(
-            f"{path.name} is truncated or not a Parquet file ({reason}); save or copy it again"
-        ) from None
+        raise unreadable(path, error, "a Parquet file") from None
     values = thinner.rows()
     if not (names or stamps or spans) or len(values) == 0:
         raise WorkbenchError(f"{path.name} holds no columns of numbers")
     values[~np.isfinite(values)] = np.nan
     left = [f.name for f in schema if f.name not in names + stamps + spans]
     notes = [f"left out, not columns of numbers: {', '.join(left)}"] if left else []
-    if thinner.factor > 1:
-        notes.append(
-            f"{thinner.total} rows were averaged in groups of {thinner.factor}, all columns alike"
-        )
+    notes += thinner.notes
     headers = (*names, *(f"{n} [s]" for n in stamps + spans))
     return Columns(headers, ("",) * len(headers), values, True, metadata, tuple(notes))
 
