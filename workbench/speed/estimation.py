@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.filter import Steps
 from workbench.diagnosis.estimation.made_up import made_up, made_up_axis, pushes
 from workbench.diagnosis.estimation.prediction_error import (
     Observed,
@@ -196,23 +195,17 @@ def _off(curve: Vector, truth: Vector) -> float:
     return float(np.sqrt(np.mean((curve - truth) ** 2) / np.mean(truth**2)))
 
 
-def arm_recording(model: Model, samples: int) -> Observed:
-    """Return made-up pulses of the arm at 500 Hz, on which a filter is timed."""
-    t = 0.002 * np.arange(samples)
-    return made_up(model, 5.0 + 0.9 * np.where((t % 4.0) < 2.0, 1.0, -1.0), sample_time=0.002)
+def filter_times(model: Model, free: int = 8) -> tuple[float, dict[str, float]]:
+    """Time a sample of the filter, in s, and its parts: equations and the rest.
 
-
-def filter_of(model: Model, free: int) -> tuple[PredictionError, Observed, Steps]:
-    """Return the filter of the arm with some free parameters, a recording, and its steps."""
-    seen = arm_recording(model, 5000)
+    Along made-up pulses at 500 Hz, with some free parameters.
+    """
+    t = 0.002 * np.arange(5000)
+    pulses = 5.0 + 0.9 * np.where((t % 4.0) < 2.0, 1.0, -1.0)
+    seen = made_up(model, pulses, sample_time=0.002)
     names = tuple(p.name for p in default_priors(model))[:free]
     runs = PredictionError(model, seen, names, disturbances(model, 0.1))
-    return runs, seen, steps_along(model, seen)
-
-
-def filter_times(model: Model, free: int = 8) -> tuple[float, dict[str, float]]:
-    """Time a sample of the filter, in s, and its parts: equations and the rest."""
-    runs, seen, steps = filter_of(model, free)
+    steps = steps_along(model, seen)
     runs.run(seen, model.values)
     whole = min(timed(lambda: runs.run(seen, model.values), per=len(seen.outputs)).seconds)
     equations: Equations = runs._filter(0)._equations  # noqa: SLF001

@@ -185,19 +185,11 @@ def demonstration(place: Path) -> Figure:
     return Figure("demonstration, nothing built", ran.wall, "s", 60, False, ran.words(60))
 
 
-def study_file(place: Path, *, draws: int) -> Path:
-    """Write a study of three controllers at five angles on drawn plants."""
-    text = template("workbench.speed", "draws.toml").render(
-        angles=(10, 20, 30, 40, 50), draws=draws
-    )
-    path = place / f"draws-{draws}.toml"
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
 def draws(place: Path) -> Figure:
     """Measure 3 controllers x 5 angles x 20 draws."""
-    file, out = study_file(place, draws=20), place / "draws"
+    text = template("workbench.speed", "draws.toml").render(angles=(10, 20, 30, 40, 50), draws=20)
+    file, out = place / "draws.toml", place / "draws"
+    file.write_text(text, encoding="utf-8")
     words = ["-m", "workbench", "compare", str(file), "--out", str(out), "--jobs", "2"]
     ran = run(words)
     work: Mapping[str, int] = json.loads((out / "results.json").read_text(encoding="utf-8"))["work"]
