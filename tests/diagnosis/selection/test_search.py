@@ -200,18 +200,20 @@ class _Found:
 
 
 @pytest.mark.parametrize(
-    ("whole", "share"),
+    ("windows", "whole", "share"),
     [
         # Within slack no filter knows where a window begins: all of the recording tells more.
-        (0.2, 0.97),
+        (0.9, 0.2, 0.97),
         # It drifts: what windows say stands.
-        (2.0, 0.19),
+        (0.9, 2.0, 0.19),
+        # What goes farther than without it is not excused by its uncertain starts.
+        (2.0, 2.0, 0.0),
     ],
 )
 def test_runs_over_windows_do_not_hide_that_all_of_a_recording_is_followed(
-    monkeypatch: pytest.MonkeyPatch, whole: float, share: float
+    monkeypatch: pytest.MonkeyPatch, windows: float, whole: float, share: float
 ) -> None:
-    over_windows = {"refitted": 1.0, "extended": 0.9}
+    over_windows = {"refitted": 1.0, "extended": windows}
     over_all = {"refitted": 1.2, "extended": whole}
 
     def runs(errors: dict[str, float]) -> Any:
@@ -219,7 +221,8 @@ def test_runs_over_windows_do_not_hide_that_all_of_a_recording_is_followed(
 
     monkeypatch.setattr(withdrawal, "judged_run", runs(over_windows))
     monkeypatch.setattr(withdrawal, "settled_run", runs(over_all))
-    monkeypatch.setattr(withdrawal, "start_floors", lambda *_: {})
+    floors = {"refitted": {"y": 0.1}, "extended": {"y": 3.0 if windows > 1.0 else 0.1}}
+    monkeypatch.setattr(withdrawal, "start_floors", lambda *_: floors)
     seen = SimpleNamespace(
         name="a", used=("y",), all_noise_rms=np.array([0.1]), drifts=True, diverges=False
     )

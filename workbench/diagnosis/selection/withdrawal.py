@@ -82,7 +82,8 @@ def run_freely(task: Task, state: Selected) -> tuple[Selected, float]:
         }
         errors = held_out_errors(runs, task.judging)
         share = explained(errors)
-        if share < LEAST_EXPLAINED.value:
+        closer = any(errors["extended"][q] < off for q, off in errors["refitted"].items())
+        if share < LEAST_EXPLAINED.value and closer:
             # What seems too little may be what the starts of the runs hide.
             share = explained(errors, start_floors(fits, task.nominal, task.judging))
         if share < LEAST_EXPLAINED.value:
