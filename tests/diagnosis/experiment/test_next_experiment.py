@@ -115,6 +115,12 @@ def test_what_goes_to_one_side_of_its_rest_stays_there() -> None:
     signals = Signal("push", push, "N", role="command"), Signal("speed", speed, "rad/s")
     found = menu(plant, [observe(plant, Recording("a", time, signals))])
     played = [e for e in found if " of push " in e.text]
+    # Nor does a prediction leave what was recorded, where no sensor or state declares a range.
+    room = 0.05 * np.ptp(speed)
+    for e in found:
+        read = e.measurements(plant, [1.0])
+        assert read is not None
+        assert read.min() >= min(speed) - room and read.max() <= max(speed) + room
     assert {e.text.partition(" of push ")[2] for e in played} >= {"between 0 and 1.5 N, for 80 s"}
     assert all(e.inputs.min() >= 0.0 for e in played)
 

@@ -26,7 +26,9 @@ LONGEST = 10_000
 """Samples of an experiment, or those of the longest recording; twice those at the most."""
 
 _TOLERANCE = 1e-6
-_OUTSIDE = 0.25
+_OUTSIDE = 0.05
+"""Part of the recorded range by which a prediction may leave it: recordings end by chance."""
+
 _PULSE_SHARE = 0.7
 
 
@@ -82,7 +84,7 @@ def menu(model: Model, recordings: Sequence[Observed]) -> tuple[Experiment, ...]
 
     Amplitudes are half, once and twice those of the recorded inputs. Measurements stay within the
     validity of the state that they show or the range of their sensor; where neither is known,
-    within the recorded range and a quarter of it on either side. References use 80 % of that.
+    within the recorded range and a twentieth of it on either side. References use 80 % of that.
 
     Args:
         recordings: Recordings as `observe` returns them; their sample time is that of the menu.
