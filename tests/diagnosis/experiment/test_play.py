@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from dataclasses import dataclass, replace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -69,6 +70,7 @@ def test_a_recording_that_cannot_be_used_is_refused() -> None:
         (good.select(["position"]), "recorded no 'force', an input"),
         (good.select(["force"]), "recorded no output"),
         (good.take(slice(0, 50)), "recorded 50 samples of 200"),
+        (cast(Any, good["position"]), "returned a ndarray; return a Recording"),
     ):
         with pytest.raises(WorkbenchError, match=said):
             with_experiment(AXIS, EXPERIMENT, _Other(bad), (), ())

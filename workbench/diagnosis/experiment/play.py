@@ -84,7 +84,11 @@ def with_experiment(
     Raises:
         WorkbenchError: If the recording lacks an input, has no output or is too short.
     """
-    recording = machine.play(experiment)
+    recording: object = machine.play(experiment)
+    if not isinstance(recording, Recording):
+        raise WorkbenchError(
+            f"play of the machine returned a {type(recording).__name__}; return a Recording"
+        )
     lacking = [q.name for q in model.inputs if q.name not in recording]
     if lacking:
         raise WorkbenchError(
