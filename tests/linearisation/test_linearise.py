@@ -260,3 +260,23 @@ def test_play_and_overlap_are_led_through_and_no_end_of_the_model() -> None:
     assert 0.9 < overlap < 1.0
     # A smooth one has no slope at rest either: 3 / 4 of the cube of its amplitude.
     assert valve(lambda u: u**3) == pytest.approx(0.75)
+
+
+def test_a_belt_that_sticks_at_rest_is_linearised_where_it_moves() -> None:
+    def belt(bend: Any) -> float:
+        made = Model(
+            "belt",
+            lambda m: (
+                {"speed": (m.u.force - 40.0 * m.x.speed - bend(m)) / 200.0},
+                {"y": m.x.speed},
+            ),
+            states=(State("speed", "m/s"),),
+            inputs=(Input("force", "N", lower=-800.0, upper=800.0),),
+            outputs=(Output("y", "m/s"),),
+        )
+        return float(-200.0 * linearise(operating_point(made), verdict=False).A[0, 0])
+
+    # Friction of 120 N over some 10 m/s, not 120 N over 1 cm/s.
+    assert 40.0 < belt(lambda m: 120.0 * ca.tanh(m.x.speed / 0.01)) < 80.0
+    # What bends to one side is what it is where it rests.
+    assert belt(lambda m: 120.0 * (1.0 - ca.exp(-m.x.speed / 0.01))) == pytest.approx(12040.0)

@@ -145,6 +145,28 @@ def _dead_zones(
     return {q.name: widest[q.unit] for q in found}
 
 
+_STUCK = 10.0
+"""Slope of its own rate by a state, over that between its scale to both sides, from which on it
+sticks where it is, a ratio."""
+
+
+def _sticking(
+    model: Model, at: Derivatives, point: OperatingPoint, jacobian: Vector
+) -> dict[str, float]:
+    """Find states that stick where they are, as a shaft in a dry bearing, with their scales, in SI.
+
+    Friction that is nearly dry creeps at rest, and what it does to a motion is alike to both sides.
+    """
+    found = {}
+    for i, q in enumerate(model.states):
+        displaced = _displaced(at, point.x, point.u, model.values, i)
+        up, down = (displaced(by)[i] - displaced(0.0)[i] for by in (q.scale, -q.scale))
+        alike = abs(up + down) < 0.1 * abs(up - down)
+        if alike and jacobian[i, i] < 0.5 * _STUCK * (up - down) / q.scale < 0.0:
+            found[q.name] = q.scale
+    return found
+
+
 def _moved(slopes: Flags, n: int) -> Flags:
     """Tell which outputs any input moves, shape (n_y,), by which slopes are there.
 
@@ -225,7 +247,8 @@ def linearise(
     matrix = jacobian.copy()
     names = [q.name for q in model.states]
     if amplitude is None:
-        wanted = speeds(model, jacobian) | _dead_zones(model, at, point, jacobian)
+        wanted = speeds(model, jacobian) | _sticking(model, at, point, jacobian)
+        wanted |= _dead_zones(model, at, point, jacobian)
     else:
         wanted = check_amplitude(model, amplitude)
     both = [*model.states, *model.inputs]
