@@ -28,7 +28,7 @@ def report(
     """Write the page of a study, and each of its pictures as PNG and SVG.
 
     Finished runs of the folder are used, missing ones are done. With --bode: Bode and Nyquist plots
-    and margins of the controllers at several angles, in a second or two.
+    and margins of the controllers at several operating points, without any run.
 
     Example: 'workbench report arm --bode --angle 20deg --angle 40deg --out margins'.
 

@@ -163,14 +163,15 @@ def map_picture(study: Study) -> list[Picture]:
         return []
     quantity = output_of(study, found.output)
     factor, unit = parse_unit(quantity.display_unit).factor, written(quantity.display_unit)
-    driven = study.plant.build().inputs[0].display_unit
-    gain_unit = written(per(quantity.display_unit, driven))
+    driven = study.plant.build().inputs[0]
+    size = parse_unit(driven.display_unit).factor / factor
+    gain_unit = written(per(quantity.display_unit, driven.display_unit))
     points = [v for point in study.points for n, v in point if n == found.output]
     figure, panels = new_figure([1.15, 1.15, 1.15])
     for axes, curve, title in (
         (panels[0], found.frequency_hz, "frequency in Hz"),
         (panels[1], found.damping, "damping ratio"),
-        (panels[2], found.gain * parse_unit(driven).factor / factor, f"gain in {gain_unit}"),
+        (panels[2], found.gain * size, f"gain in {gain_unit}"),
     ):
         # Points, for a line would make a slope of every jump at a corner of a law.
         axes.plot(shown(found.values, quantity), curve, "o", color=SIMULATED.light, markersize=3.5)
@@ -184,8 +185,8 @@ def map_picture(study: Study) -> list[Picture]:
     name = found.output.replace("_", " ")
     caption = (
         f"The plant alone over its {name}: frequency and damping of its oscillation, and the gain "
-        f"from the command to the {name} at {found.gain_hz:g} Hz, with jumps where a law of the "
-        "plant has a corner. Dotted: the operating points."
+        f"from {driven.name.replace('_', ' ')} to {name} at {found.gain_hz:g} Hz, with jumps where"
+        " a law of the plant has a corner. Dotted: the operating points."
     )
     return [Picture("plant-map", figure, caption, f"frequency, damping and gain over the {name}")]
 
