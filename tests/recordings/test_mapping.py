@@ -234,6 +234,8 @@ def test_what_to_write_into_a_mapping_file_is_what_such_a_file_may_hold(
 def test_missing_column_is_named_with_what_there_is(trial: Path) -> None:
     with pytest.raises(WorkbenchError, match=r"no column for signal 'force' \(N\).*q1_deg"):
         read_recording(trial, signals={"force": "N"})
+    with pytest.raises(WorkbenchError, match=r"no column for signal 'opening'; the file has"):
+        read_recording(trial, signals={"opening": "1"})
 
 
 def test_wrong_unit_is_named(tmp_path: Path) -> None:

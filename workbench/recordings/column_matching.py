@@ -337,7 +337,7 @@ def match_requested(
     for signal in requested:
         if signal.name not in found and not signal.optional:
             has = ", ".join(h.column for h in headers) or "none"
-            unit = f" ({signal.unit})" if signal.unit else ""
+            unit = f" ({signal.unit})" if signal.unit not in ("", "1") else ""
             raise WorkbenchError(
                 f"no column for signal {signal.name!r}{unit}; the file has: {has[:400]}; give "
                 f'the column that name, or name it in a mapping file: signals.{signal.name} = "..."'
