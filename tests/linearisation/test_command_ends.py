@@ -36,13 +36,18 @@ def test_a_command_ends_where_the_equations_no_longer_answer() -> None:
         ),
         outputs=(Output("level", "1"),),
     )
-    known = linearise(operating_point(tank), verdict=False).operating_point.model
+    linear = linearise(operating_point(tank), verdict=False)
+    known = linear.operating_point.model
     ends = {q.name: (q.lower, q.upper) for q in known.inputs}
     assert ends["valve"] == pytest.approx((0.0, 1.0), abs=1e-9)
     # The ends of a clipped error move with what it is the error of; what is linear has none.
     assert ends["goal"] == ends["leak"] == ends["root"] == (-math.inf, math.inf)
     # What bends ends where a twentieth of its slope is left.
     assert ends["soft"] == pytest.approx((-6.53, 6.53), abs=0.01)
+    # All of it is no more than what a straight line does with 2.92.
+    assert linear.ends is not None
+    assert linear.ends[:, 3] == pytest.approx(np.array([[-2.92, 0.0], [2.92, 0.0]]), abs=0.01)
+    assert np.isinf(linear.ends[:, [0, 1, 2, 4], 0][:, [0, 2, 3]]).all()
     assert all(math.isinf(q.upper) for q in tank.inputs)
 
 

@@ -19,6 +19,9 @@ SOME = (0.1, 1e-3, 1e-5)
 """Parts of its scale by which a state is moved to see whether an end moves with it; the first that
 leaves the command between its ends."""
 
+BENT = 0.9
+"""Answer to all of a command, over that by the slope at rest, below which a curve bends."""
+
 STILL = 1e-6
 """Within this of where it was at rest, an end has not moved with a state, a ratio."""
 
@@ -44,22 +47,41 @@ def with_command_ends(
     moving[0, :, 0], moving[1, :, 0] = -math.inf, math.inf
     for k, q in enumerate(model.inputs):
         for side, (name, sign) in enumerate((("lower", -1.0), ("upper", 1.0))):
-            own = float(point.u[k])
-            room = abs(getattr(q, name) - own)
-            end = _end(point, at, k, sign * (q.scale or 1.0)) if q.commanded else None
-            if end is None or abs(end[0]) >= room:
+            if not q.commanded:
                 continue
-            if np.any(end[1:]):
-                moving[side, k] = end
-            else:
-                changed: dict[str, Any] = {name: own + float(end[0])}
+            own = float(point.u[k])
+            room = getattr(q, name) - own
+            end = _end(point, at, k, sign * (q.scale or 1.0))
+            if end is not None and abs(end[0]) < abs(room):
+                room = float(end[0])
+                if np.any(end[1:]):
+                    moving[side, k] = end
+                    continue
+                changed: dict[str, Any] = {name: own + room}
                 found[k] = replace(found[k], **changed)
+            if room and math.isfinite(room):
+                moving[side, k, 0] = _straight(point, at, k, room)
     ends = moving if np.isfinite(moving[..., 0]).any() else None
     if found == list(model.inputs):
         return model, ends
     ended = copy.copy(model)
     object.__setattr__(ended, "inputs", tuple(found))
     return ended, ends
+
+
+def _straight(
+    point: OperatingPoint, at: Callable[..., tuple[Vector, Vector]], k: int, end: float
+) -> float:
+    """Return the change of an input, in SI, that does as much by the slopes at the point.
+
+    Infinite where what the equations answer to it hardly bends.
+    """
+    values, slopes = at(point.x, point.u, point.model.values)
+    moved = at(point.x, point.u + end * np.eye(len(point.u))[k], point.model.values)[0] - values
+    slope = slopes[:, len(point.x) + k]
+    shares = moved[slope != 0.0] / (end * slope[slope != 0.0])
+    least = float(np.min(shares, initial=1.0))
+    return end * least if 0.0 < least < BENT else math.copysign(math.inf, end)
 
 
 def _end(

@@ -58,7 +58,8 @@ class LinearModel(Drawn):
             true equilibrium.
         ends: Ends of the inputs that move with states, as of an inner loop that is clipped, shape
             (2, n_inputs, 1 + n_states): lower and upper, at the point as deviations from ``u0``,
-            infinite for none, and their slopes by states, in SI; none by default.
+            infinite for none, and their slopes by states, in SI; none by default. An input whose
+            curve bends to its end has one where a straight line would do as much.
         inverse: For an input that is not the plant's own: turns it into the plant's, in SI;
             a controller that thinks in the model's input sends its command through it.
         verdict: How far the model may be trusted (`workbench.linearisation.validity.Validity`), or
