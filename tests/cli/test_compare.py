@@ -45,6 +45,8 @@ def test_a_worse_controller_is_red_and_says_why_then_an_improved_one_is_blessed(
     if worst["value"] is not None:
         assert f"{100 * (worst['value'] / 0.6 - 1):.3g} % over the limit of 0.6 s" in first
     assert "### Worse than the baseline" in summary and "small FAILED" in said
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert f"workbench bless {out} --baseline {baseline}" in page
     root = ET.parse(out / "junit.xml").getroot()
     failures = root.findall(".//failure")
     assert len(failures) == int(root.get("failures", "0")) >= 3

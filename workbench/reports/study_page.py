@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import shlex
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -40,8 +41,8 @@ _FIRST = 3
 """Metrics of each output on the first screen where nothing is required."""
 
 
-def study_page(outcome: StudyResult, *, command: str = "") -> Page:
-    """Build the page of a study."""
+def study_page(outcome: StudyResult, *, command: str = "", folder: str = "DIR") -> Page:
+    """Build the page of a study whose results stand in a folder."""
     study = outcome.study
     own, failed = _own_figures(outcome)
     figures = [*figures_of("study"), *(f for f in own if f.takes == "study")]
@@ -50,7 +51,7 @@ def study_page(outcome: StudyResult, *, command: str = "") -> Page:
     first, scenarios = _first(outcome, each)
     parts = [
         _verdict(outcome),
-        *([_baseline(outcome)] if outcome.baseline is not None else []),
+        *([_baseline(outcome, folder)] if outcome.baseline is not None else []),
         *scenarios,
         *(section for _, found in drawn for section in found),
         *failed,
@@ -188,7 +189,7 @@ def _list(title: str, found: Sequence[Judgement]) -> Table:
     return Table(title, head, tuple(rows), note)
 
 
-def _baseline(outcome: StudyResult) -> Section:
+def _baseline(outcome: StudyResult, folder: str) -> Section:
     assert outcome.baseline is not None
     blocks = _conditions(outcome)
     if not outcome.changes:
@@ -215,7 +216,8 @@ def _baseline(outcome: StudyResult) -> Section:
     note = f"The first {most} of {len(found)}; results.json has all." if len(found) > most else ""
     head = ("controller", "scenario", "metric", "plant that changed most", "baseline → now", "way")
     table = Table("Differences beyond their tolerance", head, tuple(rows), note)
-    command = Commands((f"workbench bless DIR --baseline {outcome.baseline.path.name}",))
+    accept = ["workbench", "bless", folder, "--baseline", str(outcome.baseline.path)]
+    command = Commands((shlex.join(accept),))
     words = Words("If the changes are intended, this command shows and accepts them.")
     return Section("baseline", "Against the baseline", (table, *blocks, words, command))
 
@@ -459,7 +461,7 @@ def write_study_files(
         "results.json": json_text(outcome.table()),
         "summary.md": summary(outcome),
         "junit.xml": junit(outcome),
-        "report.html": html(study_page(outcome, command=command)),
+        "report.html": html(study_page(outcome, command=command, folder=str(place))),
     }
     # All are made before the first is written: a mistake in one leaves the earlier results.
     return tuple(write_whole(place / name, text) for name, text in texts.items())
