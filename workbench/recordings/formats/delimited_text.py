@@ -265,9 +265,8 @@ def _units(cells: Sequence[str]) -> tuple[str, ...]:
     texts = tuple(c.strip("[]() ") for c in cells)
     known = [bool(t) and read_unit(t)[0] is not None for t in texts]
     numbers = [is_number(t) for t in texts]
-    if not any(known) or not (
-        any(numbers) or all(k for k, t in zip(known, texts, strict=True) if t)
-    ):
+    whole = all(k for k, t in zip(known, texts, strict=True) if t)
+    if not any(known) or not (any(numbers) or whole):
         return ()
     return tuple(t if k or n else "" for t, k, n in zip(texts, known, numbers, strict=True))
 
@@ -429,6 +428,14 @@ def read_text(path: Path, options: ReadOptions) -> Columns:
     """
     cut: list[str] = []
     return _read_lines(path, line_blocks(path, cut), options, cut)
+
+
+def cell_text(value: Any) -> str:
+    """Return what a cell of another kind of file holds, as text."""
+    if value is None:
+        return ""
+    value = int(value) if isinstance(value, bool) else value
+    return " ".join(str(value.isoformat() if hasattr(value, "isoformat") else value).split())
 
 
 def read_cells(path: Path, rows: Iterable[Sequence[str]], options: ReadOptions) -> Columns:

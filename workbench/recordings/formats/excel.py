@@ -4,20 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from workbench.recordings.columns import Columns
-from workbench.recordings.formats.delimited_text import read_cells
+from workbench.recordings.formats.delimited_text import cell_text, read_cells
 from workbench.recordings.formats.format import Format, ReadOptions
 from workbench.recordings.formats.variables import unreadable
-
-
-def _cell(value: Any) -> str:
-    if value is None:
-        return ""
-    if hasattr(value, "isoformat"):
-        return str(value.isoformat())
-    return " ".join(str(value).split())
 
 
 def read_excel(path: Path, options: ReadOptions) -> Columns:
@@ -27,7 +18,7 @@ def read_excel(path: Path, options: ReadOptions) -> Columns:
     # A damaged archive leads its reader anywhere, so nothing narrower is safe.
     try:
         book = openpyxl.load_workbook(path, read_only=True, data_only=True)
-        sheets = [[[_cell(v) for v in row] for row in s.values] for s in book.worksheets]
+        sheets = [[[cell_text(v) for v in row] for row in s.values] for s in book.worksheets]
         titles = [s.title for s in book.worksheets]
     except Exception as error:  # noqa: BLE001
         raise unreadable(path, error, "an Excel workbook") from None

@@ -11,7 +11,13 @@ from typing import Any
 
 from workbench.errors import WorkbenchError
 from workbench.recordings.columns import Columns
-from workbench.recordings.formats.delimited_text import NEVER, instant, is_number, read_cells
+from workbench.recordings.formats.delimited_text import (
+    NEVER,
+    cell_text,
+    instant,
+    is_number,
+    read_cells,
+)
 from workbench.recordings.formats.format import Format, ReadOptions
 from workbench.recordings.formats.variables import flatten, unreadable
 
@@ -64,12 +70,6 @@ def _entries(content: Any) -> tuple[Sequence[Mapping[str, Any]], dict[str, Any]]
     return [], {}
 
 
-def _cell(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(int(value))
-    return "" if value is None else " ".join(str(value).split())
-
-
 def read_json(path: Path, options: ReadOptions) -> Columns:
     """Read a list of entries with the same keys, one list per key, or one entry per line.
 
@@ -87,7 +87,7 @@ def read_json(path: Path, options: ReadOptions) -> Columns:
         for key, value in entry.items():
             flatten(str(key), value, row)
     keys = list(dict.fromkeys(key for row in rows for key in row))[:1000]
-    cells = {key: [_cell(row.get(key)) for row in rows] for key in keys}
+    cells = {key: [cell_text(row.get(key)) for row in rows] for key in keys}
     kept = {k: v for k, v in cells.items() if any(is_number(c) or instant(c) != NEVER for c in v)}
     if not kept:
         raise WorkbenchError(f"the entries of {path.name} hold no numbers")
