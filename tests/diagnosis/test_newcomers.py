@@ -572,6 +572,50 @@ def test_one_side_of_a_command_is_weaker_before_an_actuator_that_saturates(
     assert verdict.fit["extended"]["speed"] < 1.1 * verdict.fit["noise_floor"]["speed"]
 
 
+def test_a_control_valve_that_sticks_is_told_with_its_band(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    only(monkeypatch, "command_stiction", "backlash", "dead_band", "sensor_lag", "sensor_gain")
+
+    def equations(m: Scope) -> Equations:
+        out = m.p.outflow * ca.sqrt(ca.fmax(m.x.level, 1e-6))
+        return {"level": 2.0 * (m.p.inflow * m.u.valve - out)}, {"level": m.x.level}
+
+    tank = Model(
+        "tank",
+        equations,
+        states=(State("level", "m"),),
+        inputs=(Input("valve", "1", lower=0.0, upper=1.0),),
+        outputs=(Output("level", "m", noise_rms=0.002),),
+        parameters=(
+            Parameter("inflow", "m3/s", 0.01, value=0.011, lower=3e-3, upper=0.05, fitted=True),
+            Parameter("outflow", "m2.5/s", 5e-3, value=6e-3, lower=1e-3, upper=0.03, fitted=True),
+        ),
+    )
+
+    def run(seed: int) -> Recording:
+        rng, level, stuck, seen = np.random.default_rng(seed), 0.5, 0.45, np.empty(700)
+        at = np.arange(700)
+        valve = 0.5 + 0.3 * levels(700, seed, 0.5, 60, 160)
+        valve += 0.05 * np.sin(at / 15.0) + 0.03 * np.sin(at / 7.0)
+        for k, told in enumerate(valve):
+            seen[k] = level
+            stuck = told if abs(told - stuck) >= 0.03 else stuck
+            for _ in range(4):
+                level += 0.5 * 2.0 * (0.0105 * stuck - 0.0058 * math.sqrt(max(level, 0.0)))
+        seen += 0.002 * rng.normal(size=700)
+        signals = Signal("valve", valve, "1", role="command"), Signal("level", seen, "m")
+        return Recording(f"run {seed}", 2.0 * at, signals)
+
+    verdict = diagnose(tank, [run(0), run(1)], [run(2)], jobs=1, advise=False).verdict
+    assert verdict is not None
+    (finding,) = verdict.findings
+    assert finding.effect == "command_stiction_valve_command" and finding.belief == "sure"
+    assert "band 0.03" in finding.sentence
+    # One jump missed or made in a held-out run of 1,400 s is 3 mm.
+    assert verdict.fit["extended"]["level"] < 2.0 * verdict.fit["noise_floor"]["level"]
+
+
 def test_what_flows_in_a_pipe_is_slowed_as_a_body_is(monkeypatch: pytest.MonkeyPatch) -> None:
     only(monkeypatch, "quadratic_drag", "offset", "gain", "sensor_offset")
     runs = [pumped(seed, turbulent=1.3e8) for seed in (1, 2)]

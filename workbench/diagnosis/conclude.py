@@ -298,6 +298,14 @@ def _by_recording(model: Model, effect: Effect) -> str:
     return f"; {subject or 'it'} {begins or 'is '}{', '.join(told)}"
 
 
+def _beside(model: Model, effect: Effect) -> str:
+    """Say the value that is told beside the size; empty if there is none."""
+    if not effect.about.tells:
+        return ""
+    q = model.parameter(f"{effect.name}.{effect.about.tells}")
+    return f", {effect.about.tells} {model.size_text(q.value, q.unit, effect.ports, 3)}"
+
+
 def _along(model: Model, effect: Effect) -> str:
     """Say what a parameter is along the signal that it changes with; empty if it does not."""
     found = along_curve(model, effect)
@@ -368,6 +376,7 @@ def _finding(
             f", {name} {value:.3g} +- {std:.2g} {unit}".removesuffix(" 1")
             for name, (value, std, unit) in ((name, v.read) for name, v in told.items())
         )
+        + _beside(diagnosis.extended.model, entry.effect)
         + _by_recording(diagnosis.extended.model, entry.effect)
         + _along(diagnosis.extended.model, entry.effect)
         + (f"; cannot be told from {', '.join(alike[1:])}" if len(alike) > 1 else "")

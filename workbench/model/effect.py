@@ -27,6 +27,8 @@ class About:
         begins: Name of the own state that begins otherwise in each recording; empty if there is
             none.
         level: Whether that state stays as it begins, as what is changed between recordings does.
+        tells: Name of the own parameter that is told beside the size though no refit changes it;
+            empty if there is none.
     """
 
     equation: str = ""
@@ -38,6 +40,7 @@ class About:
     period: str = ""
     begins: str = ""
     level: bool = False
+    tells: str = ""
 
 
 @dataclass(frozen=True)

@@ -235,6 +235,7 @@ class Law:
         period: Name of the parameter with which that event repeats, in s.
         begins: Name of the state that begins otherwise in each recording.
         level: Whether that state stays as it begins.
+        tells: Name of the parameter that is told beside the size though no refit changes it.
         downhill: Whether it acts at the first of its ports, the others only take what it gives off.
         same_as: Names of hypotheses that give the very same measurements, of a model and the
             place where the law acts.
@@ -273,6 +274,7 @@ class Law:
     period: str = ""
     begins: str = ""
     level: bool = False
+    tells: str = ""
     downhill: bool = False
     same_as: Callable[[Survey, Place], tuple[str, ...]] = lambda *_: ()
     family: str = ""
@@ -490,6 +492,7 @@ class Law:
                 self.period,
                 self.begins,
                 self.level,
+                self.tells,
             ),
             dry=self.dry,
         )

@@ -10,7 +10,17 @@ from workbench.model import EffectView, Names, PortView, State
 from workbench.model.regularisation import Expression, maximum
 from workbench.model.units import same_dimension
 from workbench.physics.hysteresis import elastoplastic_rate
-from workbench.physics.law import Law, Own, by_port, each, floor, sensors, shape, size
+from workbench.physics.law import (
+    Law,
+    Own,
+    by_port,
+    each,
+    floor,
+    sensors,
+    shape,
+    size,
+    together,
+)
 from workbench.physics.offset_gain import sensor_error
 from workbench.physics.place import COORDINATES, EFFORTS, Place
 
@@ -112,6 +122,62 @@ backlash = replace(
     look_alikes=("dead_band", "delay"),
     separated_by="slow triangles of several amplitudes: play has a loop, a dead band none",
 )
+
+_BANDS = (0.02, 0.05, 0.01, 0.1, 0.005, 0.2, 0.002)
+"""Bands in which something may stick, over the scale of what is told to it."""
+
+_AT_ONCE, _ARRIVED, _BEGUN = 0.05, 0.001, 0.02
+"""Time of a jump over the sampling interval, how near to its end it is over, over the band, and
+from which part of its speed on it goes on by itself."""
+
+
+def _goes(at: PortView) -> Expression:
+    """Return 1 from where something that sticks lets go until it has arrived, 0 otherwise."""
+    away = _magnitude(at.value - at.x.stuck) / at.p.band
+    goes_on = ca.logic_and(at.x.moving > _BEGUN, away > _ARRIVED)
+    return ca.if_else(ca.logic_or(away > 1.0, goes_on), 1.0, 0.0)
+
+
+def _stuck(at: PortView) -> Expression:
+    # What goes is there at once: the state that remembers where it is needs some of the interval.
+    return at.value - at.p.share * (1.0 - _goes(at)) * (at.value - at.x.stuck)
+
+
+def _jumps(view: EffectView) -> dict[str, Expression]:
+    at, time = replace(view.here, x=view.x), _AT_ONCE * view.p.interval
+    return {
+        "stuck": at.x.moving * (at.value - at.x.stuck) / time,
+        "moving": (_goes(at) - at.x.moving) / time,
+    }
+
+
+# The packing of a control valve, a slide that is seldom moved: it stays, and then goes all the way.
+command_stiction = Law(
+    "command_stiction",
+    "y = u - share (u - s), s stays until |u - s| > band, and then jumps to u",
+    together(each("valve_command"), each("command", "voltage", "circuit", label=by_port)),
+    lambda at: (
+        size("share", "1", 0.5, 1.0, "part of the command that goes through what sticks"),
+        shape("band", at.unit, 0.02 * at.scale, "change of the command that moves it",
+              around=(0.02, 25.0), fitted=False),
+        shape("interval", "s", at.interval, "sampling interval, in which it jumps",
+              around=(1.0, 1.0), source="", fitted=False),
+    ),
+    _stuck,
+    states=lambda at: (
+        State("stuck", at.unit, 0.02 * at.scale, "where it is", start_rms=1e-8 * at.scale),
+        State("moving", "1", 0.1, "1 while it moves", start_rms=1e-8),
+    ),
+    rates=_jumps,
+    start=lambda e: {"stuck": e.here.value},
+    shapes=lambda at: [{"band": part * at.scale} for part in _BANDS],
+    tells="band",
+    dry=True,
+    stiff=True,
+    source="A. Stenman, F. Gustafsson and K. Forsman 2003; M. A. A. S. Choudhury et al. 2005",
+    look_alikes=("command_play", "backlash", "dead_band", "spool_hysteresis"),
+    separated_by="a slow ramp: what sticks answers in steps",
+)  # fmt: skip
 
 _PLAYS = 4
 """Play operators of a loop."""

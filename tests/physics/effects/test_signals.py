@@ -23,6 +23,7 @@ from workbench.physics.place import argument_of
 from workbench.physics.play import (
     command_hysteresis,
     command_play,
+    command_stiction,
     lost_motion,
     play,
     spool_hysteresis,
@@ -162,6 +163,22 @@ def test_play_of_a_held_command_follows_jumps_at_once_and_keeps_small_ones_back(
     np.testing.assert_allclose(settled, expected, atol=2e-3)
     just_after = y[at == 6][1]
     assert just_after == pytest.approx(1.9, abs=2e-3)
+
+
+def test_what_sticks_stays_and_then_goes_all_the_way_at_once() -> None:
+    known = {"share": 1.0, "band": 0.3, "interval": 0.1}
+    model = bench(command_stiction("valve.command", **known), "V")
+    steps = np.array([0.0, 0.2, 0.29, 0.31, 0.4, 0.02, -0.1, 0.19, 0.21])
+    # Stenman's recursion: s = u where |u - s| > band.
+    expected, place = [], 0.0
+    for u in steps:
+        place = u if abs(u - place) > 0.3 else place
+        expected.append(place)
+    times = np.arange(0.0, 0.1 * len(steps), 1e-3)
+    at = np.minimum((times / 0.1 + 1e-6).astype(int), len(steps) - 1)
+    y = run(model, lambda t: {"value": float(steps[min(int(t / 0.1), len(steps) - 1)])}, times)
+    for i in range(1, len(steps)):
+        np.testing.assert_allclose(y[at == i][[1, -1]], expected[i], atol=1e-3)
 
 
 def test_a_loop_of_a_held_command_remembers_its_turning_points() -> None:

@@ -98,6 +98,9 @@ how many: the usual size may be wrong by a hundred."""
 _FINE, _FINEST = 0.02, 8
 """Logarithm within which what was found in steps is searched between them, and in how many runs."""
 
+_SCANNED, _SCANS = 13, 3
+"""Values that are tried between steps where the cost jumps, ever closer, and how often."""
+
 _CRAWL = 0.25
 """Change of the logarithm of an event's width below which another one would follow at once."""
 
@@ -736,6 +739,16 @@ def _between(cost: Callable[[float], float], here: float, q: Parameter, enough: 
     return math.exp(found.x) if found.fun < costs[1] else here
 
 
+def _scanned(cost: Callable[[float], float], here: float, q: Parameter) -> float:
+    """Return the best value within a step of one, of a cost that jumps from value to value."""
+    reach = math.log(_STEP)
+    for _ in range(_SCANS):
+        points = here * np.exp(np.linspace(-reach, reach, _SCANNED))
+        here = min((float(np.clip(v, q.lower, q.upper)) for v in points), key=cost)
+        reach /= 0.5 * (_SCANNED - 1)
+    return here
+
+
 def tuned(
     entry: Hypothesis, fit: ProcessNoiseFit, fit_on: Sequence[Observed], enough: float = _NEARER
 ) -> Hypothesis:
@@ -773,7 +786,8 @@ def tuned(
             value = _stepped(of, here, q, least, _LEAP)
             if value != here:
                 value = _stepped(of, value, q, of(value))
-        value = _between(of, value, q, enough)
+        jagged = q.name == entry.effect.about.tells
+        value = _scanned(of, value, q) if jagged else _between(of, value, q, enough)
         # The width of an event that changes little waits for its time, which moves with it.
         crawls = q.unit in timed and abs(math.log(value / here)) < _CRAWL
         if of(value) < least and not crawls:

@@ -157,7 +157,7 @@ SINGLE = (
     "pressure_clipping", "pressure_drift", "pressure_jump", "edge_blocked",
     "viscous_asymmetry", "local_friction", "cubic_spring", "hysteresis_one", "load_jump",
     "force_fade", "coulomb_drift", "coulomb_jump", "torque_jump", "valve_jump", "supply_jump",
-    "leak_jump", "leak_crack", "angle_play", "end_pads",
+    "leak_jump", "leak_crack", "angle_play", "end_pads", "valve_stiction",
 )  # fmt: skip
 """Effects of the rig that the library has, by other laws in part."""
 
@@ -187,7 +187,7 @@ TRIPLES = (
 
 OUTSIDE = (
     "torque_noise", "pressure_torque", "supply_drift",
-    "coulomb_asymmetry", "hum", "supply_ripple", "valve_stiction", "command_hold",
+    "coulomb_asymmetry", "hum", "supply_ripple", "command_hold",
     "angle_eccentricity", "pressure_cross",
 )  # fmt: skip
 """Effects that the library does not have."""
