@@ -786,7 +786,8 @@ def tuned(
             value = _stepped(of, here, q, least, _LEAP)
             if value != here:
                 value = _stepped(of, value, q, of(value))
-        jagged = q.name == entry.effect.about.tells
+        # Only what is followed is worth so many runs.
+        jagged = q.name == entry.effect.about.tells and enough <= _NEARER
         value = _scanned(of, value, q) if jagged else _between(of, value, q, enough)
         # The width of an event that changes little waits for its time, which moves with it.
         crawls = q.unit in timed and abs(math.log(value / here)) < _CRAWL
