@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
 
+from workbench.diagnosis.estimation import start
 from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.made_up import made_up
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import default_priors
-from workbench.diagnosis.estimation.process_noise import perfect_cost
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, perfect_cost
 from workbench.diagnosis.estimation.start import (
     fit_with_likely_starts,
     fitted_start,
@@ -201,6 +203,31 @@ def test_a_reading_tells_no_more_of_a_start_than_is_known_of_the_parameters_betw
     )
     assert found.refit.estimate("stiffness").value == pytest.approx(k, rel=2e-3)
     assert found.noise_scale <= 0.03
+
+
+def test_parameters_that_went_astray_with_little_trust_are_refitted_from_their_priors(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    tanks = cascaded_tanks()
+    seen = made_up(tanks, 2.0 + np.sin(0.05 * np.arange(120)), sample_time=4.0)
+    whole = start.fit_with_process_noise
+
+    def astray(*given: Any, noise_scale: float | None = None, **known: Any) -> ProcessNoiseFit:
+        fit = whole(*given, noise_scale=noise_scale, **known)
+        if noise_scale is None:
+            at_bound = tuple(replace(e, on_bound=bound) for e in fit.refit.estimates)
+            worse = replace(fit.refit, cost=fit.cost + 500.0, estimates=at_bound)
+            fit = replace(fit, noise_scale=1.0, refit=worse)
+        return fit
+
+    monkeypatch.setattr(start, "fit_with_process_noise", astray)
+    for bound in (False, True):
+        found, _ = fit_with_likely_starts(tanks, [seen], default_priors(tanks))
+        assert (found.noise_scale < 0.3) is bound
+    # What is no likelier from there stays.
+    monkeypatch.setattr(start, "_CLEARLY", 1e4)
+    found, _ = fit_with_likely_starts(tanks, [seen], default_priors(tanks))
+    assert found.noise_scale == 1.0
 
 
 def test_a_start_is_found_along_a_bend() -> None:

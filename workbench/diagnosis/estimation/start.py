@@ -14,6 +14,7 @@ from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import (
+    LADDER,
     PERFECT,
     ProcessNoiseFit,
     fit_with_process_noise,
@@ -53,7 +54,26 @@ def fit_with_likely_starts(
         if trial.cost > best.cost - _CLEARLY:
             break
         best, seen = trial, started
-    return best, seen
+    return _trusted(model, seen, priors, best), seen
+
+
+def _trusted(
+    model: Model, seen: Sequence[Observed], priors: Sequence[Prior], found: ProcessNoiseFit
+) -> ProcessNoiseFit:
+    """Refit from the priors at the first scale that was refused, if that is clearly likelier.
+
+    With little trust in the equations, parameters may go where no step leads back from: beside a
+    coarse encoder any friction is as likely, and with that the equations seem to lack something.
+    That is looked at where one has gone as far as it may.
+    """
+    lower = [scale for scale in LADDER if scale < found.noise_scale]
+    if found.noise_scale <= PERFECT or not any(e.on_bound for e in found.refit.estimates):
+        return found
+    try:
+        trial = fit_with_process_noise(model, seen, priors, noise_scale=lower[0])
+    except NumericalError:
+        return found
+    return trial if trial.cost < found.cost - _CLEARLY else found
 
 
 def likely_start(
