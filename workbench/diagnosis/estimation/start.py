@@ -66,11 +66,11 @@ def _trusted(
     coarse encoder any friction is as likely, and with that the equations seem to lack something.
     That is looked at where one has gone as far as it may.
     """
-    lower = [scale for scale in LADDER if scale < found.noise_scale]
     if found.noise_scale <= PERFECT or not any(e.on_bound for e in found.refit.estimates):
         return found
+    refused = next(scale for scale in LADDER if scale < found.noise_scale)
     try:
-        trial = fit_with_process_noise(model, seen, priors, noise_scale=lower[0])
+        trial = fit_with_process_noise(model, seen, priors, noise_scale=refused)
     except NumericalError:
         return found
     return trial if trial.cost < found.cost - _CLEARLY else found

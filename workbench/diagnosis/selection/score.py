@@ -30,12 +30,12 @@ COLLINEAR = 0.99
 _SIGMA = 4.0
 """Multiple of the standard deviation of its size from which an effect is clear."""
 
+_SEEN = 2.0
+"""The same from which it is worth a refit, whatever else would reproduce it."""
+
 _HIGH = 100.0
 """Gain of log likelihood from which an effect is clear too: one that acts in few blocks of time
 scatters about its mean over all."""
-
-_SEEN = 2.0
-"""The same from which it is worth a refit, whatever else would reproduce it."""
 
 _DIFFERS = 15.0
 """Gain of log likelihood by which one size in each recording has to beat one in all of them."""
