@@ -44,7 +44,7 @@ from tests.diagnosis.newcomers import (
     transport,
     turned,
 )
-from workbench.diagnosis.diagnose import diagnose, stages
+from workbench.diagnosis.diagnose import diagnose, stages, validate
 from workbench.diagnosis.estimation.made_up import made_up
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import steps_along
@@ -54,6 +54,7 @@ from workbench.diagnosis.estimation.windows import windowed_run
 from workbench.diagnosis.problem import Problem
 from workbench.diagnosis.refit_report import run_refit
 from workbench.diagnosis.selection import refits, task
+from workbench.diagnosis.selection.selected import Selected
 from workbench.diagnosis.undeclared import with_undeclared
 from workbench.evaluation.foreign.foreign_case import plan
 from workbench.model import Input, Model, Output, Parameter, Scope, State
@@ -181,12 +182,21 @@ def test_a_plant_that_is_unstable_without_its_controller_is_refitted_and_judged(
 def test_drag_on_a_plant_that_is_unstable_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     only(monkeypatch, "viscous_friction", "coulomb_friction", "local_catch", "ripple")
     runs = [levitation(seed, drag=0.25) for seed in (1, 2)]
-    verdict = diagnose(maglev(), runs[:1], runs[1:], jobs=1, advise=False).verdict
+    found = diagnose(maglev(), runs[:1], runs[1:], jobs=1, advise=False)
+    verdict = found.verdict
     assert verdict is not None
     (finding,) = verdict.findings
     assert finding.effect == "viscous_friction_speed" and finding.belief == "sure"
     # 0.25 N s/m on 50 g; the sensors' noise is a tenth of a percent of their range.
     assert finding.parameters["coefficient"].value == pytest.approx(5.0, rel=0.03)
+    # The nominal model's windows begin from a filter that trusts it as little as the refitted one.
+    little = replace(found.base, noise_scale=1.0)
+    nothing = Selected(little, (), closest={"refitted": little})
+    again = validate(replace(found, selected=nothing), advise=False, say=str)
+    for label, model in (("nominal", found.nominal), ("refitted", little.model)):
+        (run,) = again.runs[label].values()
+        wanted = windowed_run(model, found.nominal, found.prepared.judging[0], 1.0)
+        assert run.rmse == pytest.approx(wanted.rmse)
 
 
 def test_what_rubs_on_a_trolley_acts_on_the_load_too() -> None:

@@ -440,11 +440,16 @@ def validate(found: Diagnosis, *, advise: bool = True, jobs: int = 1, say: Progr
         say("locating what is left")
         location = where(extended, replace(prepared, fitting=tuple(started))).location
     say("running the models freely on the held-out recordings")
-    models = {"nominal": found.nominal, "refitted": refitted.model, "extended": extended.model}
+    # The nominal model is corrected where windows begin as much as the refitted one.
+    models = {
+        "nominal": (found.nominal, refitted.noise_scale),
+        "refitted": (refitted.model, refitted.noise_scale),
+        "extended": (extended.model, extended.noise_scale),
+    }
     runs = {
         label: selected.runs.get(label)
-        or {r.name: settled_run(model, found.nominal, r) for r in prepared.judging}
-        for label, model in models.items()
+        or {r.name: settled_run(model, found.nominal, r, scale) for r in prepared.judging}
+        for label, (model, scale) in models.items()
     }
     validated = Validated(refitted, extended, runs, location)
     found = replace(found, validated=validated)

@@ -37,7 +37,9 @@ _SPOILT = 1.25
 _DRAWS = 4
 
 
-def settled_run(model: Model, nominal: Model, observed: Observed) -> FreeRun:
+def settled_run(
+    model: Model, nominal: Model, observed: Observed, noise_scale: float = MILD
+) -> FreeRun:
     """Run a model freely along a recording, from a start fitted to its first fortieth.
 
     Temperatures and speeds before the first sample are not read. A model that runs away from
@@ -47,9 +49,10 @@ def settled_run(model: Model, nominal: Model, observed: Observed) -> FreeRun:
         model: The model, with effects attached or not.
         nominal: The model that the recording was observed with.
         observed: The recording.
+        noise_scale: Process-noise scale of the filter that starts the windows, dimensionless.
     """
     if observed.diverges:
-        return windowed_run(model, nominal, observed)
+        return windowed_run(model, nominal, observed, noise_scale)
     return free_run(model, settled(model, nominal, observed))
 
 
