@@ -35,7 +35,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import scipy.sparse
+import scipy
 
 from workbench.arrays import Vector
 from workbench.errors import TIMES_S, NumericalError, WorkbenchError, check_choice, check_range

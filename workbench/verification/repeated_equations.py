@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
-import scipy.sparse
+import scipy
 
 from workbench.arrays import Vector
 

@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import solve_toeplitz
 from scipy.optimize import minimize
-from scipy.signal import lfilter
-from scipy.stats import f as f_distribution
+from scipy.special import fdtrc
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import FreeRun, free_run
@@ -77,8 +76,9 @@ def colour_of(errors: Sequence[Vector], sample_time: float) -> Colour:
         P. Whittle, Ark. Mat. 2 (1953) 423.
 
     Example:
+        >>> from workbench.diagnosis.estimation.prediction_error import gauss_markov
         >>> rng = np.random.default_rng(1)
-        >>> shared = lfilter([1.0], [1.0, -0.9], rng.normal(size=20_000) * 0.436)
+        >>> shared = gauss_markov(20_000, 1.0, 0.095, 0.01, rng)
         >>> found = colour_of([shared + 0.5 * rng.normal(size=20_000)], 0.01)
         >>> round(found.white, 1), round(found.rms, 1), round(found.time, 2)
         (0.5, 1.0, 0.09)
@@ -143,6 +143,8 @@ def follows(errors: Sequence[Vector], regressors: Sequence[Vector]) -> tuple[flo
     Returns:
         Probability of so much dependence by chance, and what the regressors leave of each error.
     """
+    from scipy.signal import lfilter
+
     together = [np.correlate(e - e.mean(), e - e.mean(), "full")[len(e) - 1 :] for e in errors]
     order = min(_ORDER, min(map(len, errors)) // 10)
     shared = np.sum([c[: order + 1] for c in together], axis=0)
@@ -156,7 +158,7 @@ def follows(errors: Sequence[Vector], regressors: Sequence[Vector]) -> tuple[flo
     left = white - passed @ slopes
     spare = len(white) - int(rank)
     ratio = (white @ white - left @ left) / max(int(rank), 1) / max(left @ left / spare, 1e-300)
-    chance = float(f_distribution.sf(ratio, max(int(rank), 1), spare))
+    chance = float(fdtrc(max(int(rank), 1), spare, max(ratio, 0.0)))
     rest = [e - z[:, : len(slopes)] @ slopes for e, z in zip(errors, regressors, strict=True)]
     return chance, rest
 

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.signal import lfilter
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.filter import STEPS, Asked, End, Filter, Steps, steps_of
@@ -133,6 +132,8 @@ def gauss_markov(
     n: int, rms: float, time: float, sample_time: float, rng: np.random.Generator
 ) -> Vector:
     """Draw noise that is correlated over a time in s, shape (n,), in the unit of its rms."""
+    from scipy.signal import lfilter
+
     kept = math.exp(-sample_time / time)
     fresh = rms * rng.normal(size=n) * np.r_[1.0, np.full(max(n - 1, 0), math.sqrt(1.0 - kept**2))]
     return np.asarray(lfilter([1.0], [1.0, -kept], fresh))
