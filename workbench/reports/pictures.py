@@ -59,16 +59,50 @@ class Picture:
 
 
 def _plain_words(figure: Figure) -> None:
-    """Take words as they stand: a dollar sign in a name is no formula; powers of ten are one."""
+    """Take words as they stand: a dollar sign in a name is no formula, nor is a power of ten."""
     from matplotlib.text import Text
+    from matplotlib.ticker import Formatter
+
+    class Worded(Formatter):
+        """What another formatter writes, with its powers of ten in words."""
+
+        def __init__(self, wrapped: Formatter) -> None:
+            self.set_axis = wrapped.set_axis  # type: ignore[method-assign]
+            self.set_locs = wrapped.set_locs  # type: ignore[method-assign]
+            self.wrapped = wrapped
+
+        def __call__(self, x: float, pos: int | None = None) -> str:
+            return _worded(self.wrapped(x, pos))
+
+        def format_ticks(self, values: list[float]) -> list[str]:
+            return [_worded(text) for text in self.wrapped.format_ticks(values)]
+
+        def get_offset(self) -> str:
+            return _worded(self.wrapped.get_offset())
 
     for text in figure.findobj(Text):
         text.set_parse_math(False)
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
-            powers = axis.get_ticklabels(which="both") if axis.get_scale() != "linear" else ()
-            for label in (*powers, axis.get_offset_text()):
-                label.set_parse_math(True)
+            for ticks in (axis.major, axis.minor):
+                if ticks.formatter and not isinstance(ticks.formatter, Worded):
+                    ticks.formatter = Worded(ticks.formatter)
+
+
+def _worded(text: str) -> str:
+    r"""Write a tick's formula as words.
+
+    Example:
+        >>> _worded(r"$\mathdefault{2\times10^{-3}}$")
+        '2×10⁻³'
+    """
+    if r"\mathdefault" not in text:
+        return text
+    text = re.sub(r"\^\{(.*?)\}", lambda power: power[1].translate(_RAISED), text)
+    return re.sub(r"\\mathdefault|[${}]", "", text.replace(r"\times", "×"))
+
+
+_RAISED = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def _settings(name: str) -> dict[str, object]:

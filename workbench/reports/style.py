@@ -198,17 +198,9 @@ def label(axes: Axes, *, x: str | None = None, y: str | None = None) -> None:
         if x.startswith("time in s"):
             x = f"time in {time_ticks(axes)}{x.removeprefix('time in s')}"
         axes.set_xlabel(x, fontsize=FONT_POINTS, color=INK.light)
-
-        class Numbers(ScalarFormatter):
-            """Numbers as words, which take no parsing; a power of ten at the axis is a formula."""
-
-            def format_ticks(self, values: list[float]) -> list[str]:
-                texts = super().format_ticks(values)
-                return [re.sub(r"^\$\\mathdefault\{(.*)\}\$$", r"\1", text) for text in texts]
-
         if isinstance(axes.xaxis.get_major_formatter(), ScalarFormatter):
             # Microseconds and days alike: a power of ten at the axis, lest numbers meet.
-            numbers = Numbers(useMathText=True)
+            numbers = ScalarFormatter(useMathText=True)
             numbers.set_powerlimits((-3, 5))
             axes.xaxis.set_major_formatter(numbers)
     if y is not None:
