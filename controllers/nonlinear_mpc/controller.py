@@ -46,9 +46,9 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from controllers.called import Called
 from controllers.nonlinear_mpc.observer import ExtendedKalmanFilter
 from controllers.nonlinear_mpc.prediction import (
-    Called,
     Compile,
     Dynamics,
     discrete,

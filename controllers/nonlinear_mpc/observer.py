@@ -25,7 +25,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.nonlinear_mpc.prediction import Called, Dynamics
+from controllers.called import Called
+from controllers.nonlinear_mpc.prediction import Dynamics
 from workbench.arrays import Matrix
 from workbench.model import Parameter
 

@@ -36,6 +36,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controllers.arithmetic import SYMBOLS
+from controllers.called import Called
 from controllers.linear_law import LinearLaw, reached
 from controllers.named_state import flat, restored
 from controllers.plain.loop import (
@@ -725,19 +726,17 @@ class LoopLimits:
         u = ca.fmin(ca.fmax(ca.vcat(u), low), high)
         after = ca.vertcat(ca.mtimes(A, x) + ca.mtimes(B, u), *flat(following), now, moved)
         entering = [ca.vertcat(x, z, r, v), ca.vertcat(to, most, brake)]
-        sample, count = ca.Function("sample", entering, [after, y[:p]]), len(step)
+        leaving, count = [ca.densify(after), ca.densify(y[:p])], len(step)
+        sample = Called(ca.Function("sample", entering, leaving).map(count))
         # What has no end takes long to reach one.
-        pace = np.minimum(pace, 1e9 * np.abs(step))
-        many, told = sample.map(count).mapaccum(LOOKED_AT), np.tile([step, *pace], LOOKED_AT)
-        state = ca.DM.zeros(after.numel(), count)
-        outputs: list[Matrix] = []
-        while len(outputs) * LOOKED_AT < MOST_SAMPLES:
-            states, found = many(state, told)
-            state = states[:, -count:]
-            outputs.append(found.full().reshape(p, LOOKED_AT, count).swapaxes(0, 1))
-            if np.all(np.abs(outputs[-1][:, i] / step - 1.0) < SETTLED):
+        told = np.array([step, *np.minimum(pace, 1e9 * np.abs(step))])
+        state, outputs = np.zeros((after.numel(), count)), np.zeros((MOST_SAMPLES, p, count))
+        for k in range(MOST_SAMPLES):
+            state, outputs[k] = sample(state, told)
+            block = outputs[max(0, k + 1 - LOOKED_AT) : k + 1, i]
+            if (k + 1) % LOOKED_AT == 0 and np.all(np.abs(block / step - 1.0) < SETTLED):
                 break
-        return np.concatenate(outputs)
+        return outputs[: k + 1]
 
     def _solved(self, law: Any, i: int, step: Vector, pace: Matrix) -> Matrix:
         """Return the same of an MPC, whose programs of all steps are solved sample by sample."""

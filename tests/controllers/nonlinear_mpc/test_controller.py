@@ -8,12 +8,13 @@ import pickle
 import numpy as np
 import pytest
 
+from controllers.called import Called
 from controllers.nonlinear_mpc.controller import (
     NonlinearMPC,
     NonlinearMPCSpecification,
     design_nonlinear_mpc,
 )
-from controllers.nonlinear_mpc.prediction import Called, discrete, dynamics, shooting
+from controllers.nonlinear_mpc.prediction import discrete, dynamics, shooting
 from workbench.errors import WorkbenchError
 from workbench.linearisation.actuator_inverse import straightened
 from workbench.model import REGULARISED, Model
