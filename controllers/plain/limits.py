@@ -580,7 +580,7 @@ class LoopLimits:
         (low, _), (high, _) = self._moving
         none = np.full(len(low), math.inf)
         fixed = np.array([loop.lower, loop.upper]) - loop.rest_command
-        ends = np.hstack([fixed, [low, none], [-none, high]])
+        ends = np.hstack([fixed, [low, none], [-none, high]]) * (1.0 if solved else LEFT)
         y, asked = self._freely(law.around_rest(), i)
         peak, held = asked[np.argmax(np.abs(asked), axis=0), np.arange(asked.shape[1])], asked[-1]
         if not (np.isfinite(ends).any() and np.all(np.isfinite(peak)) and np.any(peak)):
@@ -691,8 +691,9 @@ class LoopLimits:
             far = np.full(own.B.shape[1], math.inf)
             still = np.zeros((len(far), n))
             return (-far, still), (far, still)
-        # Commands on their way are states too.
-        slopes = np.pad(ends[..., 1:], ((0, 0), (0, 0), (0, n - len(own.A))))
+        # States count in their scales, and commands on their way are states too.
+        slopes = ends[..., 1:] * own.state_scales
+        slopes = np.pad(slopes, ((0, 0), (0, 0), (0, n - len(own.A))))
         return (ends[0, :, 0], slopes[0]), (ends[1, :, 0], slopes[1])
 
     def _run(self, law: PlainLaw, i: int, step: Vector, pace: Matrix) -> Matrix:
@@ -709,8 +710,8 @@ class LoopLimits:
             law,
             rest=(0.0,) * len(law.rest),
             rest_output=(0.0,) * self.sensors,
-            lower=tuple((loop.lower - loop.rest_command).tolist()),
-            upper=tuple((loop.upper - loop.rest_command).tolist()),
+            lower=tuple((LEFT * (loop.lower - loop.rest_command)).tolist()),
+            upper=tuple((LEFT * (loop.upper - loop.rest_command)).tolist()),
             pace=(),
             brake=(),
         )
@@ -722,7 +723,7 @@ class LoopLimits:
         asked = tuple(now if j == i else 0.0 for j in range(p))
         seen = tuple(ca.vertsplit(y))
         u, following, _ = law.law(restored(example, ca.vertsplit(z)), seen, asked, SYMBOLS)
-        low, high = (end + ca.mtimes(slopes, x) for end, slopes in self._moving)
+        low, high = (LEFT * end + ca.mtimes(slopes, x) for end, slopes in self._moving)
         u = ca.fmin(ca.fmax(ca.vcat(u), low), high)
         after = ca.vertcat(ca.mtimes(A, x) + ca.mtimes(B, u), *flat(following), now, moved)
         entering = [ca.vertcat(x, z, r, v), ca.vertcat(to, most, brake)]
@@ -819,6 +820,9 @@ PARTS = (0.7, 0.5, 0.35, 0.25, 0.18, 0.12)
 
 SLOW = (4.0, 2.0, 1.0)
 """Paces that are tried over that which the commands' slews let them follow."""
+
+LEFT = 0.8
+"""Part of the commands' room that large steps are tried with: far from rest a plant takes more."""
 
 MOST_SAMPLES, MOST_SOLVED = 2000, 400
 """Samples for which large steps are looked at, also of a law that solves something."""

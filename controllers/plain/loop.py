@@ -34,7 +34,8 @@ class Loop(NamedTuple):
 
     Args:
         output_scale: Typical sizes of the outputs.
-        command_scale: Half of what each command may change by, or its scale where that has no end.
+        command_scale: Half of what each command may change by at rest, or its scale where that has
+            no end.
         noise: Noise rms of the measurements, with that of their conversion, of outputs that are
             read beside the followed ones too.
         slew: Fastest changes of the commands, per s.
@@ -202,6 +203,9 @@ def loop_of(
         )
     # What rests near an end has little room to one side, and all the more to the other.
     half = 0.5 * (upper - lower)
+    if linear.ends is not None:
+        # A clipped loop within is filled by less.
+        half = np.minimum(half, 0.5 * (linear.ends[1, :, 0] - linear.ends[0, :, 0]))
     return Loop(
         linear,
         followed,

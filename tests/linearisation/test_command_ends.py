@@ -54,7 +54,8 @@ def test_a_command_ends_where_the_equations_no_longer_answer() -> None:
 def test_ends_that_move_are_told_with_the_states_that_move_them() -> None:
     def drive(m: Scope) -> Equations:
         """A cart whose speed is held by a loop of its own, with a force that is clipped."""
-        force = ca.fmin(ca.fmax(80.0 * (m.u.goal - m.x.speed), -2.0), 2.0)
+        goal = ca.fmin(m.u.goal, 3.0)
+        force = ca.fmin(ca.fmax(80.0 * (goal - m.x.speed), -2.0), 2.0)
         rates = {"way": m.x.speed, "speed": force - 0.1 * m.x.speed, "heat": force - m.x.heat}
         return rates, {"way": m.x.way}
 
@@ -69,6 +70,11 @@ def test_ends_that_move_are_told_with_the_states_that_move_them() -> None:
     assert linear.ends is not None
     assert linear.ends[:, 1] == pytest.approx(np.array([[-0.025, 0, 1, 0], [0.025, 0, 1, 0]]))
     assert np.isinf(linear.ends[:, 0, 0]).all()
+    # The loop within does not let go of a speed that swings further than it reaches.
+    assert linear.A[1, 1] == pytest.approx(-80.1)
+    # Behind them is where it ends whatever the states.
+    goal = linear.operating_point.model.inputs[1]
+    assert (goal.lower, goal.upper) == pytest.approx((-5.0, 3.0))
     # They go with the inputs and the states of what is made of the model.
     seen = linear.select(inputs=["goal"]).without_unseen()
     assert seen.state_names == ("way", "speed") and seen.ends is not None

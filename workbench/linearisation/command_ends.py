@@ -6,6 +6,7 @@ import copy
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -51,14 +52,14 @@ def with_command_ends(
                 continue
             own = float(point.u[k])
             room = getattr(q, name) - own
-            end = _end(point, at, k, sign * (q.scale or 1.0))
-            if end is not None and abs(end[0]) < abs(room):
-                room = float(end[0])
-                if np.any(end[1:]):
-                    moving[side, k] = end
-                    continue
+            moves, fixed = _ends(point, at, k, sign * (q.scale or 1.0))
+            if abs(fixed) < abs(room):
+                room = fixed
                 changed: dict[str, Any] = {name: own + room}
                 found[k] = replace(found[k], **changed)
+            if abs(moves[0]) < abs(room):
+                moving[side, k] = moves
+                continue
             if room and math.isfinite(room):
                 moving[side, k, 0] = _straight(point, at, k, room)
     ends = moving if np.isfinite(moving[..., 0]).any() else None
@@ -84,22 +85,23 @@ def _straight(
     return end * least if 0.0 < least < BENT else math.copysign(math.inf, end)
 
 
-def _end(
+def _ends(
     point: OperatingPoint, at: Callable[..., tuple[Vector, Vector]], k: int, size: float
-) -> Vector | None:
-    """Return from what change of an input on nothing answers it, with its slopes by states.
+) -> tuple[Vector, float]:
+    """Return from what changes of an input on nothing answers it, infinite for none, in SI.
 
     Returns:
-        Shape (1 + n_states,), in SI; None for none.
+        Where that moves with states, and its slopes by them, shape (1 + n_states,); and where,
+        once they have moved with the input, it ends all the same.
     """
     model, inputs = point.model, np.eye(len(point.u))[k]
 
-    def reached(x: Vector) -> float:
-        def answer(by: float) -> tuple[Vector, Vector]:
-            values, slopes = at(x, point.u + by * inputs, model.values)
-            return values, slopes[:, len(x) + k]
+    def slope_at(x: Vector, by: float) -> tuple[Vector, Vector]:
+        values, slopes = at(x, point.u + by * inputs, model.values)
+        return values, slopes[:, len(x) + k]
 
-        return input_end(answer, size)
+    def reached(x: Vector) -> float:
+        return input_end(partial(slope_at, x), size)
 
     end, slopes = reached(point.x), np.zeros(len(point.x))
     for i, q in enumerate(model.states if math.isfinite(end) else ()):
@@ -111,4 +113,16 @@ def _end(
             if math.isfinite(slopes[i]):
                 break
     found = np.array([end, *slopes])
-    return found if np.isfinite(found).all() else None
+    if not np.isfinite(found).all():
+        return np.append(math.inf, np.zeros(len(slopes))), math.inf
+    if not np.any(slopes):
+        return found, end
+
+    def with_state(i: int, by: float) -> tuple[Vector, Vector]:
+        # What a state moves by itself tells nothing of the input.
+        values, slopes_there = slope_at(point.x + by / slopes[i] * np.eye(len(slopes))[i], by)
+        return 0.0 * values, slopes_there
+
+    return found, max(
+        (input_end(partial(with_state, i), size) for i in np.flatnonzero(slopes).tolist()), key=abs
+    )

@@ -58,17 +58,17 @@ def check_amplitude(model: Model, amplitude: Mapping[str, float]) -> dict[str, f
 
 
 def describing_function(
-    at: Derivatives, x: Vector, u: Vector, p: Vector, index: int, amplitude: float, point: Vector
+    at: Derivatives, x: Vector, u: Vector, p: Vector, along: Vector, amplitude: float, point: Vector
 ) -> Vector:
-    """Compute the describing function of rates and measurements for an oscillation of one of x, u.
+    """Compute the describing function of rates and measurements for an oscillation of x and u.
 
     Args:
         x: States, shape (n_x,), in SI.
         u: Inputs, shape (n_u,), in SI.
         p: Parameters, shape (n_p,), in SI.
-        index: Place of the state, or of the input behind the states.
+        along: What states and inputs move by, shape (n_x + n_u,), in SI, over the amplitude.
         amplitude: Amplitude of the oscillation, in SI.
-        point: Derivatives by it at the point, shape (n_x + n_y,), in SI.
+        point: Derivatives along it at the point, shape (n_x + n_y,), in SI.
 
     Returns:
         Rates and measurements in phase with the oscillation, per amplitude, shape (n_x + n_y,), in
@@ -83,12 +83,12 @@ def describing_function(
         >>> axis = servo_axis()
         >>> at = Derivatives(axis, EXACT)
         >>> rest = (np.zeros(2), np.zeros(1), axis.values)
-        >>> slope = describing_function(at, *rest, 1, 0.1, at(*rest)[1][:, 1])
+        >>> slope = describing_function(at, *rest, np.eye(3)[1], 0.1, at(*rest)[1][:, 1])
         >>> coulomb = 4 * 20.0 / (np.pi * 0.1)
         >>> abs(95.0 * slope[1] / -(200.0 + coulomb) - 1) < 1e-3
         np.True_
     """
-    displaced = _displaced(at, x, u, p, index)
+    displaced = _displaced(at, x, u, p, along)
     secant = (displaced(amplitude) - displaced(-amplitude)) / (2 * amplitude)
     near = (displaced(0.3 * amplitude) - displaced(-0.3 * amplitude)) / (0.6 * amplitude)
     size = np.abs(secant) + np.abs(point)
@@ -103,13 +103,12 @@ def describing_function(
 
 
 def _displaced(
-    at: Derivatives, x: Vector, u: Vector, p: Vector, index: int
+    at: Derivatives, x: Vector, u: Vector, p: Vector, along: Vector
 ) -> Callable[[float], Vector]:
-    """Return what computes rates and measurements, in SI, with one of x, u moved."""
+    """Return what computes rates and measurements, in SI, with x and u moved along a direction."""
 
     def displaced(by: float) -> Vector:
-        moved = np.concatenate([x, u])
-        moved[index] += by
+        moved = np.concatenate([x, u]) + by * along
         return at.values(moved[: len(x)], moved[len(x) :], p)
 
     return displaced
@@ -135,8 +134,9 @@ def _dead_zones(
     if np.all(_moved(written, n) <= moved):
         return {}
     found: list[Quantity] = []
+    one = np.eye(written.shape[1])
     for i, quantity in enumerate((*model.states, *model.inputs)):
-        displaced = _displaced(at, point.x, point.u, model.values, i)
+        displaced = _displaced(at, point.x, point.u, model.values, one[i])
         up, down = (displaced(by) - displaced(0.0) for by in (quantity.scale, -quantity.scale))
         if np.any((up * down < 0.0) & written[:, i] & (jacobian[:, i] == 0.0)):
             found.append(quantity)
@@ -158,8 +158,9 @@ def _sticking(
     Friction that is nearly dry creeps at rest, and what it does to a motion is alike to both sides.
     """
     found = {}
+    one = np.eye(jacobian.shape[1])
     for i, q in enumerate(model.states):
-        displaced = _displaced(at, point.x, point.u, model.values, i)
+        displaced = _displaced(at, point.x, point.u, model.values, one[i])
         up, down = (displaced(by)[i] - displaced(0.0)[i] for by in (q.scale, -q.scale))
         alike = abs(up + down) < 0.1 * abs(up - down)
         if alike and jacobian[i, i] < 0.5 * _STUCK * (up - down) / q.scale < 0.0:
@@ -177,6 +178,22 @@ def _moved(slopes: Flags, n: int) -> Flags:
     for _ in range(n):
         moved = np.any(np.column_stack([moved, slopes[:, :n] & moved[:n]]), axis=1)
     return np.asarray(moved[n:])
+
+
+def _with_ends(ends: Vector | None, i: int, n: int, count: int) -> Vector:
+    """Return what an oscillation of one of x, u moves, shape (n_x + n_u,), over it.
+
+    With a state, inputs go whose ends do: the loop within that is clipped does not let go of it.
+
+    Args:
+        ends: As of `LinearModel.ends`.
+    """
+    along: Vector = np.eye(count)[i]
+    if ends is not None and i < n:
+        finite = np.isfinite(ends[..., 0])
+        sides = np.maximum(finite.sum(axis=0), 1)
+        along[n:] = np.where(finite, ends[..., 1 + i], 0.0).sum(axis=0) / sides
+    return along
 
 
 def linearise(
@@ -255,7 +272,10 @@ def linearise(
     places = {q.name: i for i, q in reversed(list(enumerate(both)))}
     for name, size in wanted.items():
         i = places[name]
-        matrix[:, i] = describing_function(at, point.x, point.u, p, i, size, jacobian[:, i])
+        along = _with_ends(ends, i, len(names), len(both))
+        straight = jacobian @ along
+        bent = describing_function(at, point.x, point.u, p, along, size, straight)
+        matrix[:, i] += bent - straight
         if not np.array_equal(matrix[:, i], jacobian[:, i]):
             row = int(np.argmax(np.abs(matrix[: len(names), i] - jacobian[: len(names), i])))
             described.append(

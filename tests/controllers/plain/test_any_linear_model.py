@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -34,7 +35,8 @@ from controllers.sensitivity import frequencies, loops_at, peak_sensitivities, p
 from tests.controllers.in_c import InC
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linear_model, linearise
-from workbench.model import Input, Model, Output, Parameter, State
+from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.trace import Equations
 from workbench.operating_point import operating_point
 from workbench.plants.servo_axis import servo_axis
 from workbench.plants.servo_pendulum import servo_pendulum
@@ -746,6 +748,28 @@ def test_a_servo_whose_own_loop_is_clipped_is_not_wound_up(design: Callable[...,
     step = step_scenario("angle", 0.0, 1.0, unit="rad", sample_time=0.002, hold=2.0)
     scores = metrics(verify(law, servo_pendulum(), step))
     assert scores["settling_time"].value < 0.65 and scores["overshoot"].value < 0.06
+
+
+def test_a_rudder_that_turns_slowly_holds_no_ship_back() -> None:
+    def ship(m: Scope) -> Equations:
+        asked = ca.fmin(ca.fmax(m.u.rudder, -0.6), 0.6) - m.x.rudder
+        rudder = ca.fmin(ca.fmax(0.5 * asked, -0.04), 0.04)
+        turn = (0.05 * m.x.rudder - m.x.turn) / 20.0
+        return {"heading": m.x.turn, "turn": turn, "rudder": rudder}, {"heading": m.x.heading}
+
+    plant = Model(
+        "ship",
+        ship,
+        states=(State("heading", "rad"), State("turn", "rad/s"), State("rudder", "rad")),
+        inputs=(Input("rudder", "rad"),),
+        outputs=(Output("heading", "rad", noise_rms=0.002),),
+    )
+    linear = linearise(operating_point(plant), verdict=False)
+    law = design_lqi(linear, LQISpecification(sample_time=0.2))
+    step = step_scenario("heading", 0.0, 0.1, hold=400.0, sample_time=0.2)
+    scores = metrics(verify(law, plant, step))
+    # By hand a PD settles in 100 s.
+    assert scores["settling_time"].value < 110.0 and scores["overshoot"].value < 0.03
 
 
 @pytest.mark.parametrize("name", ["lqi", "plain-h-infinity"])
