@@ -190,6 +190,7 @@ class Place:
         empty: Whether nothing passes there unless an effect adds it.
         whole: Whether the rate of what it drives or fills is proportional to the signal.
         elastic: Whether the signal is a straight line over the coordinate.
+        between: Whether it acts between bodies: more of it drives one on and another one back.
         store: The store whose level the signal changes, and nothing else; empty if there is none.
         fills: 1 if more of it fills that store, -1 if it empties it; dimensionless.
         directed: Whether it is known which way the signal counts beside the speed.
@@ -222,6 +223,7 @@ class Place:
     empty: bool = False
     whole: bool = False
     elastic: bool = False
+    between: bool = False
     store: str = ""
     fills: float = 1.0
     directed: bool = True
@@ -507,6 +509,7 @@ class Survey:
             parameters=tuple(q for q in self._entering[index] if not self._is_gain(q, index)),
             gains=tuple(q for q in self._entering[index] if self._is_gain(q, index)),
             whole=self._whole(index), elastic=(shared or role in EFFORTS) and elastic,
+            between=role in EFFORTS and self._between_bodies(index),
             directed=directed, output=output, horizon=self.model.horizon, duration=self.duration,
             sample_time=self.sample_time, period=self.period, seen=self.ranges.get(name),
             stride=self._stride(name, signals), terms=self._terms(port), carried=carried,
@@ -1160,6 +1163,11 @@ class Survey:
             moved if all(at[self._state_index[q.name], j] > 0 for q in moved) else ()
             for j, moved in enumerate(self._moved)
         )
+
+    def _between_bodies(self, index: int) -> bool:
+        """Tell whether a port that no input enters drives one body on and another one back."""
+        pushes = self._pushed[[self._state_index[q.name] for q in self._moved[index]], index]
+        return not any(self._entered[index]) and bool((pushes > 0).any() and (pushes < 0).any())
 
     def _fills(self, state: State, index: int) -> bool:
         """Tell whether more of the signal at a port raises a state."""

@@ -23,6 +23,7 @@ from workbench.physics.law import (
 )
 from workbench.physics.offset_gain import sensor_error
 from workbench.physics.place import COORDINATES, EFFORTS, Place
+from workbench.physics.saturation import cut_off, passing, share_of_sign
 
 play = Law(
     "play",
@@ -260,17 +261,20 @@ def _slack_taken(at: PortView) -> Expression:
     x, w = ca.SX(at.signals.coordinate), at.p.half_width
     # The clipped place, written so that its derivative by w at w = 0 is the sign of x.
     inside = 0.5 * (_magnitude(x + w) - _magnitude(x - w))
-    symbol = ca.symvar(x)[0]
-    slope = ca.jacobian(ca.SX(at.value), symbol) / ca.jacobian(x, symbol)
     free = ca.fmin(ca.fmax((w - _magnitude(x)) / (_ENDS * w + at.p.floor), 0.0), 1.0)
-    return at.value - slope * inside - at.p.parted * free * _damping(at)
+    return at.value - _slope(at, x) * inside - at.p.parted * free * _damping(at)
 
 
 def _damping(at: PortView) -> Expression:
     """Return what two bodies pass on for the speed of one over the other."""
-    speed = ca.SX(at.signals.speed)
-    symbol = ca.symvar(speed)[0]
-    return speed * ca.jacobian(ca.SX(at.value), symbol) / ca.jacobian(speed, symbol)
+    return at.signals.speed * _slope(at, at.signals.speed)
+
+
+def _slope(at: PortView, local: Expression) -> Expression:
+    """Return the derivative of a port's signal by a place or speed that it sees."""
+    x = ca.SX(local)
+    symbol = ca.symvar(x)[0]
+    return ca.jacobian(ca.SX(at.value), symbol) / ca.jacobian(x, symbol)
 
 
 def _parted(at: Place) -> Own:
@@ -297,6 +301,44 @@ elastic_play = Law(
     source="M. Nordin and P.-O. Gutman 2002: slack in series with spring and damper",
     look_alikes=("cubic_stiffness", "polynomial_stiffness", "linear_spring"),
     separated_by="small deflections to both sides: within the slack there is no force",
+)  # fmt: skip
+
+
+def _let_go(e: EffectView) -> dict[str, Expression]:
+    side = passing(e.p.share)
+    beyond = e.form.ramp(side * (e.here.signals.coordinate - e.x.slip), e.p.floor)
+    return {"slip": side * beyond / e.p.time}
+
+
+def _overtaken(at: PortView) -> Expression:
+    slack = _slope(at, at.signals.coordinate) * at.x.slip
+    return at.value - _magnitude(at.p.share) * slack + cut_off(at, at.value - slack)
+
+
+# A ratchet, a sprag clutch: what overtakes is let go, and taken along again at once.
+freewheel = Law(
+    "freewheel",
+    "T = sign(share) max(0, sign(share) T(x - s)), s goes with x where that would turn",
+    each(*EFFORTS, needs=("coordinate", "speed"), only=lambda at: at.between and at.elastic),
+    lambda at: (
+        share_of_sign(),
+        shape("floor", at.coordinate.unit, 1e-4 * at.coordinate.scale,
+              "distance over which it takes hold in regularised equations",
+              around=(1.0, 1.0), source="", fitted=False),
+        shape("time", "s", 0.05 * at.interval, "time in which what overtakes is let go",
+              around=(1.0, 1.0), source="", fitted=False),
+    ),
+    _overtaken,
+    states=lambda at: (
+        State("slip", at.coordinate.unit, at.coordinate.scale, "how far it was overtaken",
+              start_rms=1e-8 * at.coordinate.scale),
+    ),
+    rates=_let_go,
+    far=True,
+    stiff=True,
+    source="one-way clutch behind a spring",
+    look_alikes=("elastic_play", "direction_dependent_viscous"),
+    separated_by="drive one body slower than the other, and faster again",
 )  # fmt: skip
 
 

@@ -27,8 +27,9 @@ from workbench.physics.law import (
     shape,
     share,
     size,
+    together,
 )
-from workbench.physics.place import Place, Survey, per
+from workbench.physics.place import EFFORTS, Place, Survey, per
 
 
 def _above(at: PortView) -> Expression:
@@ -128,15 +129,36 @@ sensor_clipping = replace(
     look_alikes=("sensor_gain",),
 )
 
+
+def share_of_sign() -> Own:
+    """State how much goes through what passes one sign only; the sign of it is the one."""
+    return size("share", "1", 1.0, 1.0, "share of the other sign cut; its own sign passes",
+                signed=True)  # fmt: skip
+
+
+def passing(share: Expression) -> Expression:
+    """Return the sign that passes, 1 or -1 (dimensionless), of a signed share (dimensionless)."""
+    return ca.if_else(share < 0.0, -1.0, 1.0)
+
+
+def cut_off(at: PortView, value: Expression) -> Expression:
+    """Return what a value loses, in the unit of a port, where its sign does not pass."""
+    return at.p.share * at.form.ramp(-passing(at.p.share) * value, 0.01 * at.scale)
+
+
+# Between two bodies it is a freewheel, between two stores a check valve.
 rectification = Law(
     "rectification",
-    "y = u + share max(0, -u)",
-    drives("flow", only=lambda at: at.role != "heat" and not at.name.endswith(_NAMED)),
-    lambda at: (replace(share("share of the negative part cut"), fitted=True),),
-    lambda at: at.value + at.p.share * at.form.ramp(-at.value, 0.01 * at.scale),
-    source="check valve, diode, pump that does not suck",
-    look_alikes=("saturation", "asymmetric_gain"),
-    separated_by="negative commands",
+    "y = u + share max(0, -sign(share) u)",
+    together(
+        drives("flow", only=lambda at: at.role != "heat" and not at.name.endswith(_NAMED)),
+        each(*EFFORTS, only=lambda at: at.between and not at.elastic, label=by_port),
+    ),
+    lambda at: (share_of_sign(),),
+    lambda at: at.value + cut_off(at, at.value),
+    source="check valve, diode, pump that does not suck, one-way clutch",
+    look_alikes=("saturation", "asymmetric_gain", "direction_dependent_viscous"),
+    separated_by="commands of both signs",
 )  # fmt: skip
 
 

@@ -115,6 +115,47 @@ def test_slack_of_a_shaft_is_a_dead_zone_of_its_twist() -> None:
         assert torque == pytest.approx(8.0 * left, abs=1e-12)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_freewheel_takes_along_from_where_it_was_overtaken(side: float) -> None:
+    law = offered(drive(), "freewheel")
+    assert law.ports == ("shaft.torque",) and law.signed
+    model = drive().with_effect(law.at_size(side))
+    for twist, left in ((0.05, 0.05), (-0.3, 0.0), (-0.2, 0.1)):
+        # The slip counts as the place that the torque raises: of the load over the motor.
+        slip = {"freewheel.slip": side * (left - twist)}
+        at = model.initial_state({"twist": side * twist, **slip})
+        assert model.signals(at, [0.0])["shaft.torque"] == pytest.approx(side * 8.0 * left)
+    far = model.initial_state({"twist": -0.3 * side})
+    gone = model.rates(far, [0.0])[-1] * model.horizon / 500.0
+    assert gone * side > 0.3 and model.signals(far, [0.0])["shaft.torque"] == 0.0
+
+
+def test_what_joins_two_bodies_without_a_spring_may_pass_one_sign_only() -> None:
+    def equations(m: Scope) -> Equations:
+        passed = m.p.clutch * (m.x.motor - m.x.wheel)
+        return {"motor": (m.u.torque - passed) / 0.1, "wheel": passed / m.p.inertia}, {
+            "motor": m.x.motor
+        }
+
+    states = tuple(State(n, "rad/s", 10.0) for n in ("motor", "wheel"))
+    model = Model(
+        "coupling",
+        equations,
+        states=states,
+        inputs=(Input("torque", "N m", 5.0),),
+        outputs=(Output("motor", "rad/s"),),
+        parameters=(
+            Parameter("clutch", "N m s/rad", value=2.0),
+            Parameter("inertia", "kg m2", value=1.0),
+        ),
+    )
+    law = offered(model, "rectification_motor_wheel_exchange")
+    # What the motor is given from there is minus the torque: only less than nothing passes.
+    driven = model.with_effect(law.at_size(-1.0))
+    assert driven.rates([3.0, 2.0], [0.0]) == pytest.approx([-20.0, 2.0])
+    assert driven.rates([2.0, 3.0], [0.0]) == pytest.approx([0.0, 0.0])
+
+
 def test_friction_between_two_bodies_takes_energy() -> None:
     model = drive().with_effect(offered(drive(), "coulomb_friction_shaft").at_size(0.5))
     for motor, load in ((3.0, 1.0), (1.0, 3.0), (-2.0, 2.0)):
