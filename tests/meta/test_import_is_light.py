@@ -36,3 +36,15 @@ def test_a_heavy_import_is_found() -> None:
 def test_what_runs_designs_and_shows_them_loads_nothing_heavy() -> None:
     figures = "from workbench.reports.figure import figures_of; figures_of('study')"
     assert loaded_by(f"import workbench.study.result; {figures}") <= {"scipy"}
+
+
+def test_a_refit_needs_neither_filters_nor_statistics_of_scipy() -> None:
+    asked = (
+        "import numpy as np",
+        "from workbench.diagnosis.estimation.made_up import gauss_markov",
+        "from workbench.diagnosis.estimation.noise_colour import follows",
+        "from workbench.recordings.resampling import low_pass",
+        "error = low_pass(gauss_markov(200, 1.0, 0.1, 0.01, np.random.default_rng(1)), 0.2)",
+        "follows([error], [np.eye(200)[:, :1]])",
+    )
+    assert not {"scipy.signal", "scipy.stats"} & loaded_by("\n".join(asked))

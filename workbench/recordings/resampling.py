@@ -54,11 +54,11 @@ def low_pass(values: Vector, fraction: float) -> Vector:
     if len(values) < 3:
         return values
     reach = min(int(np.ceil(_CROSSINGS / (2 * fraction))), len(values) - 1)
-    from scipy.signal import fftconvolve, firwin
-
     extended = np.pad(values, reach, mode="reflect", reflect_type="odd")
-    kernel = firwin(2 * reach + 1, 2 * fraction, window="hamming")
-    filtered: Vector = fftconvolve(extended, kernel, mode="valid")
+    kernel = np.sinc(2 * fraction * np.arange(-reach, reach + 1)) * np.hamming(2 * reach + 1)
+    size = 1 << len(extended).bit_length()
+    spectrum = np.fft.rfft(extended, size) * np.fft.rfft(kernel / kernel.sum(), size)
+    filtered: Vector = np.fft.irfft(spectrum, size)[2 * reach : len(extended)]
     return filtered
 
 

@@ -62,10 +62,11 @@ def interval(met: int, draws: int, confidence: float = CONFIDENCE) -> tuple[floa
         >>> [round(end, 3) for end in interval(20, 20)]
         [0.832, 1.0]
     """
-    from scipy.stats import binomtest
+    from scipy.special import betaincinv
 
-    low, high = binomtest(met, draws).proportion_ci(confidence)
-    return float(low), float(high)
+    tail = 0.5 * (1.0 - confidence)
+    low = float(betaincinv(met, draws - met + 1, tail)) if met else 0.0
+    return low, float(betaincinv(met + 1, draws - met, 1.0 - tail)) if met < draws else 1.0
 
 
 def straight_line(unit: Vector, values: Vector) -> tuple[float, Vector, float]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
@@ -143,15 +144,14 @@ def follows(errors: Sequence[Vector], regressors: Sequence[Vector]) -> tuple[flo
     Returns:
         Probability of so much dependence by chance, and what the regressors leave of each error.
     """
-    from scipy.signal import lfilter
-
     together = [np.correlate(e - e.mean(), e - e.mean(), "full")[len(e) - 1 :] for e in errors]
     order = min(_ORDER, min(map(len, errors)) // 10)
     shared = np.sum([c[: order + 1] for c in together], axis=0)
     shared[0] *= 1.0 + 1e-9
     filtering = np.r_[1.0, -solve_toeplitz(shared[:-1], shared[1:])] if order else np.ones(1)
-    white = np.concatenate([lfilter(filtering, [1.0], e)[order:] for e in errors])
-    passed = np.concatenate([lfilter(filtering, [1.0], z, axis=0)[order:] for z in regressors])
+    white = np.concatenate([np.convolve(e, filtering, "valid") for e in errors])
+    along = partial(np.apply_along_axis, np.convolve, 0)
+    passed = np.concatenate([along(z, filtering, "valid") for z in regressors])
     # As many as the samples can tell of, the first ones first.
     passed = passed[:, : max(2, len(white) // 10)]
     slopes, _, rank, _ = np.linalg.lstsq(passed, white, rcond=1e-9)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import accumulate
 
 import numpy as np
 import numpy.typing as npt
@@ -132,11 +133,9 @@ def gauss_markov(
     n: int, rms: float, time: float, sample_time: float, rng: np.random.Generator
 ) -> Vector:
     """Draw noise that is correlated over a time in s, shape (n,), in the unit of its rms."""
-    from scipy.signal import lfilter
-
     kept = math.exp(-sample_time / time)
     fresh = rms * rng.normal(size=n) * np.r_[1.0, np.full(max(n - 1, 0), math.sqrt(1.0 - kept**2))]
-    return np.asarray(lfilter([1.0], [1.0, -kept], fresh))
+    return np.array(list(accumulate(fresh.tolist(), lambda before, new: new + kept * before)))
 
 
 @dataclass(frozen=True)
