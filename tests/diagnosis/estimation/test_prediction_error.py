@@ -114,7 +114,7 @@ def test_unknown_names_are_refused() -> None:
 
 
 @pytest.mark.skipif(compiler() is None, reason="there is no C compiler to compare with")
-@pytest.mark.parametrize("steps", [None, Steps(1, 2, 3, 5, 5), Steps(2, 1, 4, 1, 6)])
+@pytest.mark.parametrize("steps", [None, Steps(1, 2, 0, 3, 5, 5), Steps(2, 1, 2, 4, 1, 6)])
 def test_without_a_compiler_the_filter_gives_the_same(
     steps: Steps | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -16,13 +16,15 @@ typedef struct {
     Function noise;  /* covariance added in one sample (scaled) */
     int64_t states, inputs, measurements, corrected, free;
     int64_t calm, few; /* pieces of a sample tried first, and steps in each; none if these are 0 */
+    int64_t again;     /* steps in a calm piece that bends along few; 0 if these are not tried */
     int64_t pieces;    /* of a sample of which a calm piece bends, with one linearisation each */
     int64_t straight, steps; /* in such a piece: as many as will do if nothing bends, and all */
     const int64_t *places; /* of the states that measurements correct */
     const double *scale;   /* of each state */
     double sample_time, outlier, faded, little, little_bent, nothing;
     int64_t most_doublings;
-    int64_t uneasy, bent; /* calm pieces of all samples that bent, and pieces that needed all steps */
+    int64_t uneasy, rough, bent; /* calm pieces of all samples that bent along few steps, and along
+                                    more; pieces that needed all steps */
     double *work;
 } Filter;
 
@@ -200,6 +202,9 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
             if (left == 0 && g->few) {
                 easy = straight(g, g->calm, g->few, x, u, p, k, at, to, A, B);
                 g->uneasy += !easy;
+                if (!easy && g->again)
+                    easy = straight(g, g->calm, g->again, x, u, p, k, at, to, A, B);
+                g->rough += !easy;
             }
             if (!easy) {
                 gone = 1;

@@ -60,6 +60,9 @@ fraction of what the states move, and of their scales. A mode may turn by 0.3 ra
 _PAYS = 0.6
 """Share of the work of all steps that those along which nothing bends may be, to be tried first."""
 
+_AGAIN = 4
+"""Times as many steps must all of them be as twice the few ones, for these to be tried too."""
+
 _TRIED = 5
 """Evaluations of the equations in a step that is tried; one more than in any other."""
 
@@ -72,6 +75,7 @@ class Steps(NamedTuple):
     Args:
         calm: Pieces of that time which are tried first, with one linearisation each.
         few: Runge-Kutta steps in a calm piece; 0 if none is tried.
+        again: Steps in a calm piece that bends along few; 0 if these are not tried.
         pieces: Pieces of the time, a multiple of ``calm``, where a calm piece bends or is not
             tried; with one linearisation each.
         straight: Runge-Kutta steps in such a piece along which nothing bends.
@@ -80,6 +84,7 @@ class Steps(NamedTuple):
 
     calm: int
     few: int
+    again: int
     pieces: int
     straight: int
     each: int
@@ -132,7 +137,8 @@ def steps_of(
     pays = _TRIED * straight <= _PAYS * 4 * each_step
     if calm == pieces and pays:
         few = 0
-    return Steps(calm, few, pieces, straight if pays else each_step, each_step)
+    again = 2 * few if _AGAIN * calm * 2 * few <= pieces * each_step else 0
+    return Steps(calm, few, again, pieces, straight if pays else each_step, each_step)
 
 
 def _whole(steps: float) -> int:
@@ -175,7 +181,7 @@ class _Struct(ctypes.Structure):
         ("places", ctypes.c_void_p),
         ("scale", ctypes.c_void_p),
         *((name, ctypes.c_double) for name in _NUMBERS),
-        *((name, ctypes.c_int64) for name in ("most_doublings", "uneasy", "bent")),
+        *((name, ctypes.c_int64) for name in ("most_doublings", "uneasy", "rough", "bent")),
         ("work", ctypes.c_void_p),
     ]
 
@@ -253,9 +259,7 @@ class Filter:
                 _LITTLE_BENT,
                 _NOTHING,
                 _DOUBLINGS,
-                0,
-                0,
-                address(self._work),
+                work=address(self._work),
             )
 
     def run(
@@ -302,23 +306,25 @@ class Filter:
             np.full((n, n_y), np.nan),
             np.full((n, len(x)), np.nan),
         )
-        calm, few, pieces, straight, each = self._steps
+        calm, few, again, pieces, straight, each = self._steps
         end = None
         if self._struct is None:
             done = self._interpreted(x, covariance, u, y, r, p, d, found)
-            uneasy, bent = done * calm, done * pieces
+            uneasy, rough, bent = done * calm, done * calm, done * pieces
         else:
             # CasADi takes matrices by columns.
             d = np.ascontiguousarray(d.T)
             arrays = (x, covariance, sensitivity, u, y, r, p, d, *found[1:5])
             places = (address(array) for array in arrays)
-            self._struct.uneasy = self._struct.bent = 0
+            self._struct.uneasy = self._struct.rough = self._struct.bent = 0
             done = int(self._in_c(ctypes.byref(self._struct), n, *places))
             bent, end = self._struct.bent, (x, covariance)
-            uneasy = self._struct.uneasy if few else done * calm
+            uneasy = self._struct.uneasy
+            rough = self._struct.rough if few else done * calm
         count("filtered_samples", done)
         # Measurements and process noise once, the equations in each part of each step.
-        tried = calm * few * done + (pieces // calm * straight * uneasy if straight < each else 0)
+        tried = calm * few * done + again * uneasy
+        tried += pieces // calm * straight * rough if straight < each else 0
         count("model_evaluations", 2 * done + _TRIED * tried + 4 * each * bent)
         states = np.ascontiguousarray(found.states[:, :plant])
         return found._replace(done=done, states=states, end=end)
@@ -470,8 +476,9 @@ def _along(slope: ca.Function, rates: ca.Function, sample_time: float, steps: St
         x, further, more = along(x, u, p, scale)
         transition, driven = ca.mtimes(further, transition), ca.mtimes(further, driven) + more
     along = ca.Function("pieces", given, [x, transition, driven])
-    if steps.few:
-        along = unless_bent(*gone_along(sample_time / steps.calm, steps.few), along)
+    for number in (steps.again, steps.few):
+        if number:
+            along = unless_bent(*gone_along(sample_time / steps.calm, number), along)
     return along
 
 

@@ -24,6 +24,10 @@ _UPDATES = 8
 _STILL = 5.0
 """Multiple of the noise by which the measurements of a rig at rest may differ."""
 
+_COARSE, _ONE = 4.0, 1.5
+"""Multiple of its noise from which on the steps of a sensor outlast it; usual change, in steps, up
+to which it goes by one at a time."""
+
 _PACE, _SAMPLES = 0.3, 10
 """Correlation time of what a quick model leaves out, over the time in which its response shows; so
 many samples at least, for a machine that is recorded slowly is as good as at rest in each."""
@@ -86,7 +90,19 @@ def observe(model: Model, recording: Recording) -> Observed:
         min(CORRELATION_TIME, max(_PACE * model.horizon, _SAMPLES * sample_time)),
         correlated_noise=_correlated(outputs, sample_time),
         relative_noise=_relative(outputs),
+        coarse=_coarse(outputs, read),
     )
+
+
+def _coarse(outputs: Sequence[Output], read: Vector) -> Vector:
+    """Return the steps of sensors that mostly go by one and are not drowned in noise, others 0."""
+    steps = np.zeros(len(outputs))
+    for column, q in enumerate(outputs):
+        moved = np.abs(np.diff(read[np.isfinite(read[:, column]), column]))
+        usual = np.median(moved[moved > 0.0]) if moved.any() else np.inf
+        if max(_COARSE * q.noise_rms, usual / _ONE) < q.resolution:
+            steps[column] = q.resolution
+    return steps if steps.any() else np.zeros(0)
 
 
 def _correlated(outputs: Sequence[Output], sample_time: float) -> Vector:

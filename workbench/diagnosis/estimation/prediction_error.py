@@ -11,12 +11,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import accumulate
 
 import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
+from workbench.diagnosis.estimation.coarse_readings import at_steps
 from workbench.diagnosis.estimation.filter import STEPS, Asked, End, Filter, Steps, steps_of
 from workbench.errors import NumericalError, WorkbenchError, check_choice
 from workbench.model import Model
@@ -61,6 +63,8 @@ class Observed:
             is none.
         relative_noise: Noise of each measurement that grows with it, as a fraction of it, shape
             (n_used,); empty if there is none.
+        coarse: Steps of those measurements that are coarse beside their noise, 0 for the others,
+            shape (n_used,), in SI; empty if there is none.
     """
 
     name: str
@@ -76,6 +80,15 @@ class Observed:
     steps: int = STEPS
     correlated_noise: Vector = field(default_factory=lambda: np.zeros((0, 2)))
     relative_noise: Vector = field(default_factory=lambda: np.zeros(0))
+    coarse: Vector = field(default_factory=lambda: np.zeros(0))
+
+    @cached_property
+    def told(self) -> Vector:
+        """Measurements of which each tells something new, shape (n, n_used), in SI; others NaN."""
+        told = np.array(self.outputs)
+        for column in np.flatnonzero(self.coarse):
+            told[:, column] = at_steps(told[:, column], self.coarse[column])
+        return told
 
     @property
     def white_noise_rms(self) -> Vector:
@@ -246,7 +259,7 @@ class PredictionError:
         NaN where there was no measurement.
         """
         error = run.whitened * np.exp(run.log_deviation) * self._output_scale
-        return np.asarray(observed.outputs - error)
+        return np.asarray(observed.told - error)
 
     def begin(self, observed: Observed) -> tuple[Vector, Vector]:
         """Return the start of a recording, in SI, and its covariance over the scales."""
@@ -259,7 +272,7 @@ class PredictionError:
         found = self._filter(number).run(
             *(begin or self.begin(observed)),
             observed.inputs,
-            observed.outputs / self._output_scale,
+            observed.told / self._output_scale,
             (observed.white_noise_rms / self._output_scale) ** 2,
             values,
             self._variances,
@@ -297,7 +310,7 @@ def steps_along(model: Model, observed: Observed) -> Steps:
     At some samples the states, random within their scales, are corrected by the measurements.
     """
     if not model.states:
-        return Steps(1, 0, 1, 1, 1)
+        return Steps(1, 0, 0, 1, 1, 1)
     rng = np.random.default_rng(0)
     rows = [index_of("output", name, model.outputs) for name in observed.used]
     scale = np.array([q.scale for q in model.states])
