@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
@@ -130,7 +130,7 @@ class Model(Shown):
     @cached_property
     def horizon(self) -> float:
         """Time in which the response shows at the start, without dry effects at rest, in s."""
-        model = self.without(*self.dry_effects)
+        model = self._without(self.dry_effects)
         traced = model.regularised
         slopes = traced.function("slopes", ca.densify(ca.jacobian(traced.rates, traced.x)))
         found = np.asarray(slopes(model.initial_state(), model.nominal_input, model.values))
@@ -289,13 +289,20 @@ class Model(Shown):
             return self
         for name in names:
             check_choice("effect", name, [e.name for e in self.effects])
+        found = self._without(names)
+        _ = found.exact
+        return found
+
+    def _without(self, names: Collection[str]) -> Model:
+        """Return a model without effects, whose equations are written down once they are read."""
         gone = tuple(f"{name}." for name in names)
-        return replace(
-            self,
+        model = copy.copy(self)
+        model.__dict__.update(
             effects=tuple(e for e in self.effects if e.name not in names),
             states=tuple(q for q in self.states if not q.name.startswith(gone)),
             parameters=tuple(q for q in self.parameters if not q.name.startswith(gone)),
         )
+        return model
 
     def with_parameters(self, values: Mapping[str, float]) -> Model:
         """Return a model with other values by name, in each parameter's SI unit."""
@@ -410,8 +417,8 @@ class Model(Shown):
         for name, value in given.items():
             x[index_of("state", name, self.states)] = value
         free = [i for i, q in enumerate(self.states) if q.name not in given]
-        # Once per effect, because the start of one effect may depend on the state of another.
-        for _ in self.effects:
+        # Once for each that has a start, which may depend on the state of another.
+        for _ in (effect for effect in self.effects if effect.start is not None):
             started = self._call(
                 self.exact.start_function, x, self.nominal_input if u is None else u, None
             )

@@ -579,15 +579,15 @@ def _origins(values: Mapping[str, Expression]) -> Callable[[Expression], str]:
     """Return a function that names the first of some values that a local signal is, or nothing."""
     order = {name: i for i, name in enumerate(values)}
     nodes: dict[int, str] = {}
-    # What is written down twice has two nodes, but the same operation.
-    alike: dict[int, list[tuple[str, ca.SX]]] = {}
+    # What is written down twice has two nodes, but the same operations.
+    alike: dict[tuple[int, ...], list[tuple[str, ca.SX]]] = {}
     for name, value in values.items():
         expression = _symbolic(value)
         if expression.is_constant():
             continue
         nodes.setdefault(expression.element_hash(), name)
         if not expression.is_symbolic():
-            alike.setdefault(expression.op(), []).append((name, expression))
+            alike.setdefault(_operations(expression), []).append((name, expression))
 
     def named(signal: Expression) -> str:
         own = _symbolic(signal)
@@ -595,11 +595,17 @@ def _origins(values: Mapping[str, Expression]) -> Callable[[Expression], str]:
             return ""
         found = [nodes[own.element_hash()]] if own.element_hash() in nodes else []
         if not own.is_symbolic():
-            same = (n for n, v in alike.get(own.op(), ()) if ca.is_equal(own, v, 2))
+            same = (n for n, v in alike.get(_operations(own), ()) if ca.is_equal(own, v, 2))
             found += [next(same, "")]
         return min((n for n in found if n), key=order.__getitem__, default="")
 
     return named
+
+
+def _operations(expression: ca.SX) -> tuple[int, ...]:
+    """Return the operation of an expression and those of its parts, in any order."""
+    parts = (expression.dep(i).op() for i in range(expression.n_dep()))
+    return (expression.op(), *sorted(parts))
 
 
 def _short_names(effect: Effect, values: Mapping[str, ca.SX], kind: str) -> Names:

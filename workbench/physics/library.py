@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import replace
 
 from workbench.model import Effect, Model
 from workbench.physics.hypothesis import Hypothesis, look_alikes
@@ -96,10 +95,7 @@ def every_name(
         ends = [v for v in (q.lower, q.upper, q.value) if math.isfinite(v)]
         if q.fitted:
             values[q.name] = max((*ends, min(q.scale, q.upper)), key=abs)
-    refitted = replace(
-        model,
-        parameters=tuple(replace(q, value=values.get(q.name, q.value)) for q in model.parameters),
-    )
+    refitted = model.with_parameters(values)
     strides = {f"{q.name}.command": q.scale * model.horizon for q in model.inputs}
     found: dict[str, Hypothesis] = {}
     for known, more_of in ((model, ()), (refitted, [e.name for e in model.effects])):
