@@ -195,6 +195,19 @@ def test_parameters_change_values_and_keep_the_equations() -> None:
     assert other.regularised is model.regularised
 
 
+def test_an_effect_with_another_size_has_the_equations_that_stand_already() -> None:
+    effect = lag()
+    slow = effect.with_parameters({"time": 2.0})
+    model, size = tank(), "lag.time"
+    lagging = model.with_effect(effect)
+    slower = model.with_parameters({"area": 4.0}).with_effect(slow)
+    assert slower.exact is lagging.exact and slower.regularised is lagging.regularised
+    assert (lagging.parameter(size).value, slower.parameter(size).value) == (0.1, 2.0)
+    assert (lagging.parameter("area").value, slower.parameter("area").value) == (2.0, 4.0)
+    # Another law of the name has its own.
+    assert model.with_effect(lag()).exact is not lagging.exact
+
+
 def refusals() -> list[tuple[str, object, str]]:
     two = State("level", "m")
     return [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
@@ -25,6 +25,9 @@ from workbench.model.traits import Traits
 from workbench.model.units import readably, same_dimension, with_unit
 
 Own = TypeVar("Own", State, Parameter)
+
+_KEPT = 16
+"""How many models with effects attached are kept with the one that they were attached to."""
 
 _FARTHER = 10.0
 """Factor by which an output goes beyond the size that equations promise where they are wrong."""
@@ -112,6 +115,11 @@ class Model(Shown):
         """Return the equations as they were written down so far; other values share them."""
         return {}
 
+    @cached_property
+    def _extended(self) -> dict[tuple[Hashable, ...], Model]:
+        """Return the last models with effects attached to these equations, whatever the values."""
+        return {}
+
     @property
     def exact(self) -> Trace:
         """The equations with their kinks, for verification."""
@@ -140,7 +148,7 @@ class Model(Shown):
 
     def __getstate__(self) -> dict[str, object]:
         """Leave out what follows from the rest: another process writes it down again."""
-        follows = ("_traces", "horizon")
+        follows = ("_traces", "_extended", "horizon")
         return {k: v for k, v in self.__dict__.items() if k not in follows}
 
     def form(self, form: Form | str) -> Trace:
@@ -261,15 +269,18 @@ class Model(Shown):
             taken.append(effect.name)
             for port in effect.ports:
                 check_choice(f"port of effect {effect.name}", port, ports)
-        return replace(
-            self,
-            effects=(*self.effects, *effects),
-            states=(*self.states, *(_prefixed(e, q) for e in effects for q in e.states)),
-            parameters=(
-                *self.parameters,
-                *(_prefixed(e, q) for e in effects for q in e.parameters),
-            ),
-        )
+        attached = (*self.effects, *effects)
+        parameters = (*self.parameters, *(_prefixed(e, q) for e in effects for q in e.parameters))
+        key = tuple(map(_structure, effects))
+        if key in self._extended:
+            # The same laws with other values or bounds.
+            return self._extended[key]._valued(effects=attached, parameters=parameters)  # noqa: SLF001
+        states = (*self.states, *(_prefixed(e, q) for e in effects for q in e.states))
+        model = replace(self, effects=attached, states=states, parameters=parameters)
+        self._extended[key] = model
+        while len(self._extended) > _KEPT:
+            del self._extended[next(iter(self._extended))]
+        return model
 
     def opened(self) -> Model:
         """Return the model with ports at inputs and rates that pass no port of their own."""
@@ -311,9 +322,12 @@ class Model(Shown):
         changed = tuple(
             q.with_value(values[q.name]) if q.name in values else q for q in self.parameters
         )
-        # The symbolic equations do not depend on parameter values: writing them again is waste.
+        return self._valued(parameters=changed)
+
+    def _valued(self, **changed: tuple[Parameter | Effect, ...]) -> Model:
+        """Return a model with other values: its equations are those that are written down."""
         model = copy.copy(self)
-        model.__dict__.update(parameters=changed, _traces=self._traces)
+        model.__dict__.update(changed, _traces=self._traces, _extended=self._extended)
         return model
 
     def sized_by(self, moved: Mapping[str, float]) -> Model:
@@ -502,3 +516,10 @@ def _row(quantity: Quantity) -> str:
 
 
 __all__ = ["Expression", "Model", "Names", "Trace", "check_vector", "index_of"]
+
+
+def _structure(effect: Effect) -> tuple[Hashable, ...]:
+    """Return what the equations of a model with an effect depend on."""
+    names = tuple(q.name for q in effect.parameters)
+    does = effect.transform, effect.rates, effect.start
+    return effect.name, effect.ports, names, effect.states, does
