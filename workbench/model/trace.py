@@ -314,8 +314,9 @@ def trace(model: Written, form: Form) -> Trace:
     traced = [perturbed_rates, perturbed_outputs, start, signals, *own_signals]
     nothing = [perturbation], [ca.SX.zeros(perturbation.numel())]
     still = ca.substitute(traced, *nothing)
-    _require_numbers(model, still[0], [f"rate of {q.name}" for q in model.states])
-    _require_numbers(model, still[1], [f"output {q.name}" for q in model.outputs])
+    told = [f"rate of {q.name}" for q in model.states]
+    told += [f"output {q.name}" for q in model.outputs]
+    _require_numbers(model, ca.vertcat(*still[:2]), told)
     if _leaves_the_numbers(model, symbols, still[:2]):
         traced = with_real_roots(traced)
         perturbed_rates, perturbed_outputs = traced[:2]
