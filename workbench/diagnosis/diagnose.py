@@ -22,7 +22,6 @@ from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.estimation.start import fit_with_likely_starts, likely_start
 from workbench.diagnosis.experiment.next_experiment import Advice, next_experiment
 from workbench.diagnosis.late_commands import with_commands_in_time
-from workbench.diagnosis.location.by_refits import located_by_refits
 from workbench.diagnosis.location.locate import Location, locate
 from workbench.diagnosis.location.located_signal import missing_signals
 from workbench.diagnosis.nonparametric.fit import nonparametric_term
@@ -263,13 +262,13 @@ def _stages(
                 and not selected.accepted
                 and not scored.near_noise(fitted.base)
             ):
-                selected = _without_name(found, selected, say)  # noqa: PLW2901
+                selected = _without_name(task, found, selected)  # noqa: PLW2901
             if selected.finished and _hollow(task, found, selected):
                 why = "beside it nearly everything that was missing is missing still"
                 selected = all_withdrawn(task, selected, why)  # noqa: PLW2901
             told = replace(found, selected=selected)
             if selected.finished and not told.improved and not told.complete:
-                found, selected = relocated(found, selected)  # noqa: PLW2901
+                found, selected = relocated(task, found, selected)  # noqa: PLW2901
             files.write(selected)
             found = replace(found, selected=selected, **files.spent)
             yield found
@@ -378,16 +377,15 @@ def where(base: ProcessNoiseFit, prepared: Prepared) -> Located:
         return Located(Location({}, {}, 0.0), f"it could not be located, because {error}")
 
 
-def relocated(found: Diagnosis, selected: Selected) -> tuple[Diagnosis, Selected]:
+def relocated(task: Task, found: Diagnosis, selected: Selected) -> tuple[Diagnosis, Selected]:
     """Locate again what no law explains, where an unknown input at one place explains as much.
 
     Parameters that stood in for it lead astray: they are refitted beside the input.
     """
     assert found.fitted is not None
-    again = located_by_refits(found.base, found.prepared.fitting, found.prepared.priors)
-    if again is None:
+    if task.one_place is None:
         return found, selected
-    location, base = again
+    location, base = task.one_place
     fitted = replace(found.fitted, base=base)
     selected = replace(selected, extended=base, fits=(base,), closest={}, runs={})
     return replace(found, fitted=fitted, located=Located(location)), selected
@@ -408,13 +406,14 @@ def _hollow(task: Task, found: Diagnosis, selected: Selected) -> bool:
     return still_missing(found.before, left) >= NO_NAME.value
 
 
-def _without_name(found: Diagnosis, selected: Selected, say: Progress) -> Selected:
+def _without_name(task: Task, found: Diagnosis, selected: Selected) -> Selected:
     """Fit a term without a name where nothing of the library explains the recordings."""
-    base, prepared = found.base, found.prepared
-    ports = found.before.ports(found.nominal) if found.before else ()
+    prepared = found.prepared
+    location, base = task.one_place or (found.before, found.base)
+    ports = location.ports(found.nominal) if location else ()
     if not ports:
         return likely(selected)
-    say(f"fitting a law without a name at {', '.join(ports)}")
+    task.say(f"fitting a law without a name at {', '.join(ports)}")
     try:
         term = nonparametric_term(base, prepared.fitting, prepared.judging, ports, prepared.priors)
     except Exception as error:  # noqa: BLE001

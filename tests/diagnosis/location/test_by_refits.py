@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
+from tests.diagnosis.example_diagnosis import example_diagnosis
+from workbench.diagnosis import diagnose as engine
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
+from workbench.diagnosis.location.locate import Location
+from workbench.diagnosis.selection.selected import Selected
+from workbench.diagnosis.selection.task import Task
+from workbench.errors import WorkbenchError
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.library import library
@@ -70,3 +77,17 @@ def test_a_heat_that_nobody_reads_is_located_beside_right_parameters() -> None:
     values = {e.name: e.value for e in found.base.refit.estimates}
     for name in ("wall_capacity", "contact"):
         assert values[name] == pytest.approx(TRUE[name], rel=0.05)
+
+
+def test_a_curve_without_a_name_is_looked_for_where_all_is_missing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    given, _ = example_diagnosis()
+    seen, (port, *_) = given.prepared, given.nominal.ports
+    task = Task(given.nominal, given.base, seen.fitting, seen.judging, seen.priors)
+    task.__dict__["one_place"] = Location({port.group: 1.0}, {}, 1.0), given.base
+    ports = Mock(side_effect=WorkbenchError("asked"))
+    monkeypatch.setattr(engine, "nonparametric_term", ports)
+    nothing = Selected(given.base, task.priors)
+    engine._without_name(task, replace(given, located=None), nothing)
+    assert port.name in ports.call_args.args[3]

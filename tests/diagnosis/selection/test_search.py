@@ -14,6 +14,7 @@ from tests.diagnosis.newcomers import oscillations, oscillator
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.selection import search as selection_search
 from workbench.diagnosis.selection import withdrawal
 from workbench.diagnosis.selection.pairs import _openings, with_pair
@@ -27,7 +28,7 @@ from workbench.diagnosis.selection.rules import (
     Limits,
 )
 from workbench.diagnosis.selection.search import as_it_is_told
-from workbench.diagnosis.selection.selected import Accepted
+from workbench.diagnosis.selection.selected import Accepted, Selected
 from workbench.diagnosis.selection.simplification import simplified
 from workbench.diagnosis.selection.task import Task
 from workbench.diagnosis.selection.withdrawal import taken_up_again, too_little_withdrawn
@@ -61,6 +62,21 @@ def test_effects_that_explain_too_little_are_taken_back_with_the_reason() -> Non
     # But not if it predicts next to nothing of what is missing.
     gone = too_little_withdrawn(task, given.selected, 2.0 * gain / LEAST_PREDICTED.value)
     assert gone.accepted == gone.aside == () and left.aside != ()
+
+
+@pytest.mark.parametrize("one_place", [False, True])
+def test_a_search_begins_again_unless_all_is_missing_at_one_place(
+    one_place: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given, _ = example_diagnosis()
+    prepared = given.prepared
+    task = Task(given.nominal, given.base, prepared.fitting, prepared.judging, prepared.priors)
+    task.__dict__["one_place"] = (Location({}, {}, 0.0), given.base) if one_place else None
+    came_to_nothing = Selected(given.base, task.priors, began="creep")
+    monkeypatch.setattr(selection_search, "_round", lambda *_: (came_to_nothing, False))
+    assert given.scored is not None
+    state = selection_search._advanced(task, given.scored, came_to_nothing)
+    assert state.failed == ("creep",) and state.finished is one_place
 
 
 @pytest.mark.parametrize(("share", "more"), [(0.2, False), (0.4, True)])

@@ -162,7 +162,8 @@ def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
     state, share = run_as_found(task, retimed(task, simplified(task, state)))
     failed = (*state.failed, state.began)
     shown = any(a.shown for a in state.aside)
-    if not state.accepted and state.began and len(failed) < (2 if shown else MOST_SEARCHES):
+    again = not state.accepted and state.began and len(failed) < (2 if shown else MOST_SEARCHES)
+    if again and task.one_place is None:
         # The next search begins with the next best of the first round.
         return replace(state, failed=failed, began="", rounds=state.rounds[:1], free=task.priors)
     if not state.accepted:

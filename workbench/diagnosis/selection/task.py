@@ -23,6 +23,7 @@ from workbench.diagnosis.estimation.process_noise import (
     fit_with_process_noise,
     ranges_along,
 )
+from workbench.diagnosis.location.by_refits import located_by_refits
 from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.location.missing_signal import period_of, stride_of
 from workbench.diagnosis.location.unknown_input import unknown_input
@@ -76,6 +77,15 @@ class Task:
     refitted: dict[tuple[int, bool], tuple[ProcessNoiseFit, ProcessNoiseFit]] = field(
         default_factory=dict
     )
+
+    @cached_property
+    def one_place(self) -> tuple[Location, ProcessNoiseFit] | None:
+        """Where an unknown input alone explains as much as one everywhere; None if nowhere.
+
+        The laws that act there were tried in a first search; that two effects hide each other at
+        different places is no reason for another one.
+        """
+        return located_by_refits(self.base, self.fitting, self.priors)
 
     def tried(self, model: Model) -> list[Hypothesis]:
         """Return the effects that may be missing from a model."""
