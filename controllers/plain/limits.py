@@ -243,6 +243,9 @@ class LoopLimits:
         ms, mt, beyond, stirred = np.zeros((4, count))
         stable = np.ones(count, dtype=bool)
         turned = _turned if single else partial(_turned_together, at_outputs=not more)
+        # Noise may neither take much of the commands' range nor of how fast they are.
+        fast = np.abs(z - 1.0)[:, None] * self.loop.command_scale / (STIRRED * h * self.loop.slew)
+        both = 1.0 + (self.want.quiet * fast) ** 2
         # As many at a time as stay in the processor's cache.
         for first in range(0, count, AT_A_TIME):
             part = slice(first, first + AT_A_TIME)
@@ -250,7 +253,7 @@ class LoopLimits:
             for P in self.responses:
                 s, t, moved, crossed = turned(P[which], K, late, self.noise)
                 stable[part] &= ~crossed
-                noisy = np.trapezoid(moved, angle, axis=1) / np.pi
+                noisy = np.trapezoid(moved * both, angle, axis=1) / np.pi
                 for most, own in (
                     (ms, s.max(axis=1)),
                     (mt, t.max(axis=1)),
@@ -817,6 +820,10 @@ small step's rise."""
 
 PARTS = (0.7, 0.5, 0.35, 0.25, 0.18, 0.12)
 """Paces that are tried beside a brake, over the fastest that it lets a reference move."""
+
+STIRRED = 0.3
+"""Largest change of a command in a sample that noise makes, rms, over that which its slew lets it
+make: beyond, it lets little else through."""
 
 SLOW = (4.0, 2.0, 1.0)
 """Paces that are tried over that which the commands' slews let them follow."""

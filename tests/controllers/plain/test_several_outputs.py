@@ -20,7 +20,7 @@ from controllers.h_infinity.synthesis import has_slycot
 from controllers.plain.limits import LoopLimits
 from controllers.plain.loop import loop_of
 from controllers.plain.pairing import best_pairing, interaction, relative_gains, zeros
-from controllers.plain.state_feedback import LQISpecification, reachable_speed
+from controllers.plain.state_feedback import LQISpecification, design_lqi, reachable_speed
 from controllers.sensitivity import least_gain, loop_matrices
 from tests.controllers.in_c import InC
 from workbench.errors import WorkbenchError
@@ -335,6 +335,23 @@ def test_a_pump_that_changes_slowly_is_asked_for_no_more(name: str, tmp_path: Pa
     found = metrics(run)
     assert found["low.overshoot"].value < 0.12
     assert found["low.steady_error"].value < 4e-4 and found["other.steady_error"].value < 4e-4
+
+
+def test_noise_takes_no_more_of_a_slew_than_of_a_range() -> None:
+    rotor = Model(
+        "rotor",
+        lambda m: (
+            {"speed": -0.012 * m.x.speed - m.x.blade, "blade": (m.u.pitch - m.x.blade) / 0.3},
+            {"speed": m.x.speed},
+        ),
+        states=(State("speed", "rad/s"), State("blade", "rad", 0.2)),
+        inputs=(Input("pitch", "rad", lower=-0.3, upper=1.2, slew=0.14),),
+        outputs=(Output("speed", "rad/s", noise_rms=0.02),),
+    )
+    linear = linearise(operating_point(rotor), verdict=False)
+    law = design_lqi(linear, LQISpecification(sample_time=0.02))
+    step = step_scenario("speed", 0.0, 0.4, hold=40.0, sample_time=0.02)
+    assert metrics(verify(law, rotor, step))["settling_time"].value < 15.0
 
 
 def test_a_slew_is_positive() -> None:
