@@ -8,6 +8,7 @@ commands.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -138,15 +139,18 @@ def _h_infinity(
     read = np.linalg.norm(np.abs(seen[0]) * loop.command_scale, axis=1)
     # Time counts in 1 / w and states in scales, so that no machine is too slow or too small for the
     # numbers. The commands pass a delay (first-order Pade); disturbances enter beside it.
-    states = own.state_scales / np.exp(np.mean(np.log(loop.output_scale)))
+    states = own.state_scales
+    B, C = own.B / states[:, None] * (loop.command_scale / w), loop.seen * states / read[:, None]
+    # Neither what enters the states nor what is seen of them is lost beside the other.
+    even = math.sqrt(np.linalg.norm(B) / np.linalg.norm(C))
+    B, C = B / even, C * even
     p = 2.0 / (w * (want.delay + 1.5 * h))
     (n, m), sensors = own.B.shape, len(read)
-    B = own.B / states[:, None] * (loop.command_scale / w)
     one, nothing = p * np.eye(m), np.zeros((m, m))
     A = np.block([[own.A * states / states[:, None] / w, 2.0 * B], [np.zeros((m, n)), -one]])
     entries = np.block([[B, -B], [nothing, one]])
-    C = np.hstack([loop.seen * states / read[:, None], np.zeros((sensors, m))])
-    plant = A, entries, C, np.zeros((sensors, 2 * m))
+    seen_with = np.hstack([C, np.zeros((sensors, m))])
+    plant = A, entries, seen_with, np.zeros((sensors, 2 * m))
     found = synthesise(
         plant,
         Weights(1.0, input_size=input_size, beside=beside),

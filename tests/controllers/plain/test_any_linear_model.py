@@ -702,6 +702,24 @@ def test_an_h_infinity_loop_shows_a_reference_no_tail_of_what_it_does_about_load
 
 
 @pytest.mark.skipif(not has_slycot(), reason="needs slycot")
+def test_a_flow_of_nanolitres_behind_a_pressure_has_an_h_infinity_controller() -> None:
+    line = Model(
+        "syringe",
+        lambda m: (
+            {"pressure": (1e-4 * m.u.piston - m.x.pressure / 3e12) / 5e-12},
+            {"flow": m.x.pressure / 3e12},
+        ),
+        states=(State("pressure", "Pa"),),
+        inputs=(Input("piston", "m/s", lower=0.0, upper=1e-3, nominal=1e-4),),
+        outputs=(Output("flow", "m3/s", noise_rms=1e-11),),
+    )
+    linear = linearise(operating_point(line), verdict=False)
+    design = DESIGNS.get("plain-h-infinity")
+    law: Any = design.controller(linear, design.specified({"sample_time": 0.1}))
+    assert settled_after(law, linear, {"flow": 1e-8}) < 10.0
+
+
+@pytest.mark.skipif(not has_slycot(), reason="needs slycot")
 def test_a_reference_is_not_held_back_for_steps_that_nobody_takes() -> None:
     # A ball on a beam: by half of what moves a motor to its end in a slow loop it rolls for metres.
     beam = Model(
