@@ -731,7 +731,7 @@ class LoopLimits:
         after = ca.vertcat(ca.mtimes(A, x) + ca.mtimes(B, u), *flat(following), now, moved)
         entering = [ca.vertcat(x, z, r, v), ca.vertcat(to, most, brake)]
         leaving, count = [ca.densify(after), ca.densify(y[:p])], len(step)
-        sample = Called(ca.Function("sample", entering, leaving).map(count))
+        sample = Called(ca.Function("sample", entering, leaving).map(count).expand())
         # What has no end takes long to reach one.
         told = np.array([step, *np.minimum(pace, 1e9 * np.abs(step))])
         state, outputs = np.zeros((after.numel(), count)), np.zeros((MOST_SAMPLES, p, count))
