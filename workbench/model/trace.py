@@ -468,20 +468,21 @@ def _whole(
     rates: Named, declared: Named, scope: Scope, perturbations: Mapping[str, ca.SX]
 ) -> set[str]:
     """Return the states whose rate is a multiple of the signal at a port of the author."""
-    found: set[str] = set()
-    for name, rate in rates.items():
-        for port in declared:
-            slope = ca.jacobian(_symbolic(rate), perturbations[port])
-            if slope.is_zero():
-                continue
-            beside = _symbolic(rate) - slope * _symbolic(scope.values[port])
-            symbols = ca.symvar(ca.vertcat(beside, _symbolic(rate)))
-            values = ca.Function("beside", symbols, [beside, _symbolic(rate)])
-            rng = np.random.default_rng(1)
-            looks = (values.call(list(rng.uniform(0.5, 1.5, len(symbols)))) for _ in range(3))
-            if all(abs(float(a)) <= 1e-9 * abs(float(b)) for a, b in looks):
-                found.add(name)
-    return found
+    every = _vector({name: _symbolic(rate) for name, rate in rates.items()})
+    slopes = ca.jacobian(every, _vector({port: perturbations[port] for port in declared}))
+    pairs = list(zip(*slopes.sparsity().get_triplet(), strict=True))
+    if not pairs:
+        return set()
+    signals = [_symbolic(scope.values[port]) for port in declared]
+    driven = ca.vcat([every[i] for i, _ in pairs])
+    beside = driven - ca.vcat([slopes[i, j] * signals[j] for i, j in pairs])
+    symbols = ca.vcat(ca.symvar(ca.vertcat(beside, driven)))
+    values = ca.Function("beside", [symbols], [beside, driven])
+    looks = np.random.default_rng(1).uniform(0.5, 1.5, (3, symbols.numel()))
+    left, whole = np.array([values.call([at]) for at in looks]).swapaxes(0, 1)
+    alone = np.all(np.abs(left) <= 1e-9 * np.abs(whole), axis=(0, 2))
+    names = list(rates)
+    return {names[i] for (i, _), one in zip(pairs, alone, strict=True) if one}
 
 
 def _default_rates(
