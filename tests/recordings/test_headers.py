@@ -68,6 +68,8 @@ from workbench.recordings.headers import read_header
         ("stroke_cm", "stroke", "cm", ""),
         ("flow_l_h", "flow", "l/h", ""),
         ("energy_kW_h", "energy", "kW h", ""),
+        ("U_amp_V", "U_amp", "V", ""),
+        ("turn_rate_rad_sec", "turn_rate", "rad/s", ""),
         ("c_mol_l", "c", "mol/l", ""),
     ],
 )

@@ -138,7 +138,8 @@ class StepTrial:
         sample_time = found[0].sample_time
         if hold is None:
             needed = [settling(recipes, self.linear, scenario) for scenario in found]
-            hold = max(each.time for each in needed) or None
+            times = [each.time or step_time(self.linear) for each in needed]
+            hold = max(times) if any(each.time for each in needed) else None
             slowest: dict[str, float] = {}
             for name, settled in (pair for each in needed for pair in each.slow.items()):
                 slowest[name] = max(settled, slowest.get(name, 0.0))

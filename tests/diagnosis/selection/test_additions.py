@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from tests.diagnosis.example_diagnosis import example_diagnosis
 from tests.diagnosis.newcomers import levels, oscillator
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import default_priors
-from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, fit_with_process_noise
+from workbench.diagnosis.selection import additions
 from workbench.diagnosis.selection.additions import shaped
+from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.refits import entry_priors
 from workbench.diagnosis.selection.task import Task
 from workbench.physics.library import library
@@ -63,3 +66,23 @@ def test_the_sharpness_of_a_loop_is_refitted_where_that_explains_more(exponent: 
     assert len(own) == len(free) + 1
     assert found.cost < fit.cost - 20.0
     assert abs(estimate.value - exponent) < 3.0 * estimate.std < 1.5
+
+
+def test_a_law_is_refitted_from_where_it_is_a_simpler_one_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    nominal = oscillator(scale=5.0)
+    creep = next(e for e in library(nominal) if e.name == "creep")
+    ends = additions._ends(Candidate(creep, None, 0.0, (0.0, 0.0, 0.0)))
+    assert ends == [{"creep.slow_part": 0.0}, {"creep.slow_part": 1.0}]
+    given, _ = example_diagnosis()
+    begun = []
+
+    def refitted(*_: object, start: dict[str, float], **__: object) -> ProcessNoiseFit:
+        begun.append(start)
+        cost = given.base.cost - 10.0 * start.get("creep.slow_part", 0.0)
+        return replace(given.base, refit=replace(given.base.refit, cost=cost))
+
+    monkeypatch.setattr(additions, "fit_with_process_noise", refitted)
+    best = additions.polished(given.base, (), (), ends=ends)
+    assert len(begun) == 3 and best.cost == given.base.cost - 10.0
