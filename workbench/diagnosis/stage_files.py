@@ -37,11 +37,7 @@ FOLDER = "stages"
 
 
 def fingerprint(
-    model: Model,
-    recordings: Sequence[Recording],
-    priors: Sequence[Prior],
-    *,
-    split: int,
+    model: Model, recordings: Sequence[Recording], priors: Sequence[Prior], *, split: int
 ) -> str:
     """Return what tells one diagnosis from another: plant, recordings, priors.
 
