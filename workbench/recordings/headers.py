@@ -150,9 +150,14 @@ def _suffix(column: str) -> tuple[str, str, str] | None:
             if count == 1
             else ["/".join(w for w in tail if w != "per"), " ".join(tail), "_".join(tail)]
         )
-        below = tail[-1] in _BELOW and not (tail[-1] == "h" and tail[0].endswith(("W", "A")))
+        below = in_symbols(tail[-1]) in _BELOW and not (
+            tail[-1] == "h" and tail[0].endswith(("W", "A"))
+        )
         if count > 1 and "per" not in tail and not below:
             spellings = spellings[1:]
+            if len({in_symbols(w) == w for w in tail}) > 1:
+                # Nobody multiplies a symbol by a word: "U_amp_V" is the voltage of an amplifier.
+                continue
         for spelling in spellings:
             unit, reference = read_unit(spelling)
             if unit is not None and tidy_name(name) and _fits(name, unit):

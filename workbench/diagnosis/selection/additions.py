@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from workbench.diagnosis.estimation.prediction_error import Observed
@@ -72,7 +72,7 @@ def with_candidate(task: Task, state: Selected, found: Candidate, beside: Round)
     # What is no more than this law with more parameters may have come further.
     more = next((c.fit for c in beside.candidates if degenerates_to(c, found)), None)
     started = task.started(task.fitting, found.fit.model)
-    extended = polished(found.fit, started, free, more)
+    extended = polished(found.fit, started, free, more, _ends(found))
     extended, free = shaped(task, extended, found.entry.name, started, free)
     alike = explain_as_well(found, beside.candidates, beside.scores)
     return replace(
@@ -132,15 +132,17 @@ def polished(
     recordings: Sequence[Observed],
     priors: Sequence[Prior],
     beside: ProcessNoiseFit | None = None,
+    ends: Sequence[Mapping[str, float]] = (),
 ) -> ProcessNoiseFit:
     """Refit once more, to the end: comparing hypotheses needs less.
 
     Args:
+        ends: Values of some parameters by name, in SI, from which it begins too.
         beside: A fit with another effect instead of the last one, from whose values of all others
             the refit begins too.
     """
     own = {e.name: e.value for e in fit.refit.estimates}
-    starts = [(own, False)]
+    starts = [(own, False), *((own | dict(end), True) for end in ends)]
     if beside is not None:
         shared = {e.name: e.value for e in beside.refit.estimates if e.name in own}
         starts.append((own | shared, True))
@@ -157,6 +159,17 @@ def polished(
         if final.cost <= best.cost + (INDIFFERENT if final.noise_scale < best.noise_scale else 0.0):
             best = replace(final, passed=fit.passed)
     return best
+
+
+def _ends(found: Candidate) -> list[dict[str, float]]:
+    """Return the ends of what is a part of a whole in an effect: there its law is a simpler one.
+
+    Between them two memories may stand in for one, in a valley that no step leaves.
+    """
+    entry = found.entry
+    parts = [q for q in entry.effect.parameters if q.fitted and (q.lower, q.upper) == (0.0, 1.0)]
+    names = [f"{entry.name}.{q.name}" for q in parts if q.name != entry.size_parameter]
+    return [{name: end} for name in names for end in (0.0, 1.0)]
 
 
 def retimed(task: Task, state: Selected) -> Selected:
