@@ -172,7 +172,12 @@ class SlidingMode(ValveLaw):
             state.twist + free * h * twisted,
             arrived_opening(state.arrived, clipped - now.opening, self.lag, h),
         )
-        info = {"opening": clipped, "surface": surface, "speed": now.speed, "plan": now.plan.angle}
+        info = {
+            "opening": clipped,
+            "surface": surface,
+            "speed": now.speed,
+            "plan": now.plan.angle,
+        }
         return (self.tracking.command(self.valve, front, clipped, arithmetic),), following, info
 
 

@@ -300,7 +300,13 @@ class JointTracking(TrackingOptions, Tracking):
                 self.hysteresis,
                 arithmetic,
             )
-        following = (theta + h * omega + 0.5 * h * h * alpha, omega + h * alpha, w, filtered, mean)
+        following = (
+            theta + h * omega + 0.5 * h * h * alpha,
+            omega + h * alpha,
+            w,
+            filtered,
+            mean,
+        )
         for opening in state.sent:
             angle = angle + h * omega + 0.5 * h * h * alpha
             rate = joint.difference_rate(opening, omega, difference)

@@ -63,7 +63,12 @@ def mpc_source(
             ("VOLTAGE", [own.voltages for own in curves]),
         )
     } | {"VALVE_CENTRE": np.array([own.centre for own in curves])}
-    numbers = {"VALVE_LAST": most - 1, "OPENINGS": len(curves), "ROWS_A": m, **defined}
+    numbers = {
+        "VALVE_LAST": most - 1,
+        "OPENINGS": len(curves),
+        "ROWS_A": m,
+        **defined,
+    }
     source = (
         generated
         + solver_source(n, n + m, limit=limit, factor=factor)

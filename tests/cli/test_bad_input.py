@@ -33,7 +33,10 @@ CASES: dict[str, tuple[list[str], tuple[str, ...]]] = {
         ["verify", "-c", "pid", "--require", "settling_time"],
         ("requirement 'settling_time' has no value", "NAME=VALUE"),
     ),
-    "unknown unit": (["linearise", "--angle", "30degr"], ("unit 'degr'", "did you mean 'deg'")),
+    "unknown unit": (
+        ["linearise", "--angle", "30degr"],
+        ("unit 'degr'", "did you mean 'deg'"),
+    ),
     "wrong unit": (
         ["linearise", "--mean-pressure", "3kg"],
         ("mean pressure '3kg'", "does not measure it", "3bar"),
@@ -43,7 +46,17 @@ CASES: dict[str, tuple[list[str], tuple[str, ...]]] = {
     "huge": (["linearise", "--mean-pressure", "1e999"], ("not a finite number",)),
     "not a number": (["linearise", "--load", "three"], ("load 'three' is not a number", "3kg")),
     "unreachable trim": (
-        ["linearise", "--plane", "vertical", "--angle", "0", "--load", "8kg", "--supply", "2bar"],
+        [
+            "linearise",
+            "--plane",
+            "vertical",
+            "--angle",
+            "0",
+            "--load",
+            "8kg",
+            "--supply",
+            "2bar",
+        ],
         # 8 kg held horizontal needs 30.8 N m; 6 bar give 52.6 N m there, so 2 bar hold half of it.
         ("8 kg", "possible would be load from 0 to 4.", "supply pressure from 3.5"),
     ),
@@ -56,10 +69,16 @@ CASES: dict[str, tuple[list[str], tuple[str, ...]]] = {
         ["linearise", "--plant", "servo-axis", "--effect", "cubic_dragg"],
         ("one of those that 'workbench plants servo-axis' lists; did you mean 'cubic_drag'?",),
     ),
-    "unknown controller": (["verify", "-c", "pdi"], ("design is 'pdi'", "did you mean 'pid'")),
+    "unknown controller": (
+        ["verify", "-c", "pdi"],
+        ("design is 'pdi'", "did you mean 'pid'"),
+    ),
     "supply outside": (["linearise", "--supply", "20bar"], ("supply pressure is 20 bar",)),
     "no input": (["simulate"], ("no input is given", "--valve 0:1")),
-    "voltage outside": (["simulate", "--valve", "0:12V"], ("valve is 12 V", "0 to 10 V")),
+    "voltage outside": (
+        ["simulate", "--valve", "0:12V"],
+        ("valve is 12 V", "0 to 10 V"),
+    ),
     "step without value": (["simulate", "--valve", "5"], ("no value", "TIME:VALUE", "0:5")),
     "two kinds of voltage": (
         ["simulate", "--valve", "0:5", "--pulses", "1"],

@@ -108,6 +108,20 @@ def ball():
     assert run([*words, "--require", "settling_time=10s", "--hold", "0.2s"]) == 1
 
 
+def test_a_slow_output_beside_a_fast_one_is_run_until_it_settles(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "boilers.py").write_text(
+        "import control\n"
+        "G = control.tf([[[-8.0, 1.0], [0.0]], [[0.0], [1.0]]],"
+        " [[[25.0, 10.0, 1.0], [1.0]], [[1.0], [0.5, 1.0]]])\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    run(["verify", "--plant", "boilers:G", "-c", "lqi", "--json"])
+    slow, fast = (run["metrics"] for run in json.loads(capsys.readouterr().out)["runs"])
+    assert slow["y_0.settling_time"]["value"] > 10.0 > fast["y_1.settling_time"]["value"]
+
+
 def greenhouse() -> Model:
     """Air that is warm within minutes, above soil that takes half a day."""
     return Model(

@@ -226,7 +226,12 @@ def test_a_script_gets_json_and_nothing_else(
     assert run([*JSON[verb], "--json"]) == 0
     printed = capsys.readouterr()
     found = json.loads(printed.out)
-    keys = {"linearise": "A", "verify": "runs", "recording": "checks", "compare": "requirements"}
+    keys = {
+        "linearise": "A",
+        "verify": "runs",
+        "recording": "checks",
+        "compare": "requirements",
+    }
     assert found[keys[verb]]
     # What a person reads is still there.
     assert len(printed.err.splitlines()) > 2

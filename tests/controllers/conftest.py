@@ -81,7 +81,13 @@ def third_order() -> Matrices:
     b, a1, a0, g, e, d = (TRUTH[k] for k in ("b", "a1", "a0", "g", "e", "d"))
     # states angle, speed, pressure_1, pressure_2
     A = np.array(
-        [[0, 1, 0, 0], [-a0, -a1, b, -b], [0, -e / 2, -d, 0], [0, e / 2, 0, -d]], dtype=float
+        [
+            [0, 1, 0, 0],
+            [-a0, -a1, b, -b],
+            [0, -e / 2, -d, 0],
+            [0, e / 2, 0, -d],
+        ],
+        dtype=float,
     )
     B = np.array([[0.0], [0.0], [g / 2], [-g / 2]])
     C = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])

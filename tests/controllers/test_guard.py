@@ -204,7 +204,10 @@ def test_law_that_fails_is_started_anew() -> None:
 
 def test_start_without_a_measurement_is_safe() -> None:
     found = played(told(), [(math.nan, 1.0)] * 2 + [(3.0, 1.0)] * 8)
-    assert [command for command, _ in found] == [*[0] * 6, *[2.79296875, 2, 1.20703125, 1]]
+    assert [command for command, _ in found] == [
+        *[0] * 6,
+        *[2.79296875, 2, 1.20703125, 1],
+    ]
 
 
 def test_encoder_that_stays_is_stuck_once_the_pressures_say_that_the_arm_moves(

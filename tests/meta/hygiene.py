@@ -16,7 +16,9 @@ FORBIDDEN: dict[str, str] = {
     "a note about how it was made": r"(?i)\bissue" + r"s? ?#?\d",
 }
 
-ALLOWED: dict[str, tuple[str, ...]] = {".ci/run": ("../sha" + "red/recordings",)}
+ALLOWED: dict[str, tuple[str, ...]] = {
+    ".ci/run": ("../sha" + "red/recordings",),
+}
 """The one place that knows where recordings stand on a machine that tests every change."""
 
 

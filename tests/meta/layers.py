@@ -28,7 +28,7 @@ LAYERS = layers(PAGE.read_text(encoding="utf-8"))
 """Lowest layer first; the package's own `__init__` offers everything and stands on top."""
 
 BLIND: dict[str, tuple[str, ...]] = {
-    "controllers": ("workbench.physics", "workbench.plants", "workbench.simulation")
+    "controllers": ("workbench.physics", "workbench.plants", "workbench.simulation"),
 }
 """What a layer must not know although it lies below: a controller knows linear models only."""
 

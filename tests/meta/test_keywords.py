@@ -49,7 +49,10 @@ f = _swallow(f)
         ("class A:\n    def __init__(self, **options): pass", "A takes **options"),
         ("class A:\n    @classmethod\n    def f(cls, **options): pass", "A.f takes **options"),
         # A decorator that hides the keywords of what it wraps behind the same signature.
-        (HIDING_DECORATOR, "f accepts an unknown keyword"),
+        (
+            HIDING_DECORATOR,
+            "f accepts an unknown keyword",
+        ),
     ],
 )
 def test_a_swallowed_keyword_is_found(

@@ -339,7 +339,10 @@ def test_a_parameter_that_multiplies_two_things_has_no_argument() -> None:
 def test_a_law_means_the_state_where_an_input_has_its_name() -> None:
     press = Model(
         "press",
-        lambda m: ({"ram": m.x.speed, "speed": m.u.speed - 2.0 * m.x.speed}, {"ram": m.x.ram}),
+        lambda m: (
+            {"ram": m.x.speed, "speed": m.u.speed - 2.0 * m.x.speed},
+            {"ram": m.x.ram},
+        ),
         states=(State("ram", "m"), State("speed", "m/s")),
         inputs=(Input("speed", "m/s2"),),
         outputs=(Output("ram", "m"),),

@@ -117,7 +117,11 @@ def test_loops_follow_the_units(pace: float, length: float, voltage: float) -> N
             opened = analyse_loop(law, linear)[0]
             assert not opened.reason
             rows.append(
-                [*peak_sensitivities(law, linear), told["rmse"].value / x, opened.delay_margin / t]
+                [
+                    *peak_sensitivities(law, linear),
+                    told["rmse"].value / x,
+                    opened.delay_margin / t,
+                ]
             )
         return rows
 

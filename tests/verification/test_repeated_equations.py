@@ -33,7 +33,11 @@ def test_derivatives_are_those_of_the_whole_program() -> None:
     of_all = ca.Function(
         "of_all",
         [x, weights],
-        [plain(x), ca.jacobian(plain(x), x), ca.triu(ca.hessian(ca.dot(weights, plain(x)), x)[0])],
+        [
+            plain(x),
+            ca.jacobian(plain(x), x),
+            ca.triu(ca.hessian(ca.dot(weights, plain(x)), x)[0]),
+        ],
     )
     at, weighing = np.random.default_rng(1).uniform(0.2, 1.0, (2, 5))
     g, slopes = derivatives["jac_g"](at, [])

@@ -78,7 +78,11 @@ def _loaded(
         start_samples (N): Samples over which hidden states at the start of a free run are
             estimated.
     """
-    from workbench.diagnosis.problem import problem_of_case, problem_of_files, sized_by_recordings
+    from workbench.diagnosis.problem import (
+        problem_of_case,
+        problem_of_files,
+        sized_by_recordings,
+    )
     from workbench.recordings.case import RefitSettings, read_case
 
     if case is None and not fit and not hold_out:

@@ -350,7 +350,10 @@ def _weight(diagnosis: Diagnosis, alike: set[str]) -> float:
 
 
 def _finding(
-    diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]], together: tuple[str, ...]
+    diagnosis: Diagnosis,
+    index: int,
+    fit: dict[str, dict[str, float]],
+    together: tuple[str, ...],
 ) -> Finding:
     candidate, alike = diagnosis.accepted[index]
     entry = candidate.entry

@@ -37,7 +37,11 @@ FOLDER = "stages"
 
 
 def fingerprint(
-    model: Model, recordings: Sequence[Recording], priors: Sequence[Prior], *, split: int
+    model: Model,
+    recordings: Sequence[Recording],
+    priors: Sequence[Prior],
+    *,
+    split: int,
 ) -> str:
     """Return what tells one diagnosis from another: plant, recordings, priors.
 

@@ -61,7 +61,10 @@ def is_system(found: object) -> bool:
 
 
 def model_of_system(
-    system: Any, *, limits: Mapping[str, tuple[float, float]] | None = None, delay: float = 0.0
+    system: Any,
+    *,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+    delay: float = 0.0,
 ) -> Model:
     """Return a linear system as a plant; units and arguments are those of `linear_model`.
 

@@ -122,7 +122,11 @@ class Form:
 
 
 def _summed(
-    form: Form, x: Expression, points: tuple[float, ...], values: tuple[float, ...], width: float
+    form: Form,
+    x: Expression,
+    points: tuple[float, ...],
+    values: tuple[float, ...],
+    width: float,
 ) -> Expression:
     slopes = np.concatenate([[0.0], np.diff(values) / np.diff(points), [0.0]])
     y = values[0] + 0.0 * x

@@ -36,7 +36,12 @@ _AS_INTEGRATORS = 1e-6
 
 
 def sizes(
-    traced: Trace, states: Sequence[State], inputs: Sequence[Input], x: Vector, u: Vector, p: Vector
+    traced: Trace,
+    states: Sequence[State],
+    inputs: Sequence[Input],
+    x: Vector,
+    u: Vector,
+    p: Vector,
 ) -> tuple[Vector, Vector, Vector, dict[str, float]]:
     """Find how far inputs within their range move a plant at its own pace.
 

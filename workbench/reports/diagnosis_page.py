@@ -14,7 +14,12 @@ from workbench.diagnosis.location.missing_signal import MissingSignal
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Verdict
-from workbench.reports.diagnosis_answers import KINDS, accepted_term, diagnosis_answers, worst_run
+from workbench.reports.diagnosis_answers import (
+    KINDS,
+    accepted_term,
+    diagnosis_answers,
+    worst_run,
+)
 from workbench.reports.diagnosis_tables import (
     arguments_table,
     checks_table,

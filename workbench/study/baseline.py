@@ -211,7 +211,12 @@ BOX = listed(
 
 _BASELINE = TableShape(
     {"schema": whole, "runs": listed(RECORD), "conditions": CONDITIONS},
-    {"study": text, "kind": one_of(KIND, RESULTS_KIND), "box": BOX, "robustness": BOX},
+    {
+        "study": text,
+        "kind": one_of(KIND, RESULTS_KIND),
+        "box": BOX,
+        "robustness": BOX,
+    },
 )
 
 
@@ -397,7 +402,12 @@ def _shown(metric: MetricValue, value: float) -> float:
 
 
 _RESULTS = TableShape(
-    {"kind": one_of(RESULTS_KIND), "study": text, "runs": listed(RECORD), "conditions": CONDITIONS},
+    {
+        "kind": one_of(RESULTS_KIND),
+        "study": text,
+        "runs": listed(RECORD),
+        "conditions": CONDITIONS,
+    },
     {
         "tolerances": named(TOLERANCE),
         "robustness": BOX,

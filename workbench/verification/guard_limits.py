@@ -20,7 +20,11 @@ from controllers.protocol import Controller
 from workbench.arrays import Vector
 from workbench.errors import NumericalError, check_choice
 from workbench.linearisation import LinearModel, linear_model, linearise
-from workbench.linearisation.actuator_inverse import ActuatorInverse, places_of, straightened_point
+from workbench.linearisation.actuator_inverse import (
+    ActuatorInverse,
+    places_of,
+    straightened_point,
+)
 from workbench.model import ActuatorCurve, Model, Output
 from workbench.model.traits import bound_value
 from workbench.operating_point import OperatingPoint, operating_point

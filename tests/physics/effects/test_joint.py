@@ -44,7 +44,9 @@ def test_gravity_on_a_mass_beside_the_axis_is_that_of_the_upright_arm() -> None:
     torque = lambda angle: -ArmBody().gravity_torque(angle, 3.0, plane="vertical")  # noqa: E731
     at_zero, at_right = float(torque(0.0)), float(torque(0.5 * math.pi))
     law = unbalanced_mass(
-        "joint.torque", moment=math.hypot(at_zero, at_right), phase=math.atan2(at_zero, at_right)
+        "joint.torque",
+        moment=math.hypot(at_zero, at_right),
+        phase=math.atan2(at_zero, at_right),
     )
     model = bench(law, "N m", "angle")
     for angle in (-0.4, 0.3, 2.0):

@@ -30,7 +30,9 @@ _PARALLEL = 0.999
 """Cosine above which two ports act on the rates in the same way."""
 
 
-def missing_signals(diagnosis: Diagnosis) -> tuple[tuple[tuple[MissingSignal, ...], ...], str]:
+def missing_signals(
+    diagnosis: Diagnosis,
+) -> tuple[tuple[tuple[MissingSignal, ...], ...], str]:
     """Estimate the signal that each finding adds, or that nothing was found for.
 
     What was found is judged on the held-out recordings; what nothing was found for may act in any
@@ -195,7 +197,11 @@ def located_signal(
         origins = dict(zip(seen_at.signals, seen_at.origins, strict=False))
         certain = law is not None and bool(np.any(law))
         name, unit, values = _argument(
-            signal if law is None else law, arguments, seen_at, taken_out or _Found("", {}), rows
+            signal if law is None else law,
+            arguments,
+            seen_at,
+            taken_out or _Found("", {}),
+            rows,
         )
         found.append(
             MissingSignal(

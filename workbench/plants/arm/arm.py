@@ -248,7 +248,12 @@ def _built(
             ArmBody(),
             MPYE if valve_curve == "mpye" else LINEAR,
         ),
-        states=(*VALVE_STATES, *muscle_states("_1"), *muscle_states("_2"), *JOINT_STATES),
+        states=(
+            *VALVE_STATES,
+            *muscle_states("_1"),
+            *muscle_states("_2"),
+            *JOINT_STATES,
+        ),
         inputs=(COMMAND,),
         outputs=OUTPUTS,
         parameters=tuple(

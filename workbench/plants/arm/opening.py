@@ -86,7 +86,9 @@ TWO_VALVES = Traits(
             state=f"spool_{i}",
             full=FULL_STROKE,
             straight=partial(
-                proportional_edges, {f"valve.supply_{i}": 1.0, f"valve.exhaust_{i}": -1.0}, f"_{i}"
+                proportional_edges,
+                {f"valve.supply_{i}": 1.0, f"valve.exhaust_{i}": -1.0},
+                f"_{i}",
             ),
             signals=((f"valve.supply_{i}", 1.0), (f"valve.exhaust_{i}", -1.0)),
             input=f"valve_{i}",
