@@ -26,6 +26,10 @@ _FAR = 10.0
 _ZERO = 273.15
 """Absolute temperature at 0 degC, K."""
 
+_MAGNUS, _MAGNUS_ZERO = 17.625, _ZERO - 243.04
+"""Constants of the vapour pressure over water, ln p = 17.625 t / (t + 243.04), t in degC: a factor
+(dimensionless) and an absolute temperature, K; O. A. Alduchov and R. E. Eskridge 1996."""
+
 
 def heat_stores(survey: Survey) -> Iterator[Fit]:
     """Yield the last heat flow into each store: it carries all that came before.
@@ -106,16 +110,58 @@ radiation = Law(
 )  # fmt: skip
 
 
+def _usually(*levels: Local) -> Own:
+    """State the absolute temperature between those that exchange heat."""
+    middles = [0.5 * sum(q.seen) if q.seen else q.start for q in levels]
+    usual = sum(middles) / len(middles) + _zero(levels[0]).value
+    return shape("usual", "K", usual or _ZERO, "usual absolute temperature", source="",
+                 fitted=False)  # fmt: skip
+
+
+def _wet(survey: Survey) -> Iterator[Fit]:
+    """Yield the stores of heat whose temperature is one of liquid water."""
+    for end, sites in heat_stores(survey):
+        level = sites[0][0].level
+        zero = _zero(level).value
+        low, high = (t + zero for t in level.seen or (level.start, level.start))
+        if low >= _ZERO and high <= _ZERO + 100.0:
+            yield end, sites
+
+
+def _vapour(at: PortView, absolute: Expression) -> Expression:
+    """Return the pressure of saturated vapour over its slope at the usual temperature, in K."""
+    usual = at.p.usual - _MAGNUS_ZERO
+    steepness = _MAGNUS * (_ZERO - _MAGNUS_ZERO) / (usual * usual)
+    above = (absolute - _ZERO) / (absolute - _MAGNUS_ZERO) - (at.p.usual - _ZERO) / usual
+    return ca.exp(_MAGNUS * above) / steepness
+
+
+def _evaporated(at: PortView) -> Expression:
+    warm, around = (_vapour(at, t + at.p.zero) for t in (at.signals.level, at.p.ambient))
+    return at.value - at.p.sense * at.p.conductance * (warm - around)
+
+
+evaporation = replace(
+    radiation,
+    name="evaporation",
+    equation="Q = Q - conductance [p_s(T) - p_s(T_d)] / (dp_s/dT at T_u)",
+    where=_wet,
+    parameters=lambda at: (
+        _conductance(at, "heat lost to vapour over a small difference at the usual temperature"),
+        replace(_around(at), text="dew point around"),
+        _usually(at.level),
+        _zero(at.level),
+        sense(at),
+    ),
+    transform=_evaporated,
+    source="J. Dalton 1802, with the vapour pressure of G. Magnus 1844: open water, moist goods",
+    look_alikes=("heat_loss", "radiation", "overflow"),
+)
+
+
 def _head(at: Place) -> Local:
     """Return the temperature that a flow of heat lowers."""
     return at.signals.get("head", Local("head", "K"))
-
-
-def _usual(at: Place) -> float:
-    """Return the absolute temperature between the two that exchange heat, in K."""
-    head, back = _head(at), at.signals.get("back", _head(at))
-    seen = [0.5 * sum(q.seen) if q.seen else q.start for q in (head, back)]
-    return 0.5 * sum(seen) + _zero(head).value or _ZERO
 
 
 def _shone(at: PortView) -> Expression:
@@ -134,7 +180,7 @@ radiant_exchange = Law(
         size("conductance", per(at.unit, "K"), 0.1 * at.scale / _head(at).scale,
              100.0 * at.scale / _head(at).scale,
              "heat radiated over a small difference at the usual temperature"),
-        shape("usual", "K", _usual(at), "usual absolute temperature", source="", fitted=False),
+        _usually(_head(at), at.signals.get("back", _head(at))),
         _zero(_head(at)),
     ),
     _shone,

@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.noise_colour import (
+    Leftover,
     follows,
     leftovers,
     with_correlated_noise,
@@ -191,6 +192,32 @@ def test_what_lasts_as_long_as_a_response_is_no_noise() -> None:
     )
     left = {n: replace(x, rest=x.errors) for n, x in leftovers(fit, model, seen).items()}
     assert with_correlated_noise(model, read, left)[0] is model
+
+
+def test_what_lasts_a_fifth_of_a_recording_is_no_noise() -> None:
+    def equations(m: Scope) -> Equations:
+        return {"level": m.u.flow - m.x.level / m.p.time}, {"level": m.x.level}
+
+    tank = Model(
+        "tank",
+        equations,
+        states=(State("level", "m", 1.0),),
+        inputs=(Input("flow", "m/s", 1e-2),),
+        outputs=(Output("level", "m", 1.0, noise_rms=0.1),),
+        parameters=(Parameter("time", "s", value=5e3, lower=1e3, upper=2e4, fitted=True),),
+    )
+    rng, errors, read = np.random.default_rng(1), [], []
+    for name in ("fit", "judge"):
+        slow = lfilter([1.0], [1.0, -math.exp(-1.0 / 150.0)], 0.16 * rng.normal(size=500))
+        errors.append(slow + 0.1 * rng.normal(size=500))
+        signals = (
+            Signal("flow", np.zeros(500), "m/s", role="command"),
+            Signal("level", errors[-1], "m"),
+        )
+        read.append(Recording(name, 0.2 * np.arange(500), signals))
+    # 20 s of 100 s, however slow the tank is.
+    left = {"level": Leftover(errors, 0.5, errors)}
+    assert with_correlated_noise(tank, read, left)[0] is tank
 
 
 def test_errors_that_follow_a_signal_are_told_from_those_that_do_not() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from workbench.model.trace import Equations
 from workbench.physics.library import Hypothesis, library
 
 
-def offered(model: Model, name: str, **known: float) -> Hypothesis:
+def offered(model: Model, name: str, **known: Any) -> Hypothesis:
     return next(h for h in library(model, **known) if h.name == name)
 
 
@@ -31,6 +32,19 @@ def test_radiation_is_the_fourth_power_law() -> None:
     for temperature in (ROOM, 320.0, 360.0):
         lost = heat(tank(), temperature) - heat(hot, temperature)
         assert lost == pytest.approx(area * sigma * (temperature**4 - ROOM**4), abs=1e-6)
+
+
+def test_evaporation_goes_with_the_pressure_of_saturated_vapour() -> None:
+    law = offered(tank(), "evaporation_water", ranges={"temperature": (290.0, 350.0)})
+    wet = tank().with_effect(law.at_size(2.0, {"ambient": ROOM}))
+    lost = {t: heat(tank(), t) - heat(wet, t) for t in (ROOM, 319.5, 320.5, 350.0, 353.15, 363.15)}
+    assert lost[ROOM] == pytest.approx(0.0, abs=1e-9)
+    # The size is the slope at the middle of what was seen; steam tables: 47.4 and 70.2 kPa.
+    assert lost[320.5] - lost[319.5] == pytest.approx(2.0, rel=1e-3)
+    dry = 2.0 * 2.34e3 / 536.0
+    assert (lost[363.15] + dry) / (lost[353.15] + dry) == pytest.approx(70.2 / 47.4, rel=0.01)
+    boiling = library(tank(), ranges={"temperature": (290.0, 400.0)})
+    assert "evaporation" not in {e.law for e in boiling}
 
 
 def test_heat_loss_is_linear() -> None:

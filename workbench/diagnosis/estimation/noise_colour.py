@@ -42,8 +42,8 @@ _COLOURED = 1.3
 """All of an error over its white part and over the known noise from which on its colour counts."""
 
 _LASTING = 0.1
-"""Time of correlation over that in which the plant's response shows from which on an error may
-be the response to a disturbance of the process that nobody reads."""
+"""Time of correlation over that in which the plant's response shows, or which was recorded, from
+which on an error may be the response to a disturbance of the process that nobody reads."""
 
 _CLEARLY = 20.0
 """Log likelihood by which recordings must be likelier with correlated noise."""
@@ -253,7 +253,8 @@ def with_correlated_noise(
         known = math.hypot(q.noise_rms, q.resolution / math.sqrt(12.0))
         if math.hypot(colour.white, colour.rms) > _COLOURED * max(colour.white, known):
             colours[name] = replace(colour, white=_unrounded(colour.white, q.resolution))
-    slow = any(c.time > _LASTING * model.horizon for c in colours.values())
+    lasting = min(model.horizon, *(one.sample_time * len(one.outputs) for one in seen))
+    slow = any(c.time > _LASTING * lasting for c in colours.values())
     if not colours or slow:
         return model, ()
     coloured = with_colours(model, colours)

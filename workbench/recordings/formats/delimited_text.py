@@ -35,7 +35,8 @@ _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "+inf", "-inf", 
 _STAMP = re.compile(
     r"(?P<date>(?P<year>\d{4})([-/.])(?P<month>\d\d?)\3(?P<day>\d\d?)"
     r"|(?P<d>\d\d?)\.(?P<m>\d\d?)\.(?P<y>\d{4}))?"
-    r"(?:(?:(?<=\d)[T ]\s*)?(?P<clock>(?P<h>\d\d?):(?P<min>\d\d)(?::(?P<s>\d\d(?:[.,]\d*)?))?)"
+    r"(?:(?:(?<=\d)[T ]\s*)?(?P<clock>(?P<h>\d\d?):(?P<min>\d\d)"
+    r"(?::(?P<s>\d\d(?:[.,]\d*)?)|(?P<part>[.,]\d+))?)"
     r"\s?(?:Z|UTC|(?P<east>[+-]\d\d):?(?P<more>\d\d))?)?"
 )
 Instant = tuple[float | None, float | None]
@@ -98,8 +99,8 @@ def instant(cell: str) -> Instant:
     Example:
         >>> instant("04.01.2000 06:00"), instant("2000-01-04T00:01:30.5Z"), instant("7:00")
         ((259200.0, 21600.0), (259200.0, 90.5), (None, 25200.0))
-        >>> instant("2000-01-04T03:00+02:00")
-        (259200.0, 3600.0)
+        >>> instant("2000-01-04T03:00+02:00"), instant("04:59.5")
+        ((259200.0, 3600.0), (None, 299.5))
     """
     found = _STAMP.fullmatch(cell)
     if found is None:
@@ -112,9 +113,11 @@ def instant(cell: str) -> Instant:
         except ValueError:
             return NEVER
     if found["clock"]:
-        hour, minute, second = (
-            float((n or "0").replace(",", ".")) for n in found.group("h", "min", "s")
-        )
+        numbers = found.group("h", "min", "s")
+        if found["part"]:
+            # "04:59.5", as Excel writes what is shorter than an hour.
+            numbers = "0", found["h"], found["min"] + found["part"]
+        hour, minute, second = (float((n or "0").replace(",", ".")) for n in numbers)
         clock = 3600.0 * hour + 60.0 * minute + second
         if found["east"]:
             east = float(found["east"])
