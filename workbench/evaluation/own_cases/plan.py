@@ -12,43 +12,7 @@ from workbench.evaluation.answer_key import Names, Truth, read_names
 from workbench.evaluation.rig.effects import EFFECTS
 from workbench.evaluation.rig.parameters import nominal
 
-
-@dataclass(frozen=True)
-class Size:
-    """How an effect grows.
-
-    Args:
-        main: The parameter of the rig by which its size is stated.
-        inverse: Whether the effect grows as that parameter falls.
-        others: Parameters that grow with it.
-    """
-
-    main: str
-    inverse: bool = False
-    others: tuple[str, ...] = ()
-
-
-_OF_ONE_PARAMETER = (
-    "muscle_viscosity", "force_shape", "muscle_mismatch", "stribeck", "load_friction",
-    "quadratic_drag", "tilt", "constant_torque", "parasitic_spring", "cogging", "torque_noise",
-    "pressure_torque", "coulomb_drift", "supply_drift", "valve_offset", "valve_deadband",
-    "valve_play", "valve_delay", "valve_asymmetry", "leak_muscle_1", "leak_muscle_2",
-    "leak_between", "pressure_lag", "pressure_offset", "pressure_gain", "angle_delay",
-)  # fmt: skip
-_HYSTERESES = ("hysteresis_maxwell", "hysteresis_bouc_wen", "hysteresis_dahl")
-
-SIZES: dict[str, Size] = {
-    **{name: Size(next(iter(EFFECTS[name].parameters))) for name in _OF_ONE_PARAMETER},
-    **{name: Size("hyst_slope", others=("hyst_force",)) for name in _HYSTERESES},
-    "creep": Size("creep_fast", others=("creep_slow",)),
-    "tendon": Size("tendon_stiffness", inverse=True),
-    "lugre": Size("lugre_stiffness", inverse=True),
-    "loose_load": Size("load_stiffness", inverse=True),
-    "valve_slew": Size("valve_slew", inverse=True),
-    "supply_droop": Size("supply_linear", inverse=True),
-    "line": Size("line_conductance", inverse=True),
-    "silencers": Size("silencer_conductance", inverse=True),
-}
+SIZES = {name: effect.size for name, effect in EFFECTS.items() if effect.size is not None}
 """Sizes by effect; an effect that is either there or not is not in it."""
 
 WRONG_LOAD_KG = 0.8
@@ -93,7 +57,7 @@ def _p(name: str, factor: float = 1.0, less: float = 0.0) -> Callable[[Mapping[s
 
 _ALIKE = (
     *(Counterpart(hysteresis, "muscle_hysteresis", "level_per_pressure", _p("hyst_slope", 1e-5))
-      for hysteresis in _HYSTERESES),
+      for hysteresis in ("hysteresis_maxwell", "hysteresis_bouc_wen", "hysteresis_dahl")),
     Counterpart("muscle_viscosity", "muscle_viscosity", "coefficient", _p("muscle_viscosity")),
     Counterpart("tendon", "series_elasticity", "compliance", lambda p: 1.0 / p["tendon_stiffness"]),
     Counterpart("muscle_mismatch", "force_gain_2", "excess", _p("force_gain_2", less=1.0)),
@@ -146,20 +110,17 @@ COUNTERPARTS = {(c.effect, c.name): c for c in _ALIKE}
 """By effect of the rig and name in the library: where both state the same quantity."""
 
 
-SINGLE = (
-    "hysteresis_maxwell", "hysteresis_bouc_wen", "hysteresis_dahl", "creep", "muscle_viscosity",
-    "tendon", "force_shape", "muscle_mismatch", "stribeck", "lugre", "load_friction",
-    "quadratic_drag", "tilt", "constant_torque", "parasitic_spring", "cogging", "loose_load",
-    "valve_offset", "valve_deadband", "valve_play", "valve_slew", "valve_delay", "valve_asymmetry",
-    "leak_muscle_1", "leak_muscle_2", "leak_between", "supply_droop", "line", "silencers",
-    "isothermal", "polytropic", "pressure_lag", "pressure_offset", "pressure_gain", "angle_delay",
-    "wrong_load", "angle_offset", "angle_gain", "angle_clipping", "angle_lag", "angle_jump",
-    "pressure_clipping", "pressure_drift", "pressure_jump", "edge_blocked",
-    "viscous_asymmetry", "local_friction", "cubic_spring", "hysteresis_one", "load_jump",
-    "force_fade", "coulomb_drift", "coulomb_jump", "torque_jump", "valve_jump", "supply_jump",
-    "leak_jump", "leak_crack", "angle_play", "end_pads", "valve_stiction",
-)  # fmt: skip
-"""Effects of the rig that the library has, by other laws in part."""
+@cache
+def names() -> Names:
+    """Return how the rig's words are read."""
+    return read_names(Path(__file__).with_name("names.toml"))
+
+
+OUTSIDE = tuple(name for name in EFFECTS if names().effects[name].outside)
+"""Effects of the rig that the library does not have."""
+
+SINGLE = tuple(name for name in EFFECTS if name not in OUTSIDE)
+"""Effects of the rig that it has, by other laws in part."""
 
 PAIRS = (
     ("stribeck", "valve_offset"),
@@ -184,13 +145,6 @@ TRIPLES = (
     ("load_friction", "leak_muscle_2", "pressure_drift"),
     ("viscous_asymmetry", "valve_play", "isothermal"),
 )
-
-OUTSIDE = (
-    "torque_noise", "pressure_torque", "supply_drift",
-    "coulomb_asymmetry", "hum", "supply_ripple", "command_hold",
-    "angle_eccentricity", "pressure_cross",
-)  # fmt: skip
-"""Effects that the library does not have."""
 
 FACTORS = (1.0, 0.4, 2.0)
 """Size over the rig's own, turn by turn."""
@@ -259,12 +213,6 @@ class Planned:
     def truths(self) -> tuple[Truth, ...]:
         """What it hides, as a round is scored by it."""
         return names().truths(self.name, list(self.effects))
-
-
-@cache
-def names() -> Names:
-    """Return how the rig's words are read."""
-    return read_names(Path(__file__).with_name("names.toml"))
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ Units: SI.
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,20 +14,39 @@ from workbench.evaluation.rig.parameters import elements
 
 
 @dataclass(frozen=True)
+class Size:
+    """How an effect grows.
+
+    Args:
+        main: The parameter of the rig by which its size is stated.
+        inverse: Whether the effect grows as that parameter falls.
+        others: Parameters that grow with it.
+    """
+
+    main: str
+    inverse: bool = False
+    others: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
 class Effect:
-    """One physical effect: the port where it acts and the parameters it sets."""
+    """One physical effect: the port where it acts, the parameters it sets, and how it grows."""
 
     where: str
     words: str
     parameters: dict[str, float]
+    size: Size | None = None
 
 
-EFFECTS: dict[str, Effect] = {
-    name: Effect(*row)
-    for name, row in tomllib.loads(
-        Path(__file__).with_name("effects.toml").read_text(encoding="utf-8")
-    ).items()
-}
+def _effects() -> dict[str, Effect]:
+    text = Path(__file__).with_name("effects.toml").read_text(encoding="utf-8")
+    return {
+        name: Effect(where, words, parameters, Size(**size[0]) if size else None)
+        for name, (where, words, parameters, *size) in tomllib.loads(text).items()
+    }
+
+
+EFFECTS = _effects()
 """Every effect by name, as ``effects.toml`` has it."""
 
 EFFECTS["hysteresis_maxwell"].parameters.update(elements(0.2e-3, 4e-3, 8))
