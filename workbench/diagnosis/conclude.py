@@ -13,6 +13,7 @@ from workbench.diagnosis.estimation.refit_result import Estimate
 from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
+from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import explained, held_out_errors, over_floor
 from workbench.diagnosis.selection.moments import levels, moments
 from workbench.diagnosis.selection.rules import (
@@ -235,25 +236,23 @@ def _not_testable(diagnosis: Diagnosis) -> tuple[Mapping[str, str], ...]:
 def _refused(diagnosis: Diagnosis) -> tuple[Mapping[str, object], ...]:
     """List what was tried and refused, surpassed, or found and taken back."""
     rows: dict[str, Mapping[str, object]] = {}
-    for _, candidates in diagnosis.rounds:
-        for c in candidates:
-            if c.refused and c.entry.name not in rows:
-                rows[c.entry.name] = {
-                    "effect": c.entry.name,
-                    "rule": c.rule or ("surpassed" if c.followed else "surpassed at first"),
-                    "reason": c.refused,
-                    "log_likelihood_gain": c.gain,
-                    "held_out_gain": list(c.held_out),
-                }
-    kept = {c.entry.name for c, _ in diagnosis.accepted}
-    for c, why in diagnosis.withdrawn:
+
+    def told(c: Candidate, rule: str, reason: str) -> None:
         rows[c.entry.name] = {
             "effect": c.entry.name,
-            "rule": "taken back",
-            "reason": why,
+            "rule": rule,
+            "reason": reason,
             "log_likelihood_gain": c.gain,
             "held_out_gain": list(c.held_out),
         }
+
+    for _, candidates in diagnosis.rounds:
+        for c in candidates:
+            if c.refused and c.entry.name not in rows:
+                told(c, c.rule or ("surpassed" if c.followed else "surpassed at first"), c.refused)
+    kept = {c.entry.name for c, _ in diagnosis.accepted}
+    for c, why in diagnosis.withdrawn:
+        told(c, "taken back", why)
     return tuple(row for name, row in rows.items() if name not in kept)
 
 

@@ -21,10 +21,6 @@ from workbench.verification import Scenario, Tolerance
 from workbench.verification.metrics import tolerance_of
 from workbench.verification.scenario import USUAL_SAMPLES
 
-PARTS = ("requirements", "scenarios", "variations", "box", "tolerances", "unjudged")
-"""Parts of the conditions, each a mapping by the name under which a reviewer knows an entry."""
-
-
 LONGEST = 100
 """Numbers of a list that are written out."""
 
@@ -47,7 +43,7 @@ class ConditionChange:
 
 
 def conditions(study: Study) -> dict[str, Any]:
-    """Return the conditions of a study as plain numbers and words, with the entries of `PARTS`."""
+    """Return the conditions of a study as plain numbers and words, with the parts of `_WHAT`."""
     several = len(study.cases) > 1
     scenarios = {
         f"{case.name}, {name}" if several else name: _plain(scenario)
@@ -81,12 +77,12 @@ def condition_changes(
 ) -> tuple[ConditionChange, ...]:
     """Return what differs between the conditions of a baseline and those of a study."""
     found: list[ConditionChange] = []
-    for part in PARTS:
+    for part, what in _WHAT.items():
         old, new = before.get(part, {}), after.get(part, {})
         for name in dict.fromkeys([*old, *new]):
             own = old.get(name), new.get(name)
             found += (
-                ConditionChange(f"{_WHAT[part]} {name}".rstrip(), *said)
+                ConditionChange(f"{what} {name}".rstrip(), *said)
                 for said in _RULES.get(part, _other)(name, *own)
             )
     return tuple(found)
@@ -102,6 +98,7 @@ _WHAT = {
     "tolerances": "tolerance of",
     "unjudged": "judging of",
 }
+"""Parts of the conditions and how they are told, each by the name that a reviewer knows."""
 
 
 def _requirement_name(demand: Demand) -> str:

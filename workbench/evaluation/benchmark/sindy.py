@@ -10,8 +10,9 @@ Units: all numbers are dimensionless.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,47 +22,49 @@ from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.model import Model
 
-JOINT: dict[str, str | None] = {
-    "1": "constant_torque",
-    "cos q": "tilt_gravity",
-    "q": "linear_spring",
-    "q^2": "force_shape",
-    "q^3": "cubic_stiffness",
-    "sin 20 q": "ripple",
-    "cos 20 q": "ripple",
-    "w": "direction_dependent_viscous",
-    "sign w": "stribeck_friction",
-    "w |w|": "quadratic_drag",
-    "dw/dt": "load_error",
-    "p1": "force_gain_1",
-    "p2": "force_gain_2",
-    "p1 q": "contraction_force_correction",
-    "p2 q": "contraction_force_correction",
-    "p1 p2": "pressure_force_correction",
-    "p1^2": "pressure_force_correction",
-    "p2^2": "pressure_force_correction",
-    "(p1 + p2) sign w": "load_dependent_friction",
-    "(p1 + p2) w": "muscle_viscosity",
-    "u": None,
-}
-"""Terms of the joint's equation, and the effect that each stands for when it dominates."""
+Table = Mapping[str, tuple[str | None, Callable[[Any], Vector]]]
+"""Terms of an equation: the effect that each stands for when it dominates, and what it is."""
 
-CHAMBER: dict[str, str | None] = {
-    "1": "edge_leakage_supply_{k}",
-    "p": "chamber_leakage_{k}",
-    "p - other": "cross_leakage",
-    "u": "asymmetric_gain",
-    "u |u|": "asymmetric_gain",
-    "u^2": "valve_offset",
-    "|u|": "valve_offset",
-    "sign u": "dead_band",
-    "p u": "supply_droop",
-    "du/dt": "valve_delay",
-    "w": "polytropic_exchange",
-    "p w": "polytropic_exchange",
-    "dp/dt": "extra_heat_exchange",
-    "d2p/dt2": "sensor_lag_pressures",
-    "q": None,
+JOINT: Table = {
+    "1": ("constant_torque", lambda s: np.ones_like(s.q)),
+    "cos q": ("tilt_gravity", lambda s: np.cos(s.q)),
+    "q": ("linear_spring", lambda s: s.q),
+    "q^2": ("force_shape", lambda s: s.q**2),
+    "q^3": ("cubic_stiffness", lambda s: s.q**3),
+    "sin 20 q": ("ripple", lambda s: np.sin(20 * s.q)),
+    "cos 20 q": ("ripple", lambda s: np.cos(20 * s.q)),
+    "w": ("direction_dependent_viscous", lambda s: s.w),
+    "sign w": ("stribeck_friction", lambda s: s.sign_w),
+    "w |w|": ("quadratic_drag", lambda s: s.w * np.abs(s.w)),
+    "dw/dt": ("load_error", lambda s: s.dw),
+    "p1": ("force_gain_1", lambda s: s.p1),
+    "p2": ("force_gain_2", lambda s: s.p2),
+    "p1 q": ("contraction_force_correction", lambda s: s.p1 * s.q),
+    "p2 q": ("contraction_force_correction", lambda s: s.p2 * s.q),
+    "p1 p2": ("pressure_force_correction", lambda s: s.p1 * s.p2),
+    "p1^2": ("pressure_force_correction", lambda s: s.p1**2),
+    "p2^2": ("pressure_force_correction", lambda s: s.p2**2),
+    "(p1 + p2) sign w": ("load_dependent_friction", lambda s: (s.p1 + s.p2) * s.sign_w),
+    "(p1 + p2) w": ("muscle_viscosity", lambda s: (s.p1 + s.p2) * s.w),
+    "u": (None, lambda s: s.u),
+}
+
+CHAMBER: Table = {
+    "1": ("edge_leakage_supply_{k}", lambda s: np.ones_like(s.q)),
+    "p": ("chamber_leakage_{k}", lambda s: s.p),
+    "p - other": ("cross_leakage", lambda s: s.p - s.other),
+    "u": ("asymmetric_gain", lambda s: s.u),
+    "u |u|": ("asymmetric_gain", lambda s: s.u * np.abs(s.u)),
+    "u^2": ("valve_offset", lambda s: s.u**2),
+    "|u|": ("valve_offset", lambda s: np.abs(s.u)),
+    "sign u": ("dead_band", lambda s: s.sign_u),
+    "p u": ("supply_droop", lambda s: s.p * s.u),
+    "du/dt": ("valve_delay", lambda s: s.du),
+    "w": ("polytropic_exchange", lambda s: s.w),
+    "p w": ("polytropic_exchange", lambda s: s.p * s.w),
+    "dp/dt": ("extra_heat_exchange", lambda s: s.dp),
+    "d2p/dt2": ("sensor_lag_pressures", lambda s: s.d2p),
+    "q": (None, lambda s: s.q),
 }
 """The same for the equation of a chamber's pressure; ``{k}`` is the chamber."""
 
@@ -118,7 +121,7 @@ def sindy(model: Model, recordings: Sequence[Observed], share: float) -> list[di
         if one.r2 < LEAST_R2 or not one.coefficients:
             continue
         table = JOINT if one.equation == "joint" else CHAMBER
-        effect = table[one.dominant]
+        effect, _ = table[one.dominant]
         if effect is None or effect.format(k=one.equation[-1]) in [f["effect"] for f in findings]:
             continue
         name = effect.format(k=one.equation[-1])
@@ -168,29 +171,24 @@ def _terms_and_residuals(
     kept[_WINDOW:-_WINDOW:_EVERY] = True
     kept &= away
     u = smooth(command) - 5.0
-    du = smooth(command, 1)
-    sign_w, sign_u = smooth(np.tanh(w / _SIGN_SPEED)), smooth(np.tanh(u / _SIGN_VOLT))
-    a, b = p1 * 1e-5, p2 * 1e-5
-    joint = {
-        "1": np.ones_like(q), "cos q": np.cos(q), "q": q, "q^2": q**2, "q^3": q**3,
-        "sin 20 q": np.sin(20 * q), "cos 20 q": np.cos(20 * q), "w": w, "sign w": sign_w,
-        "w |w|": w * np.abs(w), "dw/dt": dw, "p1": a, "p2": b, "p1 q": a * q, "p2 q": b * q,
-        "p1 p2": a * b, "p1^2": a**2, "p2^2": b**2, "(p1 + p2) sign w": (a + b) * sign_w,
-        "(p1 + p2) w": (a + b) * w, "u": u,
+    seen = {
+        "q": q, "w": w, "dw": dw, "u": u, "du": smooth(command, 1), "p1": p1 * 1e-5,
+        "p2": p2 * 1e-5, "sign_w": smooth(np.tanh(w / _SIGN_SPEED)),
+        "sign_u": smooth(np.tanh(u / _SIGN_VOLT)),
     }  # fmt: skip
-    result = {"joint": (joint, rates["joint"] - smooth(predicted["speed"]))}
-    for k, own, other in ((1, a, b), (2, b, a)):
-        name = f"chamber_{k}"
-        terms = {
-            "1": np.ones_like(q), "p": own, "p - other": own - other, "u": u,
-            "u |u|": u * np.abs(u), "u^2": u**2, "|u|": np.abs(u), "sign u": sign_u,
-            "p u": own * u, "du/dt": du, "w": w, "p w": own * w, "dp/dt": rates[name],
-            "d2p/dt2": smooth(read[f"pressure_{k}"], 2), "q": q,
-        }  # fmt: skip
-        result[name] = (terms, rates[name] - smooth(predicted[f"pressure_{k}"]))
-    return {
-        n: ({t: c[kept] for t, c in terms.items()}, y[kept]) for n, (terms, y) in result.items()
-    }
+
+    def left(of: Table, rate: str, state: str, **own: Vector) -> tuple[dict[str, Vector], Vector]:
+        signals = SimpleNamespace(**seen, **own)
+        terms = {name: term(signals)[kept] for name, (_, term) in of.items()}
+        return terms, (rates[rate] - smooth(predicted[state]))[kept]
+
+    result = {"joint": left(JOINT, "joint", "speed")}
+    for k, other in ((1, 2), (2, 1)):
+        result[f"chamber_{k}"] = left(
+            CHAMBER, f"chamber_{k}", f"pressure_{k}", p=seen[f"p{k}"], other=seen[f"p{other}"],
+            dp=rates[f"chamber_{k}"], d2p=smooth(read[f"pressure_{k}"], 2),
+        )  # fmt: skip
+    return result
 
 
 def _filled(x: Vector) -> Vector:

@@ -57,10 +57,6 @@ from workbench.plants.arm.servovalve import STATES as VALVE_STATES
 from workbench.plants.plant import Option, Plant
 
 Variant = Literal["corrected", "as_printed"]
-ForceLawName = Literal[
-    "paper", "petrovic", "tondu_lopez", "tondu_lopez_k", "tondu_lopez_kp", "sarosi"
-]
-
 FORCE_LAWS: dict[str, ForceLaw] = {
     "paper": PaperLaw(),
     "petrovic": Petrovic(),
@@ -164,7 +160,7 @@ def arm(
     plane: Plane = "horizontal",
     supply_bar: float = 6.0,
     variant: Variant = "corrected",
-    force_law: ForceLawName = "paper",
+    force_law: str = "paper",
     valve_curve: Literal["mpye", "linear"] = "mpye",
     silencers: bool = False,
     line_volumes: bool = False,
@@ -213,7 +209,7 @@ def _built(
     plane: Plane,
     supply: float,
     variant: Variant,
-    force_law: ForceLawName,
+    force_law: str,
     valve_curve: str,
     silencers: bool,
     line_volumes: bool,
