@@ -235,8 +235,8 @@ def declared_unit(
 ) -> str:
     """Return the unit declared for reading what is named after a quantity; empty if none.
 
-    What no quantity has given its name is read as all quantities of its SI unit are that say it, if
-    they agree, and their unit has no zero of its own.
+    What no quantity has given its name is read as all quantities of its SI unit are that say it, or
+    as the rates of all whose rate it is, if they agree, and their unit has no zero of its own.
 
     Args:
         name: Name of the quantity, of a port of its own, or of its rate.
@@ -250,8 +250,8 @@ def declared_unit(
         ('degF', 'kW')
         >>> declared_unit("oven.reading", "K", of, difference=True), declared_unit("pump", "W", of)
         ('Δ°F', 'kW')
-        >>> declared_unit("rate of oven", "K/s", of)
-        'Δ°F/s'
+        >>> declared_unit("rate of oven", "K/s", of), declared_unit("oven_wall.exchange", "K/s", of)
+        ('Δ°F/s', 'Δ°F/s')
     """
     own = name.removeprefix("rate of ").partition(".")[0]
     for q in quantities:
@@ -261,10 +261,11 @@ def declared_unit(
                 return of_difference(said) if difference else said
             if same_dimension(unit, rate_unit(q.unit)):
                 return rate_unit(of_difference(said))
-    alike = {
-        q.display_unit
-        for q in quantities
-        if isinstance(q, (Channel, State)) and q.unit == unit and q.display_unit
+    read = [q for q in quantities if isinstance(q, (Channel, State)) and q.display_unit]
+    alike = {q.display_unit for q in read if q.unit == unit} or {
+        rate_unit(of_difference(q.display_unit))
+        for q in read
+        if q.display_unit != q.unit and same_dimension(unit, rate_unit(q.unit))
     }
     agreed = alike.pop() if len(alike) == 1 and unit != "1" else unit
     return agreed if agreed not in (unit, "1") and of_difference(agreed) == agreed else ""
