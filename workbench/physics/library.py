@@ -105,6 +105,8 @@ def every_name(
         )  # fmt: skip
         for hypothesis in (one for h in offered for one in (h, *h.alone)):
             found.setdefault(hypothesis.name, hypothesis)
+        if named in found:
+            break
     return found
 
 
