@@ -284,6 +284,10 @@ class Model(Shown):
 
     def opened(self) -> Model:
         """Return the model with ports at inputs and rates that pass no port of their own."""
+        return self._opened
+
+    @cached_property
+    def _opened(self) -> Model:
         if self.traits.opened:
             return self
         further = replace(self, traits=replace(self.traits, opened=True, scales=()))
