@@ -92,6 +92,10 @@ AT_A_TIME = 64
 USUAL_SENSITIVITY = 1.8
 """Limit on Ms, a ratio, where none is given."""
 
+USUAL_QUIET, HOLDING_QUIET = 0.02, 0.06
+"""What noise may move a command by, rms, as a fraction of half its range, where nobody says; also
+that of a plant that is unstable."""
+
 USUAL_COMPLEMENTARY = 2.8
 """Limit on Mt, a ratio, where none is given."""
 
@@ -185,6 +189,8 @@ class LoopLimits:
             transfer_function(a, b, c, np.zeros((len(c), b.shape[1])), z) for a, b, c in self.plants
         ]
         self.noise = want.loop_noise(loop) / loop.command_scale[:, None]
+        # A loop that is too slow for what grows is led astray by noise more.
+        self.quiet = want.quiet or (USUAL_QUIET if not self.growing else HOLDING_QUIET)
 
     def judge(self, laws: LinearLaw, most: float = math.inf) -> Judged:
         """Tell the peaks of loops of laws around rest, whose first inputs are the measurements.
@@ -202,7 +208,7 @@ class LoopLimits:
             part = order[first : first + AT_A_TIME]
             part = part[rough[part] <= NEARLY * max(1.0, least)]
             *peaks, stirred, stable = self._peaks(chosen(laws, part), slice(None))
-            excess = np.maximum(self._ratio(*peaks), stirred / self.want.quiet)
+            excess = np.maximum(self._ratio(*peaks), stirred / self.quiet)
             near = np.flatnonzero(stable & (excess <= NEARLY * max(1.0, least)))
             near = near[self.stable(chosen(laws, part[near]))]
             told[:, part[near]] = peaks[0][near], peaks[1][near], excess[near]
@@ -245,7 +251,7 @@ class LoopLimits:
         turned = _turned if single else partial(_turned_together, at_outputs=not more)
         # Noise may neither take much of the commands' range nor of how fast they are.
         fast = np.abs(z - 1.0)[:, None] * self.loop.command_scale / (STIRRED * h * self.loop.slew)
-        both = 1.0 + (self.want.quiet * fast) ** 2
+        both = 1.0 + (self.quiet * fast) ** 2
         # As many at a time as stay in the processor's cache.
         for first in range(0, count, AT_A_TIME):
             part = slice(first, first + AT_A_TIME)

@@ -371,7 +371,7 @@ class LoopSpecification(Checked):
         trusted_frequency: Frequency above which nothing of the model is trusted, in rad/s; every
             one is by default (0).
         quiet: What the noise of the measurement may move the command by, rms, as a fraction of half
-            its range.
+            its range; by default (0) 0.02, or 0.06 to hold a plant that is unstable.
         overshoot: Overshoot of a step within the command's ends that is allowed, as a fraction of
             the step.
         noise: Noise rms of every measurement, in SI of the output; by default (0) what the sensor
@@ -387,7 +387,7 @@ class LoopSpecification(Checked):
     delay: float = number(0.0, 0.0, TIMES_S[1], "s")
     sensor_lag: float = number(0.0, 0.0, TIMES_S[1], "s", "lag of the sensor")
     trusted_frequency: float = number(0.0, 0.0, 1.0 / TIMES_S[0], "rad/s")
-    quiet: float = number(0.02, 1e-9, 1e9, words="share of the command that noise may take")
+    quiet: float = number(0.0, 0.0, 1e9, words="share of the command that noise may take")
     overshoot: float = number(0.02, 0.0, 1.0)
     noise: float = number(0.0, 0.0, 1e30)
 

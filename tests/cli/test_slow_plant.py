@@ -336,3 +336,16 @@ def test_what_stands_still_at_the_end_of_its_command_steps_to_where_it_can() -> 
     )
     linear = linearise(operating_point(oven), verdict=False)
     assert _reached(oven, linear, "T", 5.0, {"T": 300.0}) == -5.0
+
+
+def test_a_step_goes_no_farther_than_the_plant_can_rest_however_little_that_is() -> None:
+    pot = Model(
+        "crystalliser",
+        lambda m: ({"cold": (m.u.jacket - m.x.cold) / 900.0}, {"excess": 1e-3 * m.x.cold}),
+        states=(State("cold", "1", initial=2.0),),
+        inputs=(Input("jacket", "1", lower=0.0, upper=5.0, nominal=2.0),),
+        outputs=(Output("excess", "1", 1.0, noise_rms=1e-5),),
+    )
+    linear = linearise(operating_point(pot), verdict=False)
+    step = _reached(pot, linear, "excess", 1.0, {"excess": 2e-3}, "jacket")
+    assert 1e-4 < abs(step) < 3e-3

@@ -450,10 +450,12 @@ def _reached(
         command: What a single loop commands; all else rests.
     """
     rests: list[float] = []
-    # Where there is nothing above, as of a pump that stands, it goes down.
-    for part in (sign * 0.5**k * size for sign in (1.0, -1.0) for k in range(6)):
-        if rests and part * rests[0] < 0.0:
-            break
+    # Where there is nothing above, or next to nothing, as of a pump that stands, it goes down.
+    shares = [0.5**k for k in range(21)]
+    both = [sign * np.array(shares[k : k + 3]) for k in range(0, 21, 3) for sign in (1.0, -1.0)]
+    for part in map(float, size * np.concatenate(both)):
+        if rests and (part * rests[0] < 0.0 or abs(part) < LEAST * size):
+            continue
         at = tuple((n, y + part if n == name else y) for n, y in start.items())
         with suppress(WorkbenchError):
             point = operating_point(
@@ -465,6 +467,9 @@ def _reached(
                 return part
     return min(rests, key=abs, default=size)
 
+
+LEAST = 0.03
+"""Least part of a usual step that is taken for the linear model to be of use behind it."""
 
 ALIKE, NEARLY_ALIKE = 0.5, 0.15
 """Most by which the responses at both ends of a step may differ, over the lesser of them; and that

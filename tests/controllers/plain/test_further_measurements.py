@@ -198,3 +198,25 @@ def test_what_is_read_otherwise_than_the_model_shows_it_leads_no_speed_astray(na
     step = step_scenario("speed", 0.0, 40.0, hold=0.6, sample_time=0.001)
     scores = metrics(verify(law, winder(0.33), step))
     assert scores["settling_time"].value < (0.1 if name == "lqi" else 0.25)
+
+
+def test_noise_keeps_no_loop_from_holding_what_grows() -> None:
+    # A bicycle, balanced by its steering.
+    bicycle = Model(
+        "bicycle",
+        lambda m: (
+            {
+                "lean": m.x.roll,
+                "roll": 9.8 * m.x.lean - 14.5 * m.x.steer - 1.8 * m.u.rate,
+                "steer": m.u.rate,
+            },
+            {"lean": m.x.lean, "steer": m.x.steer},
+        ),
+        states=(State("lean", "rad"), State("roll", "rad/s"), State("steer", "rad")),
+        inputs=(Input("rate", "rad/s", lower=-3.0, upper=3.0),),
+        outputs=(Output("lean", "rad", noise_rms=2e-3), Output("steer", "rad", noise_rms=1e-3)),
+    )
+    linear = linearise(operating_point(bicycle), verdict=False)
+    law = design_plain_pid(linear, PlainPIDSpecification("lean", sample_time=0.002))
+    # By hand a PID settles in 1 s.
+    assert settled_after(law, linear, {"lean": 0.1}) < 1.5
