@@ -8,7 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
+from workbench.diagnosis.estimation.fixed_parameters import value_instead
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, extended_start
 from workbench.diagnosis.estimation.refit_result import Estimate
 from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.location.missing_signal import Occurrence
@@ -32,6 +33,7 @@ from workbench.model import Effect, Model
 from workbench.model.quantities import declared_unit, shown_in
 from workbench.model.units import from_si, in_time, with_unit
 from workbench.physics.drift import along_curve
+from workbench.physics.hypothesis import Hypothesis
 
 _MOST_SAID = 5
 """Effects that a sentence names, and sets of effects that a verdict weighs."""
@@ -380,6 +382,7 @@ def _finding(
         + _along(diagnosis.extended.model, entry.effect)
         + (f"; cannot be told from {', '.join(alike[1:])}" if len(alike) > 1 else "")
         + (f"; {' or '.join(deciding)} would decide" if len(alike) > 1 and deciding else "")
+        + _instead_of(diagnosis, entry)
         + "."
         + (f" Only likely: {'; '.join(doubts)}." if doubts else "")
     )
@@ -400,6 +403,20 @@ def _finding(
         belief="likely" if doubts else "sure",
         doubts=doubts,
         occurrence=occurrence,
+    )
+
+
+def _instead_of(diagnosis: Diagnosis, entry: Hypothesis) -> str:
+    """Say which value, that no refit changes, is wrong if an effect is not there; or nothing."""
+    fit, nominal = diagnosis.extended, diagnosis.nominal
+    seen = extended_start(diagnosis.prepared.fitting[0], nominal, fit.model)
+    found = value_instead(fit, entry.effect, entry.size_parameter, seen)
+    if found is None:
+        return ""
+    q = nominal.parameter(found[0])
+    values = [nominal.size_text(value, q.unit, (q.name,), 3) for value in (found[1], q.value)]
+    return (
+        f"; {q.name} would do the same if it is {values[0]}, not {values[1]} (no refit changes it)"
     )
 
 

@@ -7,11 +7,13 @@ from dataclasses import replace
 
 import pytest
 
-from workbench.diagnosis.estimation.fixed_parameters import with_fixed_uncertainty
+from workbench.diagnosis.estimation.fixed_parameters import value_instead, with_fixed_uncertainty
 from workbench.diagnosis.estimation.made_up import made_up, pushes
 from workbench.diagnosis.estimation.priors import default_priors
-from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
-from workbench.model import Model
+from workbench.diagnosis.estimation.process_noise import extended_start, fit_with_process_noise
+from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.trace import Equations
+from workbench.physics.library import library
 from workbench.physics.offset_gain import gain
 from workbench.plants.servo_axis import servo_axis
 
@@ -39,3 +41,31 @@ def test_what_is_held_widens_the_interval_of_what_scales_with_it() -> None:
     assert fit.refit.estimate("mass").std < 0.01 * mass.value
     # A quarter of the bounds: 0.04.
     assert mass.std == pytest.approx(0.04 * mass.value, rel=0.05)
+
+
+@pytest.mark.parametrize("fitted", [False, True])
+def test_a_value_that_nobody_refits_is_told_where_an_effect_stands_for_it(fitted: bool) -> None:
+    def equations(m: Scope) -> Equations:
+        return {"i": (m.u.U - m.p.R * m.x.i) / m.p.L}, {"I": m.x.i}
+
+    coil = Model(
+        "coil",
+        equations,
+        states=(State("i", "A", 1.0),),
+        inputs=(Input("U", "V", 1.0),),
+        outputs=(Output("I", "A", 1.0, noise_rms=1e-3),),
+        parameters=(
+            Parameter("R", "ohm", value=1.0, lower=0.1, upper=9.0, fitted=True),
+            Parameter("L", "H", value=0.02, lower=2e-3, upper=0.2, fitted=fitted),
+        ),
+    )
+    law = next(e for e in library(coil) if e.name == "gain_i_rate")
+    model = coil.with_effect(law.at_size(-0.1))
+    true = coil.with_parameters({"L": 0.024})
+    seen = made_up(true, pushes(600, largest=3.0, seed=1), sample_time=2e-3)
+    seen = extended_start(seen, coil, model)
+    priors = default_priors(model, ["R", *["L"] * fitted, "gain_i_rate.excess"])
+    fit = fit_with_process_noise(model, [seen], priors)
+    found = value_instead(fit, law.effect, "excess", seen)
+    # U / (0.024 H) is a sixth less than U / (0.02 H).
+    assert found is None if fitted else found == ("L", pytest.approx(0.024, rel=2e-3))

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
@@ -17,6 +18,11 @@ from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.estimation.refit_result import Outcome, summarise
 from workbench.errors import NumericalError
+from workbench.model import Effect, Model, Parameter
+
+_TWIN, _SEEN = 0.998, 1e-4
+"""Square of the cosine of two signatures from which on they are the same, and part of the square of
+one that has to be left beside all else that is refitted."""
 
 
 def with_fixed_uncertainty(fit: ProcessNoiseFit, recordings: Sequence[Observed]) -> ProcessNoiseFit:
@@ -58,3 +64,52 @@ def with_fixed_uncertainty(fit: ProcessNoiseFit, recordings: Sequence[Observed])
             inflations=wide.inflations[:count],
         ),
     )
+
+
+def value_instead(
+    fit: ProcessNoiseFit, effect: Effect, size: str, observed: Observed
+) -> tuple[str, float] | None:
+    """Find a value that no refit changes and that, if it is wrong, does what an effect does.
+
+    Both signatures are taken beside those of all else that is refitted. Only what enters the
+    equations where the effect acts is looked at.
+
+    Args:
+        size: Name of the size of the effect, which is one of those that were refitted.
+        observed: A recording with a start for the model.
+
+    Returns:
+        The parameter and the value it would have to have, in SI; None if there is none.
+    """
+    model, free = fit.model, [e.name for e in fit.refit.estimates]
+    held = [q for q in _entering(model, effect) if q.name not in free and q.value]
+    if f"{effect.name}.{size}" not in free or not held:
+        return None
+    filter_ = filter_of(model, observed, fit.noise_scale, [*free, *(q.name for q in held)])
+    try:
+        rows = np.nan_to_num(filter_.run(observed, model.values).jacobian)
+    except NumericalError:
+        return None
+    rows = rows.reshape(-1, rows.shape[-1]) / filter_.free_scale
+    k = free.index(f"{effect.name}.{size}")
+    others = np.delete(rows[:, : len(free)], k, axis=1)
+    left = rows - others @ np.linalg.lstsq(others, rows, rcond=None)[0]
+    own = left[:, k]
+    for q, whole, other in zip(held, rows.T[len(free) :], left.T[len(free) :], strict=True):
+        length, shared = float(other @ other), float(own @ other)
+        if length < _SEEN * float(whole @ whole) or shared**2 < _TWIN * length * float(own @ own):
+            continue
+        value = q.value + fit.refit.estimates[k].value * shared / length
+        if q.lower <= value <= q.upper and value * q.value > 0.0:
+            return q.name, value
+    return None
+
+
+def _entering(model: Model, effect: Effect) -> list[Parameter]:
+    """Return the parameters of a plant that enter what an effect acts on, or what that moves."""
+    t, names = model.exact, [port.name for port in model.ports]
+    at = [names.index(port) for port in effect.ports]
+    places = [t.signals[t.signal_names.index(names[i])] for i in at]
+    entered = ca.vertcat(*(t.rates_by_port[:, i] for i in at), *places)
+    own = ((k, q) for k, q in enumerate(model.parameters) if "." not in q.name)
+    return [q for k, q in own if ca.depends_on(entered, t.p[k])]
