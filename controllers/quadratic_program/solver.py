@@ -199,11 +199,8 @@ class QuadraticProgram:
         n, rows = variables, variables + constraints
         self.limit = most_iterations(variables, constraints)
         self._library = solver_library(n, rows, self.limit) if compiled else None
-        self._inverse, self._rows, self._sizes = (
-            np.zeros((n, n)),
-            np.zeros((rows, n)),
-            np.ones(rows),
-        )
+        self._inverse, self._rows = np.zeros((n, n)), np.zeros((rows, n))
+        self._sizes = np.ones(rows)
         self._factored: Factored | None = None
         self._H, self._A, self._g = np.zeros((n, n)), np.zeros((constraints, n)), np.zeros(n)
         self._lower, self._upper, self._x = np.zeros(rows), np.zeros(rows), np.zeros(n)

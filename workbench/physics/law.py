@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 
@@ -470,6 +471,7 @@ class Law:
             return result
 
         rates, start = self.rates, self.start
+        told: dict[str, Any] = {f.name: getattr(self, f.name, "") for f in fields(About)}
         return Effect(
             name,
             tuple(sites_of),
@@ -482,18 +484,7 @@ class Law:
             ),
             rates=(lambda view: each(rates, view)) if rates else None,
             start=(lambda view: each(start, view)) if start else None,
-            about=About(
-                self.equation,
-                self.source,
-                self.look_alikes,
-                self.separated_by,
-                self._subject(sites),
-                self.moment,
-                self.period,
-                self.begins,
-                self.level,
-                self.tells,
-            ),
+            about=About(**told | {"subject": self._subject(sites)}),
             dry=self.dry,
         )
 
