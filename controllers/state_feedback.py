@@ -168,7 +168,7 @@ def design_state_feedback(
     schedule: JointSchedule, specification: StateFeedbackSpecification | None = None
 ) -> StateFeedback:
     """Design LQI gains over the schedule and the Kalman filter, for the load of the schedule."""
-    import control as ct
+    from scipy.linalg import solve_discrete_are
 
     want = specification or StateFeedbackSpecification()
     w, lag = want.radius, want.lag
@@ -182,9 +182,9 @@ def design_state_feedback(
             b = np.vstack([np.zeros((4, 1)), [[1.0 / lag]]])
             weight = np.pad(weight, (0, 1))
         phi, gamma = zero_order_hold(a, b, want.sample_time)
-        # One solver whether slycot is installed or not: the same gains on every machine.
         cost = [[joint.opening_to_jerk**2]]
-        gain = np.asarray(ct.dlqr(phi, gamma, weight, cost, method="scipy")[0]).ravel()
+        p = solve_discrete_are(phi, gamma, weight, cost)
+        gain = np.linalg.solve(cost + gamma.T @ p @ gamma, gamma.T @ p @ phi).ravel()
         gain[2] *= joint.b
         columns.append(gain)
     return StateFeedback(

@@ -140,7 +140,7 @@ def kalman_correction(
     Source:
         Kwakernaak and Sivan, Linear Optimal Control Systems, 1972, section 6.5.
     """
-    import control as ct
+    from scipy.linalg import solve_discrete_are
 
     h = check_range("sample time", sample_time, 1e-6, 1.0, "s")
     for name, value, unit in (
@@ -154,9 +154,7 @@ def kalman_correction(
     drive = np.hstack([gamma, np.array([[0.0], [0.0], [1.0]])])
     noise = np.diag([acceleration_noise**2, acceleration_walk**2 * h])
     c = np.array([[1.0, 0.0, 0.0]])
-    # One solver whether slycot is installed or not: the same gains on every machine.
-    measurement = [[angle_noise**2]]
-    predictor = np.asarray(ct.dlqe(phi, drive, c, noise, measurement, method="scipy")[0])
-    # The law corrects before it predicts: the predictor's gain is phi times this one.
-    gain = np.linalg.solve(phi, predictor).ravel()
+    variance = angle_noise**2
+    p = solve_discrete_are(phi.T, c.T, drive @ noise @ drive.T, [[variance]])
+    gain = (p @ c.T / (c @ p @ c.T + variance)).ravel()
     return float(gain[0]), float(gain[1]), float(gain[2])

@@ -48,3 +48,8 @@ def test_a_refit_needs_neither_filters_nor_statistics_of_scipy() -> None:
         "follows([error], [np.eye(200)[:, :1]])",
     )
     assert not {"scipy.signal", "scipy.stats"} & loaded_by("\n".join(asked))
+
+
+def test_a_design_of_the_arm_loads_no_python_control() -> None:
+    design = "from controllers.joint.observer import kalman_correction; kalman_correction()"
+    assert not {"control", "matplotlib"} & loaded_by(design)
