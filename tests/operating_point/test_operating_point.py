@@ -223,6 +223,19 @@ def test_a_reactor_that_says_where_it_starts_is_held_there_and_not_washed_out() 
         assert operating_point(chemostat, {"S": food})["X"] == pytest.approx(0.5 * (10.0 - food))
 
 
+def test_a_turbine_that_would_leave_its_rest_is_held_where_it_starts() -> None:
+    turbine = Model(
+        "turbine",
+        lambda m: ({"speed": (m.x.speed - 1.0) * (2.0 - m.x.speed) - m.u.pitch}, {"w": m.x.speed}),
+        states=(State("speed", "rad/s", initial=1.4),),
+        inputs=(Input("pitch", "rad", lower=0.0, upper=1.0, nominal=0.09),),
+        outputs=(Output("w", "rad/s"),),
+    )
+    # At the nominal pitch it stalls below 1.1 rad/s and runs up to 1.9 from above.
+    point = operating_point(turbine)
+    assert point["w"] == pytest.approx(1.4) and point["pitch"] == pytest.approx(0.24)
+
+
 def test_a_saturation_beside_which_nothing_has_a_slope_is_found_a_way_around() -> None:
     # Without heat the air cools as fast as the law lets it, whatever is heated a little.
     def equations(m: Any) -> Any:

@@ -144,8 +144,9 @@ def operating_point(
     Args:
         given: Values of measurements, states or inputs by name, in SI, at most one per input (and
             one per drifting direction); measurements are looked up first. By default the inputs at
-            rest; where they do not hold the model, or no command declares a value at rest and a
-            state starts elsewhere than at 0, as many outputs as commands can as they start.
+            rest; where they do not hold the model, which grows away from there too, or no command
+            declares a value at rest and a state starts elsewhere than at 0, as many outputs as
+            commands can as they start.
         bounds: Smallest and largest value of states and inputs by name, in SI, inside those of
             the model and the limits that the plant declares.
 
@@ -184,6 +185,10 @@ def operating_point(
         if not given and (held := _held_at_start(model, bounds, near)):
             return held
         raise _impossible(problem, solution)
+    # By itself it would not come to rest there, nor stay: a command that holds it does.
+    leaves = not given and np.any(model.initial_state()) and _runs_away(model, solution)
+    if leaves and (held := _held_at_start(model, bounds, near)):
+        return held
     if any("." in name for name in solution.undetermined):
         solution = _with_effects_at_start(problem, solution, x, u)
     _snap(model, wanted, solution)
@@ -217,6 +222,22 @@ def operating_point(
         condition_number=solution.condition_number,
         undetermined=solution.undetermined,
     )
+
+
+def _runs_away(model: Model, solution: Solution) -> bool:
+    """Tell whether a model that rests grows away from there by itself."""
+    _, slopes = derivatives_of(model, EXACT)(solution.x, solution.u, model.values)
+    n = len(solution.x)
+    size = np.array([q.scale for q in model.states])
+    A = slopes[:n, :n] * size / size[:, None]
+    if not n or not np.isfinite(A).all():
+        return False
+    poles = np.linalg.eigvals(A)
+    return bool(np.any(poles.real > GROWS * np.abs(poles).max()))
+
+
+GROWS = 1e-6
+"""Rate over that of the fastest mode from which on one grows and does not integrate."""
 
 
 def _within_ranges(model: Model, u: Vector) -> Iterator[Vector]:
