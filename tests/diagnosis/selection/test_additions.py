@@ -86,3 +86,20 @@ def test_a_law_is_refitted_from_where_it_is_a_simpler_one_too(
     monkeypatch.setattr(additions, "fit_with_process_noise", refitted)
     best = additions.polished(given.base, (), (), ends=ends)
     assert len(begun) == 3 and best.cost == given.base.cost - 10.0
+
+
+def test_a_refit_along_a_bent_valley_goes_on_until_it_converges(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    given, _ = example_diagnosis()
+    scales = []
+
+    def refitted(*_: object, noise_scale: float, **__: object) -> ProcessNoiseFit:
+        scales.append(noise_scale)
+        left = 3 - len(scales)
+        own = replace(given.base.refit, cost=given.base.cost + left, converged=not left)
+        return replace(given.base, refit=own, noise_scale=0.01)
+
+    monkeypatch.setattr(additions, "fit_with_process_noise", refitted)
+    best = additions.polished(replace(given.base, noise_scale=0.1), (), ())
+    assert scales == [0.1, 0.01, 0.01] and best.refit.converged

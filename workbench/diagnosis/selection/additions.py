@@ -32,6 +32,9 @@ from workbench.diagnosis.selection.task import Task
 from workbench.diagnosis.selection.weights import Compared
 from workbench.errors import NumericalError
 
+_PASSES = 4
+"""Further refits from where one ended that did not converge."""
+
 
 def refits_beside(
     task: Task,
@@ -110,9 +113,7 @@ def shaped(
     begin = {e.name: e.value for e in fit.refit.estimates}
     samples = sum(len(r.outputs) for r in recordings)
     try:
-        trial = fit_with_process_noise(
-            fit.model, recordings, more, start=begin, noise_scale=fit.noise_scale
-        )
+        trial = _converged(fit, recordings, more, begin)
         judging = task.started(task.judging, fit.model)
         before = blocks_of_cost(fit, judging)
         held_out, _ = held_out_gain(before, trial, judging)
@@ -149,16 +150,35 @@ def polished(
     best = fit
     for start, follow in starts:
         try:
-            final = fit_with_process_noise(
-                fit.model, recordings, priors, start=start, noise_scale=fit.noise_scale,
-                follow=follow,
-            )  # fmt: skip
+            final = _converged(fit, recordings, priors, start, follow=follow)
         except Exception:  # noqa: BLE001
             # The fit that was compared stands, whatever a law does when it is refined.
             continue
         if final.cost <= best.cost + (INDIFFERENT if final.noise_scale < best.noise_scale else 0.0):
             best = replace(final, passed=fit.passed)
     return best
+
+
+def _converged(
+    fit: ProcessNoiseFit,
+    recordings: Sequence[Observed],
+    priors: Sequence[Prior],
+    start: Mapping[str, float],
+    *,
+    follow: bool = True,
+) -> ProcessNoiseFit:
+    """Refit the model of a fit until that converges: along a bent valley one pass is not enough."""
+    found = fit_with_process_noise(
+        fit.model, recordings, priors, start=start, noise_scale=fit.noise_scale, follow=follow
+    )
+    for _ in range(_PASSES):
+        if found.refit.converged:
+            break
+        found = fit_with_process_noise(
+            fit.model, recordings, priors, noise_scale=found.noise_scale, follow=False,
+            start={e.name: e.value for e in found.refit.estimates},
+        )  # fmt: skip
+    return found
 
 
 def _ends(found: Candidate) -> list[dict[str, float]]:
