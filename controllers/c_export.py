@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from controllers.c_source import CSource
-from controllers.guard import FAULTS, Guarded
+from controllers.guard import Fault, Guarded
 from controllers.protocol import Controller
 from workbench.errors import WorkbenchError
 from workbench.files import write_whole
@@ -121,7 +121,7 @@ def _header(controller: Controller, name: str, found: CSource, units: Mapping[st
         *(f" * {line}" for line in notes),
         " *",
         " * Status: what the guard found times 16, plus the status of the law. The guard's:",
-        *(f" *   {i:>2} {fault.name}: {fault.meaning}" for i, fault in enumerate(FAULTS)),
+        *(f" *   {fault:>2} {fault.word}: {fault.meaning}" for fault in Fault),
         " *",
         *listed("measurement", controller.sensors),
         *listed("reference", asked),

@@ -46,6 +46,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from enum import IntEnum
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -67,45 +68,36 @@ COUNTS = ("patience", "swings")
 """What a `Guard` counts up to, or never."""
 
 
-class Fault(NamedTuple):
-    """What the guard may find in a sample."""
+class Fault(IntEnum):
+    """What the guard may find in a sample; sixteen times its number is the status in C."""
 
-    name: str
     meaning: str
 
+    def __new__(cls, meaning: str) -> Fault:
+        """Count what may be found, in the order in which it stands here."""
+        found = int.__new__(cls, len(cls.__members__))
+        found._value_, found.meaning = int(found), meaning
+        return found
 
-FAULTS = (
-    Fault("clear", "nothing; the command is that of the law"),
-    Fault("reference", "a reference out of its range or not finite was replaced; the law steps on"),
-    Fault("returning", "measurements are plausible again: the law is about to start, or has begun"),
-    Fault("not_finite", "a measurement is not finite"),
-    Fault("out_of_range", "a measurement is out of its range"),
-    Fault("jump", "a measurement is not what the others and the one before let expect"),
-    Fault("stuck", "a measurement stays to the bit, which the others say has changed"),
-    Fault("law", "the law gave no finite command"),
-    Fault("deadline", "the command was not there in time"),
-    Fault("saturated", "the command was at its end for too long"),
-    Fault("no_progress", "the error did not get smaller for too long"),
-    Fault("oscillation", "the error changed its side again and again"),
-    Fault("runaway", "an output runs into the end of its range, away from its reference"),
-)
-"""Everything the guard may find; the place in this list times 16 is its status in C."""
+    CLEAR = "nothing; the command is that of the law"
+    REFERENCE = "a reference out of its range or not finite was replaced; the law steps on"
+    RETURNING = "measurements are plausible again: the law is about to start, or has begun"
+    NOT_FINITE = "a measurement is not finite"
+    OUT_OF_RANGE = "a measurement is out of its range"
+    JUMP = "a measurement is not what the others and the one before let expect"
+    STUCK = "a measurement stays to the bit, which the others say has changed"
+    LAW = "the law gave no finite command"
+    DEADLINE = "the command was not there in time"
+    SATURATED = "the command was at its end for too long"
+    NO_PROGRESS = "the error did not get smaller for too long"
+    OSCILLATION = "the error changed its side again and again"
+    RUNAWAY = "an output runs into the end of its range, away from its reference"
 
-(
-    CLEAR,
-    REFERENCE,
-    RETURNING,
-    NOT_FINITE,
-    OUT_OF_RANGE,
-    JUMP,
-    STUCK,
-    LAW,
-    DEADLINE,
-    SATURATED,
-    NO_PROGRESS,
-    OSCILLATION,
-    RUNAWAY,
-) = range(len(FAULTS))
+    @property
+    def word(self) -> str:
+        """Its name as the information of a step has it."""
+        return self.name.lower()
+
 
 WIDER = 0.05
 """Share by which a jump grows with every sample in which it was not believed."""
@@ -370,7 +362,7 @@ class Guarded:
     ) -> tuple[Command, GuardState, Info]:
         """Compute the command of one sample.
 
-        Unless all is clear, the information has ``guard``, the name of what was found (`FAULTS`),
+        Unless all is clear, the information has ``guard``, the name of what was found (`Fault`),
         and ``guard_action``: the ``"law"``'s command, also with a replaced reference (``"clamp"``),
         on the way back (``"ramp"``) or with an ``"estimate"`` in the place of a measurement, the
         command before (``"hold"``), that of the ``"inner"`` law, or the ``"safe"`` one.
@@ -384,7 +376,7 @@ class Guarded:
             # Nothing can be found: the same as below, without looking.
             command, law, info = self.controller.step(state.law, measurement, reference)
             if not math.isfinite(sum(command)):
-                return self._refused(state, LAW, info)
+                return self._refused(state, Fault.LAW, info)
             now = reference[: len(guard.references)]
             return command, GuardState(law, measurement, command, now, *state[4:]), info
         wanted, found = self._references(state, reference)
@@ -394,7 +386,7 @@ class Guarded:
             good = 0.0 if fault else state.good + 1.0
             state = state._replace(good=good, bad=0.0)
             if good <= state.wait:
-                return self._apart(state, {}, fault or RETURNING)
+                return self._apart(state, {}, fault or Fault.RETURNING)
             state = self.initial_state(seen)
             origin = tuple(
                 at if limits.sensor >= 0.0 else asked
@@ -414,59 +406,59 @@ class Guarded:
                 state.origin[i % count] + share * (value - state.origin[i % count])
                 for i, value in enumerate(wanted)
             )
-            found = RETURNING
+            found = Fault.RETURNING
         try:
             command, law, info = self.controller.step(state.law, seen, shown)
         except (ArithmeticError, ValueError):
             if self._plain:
                 # Without limits nothing is known of what it was asked: a bug is to be seen.
                 raise
-            return self._refused(state, LAW, {})
+            return self._refused(state, Fault.LAW, {})
         if not all(map(math.isfinite, command)):
-            return self._refused(state, LAW, info)
+            return self._refused(state, Fault.LAW, info)
         if float(info.get("solve_time", 0.0)) > guard.deadline:
-            return self._refused(state, DEADLINE, info)
+            return self._refused(state, Fault.DEADLINE, info)
         state = self._progress(state, command, seen, now)
         state = state._replace(law=law, reference=now, bad=state.bad + 1.0 if fault else 0.0)
         if state.railed >= guard.patience or state.idle >= guard.patience:
-            lasting = SATURATED if state.railed >= guard.patience else NO_PROGRESS
+            lasting = Fault.SATURATED if state.railed >= guard.patience else Fault.NO_PROGRESS
             return self._apart(self._fallen(state, guard.patience), info, lasting)
         if state.turns >= guard.swings:
-            return self._apart(self._fallen(state, guard.patience), info, OSCILLATION)
+            return self._apart(self._fallen(state, guard.patience), info, Fault.OSCILLATION)
         following = self._commanded(state, command)
         if self._runs_away(state.estimate, following.estimate, now):
-            return self._apart(self._fallen(state, guard.patience), info, RUNAWAY)
+            return self._apart(self._fallen(state, guard.patience), info, Fault.RUNAWAY)
         state = following
         if fault:
             return self._told(state, info, fault, "estimate")
         if found:
-            return self._told(state, info, found, "ramp" if found == RETURNING else "clamp")
+            return self._told(state, info, found, "ramp" if found == Fault.RETURNING else "clamp")
         return command, state, info
 
     def missed(self, state: GuardState) -> tuple[Command, GuardState, Info]:
         """Return the command of a sample in which the law's was not there in time."""
         if state.away:
-            return self._apart(state._replace(good=0.0, bad=state.bad + 1.0), {}, DEADLINE)
-        return self._refused(state, DEADLINE, {})
+            return self._apart(state._replace(good=0.0, bad=state.bad + 1.0), {}, Fault.DEADLINE)
+        return self._refused(state, Fault.DEADLINE, {})
 
-    def _references(self, state: GuardState, reference: Reference) -> tuple[Reference, int]:
+    def _references(self, state: GuardState, reference: Reference) -> tuple[Reference, Fault]:
         """Return the references within their ranges, and whether one was replaced."""
         limits = self.guard.references
-        count, wanted, found = len(limits), [], CLEAR
+        count, wanted, found = len(limits), [], Fault.CLEAR
         for i, asked in enumerate(reference):
             own, before, value = limits[i % count], state.reference[i % count], asked
             if not math.isfinite(value):
-                value, found = before, REFERENCE
+                value, found = before, Fault.REFERENCE
             if value < own.lower:
-                value, found = max(own.lower, before - own.pace), REFERENCE
+                value, found = max(own.lower, before - own.pace), Fault.REFERENCE
             elif value > own.upper:
-                value, found = min(own.upper, before + own.pace), REFERENCE
+                value, found = min(own.upper, before + own.pace), Fault.REFERENCE
             wanted.append(value)
         return tuple(wanted), found
 
     def _sensors(
         self, state: GuardState, measurement: Measurement
-    ) -> tuple[GuardState, Measurement, int]:
+    ) -> tuple[GuardState, Measurement, Fault]:
         """Return the state with the estimate corrected, what the law is shown, and what is wrong.
 
         Each measurement is held against what is expected of it: the estimate, or without one, and
@@ -484,24 +476,24 @@ class Guarded:
             # Nothing was looked at meanwhile: there is nothing to hold a measurement against.
             wide = _INFINITE
         strong = float(own is not None and own.strong(state.command))
-        fault, believed = CLEAR, 0
+        fault, believed = Fault.CLEAR, 0
         doubted, same = [], []
         seen, last, mend = list(measurement), list(state.measurement), list(state.mend)
         for i, (value, limits) in enumerate(zip(measurement, guard.sensors, strict=True)):
-            off, before, wrong = abs(value - expected[i]), state.doubted[i], CLEAR
+            off, before, wrong = abs(value - expected[i]), state.doubted[i], Fault.CLEAR
             stays = value == last[i]
             leap = off if before else min(off, abs(value - last[i]))
             same.append(state.same[i] + strong if stays else 0.0)
             if not math.isfinite(value):
-                wrong = NOT_FINITE
+                wrong = Fault.NOT_FINITE
             elif value < limits.lower or value > limits.upper:
-                wrong = OUT_OF_RANGE
+                wrong = Fault.OUT_OF_RANGE
             elif leap > limits.jump * wide:
-                wrong = JUMP
+                wrong = Fault.JUMP
             elif (
                 own and stays and (before == 2.0 or (same[i] >= guard.hold and off > limits.doubt))
             ):
-                wrong = STUCK
+                wrong = Fault.STUCK
             if own is None:
                 fault = fault or wrong
                 continue
@@ -509,7 +501,7 @@ class Guarded:
                 last[i] = value
             if wrong:
                 fault = fault or wrong
-                doubted.append(2.0 if wrong == STUCK or (stays and before == 2.0) else 1.0)
+                doubted.append(2.0 if wrong == Fault.STUCK or (stays and before == 2.0) else 1.0)
                 mend[i] = 0.0
                 continue
             if not same[i]:
@@ -611,7 +603,7 @@ class Guarded:
         )
 
     def _refused(
-        self, state: GuardState, fault: int, info: Info
+        self, state: GuardState, fault: Fault, info: Info
     ) -> tuple[Command, GuardState, Info]:
         """Hold the last command, or give the law up."""
         bad = state.bad + 1.0
@@ -635,7 +627,9 @@ class Guarded:
             away=0.0 if inner else guard.inner, good=0.0, wait=wait,
         )  # fmt: skip
 
-    def _apart(self, state: GuardState, info: Info, fault: int) -> tuple[Command, GuardState, Info]:
+    def _apart(
+        self, state: GuardState, info: Info, fault: Fault
+    ) -> tuple[Command, GuardState, Info]:
         """Give the command of the inner law, or the safe one."""
         state, own = state._replace(away=state.away + 1.0), self.guard.estimator
         if own is None or state.away > self.guard.inner:
@@ -657,9 +651,9 @@ class Guarded:
         return state._replace(command=command, estimate=estimate)
 
     def _told(
-        self, state: GuardState, info: Info, fault: int, action: str
+        self, state: GuardState, info: Info, fault: Fault, action: str
     ) -> tuple[Command, GuardState, Info]:
-        told = {**info, "guard": FAULTS[fault].name, "guard_action": action}
+        told = {**info, "guard": fault.word, "guard_action": action}
         return state.command, state, told
 
     def c_source(self, name: str) -> CSource:
@@ -707,7 +701,7 @@ class Guarded:
                 defined(f"GUARD_{key}", "INFINITY" if value == _INFINITE else value)
                 for key, value in sizes.items()
             )
-            + "".join(defined(f"GUARD_{fault.name.upper()}", i) for i, fault in enumerate(FAULTS))
+            + "".join(defined(f"GUARD_{fault.name}", int(fault)) for fault in Fault)
             + defined("GUARD_LAW_START(measurement, state)", f"{inner}_start(measurement, state)")
             + defined(
                 "GUARD_LAW_STEP(measurement, reference, state, command, report)",

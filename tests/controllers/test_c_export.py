@@ -25,7 +25,7 @@ import pytest
 
 from controllers import AnglePD, MPCSpecification, design_mpc, design_pid
 from controllers.c_export import export_c
-from controllers.guard import FAULTS, Guarded
+from controllers.guard import Fault, Guarded
 from controllers.joint.schedule import JointSchedule
 from controllers.mpc.prediction import Prediction
 from controllers.named_state import flat
@@ -82,7 +82,7 @@ def compare(
             drift = max(drift, float(np.max(np.abs(np.array(in_c.state) - now) / size)))
         seen["commands"].append(command)
         seen["statuses"].add(status)
-        assert FAULTS[status // 16].name == info.get("guard", "clear")
+        assert Fault(status // 16).word == info.get("guard", "clear")
         if in_c.is_mpc and "status" in info:
             assert STATUSES[status % 16] == info["status"]
             assert in_c.report[3] == info["fallback"] == float(status % 16 != 0)
@@ -150,8 +150,8 @@ def test_guard_of_c_is_that_of_the_law(linear: LinearModel, tmp_path: Path) -> N
     reference[1500:][rng.random(1500) < 0.02] = np.nan
     reference[2000:2400] = 1.5
     found = compare(law, InC(law, tmp_path), measurements, reference)
-    assert {FAULTS[status // 16].name for status in found["statuses"]} == {
-        fault.name for fault in FAULTS if fault.name not in ("law", "deadline")
+    assert {Fault(status // 16).word for status in found["statuses"]} == {
+        fault.word for fault in Fault if fault.word not in ("law", "deadline")
     }
     assert found["difference"] / 10.0 <= 1e-12
     assert found["drift"] <= 1e-12
@@ -175,7 +175,7 @@ def test_missed_deadlines_of_c_are_those_of_the_law(linear: LinearModel, tmp_pat
         else:
             (command,), state, info = law.step(state, row, (asked,))
             status = in_c.step(row, [asked])
-        assert FAULTS[status // 16].name == info.get("guard", "clear")
+        assert Fault(status // 16).word == info.get("guard", "clear")
         assert in_c.command[0] == pytest.approx(command, abs=1e-9)
     assert law.missed(state)[2]["guard"] == "deadline"
 

@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 
 from controllers.design import DESIGNS, Design
-from controllers.guard import FAULTS, Guarded
+from controllers.guard import Fault, Guarded
 from tests.controllers.in_c import InC
 from workbench.evaluation.tolerance import tolerant_study
 from workbench.study.designs import ControllerRecipe
@@ -225,7 +225,7 @@ def check(run: Run, law: Guarded, in_c: InC | None) -> None:
         own.append(command)
         names.add(str(info.get("guard", "clear")))
         status = in_c.missed() if late[k] else in_c.step(row, asked)
-        told.add(FAULTS[status // 16].name)
+        told.add(Fault(status // 16).word)
         commands.append(tuple(in_c.command))
     assert told == names
     np.testing.assert_allclose(commands, own, atol=1e-8)
