@@ -229,7 +229,7 @@ def _freed(change: Numbers, gain: Rows, free: Sequence[Any], arithmetic: Arithme
 SHARES = (0.0, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0)
 """Shares of rest elsewhere that are tried for integrals to hold after a step of the reference."""
 
-DISTURBANCES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003)
+DISTURBANCES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 """Disturbances of the command that are tried for a Kalman filter, as fractions of it."""
 
 
