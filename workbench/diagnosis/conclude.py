@@ -516,10 +516,9 @@ def _by_chance(held_out: tuple[float, float, float]) -> float:
 
 def _wrong_values(diagnosis: Diagnosis) -> list[Estimate]:
     """Return estimates on a bound of a model whose equations are complete otherwise."""
-    base = diagnosis.base
-    if base.noise_scale > IMPERFECT.value:
+    if diagnosis.validated is None:
         return []
-    return [e for e in base.refit.estimates if e.on_bound]
+    return [e for e in diagnosis.base.refit.estimates if e.name in diagnosis.validated.wrong]
 
 
 def _far(diagnosis: Diagnosis) -> str:

@@ -28,8 +28,8 @@ from workbench.diagnosis.nonparametric.fit import nonparametric_term
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.reversed_columns import with_signs_tried
 from workbench.diagnosis.second_search import VIEWS, View, beside
-from workbench.diagnosis.selection.held_out import settled_run
-from workbench.diagnosis.selection.rules import LEAST_SHOWN, NO_NAME
+from workbench.diagnosis.selection.held_out import settled_run, shown_on_bounds
+from workbench.diagnosis.selection.rules import IMPERFECT, LEAST_SHOWN, NO_NAME
 from workbench.diagnosis.selection.search import score, search
 from workbench.diagnosis.selection.selected import Scored, Selected
 from workbench.diagnosis.selection.task import Task
@@ -450,7 +450,10 @@ def validate(found: Diagnosis, *, advise: bool = True, jobs: int = 1, say: Progr
         or {r.name: settled_run(model, found.nominal, r, scale) for r in prepared.judging}
         for label, (model, scale) in models.items()
     }
-    validated = Validated(refitted, extended, runs, location)
+    wrong: tuple[str, ...] = ()
+    if not found.improved and found.base.noise_scale <= IMPERFECT.value:
+        wrong = shown_on_bounds(found.base, prepared.fitting, prepared.judging, prepared.priors)
+    validated = Validated(refitted, extended, runs, location, wrong=wrong)
     found = replace(found, validated=validated)
     questions: list[Call[Any]] = [(missing_signals, (found,))]
     if advise:

@@ -79,6 +79,8 @@ class Validated:
         plan: The input to play next on the machine as it is set; None if no input is worth it.
         missing: What is missing, by finding; of the located group where nothing was found.
         not_shown: Why there is no such signal; empty if there is one.
+        wrong: Parameters on a bound of a model that lacks nothing else, whose usual values the
+            held-out recordings refuse.
     """
 
     refitted: ProcessNoiseFit
@@ -89,6 +91,7 @@ class Validated:
     plan: Experiment | None = None
     missing: tuple[tuple[MissingSignal, ...], ...] = ()
     not_shown: str = ""
+    wrong: tuple[str, ...] = ()
 
     def occurrence(self, index: int = 0) -> Occurrence | None:
         """Return when and where a finding acts most; None if that is not known."""

@@ -11,11 +11,13 @@ import numpy as np
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import FreeRun, failed_run, free_run
 from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import (
     LADDER,
     ProcessNoiseFit,
     blocks_of_cost,
     extended_start,
+    fit_with_process_noise,
     gain_interval,
     summed_over_blocks,
 )
@@ -174,6 +176,35 @@ def held_out_gain(
     mild = blocks_of_cost(replace(fit, noise_scale=max(milder[-1], MILD)), judged)
     other = gain_interval(before, mild)
     return (other, mild) if other[0] > held_out[0] else (held_out, blocks)
+
+
+def shown_on_bounds(
+    fit: ProcessNoiseFit,
+    fitting: Sequence[Observed],
+    judging: Sequence[Observed],
+    priors: Sequence[Prior],
+) -> tuple[str, ...]:
+    """Return the parameters on a bound whose usual value the held-out recordings refuse.
+
+    Each is fixed at the mean of its prior, and the others are refitted. A bound to which a few
+    moments of the fitted recordings have led is none that the others need.
+    """
+    with_bound, shown = blocks_of_cost(fit, judging), []
+    own = {e.name: e.value for e in fit.refit.estimates}
+    for e in fit.refit.estimates:
+        if not e.on_bound:
+            continue
+        usual = fit_with_process_noise(
+            fit.model.with_parameters({e.name: e.prior.mean}),
+            fitting,
+            [p for p in priors if p.name != e.name],
+            start={name: value for name, value in own.items() if name != e.name},
+            noise_scale=fit.noise_scale,
+            follow=False,
+        )
+        if gain_interval(blocks_of_cost(usual, judging), with_bound)[1] > 0.0:
+            shown.append(e.name)
+    return tuple(shown)
 
 
 def told_apart(one: Sequence[Vector], other: Sequence[Vector]) -> bool:
