@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -196,6 +197,13 @@ def _with_ends(ends: Vector | None, i: int, n: int, count: int) -> Vector:
     return along
 
 
+def _room(model: Model, u: Vector, by: Vector) -> float:
+    """Return how far a state may swing until an input that goes with it ends, in SI."""
+    rooms = [min(q.upper - now, now - q.lower) for q, now in zip(model.inputs, u, strict=True)]
+    ends = [room / abs(one) for room, one in zip(rooms, by, strict=True) if one and room > 0.0]
+    return min(ends, default=math.inf)
+
+
 def linearise(
     op: OperatingPoint,
     *,
@@ -270,9 +278,11 @@ def linearise(
         wanted = check_amplitude(model, amplitude)
     both = [*model.states, *model.inputs]
     places = {q.name: i for i, q in reversed(list(enumerate(both)))}
-    for name, size in wanted.items():
+    for name, usual in wanted.items():
         i = places[name]
         along = _with_ends(ends, i, len(names), len(both))
+        room = _room(model, point.u, along[len(names) :]) if amplitude is None else math.inf
+        size = min(usual, room)
         straight = jacobian @ along
         bent = describing_function(at, point.x, point.u, p, along, size, straight)
         matrix[:, i] += bent - straight
