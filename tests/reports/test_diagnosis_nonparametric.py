@@ -133,7 +133,7 @@ def test_a_value_on_its_bound_stands_first() -> None:
         given,
         fitted=Fitted(base, given.prepared),
         selected=replace(given.selected, extended=base, nonparametric=None),
-        validated=replace(given.validated, refitted=base, extended=base),
+        validated=replace(given.validated, refitted=base, extended=base, wrong=("offset",)),
     )
     found = replace(found, verdict=conclude(found))
     assert found.verdict is not None
