@@ -137,24 +137,41 @@ def _times(usual: float, largest: float, lead: float = 0.0) -> Callable[[Place],
     )  # fmt: skip
 
 
-def _rest(at: PortView) -> Expression:
-    return at.value - at.x.late - at.x.slope - 0.5 * at.x.bend
+_SECTIONS = ("", "_2")
+"""Parts of a delay, one after the other, by what ends the names of their states."""
 
 
-def _delayed(at: PortView) -> Expression:
-    spare = _spare(at.p, at.p.time)
-    share = spare / (at.p.time + spare)
-    smooth = at.x.late + share * (at.x.slope + 0.5 * share * at.x.bend)
-    return smooth + share * share * share * _rest(at)
+def _parts(
+    at: PortView, parts: tuple[str, ...]
+) -> Iterator[tuple[Expression, Expression, tuple[Expression, ...]]]:
+    """Yield what comes out of each part of a delay, what its series leaves, and its states."""
+    value, time = at.value, at.p.time / len(parts)
+    spare = _spare(at.p, time)
+    share = spare / (time + spare)
+    for part in parts:
+        late, slope, bend = (at.x[f"{name}{part}"] for name in ("late", "slope", "bend"))
+        rest = value - late - slope - 0.5 * bend
+        smooth = late + share * (slope + 0.5 * share * bend)
+        value = smooth + share * share * share * rest
+        yield value, rest, (slope, bend)
 
 
-def _rates(e: EffectView) -> dict[str, Expression]:
+def _delayed(at: PortView, parts: tuple[str, ...]) -> Expression:
+    *_, (value, _, _) = _parts(at, parts)
+    return value
+
+
+def _rates(e: EffectView, parts: tuple[str, ...]) -> dict[str, Expression]:
     # Derivatives times powers of the time constant, so that all have the signal's unit.
-    whole = e.p.time + _spare(e.p, e.p.time)
-    at = replace(e.here, x=e.x)
-    return {
-        "late": e.x.slope / whole, "slope": e.x.bend / whole, "bend": 6.0 / whole * _rest(at),
-    }  # fmt: skip
+    time = e.p.time / len(parts)
+    whole = time + _spare(e.p, time)
+    rates: dict[str, Expression] = {}
+    for part, (_, rest, (slope, bend)) in zip(
+        parts, _parts(replace(e.here, x=e.x), parts), strict=True
+    ):
+        each = {"late": slope, "slope": bend, "bend": 6.0 * rest}
+        rates |= {f"{name}{part}": rate / whole for name, rate in each.items()}
+    return rates
 
 
 def _states(at: Place) -> tuple[State, ...]:
@@ -166,6 +183,15 @@ def _states(at: Place) -> tuple[State, ...]:
             ("bend", "the rate of that times D + g"),
         )
     )
+
+
+def _states_of_parts(at: Place) -> tuple[State, ...]:
+    return tuple(replace(q, name=f"{q.name}{k}") for k in _SECTIONS for q in _states(at))
+
+
+def _from(value: Expression) -> dict[str, Expression]:
+    """Return where a delay starts that has had a value for long."""
+    return {f"late{section}": value for section in _SECTIONS}
 
 
 def _commands(survey: Survey) -> tuple[Place, ...]:
@@ -202,18 +228,19 @@ def _late_only_reading(survey: Survey, at: Place) -> tuple[str, ...]:
 
 # Y / U = E(g s) / E((D + g) s) with E(x) = 1 + x + x^2 / 2 + x^3 / 6: exactly the identity for
 # D = 0, and exp(-D s) up to s^3 for all D. Its zeros are stable, so that a filter can tell the
-# signal from the measurement; the error of its amplitude is (w D)^4 / 24 at the frequency w. Down
-# to -f / 2 it is a lead, so that a fit may pass through zero. Steps overshoot: a command that jumps
+# signal from the measurement; the error of its amplitude is (w D)^4 / 24 at the frequency w, an
+# eighth of that for two halves one after the other. Down to -f / 2 it is a lead, so that a fit may
+# pass through zero. Steps overshoot: a command that jumps
 # has a law of its own.
 sensor_delay = Law(
     "sensor_delay",
-    "Y / U = exp(-D s), to third order",
+    "Y / U = exp(-D s), each half to third order",
     sensors(),
     _times(5, 100, lead=0.5),
-    _delayed,
-    states=_states,
-    rates=_rates,
-    start=lambda e: {"late": e.here.value},
+    lambda at: _delayed(at, _SECTIONS),
+    states=_states_of_parts,
+    rates=lambda e: _rates(e, _SECTIONS),
+    start=lambda e: _from(e.here.value),
     usual=True,
     group="sensor",
     far=True,
@@ -228,14 +255,15 @@ clock_shift = replace(
     sensor_delay,
     name="clock_shift",
     where=_common_clock,
+    transform=lambda at: _delayed(at, ("",)),
+    states=_states,
+    rates=lambda e: _rates(e, ("",)),
+    start=lambda e: {"late": e.here.value},
     same_as=_late_input,
     usual=False,
     look_alikes=("valve_delay", "spool_bandwidth", "sensor_delay"),
     separated_by="a common event seen by command and measurements, such as a click",
 )
-
-
-_SECTIONS = ("", "_2")
 
 
 def _sections(at: PortView) -> Iterator[tuple[Expression, Expression, tuple[Expression, ...]]]:
@@ -267,15 +295,6 @@ def _command_rates(e: EffectView) -> dict[str, Expression]:
     return rates
 
 
-def _command_states(at: Place) -> tuple[State, ...]:
-    return tuple(replace(q, name=f"{q.name}{k}") for k in _SECTIONS for q in _states(at))
-
-
-def _from(value: Expression) -> dict[str, Expression]:
-    """Return where a delay starts that has had a value for long."""
-    return {f"late{section}": value for section in _SECTIONS}
-
-
 # Y / U = N(s) / P(b s) with P(x) = 1 + 3 x/5 + 3 x^2/20 + x^3/60, b = D + g and N the series of
 # exp(-D s) P(b s) up to s^3: exactly the identity for D = 0, exp(-D s) up to s^3 between, and the
 # Pade function of second over third order for D >> f, of which no part of a jump comes through at
@@ -287,7 +306,7 @@ delay = at_inputs_too(
         drives(),
         _times(5, 50),
         _delayed_command,
-        states=_command_states,
+        states=_states_of_parts,
         rates=_command_rates,
         start=lambda e: _from(e.here.value),
         far=True,
@@ -335,7 +354,7 @@ transport_delay = replace(
     transform=lambda at: ca.substitute(
         ca.SX(at.value), ca.SX(at.signals.arriving), _delayed_command(_arrived(at))
     ),
-    states=lambda at: _command_states(_arriving(at)),
+    states=lambda at: _states_of_parts(_arriving(at)),
     rates=lambda e: _command_rates(replace(e, at={e.here.port: _arrived(e.here)})),
     start=lambda e: _from(e.here.signals.arriving),
     same_as=lambda *_: (),
