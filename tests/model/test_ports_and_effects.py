@@ -405,3 +405,19 @@ def test_functions_of_numpy_stand_in_equations_without_a_word() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert model().rates([0.25], [0.0])[0] == pytest.approx(-math.exp(0.25))
+
+
+def test_a_model_with_other_values_is_opened_with_them() -> None:
+    def equations(m: Scope):  # type: ignore[no-untyped-def]
+        return {"level": (m.u.pump - m.x.level) / m.p.area}, {"level": m.x.level}
+
+    tank = Model(
+        "tank",
+        equations,
+        states=(State("level", "m"),),
+        inputs=(Input("pump", "m"),),
+        outputs=(Output("level", "m"),),
+        parameters=(Parameter("area", "s", value=2.0),),
+    )
+    assert tank.opened().parameter("area").value == 2.0
+    assert tank.with_parameters({"area": 3.0}).opened().parameter("area").value == 3.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TypeVar
 
@@ -147,9 +147,8 @@ class Model(Shown):
         return horizon(poles_of(found))
 
     def __getstate__(self) -> dict[str, object]:
-        """Leave out what follows from the rest: another process writes it down again."""
-        follows = ("_traces", "_extended", "horizon")
-        return {k: v for k, v in self.__dict__.items() if k not in follows}
+        """Leave out what follows from the fields: a copy, or another process, finds it again."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
 
     def form(self, form: Form | str) -> Trace:
         """Return the equations as `EXACT` or `REGULARISED`, which may be given by name."""
