@@ -189,20 +189,24 @@ def shown_on_bounds(
     Each is fixed at the mean of its prior, and the others are refitted. A bound to which a few
     moments of the fitted recordings have led is none that the others need.
     """
-    with_bound, shown = blocks_of_cost(fit, judging), []
+    shown = []
     own = {e.name: e.value for e in fit.refit.estimates}
     for e in fit.refit.estimates:
         if not e.on_bound:
             continue
-        usual = fit_with_process_noise(
-            fit.model.with_parameters({e.name: e.prior.mean}),
-            fitting,
-            [p for p in priors if p.name != e.name],
-            start={name: value for name, value in own.items() if name != e.name},
-            noise_scale=fit.noise_scale,
-            follow=False,
-        )
-        if gain_interval(blocks_of_cost(usual, judging), with_bound)[1] > 0.0:
+        try:
+            usual = fit_with_process_noise(
+                fit.model.with_parameters({e.name: e.prior.mean}),
+                fitting,
+                [p for p in priors if p.name != e.name],
+                start={name: value for name, value in own.items() if name != e.name},
+                noise_scale=fit.noise_scale,
+                follow=False,
+            )
+            blocks = [blocks_of_cost(one, judging) for one in (usual, fit)]
+        except NumericalError:
+            continue  # Nothing is said of a value that was not tried.
+        if gain_interval(*blocks)[1] > 0.0:
             shown.append(e.name)
     return tuple(shown)
 
