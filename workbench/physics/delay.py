@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
@@ -123,11 +123,6 @@ input_interpolation = Law(
 )
 
 
-def _spare(p: Names, time: Expression) -> Expression:
-    """Time g = f^2 / (D + f), in s: f at zero delay, nothing beside a long one."""
-    return p.floor * p.floor / (time + p.floor)
-
-
 def _times(usual: float, largest: float, lead: float = 0.0) -> Callable[[Place], tuple[Own, ...]]:
     """State a delay by sampling intervals: usual, largest plausible."""
     return lambda at: (
@@ -137,61 +132,71 @@ def _times(usual: float, largest: float, lead: float = 0.0) -> Callable[[Place],
     )  # fmt: skip
 
 
-_SECTIONS = ("", "_2")
-"""Parts of a delay, one after the other, by what ends the names of their states."""
+@dataclass(frozen=True)
+class _Late:
+    """A delay in equal parts, one after the other.
 
+    Each is ``Y / U = N(s) / P(b s)`` with ``P(x) = 1 + p1 x + p2 x^2 + p3 x^3``, b = D + g, and N
+    the series of ``exp(-D s) P(b s)`` up to s^3: exactly the identity for D = 0.
 
-def _parts(
-    at: PortView, parts: tuple[str, ...]
-) -> Iterator[tuple[Expression, Expression, tuple[Expression, ...]]]:
-    """Yield what comes out of each part of a delay, what its series leaves, and its states."""
-    value, time = at.value, at.p.time / len(parts)
-    spare = _spare(at.p, time)
-    share = spare / (time + spare)
-    for part in parts:
-        late, slope, bend = (at.x[f"{name}{part}"] for name in ("late", "slope", "bend"))
-        rest = value - late - slope - 0.5 * bend
-        smooth = late + share * (slope + 0.5 * share * bend)
-        value = smooth + share * share * share * rest
-        yield value, rest, (slope, bend)
+    Args:
+        p: The coefficients p1, p2 and p3.
+        parts: What ends the names of the states of each part.
+    """
 
+    p: tuple[float, float, float]
+    parts: tuple[str, ...] = ("", "_2")
 
-def _delayed(at: PortView, parts: tuple[str, ...]) -> Expression:
-    *_, (value, _, _) = _parts(at, parts)
-    return value
+    def _along(
+        self, at: PortView
+    ) -> Iterator[tuple[Expression, tuple[Expression, Expression, Expression]]]:
+        """Yield what comes out of each part, and its derivatives, each times its power of b."""
+        (p1, p2, p3), value, r = self.p, at.value, self._time(at.p) / self._whole(at.p)
+        for part in self.parts:
+            late, slope, bend = (at.x[f"{name}{part}"] for name in ("late", "slope", "bend"))
+            third = (value - late - p1 * slope - p2 * bend) / p3
+            value = (
+                late
+                + (p1 - r) * slope
+                + (p2 - p1 * r + 0.5 * r * r) * bend
+                + (p3 - p2 * r + 0.5 * p1 * r * r - r * r * r / 6.0) * third
+            )
+            yield value, (slope, bend, third)
 
+    def _time(self, p: Names) -> Expression:
+        return p.time / len(self.parts)
 
-def _rates(e: EffectView, parts: tuple[str, ...]) -> dict[str, Expression]:
-    # Derivatives times powers of the time constant, so that all have the signal's unit.
-    time = e.p.time / len(parts)
-    whole = time + _spare(e.p, time)
-    rates: dict[str, Expression] = {}
-    for part, (_, rest, (slope, bend)) in zip(
-        parts, _parts(replace(e.here, x=e.x), parts), strict=True
-    ):
-        each = {"late": slope, "slope": bend, "bend": 6.0 * rest}
-        rates |= {f"{name}{part}": rate / whole for name, rate in each.items()}
-    return rates
+    def _whole(self, p: Names) -> Expression:
+        """Return b, in s: g = f^2 / (D + f) is f at zero delay, nothing beside a long one."""
+        return self._time(p) + p.floor * p.floor / (self._time(p) + p.floor)
 
+    def transform(self, at: PortView) -> Expression:
+        *_, (value, _) = self._along(at)
+        return value
 
-def _states(at: Place) -> tuple[State, ...]:
-    return tuple(
-        State(kind, at.unit, at.scale, text, start_rms=0.05 * at.scale)
-        for kind, text in (
-            ("late", "filtered signal"),
-            ("slope", "its rate times D + g"),
-            ("bend", "the rate of that times D + g"),
+    def states(self, at: Place) -> tuple[State, ...]:
+        # Derivatives times powers of the time constant, so that all have the signal's unit.
+        return tuple(
+            State(f"{name}{part}", at.unit, at.scale, text, start_rms=0.05 * at.scale)
+            for part in self.parts
+            for name, text in (
+                ("late", "filtered signal"),
+                ("slope", "its rate times D + g"),
+                ("bend", "the rate of that times D + g"),
+            )
         )
-    )
 
+    def rates(self, e: EffectView) -> dict[str, Expression]:
+        along = self._along(replace(e.here, x=e.x))
+        return {
+            f"{name}{part}": rate / self._whole(e.p)
+            for part, (_, rates) in zip(self.parts, along, strict=True)
+            for name, rate in zip(("late", "slope", "bend"), rates, strict=True)
+        }
 
-def _states_of_parts(at: Place) -> tuple[State, ...]:
-    return tuple(replace(q, name=f"{q.name}{k}") for k in _SECTIONS for q in _states(at))
-
-
-def _from(value: Expression) -> dict[str, Expression]:
-    """Return where a delay starts that has had a value for long."""
-    return {f"late{section}": value for section in _SECTIONS}
+    def start(self, value: Expression) -> dict[str, Expression]:
+        """Return where a delay starts that has had a value for long."""
+        return {f"late{part}": value for part in self.parts}
 
 
 def _commands(survey: Survey) -> tuple[Place, ...]:
@@ -226,21 +231,21 @@ def _late_only_reading(survey: Survey, at: Place) -> tuple[str, ...]:
     return _late_input(survey, at) if len(survey.fitting("measurement")) == 1 else ()
 
 
-# Y / U = E(g s) / E((D + g) s) with E(x) = 1 + x + x^2 / 2 + x^3 / 6: exactly the identity for
-# D = 0, and exp(-D s) up to s^3 for all D. Its zeros are stable, so that a filter can tell the
-# signal from the measurement; the error of its amplitude is (w D)^4 / 24 at the frequency w, an
-# eighth of that for two halves one after the other. Down to -f / 2 it is a lead, so that a fit may
-# pass through zero. Steps overshoot: a command that jumps
+# P is the exponential series E(x) = 1 + x + x^2 / 2 + x^3 / 6, and N is E(g s): its zeros are
+# stable, so that a filter can tell the signal from the measurement; the error of its amplitude is
+# (w D)^4 / 24 at the frequency w, an eighth of that for two halves one after the other. Down to
+# -f / 2 it is a lead, so that a fit may pass through zero. Steps overshoot: a command that jumps
 # has a law of its own.
+_READ, _READ_AT_ONCE = (_Late((1.0, 1 / 2, 1 / 6), parts) for parts in (("", "_2"), ("",)))
 sensor_delay = Law(
     "sensor_delay",
     "Y / U = exp(-D s), each half to third order",
     sensors(),
     _times(5, 100, lead=0.5),
-    lambda at: _delayed(at, _SECTIONS),
-    states=_states_of_parts,
-    rates=lambda e: _rates(e, _SECTIONS),
-    start=lambda e: _from(e.here.value),
+    _READ.transform,
+    states=_READ.states,
+    rates=_READ.rates,
+    start=lambda e: _READ.start(e.here.value),
     usual=True,
     group="sensor",
     far=True,
@@ -255,10 +260,10 @@ clock_shift = replace(
     sensor_delay,
     name="clock_shift",
     where=_common_clock,
-    transform=lambda at: _delayed(at, ("",)),
-    states=_states,
-    rates=lambda e: _rates(e, ("",)),
-    start=lambda e: {"late": e.here.value},
+    transform=_READ_AT_ONCE.transform,
+    states=_READ_AT_ONCE.states,
+    rates=_READ_AT_ONCE.rates,
+    start=lambda e: _READ_AT_ONCE.start(e.here.value),
     same_as=_late_input,
     usual=False,
     look_alikes=("valve_delay", "spool_bandwidth", "sensor_delay"),
@@ -266,49 +271,20 @@ clock_shift = replace(
 )
 
 
-def _sections(at: PortView) -> Iterator[tuple[Expression, Expression, tuple[Expression, ...]]]:
-    """Yield what comes out of each section of a delay, what its series leaves, and its states."""
-    value, time = at.value, at.p.time / len(_SECTIONS)
-    r = time / (time + _spare(at.p, time))
-    for section in _SECTIONS:
-        late, slope, bend = (at.x[f"{name}{section}"] for name in ("late", "slope", "bend"))
-        rest = value - late - 0.6 * slope - 0.15 * bend
-        smooth = late + (0.6 - r) * slope + (0.15 - 0.6 * r + 0.5 * r * r) * bend
-        value = smooth + (1.0 - 9.0 * r + 18.0 * r * r - 10.0 * r * r * r) * rest
-        yield value, rest, (slope, bend)
-
-
-def _delayed_command(at: PortView) -> Expression:
-    *_, (value, _, _) = _sections(at)
-    return value
-
-
-def _command_rates(e: EffectView) -> dict[str, Expression]:
-    time = e.p.time / len(_SECTIONS)
-    b = time + _spare(e.p, time)
-    rates: dict[str, Expression] = {}
-    for section, (_, rest, (slope, bend)) in zip(
-        _SECTIONS, _sections(replace(e.here, x=e.x)), strict=True
-    ):
-        each = {"late": slope, "slope": bend, "bend": 60.0 * rest}
-        rates |= {f"{name}{section}": rate / b for name, rate in each.items()}
-    return rates
-
-
-# Y / U = N(s) / P(b s) with P(x) = 1 + 3 x/5 + 3 x^2/20 + x^3/60, b = D + g and N the series of
-# exp(-D s) P(b s) up to s^3: exactly the identity for D = 0, exp(-D s) up to s^3 between, and the
-# Pade function of second over third order for D >> f, of which no part of a jump comes through at
-# once. Two halves of the delay, one after the other: the error at a frequency w goes by (w D)^6.
+# P(x) = 1 + 3 x/5 + 3 x^2/20 + x^3/60: the Pade function of second over third order for D >> f, of
+# which no part of a jump comes through at once. Two halves of the delay, one after the other: the
+# error at a frequency w goes by (w D)^6.
+_SENT = _Late((3 / 5, 3 / 20, 1 / 60))
 delay = at_inputs_too(
     Law(
         "delay",
         "Y / U = exp(-D s), Pade functions of second over third order of both halves",
         drives(),
         _times(5, 50),
-        _delayed_command,
-        states=_states_of_parts,
-        rates=_command_rates,
-        start=lambda e: _from(e.here.value),
+        _SENT.transform,
+        states=_SENT.states,
+        rates=_SENT.rates,
+        start=lambda e: _SENT.start(e.here.value),
         far=True,
         same_as=_late_readings,
         usual=True,
@@ -352,11 +328,11 @@ transport_delay = replace(
     equation="q(s(t)) = q(s(t - D)), Pade functions of second over third order of both halves",
     where=_ways,
     transform=lambda at: ca.substitute(
-        ca.SX(at.value), ca.SX(at.signals.arriving), _delayed_command(_arrived(at))
+        ca.SX(at.value), ca.SX(at.signals.arriving), _SENT.transform(_arrived(at))
     ),
-    states=lambda at: _states_of_parts(_arriving(at)),
-    rates=lambda e: _command_rates(replace(e, at={e.here.port: _arrived(e.here)})),
-    start=lambda e: _from(e.here.signals.arriving),
+    states=lambda at: _SENT.states(_arriving(at)),
+    rates=lambda e: _SENT.rates(replace(e, at={e.here.port: _arrived(e.here)})),
+    start=lambda e: _SENT.start(e.here.signals.arriving),
     same_as=lambda *_: (),
     usual=False,
     look_alikes=("sensor_delay", "sensor_lag", "second_store"),
