@@ -7,10 +7,8 @@ import math
 import pytest
 
 from workbench.errors import WorkbenchError
-from workbench.plants.servo_axis import servo_axis
 from workbench.reports.page import html
 from workbench.speed.benchmark import Benchmark, run_benchmark
-from workbench.speed.estimation import filter_times
 from workbench.speed.measure import Comparison, Figure, Times, Way, tried
 from workbench.speed.page import benchmark_page
 
@@ -64,12 +62,6 @@ def test_the_page_says_what_is_missed_and_why() -> None:
     assert "not\u00a0installed" in text
     assert "15.0 (5.00 to 40.0)" in text and "make benchmark" in text
     assert found.table()["comparisons"]["open-loop"]["ways"][1]["ratio"] == [5.0, 15.0, 40.0]
-
-
-def test_the_parts_of_a_filtered_sample_are_less_than_the_whole() -> None:
-    whole, parts = filter_times(servo_axis(), free=2)
-    assert list(parts) == ["slopes", "rates", "measurements", "noise"]
-    assert all(0.0 < part < whole for part in parts.values())
 
 
 def test_one_part_runs_and_an_unknown_one_is_refused() -> None:

@@ -1,8 +1,7 @@
-"""Open and closed loop of the arm, beside general integrators and other tools."""
+"""Open and closed loop of the arm, beside general integrators and python-control."""
 
 from __future__ import annotations
 
-import ctypes
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -20,7 +19,7 @@ from workbench.linearisation import linearise
 from workbench.model import Model
 from workbench.operating_point import operating_point
 from workbench.simulation import simulate
-from workbench.simulation.equations import Buffered, Equations, compiled
+from workbench.simulation.equations import Buffered, compiled
 from workbench.speed.measure import Comparison, Times, Way, timed, tried
 from workbench.verification import Scenario, step_scenario, verify
 from workbench.verification.sampled_plant import FullPlant
@@ -39,12 +38,7 @@ _TIGHT = 1e-9
 
 LSODA, LSODA_FAST = "SciPy LSODA per sample", "SciPy LSODA per sample, compiled equations"
 CVODES = "CasADi CVODES over a grid"
-_CONTROL, _NUMBA = "python-control input_output_response", "numba Runge-Kutta 4 of fixed step"
 CONTROL_LOOP = "python-control input_output_response per sample"
-_DO_MPC = "do-mpc simulator per sample"
-
-_FINE = 4
-"""Runge-Kutta steps of fixed size per sample."""
 
 
 @dataclass(frozen=True)
@@ -62,22 +56,38 @@ class _Plant:
     rates: Rates
     plain: Rates
 
+    def run(self, rates: Rates, voltage: Vector, method: str, tolerance: float) -> Vector:
+        """Return the scaled states after each sample, by a solver of SciPy that begins it anew."""
+        step, z = _with_scipy(rates, method, tolerance), self.model.initial_state() / self.scale
+        return np.array([z := step(z, float(u)) for u in voltage])
+
 
 def _plant(model: Model) -> _Plant:
     traced, values = model.exact, model.values
     scale = np.array([q.scale for q in model.states])
     z = ca.SX.sym("z", len(scale))
     rates = traced.rates_function(z * scale, traced.u, traced.p) / scale
-    call = Buffered(compiled(ca.Function("scaled_rates", [z, traced.u, traced.p], [rates])))
+    plain = ca.Function("scaled_rates", [z, traced.u, traced.p], [rates])
+    call = Buffered(compiled(plain))
+    return _Plant(
+        model,
+        scale,
+        lambda state, voltage: call(state, voltage, values)[0].copy(),
+        lambda state, voltage: np.asarray(plain(state, voltage, values), dtype=float).ravel(),
+    )
 
-    def of(state: Vector, voltage: float) -> Vector:
-        return call(state, voltage, values)[0].copy()
 
-    def called(state: Vector, voltage: float) -> Vector:
-        found = np.asarray(traced.rates_function(state * scale, voltage, values), dtype=float)
-        return np.asarray(found.ravel() / scale)
+def _with_scipy(rates: Rates, method: str, tolerance: float = _PEERS) -> Step:
+    """Return what advances scaled states by a sample with SciPy's solver, begun anew."""
+    from scipy.integrate import solve_ivp
 
-    return _Plant(model, scale, of, called)
+    accurate = {"rtol": tolerance, "atol": tolerance}
+
+    def step(z: Vector, u: float) -> Vector:
+        found = solve_ivp(lambda _, x: rates(x, u), (0.0, SAMPLE_TIME), z, method, **accurate)
+        return np.asarray(found.y[:, -1])
+
+    return step
 
 
 def simulated(model: Model, voltage: Vector, tolerance: float) -> Vector:
@@ -97,86 +107,34 @@ def pulses(seconds: float) -> Vector:
     return np.asarray(5.0 + 0.9 * np.where((t % 4.0) < 2.0, 1.0, -1.0))
 
 
-def sine(seconds: float) -> Vector:
-    """Return a sine of 0.5 V in small steps, in V: at a pulse CVODES over a grid gives up."""
-    t = SAMPLE_TIME * np.arange(round(seconds / SAMPLE_TIME))
-    return np.asarray(5.0 + 0.5 * np.sin(math.pi * t))
-
-
-def _with_scipy(rates: Rates, method: str, tolerance: float = _PEERS) -> Step:
-    """Return what advances scaled states by a sample with SciPy's solver, begun anew."""
-    from scipy.integrate import solve_ivp
-
-    def step(z: Vector, u: float) -> Vector:
-        found = solve_ivp(
-            lambda _, state: rates(state, u),
-            (0.0, SAMPLE_TIME),
-            z,
-            method,
-            rtol=tolerance,
-            atol=tolerance,
-        )
-        return np.asarray(found.y[:, -1])
-
-    return step
-
-
-def _run(step: Step, start: Vector, voltage: Vector) -> Vector:
-    """Return the scaled states after each sample."""
-    states, z = np.empty((len(voltage), len(start))), start
-    for k, u in enumerate(voltage):
-        states[k] = z = step(z, float(u))
-    return states
-
-
 def _apart(states: Vector, reference: Vector) -> float:
     n = min(len(states), len(reference))
     return float(np.abs(states[:n] - reference[:n]).max())
 
 
-def open_loop(model: Model) -> tuple[Comparison, Comparison]:
-    """Compare open-loop runs: a sine in small steps, and pulses."""
-    plant = _plant(model)
-    return (
-        _open_loop(plant, "sine", "a sine of 0.5 V at 0.5 Hz, 2 s", sine(2.0)),
-        _open_loop(plant, "pulses", "pulses of 0.9 V, 4.2 s", pulses(4.2)),
-    )
-
-
-def _open_loop(plant: _Plant, name: str, what: str, voltage: Vector) -> Comparison:
-    start = plant.model.initial_state() / plant.scale
-    exact = _run(_with_scipy(plant.rates, "DOP853", 1e-12), start, voltage)
-    seconds = len(voltage) * SAMPLE_TIME
-    times = timed(
-        lambda: simulated(plant.model, voltage, TOLERANCE), per=seconds, repeats=10, warm=True
-    )
+def open_loop(model: Model) -> Comparison:
+    """Compare runs along a sine in small steps: at a pulse CVODES over a grid gives up."""
+    plant, seconds = _plant(model), 2.0
+    t = SAMPLE_TIME * np.arange(round(seconds / SAMPLE_TIME))
+    voltage = np.asarray(5.0 + 0.5 * np.sin(math.pi * t))
+    exact = plant.run(plant.rates, voltage, "DOP853", 1e-12)
+    times = timed(lambda: simulated(model, voltage, TOLERANCE), per=seconds, repeats=10, warm=True)
     # The workbench tells the state at each sample, the others after each.
     error = _apart(times.result[1:] / plant.scale, exact)
     ways = [Way(f"workbench, tolerance {TOLERANCE:g}", times, error)]
-    for way, method, rates, part in (
-        (LSODA, "LSODA", plant.plain, 0.5),
-        (LSODA_FAST, "LSODA", plant.rates, 1.0),
-        ("SciPy Radau per sample, compiled equations", "Radau", plant.rates, 0.25),
-        ("SciPy BDF per sample, compiled equations", "BDF", plant.rates, 0.25),
-    ):
-        samples = round(part * min(len(voltage), 1000))
-        one = partial(_run, _with_scipy(rates, method), start, voltage[:samples])
-        times = timed(one, per=samples * SAMPLE_TIME, repeats=2)
+    for way, rates, part in ((LSODA, plant.plain, 0.5), (LSODA_FAST, plant.rates, 1.0)):
+        some = voltage[: round(part * len(voltage))]
+        one = partial(plant.run, rates, some, "LSODA", _PEERS)
+        times = timed(one, per=part * seconds, repeats=2)
         ways.append(Way(way, times, _apart(times.result, exact)))
-    ways += [
-        tried(CVODES, "casadi", lambda _: _cvodes(plant, voltage, exact)),
-        tried(_CONTROL, "control", lambda ct: _control(ct, plant, voltage, exact)),
-        tried(_NUMBA, "numba", lambda nb: _numba(nb, plant, voltage, exact)),
-    ]
+    ways.append(tried(CVODES, "casadi", lambda _: _cvodes(plant, voltage, exact)))
     return Comparison(
-        f"open-loop-{name}",
-        f"Open loop of the arm: {what}",
+        "open-loop",
+        "Open loop of the arm: a sine of 0.5 V at 0.5 Hz, 2 s",
         "simulated second",
         "largest difference to DOP853 at 1e-12, over the states' scales",
         tuple(ways),
-        f"Tolerance of the others {_PEERS:g} on scaled states; all but the first LSODA and CVODES"
-        " evaluate the same machine code. python-control interpolates inputs linearly between"
-        " samples, which shifts a sampled input by half a sample.",
+        f"Tolerance of the others {_PEERS:g} on scaled states.",
     )
 
 
@@ -201,82 +159,10 @@ def _cvodes(plant: _Plant, voltage: Vector, exact: Vector) -> Way:
     return Way(CVODES, times, error, "interpreted by CasADi")
 
 
-def _responses(ct: Any, plant: _Plant) -> Callable[[Vector, Vector], Vector]:
-    """Return what gives python-control's states at samples, from voltages there and a start."""
-    n = len(plant.scale)
-    system = ct.nlsys(
-        lambda _t, x, u, _p: plant.rates(x, float(u[0])), None, inputs=1, outputs=n, states=n
-    )
-    accurate = {"rtol": _PEERS, "atol": _PEERS}
-
-    def respond(voltage: Vector, start: Vector) -> Vector:
-        t = SAMPLE_TIME * np.arange(len(voltage))
-        run = ct.input_output_response(system, t, voltage[None], start, solve_ivp_kwargs=accurate)
-        return np.asarray(run.states).T
-
-    return respond
-
-
-def _control(ct: Any, plant: _Plant, voltage: Vector, exact: Vector) -> Way:
-    samples = min(len(voltage), 500)
-    held = np.append(voltage[:samples], voltage[samples - 1])
-    start = plant.model.initial_state() / plant.scale
-    work = partial(_responses(ct, plant), held, start)
-    times = timed(work, per=samples * SAMPLE_TIME, repeats=2)
-    return Way(_CONTROL, times, _apart(times.result[1:], exact))
-
-
-def _numba(numba: Any, plant: _Plant, voltage: Vector, exact: Vector) -> Way:
-    """Time a loop that numba compiles around the generated equations."""
-    model = plant.model
-    equations = Equations((model.exact.rates_function,))
-    function = equations.in_c(0)
-    size, numbers = ctypes.c_void_p, ctypes.c_int
-    rates = ctypes.CFUNCTYPE(numbers, size, size, size, size, numbers)(function.call)
-    n = len(plant.scale)
-    x, k, u = np.zeros(n), np.zeros(n), np.zeros(1)
-    p = model.values
-    arg = np.array([x.ctypes.data, u.ctypes.data, p.ctypes.data, 0], dtype=np.uintp)
-    res = np.array([k.ctypes.data, 0], dtype=np.uintp)
-    integers, scratch = np.zeros(10_000, dtype=np.int64), np.zeros(100_000)
-
-    @numba.njit
-    def run(start, voltage, states, x, k, u, arg, res, integers, scratch, h, steps):  # type: ignore[no-untyped-def]
-        now, sums = start.copy(), np.zeros(len(start))
-        for i in range(len(voltage)):
-            u[0] = voltage[i]
-            for _ in range(steps):
-                sums[:] = 0.0
-                for stage in range(4):
-                    part = 0.0 if stage == 0 else (h if stage == 3 else 0.5 * h)
-                    for j in range(len(now)):
-                        x[j] = now[j] + part * k[j]
-                    rates(arg.ctypes, res.ctypes, integers.ctypes, scratch.ctypes, 0)
-                    weight = 1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0
-                    for j in range(len(now)):
-                        sums[j] += weight * k[j]
-                for j in range(len(now)):
-                    now[j] += h * sums[j]
-            for j in range(len(now)):
-                states[i, j] = now[j]
-
-    states = np.empty((len(voltage), n))
-    memory = x, k, u, arg, res, integers, scratch
-
-    def work() -> None:
-        run(model.initial_state(), voltage, states, *memory, SAMPLE_TIME / _FINE, _FINE)
-
-    work()
-    times = timed(work, per=len(voltage) * SAMPLE_TIME, repeats=10)
-    remark = f"{_FINE} steps per sample, no control of the error; compiling it is not counted"
-    return Way(_NUMBA, times, _apart(states / plant.scale, exact), remark)
-
-
 def accuracy(model: Model) -> tuple[float, str]:
     """Return the largest error on pulses, scaled by the states, and what it consists of."""
     plant, voltage = _plant(model), pulses(4.2)
-    start = model.initial_state() / plant.scale
-    exact = _run(_with_scipy(plant.rates, "DOP853", 1e-12), start, voltage)
+    exact = plant.run(plant.rates, voltage, "DOP853", 1e-12)
 
     def errors(tolerance: float) -> Vector:
         return np.abs(simulated(model, voltage, tolerance)[1:] / plant.scale - exact[:-1])
@@ -294,49 +180,39 @@ def accuracy(model: Model) -> tuple[float, str]:
     )
 
 
-def real_time(model: Model) -> Times:
-    """Time pulses of 60 s, in s per simulated second."""
-    voltage = pulses(60.0)
-    return timed(lambda: simulated(model, voltage, TOLERANCE), per=60.0, repeats=5)
-
-
 def loop_parts(model: Model, samples: int = 2000) -> str:
     """Say what a sample of the loop consists of, in us."""
-    point = operating_point(model.without("bearing_friction"), {"angle": math.radians(30.0)})
-    pid = design_pid(linearise(point, verdict=False))
-    plant = FullPlant(model, SAMPLE_TIME, point.x, tolerance=1e-5)
+    pid, start = _designed(model)
+    plant = FullPlant(model, SAMPLE_TIME, start, tolerance=1e-5)
     names = [q.name for q in model.outputs]
     seen = tuple(float(plant.outputs[names.index(name)]) for name in pid.sensors)
-    memory = pid.initial_state(seen)
-
     guarded = Guarded(pid)
-    inside = guarded.initial_state(seen)
+    memory, inside = pid.initial_state(seen), guarded.initial_state(seen)
 
-    def law() -> None:
-        for _ in range(samples):
-            pid.step(memory, seen, (0.5,))
+    def each(step: Callable[[], object]) -> float:
+        times = timed(lambda: [step() for _ in range(samples)], per=samples)
+        return 1e6 * min(times.seconds)
 
-    def with_guard() -> None:
-        for _ in range(samples):
-            guarded.step(inside, seen, (0.5,))
-
-    def held() -> None:
-        for _ in range(samples):
-            plant.hold((5.1,))
-
-    plant_, law_, both = (
-        1e6 * min(timed(work, per=samples).seconds) for work in (held, law, with_guard)
+    held, law, both = (
+        each(lambda: plant.hold((5.1,))),
+        each(lambda: pid.step(memory, seen, (0.5,))),
+        each(lambda: guarded.step(inside, seen, (0.5,))),
     )
     return (
-        f"the plant {plant_:.1f}, the law {law_:.1f}, its guard {both - law_:.1f}, the rest"
+        f"the plant {held:.1f}, the law {law:.1f}, its guard {both - law:.1f}, the rest"
         " sensors, converters and records"
     )
 
 
+def _designed(model: Model) -> tuple[Controller, Vector]:
+    """Return a PID for 30 deg, and the state where it was designed."""
+    point = operating_point(model.without("bearing_friction"), {"angle": math.radians(30.0)})
+    return design_pid(linearise(point, verdict=False)), point.x
+
+
 def closed_loop(model: Model) -> tuple[Comparison, Times]:
     """Compare closed loops of one controller in Python at 500 Hz; also the whole step scenario."""
-    point = operating_point(model.without("bearing_friction"), {"angle": math.radians(30.0)})
-    pid = design_pid(linearise(point, verdict=False))
+    pid, _ = _designed(model)
     whole = step_scenario("angle", 15, 45, unit="deg")
     seconds = whole.settle + whole.samples * SAMPLE_TIME
     full = timed(lambda: verify(pid, model, whole, tolerance=1e-5), per=seconds, repeats=5)
@@ -354,22 +230,27 @@ def closed_loop(model: Model) -> tuple[Comparison, Times]:
     exact = _loop(pid, plant, scenario, _with_scipy(plant.rates, "DOP853", 1e-11))
     ways = [Way("workbench", ours, math.degrees(_apart(ours.result, exact)))]
 
-    def other(name: str, step: Step, remark: str = "") -> Way:
+    def other(name: str, step: Step) -> Way:
         times = timed(partial(_loop, pid, plant, scenario, step), per=length, repeats=2)
-        return Way(name, times, math.degrees(_apart(times.result, exact)), remark)
+        return Way(name, times, math.degrees(_apart(times.result, exact)))
 
     def with_control(ct: Any) -> Way:
-        respond = _responses(ct, plant)
-        return other(CONTROL_LOOP, lambda z, u: respond(np.array([u, u]), z)[-1])
+        n, t = len(plant.scale), np.array([0.0, SAMPLE_TIME])
+        system = ct.nlsys(
+            lambda _t, x, u, _p: plant.rates(x, float(u[0])), None, inputs=1, outputs=n, states=n
+        )
+        accurate = {"rtol": _PEERS, "atol": _PEERS}
+
+        def step(z: Vector, u: float) -> Vector:
+            held = np.full((1, 2), u)
+            run = ct.input_output_response(system, t, held, z, solve_ivp_kwargs=accurate)
+            return np.asarray(run.states)[:, -1]
+
+        return other(CONTROL_LOOP, step)
 
     ways += [
         other(LSODA_FAST, _with_scipy(plant.rates, "LSODA")),
         tried(CONTROL_LOOP, "control", with_control),
-        tried(
-            _DO_MPC,
-            "do_mpc",
-            lambda library: other(_DO_MPC, _do_mpc_step(library, plant), "CVODES of CasADi"),
-        ),
     ]
     comparison = Comparison(
         "closed-loop",
@@ -405,25 +286,3 @@ def _loop(law: Controller, plant: _Plant, scenario: Scenario, step: Step) -> Vec
         u = np.array([min(max(command[0], valve.lower), valve.upper)])
         z = step(z, float(u[0]))
     return angles
-
-
-def _do_mpc_step(library: Any, plant: _Plant) -> Step:
-    model = library.model.Model("continuous", "SX")
-    z = model.set_variable("_x", "z", shape=(len(plant.scale), 1))
-    u = model.set_variable("_u", "u")
-    traced = plant.model.exact
-    arguments = ca.vertcat(traced.x, traced.u, traced.p)
-    rates = ca.substitute(
-        traced.rates, arguments, ca.vertcat(z * plant.scale, u, plant.model.values)
-    )
-    model.set_rhs("z", rates / plant.scale)
-    model.setup()
-    simulator = library.simulator.Simulator(model)
-    simulator.set_param(t_step=SAMPLE_TIME, abstol=_PEERS, reltol=_PEERS, integration_tool="cvodes")
-    simulator.setup()
-
-    def step(state: Vector, voltage: float) -> Vector:
-        simulator.x0 = state
-        return np.asarray(simulator.make_step(np.array([[voltage]]))).ravel()
-
-    return step

@@ -15,13 +15,13 @@ from controllers.nonlinear_mpc.controller import (
     design_nonlinear_mpc,
 )
 from controllers.nonlinear_mpc.prediction import discrete, dynamics, shooting
+from tests.controllers.nonlinear_mpc.converged import transcribed
 from workbench.errors import WorkbenchError
 from workbench.linearisation.actuator_inverse import straightened
 from workbench.model import REGULARISED, Model
 from workbench.operating_point import operating_point
 from workbench.simulation.equations import compiled
 from workbench.simulation.stepper import Stepper
-from workbench.speed.peer_plans import transcribed
 from workbench.verification import Scenario, Steps, metrics, verify
 
 DISTURBED = ("speed", "pressure_1", "pressure_2")

@@ -14,9 +14,10 @@ from controllers.nonlinear_mpc.controller import (
     NonlinearMPCSpecification,
     design_nonlinear_mpc,
 )
+from tests.controllers.nonlinear_mpc.converged import transcribed
 from workbench.model import Model
 from workbench.operating_point import operating_point
-from workbench.speed.peer_plans import do_mpc_plan, transcribed
+from workbench.speed.solvers import do_mpc_plan
 
 DISTURBANCES = np.array([2.0, 0.5, -0.5])
 """Scaled disturbances on speed and pressures, per second."""
