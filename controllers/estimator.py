@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controllers.mpc.fixed_order import product
+from controllers.riccati import regulator
 from workbench.arrays import Matrix
 from workbench.linearisation.zero_order_hold import zero_order_hold
 
@@ -234,16 +235,13 @@ def _inner(
     B: Matrix,
 ) -> tuple[Matrix, Matrix]:
     """Return the gains of the inner law; none where there is no regulator."""
-    from scipy.linalg import LinAlgError, solve_discrete_are
-
     n, commands = gamma.shape
     f, g = phi * own[None, :] / own[:, None], gamma * reach[None, :] / own[:, None]
     h = C * own[None, :] / (INNER * tolerance[:, None])
     try:
-        p = solve_discrete_are(f, g, h.T @ h + 1e-9 * np.eye(n), np.eye(commands))
-    except (LinAlgError, ValueError):
+        gain, _ = regulator(f, g, h.T @ h + 1e-9 * np.eye(n), np.eye(commands))
+    except ValueError:
         return np.zeros((0, n)), np.zeros((0, len(C)))
-    gain = np.linalg.solve(np.eye(commands) + g.T @ p @ g, g.T @ p @ f)
     gain = reach[:, None] * gain / own[None, :]
     # States and commands at which the followed outputs rest, in typical sizes.
     at_rest = np.vstack(

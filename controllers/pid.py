@@ -343,15 +343,16 @@ def design_pid(
 
 
 def _place(joint: JointModel, want: PIDSpecification, w: float, valve: ValveInverse) -> CascadePID:
-    a, z = want.real_pole, want.damping
+    placed = PlacedGains(w, want.damping, want.real_pole, want.inner_bandwidth)
+    kp, ki, kd, inner = map(float, placed.at(joint, FLOATS))
     return cascade_pid(
-        proportional=max(((1.0 + 2.0 * a * z) * w**2 - joint.a0) / joint.b, 0.0),
-        integral=a * w**3 / joint.b,
-        derivative=max(((a + 2.0 * z) * w - joint.a1) / joint.b, 0.0),
-        inner=want.inner_bandwidth / joint.g,
+        kp / joint.b,
+        ki / joint.b,
+        kd / joint.b,
+        inner,
         derivative_filter=1.0 / (10.0 * w),
         # The integral follows the clipped command at the speed of the integral action.
-        tracking_time=max(1.0 / (a * w), 2.0 * want.sample_time),
+        tracking_time=max(1.0 / (want.real_pole * w), 2.0 * want.sample_time),
         reference_speed=want.reference_speed,
         sample_time=want.sample_time,
         valve=valve,

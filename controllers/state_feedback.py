@@ -45,6 +45,7 @@ from controllers.joint.tracking import (
     TrackingState,
     arrived_opening,
 )
+from controllers.riccati import regulator
 from controllers.specification import number
 from controllers.valve_inverse import ValveLaw, joint_design
 from workbench.arrays import Matrix
@@ -168,8 +169,6 @@ def design_state_feedback(
     schedule: JointSchedule, specification: StateFeedbackSpecification | None = None
 ) -> StateFeedback:
     """Design LQI gains over the schedule and the Kalman filter, for the load of the schedule."""
-    from scipy.linalg import solve_discrete_are
-
     want = specification or StateFeedbackSpecification()
     w, lag = want.radius, want.lag
     speed = w * want.integral
@@ -183,8 +182,7 @@ def design_state_feedback(
             weight = np.pad(weight, (0, 1))
         phi, gamma = zero_order_hold(a, b, want.sample_time)
         cost = [[joint.opening_to_jerk**2]]
-        p = solve_discrete_are(phi, gamma, weight, cost)
-        gain = np.linalg.solve(cost + gamma.T @ p @ gamma, gamma.T @ p @ phi).ravel()
+        gain = regulator(phi, gamma, weight, cost)[0].ravel()
         gain[2] *= joint.b
         columns.append(gain)
     return StateFeedback(

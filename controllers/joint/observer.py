@@ -27,6 +27,7 @@ import numpy as np
 
 from controllers.arithmetic import Number
 from controllers.joint.model import JointModel
+from controllers.riccati import kalman_gain
 from workbench.errors import check_range
 from workbench.linearisation.zero_order_hold import zero_order_hold
 
@@ -140,8 +141,6 @@ def kalman_correction(
     Source:
         Kwakernaak and Sivan, Linear Optimal Control Systems, 1972, section 6.5.
     """
-    from scipy.linalg import solve_discrete_are
-
     h = check_range("sample time", sample_time, 1e-6, 1.0, "s")
     for name, value, unit in (
         ("noise of the angle", angle_noise, "rad"),
@@ -154,7 +153,7 @@ def kalman_correction(
     drive = np.hstack([gamma, np.array([[0.0], [0.0], [1.0]])])
     noise = np.diag([acceleration_noise**2, acceleration_walk**2 * h])
     c = np.array([[1.0, 0.0, 0.0]])
-    variance = angle_noise**2
-    p = solve_discrete_are(phi.T, c.T, drive @ noise @ drive.T, [[variance]])
-    gain = (p @ c.T / (c @ p @ c.T + variance)).ravel()
-    return float(gain[0]), float(gain[1]), float(gain[2])
+    angle, speed, unexplained = kalman_gain(
+        phi, c, drive @ noise @ drive.T, [[angle_noise**2]]
+    ).ravel()
+    return float(angle), float(speed), float(unexplained)

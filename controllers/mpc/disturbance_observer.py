@@ -31,6 +31,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controllers.mpc.fixed_order import product
+from controllers.riccati import kalman_gain
 from workbench.arrays import Matrix
 from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation.zero_order_hold import zero_order_hold
@@ -181,20 +182,16 @@ def _check_told_apart(
 
 def _kalman_gain(F: Matrix, C: Matrix, noise: Matrix, sensor: Matrix, size: Matrix) -> Matrix:
     """Return the stationary gain, solved in scaled states for conditioning."""
-    from scipy.linalg import LinAlgError, solve_discrete_are
-
     f = F * size[None, :] / size[:, None]
     level = np.sqrt(sensor)
     c = C * size[None, :] / level[:, None]
     entered = noise / size[:, None]
-    q = entered @ entered.T
     try:
-        p = solve_discrete_are(f.T, c.T, q, np.eye(len(level)))
-    except (LinAlgError, ValueError) as error:
+        gain = kalman_gain(f, c, entered @ entered.T, np.eye(len(level)))
+    except ValueError as error:
         raise WorkbenchError(
             "the disturbances cannot be told apart from the measurements"
             f" ({str(error).rstrip('.')}); use at most one disturbance per sensor, on states that"
             " the sensors see"
         ) from None
-    gain = np.linalg.solve(c @ p @ c.T + np.eye(len(level)), c @ p).T
     return np.asarray(size[:, None] * gain / level[None, :])

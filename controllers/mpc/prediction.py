@@ -18,6 +18,7 @@ import numpy.typing as npt
 from controllers.mpc.fixed_order import product
 from controllers.mpc.formulation import Change, Form, condensed, formulated, limits_of, usual
 from controllers.quadratic_program.solver import Factored, factored
+from controllers.riccati import regulator
 from workbench.arrays import Matrix, Vector
 from workbench.errors import WorkbenchError
 from workbench.linearisation.zero_order_hold import zero_order_hold
@@ -197,19 +198,16 @@ def _regulator(
     phi: Matrix, gamma: Matrix, c: Matrix, q: Vector, r: Vector
 ) -> tuple[Matrix, Matrix]:
     """Return the gain and the cost to go of the unconstrained regulator."""
-    from scipy.linalg import LinAlgError, solve_discrete_are
-
     # Scaled by what one unit of opening does in one sample, states count alike.
     size = np.max(np.abs(gamma), axis=1)
     size = np.maximum(size, 1e-9 * float(np.max(size)))
     f, g, h = phi * size[None, :] / size[:, None], gamma / size[:, None], c * size[None, :]
     weight = (q[:, None] * h).T @ h
     try:
-        p = solve_discrete_are(f, g, weight + 1e-9 * np.eye(len(f)), np.diag(r))
-    except (LinAlgError, ValueError) as error:
+        gain, p = regulator(f, g, weight + 1e-9 * np.eye(len(f)), np.diag(r))
+    except ValueError as error:
         raise WorkbenchError(
             f"no regulator exists for this linear model ({str(error).rstrip('.')}); a mode that"
             " grows is out of the input's reach"
         ) from None
-    gain = np.linalg.solve(np.diag(r) + g.T @ p @ g, g.T @ p @ f)
     return np.asarray(gain / size), np.asarray(p / np.outer(size, size))
