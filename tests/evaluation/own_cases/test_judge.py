@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from tests.evaluation.own_cases.made_up import found, row, verdict
-from workbench.evaluation.own_cases.statistics import judge, true_size
+from workbench.evaluation.own_cases.statistics import judge, true_size, verdict_of
 
 TILT = found("tilt_gravity", "joint.torque")
 OFFSET = found("valve_offset", "valve.command")
@@ -58,13 +58,13 @@ def test_names_and_places(
 def test_a_wrong_name_with_a_doubt_is_not_a_confident_one() -> None:
     for belief, sure in (("sure", True), ("likely", False)):
         judged = judge(row(1, ("tilt",), verdict(OFFSET | {"belief": belief})))
-        assert judged is not None and judged.wrong and judged.sure == sure
+        assert judged.wrong and judged.sure == sure
 
 
 def test_a_nonparametric_term_in_the_right_group_is_right_outside_the_library() -> None:
     said = verdict(found(None, "joint.torque"), kind="located_unnamed")
     judged = judge(row(1, ("pressure_torque",), said, kind="outside"))
-    assert judged is not None and judged.line.points == 6
+    assert judged.line.points == 6
 
 
 def test_sizes_are_compared_where_both_state_the_same() -> None:
@@ -76,19 +76,19 @@ def test_sizes_are_compared_where_both_state_the_same() -> None:
     # The rig states the centre of the valve, the library the offset of the command.
     offset = found("valve_offset", "valve.command", amount=(0.15, 0.001))
     judged = judge(row(1, ("valve_offset",), verdict(offset)))
-    assert judged is not None and judged.sizes[0].error == pytest.approx(0.0, abs=1e-9)
+    assert judged.sizes[0].error == pytest.approx(0.0, abs=1e-9)
     # Half the size, from a parameter that stands at another value.
     smaller = row(1, ("valve_offset",), verdict(offset), factor=0.4)
     assert true_size(smaller, "valve_offset") == pytest.approx(0.06)
     judged = judge(smaller)
-    assert judged is not None and not judged.sizes[0].covered
+    assert not judged.sizes[0].covered
 
 
 def test_the_held_out_error_is_over_that_of_the_true_model() -> None:
     judged = judge(row(1, (), verdict(scale=1.25)))
-    assert judged is not None and judged.over_limit == pytest.approx(1.25)
-    assert judge(row(1, (), verdict()), "greedy") is None
+    assert judged.over_limit == pytest.approx(1.25)
+    assert verdict_of(row(1, (), verdict()), "greedy") is None
     said = verdict(TILT)
     said["fit"]["held_out"].pop("extended")
     judged = judge(row(1, (), verdict(), sindy=said), "sindy")
-    assert judged is not None and math.isnan(judged.over_limit) and judged.wrong
+    assert math.isnan(judged.over_limit) and judged.wrong

@@ -10,16 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.evaluation.foreign.excitation import chirp, pulses, sines, steps
-from workbench.evaluation.foreign.machine import (
-    Array,
-    Channel,
-    Concealed,
-    Machine,
-    Parameters,
-    State,
-    dry_friction,
-)
+from workbench.evaluation.foreign.excitation import machine
+from workbench.evaluation.foreign.machine import Array, Parameters, State, dry_friction
 
 GRAVITY = 9.81
 JUMP = 8.0
@@ -57,42 +49,4 @@ def _position_loop(reference: Array, now: Array, last: Array) -> Array:
     return np.array([min(7.0, max(-7.0, volt))])
 
 
-DRIVE, RAIL, PIVOT = ("motor.voltage", "cart.force"), ("cart.force",), ("pivot.torque",)
-
-CRANE = Machine(
-    "crane",
-    (("voltage", "V"),),
-    (Channel("position", "m", 0, 3e-4, 1e-4), Channel("angle", "rad", 2, 1e-3, 5e-4)),
-    {
-        "gain": (2.0, 0.0),
-        "cart": (2.0, 0.1),
-        "load": (0.5, 0.05),
-        "length": (0.6, 0.05),
-        "drag": (5.0, 0.3),
-        "pivot_drag": (3e-3, 0.3),
-    },
-    (
-        Concealed("rail_friction", "dry_friction", RAIL, (0.7, 2.0)),
-        Concealed("rail_stribeck", "stribeck", RAIL, (0.7, 2.0)),
-        Concealed("pivot_friction", "dry_friction", PIVOT, (4e-3, 1.2e-2)),
-        Concealed("air_drag", "quadratic_drag", PIVOT, (0.01, 0.04)),
-        Concealed("slope", "constant_effort", RAIL, (0.4, 1.5), signed=True),
-        Concealed("chain", "spring", RAIL, (2.0, 8.0)),
-        Concealed("voltage_delay", "drive_delay", DRIVE, (0.04, 0.12)),
-        Concealed("voltage_limit", "drive_limit", DRIVE, (2.5, 4.0)),
-        Concealed("angle_offset", "sensor_offset", ("angle.reading",), (0.01, 0.03), signed=True),
-        Concealed("grease", "parameter_jump", RAIL, (0.8, 2.0)),
-    ),
-    _rates,
-    lambda p: [0.0, 0.0, 0.0, 0.0],
-    {
-        "fit_1": steps(-0.5, 0.5, (1.5, 4.0), first=0.0),
-        "fit_2": chirp(0.3, 8.0, 1.0),
-        "hold_1": sines(0.6, (8.0, 3.0, 1.4)),
-        "hold_2": pulses(0.4, (0.5, 2.0)),
-    },
-    sample_time=0.02,
-    steps=10,
-    samples=800,
-    loop=_position_loop,
-)
+CRANE = machine("crane", _rates, lambda p: [0.0, 0.0, 0.0, 0.0], _position_loop)

@@ -70,8 +70,8 @@ class Concealed:
 
     name: str
     physics: str
-    ports: tuple[str, ...]
-    size: tuple[float, float]
+    ports: Sequence[str]
+    size: Sequence[float]
     others: Mapping[str, float] = field(default_factory=dict)
     signed: bool = False
 
@@ -98,6 +98,12 @@ class Channel:
     step: float = 0.0
 
 
+Rates = Callable[[float, State, Sequence[float], Parameters], State]
+"""Rates of the states at a time, from states, commands and parameters."""
+
+Start = Callable[[Parameters], State]
+"""States at which a recording begins."""
+
 Loop = Callable[[Array, Array, Array], Array]
 """Commands from the references, the measurements and the last measurements."""
 
@@ -117,10 +123,10 @@ class Machine:
     name: str
     inputs: tuple[tuple[str, str], ...]
     channels: tuple[Channel, ...]
-    background: Mapping[str, tuple[float, float]]
+    background: Mapping[str, Sequence[float]]
     concealed: tuple[Concealed, ...]
-    rates: Callable[[float, State, Sequence[float], Parameters], State]
-    initial: Callable[[Parameters], State]
+    rates: Rates
+    initial: Start
     excitations: Mapping[str, Excitation]
     sample_time: float
     steps: int

@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from workbench.evaluation.foreign.excitation import steps, together
-from workbench.evaluation.foreign.machine import Channel, Concealed, Machine, Parameters, State
+from workbench.evaluation.foreign.excitation import machine
+from workbench.evaluation.foreign.machine import Parameters, State
 
 HEAT, GRAVITY, BOLTZMANN = 4.18e6, 9.81, 5.67e-8
 """Heat capacity of water per volume, gravity, radiation constant."""
@@ -56,43 +56,4 @@ def _initial(p: Parameters) -> State:
     return [(flow / p["hole"]) ** 2 / (2.0 * GRAVITY), temperature, temperature]
 
 
-OUT, WATER = ("tank.outflow", "tank.inflow"), ("water.heat",)
-
-TANK = Machine(
-    "tank",
-    (("pump", "V"), ("heater", "W")),
-    (Channel("level", "m", 0, 5e-4, 2e-4), Channel("temperature", "K", 1, 0.05, 0.02)),
-    {
-        "area": (8e-3, 0.0),
-        "pump": (4e-6, 0.1),
-        "hole": (6e-6, 0.1),
-        "loss": (6.0, 0.3),
-    },
-    (
-        Concealed("capillary", "outflow_law", OUT, (0.4, 1.0)),
-        Concealed("outlet_pipe", "outflow_law", OUT, (0.02, 0.08)),
-        Concealed("draw_off", "constant_flow", OUT, (7e-7, 2e-6)),
-        Concealed("rim_overflow", "overflow", OUT, (5e-5, 2e-4), {"rim": 0.33}),
-        Concealed("radiation", "growing_heat_loss", WATER, (0.6, 1.5)),
-        Concealed("wall", "second_store", WATER, (1500.0, 4000.0)),
-        Concealed("heater_failure", "parameter_jump", ("heater.power", *WATER), (0.15, 0.35)),
-        Concealed("level_top", "sensor_clipping", ("level.reading",), (0.36, 0.42)),
-        Concealed("temperature_lag", "sensor_lag", ("temperature.reading",), (20.0, 60.0)),
-        Concealed("pump_dead_zone", "dead_zone", ("pump.voltage", "tank.inflow"), (0.3, 0.8)),
-    ),
-    _rates,
-    _initial,
-    {
-        "fit_1": together(steps(2.5, 5.5, (150, 500), first=PUMP_AT_REST),
-                          steps(0.0, 2500.0, (100, 400), first=0.0)),
-        "fit_2": together(steps(3.0, 5.0, (80, 250), first=PUMP_AT_REST),
-                          steps(500.0, 2500.0, (200, 600), first=0.0)),
-        "hold_1": together(steps(2.5, 5.5, (200, 700), first=PUMP_AT_REST),
-                           steps(0.0, 2500.0, (150, 700), first=0.0)),
-        "hold_2": together(steps(2.8, 5.2, (100, 300), first=PUMP_AT_REST),
-                           steps(0.0, 1800.0, (100, 300), first=0.0)),
-    },
-    sample_time=4.0,
-    steps=4,
-    samples=700,
-)  # fmt: skip
+TANK = machine("tank", _rates, _initial)

@@ -25,7 +25,7 @@ from workbench.errors import check_range
 from workbench.evaluation.blind_round import Line, answer_of, score_case
 from workbench.evaluation.kept import answered, chosen_cases, diagnosed, silent, version
 from workbench.evaluation.own_cases.own_case import made
-from workbench.evaluation.own_cases.plan import Planned, names, plan
+from workbench.evaluation.own_cases.plan import POORLY_SEEN, Planned, names, plan
 from workbench.evaluation.own_cases.statistics import truths_of
 from workbench.evaluation.rates import Rate
 from workbench.evaluation.rig import simulate
@@ -75,14 +75,6 @@ FIRST_SEED = 40000
 SECONDS = 10.0
 """Length of the recordings that there are before the experiment, s."""
 
-ALIKE = (
-    "tilt", "valve_offset", "quadratic_drag", "leak_muscle_2", "stribeck", "constant_torque",
-    "pressure_offset", "hysteresis_maxwell", "parasitic_spring", "valve_asymmetry", "leak_muscle_1",
-    "muscle_viscosity", "pressure_gain", "load_friction", "force_shape", "hysteresis_bouc_wen",
-    "cogging", "lugre", "leak_between", "creep",
-)  # fmt: skip
-"""Effects that something else in the library resembles as long as the arm hardly moves."""
-
 
 def poor_cases(first_seed: int = FIRST_SEED) -> tuple[Planned, ...]:
     """Return cases of effects that something resembles, recorded along slow sines in the loop."""
@@ -91,7 +83,7 @@ def poor_cases(first_seed: int = FIRST_SEED) -> tuple[Planned, ...]:
         for c in plan(first_seed)
         if c.kind == "single" and c.factor == 1.0 and "pressure_noise_time" not in c.changes
     }
-    return tuple(replace(single[name], recorded="narrow") for name in ALIKE)
+    return tuple(replace(single[name], recorded="narrow") for name in POORLY_SEEN)
 
 
 def run_experiments(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -34,79 +35,37 @@ def sizes(effect: str, factor: float) -> dict[str, float]:
     }
 
 
+_PLAN = tomllib.loads(Path(__file__).with_name("plan.toml").read_text(encoding="utf-8"))
+
+
 @dataclass(frozen=True)
 class Counterpart:
-    """The parameter of the library that states the same size as one of the rig.
+    """The parameter of the library that states the same size as numbers of the rig.
 
     Args:
-        effect: Name in the rig.
-        name: Name in the library.
+        of: Numbers of the rig, each with its power in their product (dimensionless).
+        factor: By what the product is multiplied, in any unit.
+        less: What is taken from the product before, in its unit.
         size: Whether it is the parameter whose zero means absent.
     """
 
-    effect: str
-    name: str
     parameter: str
-    true: Callable[[Mapping[str, float]], float]
+    of: Mapping[str, float]
+    factor: float = 1.0
+    less: float = 0.0
     size: bool = True
 
+    def true(self, p: Mapping[str, float]) -> float:
+        """Return the parameter, in the library's unit, for the rig's numbers, in SI."""
+        product = math.prod(float(p[n] ** power) for n, power in self.of.items())
+        return self.factor * (product - self.less)
 
-def _p(name: str, factor: float = 1.0, less: float = 0.0) -> Callable[[Mapping[str, float]], float]:
-    return lambda p: factor * (p[name] - less)
 
-
-_ALIKE = (
-    *(Counterpart(hysteresis, "muscle_hysteresis", "level_per_pressure", _p("hyst_slope", 1e-5))
-      for hysteresis in ("hysteresis_maxwell", "hysteresis_bouc_wen", "hysteresis_dahl")),
-    Counterpart("muscle_viscosity", "muscle_viscosity", "coefficient", _p("muscle_viscosity")),
-    Counterpart("tendon", "series_elasticity", "compliance", lambda p: 1.0 / p["tendon_stiffness"]),
-    Counterpart("muscle_mismatch", "force_gain_2", "excess", _p("force_gain_2", less=1.0)),
-    Counterpart("stribeck", "stribeck_friction", "break_away", _p("stribeck_torque")),
-    Counterpart("load_friction", "load_dependent_friction", "coefficient", _p("load_friction")),
-    Counterpart("quadratic_drag", "quadratic_drag", "coefficient", _p("quadratic_drag")),
-    Counterpart("tilt", "tilt_gravity", "tilt", _p("tilt")),
-    Counterpart("constant_torque", "constant_torque", "amount", _p("constant_torque")),
-    Counterpart("parasitic_spring", "linear_spring", "stiffness", _p("spring_torque")),
-    Counterpart("cogging", "ripple", "amplitude", _p("cogging_torque")),
-    Counterpart("valve_offset", "valve_offset", "amount", lambda p: 5.0 - p["valve_centre"]),
-    Counterpart("valve_deadband", "dead_band", "half_width", _p("valve_deadband")),
-    Counterpart("valve_play", "play", "half_width", _p("valve_play")),
-    Counterpart("valve_delay", "valve_delay", "time", _p("valve_delay")),
-    Counterpart("valve_slew", "slew_limit", "largest_rate", _p("valve_slew"), size=False),
-    Counterpart("leak_muscle_1", "chamber_leakage_1", "conductance", _p("leak_1")),
-    Counterpart("leak_muscle_2", "chamber_leakage_2", "conductance", _p("leak_2")),
-    Counterpart("leak_muscle_1", "edge_leakage_exhaust_1", "fraction",
-                lambda p: p["leak_1"] / p["conductance"]),
-    Counterpart("leak_muscle_2", "edge_leakage_exhaust_2", "fraction",
-                lambda p: p["leak_2"] / p["conductance"]),
-    Counterpart("loose_load", "loose_load", "frequency",
-                lambda p: math.sqrt(p["load_stiffness"] / (p["load"] * p["load_inertia_per_kg"])),
-                size=False),
-    Counterpart("leak_between", "cross_leakage", "conductance", _p("leak_between")),
-    Counterpart("supply_droop", "reservoir_droop", "gain", _p("supply_linear"), size=False),
-    Counterpart("line", "lines", "conductance", _p("line_conductance"), size=False),
-    Counterpart("silencers", "silencers", "conductance", _p("silencer_conductance"), size=False),
-    Counterpart("pressure_lag", "sensor_lag_pressures", "time", _p("pressure_lag")),
-    Counterpart("pressure_offset", "sensor_offset_pressure_1", "amount", _p("pressure_offset_1")),
-    Counterpart("pressure_gain", "sensor_gain_pressure_2", "excess",
-                _p("pressure_gain_2", less=1.0)),
-    Counterpart("angle_delay", "sensor_delay_angle", "time", _p("angle_delay")),
-    Counterpart("angle_offset", "sensor_offset_angle", "amount",
-                _p("angle_offset", math.radians(1.0))),
-    Counterpart("angle_gain", "sensor_gain_angle", "excess", _p("angle_gain", less=1.0)),
-    Counterpart("angle_lag", "sensor_lag_angle", "time", _p("angle_lag")),
-    Counterpart("angle_jump", "sensor_jump_angle", "amount",
-                _p("onset_angle_offset", math.radians(1.0))),
-    Counterpart("pressure_jump", "sensor_jump_pressure_2", "amount", _p("onset_pressure_offset_2")),
-    Counterpart("edge_blocked", "edge_gain_supply_1", "excess", _p("edge_supply_1", less=1.0)),
-    Counterpart("viscous_asymmetry", "direction_dependent_viscous", "difference",
-                lambda p: 2.0 * p["viscous"] * p["viscous_asymmetry"]),
-    Counterpart("cubic_spring", "cubic_stiffness", "stiffness", _p("cubic_spring")),
-    Counterpart("local_friction", "local_friction", "level", _p("local_friction")),
-    Counterpart("wrong_load", "load_error", "mass", _p("load_error")),
-    Counterpart("end_pads", "end_stops", "stiffness", _p("pad_stiffness")),
-)  # fmt: skip
-COUNTERPARTS = {(c.effect, c.name): c for c in _ALIKE}
+COUNTERPARTS = {
+    (effect, name): Counterpart(**entry)
+    for effect, entries in _PLAN["counterparts"].items()
+    for name, entry in entries.items()
+}
 """By effect of the rig and name in the library: where both state the same quantity."""
 
 
@@ -122,42 +81,17 @@ OUTSIDE = tuple(name for name in EFFECTS if names().effects[name].outside)
 SINGLE = tuple(name for name in EFFECTS if name not in OUTSIDE)
 """Effects of the rig that it has, by other laws in part."""
 
-PAIRS = (
-    ("stribeck", "valve_offset"),
-    ("tilt", "leak_muscle_1"),
-    ("hysteresis_maxwell", "valve_offset"),
-    ("supply_droop", "constant_torque"),
-    ("pressure_lag", "stribeck"),
-    ("valve_asymmetry", "tilt"),
-)
-
-TRIPLES = (
-    ("stribeck", "leak_muscle_1", "angle_offset"),
-    ("hysteresis_maxwell", "valve_deadband", "pressure_gain"),
-    ("tilt", "supply_droop", "angle_delay"),
-    ("quadratic_drag", "valve_offset", "polytropic"),
-    ("cogging", "leak_between", "pressure_lag"),
-    ("cubic_spring", "edge_blocked", "angle_jump"),
-    ("hysteresis_bouc_wen", "line", "constant_torque"),
-    ("muscle_mismatch", "valve_delay", "local_friction"),
-    ("creep", "valve_asymmetry", "pressure_offset"),
-    ("loose_load", "silencers", "angle_gain"),
-    ("load_friction", "leak_muscle_2", "pressure_drift"),
-    ("viscous_asymmetry", "valve_play", "isothermal"),
-)
+PAIRS, TRIPLES = (tuple(map(tuple, _PLAN[kind])) for kind in ("pairs", "triples"))
 
 FACTORS = (1.0, 0.4, 2.0)
 """Size over the rig's own, turn by turn."""
 
 LOADS_KG = (1.0, 3.0, 5.0)
 
-COLOURED = "coloured noise"
-NOISES = {
-    COLOURED: {"pressure_noise_time": 0.02},
-    "bursts of noise": {"pressure_burst": 6e3},
-    "repeated samples": {"angle_dropout": 0.01},
-    "coarse encoder": {"angle_step": 0.35},
-}
+POORLY_SEEN: tuple[str, ...] = tuple(_PLAN["poorly_seen"])
+"""Effects that something else resembles as long as the arm hardly moves."""
+
+NOISES: Mapping[str, Mapping[str, float]] = _PLAN["noises"]
 """What the sensors may do beside white noise: parameters of the rig, in SI."""
 
 FIRST_SEED = 2000
@@ -217,31 +151,11 @@ class Planned:
 
 @dataclass(frozen=True)
 class _Item:
-    effects: tuple[str, ...]
+    effects: Sequence[str]
     kind: str
     recorded: str = "all"
     noise: str = ""
 
-
-_SPECIAL = (
-    (
-        _Item(("parasitic_spring",), "limited", "narrow"),
-        _Item(("stribeck",), "limited", "closed"),
-        _Item(("tilt",), "single", noise=COLOURED),
-    ),
-    (
-        _Item((), "limited", "narrow"),
-        _Item(("leak_muscle_2",), "limited", "closed"),
-        _Item(("quadratic_drag",), "limited", "narrow"),
-    ),
-    (
-        _Item((), "limited", "closed"),
-        _Item(("force_shape",), "limited", "narrow"),
-        _Item(("valve_offset",), "limited", "closed"),
-        _Item(("valve_offset",), "single", noise=COLOURED),
-    ),
-)
-"""Beyond single effects and pairs, turn by turn."""
 
 _NOTHING = 12
 """Cases of each turn that hide nothing."""
@@ -262,7 +176,7 @@ def plan(first_seed: int = FIRST_SEED) -> tuple[Planned, ...]:
         hidden += [_Item(pair, "pair") for pair in pairs]
         hidden += [_Item(names, "triple") for names in TRIPLES[turn::3]]
         hidden += [_Item((name,), "outside") for name in OUTSIDE[turn::3]]
-        hidden += _SPECIAL[turn]
+        hidden += [_Item(**item) for item in _PLAN["special"][turn]]
         noises = [""] * (_NOTHING - len(NOISES)) + list(NOISES)
         nothing = [_Item((), "nothing", noise=noise) for noise in noises]
         placed = 0
@@ -295,7 +209,7 @@ def _planned(
     sign = 1.0 if turned % 2 else -1.0
     return Planned(
         first_seed + number,
-        item.effects,
+        tuple(item.effects),
         LOADS_KG[turned % len(LOADS_KG)],
         item.kind,
         factor,

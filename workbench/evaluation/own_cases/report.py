@@ -147,7 +147,7 @@ def cases(rows: Sequence[Mapping[str, Any]]) -> str:
             f"{j.line.remark} ({_three(j.over_limit)} of the limit, {j.seconds:.0f} s)",
         )
         for row in rows
-        if (j := judge(row)) is not None
+        for j in (judge(row),)
     ]
     return aligned_table(("case", "hidden", "said", "points", ""), told, width=None)
 
@@ -198,11 +198,7 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
             }
             for e in by_effect(rows)
         ],
-        "each": [
-            judged.line.as_data() | {"hidden": row["title"]}
-            for row in rows
-            if (judged := judge(row)) is not None
-        ],
+        "each": [judge(row).line.as_data() | {"hidden": row["title"]} for row in rows],
     }
 
 

@@ -105,11 +105,10 @@ def truths_of(row: Mapping[str, Any]) -> tuple[Truth, ...]:
     return names().truths(row["case"], list(row["effects"]))
 
 
-def judge(row: Mapping[str, Any], who: str = "tool") -> Judged | None:
-    """Judge one kept answer; None if there is no such answer."""
+def judge(row: Mapping[str, Any], who: str = "tool") -> Judged:
+    """Judge one kept answer of who was asked."""
     verdict = verdict_of(row, who)
-    if verdict is None:
-        return None
+    assert verdict is not None
     given, truths = answer_of(verdict, row["case"], names()), truths_of(row)
     line = score_case(given, truths)
     found = {REGIONS.get(groups[0], groups[0]) for _, groups in given.findings if groups}
@@ -310,7 +309,7 @@ def scores(rows: Sequence[Mapping[str, Any]]) -> tuple[Score, ...]:
 
 def score_of(who: str, rows: Sequence[Mapping[str, Any]]) -> Score:
     """Score one answerer."""
-    judged = tuple(j for row in rows if (j := judge(row, who)) is not None)
+    judged = tuple(judge(row, who) for row in rows)
     given = [answer_of(verdict_of(row, who) or {}, row["case"], names()) for row in rows]
     round_ = score_round(given, [truths_of(row) for row in rows])
     return Score(who, judged, round_.points, round_.most, round_.chance, round_.p_value)
@@ -349,7 +348,7 @@ def by_effect(rows: Sequence[Mapping[str, Any]]) -> tuple[ByEffect, ...]:
         if not own:
             continue
         judged = [(row, judge(row)) for row in own]
-        named = [row for row, j in judged if j is not None and any(j.line.named)]
+        named = [row for row, j in judged if any(j.line.named)]
         told = [size for row in named if (size := true_size(row, effect)) is not None]
         # An effect may grow as its parameter falls: the smallest is that of the least factor.
         least = min(named, key=lambda row: row["factor"]) if told else None
@@ -357,10 +356,10 @@ def by_effect(rows: Sequence[Mapping[str, Any]]) -> tuple[ByEffect, ...]:
         result.append(
             ByEffect(
                 effect,
-                {row["factor"]: j.line.remark for row, j in judged if j is not None},
+                {row["factor"]: j.line.remark for row, j in judged},
                 true_size(least, effect) if least is not None else None,
                 _quantile(predicted, 0.5) if predicted else None,
-                Sizes(tuple(found for _, j in judged if j is not None for found in j.sizes)),
+                Sizes(tuple(found for _, j in judged for found in j.sizes)),
             )
         )
     return tuple(result)
@@ -368,7 +367,7 @@ def by_effect(rows: Sequence[Mapping[str, Any]]) -> tuple[ByEffect, ...]:
 
 def by_size(rows: Sequence[Mapping[str, Any]]) -> dict[float, dict[str, Rate]]:
     """Return rates of single effects by their size over the rig's own."""
-    judged = [j for row in rows if row["kind"] == "single" and (j := judge(row)) is not None]
+    judged = [judge(row) for row in rows if row["kind"] == "single"]
     sizes = {factor: [j for j in judged if j.factor == factor] for factor in sorted(FACTORS)}
     return {factor: _right(own) for factor, own in sizes.items() if own}
 
@@ -377,7 +376,7 @@ def by_kind(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
     """Return how the tool did on each kind of case."""
     result: dict[str, dict[str, Any]] = {}
     for kind in (*HIDING, "nothing", "outside", "limited"):
-        own = [j for row in rows if row["kind"] == kind and (j := judge(row)) is not None]
+        own = [judge(row) for row in rows if row["kind"] == kind]
         if own:
             result[kind] = {
                 "cases": len(own),
