@@ -16,7 +16,7 @@ from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import explained, held_out_errors, over_floor
-from workbench.diagnosis.selection.moments import levels, moments
+from workbench.diagnosis.selection.moments import lasts, levels, moments
 from workbench.diagnosis.selection.rules import (
     IMPERFECT,
     LEAST_GAIN,
@@ -31,7 +31,7 @@ from workbench.diagnosis.verdict import Finding, Kind, Value, Verdict
 from workbench.errors import NumericalError
 from workbench.model import Effect, Model
 from workbench.model.quantities import declared_unit, shown_in
-from workbench.model.units import from_si, in_time, with_unit
+from workbench.model.units import from_si, in_time, in_times, with_unit
 from workbench.physics.drift import along_curve
 from workbench.physics.hypothesis import Hypothesis
 
@@ -274,13 +274,17 @@ def _since(diagnosis: Diagnosis, effect: Effect) -> str:
         return ""
     elsewhere = moments(model, attached)
     usual = model.parameter(f"{effect.name}.{effect.about.moment}").value
-    said = []
+    said, lasting = [], lasts(model, attached)
     for seen in (*prepared.fitting, *prepared.judging):
         time = elsewhere.get(seen.name, usual)
-        if time < seen.sample_time:
-            said.append(f"throughout {seen.name}")
-        elif time > seen.sample_time * (len(seen.outputs) - 2):
+        end = seen.sample_time * (len(seen.outputs) - 2)
+        if time > end or time + lasting < 2.0 * seen.sample_time:
             said.append(f"not in {seen.name}")
+        elif time + lasting < end:
+            (begin, over), unit = in_times([max(time, 0.0), time + lasting])
+            said.append(f"from {begin} to {over} {unit} of {seen.name}")
+        elif time < seen.sample_time:
+            said.append(f"throughout {seen.name}")
         else:
             said.append(f"from {in_time(time)} of {seen.name} on")
     return ", ".join(said)

@@ -133,8 +133,15 @@ sensor_fade = replace(
 
 
 def passed(at: PortView) -> Expression:
-    """Return the fraction of a jump that is over: 0 before its time, 1 after."""
-    return 0.5 + 0.5 * ca.tanh((at.x.clock - at.p.time) / at.p.width)
+    """Return the fraction of a jump that is there: 0 before its time, 1 after, 0 once it ended."""
+    # What is sharper than samples show has no slope by its time.
+    width = ca.sqrt(at.p.width**2 + at.p.floor**2)
+
+    def over(time: Expression) -> Expression:
+        return 0.5 + 0.5 * ca.tanh((at.x.clock - time) / width)
+
+    there = over(at.p.time)
+    return there - over(at.p.time + at.p.duration) if "duration" in at.p else there
 
 
 def when(at: Place) -> tuple[Own, ...]:
@@ -148,6 +155,7 @@ def when(at: Place) -> tuple[Own, ...]:
               between=(_WIDTH * at.duration, at.duration or TIMES_S[1]), scale=0.1 * at.lasting),
         shape("width", "s", _WIDTH * at.lasting, "half-width of the jump",
               around=(2e-3, 5.0), source="", fitted=False),
+        floor(at, 0.5),
     )  # fmt: skip
 
 
@@ -178,6 +186,33 @@ offset_jump = Law(
     look_alikes=("offset", "gain_jump", "constant_torque", "constant_force", "valve_offset"),
     separated_by="a repetition of the recording: an event does not repeat",
 )  # fmt: skip
+
+
+def _for_a_while(jump: Law) -> Law:
+    """Return the law of what jumps and jumps back, where most of what is missing acts once."""
+
+    def parameters(at: Place) -> tuple[Own, ...]:
+        begin, end = at.episode or (0.0, at.horizon)
+        own = {q.name: q for q in jump.parameters(at)}
+        own["time"] = replace(own["time"], value=begin, scale=0.1 * (end - begin))
+        own["duration"] = shape("duration", "s", end - begin, "how long it lasts",
+                                around=(0.05, 5.0), scale=0.1 * (end - begin))  # fmt: skip
+        own["width"] = replace(own["width"], value=_WIDTH * (end - begin))
+        return tuple(own.values())
+
+    return replace(
+        jump,
+        name=jump.name.replace("jump", "pulse"),
+        equation=jump.equation.replace("step(t - time)", "(0 < t - time < duration)"),
+        where=lambda survey: jump.where(survey) if survey.episode else (),
+        parameters=parameters,
+        shapes=lambda at: ({},),
+        source="a door that stood open, a gust, a load that was put on and taken off",
+        look_alikes=(jump.name,),
+    )
+
+
+offset_pulse = _for_a_while(offset_jump)
 
 
 def _wave(usual: Callable[[Place], float]) -> Callable[[Place], tuple[Own, ...]]:
@@ -283,6 +318,8 @@ gain_jump = replace(
     look_alikes=("gain", "offset_jump", "gain_fade"),
 )
 
+gain_pulse = _for_a_while(gain_jump)
+
 sensor_jump = replace(
     offset_jump,
     name="sensor_jump",
@@ -295,6 +332,9 @@ sensor_jump = replace(
     group="sensor",
     look_alikes=("sensor_offset", "sensor_drift"),
 )  # fmt: skip
+
+
+sensor_pulse = _for_a_while(sensor_jump)
 
 
 def _entering(survey: Survey) -> Iterator[tuple[Parameter, tuple[Place, ...]]]:
@@ -353,6 +393,8 @@ parameter_jump = replace(
     source="an event: a part that slipped, seized, or was switched",
     look_alikes=("parameter_fade", "gain_jump", "offset_jump"),
 )
+
+parameter_pulse = _for_a_while(parameter_jump)
 
 # What ages goes on from one recording to the next: where it begins there is not known.
 parameter_fade = replace(

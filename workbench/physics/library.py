@@ -21,6 +21,7 @@ def library(
     duration: float = 0.0,
     sample_time: float = 0.0,
     period: float = 0.0,
+    episode: tuple[float, float] | None = None,
     strides: Mapping[str, float] | None = None,
     ranges: Mapping[str, tuple[float, float]] | None = None,
     more_of: Collection[str] = (),
@@ -40,6 +41,7 @@ def library(
             0 if it is not known.
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
         period: Period with which something repeats that nobody read, in s; 0 if nothing does.
+        episode: From when to when most of what nobody read acts, in s; None if it always may.
         strides: How much of a command passes until something repeats, in its unit times s, by
             port, or how far a state goes, by its name; nothing repeats at others.
         ranges: Smallest and largest value along the recordings of ports and states, by name, in
@@ -57,7 +59,7 @@ def library(
     """
     survey = Survey(
         model, outputs, duration=duration, sample_time=sample_time, period=period,
-        strides=strides, ranges=ranges, found=found,
+        episode=episode, strides=strides, ranges=ranges, found=found,
     )  # fmt: skip
     given = [item for item in extra if isinstance(item, Hypothesis)]
     laws = dict.fromkeys([*LAWS.members().values(), *(x for x in extra if isinstance(x, Law))])
@@ -101,7 +103,7 @@ def every_name(
     for known, more_of in ((model, ()), (refitted, [e.name for e in model.effects])):
         offered = library(
             known, duration=duration, sample_time=sample_time, period=model.horizon,
-            strides=strides, more_of=more_of, named=named,
+            episode=(0.0, model.horizon), strides=strides, more_of=more_of, named=named,
         )  # fmt: skip
         for hypothesis in (one for h in offered for one in (h, *h.alone)):
             found.setdefault(hypothesis.name, hypothesis)

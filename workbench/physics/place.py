@@ -204,6 +204,7 @@ class Place:
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
         seen: Smallest and largest value along the recordings, in its unit; None if not known.
         period: Period with which something repeats that nobody read, in s; 0 if nothing does.
+        episode: From when to when most of what nobody read acts, in s; None if it always may.
         stride: How much of the signal passes, in its unit times s, or how far goes what it moves,
             until something repeats that goes with it; 0 if nothing does.
         terms: How far the terms that add up to the signal, and may balance, go along recordings:
@@ -236,6 +237,7 @@ class Place:
     duration: float = 0.0
     sample_time: float = 0.0
     period: float = 0.0
+    episode: tuple[float, float] | None = None
     stride: float = 0.0
     seen: tuple[float, float] | None = None
     terms: float = 0.0
@@ -314,6 +316,7 @@ class Survey:
         duration: Length of the recordings, in s; 0 if it is not known.
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
         period: Period with which something repeats that nobody read, in s; 0 if nothing does.
+        episode: From when to when most of what nobody read acts, in s; None if it always may.
         strides: The same by commands: how much of one passes meanwhile, in its unit times s, by
             port; and by what is moved: how far it goes, by state.
         ranges: Smallest and largest value along the recordings of ports and states, by name, and
@@ -335,12 +338,14 @@ class Survey:
         duration: float = 0.0,
         sample_time: float = 0.0,
         period: float = 0.0,
+        episode: tuple[float, float] | None = None,
         strides: Mapping[str, float] | None = None,
         ranges: Mapping[str, tuple[float, float]] | None = None,
         found: Collection[str] = (),
     ) -> None:
         self.model, self.trace, self._found = model, model.exact, found
         self.ranges, self.period, self.strides = ranges or {}, period, strides or {}
+        self.episode = episode
         # A recording that is to be refused later may have no sensible time base.
         self.duration = duration if 0.0 < duration < math.inf else 0.0
         self.sample_time = sample_time if 0.0 < sample_time < math.inf else 0.0
@@ -511,7 +516,8 @@ class Survey:
             whole=self._whole(index), elastic=(shared or role in EFFORTS) and elastic,
             between=role in EFFORTS and self._between_bodies(index),
             directed=directed, output=output, horizon=self.model.horizon, duration=self.duration,
-            sample_time=self.sample_time, period=self.period, seen=self.ranges.get(name),
+            sample_time=self.sample_time, period=self.period, episode=self.episode,
+            seen=self.ranges.get(name),
             stride=self._stride(name, signals), terms=self._terms(port), carried=carried,
             usual=self._weighing(index) if role in (*EFFORTS, *FLOWS) else {},
         )  # fmt: skip

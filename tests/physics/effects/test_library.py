@@ -75,7 +75,8 @@ def built(plant: str) -> Model:
 
 @cache
 def offered(plant: str) -> tuple[Hypothesis, ...]:
-    return library(built(plant))
+    model = built(plant)
+    return library(model, episode=(10.0 * model.horizon, 15.0 * model.horizon))
 
 
 @pytest.mark.parametrize("plant", PLANTS)

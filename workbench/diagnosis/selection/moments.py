@@ -234,8 +234,11 @@ def _span(model: Model, effects: Sequence[Effect]) -> tuple[float, float, float]
         for q in effect.parameters:
             value = _own(model, effect, q.name).value
             if q.name == effect.about.moment:
-                times.append(value - _clock(effect).initial)
-            elif q.unit == "s":
+                lasting = lasts(model, effect)
+                times += [
+                    value - _clock(effect).initial + t for t in (0.0, lasting) if t < math.inf
+                ]
+            elif q.unit == "s" and not q.fitted:
                 widths.append(value)
     return min(times), max(times), _WIDTHS * max(widths, default=0.0)
 
@@ -243,6 +246,13 @@ def _span(model: Model, effects: Sequence[Effect]) -> tuple[float, float, float]
 def is_event(effect: Effect) -> bool:
     """Whether an effect comes at a time, on a clock of its own."""
     return bool(effect.about.moment) and sum(q.unit == "s" for q in effect.states) == 1
+
+
+def lasts(model: Model, effect: Effect) -> float:
+    """Return how long an event lasts, in s; infinite where it is for good."""
+    others = (q for q in effect.parameters if q.unit == "s" and q.fitted)
+    lengths = [_own(model, effect, q.name).value for q in others if q.name != effect.about.moment]
+    return min(lengths, default=math.inf)
 
 
 def _own(model: Model, effect: Effect, name: str) -> Parameter:

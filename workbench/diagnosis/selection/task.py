@@ -25,7 +25,7 @@ from workbench.diagnosis.estimation.process_noise import (
 )
 from workbench.diagnosis.location.by_refits import located_by_refits
 from workbench.diagnosis.location.locate import Location
-from workbench.diagnosis.location.missing_signal import period_of, stride_of
+from workbench.diagnosis.location.missing_signal import occurrence, period_of, stride_of
 from workbench.diagnosis.location.unknown_input import unknown_input
 from workbench.diagnosis.selection.selected import Accepted, Selected
 from workbench.diagnosis.selection.simulation_error import closest_runs
@@ -37,6 +37,9 @@ from workbench.physics.place import per
 
 MOST_FINDINGS = 3
 """Effects that are searched for, one after the other."""
+
+_BRIEF, _MOSTLY = 0.35, 0.5
+"""Part of a recording up to which an episode may last, and share of what is lacking that it has."""
 
 Progress = Callable[[str], None]
 
@@ -101,6 +104,7 @@ class Task:
                 duration=longest.sample_time * (len(longest.outputs) - 1),
                 sample_time=longest.sample_time,
                 period=self._period,
+                episode=self._episode,
                 strides=self._strides,
                 ranges=self._ranges,
                 more_of=self._more_of,
@@ -203,6 +207,20 @@ class Task:
             if math.isfinite(period):
                 return period
         return 0.0
+
+    @cached_property
+    def _episode(self) -> tuple[float, float] | None:
+        """From when to when most of what the refitted model lacks acts, in s; None if always."""
+        for same in zip(*self._lacking, strict=True):
+            times = [(r.name, time) for r, (time, _) in zip(self.fitting, same, strict=True)]
+            signal = np.concatenate([signal for _, signal in same])
+            spans = occurrence("", "1", times, signal, 0.0 * signal, ()).spans
+            # In each recording it may come once.
+            most = {span.recording: span for span in reversed(spans)}.values()
+            brief = all(s.end - s.begin < _BRIEF * dict(times)[s.recording][-1] for s in most)
+            if brief and sum(span.share for span in most) > _MOSTLY:
+                return spans[0].begin, spans[0].end
+        return None
 
     @cached_property
     def _strides(self) -> dict[str, float]:
