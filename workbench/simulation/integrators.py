@@ -6,7 +6,7 @@ import ctypes
 from collections.abc import Callable
 from functools import cache, cached_property, lru_cache
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Literal
 
 import casadi as ca
 import numpy as np
@@ -61,64 +61,53 @@ def integrator_library() -> ctypes.CDLL | None:
     return library
 
 
-class RungeKutta:
-    """Dormand and Prince's pair 5(4) for the equations of a model.
+Method = Literal["erk", "rosenbrock"]
 
-    The error of a step is held below ``tolerance (scale + |x|)`` for every state.
+METHODS: tuple[Method, ...] = ("erk", "rosenbrock")
+"""Explicit Runge-Kutta pair 5(4), and Rosenbrock-Wanner 5(4) for stiff models; both adaptive."""
+
+
+class Integrator:
+    """What steps the equations of a model: rates and outputs of states, inputs and parameters.
 
     Args:
         scale: Scales of the states, shape (n_states,), in SI.
         sample_time: Time between samples, in s.
-        tolerance: Local error allowed in a step, dimensionless.
-
-    Source:
-        Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, 1993, table II.5.2 and
-        section II.4.
+        tolerance: Local error allowed in a step, relative to the scales of the states.
     """
 
-    method: Literal["erk", "rosenbrock"] = "erk"
+    method: Method
 
     def __init__(self, traced: Trace, scale: Vector, sample_time: float, tolerance: float) -> None:
         self.equations = Equations((traced.rates_function, traced.outputs_function))
         self._scale = np.ascontiguousarray(scale, dtype=float)
         self._sample_time, self._tolerance = sample_time, tolerance
-        self._step = sample_time
-        self._sizes = len(scale), traced.u.numel(), traced.outputs.numel()
-        self._c: _Integrator | None = None
-        library = integrator_library() if self.equations.compiled else None
-        if library is not None:
-            self._in_c = library
-            self._work = np.zeros(9 * max(1, len(scale)))
-            self._outputs = self.equations.in_c(1)
-            self._c = _Integrator(
-                self.equations.in_c(0),
-                *self._sizes[:2],
-                MOST_STEPS,
-                address(self._scale),
-                sample_time,
-                tolerance,
-                sample_time,
-                address(self._work),
-                place("integrator_steps"),
-                place("model_evaluations"),
-            )
+        self._prepare(traced)
+
+    def _prepare(self, traced: Trace) -> None:
+        """Build what the method needs beside the equations."""
+        raise NotImplementedError
 
     @property
     def compiled(self) -> bool:
-        """Whether machine code does it."""
-        return self._c is not None
+        """Whether it is machine code."""
+        return compiler() is not None
+
+    @property
+    def name(self) -> str:
+        """Its method, and whether it runs compiled."""
+        return f"{self.method}, {'compiled' if self.compiled else 'interpreted'}"
 
     def run(self, x: npt.ArrayLike, u: npt.ArrayLike, p: npt.ArrayLike) -> Vector:
-        """Return the states after each of several samples, as far as it gets."""
+        """Return the states after each of several samples, shape (m, n_states), as far as it gets.
+
+        Args:
+            x: States at the start, shape (n_states,), in SI.
+            u: Inputs held over each sample, shape (n, n_inputs), in SI.
+            p: Parameters, shape (n_parameters,), in SI.
+        """
         start, held, values = (np.ascontiguousarray(v, dtype=float) for v in (x, u, p))
-        states = np.empty((len(held), len(self._scale)))
-        if self._c is not None:
-            done = self._in_c.integrate(
-                ctypes.byref(self._c),
-                len(held),
-                *(address(array) for array in (start, held, values, states)),
-            )
-            return states[:done]
+        states = np.empty((len(held), len(start)))
         for k, inputs in enumerate(held):
             after = self._sample(start, inputs, values)
             if after is None:
@@ -126,24 +115,85 @@ class RungeKutta:
             states[k] = start = after
         return states
 
-    def holding(self, x: Vector, u: Vector, p: Vector, y: Vector) -> Callable[[], bool]:
-        """Return what advances x by one sample in place, reads the sensors into y, and says if."""
-        if self._c is not None:
-            hold = self._in_c.hold
-            called: list[object] = [ctypes.byref(self._c), ctypes.byref(self._outputs)]
-            called += [ctypes.c_void_p(address(array)) for array in (x, u, p, y)]
-            # What C works in stays alive as long as the function does.
-            kept = self, x, u, p, y
-            return lambda: bool(kept) and not hold(*called)
+    def _sample(self, x: Vector, u: Vector, p: Vector) -> Vector | None:
+        """Return the states a sample later; None where it gives up."""
+        raise NotImplementedError
 
-        def in_python() -> bool:
+    def holding(self, x: Vector, u: Vector, p: Vector, y: Vector) -> Callable[[], bool]:
+        """Return what advances x by one sample in place, reads the sensors into y, and says if.
+
+        Args:
+            x: States, shape (n_states,), in SI; like the others read and written at every call.
+            u: Inputs, shape (n_inputs,), in SI.
+            p: Parameters, shape (n_parameters,), in SI.
+            y: Measurements, shape (n_outputs,), in SI.
+        """
+
+        def hold() -> bool:
             after = self._sample(x, u, p)
             if after is not None:
                 x[:] = after
                 y[:] = self.equations(1, x, u, p)[0]
             return after is not None
 
-        return in_python
+        return hold
+
+
+class RungeKutta(Integrator):
+    """Dormand and Prince's pair 5(4) for the equations of a model.
+
+    The error of a step is held below ``tolerance (scale + |x|)`` for every state.
+
+    Source:
+        Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, 1993, table II.5.2 and
+        section II.4.
+    """
+
+    method = "erk"
+
+    def _prepare(self, traced: Trace) -> None:
+        self._step = self._sample_time
+        self._c: _Integrator | None = None
+        library = integrator_library() if self.equations.compiled else None
+        if library is not None:
+            self._in_c = library
+            self._work = np.zeros(9 * max(1, len(self._scale)))
+            self._outputs = self.equations.in_c(1)
+            self._c = _Integrator(
+                self.equations.in_c(0),
+                len(self._scale),
+                traced.u.numel(),
+                MOST_STEPS,
+                address(self._scale),
+                self._sample_time,
+                self._tolerance,
+                self._step,
+                address(self._work),
+                place("integrator_steps"),
+                place("model_evaluations"),
+            )
+
+    @property
+    def compiled(self) -> bool:
+        return self._c is not None
+
+    def run(self, x: npt.ArrayLike, u: npt.ArrayLike, p: npt.ArrayLike) -> Vector:
+        if self._c is None:
+            return super().run(x, u, p)
+        start, held, values = (np.ascontiguousarray(v, dtype=float) for v in (x, u, p))
+        states = np.empty((len(held), len(start)))
+        places = (address(array) for array in (start, held, values, states))
+        return states[: self._in_c.integrate(ctypes.byref(self._c), len(held), *places)]
+
+    def holding(self, x: Vector, u: Vector, p: Vector, y: Vector) -> Callable[[], bool]:
+        if self._c is None:
+            return super().holding(x, u, p, y)
+        hold = self._in_c.hold
+        called: list[object] = [ctypes.byref(self._c), ctypes.byref(self._outputs)]
+        called += [ctypes.c_void_p(address(array)) for array in (x, u, p, y)]
+        # What C works in stays alive as long as the function does.
+        kept = self, x, u, p, y
+        return lambda: bool(kept) and not hold(*called)
 
     def _sample(self, x: Vector, u: Vector, p: Vector) -> Vector | None:
         done, h = 0.0, self._step
@@ -215,111 +265,21 @@ def at_every_row(equations: Equations, i: int, x: Vector, u: Vector, p: Vector) 
     return table
 
 
-Method = Literal["erk", "rosenbrock"]
+class Rosenbrock(Integrator):
+    """CasADi's Rosenbrock-Wanner method 5(4), for stiff models."""
 
-METHODS: tuple[Method, ...] = ("erk", "rosenbrock")
-"""Explicit Runge-Kutta pair 5(4), and Rosenbrock-Wanner 5(4) for stiff models; both adaptive."""
+    method = "rosenbrock"
 
+    def _prepare(self, traced: Trace) -> None:
+        scale = tuple(self._scale.tolist())
+        self._after = Buffered(_implicit(traced, scale, self._sample_time, self._tolerance))
 
-class Integrator(Protocol):
-    """What steps the equations of a model."""
-
-    @property
-    def method(self) -> Method:
-        """Its name."""
-
-    @property
-    def compiled(self) -> bool:
-        """Whether it is machine code."""
-
-    @property
-    def equations(self) -> Equations:
-        """Rates and outputs, functions of states, inputs and parameters."""
-
-    def run(self, x: npt.ArrayLike, u: npt.ArrayLike, p: npt.ArrayLike) -> Vector:
-        """Return the states after each of several samples, shape (m, n_states), as far as it gets.
-
-        Args:
-            x: States at the start, shape (n_states,), in SI.
-            u: Inputs held over each sample, shape (n, n_inputs), in SI.
-            p: Parameters, shape (n_parameters,), in SI.
-        """
-
-    def holding(self, x: Vector, u: Vector, p: Vector, y: Vector) -> Callable[[], bool]:
-        """Return what advances x by one sample in place, reads the sensors into y, and says if.
-
-        Args:
-            x: States, shape (n_states,), in SI; like the others read and written at every call.
-            u: Inputs, shape (n_inputs,), in SI.
-            p: Parameters, shape (n_parameters,), in SI.
-            y: Measurements, shape (n_outputs,), in SI.
-        """
-
-
-def integrator_of(
-    method: Method, traced: Trace, scale: Vector, sample_time: float, tolerance: float
-) -> Integrator:
-    """Return an integrator.
-
-    Args:
-        scale: Scales of the states, shape (n_states,), in SI.
-        sample_time: Time between samples, in s.
-        tolerance: Local error allowed in a step, relative to the scales of the states.
-    """
-    kind = RungeKutta if method == "erk" else Rosenbrock
-    return kind(traced, scale, sample_time, tolerance)
-
-
-def name_of(integrator: Integrator) -> str:
-    """Return the name of an integrator, and whether it runs compiled."""
-    return f"{integrator.method}, {'compiled' if integrator.compiled else 'interpreted'}"
-
-
-class Rosenbrock:
-    """CasADi's Rosenbrock-Wanner method 5(4), for stiff models.
-
-    Args:
-        scale: Scales of the states, shape (n_states,), in SI.
-        sample_time: Time between samples, in s.
-        tolerance: Local error allowed in a step, relative to the scales of the states.
-    """
-
-    method: Method = "rosenbrock"
-
-    def __init__(self, traced: Trace, scale: Vector, sample_time: float, tolerance: float) -> None:
-        self.equations = Equations((traced.rates_function, traced.outputs_function))
-        self._after = Buffered(_implicit(traced, tuple(scale), sample_time, tolerance))
-
-    @property
-    def compiled(self) -> bool:
-        """Whether it is machine code."""
-        return compiler() is not None
-
-    def run(self, x: npt.ArrayLike, u: npt.ArrayLike, p: npt.ArrayLike) -> Vector:
-        """Return the states after each of several samples, as far as it gets."""
-        start, held = np.array(x, dtype=float), np.asarray(u, dtype=float)
-        states = np.empty((len(held), len(start)))
-        for k, inputs in enumerate(held):
-            try:
-                start = self._after(start, inputs, p)[0]
-            except RuntimeError:
-                return states[:k]
-            if not np.isfinite(start).all():
-                return states[:k]
-            states[k] = start
-        return states
-
-    def holding(self, x: Vector, u: Vector, p: Vector, y: Vector) -> Callable[[], bool]:
-        """Return what advances x by one sample in place, reads the sensors into y, and says if."""
-
-        def hold() -> bool:
-            after = self.run(x, u[None], p)
-            if len(after):
-                x[:] = after[0]
-                y[:] = self.equations(1, x, u, p)[0]
-            return bool(len(after))
-
-        return hold
+    def _sample(self, x: Vector, u: Vector, p: Vector) -> Vector | None:
+        try:
+            after = self._after(x, u, p)[0].copy()
+        except RuntimeError:
+            return None
+        return after if np.isfinite(after).all() else None
 
 
 @lru_cache(maxsize=64)
@@ -343,3 +303,11 @@ def _implicit(
     p = ca.MX.sym("p", traced.p.numel())
     end = integrator(x0=x0 / size, u=u, p=p)["xf"] * size
     return compiled(ca.Function("sample", [x0, u, p], [end]))
+
+
+def integrator_of(
+    method: Method, traced: Trace, scale: Vector, sample_time: float, tolerance: float
+) -> Integrator:
+    """Return an integrator of a method; the other arguments are those of `Integrator`, in SI."""
+    kind = RungeKutta if method == "erk" else Rosenbrock
+    return kind(traced, scale, sample_time, tolerance)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Literal
 
@@ -16,6 +17,9 @@ from workbench.model.units import in_time
 from workbench.simulation.integrators import METHODS, Method
 from workbench.simulation.stepper import Stepper
 from workbench.simulation.trajectory import Trajectory, read_outputs
+
+TRUSTED = 0.01
+"""Difference to a ten times tighter run up to which a run is trusted, in scales of the states."""
 
 
 def simulate(
@@ -66,15 +70,30 @@ def simulate(
     else:
         x0 = check_vector("state", start, model.states)
     p = model.values if values is None else check_vector("parameter", values, model.parameters)
-    candidates: tuple[Method, ...] = METHODS if method == "auto" else (_method(method),)
+
+    def run(tolerance: float, method: Method) -> tuple[Vector, Stepper]:
+        stepper = Stepper(model, sample_time, tolerance, method, form, p)
+        after = stepper.run_as_far(x0, held[:-1])
+        if len(after) < len(held) - 1:
+            lasted = in_time(len(after) * sample_time, 4)
+            raise NumericalError(f"after {lasted}, {stepper.failure()}")
+        return np.vstack([x0, after]), stepper
+
+    candidates: tuple[Method, ...] = METHODS if method == "auto" else (method,)
     for attempt in candidates:
         try:
-            states, stepper = _run(model, held, sample_time, x0, tolerance, attempt, form, p)
-            error = float("nan")
+            states, stepper = run(tolerance, attempt)
+            error = math.nan
             if check:
-                tighter, _ = _run(model, held, sample_time, x0, tolerance / 10, attempt, form, p)
+                tighter, _ = run(tolerance / 10, attempt)
                 error = float(np.max(np.abs(states - tighter) / stepper.scale))
-                _refuse(model, error, attempt, tolerance)
+                if not error < TRUSTED:
+                    raise NumericalError(
+                        f"two runs of {model.name!r} with {attempt} at tolerances {tolerance:g} and"
+                        f" {tolerance / 10:g} differ by {error:.2g} of the scale of a state; a run"
+                        f" is trusted up to {TRUSTED:g}: tighten the tolerance, or shorten the run"
+                        " if the model is chaotic"
+                    )
             break
         except NumericalError:
             if attempt == candidates[-1]:
@@ -120,33 +139,3 @@ def check_inputs(model: Model, inputs: npt.ArrayLike) -> Vector:
                 f" valid range is {quantity.lower:g} to {quantity.upper:g} {quantity.unit}; clip it"
             )
     return table
-
-
-def _method(method: str) -> Method:
-    return "rosenbrock" if method == "rosenbrock" else "erk"
-
-
-def _run(
-    model: Model,
-    held: Vector,
-    sample_time: float,
-    x0: Vector,
-    tolerance: float,
-    method: Method,
-    form: Form,
-    values: Vector,
-) -> tuple[Vector, Stepper]:
-    stepper = Stepper(model, sample_time, tolerance, method, form, values)
-    after = stepper.run_as_far(x0, held[:-1])
-    if len(after) < len(held) - 1:
-        raise NumericalError(f"after {in_time(len(after) * sample_time, 4)}, {stepper.failure()}")
-    return np.vstack([x0, after]), stepper
-
-
-def _refuse(model: Model, error: float, method: Method, tolerance: float) -> None:
-    if not error < 0.01:
-        raise NumericalError(
-            f"two runs of {model.name!r} with {method} at tolerances {tolerance:g} and"
-            f" {tolerance / 10:g} differ by {error:.2g} of the scale of a state; a run is trusted"
-            " up to 0.01: tighten the tolerance, or shorten the run if the model is chaotic"
-        )

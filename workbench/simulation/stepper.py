@@ -11,7 +11,7 @@ from workbench.arrays import Vector
 from workbench.errors import TIMES_S, NumericalError, check_choice, check_range
 from workbench.model import EXACT, Form, Model
 from workbench.model.model import check_vector
-from workbench.simulation.integrators import METHODS, MOST_STEPS, Method, integrator_of, name_of
+from workbench.simulation.integrators import METHODS, MOST_STEPS, Method, integrator_of
 
 
 @dataclass
@@ -51,7 +51,7 @@ class Stepper:
     @property
     def integrator(self) -> str:
         """Name of the integrator, and whether it runs compiled."""
-        return name_of(self._method)
+        return self._method.name
 
     def step(self, x: npt.ArrayLike, u: npt.ArrayLike) -> Vector:
         """Return the states one sample later, shape (n_states,), in SI.

@@ -13,7 +13,7 @@ from workbench.errors import NumericalError, check_choice
 from workbench.linearisation.zero_order_hold import zero_order_hold
 from workbench.model import Model, Quantity
 from workbench.model.model import check_vector, index_of
-from workbench.simulation.integrators import Method, integrator_of, name_of
+from workbench.simulation.integrators import Method, integrator_of
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -53,7 +53,7 @@ class FullPlant:
         self.tolerance = tolerance
         scale = np.array([q.scale for q in model.states])
         integrator = integrator_of(method, model.exact, scale, sample_time, tolerance)
-        self.integrator = name_of(integrator)
+        self.integrator = integrator.name
         self._x = check_vector("state", start, model.states).copy()
         self._u, self._p = model.nominal_input.copy(), model.values.copy()
         self._y = integrator.equations(1, self._x, self._u, self._p)[0].copy()
