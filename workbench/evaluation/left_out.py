@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,7 +19,7 @@ from workbench.evaluation.rig import plant
 from workbench.evaluation.rig.cases import make_case
 from workbench.evaluation.rig.parameters import nominal
 from workbench.evaluation.rig.plant import namespace
-from workbench.model import Model
+from workbench.model import Effect, Model
 from workbench.physics.gas import isothermal_gas
 from workbench.physics.library import library
 from workbench.plants.arm import arm, pneumatic_muscle
@@ -136,7 +136,9 @@ class LeftOut:
     """A piece of the paper's physics that a nominal plant lacks.
 
     Args:
+        effects: Effects of the plant that are left out; none for a control.
         answers: Names in the library that are right; none where nothing is left out.
+        instead: What stands in their place; None for nothing.
         collinear: Whether parameters reproduce most of it, so that silence is right as well.
         seconds: Length of a recording of the arm, in s.
         tried: Names of the effects that compete; the whole library if none.
@@ -144,8 +146,9 @@ class LeftOut:
 
     physics: str
     experiment: Experiment
-    nominal: Callable[[], Model]
-    answers: tuple[str, ...]
+    effects: tuple[str, ...] = ()
+    answers: tuple[str, ...] = ()
+    instead: Effect | None = None
     collinear: bool = False
     seconds: float = 10.0
     tried: tuple[str, ...] = ()
@@ -155,46 +158,27 @@ class LeftOut:
         """Name of the case, such as ``phi-isometric``."""
         return f"{self.physics.replace(' ', '-')}-{self.experiment}"
 
+    def nominal(self) -> Model:
+        """Return the plant without the piece."""
+        whole = pneumatic_muscle() if self.experiment == "isometric" else arm(LOAD_KG)
+        beside = () if self.instead is None else (self.instead,)
+        return whole.without(*self.effects).with_effect(*beside)
 
-def _arm() -> Model:
-    return arm(LOAD_KG)
 
-
-PLAN: tuple[LeftOut, ...] = (
-    LeftOut("nothing", "motion", _arm, ()),
-    LeftOut(
-        "phi", "isometric", lambda: pneumatic_muscle().without("force_correction"), ("phi_term",)
-    ),
-    LeftOut("phi", "motion", lambda: _arm().without("force_correction"), ("phi_term",)),
-    LeftOut(
-        "changing volume",
-        "motion",
-        lambda: _arm().without("end_flattening").with_effect(constant_volume()),
-        ("braid_volume",),
-    ),
-    LeftOut(
-        "flattened ends",
-        "motion",
-        lambda: _arm().without("end_flattening"),
-        ("flattened_ends",),
-        collinear=True,
-    ),
+PLAN = (
+    LeftOut("nothing", "motion"),
+    LeftOut("phi", "isometric", ("force_correction",), ("phi_term",)),
+    LeftOut("phi", "motion", ("force_correction",), ("phi_term",)),
+    LeftOut("changing volume", "motion", ("end_flattening",), ("braid_volume",), constant_volume()),
+    LeftOut("flattened ends", "motion", ("end_flattening",), ("flattened_ends",), collinear=True),
     LeftOut(
         "energy of the gas",
         "motion",
-        lambda: (
-            _arm()
-            .without("heat_exchange")
-            .with_effect(isothermal_gas(("chamber_1.heat", "chamber_2.heat")))
-        ),
+        ("heat_exchange",),
         ("gas_energy_balance",),
+        isothermal_gas(("chamber_1.heat", "chamber_2.heat")),
     ),
-    LeftOut(
-        "Coulomb friction",
-        "motion",
-        lambda: _arm().without("bearing_friction"),
-        ("coulomb_friction",),
-    ),
+    LeftOut("Coulomb friction", "motion", ("bearing_friction",), ("coulomb_friction",)),
 )
 """Every piece, after a control in which nothing is left out."""
 
