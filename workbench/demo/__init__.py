@@ -1,5 +1,5 @@
 """The demonstration: everything the workbench does, on one page."""
 
-from workbench.demo.demonstration import PARTS, Demonstration, run_demo
+from workbench.demo.demonstration import run_demo
 
-__all__ = ["PARTS", "Demonstration", "run_demo"]
+__all__ = ["run_demo"]

@@ -7,7 +7,6 @@ from workbench.experiments.isometric import (
 )
 from workbench.experiments.open_loop import (
     OpenLoopExperiment,
-    Transit,
     TransitFigures,
     measure_transits,
     open_loop_experiment,
@@ -17,7 +16,6 @@ from workbench.experiments.open_loop import (
 __all__ = [
     "IsometricRecord",
     "OpenLoopExperiment",
-    "Transit",
     "TransitFigures",
     "isometric_experiment",
     "isometric_experiment_on_arm",

@@ -2,6 +2,6 @@
 
 from workbench.simulation.simulate import simulate
 from workbench.simulation.stepper import Stepper
-from workbench.simulation.trajectory import RangeViolation, Trajectory
+from workbench.simulation.trajectory import Trajectory
 
-__all__ = ["RangeViolation", "Stepper", "Trajectory", "simulate"]
+__all__ = ["Stepper", "Trajectory", "simulate"]
