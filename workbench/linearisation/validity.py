@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from workbench.arrays import Vector
+from workbench.arrays import Vector, runs
 from workbench.errors import NumericalError, WorkbenchError, check_range
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.pace import horizon_of, step_time
@@ -408,10 +408,10 @@ def frequency_validity(linear: LinearModel) -> FrequencyValidity:
         gain_ratios=np.abs(table),
         phase_errors=np.angle(table),
     )
-    band = _longest_run(found.agrees)
-    if band is None:
+    if not (bands := runs(found.agrees)):
         return found
-    return replace(found, lower=float(frequencies[band[0]]), upper=float(frequencies[band[1]]))
+    first, last = max(bands, key=lambda band: band[1] - band[0])
+    return replace(found, lower=float(frequencies[first]), upper=float(frequencies[last]))
 
 
 def _sine_ratio(trial: Comparison, frequency: float, amplitude: float, settle: float) -> complex:
@@ -441,19 +441,6 @@ def _fundamental(time: Vector, frequency: float) -> Callable[[Vector], complex]:
         return complex(found[0], -found[1])
 
     return fit
-
-
-def _longest_run(flags: npt.NDArray[np.bool_]) -> tuple[int, int] | None:
-    best: tuple[int, int] | None = None
-    start = None
-    for i, flag in enumerate([*flags.tolist(), False]):
-        if flag and start is None:
-            start = i
-        elif not flag and start is not None:
-            if best is None or i - start > best[1] - best[0] + 1:
-                best = (start, i - 1)
-            start = None
-    return best
 
 
 _GRID = 13
@@ -563,7 +550,9 @@ def amplitude_validity(linear: LinearModel, *, within: float = 0.1) -> Amplitude
                 outside = middle
         return inside
 
-    band = _band_around_best(np.array([tried[float(s)][0] for s in steps]), within)
+    errors = np.array([tried[float(s)][0] for s in steps])
+    best = int(np.argmin(errors))
+    band = next((own for own in runs(errors <= within) if own[0] <= best <= own[1]), None)
     lower = upper = math.nan
     if band is not None:
         first, last = band
@@ -588,18 +577,6 @@ def amplitude_validity(linear: LinearModel, *, within: float = 0.1) -> Amplitude
         unit=of_difference(trial.quantity.display_unit),
         input_unit=units.get(linear.input_names[0], "") if linear.inverse is None else "",
     )
-
-
-def _band_around_best(errors: Vector, within: float) -> tuple[int, int] | None:
-    best = int(np.argmin(errors))
-    if not errors[best] <= within:
-        return None
-    first = last = best
-    while first > 0 and errors[first - 1] <= within:
-        first -= 1
-    while last < len(errors) - 1 and errors[last + 1] <= within:
-        last += 1
-    return first, last
 
 
 @dataclass(frozen=True)

@@ -220,6 +220,10 @@ class Recording(Drawn):
         """Names of the measured signals."""
         return tuple(s.name for s in self.signals if s.role == "measurement")
 
+    def moving(self, names: Iterable[str]) -> tuple[str, ...]:
+        """Return those of some signals whose samples differ."""
+        return tuple(name for name in names if np.ptp(self[name]) > 0)
+
     @property
     def duration(self) -> float:
         """Time from the first to the last sample, in s."""

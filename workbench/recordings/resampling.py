@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from workbench.arrays import Vector
+from workbench.arrays import Vector, runs
 from workbench.errors import TIMES_S, WorkbenchError, check_finite, check_range
 from workbench.model.units import in_time
 from workbench.recordings.recording import Recording, Signal, Span
@@ -80,8 +80,7 @@ def _unmeasured(
     if good.all() or not good.any():
         return []
     far = _away(time[good], times) > np.maximum(_away(time, times), reach) * (1 + 1e-6)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], far, [False]]).astype(int)))
-    return [(float(times[a]), float(times[b - 1])) for a, b in edges.reshape(-1, 2)]
+    return [(float(times[a]), float(times[b])) for a, b in runs(far)]
 
 
 def _away(time: Vector, times: Vector) -> Vector:

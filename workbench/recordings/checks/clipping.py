@@ -8,11 +8,10 @@ from math import log
 import numpy as np
 import numpy.typing as npt
 
-from workbench.arrays import Vector
+from workbench.arrays import Vector, runs
 from workbench.model.units import in_time
 from workbench.recordings.checks.check import MAX_EXCLUDED, Finding, check
 from workbench.recordings.checks.expected import Expected
-from workbench.recordings.checks.gaps import runs
 from workbench.recordings.checks.noise import white_rms
 from workbench.recordings.checks.quantisation import quantum
 from workbench.recordings.recording import Recording, Span

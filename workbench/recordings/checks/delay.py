@@ -56,8 +56,8 @@ def response_correlation(
         beside: Commands that may move together with this one: what they explain of it is taken out.
     """
     lags = int(np.clip(round(max_delay / recording.sample_time), 10, 200))
-    moving = tuple(m for m in recording.measurements if np.ptp(recording[m]) > 0)
-    explained = (*(moving if closed_loop else ()), *beside)
+    moving = recording.moving(recording.measurements) if closed_loop else ()
+    explained = (*moving, *beside)
     action = surprises(recording, command, now=explained)
     return correlation(action, surprises(recording, response), range(lags + 1))
 
@@ -92,10 +92,8 @@ def check_delay(recording: Recording, expected: Expected) -> Finding:
     closed = check_loop(recording, expected).values["loop"] == "closed"
     delays = tuple(
         estimate_delay(recording, c, m, closed_loop=closed)
-        for c in recording.commands
-        if np.ptp(recording[c]) > 0
-        for m in recording.measurements
-        if np.ptp(recording[m]) > 0
+        for c in recording.moving(recording.commands)
+        for m in recording.moving(recording.measurements)
     )
     seen = [d for d in delays if np.isfinite(d.onset)]
     if not seen:

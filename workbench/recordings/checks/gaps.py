@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from workbench.arrays import Vector
+from workbench.arrays import Vector, runs
 from workbench.model.units import in_time
 from workbench.recordings.checks.check import MAX_EXCLUDED, Finding, check
 from workbench.recordings.checks.expected import Expected
@@ -21,12 +21,6 @@ FILLED_ROWS = 5
 _FEWEST, _REGULAR = 20, 2.5
 """Measurements that a slow sensor gives at least, and the time between two of them over the usual
 one from which on some are missing."""
-
-
-def runs(mask: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return the first and last index of every stretch in which a mask is true."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
-    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def filled(recording: Recording, name: str, bad: npt.NDArray[np.bool_], reason: str) -> Recording:
@@ -188,7 +182,7 @@ def check_continuity(recording: Recording, _expected: Expected) -> Finding:
     A machine has no reason to: each of its quantities has its own inertia. A clock that goes on
     hides that rows were left out, sorted wrongly or joined from several files.
     """
-    moving = [m for m in recording.measurements if np.ptp(recording[m]) > 0]
+    moving = recording.moving(recording.measurements)
     if len(moving) < 2:
         return Finding("not checked", "one measurement alone may jump")
     at_once = np.flatnonzero(np.all([_jumps(recording[m]) for m in moving], axis=0))

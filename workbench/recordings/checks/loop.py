@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench.arrays import runs
 from workbench.model.units import in_time
 from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
-from workbench.recordings.checks.gaps import runs
 from workbench.recordings.checks.innovations import MEMORY, correlation, surprises
 from workbench.recordings.checks.noise import white_rms
 from workbench.recordings.recording import Recording
@@ -61,8 +61,8 @@ def check_loop(recording: Recording, _expected: Expected) -> Finding:
     still for long while a measurement moves; otherwise unknown, because a controller whose command
     carries no noise of the measurement leaves no trace.
     """
-    moving = [c for c in recording.commands if np.ptp(recording[c]) > 0]
-    measured = [m for m in recording.measurements if np.ptp(recording[m]) > 0]
+    moving = recording.moving(recording.commands)
+    measured = recording.moving(recording.measurements)
     if not moving or not measured or len(recording) < 10 * MEMORY:
         return Finding(
             "not checked", "no command that moves among the signals", {"loop": "unknown"}

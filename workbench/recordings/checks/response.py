@@ -123,7 +123,7 @@ def check_response(recording: Recording, expected: Expected) -> Finding:
     A response that comes long before its command, or none at all to a command that jumps about,
     means rows out of order, columns that are shifted, or columns of different experiments.
     """
-    moving = [c for c in recording.commands if np.ptp(recording[c]) > 0]
+    moving = recording.moving(recording.commands)
     measured = [
         m for m in recording.measurements if np.ptp(recording[m]) > 20 * white_rms(recording[m])
     ]

@@ -47,8 +47,7 @@ def accelerations(
     position = _slow(recording[motion], dt, edge)
     speed = np.gradient(position, dt)
     acceleration = np.gradient(speed, dt)
-    commands = [s.name for s in recording.signals if s.role == "command" and np.ptp(s.values) > 0]
-    known = [*causes, *(c for c in commands if c not in causes)]
+    known = [*dict.fromkeys((*causes, *recording.moving(recording.commands)))]
     columns = [_slow(recording[c], dt, edge) for c in known] + [position, speed]
     every = max(1, round(0.5 / (edge * dt)))
     inner = slice(5 * every, -5 * every, every)
@@ -80,11 +79,10 @@ def _strengths(
     found: dict[tuple[str, str], float] = {}
     untold: dict[tuple[str, str], str] = {}
     motions: dict[str, list[str]] = {}
-    moving = [c for c in recording.commands if np.ptp(recording[c]) > 0]
+    moving = recording.moving(recording.commands)
     for cause, response in expected.signs:
-        if cause not in recording or response not in recording:
-            continue
-        if np.ptp(recording[cause]) == 0 or np.ptp(recording[response]) == 0:
+        present = cause in recording and response in recording
+        if not present or len(recording.moving((cause, response))) < 2:
             continue
         if recording.signal(cause).role == "command":
             every = response_correlation(recording, cause, response, max_delay=0.03)
