@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -27,23 +28,20 @@ def errors_table(errors: Sequence[ErrorRow], extended: bool) -> Table:
     """Build the table of free-run errors on all held-out recordings."""
     wanted = ("nominal", "refitted", "extended") if extended else ("nominal", "refitted")
     labels = [label for label in wanted if any(label in row.rmse for row in errors)]
-    rows: list[tuple[Cell | str, ...]] = []
-    for row in errors:
-        unit, factor = readable(row.unit)
-        cells = [
-            Cell(
-                number(factor * row.rmse[label]),
-                reason=f"{number(100 * row.normalised(label))} % of the spread,"
-                f" {number(row.over_noise(label))} × noise",
-            )
-            for label in labels
-        ]
-        name = f"{row.output.replace('_', ' ')} in {unit}"
-        rows.append((name, *cells, number(factor * row.noise)))
-    return Table(
+
+    def error(label: str, row: ErrorRow) -> Cell:
+        beside = f"{number(100 * row.normalised(label))} % of the spread"
+        shown = number(readable(row.unit)[1] * row.rmse[label])
+        return Cell(shown, reason=f"{beside}, {number(row.over_noise(label))} × noise")
+
+    return Table.of(
         "Errors of free runs over all held-out recordings",
-        ("output", *labels, "sensor's noise"),
-        tuple(rows),
+        errors,
+        {
+            "output": lambda row: f"{row.output.replace('_', ' ')} in {readable(row.unit)[0]}",
+            **{label: partial(error, label) for label in labels},
+            "sensor's noise": lambda row: number(readable(row.unit)[1] * row.noise),
+        },
         "Root mean square; nominal: before any fit; refitted: nominal equations, fitted"
         " parameters" + ("; extended: with what was found." if extended else "."),
     )
@@ -322,23 +320,25 @@ def likenesses_table(term: NonparametricTerm) -> Table:
 
 def arguments_table(term: NonparametricTerm) -> Table:
     """Build the table of the arguments of a term."""
-    rows: list[tuple[Cell | str, ...]] = []
-    for a in term.arguments:
-        (low, high), unit = hull(term, a)
-        like = ", ".join(str(t) for t in a.terms).replace("^2", "²").replace("^3", "³")
-        rows.append(
-            (
-                plain(a.name) + (f" in {unit}" if unit != "1" else ""),
-                number(a.p_value),
-                f"{100 * a.share:.0f} %",
-                interval(low, high),
-                like or "–",
-            )
-        )
-    return Table(
+
+    def name(a: Argument) -> str:
+        unit = hull(term, a)[1]
+        return plain(a.name) + (f" in {unit}" if unit != "1" else "")
+
+    def described(a: Argument) -> str:
+        terms = ", ".join(str(t) for t in a.terms)
+        return terms.replace("^2", "²").replace("^3", "³") or "–"
+
+    return Table.of(
         "Arguments of the term without a name",
-        ("argument", "p-value", "share", "data hull", "described by"),
-        tuple(rows),
+        term.arguments,
+        {
+            "argument": name,
+            "p-value": lambda a: number(a.p_value),
+            "share": lambda a: f"{100 * a.share:.0f} %",
+            "data hull": lambda a: interval(*hull(term, a)[0]),
+            "described by": described,
+        },
         "p-value: chance of as strong a dependence on a signal shifted in time. Share: of the"
         " missing signal, predicted across blocks of time beyond the arguments above it. Described"
         " by: simple terms in x, the argument in SI units, with how often they are chosen when the"

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import re
 import shlex
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from workbench.errors import WorkbenchError
@@ -27,7 +28,7 @@ from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, Mark, Table, number
 from workbench.study.ci_files import junit
 from workbench.study.grouped import changes_by_plant, missed_by_plant
-from workbench.study.judgements import Judgement
+from workbench.study.judgements import Judgement, Score
 from workbench.study.linear_loop import LoopAnalysis
 from workbench.study.result import StudyResult, installed_version
 from workbench.study.study import Case, Demand, Study, Variation
@@ -113,35 +114,26 @@ def _where(j: Judgement | None) -> str:
 
 def _scores(outcome: StudyResult) -> Table:
     boxes = {r.controller: r for r in outcome.robustness}
-    head = ["controller", "score", "mean score", "worst requirement, scenario, plant"]
-    if boxes:
-        head.append("score at the worst plant of the box")
-    rows: list[tuple[Cell | str, ...]] = []
-    for s in outcome.scores:
-        row: list[Cell | str] = [
-            s.controller,
-            score_cell(s.worst) if s.judgement else "–",
-            f"{s.mean:.2f}"
-            if any(j.controller == s.controller for j in outcome.judgements)
-            else "–",
-            _where(s.judgement),
-        ]
-        if boxes:
-            box = boxes.get(s.controller)
-            row.append(score_cell(box.worst_score, capped=True) if box else "–")
-        rows.append(tuple(row))
-    return Table(
-        "Scores",
-        tuple(head),
-        tuple(rows),
+    judged = {j.controller for j in outcome.judgements}
+    columns: dict[str, Callable[[Score], Cell | str]] = {
+        "controller": lambda s: s.controller,
+        "score": lambda s: score_cell(s.worst) if s.judgement else "–",
+        "mean score": lambda s: f"{s.mean:.2f}" if s.controller in judged else "–",
+        "worst requirement, scenario, plant": lambda s: _where(s.judgement),
+    }
+    note = (
         "Score: metric over limit. At most 1 means that every hard requirement is met on every "
         "plant, in every scenario, with every seed."
-        + (
-            ""
-            if not boxes or outcome.study.box is None or outcome.study.box.hard
-            else " The box of plants informs and does not fail this study."
-        ),
     )
+    if boxes:
+        columns["score at the worst plant of the box"] = lambda s: (
+            score_cell(boxes[s.controller].worst_score, capped=True)
+            if s.controller in boxes
+            else "–"
+        )
+        if outcome.study.box is not None and not outcome.study.box.hard:
+            note += " The box of plants informs and does not fail this study."
+    return Table.of("Scores", outcome.scores, columns, note)
 
 
 def _unjudged(outcome: StudyResult) -> Table:
@@ -174,19 +166,18 @@ def _verdict(outcome: StudyResult) -> Section:
 def _list(title: str, found: Sequence[Judgement]) -> Table:
     most = 30
     groups = missed_by_plant(found)
-    rows: list[tuple[Cell | str, ...]] = [
-        (
-            g.worst.controller,
-            g.worst.scenario,
-            metric_title(g.worst.demand.requirement.metric),
-            Cell(g.worst.variation, "", g.also),
-            Cell(g.worst.excess(), "missed" if g.worst.hard else ""),
-        )
-        for g in groups[:most]
-    ]
-    note = f"The worst {most} of {len(groups)}." if len(groups) > most else ""
-    head = ("controller", "scenario", "metric", "worst plant", "how far")
-    return Table(title, head, tuple(rows), note)
+    return Table.of(
+        title,
+        groups[:most],
+        {
+            "controller": lambda g: g.worst.controller,
+            "scenario": lambda g: g.worst.scenario,
+            "metric": lambda g: metric_title(g.worst.demand.requirement.metric),
+            "worst plant": lambda g: Cell(g.worst.variation, "", g.also),
+            "how far": lambda g: Cell(g.worst.excess(), "missed" if g.worst.hard else ""),
+        },
+        f"The worst {most} of {len(groups)}." if len(groups) > most else "",
+    )
 
 
 def _baseline(outcome: StudyResult, folder: str) -> Section:
@@ -201,21 +192,24 @@ def _baseline(outcome: StudyResult, folder: str) -> Section:
         key=lambda g: (not g.worst.fails, order.get(g.worst.way, 2)),
     )
     most = 40
-    rows: list[tuple[Cell | str, ...]] = [
-        (
-            c.key[0],
-            c.key[2],
-            metric_title(c.metric) or "run",
-            Cell(c.key[1], "", group.also),
-            c.numbers().replace("->", "→") if c.metric else c.reason,
-            Cell(c.way, "missed" if c.fails else "met" if c.way == "better" else ""),
-        )
-        for group in found[:most]
-        for c in (group.worst,)
-    ]
-    note = f"The first {most} of {len(found)}; results.json has all." if len(found) > most else ""
-    head = ("controller", "scenario", "metric", "plant that changed most", "baseline → now", "way")
-    table = Table("Differences beyond their tolerance", head, tuple(rows), note)
+    marks: dict[str, Mark] = {"better": "met"}
+    table = Table.of(
+        "Differences beyond their tolerance",
+        found[:most],
+        {
+            "controller": lambda g: g.worst.key[0],
+            "scenario": lambda g: g.worst.key[2],
+            "metric": lambda g: metric_title(g.worst.metric) or "run",
+            "plant that changed most": lambda g: Cell(g.worst.key[1], "", g.also),
+            "baseline → now": lambda g: (
+                g.worst.numbers().replace("->", "→") if g.worst.metric else g.worst.reason
+            ),
+            "way": lambda g: Cell(
+                g.worst.way, "missed" if g.worst.fails else marks.get(g.worst.way, "")
+            ),
+        },
+        f"The first {most} of {len(found)}; results.json has all." if len(found) > most else "",
+    )
     accept = ["workbench", "bless", folder, "--baseline", str(outcome.baseline.path)]
     command = Commands((shlex.join(accept),))
     words = Words("If the changes are intended, this command shows and accepts them.")
@@ -321,55 +315,36 @@ def _events(name: str, case: Case, records: Sequence[Record]) -> Table:
 
 
 def _variations(outcome: StudyResult, scenario: str, case: Case) -> Table:
-    rows: list[tuple[Cell | str, ...]] = []
-    for variation in outcome.study.variations.values():
-        if variation.case != case.name or not variation.judged:
-            continue
-        row: list[Cell | str] = [variation.name]
-        for controller in case.controllers:
-            own = [
-                j
-                for j in outcome.judgements
-                if (j.controller, j.variation, j.scenario) == (controller, variation.name, scenario)
-            ]
-            hard = [j for j in own if j.hard]
-            worst = max(hard or own, key=lambda j: j.score, default=None)
-            if worst is None:
-                row.append("–")
-            else:
-                mark: Mark = "met" if worst.met else "missed"
-                metric = metric_title(worst.demand.requirement.metric)
-                row.append(Cell(score_text(worst.score), mark, metric))
-        rows.append(tuple(row))
-    return Table(
+    def cell(controller: str, variation: Variation) -> Cell:
+        key = controller, variation.name, scenario
+        own = [j for j in outcome.judgements if (j.controller, j.variation, j.scenario) == key]
+        worst = max([j for j in own if j.hard] or own, key=lambda j: j.score, default=None)
+        if worst is None:
+            return Cell("–")
+        metric = metric_title(worst.demand.requirement.metric)
+        return Cell(score_text(worst.score), "met" if worst.met else "missed", metric)
+
+    variations = outcome.study.variations.values()
+    return Table.of(
         "Score on every plant, and the requirement that decides it",
-        ("plant", *case.controllers),
-        tuple(rows),
+        [v for v in variations if v.case == case.name and v.judged],
+        {"plant": lambda v: v.name, **{c: partial(cell, c) for c in case.controllers}},
     )
 
 
 def _requirements(outcome: StudyResult) -> Section:
     study = outcome.study
-    rows: list[tuple[Cell | str, ...]] = []
-    for demand in study.demands:
-        name = demand_text(demand) + ("" if demand.requirement.hard else " (soft)")
-        row: list[Cell | str] = [name, demand.requirement.scenario or "all"]
-        row += [_worst_cell(outcome, demand, c) for c in study.controllers]
-        rows.append(tuple(row))
-    return Section(
-        "requirements",
-        "Every requirement at its worst",
-        (
-            Table(
-                "Worst value over scenarios, plants and seeds, and where",
-                ("requirement", "scenario", *study.controllers),
-                tuple(rows),
-            ),
-        ),
-    )
+    columns: dict[str, Callable[[Demand], Cell | str]] = {
+        "requirement": lambda d: demand_text(d) + ("" if d.requirement.hard else " (soft)"),
+        "scenario": lambda d: d.requirement.scenario or "all",
+        **{c: partial(_worst_cell, outcome, c) for c in study.controllers},
+    }
+    title = "Worst value over scenarios, plants and seeds, and where"
+    table = Table.of(title, study.demands, columns)
+    return Section("requirements", "Every requirement at its worst", (table,))
 
 
-def _worst_cell(outcome: StudyResult, demand: Demand, controller: str) -> Cell:
+def _worst_cell(outcome: StudyResult, controller: str, demand: Demand) -> Cell:
     own = [j for j in outcome.judgements if j.demand is demand and j.controller == controller]
     if not own:
         return Cell("–")

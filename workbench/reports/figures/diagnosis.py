@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -281,33 +281,15 @@ def _draw_law(axes: Axes, located: MissingSignal) -> None:
     """Draw a located signal and the law on it against its argument."""
     rows = np.flatnonzero(located.known)
     rows = rows[:: max(1, len(rows) // _POINTS)]
-    y = readably(located.signal[rows], located.unit, located.shown)[0]
     x = readably(located.argument_values[rows], located.argument_unit, located.argument_shown)[0]
-    axes.plot(
-        x,
-        y,
-        ".",
-        color=MEASURED.light,
-        markersize=3.2,
-        alpha=0.6,
-        markeredgewidth=0,
-        label="from the measurements",
-        zorder=2,
-    )
-    shown = [y]
+    drawn = [(located.signal, MEASURED, 0.6, "from the measurements")]
     if located.law is not None:
-        law = readably(located.law[rows], located.unit, located.shown)[0]
-        axes.plot(
-            x,
-            law,
-            ".",
-            color=AFTER.light,
-            markersize=3.2,
-            markeredgewidth=0,
-            label=located.law_name,
-            zorder=3,
-        )
-        shown.append(law)
+        drawn.append((located.law, AFTER, 1.0, located.law_name))
+    shown = []
+    for values, colour, alpha, name in drawn:
+        shown.append(readably(values[rows], located.unit, located.shown)[0])
+        look: dict[str, Any] = {"markersize": 3.2, "markeredgewidth": 0, "alpha": alpha}
+        axes.plot(x, shown[-1], ".", color=colour.light, label=name, **look)
     axes.axhline(0.0, color=FAINT.light, linewidth=0.9, zorder=1)
     _limit(axes, np.concatenate(shown))
     axes.margins(x=0.03)

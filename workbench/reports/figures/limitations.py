@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
+from typing import NamedTuple
 
 from workbench.model import Output
 from workbench.model.units import from_si, of_difference, to_si, with_unit
@@ -66,6 +67,11 @@ class Evidence:
     def size(self, step: Step) -> str:
         """Write the size of a step as people read it."""
         return value_text(_size(step), of_difference(self.output.display_unit))
+
+    @property
+    def ratios(self) -> list[str]:
+        """What stands above the ratios of the steps to the physical limit."""
+        return [f"{self.size(step)} / limit" for step in self.steps]
 
     @property
     def variations(self) -> list[Variation]:
@@ -231,18 +237,17 @@ def _limitations(result: StudyResult) -> list[Block]:
 
 def limitation_tables(result: StudyResult) -> list[Table]:
     """Return the tables of both sections, for a terminal."""
-    if not evidence(result):
-        return []
-    found = [
-        reached_table(result),
-        steps_table(result, nominal=True),
-        steps_table(result, nominal=False),
-        margins_table(result),
-        plan_table(result),
-        ladder_table(result),
-        known_table(result),
-        missed_table(result),
-    ]
+    told = (
+        reached_table,
+        partial(steps_table, nominal=True),
+        partial(steps_table, nominal=False),
+        margins_table,
+        plan_table,
+        ladder_table,
+        known_table,
+        missed_table,
+    )
+    found = [table(result) for table in told] if evidence(result) else []
     return [table for table in found if table is not None and table.rows]
 
 
@@ -313,8 +318,7 @@ def steps_table(result: StudyResult, *, nominal: bool) -> Table:
             )
 
     first = evidence(result)[0]
-    sizes = [first.size(s) for s in first.steps]
-    head = ["controller", *(f"settling {s} s" for s in sizes), *(f"{s} / limit" for s in sizes)]
+    head = ["controller", *(f"settling {first.size(s)} s" for s in first.steps), *first.ratios]
     head += ["overshoot %", f"steady error {first.unit}", f"oscillation {first.unit}"]
     which = "nominal" if nominal else "worst of all variations"
     return _table(result, f"Steps, {which}", head, rows)
@@ -471,22 +475,11 @@ def _unknown_words(found: Sequence[Evidence]) -> str:
     )
 
 
-def _paces(e: Evidence) -> dict[float, list[Variation]]:
-    """Return the variations with planned moves of each duration, the design's own among them."""
-    paced = [v for v in e.variations if v.plan_duration != 1.0]
-    bases = {_base(v) for v in paced}
-    found: dict[float, list[Variation]] = {1.0: [v for v in e.variations if v.kind in bases]}
-    for v in paced:
-        found.setdefault(v.plan_duration, []).append(v)
-    return dict(sorted(found.items())) if paced else {}
-
-
 def _base(v: Variation) -> str:
     return v.kind.rpartition(", plan x ")[0] or NOMINAL
 
 
-@dataclass(frozen=True)
-class _Paced:
+class _Paced(NamedTuple):
     """A controller with its planned moves made shorter or longer.
 
     Args:
@@ -501,19 +494,21 @@ class _Paced:
     kinds: list[str]
 
 
-def _paced(e: Evidence) -> list[_Paced]:
-    """Return what ran with moves of every duration, by controller and duration."""
-    paces = _paces(e)
-    asked = next(iter(paces.values()))[0].controllers if paces else ()
-    found = []
-    for pace, own in paces.items():
+def _paced(e: Evidence) -> Iterator[_Paced]:
+    """Yield what ran with moves of every duration, the design's own among them."""
+    paced = [v for v in e.variations if v.plan_duration != 1.0]
+    if not paced:
+        return
+    bases = {_base(v) for v in paced}
+    compared = [v for v in e.variations if v in paced or v.kind in bases]
+    paces = sorted({v.plan_duration for v in compared})
+    asked = next(v.controllers for v in compared if v.plan_duration == paces[0])
+    for pace in paces:
+        own = [v for v in compared if v.plan_duration == pace]
         known = next(v.kind for v in own if _base(v) == NOMINAL)
-        found += [
-            _Paced(c, pace, known, [v.kind for v in own if e.has(c, v.kind)])
-            for c in asked or e.controllers
-            if c in e.case.controllers and e.has(c, known)
-        ]
-    return found
+        for c in asked or e.controllers:
+            if c in e.case.controllers and e.has(c, known):
+                yield _Paced(c, pace, known, [v.kind for v in own if e.has(c, v.kind)])
 
 
 def plan_table(result: StudyResult) -> Table:
@@ -536,12 +531,12 @@ def plan_table(result: StudyResult) -> Table:
             )
 
     cases = evidence(result)
-    sizes = [cases[0].size(s) for s in cases[0].steps]
+    first = cases[0]
     head = (
         "duration of the plan",
-        *(f"as known: {s} / limit" for s in sizes),
-        *(f"worst: overshoot {s}, %" for s in sizes),
-        f"worst: oscillation {cases[0].unit}",
+        *(f"as known: {ratio}" for ratio in first.ratios),
+        *(f"worst: overshoot {first.size(s)}, %" for s in first.steps),
+        f"worst: oscillation {first.unit}",
     )
     name = next((p.controller for e in cases for p in _paced(e)), "")
     title = f"{name} with its planned moves made shorter and longer"
@@ -585,8 +580,7 @@ def known_table(result: StudyResult) -> Table:
                 )
 
     first = evidence(result)[0]
-    sizes = [f"{first.size(s)} / limit" for s in first.steps]
-    head = ("controller", "varied", *sizes, "overshoot %", f"oscillation {first.unit}")
+    head = ("controller", "varied", *first.ratios, "overshoot %", f"oscillation {first.unit}")
     return _table(result, "Speed against tolerance of what nobody announced", head, rows)
 
 
