@@ -20,12 +20,12 @@ from workbench.recordings.recording import Recording, Signal
 STEP, SAMPLES = 0.02, 600
 
 
-def _pushed(jumps: tuple[float, ...], lasting: float = np.inf) -> Verdict:
+def _pushed(jumps: tuple[float, ...], lasting: tuple[float, ...] = 3 * (np.inf,)) -> Verdict:
     """Diagnose an oscillator on which 9 N more act from a time on, in s, another in each run."""
     runs = []
-    for seed, time in enumerate(jumps, 1):
+    for seed, (time, length) in enumerate(zip(jumps, lasting, strict=True), 1):
         since = STEP * np.arange(SAMPLES) - time
-        more = 9.0 * ((since >= 0.0) & (since < lasting))
+        more = 9.0 * ((since >= 0.0) & (since < length))
         drive = levels(SAMPLES, seed, 30.0, 20, 80)
         spring = lambda x, v: -30.0 * x - 0.6 * v  # noqa: E731
         name = f"run {seed}"
@@ -58,13 +58,14 @@ def test_an_event_comes_at_its_own_time_in_each_recording(
 
 def test_what_acts_for_a_while_is_told_with_its_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     only(monkeypatch, "offset_pulse", "offset_jump", "sensor_jump", "offset")
-    verdict = _pushed((5.0, 8.2, 99.0), lasting=1.6)
+    verdict = _pushed((5.0, 8.2, 2.0), lasting=(1.6, 2.4, 0.7))
     (finding,) = verdict.findings
     assert finding.effect == "offset_pulse_mass_force", verdict
     assert finding.belief == "sure"
     assert finding.parameters["amount"].value == pytest.approx(9.0, rel=0.02)
     assert finding.parameters["duration"].value == pytest.approx(1.6, abs=STEP)
-    assert "from 5 to 6.6 s of run 1, from 8.2 to 9.8 s of run 2, not in run 3" in finding.sentence
+    said = "from 5 to 6.6 s of run 1, from 8.2 to 10.6 s of run 2, from 2 to 2.7 s of run 3"
+    assert said in finding.sentence
     assert verdict.fit["extended"]["position"] < 1.5 * verdict.fit["noise_floor"]["position"]
 
 

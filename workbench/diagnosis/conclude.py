@@ -16,7 +16,7 @@ from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import explained, held_out_errors, over_floor
-from workbench.diagnosis.selection.moments import lasts, levels, moments
+from workbench.diagnosis.selection.moments import levels, moments
 from workbench.diagnosis.selection.rules import (
     IMPERFECT,
     LEAST_GAIN,
@@ -272,21 +272,19 @@ def _since(diagnosis: Diagnosis, effect: Effect) -> str:
     attached = next((e for e in model.effects if e.name == effect.name), None)
     if attached is None or not attached.about.moment or attached.about.period:
         return ""
-    elsewhere = moments(model, attached)
-    usual = model.parameter(f"{effect.name}.{effect.about.moment}").value
-    said, lasting = [], lasts(model, attached)
+    said = []
     for seen in (*prepared.fitting, *prepared.judging):
-        time = elsewhere.get(seen.name, usual)
-        end = seen.sample_time * (len(seen.outputs) - 2)
-        if time > end or time + lasting < 2.0 * seen.sample_time:
+        begin, end = moments(model, attached, seen.name)
+        last = seen.sample_time * (len(seen.outputs) - 2)
+        if begin > last or end < 2.0 * seen.sample_time:
             said.append(f"not in {seen.name}")
-        elif time + lasting < end:
-            (begin, over), unit = in_times([max(time, 0.0), time + lasting])
-            said.append(f"from {begin} to {over} {unit} of {seen.name}")
-        elif time < seen.sample_time:
+        elif end < last:
+            ends, unit = in_times([max(begin, 0.0), end])
+            said.append(f"from {' to '.join(ends)} {unit} of {seen.name}")
+        elif begin < seen.sample_time:
             said.append(f"throughout {seen.name}")
         else:
-            said.append(f"from {in_time(time)} of {seen.name} on")
+            said.append(f"from {in_time(begin)} of {seen.name} on")
     return ", ".join(said)
 
 

@@ -137,11 +137,11 @@ def passed(at: PortView) -> Expression:
     # What is sharper than samples show has no slope by its time.
     width = ca.sqrt(at.p.width**2 + at.p.floor**2)
 
-    def over(time: Expression) -> Expression:
-        return 0.5 + 0.5 * ca.tanh((at.x.clock - time) / width)
+    def over(clock: Expression, time: Expression) -> Expression:
+        return 0.5 + 0.5 * ca.tanh((clock - time) / width)
 
-    there = over(at.p.time)
-    return there - over(at.p.time + at.p.duration) if "duration" in at.p else there
+    ended = over(at.x.clock_of_end, at.p.time + at.p.duration) if "duration" in at.p else 0.0
+    return over(at.x.clock, at.p.time) - ended
 
 
 def when(at: Place) -> tuple[Own, ...]:
@@ -179,7 +179,7 @@ offset_jump = Law(
         State("clock", "s", at.duration or 6.0 * at.lasting, "time since the start",
               start_rms=1e-8 * at.lasting),
     ),
-    rates=lambda e: {"clock": 1.0 + 0.0 * e.x.clock},
+    rates=lambda e: {name: 1.0 + 0.0 * clock for name, clock in e.x.items()},
     shapes=lambda at: [{"time": k * at.lasting} for k in _FRACTIONS],
     moment="time",
     source="an event: something slipped, came loose or was switched",
@@ -206,6 +206,10 @@ def _for_a_while(jump: Law) -> Law:
         equation=jump.equation.replace("step(t - time)", "(0 < t - time < duration)"),
         where=lambda survey: jump.where(survey) if survey.episode else (),
         parameters=parameters,
+        # It may end earlier or later in one recording than in another.
+        states=lambda at: tuple(
+            replace(q, name=name) for q in jump.states(at) for name in (q.name, f"{q.name}_of_end")
+        ),
         shapes=lambda at: ({},),
         source="a door that stood open, a gust, a load that was put on and taken off",
         look_alikes=(jump.name,),

@@ -84,6 +84,6 @@ def test_events_that_came_together_are_moved_together() -> None:
     )
     alone = [with_own_moments([e], fit, plain, seen[:1], seen[1:])[0] for e in events]
     both = with_own_moments(events, fit, plain, seen[:1], seen[1:])
-    assert abs(moments(model, alone[0])["run 2"] - 8.0) > 1.0
+    assert abs(moments(model, alone[0], "run 2")[0] - 8.0) > 1.0
     for event in both:
-        assert moments(model, event)["run 2"] == pytest.approx(8.0, abs=STEP)
+        assert moments(model, event, "run 2")[0] == pytest.approx(8.0, abs=STEP)

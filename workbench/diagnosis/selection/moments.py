@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,13 @@ from scipy.optimize import minimize_scalar
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, disturbances
-from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, extended_start
+from workbench.diagnosis.estimation.priors import Prior
+from workbench.diagnosis.estimation.process_noise import (
+    LADDER,
+    ProcessNoiseFit,
+    extended_start,
+)
+from workbench.diagnosis.estimation.refit import refit
 from workbench.diagnosis.selection.delays import Delays
 from workbench.errors import NumericalError
 from workbench.model import Effect, Model, Parameter, State
@@ -26,6 +32,9 @@ _WIDTHS = 5.0
 
 _CLEARLY = 10.0
 """Log likelihood by which a recording must be likelier: more than so many tries give by chance."""
+
+_LOOSE = 30.0
+"""Process-noise scale of equations that are hardly trusted."""
 
 _DIFFERENT = 0.25
 """Standard deviation of levels over their root mean square from which on they differ: with less it
@@ -183,9 +192,9 @@ def with_own_moments(
     fit_on: Sequence[Observed],
     hold_out: Sequence[Observed],
 ) -> tuple[Effect, ...]:
-    """Return events with the time at which they came in each recording, where that is clear.
+    """Return events with the times at which they came, and ended, in each recording, where clear.
 
-    Their parameter is the time in the first fitting recording. In others the clocks start late or
+    Their parameters are those in the first fitting recording. In others the clocks start late or
     early: the events come at another time, are over before they begin, or do not come.
 
     Args:
@@ -201,9 +210,10 @@ def with_own_moments(
     if not all(map(is_event, effects)):
         return tuple(effects)
     names = [q.name for q in model.states]
-    clocks = {names.index(f"{e.name}.{_clock(e).name}"): _clock(e).initial for e in effects}
+    clocks = {e.name: [names.index(f"{e.name}.{q.name}") for q in _clocks(e)] for e in effects}
+    usual = {i: model.states[i].initial for own in clocks.values() for i in own}
     rms = disturbances(model, fit.noise_scale)
-    late = {}
+    late: dict[int, dict[str, float]] = {i: {} for i in usual}
     for observed in (*fit_on, *hold_out):
         begun = extended_start(observed, before, model)
         length = begun.sample_time * len(begun.outputs)
@@ -212,77 +222,142 @@ def with_own_moments(
         tried = np.linspace(-reach, reach, 2 * _MOMENTS + 1 if reach == length else _PHASES)
         span = None
         if not periods:
-            first, last, width = _span(model, effects)
-            span = first - width, last + width
+            soon, last, width = _span(model, effects)
+            span = soon - width, last + width
             # All that came before a recording, or comes after it, is the same to it.
             beyond = max(width, 2.0 * (tried[1] - tried[0]))
-            tried = tried[(first - tried < length + beyond) & (last - tried > -beyond)]
+            tried = tried[(soon - tried < length + beyond) & (last - tried > -beyond)]
             # Half of what one takes to come is moved within the same slope of the likelihood.
             tried = tried[:: max(1, math.floor(0.5 * width / _WIDTHS / (tried[1] - tried[0])))]
-        of = Delays(PredictionError(model, begun, (), rms), begun, clocks, span)
-        found = _likeliest(of, of.cost_from(begun.start[list(clocks)]), tried)
+        of = Delays(PredictionError(model, begun, (), rms), begun, usual, span)
+        start = begun.start.copy()
+        found = _likeliest(of, of.cost_from(start[list(usual)]), tried)
         if found is not None:
-            late[observed.name] = found
+            start[list(usual)] = [t + found for t in usual.values()]
+        for e in filter(_length, effects):
+            own = clocks[e.name]
+            start[own] = _with_own_end(fit, e, replace(begun, start=start), own)
+        for i, was in usual.items():
+            if start[i] != begun.start[i]:
+                late[i][observed.name] = float(start[i]) - was
     others = [r.name for r in (*fit_on[1:], *hold_out)]
-    return tuple(_moved(e, model, dict(late), fit_on[0].name, others) for e in effects)
+    first = fit_on[0].name
+    return tuple(
+        _moved(e, model, [late[i] for i in clocks[e.name]], first, others) for e in effects
+    )
+
+
+def _with_own_end(
+    fit: ProcessNoiseFit, effect: Effect, begun: Observed, clocks: Sequence[int]
+) -> Vector:
+    """Return how the clocks of what ends start in a recording, shape (2,), in s.
+
+    Args:
+        begun: The recording with starts for the fitted model.
+        clocks: Numbers of their states.
+    """
+    model, now = fit.model, begun.start[list(clocks)]
+    usual = np.array([q.initial for q in _clocks(effect)])
+    times, width = np.array(_times(model, effect)), _span(model, [effect])[2]
+    reach = begun.sample_time * len(begun.outputs)
+    shown = np.linspace(0.0, reach, _MOMENTS + 1)
+    # Where the equations are hardly trusted, each end shows by itself.
+    loose = PredictionError(model, begun, (), disturbances(model, _LOOSE))
+    start = begun.start.copy()
+    for k in (1, 0):
+        clock = clocks[k]
+        other = times[1 - k] - start[clocks[1 - k]]
+        tried = times[k] - usual[k] - (shown[shown > other] if k else shown[shown < other])
+        span = times[k] - usual[k] - width, times[k] - usual[k] + width
+        of = Delays(loose, replace(begun, start=start), {clock: usual[k]}, span)
+        found = _likeliest(of, of.cost_from(start[[clock]]), tried[::-1]) if len(tried) else None
+        if found is not None:
+            start[clock] = usual[k] + found
+    begin, end = times + usual - start[list(clocks)]
+    names = [f"{effect.name}.{name}" for name in (effect.about.moment, _length(effect))]
+    free = [Prior(name, 0.0, 10.0 * reach, -2.0 * reach, 2.0 * reach) for name in names]
+    start[list(clocks)] = usual
+    try:
+        own = refit(
+            model,
+            [replace(begun, start=start)],
+            priors=free,
+            stages=(_LOOSE, *(s for s in LADDER if fit.noise_scale <= s < _LOOSE)),
+            start=dict(zip(names, (begin, end - begin), strict=True)),
+        )
+        filter_ = PredictionError(model, begun, (), disturbances(model, fit.noise_scale))
+        before = filter_.run(begun, model.values).cost
+    except NumericalError:
+        return now
+    begin, lasting = (own.estimate(name).value for name in names)
+    found = lasting > 0.0 and own.cost < before - _CLEARLY
+    return times + usual - (begin, begin + lasting) if found else now
 
 
 def _span(model: Model, effects: Sequence[Effect]) -> tuple[float, float, float]:
     """Return when the first and the last of several events come, and how long one takes, in s."""
     times, widths = [], []
     for effect in effects:
-        for q in effect.parameters:
-            value = _own(model, effect, q.name).value
-            if q.name == effect.about.moment:
-                lasting = lasts(model, effect)
-                times += [
-                    value - _clock(effect).initial + t for t in (0.0, lasting) if t < math.inf
-                ]
-            elif q.unit == "s" and not q.fitted:
-                widths.append(value)
+        clock = _clocks(effect)[0].initial
+        times += [t - clock for t in _times(model, effect) if t < math.inf]
+        fixed = (q.name for q in effect.parameters if q.unit == "s" and not q.fitted)
+        widths += [_own(model, effect, name).value for name in fixed]
     return min(times), max(times), _WIDTHS * max(widths, default=0.0)
 
 
 def is_event(effect: Effect) -> bool:
-    """Whether an effect comes at a time, on a clock of its own."""
-    return bool(effect.about.moment) and sum(q.unit == "s" for q in effect.states) == 1
+    """Whether an effect comes at a time, on a clock of its own, or ends again on another one."""
+    return bool(effect.about.moment) and len(_clocks(effect)) == 1 + bool(_length(effect))
 
 
-def lasts(model: Model, effect: Effect) -> float:
-    """Return how long an event lasts, in s; infinite where it is for good."""
-    others = (q for q in effect.parameters if q.unit == "s" and q.fitted)
-    lengths = [_own(model, effect, q.name).value for q in others if q.name != effect.about.moment]
-    return min(lengths, default=math.inf)
+def _length(effect: Effect) -> str:
+    """Return the name of the parameter that is how long an event lasts; empty if it is for good."""
+    known = effect.about.moment, effect.about.period
+    own = (q.name for q in effect.parameters if q.unit == "s" and q.fitted)
+    return next((name for name in own if name not in known), "")
+
+
+def _times(model: Model, effect: Effect) -> tuple[float, float]:
+    """Return when an event begins and ends on its clocks, in s; it never ends at infinity."""
+    begin, length = _own(model, effect, effect.about.moment).value, _length(effect)
+    return begin, begin + (_own(model, effect, length).value if length else math.inf)
 
 
 def _own(model: Model, effect: Effect, name: str) -> Parameter:
     return model.parameter(f"{effect.name}.{name}")
 
 
-def _clock(effect: Effect) -> State:
-    return next(q for q in effect.states if q.unit == "s")
+def _clocks(effect: Effect) -> list[State]:
+    return [q for q in effect.states if q.unit == "s"]
 
 
 def _moved(
-    effect: Effect, model: Model, late: dict[str, float], first: str, others: Sequence[str]
+    effect: Effect,
+    model: Model,
+    late: Sequence[Mapping[str, float]],
+    first: str,
+    others: Sequence[str],
 ) -> Effect:
-    """Return an event whose clock starts late or early in some recordings, by a time in s."""
-    if not late:
+    """Return an event whose clocks start late or early in some recordings, by a time in s."""
+    if not any(late):
         return effect
-    clock = _clock(effect)
-    # Relative to the first recording, whose time is the parameter.
-    early = late.pop(first, 0.0)
-    moment = _own(model, effect, effect.about.moment)
-    time = float(np.clip(moment.value - early, moment.lower, moment.upper))
-    found = dict(clock.start_in) | {name: clock.initial + shift for name, shift in late.items()}
-    if early:
-        everywhere = dict.fromkeys(others, clock.initial) | found
-        found = {name: start - early for name, start in everywhere.items()}
-    states = tuple(
-        replace(q, start_in=tuple(sorted(found.items()))) if q is clock else q
-        for q in effect.states
-    )
-    return replace(effect, states=states).with_parameters({effect.about.moment: time})
+    # Relative to the first recording, whose times the parameters tell.
+    early = [found.get(first, 0.0) for found in late]
+    begin, end = _times(model, effect)
+    values = {effect.about.moment: begin - early[0]}
+    if length := _length(effect):
+        values[length] = end - early[1] - values[effect.about.moment]
+    states = {}
+    for clock, known, before in zip(_clocks(effect), late, early, strict=True):
+        starts = dict.fromkeys(others, clock.initial) if before else {}
+        starts |= dict(clock.start_in)
+        starts |= {name: clock.initial + t for name, t in known.items() if name != first}
+        starts = {name: start - before for name, start in starts.items()}
+        states[clock.name] = replace(clock, start_in=tuple(sorted(starts.items())))
+    bounds = {name: _own(model, effect, name) for name in values}
+    values = {k: float(np.clip(v, bounds[k].lower, bounds[k].upper)) for k, v in values.items()}
+    moved = replace(effect, states=tuple(states.get(q.name, q) for q in effect.states))
+    return moved.with_parameters(values)
 
 
 def levels(model: Model, effect: Effect) -> dict[str, float]:
@@ -295,12 +370,11 @@ def levels(model: Model, effect: Effect) -> dict[str, float]:
     return {name: subject + size * start for name, start in own.start_in}
 
 
-def moments(model: Model, effect: Effect) -> dict[str, float]:
-    """Return when an event came in recordings where that is not the time of its parameter, in s."""
-    if not effect.about.moment or effect.about.period:
-        return {}
-    time = _own(model, effect, effect.about.moment).value
-    return {name: time - start for q in effect.states for name, start in q.start_in}
+def moments(model: Model, effect: Effect, recording: str) -> tuple[float, float]:
+    """Return when an event begins and ends in a recording, in s; it never ends at infinity."""
+    starts = [dict(q.start_in).get(recording, q.initial) for q in _clocks(effect)]
+    begin, end = _times(model, effect)
+    return begin - starts[0], end - starts[-1]
 
 
 def _likeliest(of: Delays, now: float, tried: Vector) -> float | None:
