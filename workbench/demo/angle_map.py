@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -137,23 +138,27 @@ def _mode(linear: LinearModel) -> dict[str, float]:
 
 
 def _modes(modes: dict[str, dict[str, dict[str, float]]]) -> Table:
-    rows = []
-    for angle in ANGLES_DEG:
-        own = modes[f"{DRAWN_LOAD_KG} kg"][f"{angle} deg"]
-        pressures = " / ".join(number(own[f"pressure_{i}_bar"]) for i in (1, 2))
-        cells: list[Cell | str] = [f"{angle}", pressures]
-        for load in LOADS_KG:
-            mode = modes[f"{load} kg"][f"{angle} deg"]
-            frequency = judged(mode["frequency_Hz"], *BANDS_HZ[load])
-            damping = judged(mode["damping"], *BAND_DAMPING, digits=2)
-            met = frequency.mark == damping.mark == "met"
-            text = f"{frequency.text} Hz, ζ {damping.text}"
-            cells.append(Cell(text, "met" if met else "missed"))
-        rows.append(tuple(cells))
+    def of(load: int, angle: int) -> dict[str, float]:
+        return modes[f"{load} kg"][f"{angle} deg"]
+
+    def swing(load: int, angle: int) -> Cell:
+        frequency = judged(of(load, angle)["frequency_Hz"], *BANDS_HZ[load])
+        damping = judged(of(load, angle)["damping"], *BAND_DAMPING, digits=2)
+        met = frequency.mark == damping.mark == "met"
+        return Cell(f"{frequency.text} Hz, ζ {damping.text}", "met" if met else "missed")
+
+    def pressures(angle: int) -> str:
+        own = of(DRAWN_LOAD_KG, angle)
+        return " / ".join(number(own[f"pressure_{i}_bar"]) for i in (1, 2))
+
     bands = ", ".join(f"{low:g} … {high:g} Hz ({kg} kg)" for kg, (low, high) in BANDS_HZ.items())
-    return Table(
+    return Table.of(
         "Swing of the arm",
-        ("angle in °", "muscle 1 / 2 in bar", *modes),
-        tuple(rows),
+        ANGLES_DEG,
+        {
+            "angle in °": str,
+            "muscle 1 / 2 in bar": pressures,
+            **{f"{load} kg": partial(swing, load) for load in LOADS_KG},
+        },
         f"Must lie in {bands}; damping ratio ζ in {BAND_DAMPING[0]:g} … {BAND_DAMPING[1]:g}.",
     )

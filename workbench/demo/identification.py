@@ -46,11 +46,35 @@ def identification_part() -> Part:
     """
     law = PaperLaw()
     alone = isometric_experiment(law)
-    fit = _fit(alone)
-    pressed = _fit(isometric_experiment_on_arm(arm()))
-    found, on_arm, phi = _numbers(fit, law), _numbers(pressed, law), _phi(fit, law)
+    fit, pressed = _fit(alone), _fit(isometric_experiment_on_arm(arm()))
+    found, on_arm = _numbers(fit, law), _numbers(pressed, law)
+    phi = {
+        f"{q:g} mm": _beside(fit.law.phi(1e-3 * q), *fit.phi_interval(1e-3 * q), law.phi(1e-3 * q))
+        for q in PHI_AT_MM
+    }
+    section = Section(
+        "identification",
+        "Static identification experiment",
+        (
+            words("identification"),
+            _lines(alone, fit),
+            _coefficients(fit, found, on_arm),
+            Table(
+                "φ(q), the part of the force that does not depend on pressure",
+                ("q in mm", "true, N", "identified, N", f"{100 * CONFIDENCE:g} % interval, N"),
+                tuple((q.removesuffix(" mm"), *_within(own, 4)) for q, own in phi.items()),
+            ),
+            method("identification", values={"fit": fit, "confidence": 100 * CONFIDENCE}),
+            Commands(
+                (
+                    'python -c "from workbench.demo.identification import identification_part; '
+                    'print(identification_part().results)"',
+                )
+            ),
+        ),
+    )
     return Part(
-        _section(alone, fit, _coefficients(fit, found, on_arm), _phi_table(phi)),
+        section,
         {
             "one muscle": found,
             "muscle 2 pressing the arm on its stop": on_arm,
@@ -77,54 +101,24 @@ def _numbers(fit: StaticForceFit, law: PaperLaw) -> Numbers:
     }
 
 
-def _phi(fit: StaticForceFit, law: PaperLaw) -> Numbers:
-    return {
-        f"{q:g} mm": _beside(fit.law.phi(1e-3 * q), *fit.phi_interval(1e-3 * q), law.phi(1e-3 * q))
-        for q in PHI_AT_MM
-    }
-
-
 def _beside(*values: npt.ArrayLike) -> dict[str, float]:
     names = ("identified", "low", "high", "true")
     return {name: float(np.asarray(v)) for name, v in zip(names, values, strict=True)}
 
 
-def _section(
-    record: IsometricRecord, fit: StaticForceFit, coefficients: Table, phi: Table
-) -> Section:
-    own = [record.ramp == ramp for ramp in DRAWN]
-    contractions = np.array([np.median(record.contraction[rows]) for rows in own])
-    figure = force_lines(
-        contractions,
-        [record.pressure[rows] for rows in own],
-        [record.force[rows] for rows in own],
-        [
-            np.asarray(fit.law.force(q, record.pressure[rows]))
-            for q, rows in zip(contractions, own, strict=True)
-        ],
+def _lines(record: IsometricRecord, fit: StaticForceFit) -> Picture:
+    rows = [record.ramp == ramp for ramp in DRAWN]
+    contractions = [float(np.median(record.contraction[own])) for own in rows]
+    pressures, forces = (
+        [values[own] for own in rows] for values in (record.pressure, record.force)
     )
-    return Section(
-        "identification",
-        "Static identification experiment",
-        (
-            words("identification"),
-            Picture(
-                "force-lines",
-                figure,
-                "Force over pressure at constant contractions: measurements as dots, the "
-                "identified law as lines.",
-                "a family of straight force lines, steeper for the longer muscle",
-            ),
-            coefficients,
-            phi,
-            method("identification", values={"fit": fit, "confidence": 100 * CONFIDENCE}),
-            Commands(
-                (
-                    'python -c "from workbench.demo.identification import identification_part; '
-                    'print(identification_part().results)"',
-                )
-            ),
-        ),
+    laws = [fit.law.force(q, p) for q, p in zip(contractions, pressures, strict=True)]
+    return Picture(
+        "force-lines",
+        force_lines(contractions, pressures, forces, laws),
+        "Force over pressure at constant contractions: measurements as dots, the identified law as"
+        " lines.",
+        "a family of straight force lines, steeper for the longer muscle",
     )
 
 
@@ -151,14 +145,6 @@ def _coefficients(fit: StaticForceFit, found: Numbers, on_arm: Numbers) -> Table
         ),
         "Met: the interval holds the true number. The powers of φ depend on each other strongly; "
         "the next table compares φ itself.",
-    )
-
-
-def _phi_table(phi: Numbers) -> Table:
-    return Table(
-        "φ(q), the part of the force that does not depend on pressure",
-        ("q in mm", "true, N", "identified, N", f"{100 * CONFIDENCE:g} % interval, N"),
-        tuple((q.removesuffix(" mm"), *_within(found, 4)) for q, found in phi.items()),
     )
 
 
