@@ -2,12 +2,14 @@
 
 After a step a creeping signal is 1 - share of its final value at once and creeps to it, with two
 time constants: a standard linear solid. A Maxwell element is a spring in series with a damper: it
-resists what is quick as a spring does and lets go of what is slow.
+resists what is quick as a spring does and lets go of what is slow. Eddy currents beside a coil
+hold its flux: its current follows a step of the voltage more quickly at first.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from workbench.model import PortView, State
 from workbench.model.regularisation import Expression
@@ -18,13 +20,13 @@ from workbench.physics.place import EFFORTS, Place, Survey, per
 def _late(at: PortView) -> Expression:
     slow = at.p.slow_part
     late = (1.0 - slow) * (at.value - at.x.fast) + slow * (at.value - at.x.slow)
-    return at.value - at.p.share * late
+    return at.p.share * late
 
 
 creep = Law(
     "creep",
     "y = u - share [(1 - s)(u - m1) + s (u - m2)], dm/dt = (u - m) / tau",
-    first_of(twins("muscle_force"), each(*EFFORTS)),
+    first_of(twins("muscle_force"), each("force", "acceleration")),
     lambda at: (
         size("share", "1", 0.02, 1.0, "part that arrives late", signed=True),
         shape("slow_part", "1", 0.5, "part of the share with the slow time constant",
@@ -32,7 +34,7 @@ creep = Law(
         shape("time_constant", "s", at.horizon, "fast time constant"),
         shape("slow_time_constant", "s", 30.0 * at.horizon, "slow time constant", refined=True),
     ),
-    _late,
+    lambda at: at.value - _late(at),
     states=lambda at: tuple(
         State(kind, at.unit, at.scale, f"{kind} memory of {at.name}") for kind in ("fast", "slow")
     ),
@@ -49,6 +51,25 @@ creep = Law(
     look_alikes=("maxwell_slip_hysteresis", "chamber_leakage", "sensor_drift"),
     separated_by="hold valve and angle for a minute after a step of pressure",
 )  # fmt: skip
+
+
+# A coil of L beside a turn of R', L' and mutual inductance M: share = M^2 / (L L' - M^2), of one
+# time constant, L' / R' / (1 + share).
+eddy_currents = replace(
+    creep,
+    name="eddy_currents",
+    equation="y = u + share [(1 - s)(u - m1) + s (u - m2)], dm/dt = (u - m) / tau",
+    where=each("circuit", only=lambda at: at.whole),
+    parameters=lambda at: (
+        size("share", "1", 0.05, 5.0, "part by which the current rises more quickly at first"),
+        *creep.parameters(at)[1:],
+    ),
+    transform=lambda at: at.value + _late(at),
+    usual=False,
+    source="M. Faraday 1832: what a coil induces in iron, shields and sheets beside it",
+    look_alikes=("saturating_inductance", "slow_response"),
+    separated_by="steps of the voltage that are held for ten time constants",
+)
 
 
 def _element(at: Place) -> tuple[Own, ...]:

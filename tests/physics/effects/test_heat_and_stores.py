@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -70,6 +71,26 @@ def test_a_saturated_core_lets_the_current_rise_faster() -> None:
     for current in (0.0, 0.5, -0.5):
         ratio = model.rates([current, 1.0], [9.0])[0] / circuit().rates([current, 1.0], [9.0])[0]
         assert ratio == pytest.approx(1.0 + 2.0 * current**2)
+
+
+def test_eddy_currents_let_a_coil_follow_more_quickly_at_first() -> None:
+    # A turn of 3 ohm and 0.3 H beside it that takes a fifth of its flux.
+    part, lag = 0.2, 0.3 / 3.0
+    share = {"slow_part": 0.0, "time_constant": lag * (1.0 - part)}
+    law = offered(circuit(), "eddy_currents")
+    model = circuit().with_effect(law.at_size(part / (1.0 - part), share))
+    assert "creep" not in {e.law for e in library(circuit())}
+    trace, rest = model.exact, np.zeros(len(model.states))
+    a, b = (
+        np.asarray(trace.function("slopes", ca.jacobian(trace.rates, by))(rest, [0], model.values))
+        for by in (trace.x, trace.u)
+    )
+    for w in (0.1 / lag, 1.0 / lag, 10.0 / lag):
+        current = np.linalg.solve(1j * w * np.eye(len(a)) - a, b)[0, 0]
+        p = {q.name: q.value for q in model.parameters}
+        coil = 1j * w * p["inductance"] * (1.0 - part * 1j * w * lag / (1.0 + 1j * w * lag))
+        rest_of_it = p["resistance"] + 1.0 / (1j * w * p["capacitance"])
+        assert current == pytest.approx(1.0 / (coil + rest_of_it), rel=1e-9)
 
 
 @pytest.mark.parametrize("growth", [0.01, -0.01, 5.0, -5.0])
