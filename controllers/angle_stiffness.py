@@ -187,7 +187,7 @@ class AngleStiffness(ClosedForm):
         mean = mean + fresh * (filtered - mean)
         # Both references of pressures inside the limits: the mean gives way, not the difference.
         low, high = self.pressure_limits
-        size = arithmetic.clip(half, 0.0, 1e12) - arithmetic.clip(half, -1e12, 0.0)
+        size = arithmetic.largest(half, -half)
         kept = arithmetic.clip(mean, low + size, high - size)
         share = self.sample_time / (self.pressure_filter + self.sample_time)
         p1 = p1 + share * (measurement[1] - p1)
@@ -197,9 +197,7 @@ class AngleStiffness(ClosedForm):
             self._opening(reference - p, p, measurement[0], side, arithmetic)
             for reference, p, side in ((aim + half, p1, 1.0), (aim - half, p2, -1.0))
         ]
-        sizes = [arithmetic.clip(o, 0.0, 1e12) - arithmetic.clip(o, -1e12, 0.0) for o in openings]
-        largest = sizes[0] + arithmetic.clip(sizes[1] - sizes[0], 0.0, 1e12)
-        reduction = arithmetic.clip(largest, 1.0, 1e12)
+        reduction = arithmetic.largest(1.0, *(end for o in openings for end in (o, -o)))
         openings = [o / reduction for o in openings]
         commands = tuple(self.outer.valve.command(o, arithmetic) for o in openings)
         following = AngleStiffnessState(outer, p1, p2, filtered, mean)

@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from controllers.guard import unguarded
 from controllers.joint.model import OPENING
 from controllers.linear_law import linear_law
 from controllers.protocol import Controller
 from controllers.valve_inverse import ValveInverse
-from workbench.arrays import Matrix, Vector
+from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import check_choice
 from workbench.linearisation.state_space import linear_model
 from workbench.linearisation.transfer import transfer_function
@@ -71,7 +70,7 @@ def frequencies(points: int = 300) -> Matrix:
 
 def gain_of(
     loop_parts: LoopMatrices, angle: Matrix, sensor: int | None, command: int = 0
-) -> tuple[npt.NDArray[np.complex128], bool]:
+) -> tuple[Complex, bool]:
     """Return the gain of a loop opened at one sensor, or at a command (None), all others closed.
 
     Frequencies are in rad per sample.
@@ -111,9 +110,7 @@ def gain_of(
     return -transfer_function(a, b, c, nothing, np.exp(1j * angle))[:, 0, 0], stable
 
 
-def sensitivities_of(
-    loop_parts: LoopMatrices, angle: Matrix
-) -> tuple[npt.NDArray[np.complex128], npt.NDArray[np.complex128]]:
+def sensitivities_of(loop_parts: LoopMatrices, angle: Matrix) -> tuple[Complex, Complex]:
     """Return the sensitivities of a stable loop opened at all sensors, and at all commands.
 
     Frequencies have shape (n,), in rad per sample; the ratios shape (n, n_sensors, n_sensors) and

@@ -21,10 +21,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
 from controllers.joint.model import JointModel, joint_model
+from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class JointSchedule:
     mean_high: float
 
     @property
-    def angles(self) -> npt.NDArray[np.float64]:
+    def angles(self) -> Vector:
         """Angles of the grid, shape (n,), in rad."""
         steps = np.arange(len(self.low[0]), dtype=float)
         return np.asarray(self.first_angle + self.spacing * steps, dtype=float)
@@ -156,9 +156,7 @@ def joint_schedule(found: OperatingMap) -> JointSchedule:
     )
 
 
-def _filled(
-    theta: npt.NDArray[np.float64], table: npt.NDArray[np.float64], mean: float
-) -> tuple[tuple[float, ...], ...]:
+def _filled(theta: Vector, table: Vector, mean: float) -> tuple[tuple[float, ...], ...]:
     known = np.flatnonzero(np.isfinite(table[0]))
     if len(known) < 2:
         raise WorkbenchError(

@@ -11,13 +11,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from controllers.c_source import CSource, table
 from controllers.c_source import defined as macro
 from controllers.quadratic_program.compiled import solver_bytes, solver_source
 from controllers.quadratic_program.solver import most_iterations
 from controllers.valve_inverse import ValveInverse
+from workbench.arrays import Matrix
 
 REPORTS = (
     "slack: largest pressure out of its limits over the horizon, Pa; NaN with a fallback",
@@ -36,7 +36,7 @@ def mpc_source(
     size: tuple[int, int],
     factor: bool,
     defined: Mapping[str, float | int | str],
-    tables: Mapping[str, npt.NDArray[np.float64]],
+    tables: Mapping[str, Matrix],
     states: tuple[str, ...],
     generated: str = "",
     work: int,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from workbench.arrays import Vector
+from workbench.arrays import Complex, Vector
 from workbench.display import Drawn, Rows
 from workbench.errors import TIMES_S, check_choice, check_range
 from workbench.linearisation.modes import Mode, find_modes
@@ -122,7 +122,7 @@ class LinearModel(Drawn):
         return ct.frequency_response(self.system)
 
     @property
-    def poles(self) -> npt.NDArray[np.complex128]:
+    def poles(self) -> Complex:
         """Poles, shape (n_states,), in rad/s."""
         return poles_of(self.A)
 

@@ -19,6 +19,7 @@ from workbench.model import Model, Output, Parameter, Quantity, Scope
 from workbench.model.trace import Equations
 from workbench.model.units import from_si, in_time, of_difference, rate_unit, with_unit
 from workbench.operating_point import Derivatives, OperatingPoint
+from workbench.simulation.integrators import Method
 from workbench.simulation.stepper import Stepper
 
 _AT_ONCE = 1e-7
@@ -276,12 +277,10 @@ class Comparison:
         except NumericalError:
             return self._run("rosenbrock", held)
 
-    def _run(self, method: str, held: Vector) -> Vector:
+    def _run(self, method: Method, held: Vector) -> Vector:
         op = self.model.operating_point
         if method not in self.steppers:
-            self.steppers[method] = Stepper(
-                self.held_plant, self.sample_time, 1e-7, "erk" if method == "erk" else "rosenbrock"
-            )
+            self.steppers[method] = Stepper(self.held_plant, self.sample_time, 1e-7, method)
         stepper = self.steppers[method]
         x, read = op.x, []
         for start in range(0, len(held), BLOCK):

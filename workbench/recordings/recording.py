@@ -9,7 +9,7 @@ from typing import Literal, overload
 import numpy as np
 import numpy.typing as npt
 
-from workbench.arrays import Vector
+from workbench.arrays import Matrix, Vector
 from workbench.display import Drawn, Rows, aligned_table
 from workbench.errors import WorkbenchError, check_choice
 from workbench.model.units import from_si, in_time, same_dimension
@@ -258,7 +258,7 @@ class Recording(Drawn):
     def __contains__(self, name: object) -> bool:
         return name in self.names
 
-    def matrix(self, names: Iterable[str]) -> npt.NDArray[np.float64]:
+    def matrix(self, names: Iterable[str]) -> Matrix:
         """Return signals side by side, shape (n, number of names), in SI."""
         columns = [self[name] for name in names]
         return np.column_stack(columns) if columns else np.zeros((len(self.time), 0))

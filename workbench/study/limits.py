@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from workbench.checked_json import TableShape, number, optional, text
@@ -89,7 +89,7 @@ class Distances:
 
     asked: bool = False
     steps: tuple[StepDistance, ...] = ()
-    worst: tuple[Distance, ...] = field(default=())
+    worst: tuple[Distance, ...] = ()
     limits: tuple[tuple[str, Move, Value], ...] = ()
 
     def of(self, controller: str, scenario: str, case: str = "") -> Distance | None:

@@ -380,7 +380,7 @@ def _actuators(
 
 def _references(
     controller: Controller, scenario: Scenario, warm: int, n: int
-) -> tuple[list[tuple[float, ...]], Mapping[str, np.ndarray[Any, Any]]]:
+) -> tuple[list[tuple[float, ...]], Mapping[str, Vector]]:
     """Return the reference row of every sample, and the trajectory of each controlled output."""
     preview = int(check_range("preview", controller.preview, 0, 1e5, "samples"))
     h = scenario.sample_time

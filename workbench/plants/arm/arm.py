@@ -46,7 +46,6 @@ from workbench.plants.arm.muscle import (
 from workbench.plants.arm.opening import ONE_VALVE, TWO_VALVES
 from workbench.plants.arm.servovalve import (
     COMMAND,
-    STATES,
     ValveFlows,
     metered_flows,
     spool_position,
@@ -358,7 +357,7 @@ def two_valve_arm(
         load_kg, plane=plane, supply_bar=supply_bar, silencers=silencers, line_volumes=line_volumes
     )
     assert isinstance(base.equations, ArmEquations)
-    spools = tuple(replace(q, name=f"{q.name}_{i}") for i in (1, 2) for q in STATES)
+    spools = tuple(replace(q, name=f"{q.name}_{i}") for i in (1, 2) for q in VALVE_STATES)
     commands = tuple(
         replace(
             COMMAND,
@@ -371,7 +370,7 @@ def two_valve_arm(
         base,
         name="two-valve arm",
         equations=_Plant(replace(base.equations, valves=two_valves)),
-        states=(*spools, *base.states[len(STATES) :]),
+        states=(*spools, *base.states[len(VALVE_STATES) :]),
         inputs=commands,
         outputs=(*base.outputs, MEAN_PRESSURE),
         traits=TWO_VALVES,

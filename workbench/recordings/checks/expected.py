@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
 from workbench.model.sizes import horizon
 from workbench.recordings.recording import Recording
@@ -56,16 +56,16 @@ class Expected:
     unstable: bool = False
 
 
-Point = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
+Point = tuple[Vector, Vector]
 
 
-def _at_start(model: Model, point: Point | None = None) -> tuple[npt.NDArray[np.float64], ...]:
+def _at_start(model: Model, point: Point | None = None) -> tuple[Vector, ...]:
     """Return A, B, C and D of a model at its start, or at other states and inputs, in SI."""
     x, u = point or (model.initial_state(), model.nominal_input)
     return tuple(np.asarray(m) for m in model.exact.jacobian_function(x, u, model.values))
 
 
-def _read_states(C: npt.NDArray[np.float64]) -> dict[int, int]:
+def _read_states(C: Vector) -> dict[int, int]:
     """Return which state an output reads as it is, by the indices of both."""
     return {i: int(np.flatnonzero(row)[0]) for i, row in enumerate(C) if np.count_nonzero(row) == 1}
 
@@ -129,9 +129,7 @@ def response_signs(model: Model, point: Point | None = None) -> dict[tuple[str, 
     return signs | {pair: int(np.sign(slope)) for pair, slope in acceleration_slopes(model).items()}
 
 
-def _pulse(
-    A: npt.NDArray[np.float64], b: npt.NDArray[np.float64], C: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
+def _pulse(A: Vector, b: Vector, C: Vector) -> Vector:
     """Return C exp(A t) b at times from a thousandth of the fastest on, shape (n_times, n).
 
     It ends after three time constants of an unstable mode; without finite slopes it is zero.

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
 from workbench.recordings.columns import Columns, Thinner, titles
 from workbench.recordings.formats.format import Format, ReadOptions
@@ -374,7 +374,7 @@ class _Tally:
         self.unreadable[column] = (count + 1, example or f"{cell[:30]!r} in line {self.line}")
 
 
-def _fast(lines: Sequence[str], layout: Layout) -> npt.NDArray[np.float64] | None:
+def _fast(lines: Sequence[str], layout: Layout) -> Vector | None:
     """Read a block in which every cell is a number; None if one is not."""
     if layout.decimal == ",":
         lines = [line.replace(",", ".") for line in lines]
@@ -402,7 +402,7 @@ def _cell(cell: str, column: int, layout: Layout, tally: _Tally) -> float:
     return math.nan
 
 
-def _slow(lines: Sequence[str], layout: Layout, tally: _Tally) -> npt.NDArray[np.float64]:
+def _slow(lines: Sequence[str], layout: Layout, tally: _Tally) -> Vector:
     """Read a block cell by cell, noting what is no number."""
     rows = []
     for line in lines:
@@ -534,7 +534,7 @@ def _read_rows(
     return _lift_scalars(found, tally.unreadable)
 
 
-def _count_from_the_first(values: npt.NDArray[np.float64], stamps: Sequence[Instant]) -> None:
+def _count_from_the_first(values: Vector, stamps: Sequence[Instant]) -> None:
     """Let instants begin at zero: a date and a time of day beside it are one, in both columns."""
     dates = [k for k, (day, clock) in enumerate(stamps) if day is not None and clock is None]
     clocks = [k for k, (day, clock) in enumerate(stamps) if day is None and clock is not None]

@@ -9,6 +9,7 @@ Source: MathWorks, MAT-File Format, level 5 (R2023b), chapter 1.
 
 from __future__ import annotations
 
+import math
 import struct
 import zlib
 from collections.abc import Iterator
@@ -104,9 +105,7 @@ def _array(body: memoryview, order: str, depth: int) -> tuple[str, Any]:
     if not len(flags) or not 2 <= len(shape) <= 32 or (shape < 0).any():
         raise ValueError(f"array {name!r} has no shape")
     kind = int(flags[0]) & 0xFF
-    count = 1
-    for n in shape.tolist():
-        count *= int(n)
+    count = math.prod(shape.tolist())
     if kind in _NUMERIC_CLASSES:
         values = parts.numbers()
         if len(values) != count:
