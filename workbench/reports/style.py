@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
 from zlib import crc32
+
+import numpy.typing as npt
 
 from workbench.errors import check_range
 
@@ -219,6 +221,27 @@ def label(axes: Axes, *, x: str | None = None, y: str | None = None) -> None:
         if isinstance(axes.yaxis.get_major_formatter(), ScalarFormatter):
             axes.yaxis.set_major_formatter(Powers(useOffset=False))
         axes.set_ylabel(_broken(y, axes), fontsize=FONT_POINTS, color=INK.light)
+
+
+def bars(
+    axes: Axes,
+    places: npt.ArrayLike,
+    lengths: npt.ArrayLike,
+    texts: Sequence[str],
+    shade: Colour,
+    *,
+    height: float,
+    name: str,
+) -> None:
+    """Draw bars that lie, with a text behind each.
+
+    Args:
+        places: Where they lie, shape (n,), in units of the axis.
+        lengths: Their lengths, shape (n,), in units of the other axis.
+        height: Height of one, in units of the axis.
+    """
+    drawn = axes.barh(places, lengths, height, color=shade.light, label=name)
+    axes.bar_label(drawn, texts, padding=4, fontsize=FONT_POINTS - 1, color=INK.light)
 
 
 def time_ticks(axes: Axes) -> str:

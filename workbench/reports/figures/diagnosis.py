@@ -19,12 +19,11 @@ from workbench.model.units import from_si, of_difference, readable, readably, wr
 from workbench.reports.style import (
     BAND,
     FAINT,
-    FONT_POINTS,
     FURTHER,
-    INK,
     MEASURED,
     REFERENCE,
     SIMULATED,
+    bars,
     key,
     label,
     named_line,
@@ -347,21 +346,13 @@ def diagnosis_location(
     groups = sorted(before, key=before.__getitem__)
     figure, (axes,) = new_figure([0.35 + 0.42 * len(groups)])
     place = np.arange(len(groups), dtype=float)
-    bars = [("refitted", before, BEFORE, 0.19 if after else 0.0)]
-    if after:
-        bars.append(("extended", after, AFTER, -0.19))
-    for name, values, colour, shift in bars:
-        lengths = [max(values.get(group, 0.0), 0.0) for group in groups]
-        axes.barh(place + shift, lengths, 0.36 if after else 0.55, color=colour.light, label=name)
-        for y, length in zip(place + shift, lengths, strict=True):
-            axes.text(
-                max(length, 0.3) * 1.12,
-                y,
-                f"{length:.0f}",
-                va="center",
-                fontsize=FONT_POINTS - 1,
-                color=INK.light,
-            )
+    height, shift = (0.36, 0.19) if after else (0.55, 0.0)
+    models = (("refitted", before, BEFORE, shift), ("extended", after, AFTER, -shift))
+    for name, values, colour, up in models:
+        if values:
+            lengths = [max(values.get(group, 0.0), 0.0) for group in groups]
+            texts = [f"{length:.0f}" for length in lengths]
+            bars(axes, place + up, lengths, texts, colour, height=height, name=name)
     axes.set_xscale("symlog", linthresh=10.0)
     axes.set_xlim(0.0, 8.0 * max(10.0, *before.values()))
     axes.set_yticks(place, [group.replace("_", " ") for group in groups])

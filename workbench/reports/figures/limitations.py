@@ -263,26 +263,24 @@ def _cell(value: float, limit: float, text: str = "", reason: str = "") -> Cell:
 
 def reached_table(result: StudyResult) -> Table:
     """Return how many requirements and wished ratios every controller meets on all plants."""
-    cases = evidence(result)
-    rows: list[Row] = []
-    for controller in result.study.controllers:
-        if not result.study.selection(controller).judged:
-            continue
-        cells: list[Cell | str] = []
-        for e in cases:
-            own = e.judgements(controller)
-            by_demand: dict[int, bool] = {}
-            for j in own:
-                by_demand[id(j.demand)] = by_demand.get(id(j.demand), True) and j.met
-            met = list(by_demand.values())
-            if e.steps and not math.isnan(e.limit(e.steps[0])):
-                kinds = e.judged(controller)
-                met += [e.ratio(controller, kinds, s).value <= e.want.ratio for s in e.steps]
-            text = f"{sum(met)} of {len(met)}"
-            cells.append(_cell(not all(met), 0, text) if own else Cell("–", reason="not run"))
-        rows.append((controller, *cells))
-    head = ("controller", *(e.case.name for e in cases))
-    return Table("Requirements met and wished ratios reached in all variations", head, tuple(rows))
+
+    def met(e: Evidence, controller: str) -> Cell:
+        by_demand: dict[int, bool] = {}
+        for j in e.judgements(controller):
+            by_demand[id(j.demand)] = by_demand.get(id(j.demand), True) and j.met
+        if not by_demand:
+            return Cell("–", reason="not run")
+        found = list(by_demand.values())
+        if e.steps and not math.isnan(e.limit(e.steps[0])):
+            kinds = e.judged(controller)
+            found += [e.ratio(controller, kinds, s).value <= e.want.ratio for s in e.steps]
+        return _cell(not all(found), 0, f"{sum(found)} of {len(found)}")
+
+    return Table.of(
+        "Requirements met and wished ratios reached in all variations",
+        [c for c in result.study.controllers if result.study.selection(c).judged],
+        {"controller": str, **{e.case.name: partial(met, e) for e in evidence(result)}},
+    )
 
 
 def _table(

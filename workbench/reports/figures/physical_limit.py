@@ -6,15 +6,16 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from workbench.reports.figure import Figure
 from workbench.reports.figures.study_traces import output_of, shades_of, value_text
 from workbench.reports.page import Block, Words, methods
 from workbench.reports.pictures import Picture
 from workbench.reports.style import (
-    FONT_POINTS,
-    INK,
     REFERENCE,
     Colour,
+    bars,
     key,
     label,
     new_figure,
@@ -35,38 +36,19 @@ def _draw_ratios(
     ratios: Mapping[str, Mapping[str, float]], shades: Mapping[str, Colour]
 ) -> Drawing:
     """Draw settling over the limit as a bar per controller and step, the limit at 1."""
-    names = list(shades)
-    rows = len(ratios) * (len(names) + 0.8)
-    figure, (axes,) = new_figure([0.3 + 0.22 * rows])
-    ticks = []
-    for group, own in enumerate(ratios.values()):
-        top = group * (len(names) + 0.8)
-        ticks.append(top + 0.5 * (len(names) - 1))
-        for row, name in enumerate(names):
-            value = own.get(name, math.nan)
-            text = "not settled" if math.isnan(value) else f"{value:.1f}"
-            length = 0.0 if math.isnan(value) else value
-            axes.barh(
-                top + row,
-                length,
-                height=0.85,
-                color=shades[name].light,
-                label=name if group == 0 else None,
-            )
-            axes.annotate(
-                text,
-                (length, top + row),
-                xytext=(4, 0),
-                textcoords="offset points",
-                va="center",
-                fontsize=FONT_POINTS - 1,
-                color=INK.light,
-            )
+    pitch = len(shades) + 0.8
+    tops = pitch * np.arange(len(ratios))
+    figure, (axes,) = new_figure([0.3 + 0.22 * pitch * len(ratios)])
+    longest = 1.0
+    for row, (name, shade) in enumerate(shades.items()):
+        values = np.array([own.get(name, math.nan) for own in ratios.values()])
+        texts = ["not settled" if math.isnan(value) else f"{value:.1f}" for value in values]
+        bars(axes, tops + row, np.nan_to_num(values), texts, shade, height=0.85, name=name)
+        longest = max(longest, float(np.nanmax(values, initial=1.0)))
     axes.axvline(1.0, color=REFERENCE.light, linewidth=1.2, linestyle="--", label="physical limit")
-    known = [own[n] for own in ratios.values() for n in names if own.get(n, math.nan) >= 0.0]
-    axes.set_xlim(0.0, 1.18 * max([1.0, *known]))
-    axes.set_ylim(rows - 0.8, -0.8)
-    axes.set_yticks(ticks, list(ratios))
+    axes.set_xlim(0.0, 1.18 * longest)
+    axes.set_ylim(pitch * len(ratios) - 0.8, -0.8)
+    axes.set_yticks(tops + 0.5 * (len(shades) - 1), list(ratios))
     axes.grid(False, axis="y")
     label(axes, x="settling time over the physical limit")
     key(axes, columns=3)
@@ -156,16 +138,10 @@ def _steps(result: StudyResult) -> Table:
     rows: list[tuple[Cell | str, ...]] = []
     for (scenario, begin, move), own in groups.items():
         limit = next(iter(own.values())).limit
-        row: list[Cell | str] = [
-            scenario,
-            _step_text(result, move),
-            f"{begin:g} s",
-            Cell(number(limit.value, unit="s"), "", limit.reason)
-            if not math.isnan(limit.value)
-            else Cell("none", "", limit.reason),
-        ]
-        row += [_cell(own.get(name)) for name in study.controllers]
-        rows.append(tuple(row))
+        least = "none" if math.isnan(limit.value) else number(limit.value, unit="s")
+        where = (scenario, _step_text(result, move), f"{begin:g} s")
+        cells = (_cell(own.get(name)) for name in study.controllers)
+        rows.append((*where, Cell(least, "", limit.reason), *cells))
     return Table(
         "Settling time of each step on the nominal plant, and how many times the limit it is",
         ("scenario", "step", "at", "physical limit", *study.controllers),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -96,21 +97,16 @@ def _draw(result: StudyResult) -> list[Block]:
     )
     demands = dict.fromkeys(p.requirement for r in result.robustness for p in r.probabilities)
     by = {r.controller: {p.requirement: p for p in r.probabilities} for r in result.robustness}
-    rows: list[tuple[Cell | str, ...]] = []
-    for text in demands:
-        row: list[Cell | str] = [demand_text(text)]
-        for own in by.values():
-            p = own.get(text)
-            if p is None:
-                row.append("–")
-                continue
-            share = f"{100 * p.share:.0f} %"
-            row.append(Cell(share, "", f"{100 * p.low:.0f} to {100 * p.high:.0f} %"))
-        rows.append(tuple(row))
-    chances = Table(
+
+    def chance(controller: str, text: str) -> Cell | str:
+        if (p := by[controller].get(text)) is None:
+            return "–"
+        return Cell(f"{100 * p.share:.0f} %", "", f"{100 * p.low:.0f} to {100 * p.high:.0f} %")
+
+    chances = Table.of(
         "Probability of meeting each requirement over the box",
-        ("requirement", *by),
-        tuple(rows),
+        demands,
+        {"requirement": demand_text, **{name: partial(chance, name) for name in by}},
         "Beside each number: its 95 % interval.",
     )
     drawn = {r.controller: (r.scores, r.drawn) for r in result.robustness}

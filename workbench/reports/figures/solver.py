@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from workbench.reports.figure import Figure
@@ -11,6 +13,8 @@ from workbench.reports.pictures import Picture
 from workbench.reports.style import REFERENCE, key, label, new_figure
 from workbench.reports.tables import Table, number
 from workbench.study.result import StudyResult
+from workbench.study.study import NOMINAL
+from workbench.study.tasks import Record
 
 
 def _times(result: StudyResult, scenario: str, part: Part) -> Picture:
@@ -48,33 +52,28 @@ def _draw(result: StudyResult) -> list[Block]:
     if not runs:
         return []
     pictures = [_times(result, scenario, part) for part in parts(result.study, runs)]
-    rows = []
-    for record in result.records:
-        metrics = record.metrics
-        if metrics is None or "fallbacks" not in metrics or record.variation != "nominal":
-            continue
-        status = record.traces.get("statuses", {})
-        rows.append(
-            (
-                record.controller,
-                record.scenario,
-                number(1e3 * metrics["solve_time_median"].value, unit="ms"),
-                number(1e3 * metrics["solve_time_p99"].value, unit="ms"),
-                str(int(metrics["deadline_misses"].value)),
-                str(int(metrics["fallbacks"].value)),
-                breakable(", ".join(f"{count} x {word}" for word, count in status.items())) or "–",
-            )
-        )
-    head = (
-        "controller",
-        "scenario",
-        "solve, median",
-        "solve, 99th percentile",
-        "deadline misses",
-        "fallbacks",
-        "status",
+
+    def value(record: Record, metric: str) -> float:
+        return record.metrics[metric].value if record.metrics else math.nan
+
+    def status(record: Record) -> str:
+        counts = record.traces.get("statuses", {}).items()
+        return breakable(", ".join(f"{count} x {word}" for word, count in counts)) or "–"
+
+    ended = Table.of(
+        "How the solver ended, nominal plant",
+        [r for r in result.records if "fallbacks" in (r.metrics or ()) and r.variation == NOMINAL],
+        {
+            "controller": lambda r: r.controller,
+            "scenario": lambda r: r.scenario,
+            "solve, median": lambda r: number(1e3 * value(r, "solve_time_median"), unit="ms"),
+            "solve, 99th percentile": lambda r: number(1e3 * value(r, "solve_time_p99"), unit="ms"),
+            "deadline misses": lambda r: str(int(value(r, "deadline_misses"))),
+            "fallbacks": lambda r: str(int(value(r, "fallbacks"))),
+            "status": status,
+        },
     )
-    return [*pictures, Table("How the solver ended, nominal plant", head, tuple(rows))]
+    return [*pictures, ended]
 
 
 SOLVER = Figure("solver", _draw, title="Optimisation at every sample", order=30, folded=True)
