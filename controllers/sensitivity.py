@@ -192,11 +192,15 @@ def loops_at(
         check_choice("output of the linear model", name, linear.output_names)
     valve = getattr(unguarded(controller), "valve", None)
     if isinstance(valve, ValveInverse) and OPENING in linear.input_names:
-        columns, gain = [linear.input_names.index(OPENING)], valve.gain_at_rest
+        columns, gain = [linear.input_names.index(OPENING)], np.array([valve.gain_at_rest])
     else:
         for name in controller.actuators:
             check_choice("input of the linear model", name, linear.input_names)
-        columns, gain = [linear.input_names.index(name) for name in controller.actuators], 1.0
+        columns = [linear.input_names.index(name) for name in controller.actuators]
+        # Elsewhere than at rest the inverse of a curve is as steep as the curve is not.
+        curves = getattr(unguarded(controller), "curves", None) or [None] * len(columns)
+        pairs = zip(curves, linear.u0[columns].tolist(), strict=True)
+        gain = np.array([1.0 if c is None else c.steepness(u) for c, u in pairs])
     rows = [linear.output_names.index(name) for name in controller.sensors]
     size = linear.state_scales
     A, B = linear.A * size / size[:, None], gain * linear.B[:, columns] / size[:, None]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
+from itertools import chain, pairwise
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
 from controllers.design import Design
@@ -49,6 +49,7 @@ class ValveInverse:
         voltages: Increasing distances from the centre, in V, starting at 0.
         fractions: Increasing openings, as fractions of the full conductance, starting at 0.
         centre: Voltage at which the valve is shut, in V.
+        below: The same two tables of distances below the centre, in V; by default alike.
 
     Raises:
         WorkbenchError: If the two tables do not match or do not increase from 0.
@@ -65,13 +66,14 @@ class ValveInverse:
     voltages: tuple[float, ...] = MPYE_VOLTAGE
     fractions: tuple[float, ...] = MPYE_FRACTION
     centre: float = 5.0
+    below: tuple[tuple[float, ...], tuple[float, ...]] | None = None
 
     def __post_init__(self) -> None:
-        check_finite("valve curve", (*self.voltages, *self.fractions, self.centre))
-        same = len(self.voltages) == len(self.fractions) >= 2
+        check_finite("valve curve", (*chain(*self.sides[0], *self.sides[1]), self.centre))
+        same = all(len(voltages) == len(fractions) >= 2 for voltages, fractions in self.sides)
         if not same or not all(
             table[0] == 0.0 and all(a < b for a, b in pairwise(table))
-            for table in (self.voltages, self.fractions)
+            for table in (*self.sides[0], *self.sides[1])
         ):
             raise WorkbenchError(
                 f"a valve curve has {len(self.voltages)} voltages and {len(self.fractions)}"
@@ -80,22 +82,45 @@ class ValveInverse:
             )
 
     @property
+    def sides(self) -> tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]:
+        """Tables of voltages and fractions above the centre and below it."""
+        above = self.voltages, self.fractions
+        return above, self.below or above
+
+    def scaled(self, full: float) -> ValveInverse:
+        """Return the curve whose fractions are those of so many."""
+        above, below = ((by, tuple(one / full for one in to)) for by, to in self.sides)
+        return ValveInverse(*above, self.centre, below)
+
+    @property
     def full_stroke(self) -> float:
         """Distance from the centre at which the valve is fully open, in V."""
         return self.voltages[-1]
 
     @property
     def gain_at_rest(self) -> float:
-        """Slope of the curve at the centre, in fractions of the full opening per V."""
-        return self.fractions[1] / self.voltages[1]
+        """Slope of the curve at the centre, in fractions of the full opening per V: the mean."""
+        return 0.5 * sum(fractions[1] / voltages[1] for voltages, fractions in self.sides)
 
     def command(self, opening: Number, arithmetic: Arithmetic = FLOATS) -> Number:
         """Return the voltage, in V, that gives a signed opening; beyond -1..1 the full voltage."""
-        return self.centre + arithmetic.table(opening, self.fractions, self.voltages)
+        if self.below is None:
+            return self.centre + arithmetic.table(opening, self.fractions, self.voltages)
+        up, down = (arithmetic.largest(sign * opening, 0.0) for sign in (1.0, -1.0))
+        above = arithmetic.table(up, self.fractions, self.voltages)
+        return self.centre + above - arithmetic.table(down, *self.below[::-1])
 
-    def opening(self, command: float) -> float:
+    def opening(self, command: Number, arithmetic: Arithmetic = FLOATS) -> Number:
         """Return the signed opening, a fraction, that a voltage in V gives."""
-        return float(FLOATS.table(command - self.centre, self.voltages, self.fractions))
+        away, (above, below) = command - self.centre, self.sides
+        if self.below is None:
+            return arithmetic.table(away, *above)
+        up, down = (arithmetic.largest(sign * away, 0.0) for sign in (1.0, -1.0))
+        return arithmetic.table(up, *above) - arithmetic.table(down, *below)
+
+    def straight(self, command: Number, arithmetic: Arithmetic = FLOATS) -> Number:
+        """Return the centre and the opening beyond it, of a curve whose openings are in V."""
+        return self.centre + self.opening(command, arithmetic)
 
     def linear_command(self, command: float) -> float:
         """Return the voltage, in V, at which the tangent at rest gives the opening of a command.
@@ -103,6 +128,12 @@ class ValveInverse:
         It may leave the plant's range.
         """
         return float(self.tangent(self.opening(command)))
+
+    def steepness(self, command: float) -> float:
+        """Return the slope of the voltage by that of the tangent at rest, at a voltage in V."""
+        opening, by = self.opening(command), 1e-6 * min(own[1] for _, own in self.sides)
+        ends = [self.command(opening + sign * by) for sign in (1.0, -1.0)]
+        return float((ends[0] - ends[1]) * self.gain_at_rest / (2.0 * by))
 
     def tangent(self, opening: Number) -> Number:
         """Return the voltage, in V, at which the tangent at rest gives an opening."""

@@ -54,13 +54,14 @@ def mpc_source(
     """
     n, m = size
     limit = most_iterations(n, m)
-    # Curves of as many points: the last one again where one has fewer.
-    most = max(len(own.fractions) for own in curves)
+    # Curves of as many points, above and below: the last one again where one has fewer.
+    sides = [side for own in curves for side in own.sides]
+    most = max(len(points) for points, _ in sides)
     curve = {
         key: np.array([(*points, *points[-1:] * (most - len(points))) for points in values])
         for key, values in (
-            ("FRACTION", [own.fractions for own in curves]),
-            ("VOLTAGE", [own.voltages for own in curves]),
+            ("FRACTION", [fractions for _, fractions in sides]),
+            ("VOLTAGE", [voltages for voltages, _ in sides]),
         )
     } | {"VALVE_CENTRE": np.array([own.centre for own in curves])}
     numbers = {

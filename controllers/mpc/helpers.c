@@ -17,8 +17,9 @@ static double clipped(double value, double lower, double upper) {
 
 /* The voltage that gives an opening, by straight lines between the points of a valve's curve. */
 static double voltage_of(int valve, double opening) {
-  const double *fraction = FRACTION + valve * (VALVE_LAST + 1);
-  const double *voltage = VOLTAGE + valve * (VALVE_LAST + 1);
+  const int side = 2 * valve + (opening < 0.0);
+  const double *fraction = FRACTION + side * (VALVE_LAST + 1);
+  const double *voltage = VOLTAGE + side * (VALVE_LAST + 1);
   const double size = opening < 0.0 ? -opening : opening;
   double distance = voltage[VALVE_LAST];
   int i = 1;

@@ -130,7 +130,8 @@ class ReadingSpecification(LoopSpecification):
 
     def loop(self, linear: Any) -> Loop:
         """Return the loop to control."""
-        return loop_of(linear, self.measured, self.actuator, self.also_measured)
+        also = self.also_measured
+        return loop_of(linear, self.measured, self.actuator, also, self.sample_time)
 
     def designed(
         self,
@@ -721,6 +722,8 @@ class LoopLimits:
             rest_output=(0.0,) * self.sensors,
             lower=tuple((LEFT * (loop.lower - loop.rest_command)).tolist()),
             upper=tuple((LEFT * (loop.upper - loop.rest_command)).tolist()),
+            curves=(),
+            fading=(),
             pace=(),
             brake=(),
         )
@@ -757,15 +760,15 @@ class LoopLimits:
         start = paced.initial_state(tuple(rest[:, 0].tolist()))
         state = type(start)(*(np.tile(part[:, None], count) for part in start))
         x, left = np.zeros((len(A), count)), np.arange(count)
+        full = np.array([[1.0 / curve.gain_at_rest] for curve in law.curves])
         outputs = np.zeros((MOST_SOLVED, self.outputs, count))
         for k in range(MOST_SOLVED):
             y = C @ x
             outputs[k][:, left] = y[: self.outputs]
             paced = replace(law, pace=tuple(paces[:, left]))
-            told, state = paced.stepped(state, rest + y, asked[:, left])
-            command = np.array([own[0] for own in told]).T - loop.rest_command[:, None]
+            _, state = paced.stepped(state, rest + y, asked[:, left])
             low, high = (end[:, None] + slopes @ x for end, slopes in self._moving)
-            x = A @ x + B @ np.clip(command, low, high)
+            x = A @ x + B @ np.clip(full * state.opening, low, high)
             if k % SOLVED_AT == SOLVED_AT - 1:
                 late = outputs[k + 1 - SOLVED_AT : k + 1, i] / step
                 on = np.any(np.abs(late[:, left] - 1.0) >= SETTLED, axis=0)

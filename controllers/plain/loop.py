@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -19,8 +19,10 @@ from controllers.law import ClosedForm, Kernel
 from controllers.linear_law import LinearLaw
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.specification import Checked, number
+from controllers.valve_inverse import ValveInverse
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
+from workbench.linearisation.command_curve import command_curves
 from workbench.linearisation.transfer import transfer_function
 
 if TYPE_CHECKING:
@@ -39,6 +41,8 @@ class Loop(NamedTuple):
         noise: Noise rms of the measurements, with that of their conversion, of outputs that are
             read beside the followed ones too.
         slew: Fastest changes of the commands, per s.
+        curves: What bends each command, centred at rest, or None.
+        fading: What a lag before each curve leaves of it after a sample, a ratio.
         read: The same model to all outputs that are read, the followed ones first; None if no
             others are.
     """
@@ -54,6 +58,8 @@ class Loop(NamedTuple):
     command_scale: Vector
     noise: Vector
     slew: Vector
+    curves: tuple[ValveInverse | None, ...]
+    fading: tuple[float, ...]
     read: LinearModel | None = None
 
     @property
@@ -102,6 +108,8 @@ class Loop(NamedTuple):
             "lower": lower,
             "upper": upper,
             "slew": slew,
+            "curves": self.curves if any(self.curves) else (),
+            "fading": self.fading if any(self.curves) else (),
         }
 
 
@@ -126,6 +134,7 @@ def loop_of(
     measured: str | Sequence[str] = (),
     actuators: str | Sequence[str] = (),
     also: str | Sequence[str] = (),
+    sample_time: float = 0.0,
 ) -> Loop:
     """Read followed outputs and commands off a linear model or a python-control system.
 
@@ -134,6 +143,8 @@ def loop_of(
 
     Args:
         also: Names of outputs that are read and not followed.
+        sample_time: Time between steps of a law that sends its commands through the inverses of
+            their curves, in s; 0 for one that does not.
 
     Raises:
         WorkbenchError: If there is no input, no output or no such signal, an output answers a
@@ -201,11 +212,18 @@ def loop_of(
             np.array([getattr(inputs[n], end) for n in acting], dtype=float)
             for end in ("lower", "upper", "scale", "slew")
         )
+    curves, fading = _curves(whole, acting, sample_time)
+    for k, (curve, left) in enumerate(zip(curves, fading, strict=True)):
+        if curve is not None and not left:
+            # Behind its inverse a command is what does as much by the slope at rest.
+            lower[k], upper[k] = map(curve.straight, (-math.inf, math.inf))
     # What rests near an end has little room to one side, and all the more to the other.
     half = 0.5 * (upper - lower)
     if linear.ends is not None:
         # A clipped loop within is filled by less.
-        half = np.minimum(half, 0.5 * (linear.ends[1, :, 0] - linear.ends[0, :, 0]))
+        ends = 0.5 * (linear.ends[1, :, 0] - linear.ends[0, :, 0])
+        bent = [curve is not None and not left for curve, left in zip(curves, fading, strict=True)]
+        half = np.where(bent, half, np.minimum(half, ends))
     return Loop(
         linear,
         followed,
@@ -218,8 +236,38 @@ def loop_of(
         np.where(half < math.inf, half, scale),
         np.array(noise),
         slew,
+        curves,
+        fading,
         read if others else None,
     )
+
+
+def _curves(
+    whole: LinearModel, acting: Sequence[str], sample_time: float
+) -> tuple[tuple[ValveInverse | None, ...], tuple[float, ...]]:
+    """Return the inverse of each command's curve, if any, and what a lag leaves after a sample.
+
+    A lag that is over within a sample or two counts as none.
+    """
+    found: list[tuple[ValveInverse | None, float]] = [(None, 0.0)] * len(acting)
+    if whole.inverse is None and sample_time:
+        inputs = [q.name for q in whole.operating_point.model.inputs]
+        each = command_curves(whole.operating_point)
+        for k, name in enumerate(acting):
+            curve, column = each[inputs.index(name)], whole.input_names.index(name)
+            if curve is None or (whole.ends is not None and np.any(whole.ends[:, column, 1:])):
+                continue
+            left = math.exp(-sample_time * curve.rate)
+            if left < OVER or curve.lags == 1:
+                below, above = curve.sides
+                inverse = ValveInverse(*above, float(whole.u0[column]), below)
+                found[k] = inverse, left if left >= OVER else 0.0
+    curves, fading = zip(*found, strict=True)
+    return curves, fading
+
+
+OVER = 0.6
+"""What a lag leaves after a sample of which the rest is left out, a ratio."""
 
 
 def spare_outputs(plant: Any, loop: Loop) -> tuple[str, ...]:
@@ -411,7 +459,7 @@ class LoopSpecification(Checked):
 
     def loop(self, linear: Any) -> Loop:
         """Return the loop to control."""
-        return loop_of(linear, self.measured, self.actuator)
+        return loop_of(linear, self.measured, self.actuator, (), self.sample_time)
 
 
 def paced(away: Number, moved: Number, pace: float, brake: float, a: Arithmetic) -> Number:
@@ -439,6 +487,11 @@ class PlainLaw(ClosedForm):
 
     Args:
         slew: Fastest changes of the commands, in SI per s.
+        curves: What bends each command, or None: it is reckoned with as what does as much by the
+            slope at rest, and so are its ends unless a lag stands before the curve; none by
+            default.
+        fading: What that lag leaves after a sample, a ratio, 0 for none. Through it a change w of
+            the command's state moves to a w + (1 - a) v, and what makes the curve do so is sent.
         pace: Largest changes of the references that are followed, in SI of the outputs per sample.
         brake: Largest changes of these changes from one sample to the next, in SI of the outputs.
     """
@@ -452,6 +505,8 @@ class PlainLaw(ClosedForm):
     lower: tuple[float, ...]
     upper: tuple[float, ...]
     slew: tuple[float, ...] = ()
+    curves: tuple[ValveInverse | None, ...] = ()
+    fading: tuple[float, ...] = ()
     pace: tuple[float, ...] = ()
     brake: tuple[float, ...] = ()
     preview: int = 0
@@ -493,15 +548,52 @@ class PlainLaw(ClosedForm):
         return now, (*now, *moved)
 
     def applied(self, before: Numbers | None, asked: Numbers, a: Arithmetic) -> Numbers:
-        """Return commands between their ends, from those of the sample before, in SI."""
-        ends = zip(self.lower, self.upper, strict=True)
-        within = tuple(a.clip(u, *end) for u, end in zip(asked, ends, strict=True))
+        """Return commands between their ends, from what is kept of the sample before, in SI."""
+        ends = list(zip(self.lower, self.upper, strict=True))
         if before is None:
-            return within
-        h = self.sample_time
+            return tuple(a.clip(u, *end) for u, end in zip(asked, ends, strict=True))
+        h, found = self.sample_time, []
+        slews = self.slew or (math.inf,) * len(asked)
+        for k, (b, u, end, slew) in enumerate(zip(before, asked, ends, slews, strict=True)):
+            if self._lagging(k):
+                sent = self._through(k, b, u, a)
+                ended = a.clip(sent, *end)
+                found.append(a.where(ended == sent, u, self._back(k, b, ended, a)))
+            else:
+                within = a.clip(u, *end)
+                found.append(
+                    b + a.clip(within - b, -h * slew, h * slew) if slew < math.inf else within
+                )
+        return tuple(found)
+
+    def _lagging(self, k: int) -> bool:
+        return bool(self.fading) and self.fading[k] > 0.0
+
+    def _through(self, k: int, before: Number, command: Number, a: Arithmetic) -> Number:
+        """Return what is sent so that what lags moves as by a command along a straight line."""
+        curve, left = cast(ValveInverse, self.curves[k]), self.fading[k]
+        after = left * before + (1.0 - left) * command
+        now, then = (curve.command(v - curve.centre, a) for v in (before, after))
+        return now + (then - now) / (1.0 - left)
+
+    def _back(self, k: int, before: Number, sent: Number, a: Arithmetic) -> Number:
+        """Return the command along a straight line by which what lags moves as by what is sent."""
+        curve, left = cast(ValveInverse, self.curves[k]), self.fading[k]
+        now = curve.command(before - curve.centre, a)
+        after = curve.straight(now + (1.0 - left) * (sent - now), a)
+        return before + (after - before) / (1.0 - left)
+
+    def sent(self, before: Numbers | None, commands: Numbers, a: Arithmetic) -> Numbers:
+        """Return what of commands is sent, in SI, through the inverses of their curves."""
+        if not self.curves:
+            return commands
         return tuple(
-            b + a.clip(u - b, -h * slew, h * slew) if slew < math.inf else u
-            for b, u, slew in zip(before, within, self.slew, strict=True)
+            u
+            if curve is None
+            else self._through(k, cast(Numbers, before)[k], u, a)
+            if self._lagging(k)
+            else curve.command(u - curve.centre, a)
+            for k, (u, curve) in enumerate(zip(commands, self.curves, strict=True))
         )
 
     def resting(self, references: Numbers) -> Numbers | None:
@@ -510,9 +602,14 @@ class PlainLaw(ClosedForm):
         ended = bool(limits) and min(limits) < math.inf
         return (*references, *(0.0 for _ in references)) if ended else None
 
-    def kept(self, commands: Numbers) -> Numbers | None:
+    def kept(self, before: Numbers | None, commands: Numbers) -> Numbers | None:
         """Return what of commands, in SI, the next sample needs."""
-        return commands if self.slew and min(self.slew) < math.inf else None
+        if not (self.slew and min(self.slew) < math.inf) and not any(self.fading):
+            return None
+        if before is None or not any(self.fading):
+            return commands
+        rows = zip(self.fading, before, commands, strict=True)
+        return tuple(left * b + (1.0 - left) * u if left else u for left, b, u in rows)
 
     def told(self, asked: Numbers) -> Told:
         """Tell the commands before their ends, in SI."""
@@ -532,5 +629,6 @@ class PlainLaw(ClosedForm):
         return tuple(told[f"asked.{name}"] for name in self.actuators)
 
     def linear_command(self, command: Command) -> Command:
-        """Return the command unchanged."""
-        return command
+        """Return what does as much by the slopes at rest."""
+        pairs = zip(command, self.curves or (None,) * len(command), strict=True)
+        return tuple(u if c is None else c.straight(u) for u, c in pairs)

@@ -145,11 +145,11 @@ def _within(want: PlainMPCSpecification, limits: LoopLimits) -> LinearMPC:
 
 
 def _straight(loop: Loop) -> tuple[ValveInverse, ...]:
-    """Return a straight line for each command, fully open at its farther end, and to both sides."""
-    far = np.maximum(*_rooms(loop))
+    """Return the curve of each command, or a straight line, fully open at its farther end."""
+    full, rest = np.maximum(*_rooms(loop)).tolist(), loop.rest_command.tolist()
     return tuple(
-        ValveInverse((0.0, full), (0.0, 1.0), rest)
-        for full, rest in zip(far.tolist(), loop.rest_command.tolist(), strict=True)
+        ValveInverse((0.0, far), (0.0, 1.0), at) if curve is None or left else curve.scaled(far)
+        for far, at, curve, left in zip(full, rest, loop.curves, loop.fading, strict=True)
     )
 
 

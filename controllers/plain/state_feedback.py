@@ -47,6 +47,7 @@ from controllers.plain.loop import (
     LoopSpecification,
     PlainLaw,
     listed,
+    loop_of,
     speeds,
 )
 from controllers.plain.pairing import zeros
@@ -128,7 +129,7 @@ class ObserverLaw(PlainLaw):
         """Return the state of a plant that the commands at rest hold where it is measured."""
         y = self.deviations(measurement)[: len(self.controlled)]
         x, q = product(self.target, y), product(self.start, y)
-        return ObservedState(x, q, y, y, self.resting(y), self.kept(self.rest))
+        return ObservedState(x, q, y, y, self.resting(y), self.kept(None, self.rest))
 
     def law(
         self, state: ObservedState, measurement: Numbers, reference: Numbers, arithmetic: Arithmetic
@@ -167,8 +168,10 @@ class ObserverLaw(PlainLaw):
         summed = tuple(a + b for a, b in zip(q, change, strict=True))
         move = tuple(u - rest for u, rest in zip(command, self.rest, strict=True))
         predicted = product(self.G, move, product(self.F, x))
-        following = ObservedState(predicted, summed, filtered, r, paced, self.kept(command))
-        return command, following, {**self.told(asked), **told}
+        kept = self.kept(state.commands, command)
+        following = ObservedState(predicted, summed, filtered, r, paced, kept)
+        sent = self.sent(state.commands, command, arithmetic)
+        return sent, following, {**self.told(asked), **told}
 
     def around_rest(self) -> LinearLaw:
         own = (self.F, self.G, self.C, self.M, self.gain, self.integral_gain, self.reference_gain)
@@ -437,7 +440,7 @@ def state_feedback_by_hand(
         ((9.0, 4.0),)
     """
     want = specification or ObserverSpecification()
-    loop = want.loop(linear)
+    loop = loop_of(linear, want.measured, want.actuator, want.also_measured)
     K, Kq = (np.atleast_2d(np.asarray(given, dtype=float)) for given in (gain, integral_gain))
     states, shape = loop.linear.state_names, (len(loop.actuators), len(loop.measured))
     if K.shape != (shape[0], len(states)):
@@ -546,21 +549,31 @@ def _sliding(
 
 
 def _surface(A: Matrix, B: Matrix, poles: list[float], size: Vector, actuator: str) -> Matrix:
-    """Return S with S B = 1 such that the model has these poles on S x = 0."""
+    """Return S with S B = 1 such that the model has these poles on S x = 0.
+
+    Where B is along the first axis and A an upper Hessenberg matrix, that is the last axis times
+    (A - p) for each pole p: its powers need not be formed.
+
+    Source: Ackermann and Utkin, 1998; Petkov, Christov and Konstantinov, Computational Methods for
+    Linear Control Systems, 1991 (Hessenberg form).
+    """
+    from scipy.linalg import hessenberg
+
     n = len(A)
-    a, b = A * size / size[:, None], B / size[:, None]
-    reached = np.hstack([np.linalg.matrix_power(a, k) @ b for k in range(n)])
-    size_of = np.linalg.norm(reached, axis=0)
-    if np.any(size_of == 0.0) or np.linalg.cond(reached / size_of) > 1e13:
+    a, b = A * size / size[:, None], B[:, 0] / size
+    first = np.linalg.qr(np.column_stack([b, np.eye(n)]))[0]
+    a, turned = hessenberg(first.T @ a @ first, calc_q=True)
+    steps = np.abs(np.diag(a, -1))
+    if not np.any(b) or np.any(steps <= 1e-14 * np.abs(a).max()):
         raise WorkbenchError(
             f"{actuator} does not reach all states of the linear model with the integral of the"
             " error; leave the others out of the model, or take a PID"
         )
-    # Last row of the inverse, on columns of equal size.
-    row = np.linalg.solve((reached / size_of).T, np.eye(n)[-1]) / size_of[-1]
+    row = np.eye(n)[-1]
     for pole in poles:
         row = row @ (a - pole * np.eye(n))
-    row = row / size
+        row = row / np.abs(row).max()
+    row = row @ (first @ turned).T / size
     return np.asarray(row / float((row @ B)[0]))
 
 

@@ -138,7 +138,7 @@ class TransferLaw(PlainLaw):
     def initial_state(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> TransferState:
         """Return the state of a loop at rest where it is measured."""
         y = self.deviations(measurement)[: len(self.controlled)]
-        return TransferState(product(self.at_rest, y), self.resting(y), self.kept(self.rest))
+        return TransferState(product(self.at_rest, y), self.resting(y), self.kept(None, self.rest))
 
     def law(
         self, state: TransferState, measurement: Numbers, reference: Numbers, arithmetic: Arithmetic
@@ -156,7 +156,9 @@ class TransferLaw(PlainLaw):
         left = product(self.by_output, y)
         entering = tuple(a - b for a, b in zip(entering, left, strict=True))
         states = product(self.A, state.states, entering)
-        return command, TransferState(states, paced, self.kept(command)), self.told(asked)
+        sent = self.sent(state.commands, command, arithmetic)
+        kept = self.kept(state.commands, command)
+        return sent, TransferState(states, paced, kept), self.told(asked)
 
     def around_rest(self) -> LinearLaw:
         by_output, by_reference, Dy, Dr = (
@@ -526,7 +528,7 @@ def _within(linear: LinearModel, want: PlainPIDSpecification, limits: LoopLimits
         # What belongs to no output rests, and what nothing depends on is not read.
         taken = tuple(u for u, moves in zip(loop.actuators, moved, strict=True) if moves)
         also = tuple(y for y, used in zip(loop.sensors, read, strict=True) if used)
-        loop = loop_of(linear, loop.measured, taken, also)
+        loop = loop_of(linear, loop.measured, taken, also, want.sample_time)
         mix, gains = mix[moved][:, read], gains[read]
         limits = LoopLimits(loop, want)
     cascade = "PID cascade" if len(gains) > limits.outputs else "PID"
@@ -853,6 +855,8 @@ def _pair(loop: Loop, mix: Matrix, i: int) -> Loop:
         np.array([1.0 / np.abs(mix[:, i] / loop.command_scale).max()]),
         loop.noise[[i]],
         endless,
+        (None,),
+        (0.0,),
     )
 
 
