@@ -156,9 +156,6 @@ def conclude_early(diagnosis: Diagnosis, step: str, *, after: float | None = Non
         kind = "named_class" if any(len(f.alike) > 1 for f in findings) else "named"
     names = ", ".join(f.effect.replace("_", " ") for f in findings if f.effect) or "nothing"
     ended = "Interrupted" if after is None else f"Ended after {after:g} s"
-    first, *more = step.split(", ")
-    if len(more) > _MOST_SAID:
-        step = f"{first} and {len(more)} more"
     return Verdict(
         kind,
         f"{ended} while {step}; found until then: {names}{_most_at(diagnosis)}; not"

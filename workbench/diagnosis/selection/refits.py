@@ -58,6 +58,9 @@ _CONTENDS = 0.3
 """Gain of a first refit over the best one, up to which more trust makes no rival of it, where both
 trust the equations as much."""
 
+_SAID = 4
+"""How many of those that are refitted are told by name."""
+
 _BY_SCORE = 4
 """How many of them are there for their score, whatever they gain in a first short refit."""
 
@@ -152,7 +155,9 @@ def refit_candidates(
         begun = [raced[i] for i in order[:_FIELD]]
         lost = [raced[i] for i in order[_FIELD:]]
     if progress and field:
-        progress("refitting with " + ", ".join(s.entry.name for s in field))
+        names = [s.entry.name for s in field]
+        first, more = ", ".join(names[:_SAID]), len(names) - _SAID
+        progress(f"refitting with {first}{f' and {more} more' if more > 0 else ''}")
     first = _first_refits(
         base, field, given, prior, fit_on, _HEADS[1], _NEAR, begun, jobs, thorough
     )
