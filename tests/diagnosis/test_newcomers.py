@@ -390,8 +390,11 @@ def test_iron_that_saturates_is_a_parameter_that_changes_with_the_current(
     assert finding.parameters["amount"].value < 0.0
 
 
-def test_a_curve_that_is_an_s_is_refitted_to_its_shape(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A core that holds its inductance up to some current and has lost most of it at twice that."""
+@pytest.mark.parametrize("width", [1.2, 0.3])
+def test_a_curve_that_is_an_s_is_refitted_to_its_shape(
+    monkeypatch: pytest.MonkeyPatch, width: float
+) -> None:
+    """A core that holds its inductance up to some current and loses most of it soon after."""
     only(monkeypatch, "parameter_curve")
     runs = []
     for seed in (1, 2):
@@ -400,7 +403,7 @@ def test_a_curve_that_is_an_s_is_refitted_to_its_shape(monkeypatch: pytest.Monke
         for v in volts:
             read.append(current + noise.normal(0.0, 0.01))
             for _ in range(20):
-                henry = 0.02 + 0.08 / (1.0 + np.exp((current - 5.0) / 1.2))
+                henry = 0.02 + 0.08 / (1.0 + np.exp((current - 5.0) / width))
                 current += 5e-4 * (v - current) / henry
         signals = Signal("v", volts, "V", role="command"), Signal("i", read, "A")
         runs.append(Recording(f"run {seed}", 0.01 * np.arange(800), signals))
@@ -533,7 +536,7 @@ def test_a_curve_over_what_it_multiplies_is_that_of_a_plain_sum() -> None:
     bent = car().with_effect(curve.at_size(-2e4).with_parameters({"bend": np.pi / 2}))
     slip, rate, steering, speed = 0.02, 0.3, 0.05, 25.0
     angle = steering - slip - 1.2 * rate / speed
-    change = -2e4 * (angle / 0.1) ** 2
+    change = -2e4 * ((angle / 0.1) ** 2 - 1.0)
     front = 7e4 * np.exp(change / 7e4) * angle
     rear = 8e4 * (-slip + 1.5 * rate / speed)
     _, lateral = np.asarray(

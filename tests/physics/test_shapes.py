@@ -81,7 +81,7 @@ def test_a_parameter_that_is_never_negative_falls_towards_zero(lower: float) -> 
     iron = choke.with_effect(curve.at_size(-0.4, {"bend": 0.5 * math.pi}))
     currents = np.array([0.0, 2.5, 4.0, 10.0])
     found = [5.0 / float(iron.rates([i], [5.0 + i])[0]) for i in currents]
-    change = -0.4 * (currents / 10) ** 2
+    change = -0.4 * ((currents / 10) ** 2 - 1.0)
     exact = 0.1 * np.exp(change / 0.1) if lower == 0.0 else 0.1 + change
     np.testing.assert_allclose(found, exact, rtol=1e-9)
 

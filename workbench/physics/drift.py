@@ -498,10 +498,9 @@ def _bent(at: PortView) -> Expression:
 
 
 def _curve(p: Names, own: Expression, over: Expression) -> Expression:
-    along = (over - p.middle) / p.reach
-    within = ca.fmax(ca.fmin(along, 1.0), -1.0)
-    detail = (within**2 - 1.0) * (p.cubic * within + p.quartic * within**2)
-    change = p.amount * (ca.cos(p.bend) * along + ca.sin(p.bend) * along**2 + detail)
+    steep = p.steepness + 1e-6
+    along = ca.tanh(steep * ((over - p.middle) / p.reach - p.place)) / ca.tanh(steep)
+    change = p.amount * (ca.cos(p.bend) * along + ca.sin(p.bend) * (along**2 - 1.0))
     # What is never negative falls and grows by factors.
     grown = own * ca.exp(ca.fmin(change / (own + 1e-300), _MOST_GROWN))
     return ca.if_else(p.one_sided > 0.5, grown, own + change)
@@ -563,22 +562,24 @@ turbulent_flow = Law(
 parameter_curve = Law(
     "parameter_curve",
     "parameter + c, or parameter exp(c / parameter) where it is never negative,"
-    " c = amount (cos(bend) z + sin(bend) z^2 + (cubic z + quartic z^2) (z^2 - 1)),"
-    " z = (signal - middle) / reach",
+    " c = amount (cos(bend) z + sin(bend) (z^2 - 1)), z = tanh(s (x - place)) / tanh(s),"
+    " s = steepness, x = (signal - middle) / reach",
     _each_parameter_over,
     lambda at: (
         _amount(at),
         shape("bend", "rad", 0.0, "from a straight line, 0, to a parabola, pi/2",
               around=None, between=(-math.pi, math.pi), scale=1.0),
-        shape("cubic", "1", 0.0, "how much it is an S between its ends",
-              around=None, between=(-5.0, 5.0), scale=0.3, refined=True),
-        shape("quartic", "1", 0.0, "how much steeper it is towards its ends",
-              around=None, between=(-5.0, 5.0), scale=0.3, refined=True),
+        shape("place", "1", 0.0, "where it is steepest, over half of the range seen",
+              around=None, between=(-1.5, 1.5), scale=0.3, refined=True),
+        shape("steepness", "1", 0.0, "how much it is a step there, from a straight line, 0",
+              around=None, between=(0.0, 30.0), scale=1.0, refined=True),
         _one_sided(at),
         *_range(at),
     ),
     _bent,
     shapes=lambda at: [{"bend": 0.0}, {"bend": 0.5 * math.pi}],
+    # A straight line is as steep everywhere.
+    details={"steepness": 4.0},
     of_parameter=True,
     source="saturating iron, warm windings, fields that fade at the ends of a travel",
     look_alikes=("parameter_fade", "parameter_jump", "cubic_stiffness"),

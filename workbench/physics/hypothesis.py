@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from workbench.errors import check_choice
@@ -23,6 +23,8 @@ class Hypothesis:
         law: Name of the law; the effect's name may add where it acts.
         shapes: Values of other parameters worth trying before a fit, in their units, by short name;
             the first are the effect's own.
+        details: Values of details from which their refit begins, by short name, as soon as the law
+            was found.
         stiff: Whether it brings rates well beyond 1000 1/s, for which explicit integrators need
             short steps.
         whole: Whether the largest size is all that there can be, such as the whole of a load, and
@@ -50,6 +52,7 @@ class Hypothesis:
     group: Group = "process"
     law: str = ""
     shapes: tuple[Mapping[str, float], ...] = ({},)
+    details: Mapping[str, float] = field(default_factory=dict)
     stiff: bool = False
     whole: bool = False
     far: bool = False

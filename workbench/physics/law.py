@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from typing import Any
 
@@ -226,6 +226,7 @@ class Law:
         start: Own states at the start of a run, where they are not zero.
         shapes: Values of other parameters worth trying before a fit, by short name; the first are
             the law's own.
+        details: Values of details from which their refit begins, where that is not their own.
         dry: Whether it is friction or play without a slope at rest.
         stiff: Whether it brings rates well beyond 1000 1/s.
         far: Whether its usual sizes are beyond where the derivative at size zero tells of them.
@@ -264,6 +265,7 @@ class Law:
     rates: Rates | None = None
     start: Rates | None = None
     shapes: Callable[[Place], Sequence[Mapping[str, float]]] = lambda at: ({},)
+    details: Mapping[str, float] = field(default_factory=dict)
     group: Group = "process"
     dry: bool = False
     stiff: bool = False
@@ -363,6 +365,7 @@ class Law:
             self.group,
             self.family or self.name,
             tuple(self.shapes(first)),
+            self.details,
             self.stiff,
             self.whole,
             self.far,

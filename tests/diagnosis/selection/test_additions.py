@@ -57,7 +57,7 @@ def test_the_sharpness_of_a_loop_is_refitted_where_that_explains_more(exponent: 
     seen = task.started(fitting, model)
     begin = {"bouc_wen_hysteresis.level": 1.5, "bouc_wen_hysteresis.breakaway": 0.02}
     fit = fit_with_process_noise(model, seen, free, start=begin, noise_scale=0.1)
-    found, own = shaped(task, fit, entry.name, seen, free)
+    found, own = shaped(task, fit, entry, seen, free)
     if exponent == 1.0:
         # Nothing pays for one more parameter.
         assert (found, own) == (fit, free)

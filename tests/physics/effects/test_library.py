@@ -76,7 +76,7 @@ def built(plant: str) -> Model:
 @cache
 def offered(plant: str) -> tuple[Hypothesis, ...]:
     model = built(plant)
-    return library(model, episode=(10.0 * model.horizon, 15.0 * model.horizon))
+    return library(model, episode=(10.0 * model.horizon, 20.0 * model.horizon))
 
 
 @pytest.mark.parametrize("plant", PLANTS)

@@ -31,6 +31,7 @@ from workbench.diagnosis.selection.selected import Accepted, Round, Selected
 from workbench.diagnosis.selection.task import Task
 from workbench.diagnosis.selection.weights import Compared
 from workbench.errors import NumericalError
+from workbench.physics.library import Hypothesis
 
 _PASSES = 4
 """Further refits from where one ended that did not converge."""
@@ -76,7 +77,7 @@ def with_candidate(task: Task, state: Selected, found: Candidate, beside: Round)
     more = next((c.fit for c in beside.candidates if degenerates_to(c, found)), None)
     started = task.started(task.fitting, found.fit.model)
     extended = polished(found.fit, started, free, more, _ends(found))
-    extended, free = shaped(task, extended, found.entry.name, started, free)
+    extended, free = shaped(task, extended, found.entry, started, free)
     alike = explain_as_well(found, beside.candidates, beside.scores)
     return replace(
         state,
@@ -91,26 +92,26 @@ def with_candidate(task: Task, state: Selected, found: Candidate, beside: Round)
 def shaped(
     task: Task,
     fit: ProcessNoiseFit,
-    name: str,
+    entry: Hypothesis,
     recordings: Sequence[Observed],
     free: tuple[Prior, ...],
 ) -> tuple[ProcessNoiseFit, tuple[Prior, ...]]:
     """Refit the details of a law's shape too, if that explains more.
 
     Args:
-        name: Name of the law in the model.
+        entry: The law in the model.
         recordings: Fitting recordings, with starts for the model.
 
     Returns:
         The fit and its priors: the given ones, unless the recordings tell the details, and both the
         fitting and the held-out ones are more likely for what more parameters cost.
     """
-    own = fit.model.effect(name).parameters
-    names = [f"{name}.{q.name}" for q in own if q.refined]
+    names = [f"{entry.name}.{q.name}" for q in entry.effect.parameters if q.refined]
     if not names:
         return fit, free
     more = (*free, *default_priors(fit.model, names))
     begin = {e.name: e.value for e in fit.refit.estimates}
+    begin |= {f"{entry.name}.{name}": value for name, value in entry.details.items()}
     samples = sum(len(r.outputs) for r in recordings)
     try:
         trial = _converged(fit, recordings, more, begin)
