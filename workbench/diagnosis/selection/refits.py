@@ -156,8 +156,8 @@ def refit_candidates(
         lost = [raced[i] for i in order[_FIELD:]]
     if progress and field:
         names = [s.entry.name for s in field]
-        first, more = ", ".join(names[:_SAID]), len(names) - _SAID
-        progress(f"refitting with {first}{f' and {more} more' if more > 0 else ''}")
+        said, more = ", ".join(names[:_SAID]), len(names) - _SAID
+        progress(f"refitting with {said}{f' and {more} more' if more > 0 else ''}")
     first = _first_refits(
         base, field, given, prior, fit_on, _HEADS[1], _NEAR, begun, jobs, thorough
     )
