@@ -23,7 +23,7 @@ class Hypothesis:
         law: Name of the law; the effect's name may add where it acts.
         shapes: Values of other parameters worth trying before a fit, in their units, by short name;
             the first are the effect's own.
-        details: Values of details from which their refit begins, by short name, as soon as the law
+        details: Values of details from which their refit begins, in their units, as soon as the law
             was found.
         stiff: Whether it brings rates well beyond 1000 1/s, for which explicit integrators need
             short steps.

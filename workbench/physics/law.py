@@ -226,7 +226,8 @@ class Law:
         start: Own states at the start of a run, where they are not zero.
         shapes: Values of other parameters worth trying before a fit, by short name; the first are
             the law's own.
-        details: Values of details from which their refit begins, where that is not their own.
+        details: Values of details from which their refit begins, in their units, where that is not
+            where they stand.
         dry: Whether it is friction or play without a slope at rest.
         stiff: Whether it brings rates well beyond 1000 1/s.
         far: Whether its usual sizes are beyond where the derivative at size zero tells of them.
