@@ -52,6 +52,7 @@ from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import WorkbenchError
 from workbench.linearisation.pace import reach_of
 from workbench.linearisation.transfer import transfer_function
+from workbench.work import in_one_thread
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -133,6 +134,7 @@ class ReadingSpecification(LoopSpecification):
         also = self.also_measured
         return loop_of(linear, self.measured, self.actuator, also, self.sample_time)
 
+    @in_one_thread()
     def designed(
         self,
         linear: Any,

@@ -6,14 +6,19 @@ import os
 import subprocess
 import sys
 import threading
+from typing import Any
 
 import numpy as np
 import pytest
 
+from controllers.plain.limits import LoopLimits
+from controllers.plain.transfer_law import PlainPIDSpecification
 from workbench.diagnosis.estimation.made_up import made_up_axis
 from workbench.diagnosis.estimation.prediction_error import PredictionError, disturbances
+from workbench.linearisation import linearise
+from workbench.operating_point import operating_point
 from workbench.plants.servo_axis import servo_axis
-from workbench.work import threads
+from workbench.work import _thread_counts, threads
 from workbench.work.processes import in_order
 from workbench.work.threads import side_by_side
 
@@ -65,6 +70,28 @@ def test_a_verb_has_one_thread_of_linear_algebra_or_as_many_as_the_user_says(
     done = subprocess.check_output([sys.executable, "-c", program], env=usual | given)
     assert int(done) <= threads
     assert os.cpu_count() == 1 or int(done) > 1 or threads == 1
+
+
+@pytest.mark.skipif(not _thread_counts(), reason="NumPy brings no OpenBLAS here")
+def test_a_design_keeps_linear_algebra_to_one_thread() -> None:
+    # A notebook has loaded NumPy by then, with a thread for each core.
+    before = [count() for count, _ in _thread_counts()]
+    try:
+        for _, set_count in _thread_counts():
+            set_count(2)
+        seen: list[int] = []
+
+        def design(limits: LoopLimits) -> Any:
+            seen.extend(count() for count, _ in _thread_counts())
+            return limits
+
+        linear = linearise(operating_point(servo_axis()), verdict=False)
+        PlainPIDSpecification().designed(linear, design, lambda *_: False)
+        assert seen == [1] * len(before)
+        assert [count() for count, _ in _thread_counts()] == [2] * len(before)
+    finally:
+        for (_, set_count), number in zip(_thread_counts(), before, strict=True):
+            set_count(number)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no fork")
