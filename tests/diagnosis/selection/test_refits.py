@@ -244,6 +244,11 @@ def test_a_sensor_has_to_show_in_free_runs(entries: dict[str, Hypothesis]) -> No
     assert _taken(decided([worse, offset], WITHOUT, asked)) == ["valve_offset"]
     assert _taken(decided([worse], WITHOUT, asked)) == []
     assert _taken(decided([closer, offset], WITHOUT, asked)) == [lag.name]
+    # What remembers nothing colours no noise: the rest of the error may be of what else is missing.
+    for name in ("sensor_offset_angle", "sensor_jump_angle"):
+        reads_wrong = _candidate(entries[name], 900.0, 1.02)
+        assert _taken(decided([reads_wrong, offset], WITHOUT, asked)) == ["valve_offset"]
+        assert _taken(decided([reads_wrong], WITHOUT, asked)) == [name]
 
 
 def test_of_processes_that_run_closer_than_a_sensor_the_closest_is_taken(
@@ -706,6 +711,17 @@ def test_a_law_that_contends_is_refitted_with_the_trust_that_it_earns() -> None:
     rival = replace(first[1], fit=trusting, gain=5.0 * first[0].gain)
     beside = refits._trusted(base, field, [first[0], rival], priors, prior, [seen], 1)
     assert beside[0].gain == pytest.approx(loss.gain)
+
+
+def test_an_event_is_not_followed_where_the_same_all_the_time_explains_as_much(
+    entries: dict[str, Hypothesis],
+) -> None:
+    names = ("sensor_offset_angle", "sensor_jump_angle", "sensor_jump_pressure_1")
+    offset, jump, other = (_candidate(entries[n], 100.0 - i, 0.5) for i, n in enumerate(names))
+    assert refits._leaders([offset, jump, other], 0) == [0, 2]
+    assert refits._leaders([offset, replace(jump, gain=101.0)], 0) == [1, 0]
+    # What trusts the equations less gains more without saying more.
+    assert refits._leaders([offset, replace(jump, fit=_trusting(jump))], 0) == [0, 1]
 
 
 def test_events_of_several_recordings_are_followed_beside_what_gains_more_at_one_time(

@@ -24,6 +24,7 @@ from workbench.diagnosis.selection.rules import (
     doubted_in,
     judged,
 )
+from workbench.model import Effect
 
 
 def decided(
@@ -153,8 +154,9 @@ def closer_unseen(one: Candidate, other: Candidate) -> bool:
 def _run_freely(candidate: Candidate, without: RunErrors, *, shown: bool) -> Candidate:
     """Refuse what predicts the next sample better and not what comes after it.
 
-    What a sensor does between process and reading colours the noise, and so predicts the next
-    sample of anything: it has to show in free runs. A law of the process must not spoil them.
+    What a sensor remembers between process and reading colours the noise, and so predicts the next
+    sample of anything: it has to show in free runs. Any other law must not spoil them; what else is
+    missing may be most of their error.
 
     Args:
         shown: Whether a law of the process has to show there too.
@@ -162,12 +164,17 @@ def _run_freely(candidate: Candidate, without: RunErrors, *, shown: bool) -> Can
     if candidate.refused or candidate.run is None:
         return candidate
     why = ""
-    if is_sensor(candidate) or shown:
+    if shown or (is_sensor(candidate) and _remembers(candidate.entry.effect)):
         if not candidate.run.closer_than(without):
             why = "with it the model does not run closer to the held-out recordings"
     elif candidate.run.spoilt_from(without):
         why = "without it the model runs closer to the held-out recordings"
     return replace(candidate, refused=why, rule=FREE_RUN) if why else candidate
+
+
+def _remembers(effect: Effect) -> bool:
+    """Whether something of a signal that passes an effect is left in it: a clock takes nothing."""
+    return not effect.about.level and any(q.unit != "s" for q in effect.states)
 
 
 def _as_reliable(

@@ -386,7 +386,8 @@ def _leaders(first: Sequence[Candidate], best: int, *, several: bool = False) ->
     A lag or delay of a sensor reproduces many a slow or springy part of the process, and does so at
     several sensors: of each such law one is followed, and two at the most. The best score is
     followed too, whatever its first refit gained, and takes nobody's place; so is the best event of
-    several recordings, which may come to each at a time of its own.
+    several recordings, which may come to each at a time of its own. An event is not followed where
+    what acts there all the time explains as much.
 
     Args:
         best: Place of the best score.
@@ -394,6 +395,7 @@ def _leaders(first: Sequence[Candidate], best: int, *, several: bool = False) ->
     """
     order = sorted(range(len(first)), key=lambda i: -first[i].gain)
     worthy = [i for i in order if first[i].fit is not None and first[i].gain > LEAST_SCORE]
+    worthy = [i for i in worthy if not any(_always(first[k], first[i]) for k in worthy)]
     leaders: list[int] = []
     laws: set[str] = set()
     for i in worthy:
@@ -410,6 +412,14 @@ def _leaders(first: Sequence[Candidate], best: int, *, several: bool = False) ->
     if several and events and not set(events) & set(leaders):
         leaders += [i for i in events[:1] if first[i].gain > _RIVALS * first[worthy[0]].gain]
     return leaders
+
+
+def _always(one: Candidate, event: Candidate) -> bool:
+    """Whether a law without a time explains as much, with no less trust, as what comes at one."""
+    if not is_event(event.entry.effect) or is_event(one.entry.effect) or _trusts_less(one, event):
+        return False
+    ports = one.entry.effect.ports == event.entry.effect.ports
+    return ports and one.own_parameters < event.own_parameters and one.gain >= event.gain
 
 
 def _came_too(
