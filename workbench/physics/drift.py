@@ -194,7 +194,8 @@ def _for_a_while(jump: Law) -> Law:
     def parameters(at: Place) -> tuple[Own, ...]:
         begin, end = at.episode or (0.0, at.horizon)
         own = {q.name: q for q in jump.parameters(at)}
-        own["time"] = replace(own["time"], value=begin, scale=0.1 * (end - begin))
+        first = max(begin, own["time"].lower)
+        own["time"] = replace(own["time"], value=first, scale=0.1 * (end - begin))
         own["duration"] = shape("duration", "s", end - begin, "how long it lasts",
                                 around=(0.05, 5.0), scale=0.1 * (end - begin))  # fmt: skip
         own["width"] = replace(own["width"], value=_WIDTH * (end - begin))
