@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
+import casadi as ca
+
 from workbench.model import PortView
 from workbench.model.regularisation import Expression
+from workbench.model.units import same_dimension
 from workbench.physics.law import (
     Fit,
     Law,
@@ -247,6 +250,10 @@ sensor_bend = replace(
 )
 
 
+_NOTHING = 1e-6
+"""Square of the part of the largest value up to which another signal is nothing."""
+
+
 def _beside_others(survey: Survey) -> Iterator[Fit]:
     read = {q.name for q in survey.model.outputs}
     causes = [survey.input(q.name) for q in survey.model.inputs if q.name not in read]
@@ -264,16 +271,35 @@ def _coupled(at: Place) -> tuple[Own, ...]:
         gain_of(at, cause, sensor_error(at), "what the sensor reads of the other signal"),
         shape("zero", cause.unit, cause.start, "value of the other signal that it does not read",
               around=None, source="", fitted=False),
+        shape("exponent", "1", 1.0, "1 for what goes in proportion, 1/2 for a leak",
+              around=(0.25, 4.0), refined=True),
+        shape("most", cause.unit, max(map(abs, cause.seen or (cause.scale,))) or cause.scale,
+              "largest value of the other signal seen", around=(1.0, 1.0), source="", fitted=False),
     )  # fmt: skip
+
+
+def _counts_leaks(at: Place) -> bool:
+    """Tell whether a sensor reads a flow, and the other signal may press it through a leak."""
+    flows, heads = ("m3/s", "kg/s"), ("Pa", "m")
+    return any(same_dimension(at.unit, u) for u in flows) and any(
+        same_dimension(at.other("cause").unit, u) for u in heads
+    )
+
+
+def _read_too(at: PortView) -> Expression:
+    beyond = at.signals.cause - at.p.zero
+    part = ca.sqrt((beyond / at.p.most) ** 2 + _NOTHING)
+    return at.value + at.p.gain * beyond * part ** (at.p.exponent - 1.0)
 
 
 # A thermometer in the sun, a strain gauge beside a hot pipe, a leak that a meter counts.
 sensor_cross_talk = Law(
     "sensor_cross_talk",
-    "y = u + gain (cause - zero)",
+    "y = u + gain s |s / most|^(exponent - 1), s = cause - zero",
     _beside_others,
     _coupled,
-    lambda at: at.value + at.p.gain * (at.signals.cause - at.p.zero),
+    _read_too,
+    shapes=lambda at: [{"exponent": e} for e in ((1.0, 0.5) if _counts_leaks(at) else (1.0,))],
     group="sensor",
     source="cross-sensitivity of a sensor, a leak before a meter",
     look_alikes=("sensor_gain", "sensor_offset", "slow_response"),

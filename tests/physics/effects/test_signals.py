@@ -396,6 +396,18 @@ def test_a_sensor_reads_something_of_an_input() -> None:
     assert heard.rates([3e-4], [2e3]) == pytest.approx(model.rates([3e-4], [2e3]))
 
 
+def test_a_meter_counts_what_leaks_with_the_root_of_a_pressure() -> None:
+    model = breathing("resistance")
+    laws = {h.name: h for h in library(model, ranges={"pressure": (4e2, 2.5e3)})}
+    law = laws["sensor_cross_talk_flow_pressure"]
+    assert {"exponent": 0.5} in law.shapes
+    assert {"exponent": 0.5} not in laws["sensor_cross_talk_volume_pressure"].shapes
+    counted = model.with_effect(law.at_size(2e-7, {"exponent": 0.5}))
+    for pressure, part in ((2.5e3, 1.0), (625.0, 0.5)):
+        leak = counted.read([3e-4], [pressure])[0] - model.read([3e-4], [pressure])[0]
+        assert leak == pytest.approx(2e-7 * 2.5e3 * part, rel=1e-5)
+
+
 def test_a_drive_that_is_told_a_speed_loses_its_slack_at_each_reversal() -> None:
     model = bench(lost_motion("valve.command", half_width=0.1), "m/s")
     times = np.arange(0.0, 8.0, 1e-3)
