@@ -332,7 +332,7 @@ class Law:
             tuple(_unknown(site) for site in names),
             name or self.name,
             values,
-            {"upper": math.inf, **changes},
+            {"lower": -math.inf, "upper": math.inf, **changes},
             bounded=False,
         )
         return replace(unsettled, settle=settle)

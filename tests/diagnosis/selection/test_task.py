@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from workbench.diagnosis.estimation.made_up import made_up, pushes
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.selection.task import Task
+from workbench.physics.drift import offset_pulse
 from workbench.physics.stiffness import ripple
 from workbench.plants.servo_axis import servo_axis
 
@@ -28,3 +30,21 @@ def test_a_ripple_is_tried_with_the_pitch_that_the_recordings_show() -> None:
     (tried,) = (h for h in task.tried(axis) if h.name == "ripple")
     (frequency,) = {shape["frequency"] for shape in tried.shapes}
     assert 2.0 * math.pi / frequency == pytest.approx(pitch, rel=0.02)
+
+
+def test_an_episode_is_looked_for_beside_parameters_off_their_bounds() -> None:
+    axis = servo_axis()
+    truth = axis.with_effect(
+        offset_pulse("axis.force", amount=-100.0, time=4.0, duration=2.5, width=0.02, floor=0.005)
+    )
+    seen = made_up(truth, pushes(1000, largest=300.0, seed=1), sample_time=0.01)
+    seen = replace(seen, start=seen.start[:2], start_rms=seen.start_rms[:2])
+    priors = default_priors(axis)
+    base = fit_with_process_noise(axis, [seen], priors)
+    # The friction has gone to zero where the push helps against it.
+    assert base.refit.estimate("coulomb_friction.level").on_bound
+    task = Task(axis, base, (seen,), (), priors)
+    assert task.off_bounds.parameter("coulomb_friction.level").value == 20.0
+    (pulse,) = (h for h in task.tried(axis) if h.name == "offset_pulse_axis_force")
+    began, lasted = (q.value for q in pulse.effect.parameters if q.name in ("time", "duration"))
+    assert began == pytest.approx(4.0, abs=0.2) and lasted == pytest.approx(2.5, abs=0.2)

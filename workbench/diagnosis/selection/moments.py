@@ -19,7 +19,7 @@ from workbench.diagnosis.estimation.process_noise import (
 )
 from workbench.diagnosis.estimation.refit import refit
 from workbench.diagnosis.selection.delays import Delays
-from workbench.errors import NumericalError
+from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Effect, Model, Parameter, State
 from workbench.physics.drift import from_first
 
@@ -287,7 +287,8 @@ def _with_own_end(
         )
         filter_ = PredictionError(model, begun, (), disturbances(model, fit.noise_scale))
         before = filter_.run(begun, model.values).cost
-    except NumericalError:
+    except WorkbenchError:
+        # It began too early, or ended too late, to be told.
         return now
     begin, lasting = (own.estimate(name).value for name in names)
     found = lasting > 0.0 and own.cost < before - _CLEARLY

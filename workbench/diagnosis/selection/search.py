@@ -20,7 +20,6 @@ from workbench.diagnosis.estimation.process_noise import (
     ProcessNoiseFit,
     blocks_of_cost,
     perfect_cost,
-    start_values,
 )
 from workbench.diagnosis.selection.additions import (
     explain_as_well,
@@ -89,13 +88,9 @@ def score(task: Task) -> Scored:
     perfect = _perfect(task)
     tried = task.tried(base.model)
     task.say(f"scoring {len(tried)} effects")
-    # A parameter on its bound has gone there to reproduce something.
-    model = base.model.with_parameters(start_values(base.refit, task.priors))
-    try:
-        blocks_of_cost(replace(base, refit=replace(base.refit, model=model)), task.fitting)
-    except NumericalError:
-        model = base.model
-    scores = score_library(model, task.fitting, task.priors, tried, noise_scale=base.noise_scale)
+    scores = score_library(
+        task.off_bounds, task.fitting, task.priors, tried, noise_scale=base.noise_scale
+    )
     held = {e.name for e in base.refit.estimates if e.on_bound}
     hidden = [s.entry for s in scores.scores if not s.testable]
     if held and hidden:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,9 +19,11 @@ from workbench.diagnosis.estimation.prediction_error import (
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import (
     ProcessNoiseFit,
+    blocks_of_cost,
     extended_start,
     fit_with_process_noise,
     ranges_along,
+    start_values,
 )
 from workbench.diagnosis.location.by_refits import located_by_refits
 from workbench.diagnosis.location.locate import Location
@@ -161,6 +163,17 @@ class Task:
         return fit, free
 
     @cached_property
+    def off_bounds(self) -> Model:
+        """The refitted model with parameters off their bounds, where they reproduce something."""
+        model = self.base.model.with_parameters(start_values(self.base.refit, self.priors))
+        refit = replace(self.base.refit, model=model)
+        try:
+            blocks_of_cost(replace(self.base, refit=refit), self.fitting)
+        except NumericalError:
+            return self.base.model
+        return model
+
+    @cached_property
     def _ranges(self) -> dict[str, tuple[float, float]]:
         try:
             return ranges_along(self.base, self.fitting)
@@ -169,7 +182,7 @@ class Task:
 
     @cached_property
     def _filtered(self) -> list[tuple[Observed, Innovations]]:
-        model = self.base.model
+        model = self.off_bounds
         try:
             return [
                 (seen, filter_of(model, seen, self.base.noise_scale).run(seen, model.values))
@@ -184,7 +197,7 @@ class Task:
 
         Where it was located, and its errors.
         """
-        model, left = self.base.model, []
+        model, left = self.off_bounds, []
         ports = self.location.ports(model) if self.location else ()
         try:
             for seen, run in self._filtered:
