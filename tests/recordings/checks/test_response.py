@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from workbench.data_folder import shipped_folder
+from workbench.model import Input, Model, Output, State
 from workbench.plants.arm import arm
 from workbench.recordings import Recording, read_recording
 from workbench.recordings.checks import Expected, expectations
 from workbench.recordings.checks.response import check_response
 from workbench.recordings.checks.time_base import check_time_base
-from workbench.recordings.recording import Vector
+from workbench.recordings.recording import Signal, Vector
 
 LOOPS = ("identify_open", "identify_closed")
 
@@ -115,6 +116,24 @@ def test_a_time_in_another_unit_is_unfit(
 ) -> None:
     found = check_time_base(replace(trial, time=factor * trial.time), expected)
     assert found.result == "unfit" and "give the unit of the time" in found.note
+
+
+@pytest.mark.parametrize(("factor", "result"), [(1.0, "pass"), (1e-3, "unfit")])
+def test_a_store_that_is_filled_moves_long_before_its_time_constant(
+    factor: float, result: str
+) -> None:
+    boiler = Model(
+        "boiler",
+        lambda m: ({"T": (m.u.heater - 2.0 * (m.x.T - 291.0)) / 3.3e5}, {"water": m.x.T}),
+        states=(State("T", "K", 50.0, initial=323.0),),
+        inputs=(Input("heater", "W", 2e3, lower=0.0),),
+        outputs=(Output("water", "K", 50.0),),
+    )
+    heater = np.where(np.arange(1500) % 300 < 60, 2000.0, 0.0)
+    water = 323.0 + np.cumsum(20.0 * (heater - 60.0) / 3.3e5)
+    signals = Signal("heater", heater, "W", role="command"), Signal("water", water, "K")
+    seen = Recording("run", 20.0 * factor * np.arange(1500), signals)
+    assert check_time_base(seen, expectations(seen, model=boiler)).result == result
 
 
 def test_a_smooth_command_leaves_it_open() -> None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,6 +42,7 @@ class Expected:
             read; of others the inputs' ranges tell how far they may go, not how far they do go.
         speed: Middle one of the magnitudes of the model's eigenvalues, in rad/s; NaN if unknown.
         unstable: Whether only a loop can have held the machine where it was.
+        moves: How far a model goes along a recording, over what was measured, dimensionless.
         slopes: How strongly a measured cause accelerates a motion, by (cause, motion), in SI.
     """
 
@@ -54,6 +56,7 @@ class Expected:
     reach: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     believed: frozenset[str] = frozenset()
     unstable: bool = False
+    moves: Callable[[Recording], float] = lambda _: 0.0
 
 
 Point = tuple[Vector, Vector]
@@ -191,6 +194,35 @@ def _falls_over(model: Model, recording: Recording) -> bool:
     return bool(np.linalg.eigvals(A).real.max() * seconds > _MANY)
 
 
+def moves(model: Model, recording: Recording) -> float:
+    """Return how far a model goes along a recording, over what was measured, dimensionless.
+
+    Linear from its start, of the measurement that it moves least. A large store that is filled
+    moves long before its time constant.
+    """
+    from scipy.linalg import expm
+
+    A, B, C, D = _at_start(model)
+    x, usual = model.initial_state(), model.nominal_input
+    read = {i: recording[q.name] for i, q in enumerate(model.outputs) if q.name in recording}
+    seen = {i: np.ptp(v[np.isfinite(v)]) for i, v in read.items() if np.isfinite(v).any()}
+    n, m = B.shape
+    step = np.zeros((n + m + 1, n + m + 1))
+    step[:n] = np.column_stack([A, B, model.rates(x, usual)])
+    if not (any(seen.values()) and np.isfinite(step).all()):
+        return 0.0
+    step = expm(recording.sample_time * step)
+    driven = np.zeros((len(recording), m))
+    for j, q in enumerate(model.inputs):
+        if q.name in recording:
+            driven[:, j] = np.nan_to_num(recording[q.name] - usual[j])
+    gone = np.zeros((len(driven) + 1, n))
+    for k, u in enumerate(driven):
+        gone[k + 1] = step[:n] @ np.concatenate([gone[k], u, [1.0]])
+    swings = np.ptp(gone[:-1] @ C.T + driven @ D.T, axis=0)
+    return min(float(swings[i] / s) for i, s in seen.items() if s > 0.0)
+
+
 def middle_speed(model: Model) -> float:
     """Return the middle one of the magnitudes of a model's eigenvalues at its start, in rad/s.
 
@@ -307,4 +339,5 @@ def expectations(
         reach,
         believed,
         free is not None and _falls_over(free, recording),
+        *(() if free is None else (partial(moves, free),)),
     )
