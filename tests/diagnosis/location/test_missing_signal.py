@@ -11,7 +11,7 @@ from tests.diagnosis.axis_case import diagnosed
 from tests.diagnosis.unnamed_case import shaken
 from workbench.diagnosis.conclude import conclude
 from workbench.diagnosis.estimation.made_up import made_up
-from workbench.diagnosis.location.located_signal import added_at_ports, missing_signals
+from workbench.diagnosis.location.located_signal import _shown, added_at_ports, missing_signals
 from workbench.diagnosis.location.missing_signal import (
     Occurrence,
     Place,
@@ -45,14 +45,15 @@ def _told(signal: Vector, std: float = 0.01) -> Occurrence:
 def test_a_declared_unit_is_told_and_a_difference_has_no_zero() -> None:
     warm = Model(
         "oven",
-        lambda m: ({"oven": m.u.heat / 1e3}, {"oven": m.x.oven}),
+        lambda m: ({"oven": m.u.oven / 1e3}, {"oven": m.x.oven}),
         states=(State("oven", "K", initial=300.0),),
-        inputs=(Input("heat", "W", display_unit="kW", upper=5e3),),
+        inputs=(Input("oven", "W", display_unit="kW", upper=5e3),),
         outputs=(Output("oven", "K", display_unit="degC"),),
     )
     level, heat = 323.15 + 10.0 * ANGLE, np.where(ANGLE > 0.0, 3e3, 0.0)
-    arguments = [("oven", "K", level), ("heat", "W", heat + 10 * SPEED)]
-    read = {name: declared_unit(name, unit, warm.quantities) for name, unit, _ in arguments}
+    # A state and an input may have one name.
+    arguments = [("oven", "K", level), ("oven", "W", heat + 10 * SPEED)]
+    read = _shown(warm, arguments)
     told = []
     for port, unit, which in (("oven.rate", "K/s", 0), ("oven.reading", "K", 0), ("heat", "W", 1)):
         shown = declared_unit(port, unit, warm.quantities, difference=True)

@@ -124,7 +124,7 @@ def prediction_error_signal(diagnosis: Diagnosis, recordings: Sequence[Observed]
             own,
         ),
         shown=own,
-        argument_shown=read[name],
+        argument_shown=read[name, unit],
     )
 
 
@@ -132,11 +132,14 @@ def _shown(
     model: Model,
     arguments: Sequence[tuple[str, str, Vector]],
     origins: Mapping[str, str] | None = None,
-) -> dict[str, str]:
-    """Return the units declared for reading arguments, by name."""
+) -> dict[tuple[str, str], str]:
+    """Return the units declared for reading arguments, by name and unit.
+
+    A state and an input may have one name.
+    """
     origins = origins or {}
     return {
-        name: declared_unit(origins.get(name, name), unit, model.quantities)
+        (name, unit): declared_unit(origins.get(name, name), unit, model.quantities)
         for name, unit, _ in arguments
     }
 
@@ -228,7 +231,7 @@ def located_signal(
                     own,
                 ),
                 shown=own,
-                argument_shown=_shown(model, arguments)[name],
+                argument_shown=_shown(model, arguments)[name, unit],
             )
         )
     return tuple(found)

@@ -249,7 +249,7 @@ def occurrence(
     signal: Vector,
     std: Vector,
     arguments: Sequence[tuple[str, str, Vector]],
-    read: Mapping[str, str] | None = None,
+    read: Mapping[tuple[str, str], str] | None = None,
     shown: str = "",
 ) -> Occurrence:
     """Tell when a signal acts, and at which values of which local signal.
@@ -263,7 +263,7 @@ def occurrence(
         signal: The signal, shape (n,), in ``unit``.
         std: Its standard deviation, shape (n,), in ``unit``.
         arguments: Name, unit and values, shape (n,), of local signals.
-        read: Units declared for reading the local signals, by name.
+        read: Units declared for reading the local signals, by name and SI unit.
         shown: Unit declared for reading the signal; empty if none.
 
     Example:
@@ -296,7 +296,9 @@ def occurrence(
         for a in arguments
         if (place := _place(*a, signal, square, rows)).dependence >= _LEAST_DEPENDENCE
     ]
-    places = [replace(place, shown=(read or {}).get(place.signal, "")) for place in places]
+    places = [
+        replace(place, shown=(read or {}).get((place.signal, place.unit), "")) for place in places
+    ]
     places.sort(key=lambda place: -place.dependence)
     return Occurrence(
         port,
