@@ -1,10 +1,14 @@
 """Nobody waits without a word."""
 
 import time
+from collections.abc import Sequence
+from pathlib import Path
 
 import pytest
 
 from workbench.cli import running
+from workbench.cli.main import run
+from workbench.recordings.formats import delimited_text
 
 
 def test_what_takes_long_is_said_to_go_on(
@@ -18,3 +22,23 @@ def test_what_takes_long_is_said_to_go_on(
     assert said.count("  racing\n") == 1 and "s  still racing\n" in said
     time.sleep(0.1)
     assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    "words", [["recording"], ["refit", "--plant", "servo-axis", "--hold-out", "b.csv", "--fit"]]
+)
+def test_reading_a_long_file_is_said_to_go_on(
+    words: Sequence[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def slowly(*_: object) -> list[str]:
+        time.sleep(0.2)
+        return []
+
+    monkeypatch.setattr(delimited_text, "line_blocks", slowly)
+    monkeypatch.setattr(running, "QUIET_S", 0.05)
+    (tmp_path / "a.csv").touch()
+    run([*words, str(tmp_path / "a.csv")])
+    assert "s  still reading" in capsys.readouterr().err

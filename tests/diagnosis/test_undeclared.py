@@ -125,6 +125,20 @@ def test_recordings_taken_at_uneven_times_are_interpolated_once(tmp_path: Path) 
     assert len(told) == 2 and all("interpolated to one every 20 ms" in note for note in told), told
 
 
+def test_rows_that_repeat_an_instant_are_left_out_before_a_model_runs_along_them(
+    tmp_path: Path,
+) -> None:
+    time = 0.05 * np.sort(np.append(np.arange(200), [7, 50, 50]))
+    columns = np.column_stack([time, np.sin(time), 1.0 - np.cos(time)])
+    for name in "ab":
+        np.savetxt(
+            tmp_path / f"{name}.csv", columns, header="t [s],drive [N],position [m]",
+            delimiter=",", comments="",
+        )  # fmt: skip
+    problem = problem_of_files(oscillator(), [tmp_path / "a.csv"], [tmp_path / "b.csv"])
+    assert problem.observed(problem.fit[0]).outputs.shape == (200, 1)
+
+
 def test_a_gap_stretches_no_clock(tmp_path: Path) -> None:
     time, rng = 0.02 * np.arange(1000), np.random.default_rng(1)
     for name, kept, pace in (("a", time != time[400], 1.0), ("b", time >= 0.0, 1.0 + 1e-7)):

@@ -168,6 +168,17 @@ def test_text_column(tmp_path: Path) -> None:
         read_recording(path, signals=["remark"])
 
 
+def test_a_table_of_words_with_few_numbers_says_what_its_words_are(tmp_path: Path) -> None:
+    rows = [f"{k};{'EIN' if k % 3 else 'AUS'};Tag;TRUE;{k},5" for k in range(20)]
+    path = saved(tmp_path, "\n".join(["Zeit [s];Brenner;Betriebsart;bereit;T [°C]", *rows]))
+    found = read_recording(path)
+    assert (found.names, found["bereit"][0], found["T"][1]) == (("bereit", "T"), 1.0, 274.65)
+    rules = {"words": {"EIN": 1, "AUS": 0}, "signals": {"burner": {"column": "Brenner"}}}
+    assert list(read_recording(path, mapping=rules)["burner"][:4]) == [0.0, 1.0, 1.0, 0.0]
+    with pytest.raises(WorkbenchError, match=r"100 % of its rows \(first: 'AUS' in line 2\)"):
+        read_recording(path, mapping={"burner": "Brenner"})
+
+
 def test_number_in_the_first_row_only_is_a_setting(tmp_path: Path) -> None:
     lines = table(header="u,y,z").splitlines()
     lines = [lines[0] + ",Ts,"] + [

@@ -108,6 +108,8 @@ def test_a_word_of_the_header_names_the_signal(tmp_path: Path) -> None:
         "time": "name", "current": "unit", "room": "unit", "cold": part, "hot": part
     }  # fmt: skip
     assert recording["hot"][0] == pytest.approx(293.15)
+    # What the plant only gives in SI is read as the file is headed.
+    assert recording.signal("current").display_unit == "mA"
     assert not recording.notes
 
 

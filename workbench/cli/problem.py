@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,6 +13,7 @@ import typer
 
 from workbench.cli.options import parameters_of, taking
 from workbench.cli.plant import CHANGES, Chosen, chosen_plant
+from workbench.cli.running import telling
 from workbench.errors import WorkbenchError, check_range
 from workbench.plants import DEFAULT_PLANT
 
@@ -110,7 +112,8 @@ def _loaded(
         name = plant or DEFAULT_PLANT
         chosen = chosen_plant(name, **changes)
         base = RefitSettings(start_samples=chosen.plant.start_samples)
-        problem = problem_of_files(chosen.model, fit or (), hold_out or (), mapping=mapping)
+        with telling(time.perf_counter(), "reading the recordings"):
+            problem = problem_of_files(chosen.model, fit or (), hold_out or (), mapping=mapping)
         for note in problem.notes:
             typer.echo(f"note: {note}", err=True)
     attached = {effect.name for effect in problem.model.effects}

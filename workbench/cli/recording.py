@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import typer
 
 from workbench.cli.options import AsJson, taking
 from workbench.cli.plant import CHANGES, Chosen, chosen_plant
-from workbench.cli.running import tell, typed
+from workbench.cli.running import tell, telling, typed
 from workbench.errors import WorkbenchError
 
 UNFIT = 1
@@ -56,13 +57,14 @@ def recording(
 
     model = None if chosen is None else chosen.model
     wanted = None if model is None else driven_by(model)
-    seen = read_recording(file, mapping=mapping, signals=wanted)
-    required = None if wanted is None else [w.name for w in wanted if w.name in seen]
-    report = check_recording(seen, model=model, required=required)
-    if model is not None and not report.fit:
-        from workbench.diagnosis.reversed_columns import with_signs_tried
+    with telling(time.perf_counter(), f"reading {file}"):
+        seen = read_recording(file, mapping=mapping, signals=wanted)
+        required = None if wanted is None else [w.name for w in wanted if w.name in seen]
+        report = check_recording(seen, model=model, required=required)
+        if model is not None and not report.fit:
+            from workbench.diagnosis.reversed_columns import with_signs_tried
 
-        report = with_signs_tried(model, report)
+            report = with_signs_tried(model, report)
     typer.echo(str(seen), err=as_json)
     if seen.mapping is not None:
         typer.echo(f"\n{seen.mapping}", err=as_json)

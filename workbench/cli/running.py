@@ -120,13 +120,14 @@ def note(sentence: str) -> None:
 
 
 @contextmanager
-def telling(begin: float) -> Iterator[Callable[[str], None]]:
+def telling(begin: float, said: str = "starting") -> Iterator[Callable[[str], None]]:
     """Say on the error stream what begins and when, and while it goes on, say so every 10 s.
 
     Args:
         begin: Since when time is counted, in s of a running clock.
+        said: What goes on until something is said.
     """
-    said, heard, over = "starting", threading.Event(), False
+    heard, over = threading.Event(), False
 
     def line(text: str) -> None:
         typer.echo(f"{time.perf_counter() - begin:6.1f} s  {text}", err=True)

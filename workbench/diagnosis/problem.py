@@ -17,8 +17,9 @@ from workbench.model import Input, Model, Output
 from workbench.model.units import to_si
 from workbench.physics.library import every_name
 from workbench.recordings.case import Case, RefitSettings
+from workbench.recordings.checks.expected import expectations
 from workbench.recordings.checks.gaps import check_gaps
-from workbench.recordings.checks.time_base import evened
+from workbench.recordings.checks.time_base import check_time_base, evened
 from workbench.recordings.checks.units import beyond_range
 from workbench.recordings.column_matching import driven_by
 from workbench.recordings.read import MappingLike, read_recording
@@ -122,11 +123,12 @@ def problem_of_files(
     given = list(read.values())
     if any(a is not b for a, b in zip(at_one_pace(given), given, strict=True)):
         # Of clocks that are uneven alone the paces show without that, and without their gaps.
-        given = at_one_pace([_even(r) if r.increasing else r for r in given])
+        given = at_one_pace([_even(r) if _ordered(r).increasing else r for r in given])
     read = dict(zip(read, given, strict=True))
     declared = model = _read_as_recorded(model, given)
     # Runs need even steps, where rows are missing too.
-    whole = [(check_gaps(r).recording if r.increasing else None) or r for r in read.values()]
+    ordered = [_ordered(r) for r in read.values()]
+    whole = [(check_gaps(r).recording if r.increasing else None) or r for r in ordered]
     model, notes = with_undeclared(model, whole)
     # Within a step, too, what goes straight pushes a plant otherwise than its mean does.
     finer = more_finely(model, list(read.values()))
@@ -152,8 +154,14 @@ def problem_of_files(
     )
 
 
+def _ordered(recording: Recording) -> Recording:
+    """Return a recording whose time increases, where its rows tell how: an export repeats some."""
+    return check_time_base(recording, expectations(recording)).recording or recording
+
+
 def _even(recording: Recording) -> Recording:
     """Return a recording with even steps, after the rows of its gaps, which are no uneven steps."""
+    recording = _ordered(recording)
     found = check_gaps(recording)
     return evened(recording if found.result == "unfit" else found.recording or recording)
 

@@ -147,8 +147,8 @@ def _signal(
     problem = _readable(columns, index, rule.signal)
     if problem:
         raise WorkbenchError(
-            f"column {header.column!r}, needed for {rule.signal!r}, {problem}; repair the file or "
-            "map another column"
+            f"column {header.column!r}, needed for {rule.signal!r}, {problem}; repair the file, map"
+            " another column, or say which numbers words stand for ([words] in a mapping file)"
         )
     unit, note = rule.unit or header.unit, ""
     if header.problem and not rule.unit:

@@ -66,15 +66,19 @@ def requested_signals(signals: Any) -> tuple[Requested, ...]:
     if isinstance(signals, tuple) and all(isinstance(s, Requested) for s in signals):
         return signals
     if hasattr(signals, "inputs") and hasattr(signals, "outputs"):
-        return (
-            *(
-                Requested(q.name, q.unit, "command", getattr(q, "display_unit", ""))
-                for q in signals.inputs
-            ),
-            *(
-                Requested(q.name, q.unit, "measurement", getattr(q, "display_unit", ""))
-                for q in signals.outputs
-            ),
+        roles: tuple[tuple[Role, Iterable[Any]], ...] = (
+            ("command", signals.inputs),
+            ("measurement", signals.outputs),
+        )
+        return tuple(
+            Requested(
+                q.name,
+                q.unit,
+                role,
+                "" if getattr(q, "display_unit", q.unit) == q.unit else q.display_unit,
+            )
+            for role, quantities in roles
+            for q in quantities
         )
     if isinstance(signals, Mapping):
         for unit in signals.values():

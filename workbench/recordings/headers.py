@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 
 from workbench.errors import WorkbenchError
 from workbench.model.units import ends_a_name, in_symbols, parse_unit
@@ -83,6 +84,7 @@ def unit_of_time(name: str) -> str:
     return unit if unit is not None and kind_of(unit).name == "time" else ""
 
 
+@lru_cache(maxsize=4096)
 def _known(unit: str) -> str | None:
     text = in_symbols(unit.strip())
     try:

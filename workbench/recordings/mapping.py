@@ -79,6 +79,7 @@ class MappingRules:
         rows: First row taken and first row left out after it, counted from 0; None for all.
         times_s: First and last instant taken, in s; None for all.
         units: Units of the file's own: how many of which known unit one of them is, by name.
+        words: Numbers that words in a text stand for, dimensionless, such as 1 for ``EIN``.
     """
 
     signals: tuple[ColumnRule, ...] = ()
@@ -90,6 +91,7 @@ class MappingRules:
     rows: tuple[int, int] | None = None
     times_s: tuple[float, float] | None = None
     units: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+    words: Mapping[str, float] = field(default_factory=dict)
     folder: Path | None = None
 
 
@@ -157,6 +159,7 @@ _MAPPING = TableShape(
         "rows": _ends(within(0, 1e12, whole)),
         "times_s": _ends(number),
         "units": named(_own_unit),
+        "words": named(number),
     },
     others=False,
 )

@@ -37,7 +37,8 @@ def _require_increasing(recording: Recording, what: str) -> None:
     if not recording.increasing:
         raise WorkbenchError(
             f"the time of recording {recording.name!r} does not increase everywhere, so {what} is "
-            "not defined; check_recording(...).recording gives a corrected one"
+            "not defined; 'workbench recording FILE' says where, and "
+            "check_recording(...).recording is a corrected one where its rows tell how"
         )
 
 

@@ -110,6 +110,16 @@ def test_one_measurement_that_shows_nothing_is_told(trial: Recording) -> None:
     assert found.result == "pass" and "no answer of angle to valve is seen" in found.note
 
 
+def test_beside_the_signals_of_a_model_others_need_no_answer(
+    trial: Recording, expected: Expected
+) -> None:
+    oil = 0.1 * np.cumsum(np.random.default_rng(0).normal(size=len(trial)))
+    told = check_response(
+        replace(trial, signals=(*trial.signals, Signal("oil", oil, "K"))), expected
+    )
+    assert not told.doubt and "oil" not in told.note
+
+
 @pytest.mark.parametrize("factor", [1e3, 1e6, 1e9, 1e-3, 1e-6])
 def test_a_time_in_another_unit_is_unfit(
     factor: float, trial: Recording, expected: Expected
@@ -134,6 +144,21 @@ def test_a_store_that_is_filled_moves_long_before_its_time_constant(
     signals = Signal("heater", heater, "W", role="command"), Signal("water", water, "K")
     seen = Recording("run", 20.0 * factor * np.arange(1500), signals)
     assert check_time_base(seen, expectations(seen, model=boiler)).result == result
+
+
+def test_weather_that_hardly_moves_a_room_is_no_reason_to_doubt() -> None:
+    rng = np.random.default_rng(4)
+    heat = np.repeat(rng.uniform(0.0, 1.0, 200), 20)
+    weather = 1e-4 * np.cumsum(np.cumsum(rng.normal(size=4000)))
+    room = np.convolve(heat, np.exp(-np.arange(100) / 20.0))[:4000] + 0.01 * rng.normal(size=4000)
+    signals = (
+        Signal("heat", heat, "W", role="command"),
+        Signal("weather", weather, "K", role="command"),
+        Signal("room", room, "K"),
+    )
+    found = check_response(Recording("room", 60.0 * np.arange(4000), signals), Expected())
+    assert "no answer of room to weather is seen" in found.note
+    assert found.result == "pass" and not found.doubt
 
 
 def test_a_smooth_command_leaves_it_open() -> None:

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import date
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ _POINT = re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")
 _COMMA = re.compile(r"^[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?$")
 _REMARKS = ("", "comment", "comments", "remark", "remarks")
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "+inf", "-inf", "#n/a"}
+_WORDS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
 _STAMP = re.compile(
     r"(?P<date>(?P<year>\d{4})([-/.])(?P<month>\d\d?)\3(?P<day>\d\d?)"
     r"|(?P<d>\d\d?)\.(?P<m>\d\d?)\.(?P<y>\d{4}))?"
@@ -53,6 +55,7 @@ class Layout:
         separator: One character, or None for runs of blanks.
         units: Units from a row of units; empty if there is none.
         first: Index of the first row of numbers among the lines of the file.
+        words: Numbers that words stand for, dimensionless, by the word in lower case.
     """
 
     separator: str | None
@@ -63,6 +66,7 @@ class Layout:
     first: int
     metadata: dict[str, Scalar] = field(default_factory=dict)
     saved: dict[str, Any] | None = None
+    words: Mapping[str, float] = field(default_factory=dict)
 
 
 def split_line(line: str, separator: str | None) -> list[str]:
@@ -133,7 +137,10 @@ def is_missing(cell: str) -> bool:
 def _numeric_share(cells: Sequence[str], decimal: str) -> float:
     if not any(is_number(c, decimal) for c in cells):
         return 0.0
-    held = [is_number(c, decimal) or is_missing(c) or instant(c) != NEVER for c in cells]
+    held = [
+        is_number(c, decimal) or is_missing(c) or c.lower() in _WORDS or instant(c) != NEVER
+        for c in cells
+    ]
     return sum(held) / len(cells)
 
 
@@ -149,14 +156,14 @@ def _candidates(lines: Sequence[str]) -> list[tuple[str | None, str]]:
     return out
 
 
-def _first_row(rows: Sequence[list[str]], decimal: str, least: int) -> int | None:
-    """Return where rows of numbers of equal width begin."""
+def _first_row(rows: Sequence[list[str]], decimal: str, least: int, numbers: float) -> int | None:
+    """Return where rows of equal width begin of which more than a share is numbers."""
     for i, cells in enumerate(rows):
         block = rows[i : i + 3]
         if (
             len(cells) >= least
             and all(len(r) == len(cells) for r in block)
-            and all(_numeric_share(r, decimal) > 0.5 for r in block)
+            and all(_numeric_share(r, decimal) > numbers for r in block)
         ):
             return i
     return None
@@ -192,9 +199,14 @@ def detect_layout(lines: Sequence[str], *, source: str) -> Layout:
     if not body:
         raise WorkbenchError(f"{source} holds no rows of numbers; it is empty or all comments")
     best: tuple[tuple[float, bool, int], int, str | None, str] | None = None
-    for separator, decimal in _candidates([line for _, line in body]):
+    # Beside a machine's states in words there may be few numbers.
+    for numbers, (separator, decimal) in product(
+        (0.5, 0.0), _candidates([line for _, line in body])
+    ):
+        if best is not None and numbers == 0.0:
+            break
         rows = [split_line(line, separator) for _, line in body]
-        start = _first_row(rows, decimal, 2 if separator is not None else 1)
+        start = _first_row(rows, decimal, 2 if separator is not None else 1, numbers)
         if start is None:
             continue
         width = len(rows[start])
@@ -369,9 +381,9 @@ class _Tally:
     infinite: int = 0
     line: int = 0
 
-    def text(self, column: int, cell: str) -> None:
-        count, example = self.unreadable.get(column, (0, ""))
-        self.unreadable[column] = (count + 1, example or f"{cell[:30]!r} in line {self.line}")
+    def text(self, column: int, count: int, cell: str, line: int) -> None:
+        before, example = self.unreadable.get(column, (0, ""))
+        self.unreadable[column] = (before + count, example or f"{cell[:30]!r} in line {line}")
 
 
 def _fast(lines: Sequence[str], layout: Layout) -> Vector | None:
@@ -387,24 +399,36 @@ def _fast(lines: Sequence[str], layout: Layout) -> Vector | None:
     return rows
 
 
-def _cell(cell: str, column: int, layout: Layout, tally: _Tally) -> float:
+def _value(cell: str, layout: Layout) -> float | None:
+    """Return what a cell holds: NaN if it says that there is no number, None if it is a text."""
     if is_number(cell, layout.decimal):
-        value = float(cell.replace(",", ".") if layout.decimal == "," else cell)
-        if math.isfinite(value):
-            return value
-        tally.infinite += 1
-        return math.nan
+        return float(cell.replace(",", ".") if layout.decimal == "," else cell)
     parts = [part for part in instant(cell) if part is not None]
     if parts:
         return sum(parts)
-    if not is_missing(cell):
-        tally.text(column, cell)
-    return math.nan
+    return math.nan if is_missing(cell) else layout.words.get(cell.lower())
+
+
+def _column(
+    cells: Sequence[str], column: int, at: Sequence[int], layout: Layout, tally: _Tally
+) -> Vector:
+    """Read a column; the same texts come again and again.
+
+    Args:
+        at: Numbers of the lines in the file.
+    """
+    known = {cell: _value(cell, layout) for cell in set(cells)}
+    texts = [k for k, cell in enumerate(cells) if known[cell] is None]
+    if texts:
+        tally.text(column, len(texts), cells[texts[0]], at[texts[0]])
+    values = np.array([known[cell] for cell in cells], dtype=float)
+    tally.infinite += int(np.isinf(values).sum())
+    return np.where(np.isinf(values), np.nan, values)
 
 
 def _slow(lines: Sequence[str], layout: Layout, tally: _Tally) -> Vector:
-    """Read a block cell by cell, noting what is no number."""
-    rows = []
+    """Read a block column by column, noting what is no number."""
+    rows, at = [], []
     for line in lines:
         tally.line += 1
         if is_comment(line):
@@ -418,8 +442,10 @@ def _slow(lines: Sequence[str], layout: Layout, tally: _Tally) -> Vector:
                 f"line {tally.line} has {len(cells)} cells instead of {layout.width}"
             )
             continue
-        rows.append([_cell(c, k, layout, tally) for k, c in enumerate(cells)])
-    return np.array(rows, dtype=float).reshape(-1, layout.width)
+        rows.append(cells)
+        at.append(tally.line)
+    columns = zip(*rows, strict=True) if rows else [()] * layout.width
+    return np.column_stack([_column(c, k, at, layout, tally) for k, c in enumerate(columns)])
 
 
 def read_text(path: Path, options: ReadOptions) -> Columns:
@@ -463,6 +489,8 @@ def _read_lines(
         first = ["\t".join(row) for row in wide]
         cut.append(f"a row per value: {len(lines)} rows became {len(wide) - 1}")
     layout = detect_layout(first[:_LOOK_AHEAD], source=path.name)
+    own = {word.lower(): value for word, value in options.words.items()}
+    layout = replace(layout, words={**_WORDS, **own})
     return _read_rows(path, first, blocks, layout, options, cut)
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +23,13 @@ class ReadOptions:
     Args:
         max_rows: Largest number of rows kept; a longer file is averaged in groups, with a note.
         find_time: Returns the index of the time column of columns without values, or None.
+        words: Numbers that words in the cells of a text stand for, dimensionless.
     """
 
     columns: tuple[str, ...] = ()
     max_rows: int = MAX_ROWS
     find_time: FindTime = lambda columns: None
+    words: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
