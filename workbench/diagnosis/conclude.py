@@ -20,6 +20,7 @@ from workbench.diagnosis.selection.moments import levels, moments
 from workbench.diagnosis.selection.rules import (
     IMPERFECT,
     LEAST_GAIN,
+    LEAST_SHOWN,
     MOST_LEFT,
     MOST_OFF,
     NEAR_NOISE,
@@ -432,9 +433,13 @@ def _still_missing(diagnosis: Diagnosis) -> tuple[str, ...]:
 
 
 def _still_off(rest: str, fit: Mapping[str, Mapping[str, float]]) -> tuple[str, ...]:
-    """Doubt what was found where equations that leave something out still run far off with it."""
+    """Doubt what was found where equations that leave something out still run far off with it.
+
+    Or where they are trusted, and yet most of the error beyond the noise is there without it too.
+    """
     share = 1.0 - explained(fit)
-    if not (share > MOST_OFF.value and rest):
+    little = share > 1.0 - LEAST_SHOWN.value and max(_over(fit).values()) > NEAR_NOISE.value
+    if not (little or (share > MOST_OFF.value and rest)):
         return ()
     return (f"{100 * share:.0f} % of the mean square error of the held-out runs is left",)
 
@@ -534,7 +539,7 @@ def _far(diagnosis: Diagnosis) -> str:
 
 def _rest(diagnosis: Diagnosis, fit: Mapping[str, Mapping[str, float]]) -> str:
     """Say what is still left out, by how much, and what would explain most of it."""
-    over = {o: fit["extended"][o] / max(n, 1e-300) for o, n in fit["noise_floor"].items()}
+    over = _over(fit)
     output = max(over, key=lambda name: over[name])
     if over[output] <= NEAR_NOISE.value:
         return ""
@@ -553,6 +558,11 @@ def _rest(diagnosis: Diagnosis, fit: Mapping[str, Mapping[str, float]]) -> str:
         return f"{said}, and no law of the library explains more of it."
     name = best.entry.name.replace("_", " ")
     return f"{said}; the best candidate for it, {name}, gains {best.gain:.3g} of log likelihood."
+
+
+def _over(fit: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+    """Return the error of each output with all that was found over its noise, dimensionless."""
+    return {o: fit["extended"][o] / max(n, 1e-300) for o, n in fit["noise_floor"].items()}
 
 
 def _drifts_off(diagnosis: Diagnosis) -> bool:

@@ -429,7 +429,7 @@ offset_by_recording = Law(
     begins="level",
     level=True,
     source="what was changed between recordings",
-    look_alikes=("offset", "offset_jump", "constant_force", "constant_torque"),
+    look_alikes=("offset", "valve_offset", "offset_jump", "constant_force", "constant_torque"),
     separated_by="two recordings that follow one another without a break",
 )
 

@@ -567,7 +567,7 @@ def test_times_of_an_event_that_gain_nothing_are_searched_once(
     )
     monkeypatch.setattr(refits, "with_own_starts", own_starts)
     monkeypatch.setattr(refits, "changed_values", lambda *_: {})
-    monkeypatch.setattr(refits, "same_everywhere", lambda _: False)
+    monkeypatch.setattr(refits, "level_everywhere", lambda _: None)
     monkeypatch.setattr(refits, "blocks_of_cost", lambda *_: np.zeros(1))
     monkeypatch.setattr(refits, "_closest_errors", lambda *_: None)
     first = Candidate(jump, fitted(0.0), 100.0, (0.0, -math.inf, math.inf))

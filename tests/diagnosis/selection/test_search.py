@@ -209,6 +209,30 @@ def test_what_ended_as_a_simpler_law_is_told_as_that() -> None:
     assert told.size is not None and told.size.value == pytest.approx(level, rel=0.02)
 
 
+@pytest.mark.parametrize("other", [1.01, -1.0])
+def test_what_ended_alike_in_all_recordings_is_told_as_what_acts_always(other: float) -> None:
+    given, _ = example_diagnosis()
+    assert given.selected is not None
+    prepared = given.prepared
+    task = Task(given.nominal, given.base, prepared.fitting, prepared.judging, prepared.priors)
+    tried = {e.law: e for e in task.tried(given.base.model)}
+    entry = tried["offset_by_recording"]
+    (level,) = entry.effect.states
+    level = replace(level, start_in=(("axis 1", 1.0), ("axis 2", other)))
+    entry = replace(entry, effect=replace(entry.effect, states=(level,)))
+    own, start = entry_priors(entry)
+    model = given.base.model.with_effect(entry.at_size(0.0))
+    free = (*prepared.priors, *own)
+    fit = fit_with_process_noise(
+        model, task.started(task.fitting, model), free, start=start, noise_scale=0.03
+    )
+    ((found, _),) = given.selected.accepted
+    accepted = (Accepted(replace(found, entry=entry, fit=fit), (entry.name,)),)
+    named = replace(given.selected, accepted=accepted, extended=fit, free=free)
+    ((told, _),) = simplified(task, named).accepted
+    assert told.entry.law == ("constant_force" if other > 0.0 else "offset_by_recording")
+
+
 @dataclass(frozen=True)
 class _Found:
     extended: Any

@@ -105,12 +105,13 @@ def _reached(model: Model, effect: Effect) -> float:
     return 1.0 - math.exp(-lasting / pace)
 
 
-def same_everywhere(effect: Effect) -> bool:
-    """Whether levels were found that do not differ from recording to recording."""
+def level_everywhere(effect: Effect) -> float | None:
+    """Return the level of all recordings alike, dimensionless; None where they differ."""
     found = [v for q in effect.states for _, v in q.start_in if q.name == effect.about.begins]
     if not effect.about.level or not found:
-        return False
-    return float(np.std(found)) < _DIFFERENT * math.sqrt(float(np.mean(np.square(found))))
+        return None
+    differ = float(np.std(found)) >= _DIFFERENT * math.sqrt(float(np.mean(np.square(found))))
+    return None if differ else float(np.mean(found))
 
 
 def _begun(

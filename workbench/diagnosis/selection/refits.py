@@ -32,7 +32,7 @@ from workbench.diagnosis.selection.held_out import NO_RUNS, RunErrors, held_out_
 from workbench.diagnosis.selection.moments import (
     changed_values,
     is_event,
-    same_everywhere,
+    level_everywhere,
     with_own_starts,
 )
 from workbench.diagnosis.selection.rules import SAME_LEVELS, SURPASSED, UNTRIED, Limits
@@ -880,7 +880,7 @@ def _judged_on(
         ended = {e.name: e.value for e in fit.refit.estimates}
         ended |= changed_values(fit.model, (entry.effect,), (effect,))
         entry = replace(entry, effect=effect)
-        if same_everywhere(effect):
+        if level_everywhere(effect) is not None:
             return replace(first, refused="it is the same in all recordings", rule=SAME_LEVELS)
         if last:
             entry, fit, started = _narrowed(base, entry, fit, ended, priors, fit_on, times=0)

@@ -154,7 +154,7 @@ def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
     if len(state.accepted) > 1:
         task.say("leaving out one effect at a time")
         state = left_out(task, state, max(state.penalty, LEAST_OF_ALL.value * scored.excess))
-    state, share = run_as_found(task, retimed(task, simplified(task, state)))
+    state, share = run_as_found(task, simplified(task, retimed(task, state)))
     failed = (*state.failed, state.began)
     shown = any(a.shown for a in state.aside)
     again = not state.accepted and state.began and len(failed) < (2 if shown else MOST_SEARCHES)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, fit_with_process_noise
+from workbench.diagnosis.selection.moments import level_everywhere
 from workbench.diagnosis.selection.refits import entry_priors, tuned
 from workbench.diagnosis.selection.rules import SAME
 from workbench.diagnosis.selection.selected import Accepted, Selected
@@ -31,22 +32,26 @@ def simplified(task: Task, state: Selected) -> Selected:
         ended = any(
             e.on_bound or e.std > _UNTOLD * e.prior.std for e in own.values() if e.name != size
         )
+        # What differs between recordings and ends alike in all of them is the same without.
+        level = level_everywhere(full.model.effect(name))
         shorter = [
             e
             for e in look_alikes(entry, task.tried(state.extended.model.without(name)))
-            if e.ports == entry.ports and len(entry_priors(e)[0]) < len(own)
-            if ended or e.name not in judged
+            if e.ports == entry.ports and not e.effect.about.begins
+            if len(entry_priors(e)[0]) < len(own) + (level is not None)
+            if ended or level is not None or e.name not in judged
         ]
         without = task.without(state, found) if shorter and size in own else None
         if without is None:
             continue
         base, free = without
         values = {e.name: e.value for e in full.refit.estimates if e.name not in own}
+        amount = own[size].value * (1.0 if level is None else level)
         for simpler in shorter:
-            other = _begun(simpler, entry, own[size].value)
+            other = _begun(simpler, entry, amount)
             if other.replaces or other.unit != entry.unit:
                 continue
-            begin = values | {f"{other.name}.{other.size_parameter}": own[size].value}
+            begin = values | {f"{other.name}.{other.size_parameter}": amount}
             try:
                 other, fit = _refitted(task, base.model, other, free, begin, full.noise_scale)
             except Exception:  # noqa: BLE001
