@@ -314,3 +314,10 @@ def test_a_name_beside_its_like_is_no_unit(tmp_path: Path) -> None:
     path = saved(tmp_path, "\n".join(["t,u_V,T_B,T_C", *rows]))
     with pytest.raises(WorkbenchError, match="temp"):
         read_recording(path, signals={"u": "V", "temp": "K"})
+
+
+def test_levels_beside_whole_numbers_are_no_names_of_signals(tmp_path: Path) -> None:
+    rows = "".join(f"{k / 200}\t{(0.19, -2.5)[k // 9 % 2]}\t{7 * k}\n" for k in range(60))
+    table = read_text(saved(tmp_path, f"Time (s)\tForce (N)\tPath (um)\n{rows}"), ReadOptions())
+    assert table.headers == ("Time (s)", "Force (N)", "Path (um)")
+    assert table.values.shape == (60, 3)

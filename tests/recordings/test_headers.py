@@ -69,6 +69,8 @@ from workbench.recordings.headers import read_header
         ("flow_l_h", "flow", "l/h", ""),
         ("energy_kW_h", "energy", "kW h", ""),
         ("U_amp_V", "U_amp", "V", ""),
+        ("tau_m_Nm", "tau_m", "Nm", ""),
+        ("p_m_s", "p", "m/s", ""),
         ("turn_rate_rad_sec", "turn_rate", "rad/s", ""),
         ("c_mol_l", "c", "mol/l", ""),
     ],

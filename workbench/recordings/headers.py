@@ -157,8 +157,10 @@ def _suffix(column: str) -> tuple[str, str, str] | None:
         )
         if count > 1 and "per" not in tail and not below:
             spellings = spellings[1:]
-            if len({in_symbols(w) == w for w in tail}) > 1:
-                # Nobody multiplies a symbol by a word: "U_amp_V" is the voltage of an amplifier.
+            small = tail[0] in _AMBIGUOUS and tail[0].islower()
+            if small or len({in_symbols(w) == w for w in tail}) > 1:
+                # Nobody multiplies a symbol by a word, or metres by what follows: "U_amp_V" is the
+                # voltage of an amplifier, "tau_m_Nm" the torque of a motor.
                 continue
         for spelling in spellings:
             unit, reference = read_unit(spelling)

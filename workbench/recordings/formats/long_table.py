@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
@@ -10,6 +11,7 @@ from workbench.recordings.headers import read_header, read_unit
 
 _MOST_SIGNALS = 200
 _LEAST_ROWS = 8
+_NUMERAL = re.compile(r"[+-]?[\d.,]+([eE][+-]?\d+)?")
 
 
 class Long(NamedTuple):
@@ -48,7 +50,9 @@ def long_table(rows: Sequence[list[str]], is_value: Callable[[str], bool]) -> Lo
         return None
     rest = [k for k in range(len(titles)) if k != times[0]]
     values = [k for k in rest if all(is_value(row[k]) for row in below)]
-    words = [k for k in rest if not any(is_value(row[k]) for row in below)]
+    # A number with the other decimal sign is no word.
+    numbers = [k for k in rest if any(_NUMERAL.fullmatch(row[k]) for row in below)]
+    words = [k for k in rest if k not in numbers and not any(is_value(row[k]) for row in below)]
     units = [k for k in words if all(_is_unit(row[k]) for row in below)]
     names = [k for k in words if k not in units]
     if len(values) != 1 or len(names) != 1 or len(units) > 1:
