@@ -114,7 +114,7 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
     undeclared = [q for q, own in zip(told.outputs, model.outputs, strict=True) if q != own]
     if undeclared:
         even = [q.name for q in undeclared if not q.relative_noise_rms]
-        noise = _unforetold(told, recordings, even)
+        noise = _unforetold(told, _as_taken(recordings), even)
         if noise:
             outputs = tuple(
                 replace(q, noise_rms=noise.get(q.name, q.noise_rms)) for q in told.outputs
@@ -319,12 +319,18 @@ def _unforetold(
     return found
 
 
+def _as_taken(recordings: Sequence[Recording]) -> Sequence[Recording]:
+    """Return the recordings that tell the noise of a sample: others only where there are none."""
+    return [r for r in recordings if not r.resampled] or recordings
+
+
 def _with_data(model: Model, recordings: Sequence[Recording]) -> tuple[Model, dict[str, float]]:
     """Take noise and what is left out from the data; the model, and the signals at its ports."""
     outputs = []
     for q in model.outputs:
         # Of a sensor slower than the others there are numbers in some rows only.
-        read = [r[q.name][r.valid(q.name)] for r in recordings if q.name in r]
+        measured = _as_taken([r for r in recordings if q.name in r])
+        read = [r[q.name][r.valid(q.name)] for r in measured]
         if q.noise_rms == 0 and q.resolution == 0 and read:
             step = max(recorded_quantum(r, q.name) for r in recordings if q.name in r)
             white = [white_rms(v, order=order, quantile=0.25) for v in read for order in (4, 6)]

@@ -163,6 +163,7 @@ class Recording(Drawn):
         notes: What was corrected or assumed, in order.
         metadata: Settings of the experiment, such as ``load_kg``.
         excluded: Stretches in which a signal was not measured and must not be judged.
+        resampled: Whether it has another pace than it was taken at: neighbours share their noise.
 
     Example:
         >>> time = np.arange(4) * 0.1
@@ -183,6 +184,7 @@ class Recording(Drawn):
     metadata: Mapping[str, Scalar] = field(default_factory=dict)
     excluded: tuple[Span, ...] = ()
     mapping: ColumnMapping | None = None
+    resampled: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "time", _frozen(self.time, "time"))

@@ -248,4 +248,5 @@ def resample(
     made = replace(recording, time=instants, signals=tuple(signals), excluded=tuple(spans))
     if math.isclose(old, new, rel_tol=_SAME):
         return made
+    made = replace(made, resampled=True)
     return made.noted(f"resampled from one every {in_time(old, 6)} to one every {in_time(new, 6)}")
