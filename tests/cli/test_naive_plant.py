@@ -213,8 +213,14 @@ def test_an_absolute_temperature_is_plausible_without_a_scale(
 
 
 def test_the_last_word_of_an_option_is_a_unit_only_where_it_is_one() -> None:
-    def tank(T_in: float = 300.0, x_d: float = 0.1, p_C: float = 1.0, wall_mm: float = 2.0) -> None:
-        """A tank."""
+    def tank(
+        T_in: float = 300.0,
+        x_d: float = 0.1,
+        p_C: float = 1.0,
+        wall_mm: float = 2.0,
+        curve: tuple[float, ...] = (0.0, 1.0),
+    ) -> None:
+        """A tank, with a curve that nobody types."""
 
     options = adopt(tank, "tank").options
     assert [(q.name, q.unit) for q in options] == [

@@ -123,3 +123,13 @@ def test_a_study_asks_a_noisy_sensor_for_no_more_than_it_shows(
         assert run(["new-study", f"{module}.toml", "--plant", f"{module}_oven:oven"]) == 0
         # A step that noise leaves nowhere within 2 % of its end had failed the study as written.
         assert f'metric = "{asked}"' in Path(f"{module}.toml").read_text()
+
+
+def test_a_name_with_blanks_stands_in_quotes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "first try.toml"
+    assert run(["new-study", str(file)]) == 0
+    said = capsys.readouterr().out.strip().partition("; run it: ")[2]
+    assert shlex.split(said)[4:6] == ["compare", file.name]
+    assert f"workbench bless comparison --baseline '{file.stem}.baseline.json'" in file.read_text()

@@ -129,7 +129,9 @@ def test_plants_says_what_it_takes(folder: Path, capsys: pytest.CaptureFixture[s
     text = capsys.readouterr().out
     assert "Series circuit" in text and "number in mH, by default 10.0" in text
     assert run(["plants", "tanks"]) == 0
-    assert " 0.15 V/s, 0.02 to 0.6, refitted\n" in capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert " 0.15 V/s, 0.02 to 0.6, refitted\n" in text
+    assert max(map(len, text.splitlines())) <= 100
     assert run(["plants"]) == 0
     listed = capsys.readouterr().out
     assert run(["linearise", "--help"]) == 0

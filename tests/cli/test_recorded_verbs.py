@@ -55,6 +55,20 @@ def test_recording_shows_its_checks(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert (tmp_path / "signals.png").is_file()
 
 
+def test_who_has_data_alone_is_told_which_plant_was_taken(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"{k},{k % 7}\n" for k in range(40))
+    files = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    for file in files:
+        file.write_text(f"time [s],level [m]\n{rows}")
+    assert run(["refit", "--fit", str(files[0]), "--hold-out", str(files[1])]) == 2
+    message = capsys.readouterr().err
+    assert "no plant is named, so the arm is taken: name yours with --plant" in message
+    assert run(["diagnose", str(files[0])]) == 2
+    assert "single recordings are given with --fit and --hold-out" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

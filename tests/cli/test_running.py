@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from workbench.cli import running
-from workbench.cli.main import run
+from workbench.cli.main import _as_sentence, run
 from workbench.recordings.formats import delimited_text
 
 
@@ -42,3 +42,8 @@ def test_reading_a_long_file_is_said_to_go_on(
     (tmp_path / "a.csv").touch()
     run([*words, str(tmp_path / "a.csv")])
     assert "s  still reading" in capsys.readouterr().err
+
+
+def test_a_warning_of_ours_is_a_sentence() -> None:
+    told = [_as_sentence("it is slow", RuntimeWarning, f, 3) for f in (running.__file__, "mine.py")]
+    assert told == ["workbench: it is slow\n", "mine.py:3: RuntimeWarning: it is slow\n"]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -126,8 +128,25 @@ def run(arguments: Sequence[str]) -> int:
     return status if isinstance(status, int) else 0
 
 
+_usual_format = warnings.formatwarning
+
+
+def _as_sentence(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    line: str | None = None,
+) -> str:
+    """Say a warning of ours without its place in the code."""
+    if Path(filename).is_relative_to(Path(__file__).parents[1]):
+        return f"workbench: {message}\n"
+    return _usual_format(message, category, filename, lineno, line)
+
+
 def main() -> None:
     """Run the command line and leave with its exit status."""
+    warnings.formatwarning = _as_sentence
     with sigterm_interrupts():
         sys.exit(run(sys.argv[1:]))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -130,12 +131,15 @@ def _write(file: Path, template: str, plant: str | None = None) -> int:
     if file.exists():
         raise WorkbenchError(f"file {str(file)!r} exists; give another name, nothing was changed")
     text = (shipped_folder() / "templates" / template).read_text(encoding="utf-8")
-    text = text.replace(Path(template).stem, file.stem)
+    # In commands a name with blanks stands in quotes.
+    stem = Path(template).stem
+    text = re.sub(rf"{stem}(\.[\w.]+)", lambda m: shlex.quote(file.stem + m[1]), text)
+    text = text.replace(stem, file.stem)
     if suffix == ".toml":
         own = None if plant is None else _of_plant(plant)
         text = Template(text, trim_blocks=True, keep_trailing_newline=True).render(own=own)
     write_whole(file, text)
     (line,) = re.findall(r"Run it: +(workbench .*)", text)
-    where = "" if file.parent == Path() else f"cd {file.parent} && "
+    where = "" if file.parent == Path() else f"cd {shlex.quote(str(file.parent))} && "
     typer.echo(f"written to {file}; run it: {where}{line}")
     return 0

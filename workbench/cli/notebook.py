@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -33,5 +34,5 @@ def notebook(chosen: Chosen, *, out: Path = Path("starter.ipynb")) -> int:
         raise WorkbenchError(f"file {str(out)!r} exists; give another name, nothing was changed")
     base = replace(nominal_design(chosen), at=tuple(chosen.design_point.items()))
     write_whole(out, starter_notebook(StepTrial(chosen.recipe, base, say=note)))
-    typer.echo(f"written to {out}; open it: jupyter lab {out}")
+    typer.echo(f"written to {out}; open it: {shlex.join(('jupyter', 'lab', str(out)))}")
     return 0

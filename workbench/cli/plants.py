@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from textwrap import TextWrapper
 
 import typer
 
@@ -40,6 +41,12 @@ def plants(name: str | None = None) -> int:
         value = with_unit(f"{q.value:.6g}", q.unit)
         typer.echo(f"    {q.name:<32} {value}{known}{', refitted' if q.fitted else ''}")
     typer.echo(f"  effects: {', '.join(effect.name for effect in model.effects) or 'none'}")
-    offered = sorted(hypothesis.name for hypothesis in library(model))
-    typer.echo(f"  --effect takes: {', '.join(offered) or 'only what is your own'}")
+    offered: dict[str, list[str]] = {}
+    for hypothesis in library(model):
+        offered.setdefault(hypothesis.law, []).append(hypothesis.name)
+    typer.echo(f"  --effect takes:{'' if offered else ' only what is your own'}")
+    # A line per law, with its places.
+    lines = TextWrapper(100, initial_indent="    ", subsequent_indent="      ")
+    for law in sorted(offered):
+        typer.echo(lines.fill(", ".join(sorted(offered[law]))))
     return 0

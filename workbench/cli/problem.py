@@ -112,8 +112,16 @@ def _loaded(
         name = plant or DEFAULT_PLANT
         chosen = chosen_plant(name, **changes)
         base = RefitSettings(start_samples=chosen.plant.start_samples)
-        with telling(time.perf_counter(), "reading the recordings"):
-            problem = problem_of_files(chosen.model, fit or (), hold_out or (), mapping=mapping)
+        try:
+            with telling(time.perf_counter(), "reading the recordings"):
+                problem = problem_of_files(chosen.model, fit or (), hold_out or (), mapping=mapping)
+        except WorkbenchError as error:
+            if plant is not None:
+                raise
+            raise WorkbenchError(
+                f"{error}; no plant is named, so the {name} is taken: name yours with --plant"
+                " ('workbench new-plant my_plants.py' writes one to start from)"
+            ) from None
         for note in problem.notes:
             typer.echo(f"note: {note}", err=True)
     attached = {effect.name for effect in problem.model.effects}

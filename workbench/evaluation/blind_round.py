@@ -14,12 +14,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
-from workbench.checked_json import TableShape, listed, named, number, optional, read_json, text
-from workbench.diagnosis.verdict import upgraded
+from workbench.checked_json import (
+    TableShape,
+    listed,
+    named,
+    number,
+    one_of,
+    optional,
+    read_json,
+    text,
+)
+from workbench.diagnosis.verdict import SCHEMA, Kind, upgraded
 from workbench.display import aligned_table
 from workbench.errors import WorkbenchError
 from workbench.evaluation.answer_key import (
@@ -64,17 +73,22 @@ def read_answer(path: str | Path, case: str, names: Names) -> Answer:
     Raises:
         WorkbenchError: If the file cannot be read or is no verdict.
     """
-    data = read_json(path, "verdict", _VERDICT, fix="write it with 'workbench diagnose'")
+    data = read_json(path, "verdict", _VERDICT, fix=_FORM)
     return answer_of(upgraded(data, f"verdict {str(path)!r}"), case, names)
 
 
+_FORM = (
+    '\'workbench diagnose\' writes it; of another method it is {"schema": "'
+    + SCHEMA
+    + '", "verdict": WORD, "findings": [{"effect": NAME, "where": [PORT]}]}'
+)
 _ERRORS = optional(named(optional(number)))
 _HELD_OUT = TableShape({}, dict.fromkeys(("extended", "refitted", "noise_floor"), _ERRORS))
 _FINDING = TableShape(
     {}, {"effect": optional(text), "class": optional(listed(text)), "where": optional(listed(text))}
 )
 _VERDICT = TableShape(
-    {"schema": text, "verdict": text},
+    {"schema": text, "verdict": one_of(*get_args(Kind))},
     {
         "findings": optional(listed(_FINDING)),
         "fit": optional(TableShape({}, {"held_out": optional(_HELD_OUT)})),
@@ -131,8 +145,8 @@ def over_limit(verdict: Mapping[str, Any], limit: Mapping[str, float]) -> float:
 
 def names_of(verdict: Mapping[str, Any]) -> list[str]:
     """Return the names that a verdict gives."""
-    found = verdict.get("findings", ())
-    return [f["effect"] for f in found if f["effect"] not in (None, "nonparametric")]
+    said = (finding.get("effect") for finding in verdict.get("findings") or ())
+    return [name for name in said if name not in (None, "nonparametric", "free_form")]
 
 
 RIGHT, CLASS, GROUP, SIDE, NONE, WRONG = 6, 3, 2, 1, 0, -6

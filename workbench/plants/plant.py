@@ -376,11 +376,16 @@ def _as_model(found: Any) -> Model | None:
     return found
 
 
+_TYPED = (bool, int, float, str)
+"""What somebody can type as the value of an option."""
+
+
 def adopt(found: object, reference: str) -> Plant:
     """Return a plant of the user's own: a model, a linear system, or a function that returns one.
 
-    Keyword parameters of the function become options. A name that ends in a unit, ``mass_kg`` or
-    ``supply_bar``, gives the unit; the option is then called ``mass``, ``supply``.
+    Keyword parameters of the function become options, unless their default is nothing that one
+    types, such as a table. A name that ends in a unit, ``mass_kg`` or ``supply_bar``, gives the
+    unit; the option is then called ``mass``, ``supply``.
 
     Raises:
         WorkbenchError: If it is neither, or a parameter has no default.
@@ -406,6 +411,7 @@ def adopt(found: object, reference: str) -> Plant:
         _adopted(reference, parameter, hints.get(parameter.name))
         for parameter in parameters
         if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+        and (parameter.default is parameter.empty or isinstance(parameter.default, _TYPED))
     )
     summary = (inspect.getdoc(found) or "").split("\n")[0].rstrip(".")
     return Plant(reference, found, summary, options)
@@ -413,10 +419,10 @@ def adopt(found: object, reference: str) -> Plant:
 
 def _adopted(reference: str, parameter: inspect.Parameter, hint: Any) -> Option:
     default = parameter.default
-    if default is parameter.empty or not isinstance(default, (bool, int, float, str)):
+    if default is parameter.empty:
         raise WorkbenchError(
-            f"parameter {parameter.name!r} of plant {reference!r} has no default that is a number,"
-            " a word or a switch; give it one, such as mass_kg=3.0"
+            f"parameter {parameter.name!r} of plant {reference!r} has no default; give it one, such"
+            " as mass_kg=3.0"
         )
     choices = get_args(hint) if get_origin(hint) is Literal else ()
     name, _, suffix = parameter.name.rpartition("_")

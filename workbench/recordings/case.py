@@ -255,7 +255,8 @@ def case_folder(name: str | Path) -> Path:
         return shipped_folder() / "machines" / str(name)
     raise WorkbenchError(
         f"{str(name)!r} is neither a folder with a case nor one of"
-        f" {', '.join((*shipped_cases(), *machine_cases()))}"
+        f" {', '.join((*shipped_cases(), *machine_cases()))}; single recordings are given with"
+        " --fit and --hold-out"
     )
 
 

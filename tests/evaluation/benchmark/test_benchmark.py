@@ -105,6 +105,14 @@ def test_methods_stand_beside_each_other(
     assert run([*asked, "--out", str(out)]) == 0
     assert "12 of 12" in capsys.readouterr().out
     assert [m["method"] for m in json.loads(out.read_text())["methods"]] == ["good", "bad"]
+    # A name that no law has counts as wrong, and is told; a word that no verdict has is refused.
+    for said, word in (("named", "seal_friction"), ("found it", "bias")):
+        answer = verdict(found(word, "joint.torque"), kind=said)
+        (place / "bad/two.json").write_text(json.dumps(answer))
+        assert run(asked) == (WRONG_USE if said == "found it" else 0)
+    printed, refused = capsys.readouterr()
+    assert "bad: no law is called seal_friction, which counts as wrong" in printed
+    assert "it must be one of 'data_unfit'" in refused and '"verdict": WORD' in refused
     (place / "good/two.json").unlink()
     assert run(asked) == WRONG_USE
     assert "no verdict of case two" in capsys.readouterr().err

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,10 +18,18 @@ from workbench.display import aligned_table
 from workbench.errors import WorkbenchError
 from workbench.evaluation.answer_key import NOTHING
 from workbench.evaluation.benchmark.baselines import read_limits
-from workbench.evaluation.blind_round import RoundScore, over_limit, score_verdicts, verdict_file
+from workbench.evaluation.blind_round import (
+    RoundScore,
+    names_of,
+    over_limit,
+    score_verdicts,
+    verdict_file,
+)
 from workbench.evaluation.own_cases.own_case import limited_errors, made
 from workbench.evaluation.own_cases.plan import FIRST_SEED, Planned, plan
 from workbench.files import write_whole
+from workbench.physics.library import every_name
+from workbench.plants.arm import arm
 
 KEY, NAMES = "key.json", "names.toml"
 """Files of the answers beside the cases, and of how their words are read."""
@@ -71,11 +79,13 @@ class Scored:
     Args:
         over_limit: Median of the held-out error over that of the true model, or over the noise of
             the sensors where the key does not give it, dimensionless; NaN if no answer gives it.
+        unknown: Names that it gave and that no law has: they count as wrong.
     """
 
     method: str
     score: RoundScore
     over_limit: float
+    unknown: tuple[str, ...] = ()
 
     def as_data(self) -> dict[str, Any]:
         """Return the score as plain data."""
@@ -95,27 +105,34 @@ def compared(cases: Path, verdicts: Sequence[Path]) -> tuple[Scored, ...]:
     """
     key, table = cases / KEY, cases / NAMES
     names = table if table.exists() else None
-    scores = [score_verdicts(folder, key, names=names) for folder in verdicts]
-    limits = read_limits(key)
-    return tuple(
-        Scored(folder.resolve().name, score, _over(folder, score, limits))
-        for folder, score in zip(verdicts, scores, strict=True)
-    )
+    limits, known = read_limits(key), every_name(arm())
+    scores = []
+    for folder in verdicts:
+        score = score_verdicts(folder, key, names=names)
+        said = {line.case: _verdict(folder, line.case) for line in score.lines}
+        unknown = {n for verdict in said.values() for n in names_of(verdict) if n not in known}
+        scores.append(
+            Scored(folder.resolve().name, score, _over(said, limits), tuple(sorted(unknown)))
+        )
+    return tuple(scores)
 
 
-def _over(folder: Path, score: RoundScore, limits: dict[str, Any]) -> float:
+def _verdict(folder: Path, case: str) -> dict[str, Any]:
+    verdict: dict[str, Any] = json.loads(verdict_file(folder, case).read_text(encoding="utf-8"))
+    return verdict
+
+
+def _over(verdicts: Mapping[str, Mapping[str, Any]], limits: Mapping[str, Any]) -> float:
     ratios = []
-    for line in score.lines:
-        verdict = json.loads(verdict_file(folder, line.case).read_text(encoding="utf-8"))
+    for case, verdict in verdicts.items():
         held_out = (verdict.get("fit") or {}).get("held_out") or {}
-        below = limits.get(line.case) or held_out.get("noise_floor") or {}
-        ratios.append(over_limit(verdict, below))
+        ratios.append(over_limit(verdict, limits.get(case) or held_out.get("noise_floor") or {}))
     known = [ratio for ratio in ratios if math.isfinite(ratio)]
     return float(np.median(known)) if known else math.nan
 
 
 def table(scores: Sequence[Scored]) -> str:
-    """Return the table as text, one line per method."""
+    """Return the table as text, one line per method, with the names below that no law has."""
     titles = (
         "method", "points", "by chance", "right group", "right name or class", "wrong name",
         "false alarm", "held-out error",
@@ -130,4 +147,10 @@ def table(scores: Sequence[Scored]) -> str:
         )
         for s in scores
     ]
-    return aligned_table(titles, rows)
+    notes = [
+        f"\n{s.method}: no law is called {', '.join(s.unknown)}, which counts as wrong; 'workbench"
+        " plants arm' lists the names"
+        for s in scores
+        if s.unknown
+    ]
+    return aligned_table(titles, rows) + "".join(notes)
