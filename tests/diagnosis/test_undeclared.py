@@ -26,6 +26,7 @@ from workbench.physics.library import LAWS, library
 from workbench.plants.servo_axis import servo_axis
 from workbench.recordings.checks.time_base import evened
 from workbench.recordings.recording import Recording, Signal
+from workbench.recordings.resampling import resample
 
 
 def _swinging(step: float) -> Recording:
@@ -41,6 +42,15 @@ def test_steps_coarser_than_declared_count_as_noise() -> None:
     model, (row,) = as_coarse_as_recorded(oscillator(), [_swinging(0.0), _swinging(0.02)])
     assert model.outputs[0].resolution == pytest.approx(0.02)
     assert row["result"] == "corrected" and "steps of 0.02 m" in row["note"]
+
+
+def test_a_recording_of_another_pace_tells_less_of_the_noise() -> None:
+    plant = oscillator()
+    silent = replace(plant, outputs=(replace(plant.outputs[0], noise_rms=0.0),))
+    slower = replace(resample(_swinging(0.0), rate_Hz=80.0), name="slower")
+    for known in ([_swinging(0.0)], [_swinging(0.0), slower], [slower, _swinging(0.0)]):
+        model, _ = with_undeclared(silent, known)
+        assert model.outputs[0].noise_rms == pytest.approx(1e-3, rel=0.05)
 
 
 def test_a_problem_of_files_says_what_its_recordings_lack_and_what_leaves_its_range(
