@@ -22,6 +22,7 @@ def library(
     sample_time: float = 0.0,
     period: float = 0.0,
     episode: tuple[float, float] | None = None,
+    held: bool = False,
     strides: Mapping[str, float] | None = None,
     ranges: Mapping[str, tuple[float, float]] | None = None,
     more_of: Collection[str] = (),
@@ -42,6 +43,7 @@ def library(
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
         period: Period with which something repeats that nobody read, in s; 0 if nothing does.
         episode: From when to when most of what nobody read acts, in s; None if it always may.
+        held: Whether only a loop can have held the machine, whose commands follow measurements.
         strides: How much of a command passes until something repeats, in its unit times s, by
             port, or how far a state goes, by its name; nothing repeats at others.
         ranges: Smallest and largest value along the recordings of ports and states, by name, in
@@ -59,7 +61,7 @@ def library(
     """
     survey = Survey(
         model, outputs, duration=duration, sample_time=sample_time, period=period,
-        episode=episode, strides=strides, ranges=ranges, found=found,
+        episode=episode, held=held, strides=strides, ranges=ranges, found=found,
     )  # fmt: skip
     given = [item for item in extra if isinstance(item, Hypothesis)]
     laws = dict.fromkeys([*LAWS.members().values(), *(x for x in extra if isinstance(x, Law))])

@@ -256,7 +256,9 @@ _NOTHING = 1e-6
 
 def _beside_others(survey: Survey) -> Iterator[Fit]:
     read = {q.name for q in survey.model.outputs}
-    causes = [survey.input(q.name) for q in survey.model.inputs if q.name not in read]
+    # The noise of a measurement goes into the command of a loop that follows it.
+    heard = (q for q in survey.model.inputs if not (survey.held and q.commanded))
+    causes = [survey.input(q.name) for q in heard if q.name not in read]
     for place in survey.fitting("measurement"):
         if place.output is None:
             continue

@@ -317,6 +317,7 @@ class Survey:
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
         period: Period with which something repeats that nobody read, in s; 0 if nothing does.
         episode: From when to when most of what nobody read acts, in s; None if it always may.
+        held: Whether only a loop can have held the machine, whose commands follow measurements.
         strides: The same by commands: how much of one passes meanwhile, in its unit times s, by
             port; and by what is moved: how far it goes, by state.
         ranges: Smallest and largest value along the recordings of ports and states, by name, and
@@ -339,13 +340,14 @@ class Survey:
         sample_time: float = 0.0,
         period: float = 0.0,
         episode: tuple[float, float] | None = None,
+        held: bool = False,
         strides: Mapping[str, float] | None = None,
         ranges: Mapping[str, tuple[float, float]] | None = None,
         found: Collection[str] = (),
     ) -> None:
         self.model, self.trace, self._found = model, model.exact, found
         self.ranges, self.period, self.strides = ranges or {}, period, strides or {}
-        self.episode = episode
+        self.episode, self.held = episode, held
         # A recording that is to be refused later may have no sensible time base.
         self.duration = duration if 0.0 < duration < math.inf else 0.0
         self.sample_time = sample_time if 0.0 < sample_time < math.inf else 0.0

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.axis_case import diagnosed, observed
+from tests.diagnosis.newcomers import levitation, maglev
 from workbench.diagnosis.estimation import process_noise
 from workbench.diagnosis.estimation.made_up import made_up_axis
 from workbench.diagnosis.estimation.observe import observe
@@ -20,9 +21,11 @@ from workbench.diagnosis.estimation.process_noise import (
     extended_start,
     fit_with_process_noise,
     gain_interval,
+    perfect_cost,
     ranges_along,
     start_values,
 )
+from workbench.diagnosis.estimation.start import fit_with_likely_starts
 from workbench.diagnosis.undeclared import with_undeclared
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
@@ -193,3 +196,11 @@ def test_the_equations_are_trusted_as_far_as_it_costs_nothing(
     seen = made_up_axis(1, samples=50)
     found = fit_with_process_noise(servo_axis(), [seen], (), noise_scale=3.0)
     assert found.noise_scale == scale
+
+
+def test_what_an_unstable_plant_leaves_at_best_needs_no_right_parameters() -> None:
+    runs = [levitation(seed, samples=600) for seed in (1, 2)]
+    ball, _ = with_undeclared(maglev(), runs)
+    fit, started = fit_with_likely_starts(ball, [observe(ball, runs[0])], default_priors(ball))
+    assert fit.noise_scale <= PERFECT
+    assert perfect_cost(ball, started) == pytest.approx(fit.cost, rel=0.02)

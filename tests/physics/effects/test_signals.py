@@ -394,6 +394,8 @@ def test_a_sensor_reads_something_of_an_input() -> None:
     heard = model.with_effect(law.at_size(1e-9))
     assert heard.read([3e-4], [2e3])[1] == pytest.approx(3e-4 + 2e-6)
     assert heard.rates([3e-4], [2e3]) == pytest.approx(model.rates([3e-4], [2e3]))
+    # A command that a loop computes from the volume has its noise in it.
+    assert law.name not in {h.name for h in library(model, held=True)}
 
 
 def test_a_meter_counts_what_leaks_with_the_root_of_a_pressure() -> None:

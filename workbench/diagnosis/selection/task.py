@@ -107,6 +107,7 @@ class Task:
                 sample_time=longest.sample_time,
                 period=self._period,
                 episode=self._episode,
+                held=any(r.diverges for r in self.fitting),
                 strides=self._strides,
                 ranges=self._ranges,
                 more_of=self._more_of,
