@@ -201,10 +201,11 @@ def loops_at(
         curves = getattr(unguarded(controller), "curves", None) or [None] * len(columns)
         pairs = zip(curves, linear.u0[columns].tolist(), strict=True)
         gain = np.array([1.0 if c is None else c.steepness(u) for c, u in pairs])
-    rows = [linear.output_names.index(name) for name in controller.sensors]
-    size = linear.state_scales
-    A, B = linear.A * size / size[:, None], gain * linear.B[:, columns] / size[:, None]
-    C = linear.C[rows] * size
+    inputs = [linear.input_names[k] for k in columns]
+    own = linear.select(inputs=inputs, outputs=controller.sensors)
+    own = own.read_after_holding(controller.sample_time)
+    size = own.state_scales
+    A, B, C = own.A * size / size[:, None], gain * own.B / size[:, None], own.C * size
     values = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
     at_rest = tuple(values[name] for name in controller.sensors)
     reference = tuple(values[name] for name in controller.controlled)

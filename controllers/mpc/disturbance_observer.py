@@ -121,11 +121,11 @@ def design_disturbance_observer(
     F, G = zero_order_hold(joined, np.vstack([B, np.zeros((w, B.shape[1]))]), sample_time)
     C = np.hstack([np.asarray(linear.C)[rows], np.eye(len(rows), w, w - len(rows))])
     C[: len(rows) - len(offsets), n:] = 0.0
-    described = {q.name: q for q in linear.operating_point.model.states}
-    scale = np.array([described[name].scale for name in linear.state_names])
+    scale = linear.state_scales
     size = np.concatenate([scale, walk])
     _check_told_apart(A, E, C, size, np.array(sensor_noise), said)
-    walks = np.diag(state_noise * scale) if np.isscalar(state_noise) else np.asarray(state_noise)
+    walks = np.asarray(state_noise)
+    walks = walks if walks.ndim else np.diag(float(walks) * scale)
     entry = np.zeros((n + w, walks.shape[1] + w))
     entry[:n, :-w], entry[n:, -w:] = walks, np.diag(walk)
     gain = _kalman_gain(F, C, entry * math.sqrt(sample_time), np.array(sensor_noise) ** 2, size)

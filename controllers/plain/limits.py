@@ -1020,7 +1020,7 @@ def settled_after(law: Any, linear: LinearModel, steps: Mapping[str, float]) -> 
     The law is within its ends on the linear model, and each output steps alone.
     """
     want = LoopSpecification(law.controlled, law.actuators, sample_time=law.sample_time)
-    loop = loop_of(linear, law.controlled, law.actuators, law.sensors)
+    loop = loop_of(linear, law.controlled, law.actuators, law.sensors, law.sample_time)
     time, seen, _ = LoopLimits(loop, want).steps(stacked([law.around_rest()]))
     long, none = 0.0, (math.inf,) * len(law.controlled)
     paces, brakes = (getattr(law, name, ()) or none for name in ("pace", "brake"))

@@ -147,9 +147,9 @@ def loop_of(
             their curves, in s; 0 for one that does not.
 
     Raises:
-        WorkbenchError: If there is no input, no output or no such signal, an output answers a
-            command at once or not at all, they cannot be held independently, or a mode grows that
-            no command moves or no output shows.
+        WorkbenchError: If there is no input, no output or no such signal, an output answers no
+            command, they cannot be held independently, or a mode grows that no command moves or no
+            output shows.
     """
     from workbench.linearisation.state_space import linear_model
 
@@ -176,13 +176,8 @@ def loop_of(
     sensors = (*followed, *others)
     _check_growing(whole.select(inputs=acting, outputs=sensors))
     read = whole.select(inputs=acting, outputs=sensors).without_unseen()
-    if np.any(read.D):
-        row, column = np.argwhere(read.D)[0]
-        raise WorkbenchError(
-            f"{sensors[row]} answers {acting[column]} within the sample"
-            f" ({read.D[row, column]:g} at once); add the lag of the sensor or of the actuator to"
-            " the model"
-        )
+    fastest = float(np.abs(whole.poles).max(initial=0.0)) or 1.0
+    read = read.read_after_holding(sample_time or SOON / fastest)
     linear = read.select(outputs=followed)
     still = [
         n for n, moved in zip(followed, np.any(_moved(linear), axis=1), strict=True) if not moved
@@ -195,8 +190,7 @@ def loop_of(
         )
     read = read.without_unreached()
     linear = read.select(outputs=followed)
-    if len(followed) > 1:
-        _check_independent(linear)
+    _check_independent(linear)
     outputs = {q.name: q for q in model.outputs}
     sizes = [outputs[name].scale for name in followed]
     noise = [
@@ -265,6 +259,9 @@ def _curves(
     curves, fading = zip(*found, strict=True)
     return curves, fading
 
+
+SOON = 1e-3
+"""Sample time, times the fastest rate of a plant, of a loop that is not sampled."""
 
 OVER = 0.6
 """What a lag leaves after a sample of which the rest is left out, a ratio."""

@@ -355,7 +355,7 @@ def test_a_step_is_of_what_no_command_moves_at_once(
     )
     # One reason of several designs is one line.
     lines = capsys.readouterr().err.splitlines()
-    reason = [line for line in lines if "within the sample" in line]
+    reason = [line for line in lines if "acceleration cannot be held" in line]
     assert len(reason) == 1 and "lqi" in reason[0] and "plain-pid" in reason[0]
 
 

@@ -65,6 +65,11 @@ class Matrices:
     y0: Any
     operating_point: Any
 
+    @property
+    def state_scales(self) -> Any:
+        scales = {q.name: q.scale for q in self.operating_point.model.states}
+        return np.array([scales[name] for name in self.state_names])
+
     def discretise(self, sample_time: float) -> tuple[Any, ...]:
         import control as ct
 

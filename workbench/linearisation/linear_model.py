@@ -19,6 +19,9 @@ from workbench.model.sizes import poles_of
 from workbench.model.units import from_si
 from workbench.operating_point import OperatingPoint
 
+OVER = 20.0
+"""Rate of what follows an input within a sample, times the sample time: 2e-9 of it is left over."""
+
 Inverse = Callable[[npt.ArrayLike], Vector]
 """Turns an input of the linear model into the input of the plant, in SI."""
 
@@ -129,7 +132,8 @@ class LinearModel(Drawn):
     @property
     def state_scales(self) -> Vector:
         """Typical sizes of the states, shape (n_states,), in SI."""
-        scales = {q.name: q.scale for q in self.operating_point.model.states}
+        model = self.operating_point.model
+        scales = {q.name: q.scale for q in (*model.inputs, *model.states)}
         return np.array([scales[name] for name in self.state_names])
 
     @cached_property
@@ -213,6 +217,35 @@ class LinearModel(Drawn):
         R = moved * size[:, None]
         back = np.asarray(np.linalg.solve(R[kept].T, R.T).T, dtype=float)
         return self._with_states(kept, self.A[kept] @ back, self.B[kept], back)
+
+    def read_after_holding(self, sample_time: float) -> LinearModel:
+        """Return the model whose outputs answer each input as it was held before they are read.
+
+        A loop that is sampled reads what the last command did, not what the next one will. The
+        inputs that were held are states.
+
+        Args:
+            sample_time: Time between readings, in s.
+        """
+        (at,) = np.nonzero(np.any(self.D, axis=0))
+        if not len(at):
+            return self
+        (n, m), rate = self.B.shape, OVER / sample_time
+        one, none = np.eye(m)[at], np.zeros((len(at), n))
+        ends = self.ends
+        if ends is not None:
+            ends = np.pad(ends, ((0, 0), (0, 0), (0, len(at))))
+        return replace(
+            self,
+            A=np.block([[self.A, none.T], [none, -rate * np.eye(len(at))]]),
+            B=np.vstack([self.B, rate * one]),
+            C=np.hstack([self.C, self.D[:, at]]),
+            D=np.zeros_like(self.D),
+            state_names=(*self.state_names, *(self.input_names[k] for k in at)),
+            x0=np.append(self.x0, self.u0[at]),
+            drift=np.append(self.drift, np.zeros(len(at))),
+            ends=ends,
+        )
 
     def _with_states(
         self, k: npt.NDArray[np.int_], A: Vector, B: Vector, back: Vector

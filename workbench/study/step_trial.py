@@ -400,7 +400,8 @@ def settling(
 
     It is twice what that loop takes to settle, or five times that where this is less than they
     have, as of fast loops of slow plants: a step that a command's end slows down still shows, and
-    the step back. One that ends near the end of a command keeps the time of the plant.
+    the step back. One that ends near the end of a command keeps the time of the plant, up to
+    `LONGEST` samples.
     """
     slow: dict[str, float] = {}
     changes = {name: signal.changes for name, signal in scenario.references.items()}
@@ -430,7 +431,9 @@ def settling(
         return Needed(least, slow)
     # A step back may have less of the command than the step, as what only cools.
     enough = max(5.0 * long, 2.0 * (long + ended))
-    ends = all_told and room and enough < 0.99 * usual
+    if not room:
+        enough = max(enough, LONGEST * scenario.sample_time)
+    ends = all_told and enough < 0.99 * usual
     return Needed(rounded_up(enough) if ends else 0.0, slow)
 
 

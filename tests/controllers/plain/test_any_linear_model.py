@@ -236,8 +236,20 @@ def test_what_cannot_be_designed_is_said(case: tuple[LinearModel, Model, str, fl
         design_lqi(ct.tf([1.0], [1.0, -0.9], True))
     with pytest.raises(WorkbenchError, match="give a LinearModel"):
         design_lqi(3.0)  # type: ignore[arg-type]
-    with pytest.raises(WorkbenchError, match="within the sample"):
-        design_lqi(ct.tf([1.0, 2.0], [1.0, 1.0]))
+
+
+@pytest.mark.parametrize("design", PLAIN)
+def test_an_output_that_answers_at_once_is_read_as_the_last_command_left_it(design: str) -> None:
+    import control as ct
+
+    # The current of a resistor into a capacitor that leaks.
+    plant = linear_model(ct.tf([0.02, 0.125], [0.04, 1.25], inputs="volts", outputs="amperes"))
+    made = DESIGNS.get(design)
+    law = made.function(plant, made.specification(sample_time=0.002))  # type: ignore[misc]
+    step = step_scenario("amperes", 0, 1, hold=2.0, sample_time=0.002)
+    found = metrics(verify(law, plant, step))
+    assert found["settling_time"].value < 0.5
+    assert 1.0 < peak_sensitivities(law, plant)[0] < 2.0
 
 
 SAMPLED = (
