@@ -42,8 +42,9 @@ INTERRUPTED = 130
 app = typer.Typer(
     name="workbench",
     help=(
-        "Design controllers for an antagonistic pneumatic-muscle arm and prove them on the full "
-        "nonlinear plant.\n\nStart with 'workbench demo --out demo' and open demo/report.html. "
+        "Design controllers for a pneumatic-muscle arm or a machine of your own, prove them on the "
+        "full nonlinear plant, and find out what physics a model leaves out.\n\n"
+        "Start with 'workbench demo --out demo' and open demo/report.html. "
         "Values may carry their unit: 30deg, 0.5rad, 3bar, 300kPa. "
         "Exit status: 0 all is well, 1 a requirement is missed, 2 wrong use, 130 interrupted."
     ),

@@ -5,6 +5,8 @@ import pytest
 
 from tests.recordings.example import example_recording
 from workbench.recordings import Recording, Signal, check_recording
+from workbench.recordings.checks import Expected
+from workbench.recordings.checks.time_base import check_time_base
 
 TRIAL = example_recording(seconds=4.0)
 
@@ -50,6 +52,13 @@ def test_repeated_instants_are_left_out() -> None:
     result, note, recording = checked(TRIAL.take(rows))
     assert (result, len(recording)) == ("corrected", 2000)
     assert "3 row(s) with a repeated instant" in note
+
+
+def test_of_the_rows_of_an_event_the_one_after_it_counts() -> None:
+    time = np.sort(np.append(np.arange(40.0), 20.0))
+    step = Signal("valve", (np.arange(41) > 20).astype(float), "V", role="command")
+    found = check_time_base(Recording("export", time, (step,)), Expected())
+    assert found.recording is not None and list(found.recording["valve"][19:22]) == [0.0, 1.0, 1.0]
 
 
 def test_coarse_clock_is_spread() -> None:

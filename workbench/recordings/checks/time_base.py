@@ -167,7 +167,8 @@ def _spread(time: Vector) -> Vector | None:
 
 def _without_repeats(recording: Recording) -> tuple[Recording, str] | str:
     time = recording.time
-    repeats: npt.NDArray[np.bool_] = np.concatenate([[False], np.diff(time) == 0])
+    # A simulation writes an event twice: what comes after it holds from there on.
+    repeats: npt.NDArray[np.bool_] = np.concatenate([np.diff(time) == 0, [False]])
     count = int(repeats.sum())
     if not count:
         return recording, ""
