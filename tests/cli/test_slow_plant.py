@@ -18,7 +18,9 @@ from workbench.linearisation import linearise
 from workbench.linearisation.pace import reach_of, step_time, usual_sample_time
 from workbench.model import Input, Model, Output, State
 from workbench.operating_point import operating_point
-from workbench.study.step_trial import _reached
+from workbench.study.designs import ControllerRecipe
+from workbench.study.plants import PlantRecipe
+from workbench.study.step_trial import StepTrial, _reached
 from workbench.verification import metrics, step_scenario, verify
 
 PLANT = """
@@ -165,6 +167,28 @@ def test_a_fast_loop_of_a_slow_plant_is_run_no_longer_than_it_needs(
     told = json.loads(capsys.readouterr().out)
     assert 300.0 < told["runs"][0]["metrics"]["settling_time"]["value"] < 1500.0
     assert told["work"]["integrator_steps"] < 20000
+
+
+def poisoned() -> Model:
+    """A quick power, most of which is lost over a day to what the power makes slowly."""
+    return Model(
+        "poisoned",
+        lambda m: (
+            {"quick": m.u.rod - m.x.quick, "slow": (m.u.rod - m.x.slow) / 1e5},
+            {"power": m.x.quick - 0.8 * m.x.slow},
+        ),
+        states=(State("quick", "1", 1.0), State("slow", "1", 1.0)),
+        inputs=(Input("rod", "1", 1.0, lower=-1.0, upper=1.0),),
+        outputs=(Output("power", "1", 0.5, noise_rms=1e-3),),
+    )
+
+
+def test_a_step_that_takes_most_of_a_command_in_the_end_is_held_for_few_samples() -> None:
+    machine = PlantRecipe(f"{__name__}:poisoned")
+    trial = StepTrial(machine, ControllerRecipe("", "", machine, ()), designs=("lqi",))
+    _, (scenario, *_) = trial.prepared()
+    # As long as the slow part takes, with samples that show the quick one: 2.25 million.
+    assert 20_000 < scenario.samples < 60_000
 
 
 def test_a_heater_that_rests_near_its_end_is_as_fast_as_its_power() -> None:
