@@ -6,7 +6,7 @@ import pytest
 from tests.recordings.example import example_recording
 from workbench.recordings import Recording, Signal, check_recording
 from workbench.recordings.checks import Expected
-from workbench.recordings.checks.time_base import check_time_base
+from workbench.recordings.checks.time_base import check_time_base, check_uniformity
 
 TRIAL = example_recording(seconds=4.0)
 
@@ -59,6 +59,20 @@ def test_of_the_rows_of_an_event_the_one_after_it_counts() -> None:
     step = Signal("valve", (np.arange(41) > 20).astype(float), "V", role="command")
     found = check_time_base(Recording("export", time, (step,)), Expected())
     assert found.recording is not None and list(found.recording["valve"][19:22]) == [0.0, 1.0, 1.0]
+
+
+def test_events_between_even_instants_move_no_sample() -> None:
+    time = np.sort(np.append(np.arange(40.0), [7.25, 20.5]))
+    signals = (
+        Signal("valve", (time >= 20.5).astype(float), "V", role="command"),
+        Signal("level", time**2, "m"),
+    )
+    found = check_uniformity(Recording("export", time, signals), Expected())
+    assert found.recording is not None
+    assert np.array_equal(found.recording.time, np.arange(40.0))
+    assert np.array_equal(found.recording["level"], np.arange(40.0) ** 2)
+    # The command of a step is its mean there.
+    assert list(found.recording["valve"][19:22]) == [0.0, 0.5, 1.0]
 
 
 def test_coarse_clock_is_spread() -> None:

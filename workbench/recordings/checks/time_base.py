@@ -67,6 +67,11 @@ def check_uniformity(recording: Recording, expected: Expected) -> Finding:
         f"the steps vary from {in_time(spread[0], 4)} to {in_time(spread[1], 4)}"
         f" ({100 * rms:.3g} % rms)"
     )
+    asked = _asked(time)
+    if asked is not None:
+        between = f"{len(time) - len(asked)} row(s) stand between even instants"
+        note = f"{vary}: {between} and are left out; a command that changes there takes its mean"
+        return Finding("corrected", note, values, resample(recording, times=asked))
     regular = _line(time)
     late = time - regular
     near = bool(np.max(np.abs(late)) < 0.5 * step)
@@ -78,6 +83,18 @@ def check_uniformity(recording: Recording, expected: Expected) -> Finding:
         even = regular + max(time[0] - regular[0], 0.0)
     note = f"{vary}; interpolated to one every {in_time(even[1] - even[0], 4)}"
     return Finding("corrected", note, values, resample(recording, times=even))
+
+
+def _asked(time: Vector) -> Vector | None:
+    """Return the even instants beside which a simulation wrote its events too; None if it did not.
+
+    Each of them is there, and others are.
+    """
+    usual = float(np.median(np.diff(time)))
+    steps = (time - time[0]) / usual
+    even = np.unique(np.round(steps[np.abs(steps - np.round(steps)) < _TOLERANCE]))
+    whole = len(even) == even[-1] + 1 < len(time) and steps[-1] - even[-1] < 1.0
+    return time[0] + usual * even if whole else None
 
 
 def _line(time: Vector) -> Vector:
