@@ -179,6 +179,16 @@ def test_a_table_of_words_with_few_numbers_says_what_its_words_are(tmp_path: Pat
         read_recording(path, mapping={"burner": "Brenner"})
 
 
+@pytest.mark.parametrize("decimal", [",", "."])
+def test_thousands_may_be_set_apart(decimal: str, tmp_path: Path) -> None:
+    rows = [(k, 1013.5 + k, 950.0 + k) for k in range(0, 200, 10)]
+    texts = [f'{t};"{p:,.1f}";"{n:,.0f}"' for t, p, n in rows]
+    if decimal == ",":
+        texts = [text.translate(str.maketrans(".,", ",.")) for text in texts]
+    found = read_recording(saved(tmp_path, "\n".join(["t [s];p [Pa];n", *texts])))
+    assert np.array_equal(np.c_[found.time, found["p"], found["n"]], rows)
+
+
 def test_number_in_the_first_row_only_is_a_setting(tmp_path: Path) -> None:
     lines = table(header="u,y,z").splitlines()
     lines = [lines[0] + ",Ts,"] + [

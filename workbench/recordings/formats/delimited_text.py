@@ -31,6 +31,11 @@ COMMENT_SIGNS = ("#", "%", "//")
 SAVED_MARK = "# recording: "
 _POINT = re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")
 _COMMA = re.compile(r"^[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?$")
+_GROUPED = {
+    ".": re.compile(r"^[+-]?\d{1,3}(,\d{3})+(\.\d*)?$"),
+    ",": re.compile(r"^[+-]?\d{1,3}(\.\d{3})+(,\d*)?$"),
+}
+"""Numbers with thousands set apart, by the decimal sign. Both signs, or one twice, tell which."""
 _REMARKS = ("", "comment", "comments", "remark", "remarks")
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "+inf", "-inf", "#n/a"}
 _WORDS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
@@ -94,7 +99,12 @@ def is_comment(line: str) -> bool:
 
 def is_number(cell: str, decimal: str = ".") -> bool:
     """Tell whether a cell holds a number."""
-    return bool((_POINT if decimal == "." else _COMMA).match(cell))
+    return bool((_POINT if decimal == "." else _COMMA).match(cell)) or _tells(cell, decimal)
+
+
+def _tells(cell: str, decimal: str) -> bool:
+    """Tell whether a cell shows by its thousands which sign is the decimal one."""
+    return cell.count(".") + cell.count(",") > 1 and bool(_GROUPED[decimal].match(cell))
 
 
 def instant(cell: str) -> Instant:
@@ -223,6 +233,10 @@ def detect_layout(lines: Sequence[str], *, source: str) -> Layout:
             f"blank); its first line is {body[0][1].strip()[:60]!r}"
         )
     (_, _, width), start, separator, decimal = best
+    rows = [split_line(line, separator) for _, line in body[start:]]
+    other = "." if decimal == "," else ","
+    if any(_tells(cell, other) for row in rows for cell in row):
+        decimal = other
     headers, units, used = _titles(body, lines, start, separator, width)
     above = [line for i, line in enumerate(lines[: body[start][0]]) if i not in used]
     metadata, saved = _metadata(above)
@@ -389,6 +403,8 @@ class _Tally:
 def _fast(lines: Sequence[str], layout: Layout) -> Vector | None:
     """Read a block in which every cell is a number; None if one is not."""
     if layout.decimal == ",":
+        if any("." in line for line in lines):
+            return None
         lines = [line.replace(",", ".") for line in lines]
     try:
         rows = np.loadtxt(lines, delimiter=layout.separator, comments=None, ndmin=2)
@@ -401,8 +417,9 @@ def _fast(lines: Sequence[str], layout: Layout) -> Vector | None:
 
 def _value(cell: str, layout: Layout) -> float | None:
     """Return what a cell holds: NaN if it says that there is no number, None if it is a text."""
-    if is_number(cell, layout.decimal):
-        return float(cell.replace(",", ".") if layout.decimal == "," else cell)
+    decimal = layout.decimal
+    if is_number(cell, decimal) or _GROUPED[decimal].match(cell):
+        return float(cell.replace("." if decimal == "," else ",", "").replace(decimal, "."))
     parts = [part for part in instant(cell) if part is not None]
     if parts:
         return sum(parts)
