@@ -11,6 +11,7 @@ import pytest
 
 from tests.diagnosis.example_diagnosis import example_diagnosis
 from tests.diagnosis.unnamed_case import shaken, sprung
+from tests.reports.test_diagnosis_page import _answers, _table
 from workbench.diagnosis.comparison import Proof, proof_of
 from workbench.diagnosis.conclude import conclude
 from workbench.diagnosis.selection.selected import Withdrawn
@@ -19,8 +20,7 @@ from workbench.diagnosis.verdict import Verdict
 from workbench.evaluation.blind_round import score_verdicts
 from workbench.plants.servo_axis import servo_axis
 from workbench.reports.diagnosis_page import diagnosis_page, taken_back
-from workbench.reports.page import Answers, Page, Words
-from workbench.reports.tables import Table
+from workbench.reports.page import Page, Words
 
 
 @lru_cache(maxsize=2)
@@ -30,17 +30,6 @@ def _page(curve: bool) -> Page:
     step = {"sentence": "Read the position twice."}
     found = replace(found, verdict=replace(found.verdict, next_experiment=step))
     return diagnosis_page(found, proof_of(found), name="axis")
-
-
-def _table(page: Page, title: str) -> Table:
-    tables = [b for s in page.sections for b in s.blocks if isinstance(b, Table)]
-    return next(table for table in tables if table.title.startswith(title))
-
-
-def _answers(page: Page) -> dict[str, str]:
-    answers = page.first[0]
-    assert isinstance(answers, Answers)
-    return dict(answers.entries)
 
 
 def _words(page: Page) -> str:
