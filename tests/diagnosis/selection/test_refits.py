@@ -508,10 +508,12 @@ def test_beside_what_leaves_nothing_out_others_are_not_tried_in_every_way(
     thorough: dict[float, bool] = {}
 
     def first(_: Any, __: float, score: Score, *rest: Any) -> Any:
-        thorough[score.gain] = rest[-1]
+        thorough[score.gain] = rest[-2]
         leads = score.gain == 29.0 - leader
         found = SimpleNamespace(noise_scale=scale if leads else 3.0)
-        return SimpleNamespace(entry=SimpleNamespace(group=group), fit=found, gain=score.gain)
+        lag = SimpleNamespace(about=SimpleNamespace(level=False), states=(State("read", "m", 1.0),))
+        entry = SimpleNamespace(group=group, effect=lag)
+        return SimpleNamespace(entry=entry, fit=found, gain=score.gain)
 
     monkeypatch.setattr(refits, "_first", first)
     monkeypatch.setattr(refits, "blocks_of_cost", lambda *_: np.zeros(1))
@@ -711,6 +713,32 @@ def test_a_law_that_contends_is_refitted_with_the_trust_that_it_earns() -> None:
     rival = replace(first[1], fit=trusting, gain=5.0 * first[0].gain)
     beside = refits._trusted(base, field, [first[0], rival], priors, prior, [seen], 1)
     assert beside[0].gain == pytest.approx(loss.gain)
+
+
+def test_beside_what_explains_nearly_all_a_law_that_gains_little_is_tried_in_one_way(
+    entries: dict[str, Hypothesis], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[Any] = []
+
+    def refitted(_: Any, score: Score, *given: Any) -> Any:
+        tried.append(given[2])
+        refit = SimpleNamespace(estimates=())
+        return score, SimpleNamespace(cost=90.0, noise_scale=1.0, refit=refit)
+
+    monkeypatch.setattr(refits, "_refitted", refitted)
+    monkeypatch.setattr(refits, "start_values", lambda *_: {})
+    on_bound = SimpleNamespace(name="level", value=1.0, on_bound=True)
+    base: Any = SimpleNamespace(noise_scale=1.0, refit=SimpleNamespace(estimates=(on_bound,)))
+    far = next(e for e in entries.values() if e.far)
+    for entry, least, once in (
+        (entries["tilt_gravity"], 0.0, False),
+        (entries["tilt_gravity"], 20.0, True),
+        (entries["tilt_gravity"], 5.0, False),
+        (far, 20.0, False),
+    ):
+        tried.clear()
+        refits._first(base, 100.0, _score(entry, 9.0), (), [], 1.0, None, False, least)
+        assert (len(tried) == 1) is once
 
 
 def test_an_event_is_not_followed_where_the_same_all_the_time_explains_as_much(

@@ -24,7 +24,6 @@ from workbench.diagnosis.selection.rules import (
     doubted_in,
     judged,
 )
-from workbench.model import Effect
 
 
 def decided(
@@ -164,17 +163,12 @@ def _run_freely(candidate: Candidate, without: RunErrors, *, shown: bool) -> Can
     if candidate.refused or candidate.run is None:
         return candidate
     why = ""
-    if shown or (is_sensor(candidate) and _remembers(candidate.entry.effect)):
+    if shown or colours_noise(candidate):
         if not candidate.run.closer_than(without):
             why = "with it the model does not run closer to the held-out recordings"
     elif candidate.run.spoilt_from(without):
         why = "without it the model runs closer to the held-out recordings"
     return replace(candidate, refused=why, rule=FREE_RUN) if why else candidate
-
-
-def _remembers(effect: Effect) -> bool:
-    """Whether something of a signal that passes an effect is left in it: a clock takes nothing."""
-    return not effect.about.level and any(q.unit != "s" for q in effect.states)
 
 
 def _as_reliable(
@@ -212,6 +206,13 @@ def _runs_closer(candidate: Candidate, without: RunErrors) -> bool:
 def is_sensor(candidate: Candidate) -> bool:
     """Whether an effect stands between process and measurement."""
     return candidate.entry.group == "sensor"
+
+
+def colours_noise(candidate: Candidate) -> bool:
+    """Whether something of what a sensor reads is left in it: a clock takes nothing."""
+    effect = candidate.entry.effect
+    remembers = not effect.about.level and any(q.unit != "s" for q in effect.states)
+    return is_sensor(candidate) and remembers
 
 
 def _outrun(candidate: Candidate, by: Candidate) -> Candidate:

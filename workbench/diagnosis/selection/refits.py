@@ -27,7 +27,7 @@ from workbench.diagnosis.estimation.process_noise import (
 )
 from workbench.diagnosis.estimation.windows import windows
 from workbench.diagnosis.selection.candidate import Candidate
-from workbench.diagnosis.selection.decision import decided
+from workbench.diagnosis.selection.decision import colours_noise, decided
 from workbench.diagnosis.selection.held_out import NO_RUNS, RunErrors, held_out_gain, run_errors
 from workbench.diagnosis.selection.moments import (
     changed_values,
@@ -265,6 +265,7 @@ def _first_refits(
         return []
     short = thorough and sum(len(r.outputs) for r in fit_on) <= _SHORT
     heads = _heads(base, field, known, fit_on, samples)
+    seen = [sum(len(r.outputs) for r in head) for head, _ in heads]
     order = sorted(range(len(field)), key=lambda i: -field[i].gain)
     found: dict[int, Candidate] = {}
     # The best scores first, then ever more at a time.
@@ -272,10 +273,15 @@ def _first_refits(
     for some in (order[i:j] for i, j in pairwise(ends) if i < len(order)):
         # Beside what leaves nothing out nobody waits for the others to be tried in every way.
         ways = short and not any(_leaves_nothing(base, c) for c in found.values())
+        # Nor for what explains much less, by sample: what comes late is refitted on more of them.
+        clear = max(
+            (c.gain / seen[k] for k, c in found.items() if _leaves_nothing(base, c)), default=0.0
+        )
         calls: list[Call[Candidate]] = []
         for i in some:
-            head, cost = heads[i]
-            calls.append((_first, (base, cost, field[i], priors, head, enough, begun[i], ways)))
+            (head, cost), least = heads[i], _CONTENDS * clear * seen[i]
+            further = enough, begun[i], ways, least
+            calls.append((_first, (base, cost, field[i], priors, head, *further)))
         found |= dict(zip(some, in_order(calls, jobs=jobs), strict=True))
     return [found[i] for i in range(len(field))]
 
@@ -362,8 +368,8 @@ def _with_trust(
 
 
 def _leaves_nothing(base: ProcessNoiseFit, candidate: Candidate) -> bool:
-    """Whether the equations that left something out are complete with an effect of the process."""
-    return base.noise_scale > PERFECT and candidate.entry.group != "sensor" and _explains(candidate)
+    """Whether the equations that left something out are complete with an effect."""
+    return base.noise_scale > PERFECT and _explains(candidate) and not colours_noise(candidate)
 
 
 def untried(entry: Hypothesis, why: Exception | str) -> Candidate:
@@ -571,10 +577,17 @@ def _first(
     enough: float,
     begun: Candidate | None,
     thorough: bool,
+    least: float = 0.0,
 ) -> Candidate:
-    """Refit a hypothesis, the equations trusted as much as without it."""
+    """Refit a hypothesis, the equations trusted as much as without it.
+
+    Args:
+        least: Gain of the first way up to which no other is tried, beside what explains nearly all.
+    """
     usual = start_values(base.refit, priors)
     ways = [_Way(usual, (base.noise_scale,))]
+    # What is either there or not has no small size at which anything could be told of it.
+    far = score.entry.far or score.entry.replaces
     if begun is not None and begun.fit is not None:
         ended = {e.name: e.value for e in begun.fit.refit.estimates}
         ways = [_Way({}, (begun.fit.noise_scale,), (ended, ended | usual))]
@@ -583,8 +596,6 @@ def _first(
         # Without the effect, the free parameters have gone where they reproduce it best, from where
         # one that is far may not be found; where recordings are short, nobody waits for more ways.
         means = {q.name: q.mean for q in priors}
-        # What is either there or not has no small size at which anything could be told of it.
-        far = score.entry.far or score.entry.replaces
         if thorough or far or any(e.on_bound for e in base.refit.estimates):
             ways.append(_Way(means, _STEEP, shapes=True))
         if thorough:
@@ -602,8 +613,12 @@ def _first(
             # Whatever a law does, its failure must not end the diagnosis.
             failed = error
 
+    unknown = (0.0, -math.inf, math.inf)
     for way in ways:
         go(way, score)
+        if not far and begun is None and fits and cost - fits[0][1].cost < least:
+            found, fit = fits[0]
+            return Candidate(found.entry, fit, cost - fit.cost, unknown, SURPASSED, followed=False)
     worse = not fits or min(fit.cost for _, fit in fits) > cost
     if worse and not score.entry.replaces:
         # All lead to what is worse than no effect at all: begin from there too.
@@ -619,7 +634,6 @@ def _first(
         for entry in _variants(found.entry):
             go(onward, replace(found, entry=entry, shape={}))
         found, fit = min(fits, key=lambda pair: pair[1].cost)
-    unknown = (0.0, -math.inf, math.inf)
     return Candidate(found.entry, fit, cost - fit.cost, unknown, SURPASSED, followed=False)
 
 
