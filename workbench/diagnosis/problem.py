@@ -123,7 +123,7 @@ def problem_of_files(
     given = list(read.values())
     if any(a is not b for a, b in zip(at_one_pace(given), given, strict=True)):
         # Of clocks that are uneven alone the paces show without that, and without their gaps.
-        given = at_one_pace([_even(r) if _ordered(r).increasing else r for r in given])
+        given = at_one_pace([_even(r) for r in given])
     read = dict(zip(read, given, strict=True))
     declared = model = _read_as_recorded(model, given)
     # Runs need even steps, where rows are missing too.
@@ -160,10 +160,15 @@ def _ordered(recording: Recording) -> Recording:
 
 
 def _even(recording: Recording) -> Recording:
-    """Return a recording with even steps, after the rows of its gaps, which are no uneven steps."""
-    recording = _ordered(recording)
-    found = check_gaps(recording)
-    return evened(recording if found.result == "unfit" else found.recording or recording)
+    """Return a recording with even steps, after the rows of its gaps, which are no uneven steps.
+
+    One whose time does not increase stays as it is.
+    """
+    ordered = _ordered(recording)
+    if not ordered.increasing:
+        return recording
+    found = check_gaps(ordered)
+    return evened(ordered if found.result == "unfit" else found.recording or ordered)
 
 
 def _read_as_recorded(model: Model, recordings: Sequence[Recording]) -> Model:

@@ -272,11 +272,10 @@ def _first_refits(
     ends = [_BY_SCORE * (2**k - 1) for k in range(len(order).bit_length() + 1)]
     for some in (order[i:j] for i, j in pairwise(ends) if i < len(order)):
         # Beside what leaves nothing out nobody waits for the others to be tried in every way.
-        ways = short and not any(_leaves_nothing(base, c) for c in found.values())
+        complete = {k: c.gain for k, c in found.items() if _leaves_nothing(base, c)}
+        ways = short and not complete
         # Nor for what explains much less, by sample: what comes late is refitted on more of them.
-        clear = max(
-            (c.gain / seen[k] for k, c in found.items() if _leaves_nothing(base, c)), default=0.0
-        )
+        clear = max((gain / seen[k] for k, gain in complete.items()), default=0.0)
         calls: list[Call[Candidate]] = []
         for i in some:
             (head, cost), least = heads[i], _CONTENDS * clear * seen[i]
