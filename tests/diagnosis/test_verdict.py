@@ -11,7 +11,15 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.example_diagnosis import example_diagnosis
-from workbench.diagnosis.conclude import _along, _beyond, _differs, _rest, _still_off, conclude
+from workbench.diagnosis.conclude import (
+    _along,
+    _beside_larger,
+    _beyond,
+    _differs,
+    _rest,
+    _still_off,
+    conclude,
+)
 from workbench.diagnosis.selection.held_out import explained
 from workbench.diagnosis.selection.weights import Compared
 from workbench.diagnosis.verdict import SCHEMA, Finding, Value, Verdict
@@ -258,6 +266,31 @@ def test_what_has_a_weight_instead_of_a_finding_cannot_be_told_from_it() -> None
     assert said((("linear_spring",), 5.0))[::2] == ((name,), "named")
     alike, weight, _ = said((("linear_spring", "creep"), -20.0))
     assert alike == (name,) and weight == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(("share", "elsewhere", "doubted"), [
+    (0.05, False, True),
+    (0.2, False, False),
+    (0.05, True, False),
+])  # fmt: skip
+def test_what_may_be_the_rest_of_a_larger_finding_is_doubted(
+    share: float, elsewhere: bool, doubted: bool
+) -> None:
+    given, _ = example_diagnosis()
+    assert given.validated is not None and given.selected is not None
+    (signal,) = given.validated.missing[0]
+    assert signal.occurrence is not None
+    port = "elsewhere" if elsewhere else signal.occurrence.port
+    small = replace(signal.occurrence, rms=share * signal.occurrence.rms, port=port)
+    missing = ((signal,), (replace(signal, occurrence=small),))
+    found = replace(
+        given,
+        validated=replace(given.validated, missing=missing),
+        selected=replace(given.selected, accepted=2 * given.selected.accepted),
+    )
+    assert _beside_larger(found, 0) == ()
+    said = " ".join(_beside_larger(found, 1))
+    assert said.startswith("it is 5 % of coulomb friction at") if doubted else said == ""
 
 
 def test_what_differs_by_recording_is_doubted_where_more_is_left_out() -> None:

@@ -18,6 +18,7 @@ from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import explained, held_out_errors, over_floor
 from workbench.diagnosis.selection.moments import levels, moments
 from workbench.diagnosis.selection.rules import (
+    BESIDE_LARGER,
     IMPERFECT,
     LEAST_GAIN,
     LEAST_SHOWN,
@@ -367,7 +368,7 @@ def _finding(
     texts = (q.effect.about.separated_by.partition(":")[0] for q in members)
     deciding = dict.fromkeys(text for text in texts if text)
     # What was found is doubted alone, and together with all else.
-    doubts = (*candidate.doubts, *together)
+    doubts = (*candidate.doubts, *_beside_larger(diagnosis, index), *together)
     # A law that is either there or not is told by its other numbers.
     told = {entry.size_parameter: size} if size else parameters
     text = (
@@ -430,6 +431,24 @@ def _still_missing(diagnosis: Diagnosis) -> tuple[str, ...]:
         return ()
     place = after.best.replace("_", " ")
     return (f"beside it {100 * share:.0f} % of what was missing is still missing, at {place}",)
+
+
+def _beside_larger(diagnosis: Diagnosis, index: int) -> tuple[str, ...]:
+    """Doubt what does so little beside another finding that it may be the rest of its shape."""
+    validated = diagnosis.validated
+    own = validated.occurrence(index) if validated else None
+    if validated is None or own is None:
+        return ()
+    others = ((i, validated.occurrence(i)) for i in range(len(diagnosis.accepted)) if i != index)
+    larger = [(o.rms, i) for i, o in others if o is not None and o.port == own.port]
+    most, which = max(larger, default=(0.0, 0))
+    if own.rms >= BESIDE_LARGER.value * most:
+        return ()
+    name = diagnosis.accepted[which].candidate.entry.name.replace("_", " ")
+    return (
+        f"it is {100 * own.rms / most:.0f} % of {name} at {own.port}, of whose shape it may be the"
+        " rest",
+    )
 
 
 def _still_off(rest: str, fit: Mapping[str, Mapping[str, float]]) -> tuple[str, ...]:

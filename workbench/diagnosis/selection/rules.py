@@ -259,6 +259,12 @@ MOST_OFF = Threshold(
     " everything found, from which on a name is only likely where the equations leave something"
     " out: the nearest law of the library takes the place of one that it does not have.",
 )
+BESIDE_LARGER = Threshold(
+    "beside a larger one",
+    0.1,
+    "Root mean square of what a finding does over that of another at the same place, up to which it"
+    " may be what is left of the other's shape: a law of a book describes a machine to some 6 %.",
+)
 NO_NAME = Threshold(
     "share still missing without a name",
     0.8,
