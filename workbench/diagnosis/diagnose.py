@@ -452,7 +452,9 @@ def validate(found: Diagnosis, *, advise: bool = True, jobs: int = 1, say: Progr
     }
     wrong: tuple[str, ...] = ()
     if not found.improved and found.base.noise_scale <= IMPERFECT.value:
-        wrong = shown_on_bounds(found.base, prepared.fitting, prepared.judging, prepared.priors)
+        wrong = shown_on_bounds(
+            found.base, found.nominal, prepared.fitting, prepared.judging, prepared.priors
+        )
     validated = Validated(refitted, extended, runs, location, wrong=wrong)
     found = replace(found, validated=validated)
     questions: list[Call[Any]] = [(missing_signals, (found,))]

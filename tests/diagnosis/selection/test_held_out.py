@@ -4,16 +4,22 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+import pytest
+
 from workbench.diagnosis.estimation.made_up import made_up, pushes
 from workbench.diagnosis.estimation.priors import default_priors
-from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
-from workbench.diagnosis.selection.held_out import shown_on_bounds
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, fit_with_process_noise
+from workbench.diagnosis.selection import held_out
+from workbench.diagnosis.selection.held_out import RunErrors, shown_on_bounds
 from workbench.plants.servo_axis import servo_axis
 
 TRUE = {"mass": 150.0, "offset": 2.0}
 
 
-def test_a_value_is_wrong_where_held_out_recordings_refuse_the_usual_one() -> None:
+def test_a_value_is_wrong_where_held_out_recordings_refuse_the_usual_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     axis = servo_axis()
     axis = replace(axis, outputs=(replace(axis.outputs[0], noise_rms=2e-4),))
     seen = [
@@ -28,4 +34,12 @@ def test_a_value_is_wrong_where_held_out_recordings_refuse_the_usual_one() -> No
     ]
     fit = fit_with_process_noise(axis, seen[:1], priors, start={"offset": 1e-4})
     assert {e.name for e in fit.refit.estimates if e.on_bound} == {"mass", "offset"}
-    assert shown_on_bounds(fit, seen[:1], seen[1:], priors) == ("mass",)
+    assert shown_on_bounds(fit, axis, seen[:1], seen[1:], priors) == ("mass",)
+
+    def runs(one: ProcessNoiseFit, *given: object) -> RunErrors:
+        worse = np.full((9, 1), 2.0 if one is fit else 1.0)
+        return RunErrors(worse, worse[0])
+
+    # Where whole runs are closer with the usual value, it is not refused.
+    monkeypatch.setattr(held_out, "run_errors", runs)
+    assert shown_on_bounds(fit, axis, seen[:1], seen[1:], priors) == ()

@@ -180,6 +180,7 @@ def held_out_gain(
 
 def shown_on_bounds(
     fit: ProcessNoiseFit,
+    nominal: Model,
     fitting: Sequence[Observed],
     judging: Sequence[Observed],
     priors: Sequence[Prior],
@@ -187,7 +188,11 @@ def shown_on_bounds(
     """Return the parameters on a bound whose usual value the held-out recordings refuse.
 
     Each is fixed at the mean of its prior, and the others are refitted. A bound to which a few
-    moments of the fitted recordings have led is none that the others need.
+    moments of the fitted recordings have led is none that the others need, nor is one where the
+    next sample is predicted a little better and what comes after it worse.
+
+    Args:
+        nominal: The model that the recordings were observed with.
     """
     shown = []
     own = {e.name: e.value for e in fit.refit.estimates}
@@ -206,7 +211,10 @@ def shown_on_bounds(
             blocks = [blocks_of_cost(one, judging) for one in (usual, fit)]
         except NumericalError:
             continue  # Nothing is said of a value that was not tried.
-        if gain_interval(*blocks)[1] > 0.0:
+        if gain_interval(*blocks)[1] <= 0.0:
+            continue
+        runs, usual_runs = (run_errors(one, nominal, judging) for one in (fit, usual))
+        if runs.over(usual_runs) <= 1.0:
             shown.append(e.name)
     return tuple(shown)
 
