@@ -298,7 +298,10 @@ class Model(Shown):
         return tuple(e.name for e in self.effects if e.dry)
 
     def without(self, *names: str) -> Model:
-        """Return a model with effects, their states and their parameters taken away."""
+        """Return a model with effects, their states and their parameters taken away.
+
+        What changes a parameter of one of them goes with it.
+        """
         if not names:
             return self
         for name in names:
@@ -310,6 +313,9 @@ class Model(Shown):
     def _without(self, names: Collection[str]) -> Model:
         """Return a model without effects, whose equations are written down once they are read."""
         gone = tuple(f"{name}." for name in names)
+        beside = {e.name for e in self.effects if e.about.subject.startswith(gone)} - {*names}
+        if beside:
+            return self._without({*names, *beside})
         model = copy.copy(self)
         model.__dict__.update(
             effects=tuple(e for e in self.effects if e.name not in names),
