@@ -19,12 +19,14 @@ typedef struct {
     int64_t again;     /* steps in a calm piece that bends along few; 0 if these are not tried */
     int64_t pieces;    /* of a sample of which a calm piece bends, with one linearisation each */
     int64_t straight, steps; /* in such a piece: as many as will do if nothing bends, and all */
+    int64_t finer;     /* parts of such a step that bends */
     const int64_t *places; /* of the states that measurements correct */
     const double *scale;   /* of each state */
-    double sample_time, outlier, faded, little, little_bent, nothing;
+    double sample_time, outlier, faded, little, little_bent, much_bent, nothing;
     int64_t most_doublings;
-    int64_t uneasy, rough, bent; /* calm pieces of all samples that bent along few steps, and along
-                                    more; pieces that needed all steps */
+    int64_t uneasy, rough, bent, kinks; /* calm pieces of all samples that bent along few steps, and
+                                           along more; pieces that needed all steps; of these steps
+                                           those that bent */
     double *work;
 } Filter;
 
@@ -82,41 +84,62 @@ static double dot(const double *a, const double *b, int64_t n)
 /* Weights of Zonneveld's five slopes: what his method of third order adds to the classical one. */
 static const double LESS[5] = {-2.0 / 3.0, 2.0, 2.0, 2.0, -16.0 / 3.0};
 
-/* Carry a state along a piece by a few Runge-Kutta steps, if these show no bend: A and B are those
- * in the middle then, and `to` is where it ends. */
-static int straight(Filter *g, int64_t pieces, int64_t steps, const double *x, const double *u,
-                    const double *p, double **k, double *at, double *to, double *A, double *B)
+/* The four slopes of a classical Runge-Kutta step, of which the one with this number, if there is
+ * one, comes with A and B. */
+static int slopes(Filter *g, const double *x, double h, const double *u, const double *p, double **k,
+                  double *at, int with)
 {
-    const int64_t nx = g->states, middle = steps / 2;
-    const double h = g->sample_time / (double)(pieces * steps);
     const double ahead[4] = {0.0, 0.5, 0.5, 1.0};
-    g->slope.res[1] = A;
-    g->slope.res[2] = B;
-    memcpy(to, x, (size_t)nx * sizeof(double));
+    for (int s = 0; s < 4; s++) {
+        for (int64_t i = 0; i < g->states; i++)
+            at[i] = s ? x[i] + ahead[s] * h * k[s - 1][i] : x[i];
+        Function *of = s == with ? &g->slope : &g->rates;
+        of->res[0] = k[s];
+        if (evaluate_at(of, at, u, p))
+            return 1;
+    }
+    return 0;
+}
+
+static void go(double *x, double h, double **k, int64_t n)
+{
+    for (int64_t i = 0; i < n; i++)
+        x[i] += h / 6.0 * (k[0][i] + 2.0 * k[1][i] + 2.0 * k[2][i] + k[3][i]);
+}
+
+/* Whether a method of third order adds more than a little to a step with these slopes. */
+static int bends(Filter *g, const double *x, double h, const double *u, const double *p, double **k,
+                 double *at, double little)
+{
+    for (int64_t i = 0; i < g->states; i++)
+        at[i] = x[i] + h / 32.0 * (5.0 * k[0][i] + 7.0 * k[1][i] + 13.0 * k[2][i] - k[3][i]);
+    g->rates.res[0] = k[4];
+    if (evaluate_at(&g->rates, at, u, p))
+        return 1;
+    for (int64_t i = 0; i < g->states; i++) {
+        double away = 0.0;
+        for (int s = 0; s < 5; s++)
+            away += LESS[s] * k[s][i];
+        const double gone =
+            (fabs(k[0][i]) + 2.0 * fabs(k[1][i]) + 2.0 * fabs(k[2][i]) + fabs(k[3][i])) / 6.0;
+        if (!(h * fabs(away) <= little * h * gone + g->nothing * g->scale[i]))
+            return 1;
+    }
+    return 0;
+}
+
+/* Carry a state along a piece by a few Runge-Kutta steps, if these show no bend: A and B are those
+ * in the middle then, which is the midpoint of a step or begins one, and `to` is where it ends. */
+static int straight(Filter *g, int64_t pieces, int64_t steps, const double *x, const double *u,
+                    const double *p, double **k, double *at, double *to)
+{
+    const double h = g->sample_time / (double)(pieces * steps);
+    memcpy(to, x, (size_t)g->states * sizeof(double));
     for (int64_t step = 0; step < steps; step++) {
-        for (int s = 0; s < 5; s++) {
-            for (int64_t i = 0; i < nx; i++)
-                at[i] = to[i];
-            for (int64_t i = 0; s > 0 && s < 4 && i < nx; i++)
-                at[i] += ahead[s] * h * k[s - 1][i];
-            for (int64_t i = 0; s == 4 && i < nx; i++)
-                at[i] += h / 32.0 * (5.0 * k[0][i] + 7.0 * k[1][i] + 13.0 * k[2][i] - k[3][i]);
-            Function *of = step == middle && s == steps % 2 ? &g->slope : &g->rates;
-            of->res[0] = k[s];
-            if (evaluate_at(of, at, u, p))
-                return 0;
-        }
-        for (int64_t i = 0; i < nx; i++) {
-            double away = 0.0;
-            for (int s = 0; s < 5; s++)
-                away += LESS[s] * k[s][i];
-            const double gone =
-                (fabs(k[0][i]) + 2.0 * fabs(k[1][i]) + 2.0 * fabs(k[2][i]) + fabs(k[3][i])) / 6.0;
-            if (!(h * fabs(away) <= g->little_bent * h * gone + g->nothing * g->scale[i]))
-                return 0;
-        }
-        for (int64_t i = 0; i < nx; i++)
-            to[i] += h / 6.0 * (k[0][i] + 2.0 * k[1][i] + 2.0 * k[2][i] + k[3][i]);
+        if (slopes(g, to, h, u, p, k, at, step == steps / 2 ? (int)(steps % 2) : -1) ||
+            bends(g, to, h, u, p, k, at, g->little_bent))
+            return 0;
+        go(to, h, k, g->states);
     }
     return 1;
 }
@@ -129,7 +152,6 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
 {
     const int64_t nx = g->states, n = g->corrected, ny = g->measurements, nf = g->free;
     const double h = g->sample_time / (double)(g->pieces * g->steps);
-    const int64_t middle = g->steps / 2;
     double *w = g->work;
     double *k[5], *at = w + 5 * nx, *to = at + nx;
     for (int i = 0; i < 5; i++)
@@ -139,6 +161,8 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
     double *row = gain + n, *A = row + nf, *B = A + n * n, *Q = B + n * nf, *half = Q + n * n;
     double *step = half + n * n, *all = step + n * n, *before = all + n * n;
     double *driven = before + n * n;
+    g->slope.res[1] = A;
+    g->slope.res[2] = B;
     for (int64_t t = 0; t < samples; t++, u += g->inputs, y += ny, r += ny) {
         /* Correction, one measurement after the other. */
         g->read.res[0] = predicted;
@@ -200,46 +224,33 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
             int64_t gone = inner;
             int easy = 0;
             if (left == 0 && g->few) {
-                easy = straight(g, g->calm, g->few, x, u, p, k, at, to, A, B);
+                easy = straight(g, g->calm, g->few, x, u, p, k, at, to);
                 g->uneasy += !easy;
                 if (!easy && g->again)
-                    easy = straight(g, g->calm, g->again, x, u, p, k, at, to, A, B);
+                    easy = straight(g, g->calm, g->again, x, u, p, k, at, to);
                 g->rough += !easy;
             }
             if (!easy) {
                 gone = 1;
                 left = (left ? left : inner) - 1;
                 easy = g->straight < g->steps &&
-                       straight(g, g->pieces, g->straight, x, u, p, k, at, to, A, B);
+                       straight(g, g->pieces, g->straight, x, u, p, k, at, to);
                 g->bent += !easy;
             }
             if (easy)
                 memcpy(x, to, (size_t)nx * sizeof(double));
             for (int64_t s = easy ? g->steps : 0; s < g->steps; s++) {
-                /* The middle is the midpoint of a step, or begins one where their number is even. */
-                Function *first = &g->rates, *second = &g->rates;
-                if (s == middle)
-                    *(g->steps % 2 ? &second : &first) = &g->slope;
-                g->slope.res[1] = A;
-                g->slope.res[2] = B;
-                first->res[0] = k[0];
-                int failed = evaluate_at(first, x, u, p);
-                for (int64_t i = 0; i < nx; i++)
-                    at[i] = x[i] + 0.5 * h * k[0][i];
-                second->res[0] = k[1];
-                failed |= evaluate_at(second, at, u, p);
-                for (int64_t i = 0; i < nx; i++)
-                    at[i] = x[i] + 0.5 * h * k[1][i];
-                g->rates.res[0] = k[2];
-                failed |= evaluate_at(&g->rates, at, u, p);
-                for (int64_t i = 0; i < nx; i++)
-                    at[i] = x[i] + h * k[2][i];
-                g->rates.res[0] = k[3];
-                failed |= evaluate_at(&g->rates, at, u, p);
-                if (failed)
+                if (slopes(g, x, h, u, p, k, at, s == g->steps / 2 ? (int)(g->steps % 2) : -1))
                     return t;
-                for (int64_t i = 0; i < nx; i++)
-                    x[i] += h / 6.0 * (k[0][i] + 2.0 * k[1][i] + 2.0 * k[2][i] + k[3][i]);
+                const int kink = bends(g, x, h, u, p, k, at, g->much_bent);
+                g->kinks += kink;
+                if (!kink)
+                    go(x, h, k, nx);
+                for (int64_t part = kink ? 0 : g->finer; part < g->finer; part++) {
+                    if (slopes(g, x, h / (double)g->finer, u, p, k, at, -1))
+                        return t;
+                    go(x, h / (double)g->finer, k, nx);
+                }
             }
             /* Parts of the piece along which the slopes do little. */
             double most = 0.0, part = g->sample_time * (double)gone / (double)g->pieces;

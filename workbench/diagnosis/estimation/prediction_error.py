@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.coarse_readings import at_steps
-from workbench.diagnosis.estimation.filter import STEPS, Asked, End, Filter, Steps, steps_of
+from workbench.diagnosis.estimation.filter import Asked, End, Filter, Steps, steps_of
 from workbench.errors import NumericalError, WorkbenchError, check_choice
 from workbench.model import Model
 from workbench.model.model import index_of
@@ -57,7 +57,6 @@ class Observed:
         growth: How fast a deviation from the nominal model's motion grows at the start, in 1/s:
             the largest real part of its eigenvalues; minus infinity if that is not known.
         correlation_time: Time over which what the model leaves out is taken as correlated, in s.
-        steps: Runge-Kutta steps that a sample gets at least of equations that bend.
         correlated_noise: Noise of each measurement beside the white one that samples share: root
             mean square, in SI, and time of its correlation, in s, shape (n_used, 2); empty if there
             is none.
@@ -77,7 +76,6 @@ class Observed:
     start_rms: Vector
     growth: float = -math.inf
     correlation_time: float = CORRELATION_TIME
-    steps: int = STEPS
     correlated_noise: Vector = field(default_factory=lambda: np.zeros((0, 2)))
     relative_noise: Vector = field(default_factory=lambda: np.zeros(0))
     coarse: Vector = field(default_factory=lambda: np.zeros(0))
@@ -334,7 +332,7 @@ def steps_along(model: Model, observed: Observed) -> Steps:
         variance = spread @ spread.transpose(0, 2, 1) + np.diag(noise**2)
         gain = spread.transpose(0, 2, 1) @ np.linalg.solve(variance, error[:, :, None])
         x = np.clip(x + scale * gain[:, :, 0], *within)
-    steps = steps_of(model, observed.sample_time, x, u, observed.steps)
+    steps = steps_of(model, observed.sample_time, x, u)
     finer = _FINER if len(observed.relative_noise) else 1
     return steps._replace(calm=steps.calm * finer, pieces=steps.pieces * finer)
 

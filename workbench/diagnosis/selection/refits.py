@@ -13,7 +13,6 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.filter import STEPS
 from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, disturbances
 from workbench.diagnosis.estimation.priors import Prior, is_guess
@@ -69,9 +68,6 @@ _HEADS = (1500, 5000)
 
 _RACED = 1.3
 """Length of a recording over its head from which on a first refit uses the head only."""
-
-_ROUGHLY = 3
-"""Steps per sample at bends that tell which hypotheses are worth a longer refit."""
 
 _SHORT = 5000
 """Samples of all recordings below which a refit begins from more places."""
@@ -294,9 +290,8 @@ def _heads(
 ) -> list[tuple[list[Observed], float]]:
     """Return the beginnings that show each hypothesis, and their cost without it, dimensionless."""
     lengths = [samples if score.late < samples else 2 * score.late for score in field]
-    steps = _ROUGHLY if samples == _HEADS[0] else STEPS
     heads = {
-        n: [replace(r, inputs=r.inputs[:n], outputs=r.outputs[:n], steps=steps) for r in fit_on]
+        n: [replace(r, inputs=r.inputs[:n], outputs=r.outputs[:n]) for r in fit_on]
         for n in {*lengths}
     }
     costs = {n: known + float(blocks_of_cost(base, head).sum()) for n, head in heads.items()}
