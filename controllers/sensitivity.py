@@ -28,7 +28,8 @@ def peak_sensitivities(controller: Controller, linear: LinearModel) -> tuple[flo
 
     All other loops stay closed: for a cascade this is the outer loop. The plant is discretised with
     held inputs at the controller's sample time, so the delay of sampling is included. What the
-    measurements do not show, such as an angle where a speed is controlled, does not count. Both are
+    measurements do not show, such as an angle where a speed is controlled, or what the commands do
+    not move and what does not grow, such as what hysteresis remembers, does not count. Both are
     infinite if the loop is not stable.
 
     Source:
@@ -83,12 +84,6 @@ def gain_of(
         closed loop is stable.
     """
     A, B, C, F, G, H, J = loop_parts
-    length = np.linalg.norm(C, axis=1, keepdims=True)
-    seen = C / np.where(length > 0.0, length, 1.0)
-    _, sizes, directions = np.linalg.svd(np.vstack([A - np.eye(len(A)), seen]))
-    if np.min(sizes) <= 1e-12 * np.max(sizes):
-        shown = directions[sizes > 1e-12 * sizes.max()].T
-        A, B, C = shown.T @ A @ shown, shown.T @ B, C @ shown
     closed = np.block([[A + B @ J @ C, B @ H], [G @ C, F]])
     stable = bool(np.max(np.abs(np.linalg.eigvals(closed))) < 1.0)
     if sensor is None:
@@ -202,8 +197,8 @@ def loops_at(
         pairs = zip(curves, linear.u0[columns].tolist(), strict=True)
         gain = np.array([1.0 if c is None else c.steepness(u) for c, u in pairs])
     inputs = [linear.input_names[k] for k in columns]
-    own = linear.select(inputs=inputs, outputs=controller.sensors)
-    own = own.read_after_holding(controller.sample_time)
+    own = linear.select(inputs=inputs, outputs=controller.sensors).without_unseen()
+    own = own.read_after_holding(controller.sample_time).without_unreached()
     size = own.state_scales
     A, B, C = own.A * size / size[:, None], gain * own.B / size[:, None], own.C * size
     values = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
