@@ -17,6 +17,7 @@ from workbench.linearisation.command_ends import with_command_ends
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.validity import DescribingFunction, Validity, find_kinks, slope_read
 from workbench.model import EXACT, ActuatorCurve, Form, Model, Quantity
+from workbench.model.sizes import response
 from workbench.model.units import rate_unit
 from workbench.operating_point import Derivatives, OperatingPoint, derivatives_of
 
@@ -169,6 +170,17 @@ def _sticking(
     return found
 
 
+_ROUNDS = 8
+"""Times that the amplitude of what sticks is followed to where the commands swing it."""
+
+
+def _moved_by(model: Model, matrix: Vector) -> Vector:
+    """Return how far inputs within their range swing each state, shape (n_x,), in SI."""
+    n = len(model.states)
+    of_x, of_u = (np.array([q.scale for q in own]) for own in (model.states, model.inputs))
+    return response(matrix[:n, :n], matrix[:n, n:], of_u, of_x)
+
+
 def _moved(slopes: Flags, n: int) -> Flags:
     """Tell which outputs any input moves, shape (n_y,), by which slopes are there.
 
@@ -224,8 +236,9 @@ def linearise(
             plant declares and a controller inverts, such as ``"opening"`` of the arm's valve,
             -1..1: the model's ``inverse``. The state behind the curve is then straight in it.
         amplitude: Amplitudes of states by name over which slopes are taken, in SI; by
-            default every state that is the rate of another oscillates over its scale. ``{}`` for
-            the slopes at the point.
+            default every state that is the rate of another oscillates over its scale, or as far
+            as the inputs swing it where it sticks at the point and nobody declares a scale. ``{}``
+            for the slopes at the point.
         form: Exact equations, or regularised ones, whose slope at a kink is one from both sides.
         verdict: Whether to look for kinks and prepare the verdict; its simulated part is computed
             when it is first asked for.
@@ -268,8 +281,6 @@ def linearise(
             f"the derivatives of {model.name!r} are not finite at this operating point; move it a"
             " little, or linearise the regularised form"
         )
-    described = []
-    matrix = jacobian.copy()
     names = [q.name for q in model.states]
     if amplitude is None:
         wanted = speeds(model, jacobian) | _sticking(model, at, point, jacobian)
@@ -278,14 +289,39 @@ def linearise(
         wanted = check_amplitude(model, amplitude)
     both = [*model.states, *model.inputs]
     places = {q.name: i for i, q in reversed(list(enumerate(both)))}
-    for name, usual in wanted.items():
+    swings = {name: _with_ends(ends, places[name], len(names), len(both)) for name in wanted}
+    if amplitude is None:
+        rooms = {name: _room(model, point.u, swings[name][len(names) :]) for name in wanted}
+        wanted = {name: min(size, rooms[name]) for name, size in wanted.items()}
+
+    def slopes() -> Vector:
+        """Return the derivatives, those by what swings over its amplitude."""
+        matrix = jacobian.copy()
+        for name, size in wanted.items():
+            along = swings[name]
+            bent = describing_function(at, point.x, point.u, p, along, size, jacobian @ along)
+            matrix[:, places[name]] += bent - jacobian @ along
+        return matrix
+
+    matrix = slopes()
+    for _ in range(_ROUNDS if amplitude is None else 0):
+        # What nobody declares was sized as it sticks at the point, and swings further.
+        moved = _moved_by(model, matrix)
+        farther = {
+            name: min(moved[i], rooms[name])
+            for name, size in wanted.items()
+            if (i := places[name]) < len(names)
+            and not both[i].sized
+            and abs(jacobian[i, i]) > _STUCK * abs(matrix[i, i])
+            and min(moved[i], rooms[name]) > 1.1 * size
+        }
+        if not farther:
+            break
+        wanted |= farther
+        matrix = slopes()
+    described = []
+    for name, size in wanted.items():
         i = places[name]
-        along = _with_ends(ends, i, len(names), len(both))
-        room = _room(model, point.u, along[len(names) :]) if amplitude is None else math.inf
-        size = min(usual, room)
-        straight = jacobian @ along
-        bent = describing_function(at, point.x, point.u, p, along, size, straight)
-        matrix[:, i] += bent - straight
         if not np.array_equal(matrix[:, i], jacobian[:, i]):
             row = int(np.argmax(np.abs(matrix[: len(names), i] - jacobian[: len(names), i])))
             described.append(

@@ -100,7 +100,7 @@ def sizes(
             if not np.isfinite(rates).all() or np.any(answering & ~answers):
                 continue
             answering = answering | answers
-            responses.append(_response(rates[:, :n_x], rates[:, n_x:], of_u, known))
+            responses.append(response(rates[:, :n_x], rates[:, n_x:], of_u, known))
             moved = np.concatenate([np.where(declared > 0.0, declared, responses[-1]), of_u])
             measured.append(np.abs(outputs) @ moved)
             passed.append(np.abs(ports) @ moved)
@@ -196,7 +196,7 @@ _NULL = 1e-13
 """Singular value, as a share of the largest, that rounding leaves of zero."""
 
 
-def _response(a: Vector, b: Vector, of_u: Vector, known: Vector) -> Vector:
+def response(a: Vector, b: Vector, of_u: Vector, known: Vector) -> Vector:
     """Return the largest response over the paces of a linear model, shape (n_states,), in SI.
 
     Integrators alone have the pace at which inputs move them as far as is known of one of them, in
