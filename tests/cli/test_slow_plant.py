@@ -15,12 +15,13 @@ from controllers.plain.limits import settled_after
 from controllers.plain.loop import LoopSpecification, loop_of
 from workbench.cli.main import WRONG_USE, run
 from workbench.linearisation import linearise
+from workbench.linearisation.first_step import _reached
 from workbench.linearisation.pace import reach_of, step_time, usual_sample_time
 from workbench.model import Input, Model, Output, State
 from workbench.operating_point import operating_point
 from workbench.study.designs import ControllerRecipe
 from workbench.study.plants import PlantRecipe
-from workbench.study.step_trial import StepTrial, _reached
+from workbench.study.step_trial import StepTrial
 from workbench.verification import metrics, step_scenario, verify
 
 PLANT = """

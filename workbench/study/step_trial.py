@@ -23,16 +23,15 @@ from controllers.plain.loop import PlainLaw, loop_of
 from controllers.plain.pairing import interaction
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 from workbench.linearisation import LinearModel, linearise
+from workbench.linearisation.first_step import as_the_loop_rests, command_of_loop, step_of
 from workbench.linearisation.pace import (
     has_room,
     least_time,
-    reach_of,
     rounded_up,
     step_time,
     usual_sample_time,
 )
-from workbench.linearisation.transfer import transfer_function
-from workbench.model import Input, Model
+from workbench.model import Model
 from workbench.model.units import (
     convert,
     from_si,
@@ -40,7 +39,6 @@ from workbench.model.units import (
     named_value,
     of_difference,
     quantity,
-    to_si,
 )
 from workbench.operating_point import operating_point
 from workbench.plants.plant import Plant
@@ -198,18 +196,14 @@ class StepTrial:
         """Return the levels of an output before and after a step, in SI, as given or usual."""
         if name in self.begins and name in self.ends:
             return self.begins[name], self.ends[name]
-        about = next(q for q in self.model.outputs if q.name == name)
         if self.plant.step and name == self.plant.controlled_outputs(self.model)[0]:
             first, last = self.plant.step
         else:
-            # A size that nobody declared is all that the inputs bring about, from end to end.
-            size = reach_of(self.linear, name)
-            size = size if about.sized else _round(0.25 * size, about.display_unit)
             several = len(self.controlled) > 1
-            start = {n: y0[n] for n in (self.controlled if several else (name,))}
-            command = "" if several else _command_of_loop(self.linear, name)
+            command = "" if several else command_of_loop(self.linear, name)
+            followed = self.controlled if several else (name,)
             first = y0[name]
-            last = first + _reached(self.model, self.linear, name, size, start, command)
+            last = first + step_of(self.model, self.linear, name, followed, command)
         return self.begins.get(name, first), self.ends.get(name, last)
 
     @cached_property
@@ -243,10 +237,10 @@ class StepTrial:
 
         held, other = base.at, ""
         if len(followed) == 1:
-            taken = _command_of_loop(linear, followed[0])
+            taken = command_of_loop(linear, followed[0])
             other = taken if taken and taken != model.commands[0].name else ""
             told = (*told, ("actuator", other)) if other else told
-            held = _as_the_loop_rests(model, base.at, taken)
+            held = as_the_loop_rests(model, base.at, taken)
         one = {n: d for n, d in DESIGNS.members().items() if d.needs == "linear"}
         for name in names:
             if (design := DESIGNS.get(name, folder=Path.cwd())).needs != "linear":
@@ -302,7 +296,7 @@ class StepTrial:
             )
         if other and any(made.specification == told for made in found):
             self.say(f"a single loop commands {other}, which acts most on {followed[0]}")
-        if any(made.specification == told for made in found):
+        if len(followed) > 1 and any(made.specification == told for made in found):
             for sentence in interaction(loop_of(linear, followed, other)):
                 self.say(sentence)
         return found
@@ -369,14 +363,6 @@ def _follows(recipe: ControllerRecipe) -> tuple[str, ...]:
     return ()
 
 
-def _round(size: float, unit: str) -> float:
-    """Return a difference, in SI, down to one that reads well in its unit."""
-    shown = float(from_si(size, of_difference(unit)))
-    decade = 10.0 ** math.floor(math.log10(shown))
-    part = max(n for n in (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0) if n <= shown / decade)
-    return float(to_si(part * decade, of_difference(unit)))
-
-
 LONGEST = 20_000
 """Most samples between steps that a loop that is slower than its plant is given by default."""
 
@@ -437,80 +423,6 @@ def settling(
     return Needed(rounded_up(enough) if ends else 0.0, slow)
 
 
-def _reached(
-    model: Model,
-    linear: LinearModel,
-    name: str,
-    size: float,
-    start: Mapping[str, float],
-    command: str = "",
-) -> float:
-    """Return a step, halved until the plant rests behind it and its linear model is still of use.
-
-    Args:
-        linear: The model that controllers are designed on.
-        start: Controlled outputs before it, in SI.
-        command: What a single loop commands; all else rests.
-    """
-    rests: list[float] = []
-    # Where there is nothing above, or next to nothing, as of a pump that stands, it goes down.
-    shares = [0.5**k for k in range(21)]
-    both = [sign * np.array(shares[k : k + 3]) for k in range(0, 21, 3) for sign in (1.0, -1.0)]
-    for part in map(float, size * np.concatenate(both)):
-        if rests and (part * rests[0] < 0.0 or abs(part) < LEAST * size):
-            continue
-        at = tuple((n, y + part if n == name else y) for n, y in start.items())
-        with suppress(WorkbenchError):
-            point = operating_point(
-                model, dict(_as_the_loop_rests(model, at, command) if command else at)
-            )
-            rests.append(part)
-            after = linearise(point, verdict=False)
-            if after.inverse is not linear.inverse or _alike(linear, after, tuple(start), command):
-                return part
-    return min(rests, key=abs, default=size)
-
-
-LEAST = 0.03
-"""Least part of a usual step that is taken for the linear model to be of use behind it."""
-
-ALIKE, NEARLY_ALIKE = 0.5, 0.15
-"""Most by which the responses at both ends of a step may differ, over the lesser of them; and that
-of a plant that is unstable, of which a loop bears less."""
-
-
-def _alike(one: LinearModel, other: LinearModel, outputs: Sequence[str], command: str) -> bool:
-    """Tell whether commands move outputs alike by two linear models.
-
-    They do by C (i w - A)^-1 B where that of one differs from the other by no more than a part; w
-    is how fast the plant grows, or 1 / `step_time`.
-    """
-    inputs = {q.name: q for q in one.operating_point.model.inputs}
-    outs = {q.name: q for q in one.operating_point.model.outputs}
-    acting = [command] if command else [n for n in one.input_names if inputs[n].commanded]
-    slow = 1.0 / step_time(one)
-    growing = float(np.max(one.poles.real, initial=0.0))
-    found = []
-    for linear in (one, other):
-        own = linear.select(inputs=acting, outputs=outputs)
-        rows = np.array([outs[n].scale for n in own.output_names])
-        columns = np.array([inputs[n].scale for n in own.input_names])
-        response = transfer_function(own.A, own.B, own.C, own.D, 1j * max(growing, slow))
-        found.append(response * columns / rows[:, None])
-    least = min(float(np.linalg.norm(response)) for response in found)
-    apart = float(np.linalg.norm(found[1] - found[0]))
-    return apart <= (NEARLY_ALIKE if growing > slow else ALIKE) * least
-
-
-def _as_the_loop_rests(
-    model: Model, at: tuple[tuple[str, float], ...], command: str
-) -> tuple[tuple[str, float], ...]:
-    """Hold what a single loop does not command at its nominal value, where the loop leaves it."""
-    idle = [q for q in model.inputs if q.name != command and q.name not in dict(at)]
-    room = len(model.inputs) - len(at) if at else 0
-    return (*at, *((q.name, q.nominal) for q in idle[: max(room, 0)]))
-
-
 def _levels_behind(linear: LinearModel, scenario: Scenario) -> dict[str, float]:
     """Return where the controlled outputs are behind the first step, in SI."""
     return {
@@ -524,7 +436,7 @@ def _linear_behind(linear: LinearModel, scenario: Scenario, command: str) -> Lin
     """Return the linear model behind the first step; None where it is the same, or is not found."""
     model, at = linear.operating_point.model, tuple(_levels_behind(linear, scenario).items())
     with suppress(WorkbenchError):
-        given = dict(_as_the_loop_rests(model, at, command) if command else at)
+        given = dict(as_the_loop_rests(model, at, command) if command else at)
         found = linearise(operating_point(model, given), verdict=False)
         if found.A.shape == linear.A.shape and not np.allclose(found.A, linear.A):
             return found
@@ -563,24 +475,3 @@ def hardly_stable(law: Any, linear: LinearModel, delay: float = 0.0) -> str:
                 f" {share:.2g} % off may make it unstable; take another family, or measure more"
             )
     return ""
-
-
-def _command_of_loop(linear: LinearModel, measured: str) -> str:
-    """Return what a single loop commands: for the first output the first, else the strongest.
-
-    The strongest is that whose range moves the output most in the time that a step takes: by its
-    gain abs(C (i w - A)^-1 B + D) at w = 1 / `step_time`, times what the command may change.
-    """
-    model = linear.operating_point.model
-    if len(model.commands) < 2 or measured == model.outputs[0].name:
-        return next((q.name for q in model.commands), "")
-    row = linear.output_names.index(measured)
-    pole = 1j / step_time(linear) * np.eye(len(linear.A)) - linear.A
-    gain = np.abs(linear.C[row] @ np.linalg.solve(pole, linear.B) + linear.D[row])
-
-    def moved(command: Input) -> float:
-        span = command.upper - command.lower
-        size = span if math.isfinite(span) else command.scale
-        return float(size * gain[linear.input_names.index(command.name)])
-
-    return max(model.commands, key=moved).name
