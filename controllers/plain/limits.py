@@ -47,6 +47,7 @@ from controllers.plain.loop import (
     paced,
     spare_outputs,
 )
+from controllers.plain.trial import borne
 from controllers.sensitivity import least_gain, sampled_at
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import WorkbenchError
@@ -149,10 +150,19 @@ class ReadingSpecification(LoopSpecification):
         Raises:
             WorkbenchError: If there is no such design.
         """
-        loop = self.loop(linear)
+        from workbench.linearisation.state_space import linear_model
+
+        try:
+            loop = self.loop(linear)
+        except WorkbenchError:
+            # What grows may show at what nobody follows.
+            others = linear_model(linear).output_names
+            if self.also_measured or len(others) < 2:
+                raise
+            return replace(self, also_measured=others).designed(linear, design, helps)
         more = () if loop.read is not None else spare_outputs(linear, loop)
         if not more:
-            return design(LoopLimits(loop, self))
+            return borne(design(LoopLimits(loop, self)), linear_model(linear), self)
         wider = replace(self, also_measured=more).loop(linear)
         best: tuple[float, C | None] = math.inf, None
         reason: WorkbenchError | None = None
@@ -175,7 +185,7 @@ class ReadingSpecification(LoopSpecification):
                 break
         if best[1] is None:
             raise cast(WorkbenchError, reason)
-        return best[1]
+        return borne(best[1], linear_model(linear), self)
 
 
 class LoopLimits:
@@ -351,8 +361,8 @@ class LoopLimits:
         """Return the best law of a grid, and its place.
 
         A law is designed for a step of the grid for each output, ``count`` being the number of
-        steps, and something else. Of several outputs, the step of each is then changed by itself as
-        long as that makes the law better.
+        steps, and something else. The step of each output is then changed by itself as long as that
+        makes the law better.
 
         Raises:
             WorkbenchError: As of `best`.
@@ -376,7 +386,7 @@ class LoopLimits:
         k = int(np.argmin(errors))
         best, error = found[held[k]], errors[k]
         top = max(1.0, float(judged.excess[held].max()))
-        for stride in STRIDES if count and self.outputs > 1 else ():
+        for stride in STRIDES if count else ():
             while True:
                 steps, other = best[1]
                 near = [

@@ -138,8 +138,9 @@ def loop_of(
 ) -> Loop:
     """Read followed outputs and commands off a linear model or a python-control system.
 
-    By default those outputs are followed, in their order, that the commands hold independently;
-    several by all commands that move something, one by the first that does.
+    By default those outputs are followed, in their order, that the commands hold independently, or
+    the first where they hold none; several by all commands that move something, one by the first
+    that does.
 
     Args:
         also: Names of outputs that are read and not followed.
@@ -168,7 +169,7 @@ def loop_of(
         check_choice("measured output", name, whole.output_names)
     for name in acting:
         check_choice("actuator", name, commands)
-    followed = given or held_outputs(whole, acting or commands)
+    followed = given or held_outputs(whole, acting or commands) or whole.output_names[:1]
     if not acting:
         acting = _moving(whole, followed, tuple(commands or whole.input_names))
         acting = acting[:1] if len(followed) == 1 else acting
@@ -288,15 +289,15 @@ def spare_outputs(plant: Any, loop: Loop) -> tuple[str, ...]:
 
 
 def held_outputs(whole: LinearModel, commands: Sequence[str]) -> tuple[str, ...]:
-    """Return the outputs, in their order, that commands hold independently: one at least."""
+    """Return the outputs, in their order, that commands hold independently, if there are any."""
     found: tuple[str, ...] = ()
-    for name in whole.output_names if len(commands) > 1 else ():
+    for name in whole.output_names:
         tried = whole.select(inputs=commands, outputs=(*found, name)).without_unseen()
         if np.any(tried.D) or not np.all(np.any(_moved(tried), axis=1)):
             continue
         if len(found) < len(commands) and _rank_lost(tried.without_unreached()) is None:
             found = (*found, name)
-    return found or whole.output_names[:1]
+    return found
 
 
 def _moved(linear: LinearModel) -> Matrix:

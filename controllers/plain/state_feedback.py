@@ -491,28 +491,33 @@ def design_plain_sliding_mode(
         WorkbenchError: If the command does not reach all states, or several outputs are followed.
     """
     want = specification or PlainSlidingModeSpecification()
-    loop, h = want.loop(linear), want.sample_time
-    if len(loop.actuators) > 1 or len(loop.measured) > 1:
-        raise WorkbenchError(
-            f"a sliding mode of the workbench has one surface, and {loop.words} needs"
-            f" {len(loop.actuators)}; follow one output by one command, or take another family,"
-            " such as lqi"
-        )
+    h = want.sample_time
     slopes = [want.slope] if want.slope else [w for w in speeds(h) if w <= 0.2 / h]
 
     def within(limits: LoopLimits) -> ObserverLaw:
-        model = _ObservedModel(limits.loop, want)
+        loop = limits.loop
+        if len(loop.actuators) > 1 or len(loop.measured) > 1:
+            raise WorkbenchError(
+                f"a sliding mode of the workbench has one surface, and {loop.words} needs"
+                f" {len(loop.actuators)}; follow one output by one command, or take another family,"
+                " such as lqi"
+            )
+        model = _ObservedModel(loop, want)
         sliding = cache(partial(_sliding, model, want))
 
         def designed(slope: float, disturbance: float, doubt: float) -> ObserverLaw:
             return model.observed(sliding(slope), disturbance, slope, doubt)
 
-        tried = itertools.product(slopes, want.disturbances, doubts(limits.loop))
+        tried = itertools.product(slopes, want.disturbances, doubts(loop))
         designs = [partial(designed, *numbers) for numbers in tried]
         law = limits.best(designs, "a sliding mode")
         return limits.late.at_pace(model.led(limits.late, law))
 
-    return want.designed(linear, within, reading_helps)
+    def helps(limits: LoopLimits, wider: LoopLimits) -> bool:
+        # What is refused need not be looked at.
+        return limits.outputs == 1 and reading_helps(limits, wider)
+
+    return want.designed(linear, within, helps)
 
 
 def _sliding(

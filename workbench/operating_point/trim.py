@@ -244,17 +244,19 @@ class _Equations:
         """Search with a trust region, which is slower and more robust."""
         from scipy.optimize import least_squares
 
-        found = least_squares(
-            lambda v: self.evaluate(v)[0],
-            np.clip(z, self.lower, self.upper),
-            jac=lambda v: self.evaluate(v)[1],
-            bounds=(self.lower - 1e-12, self.upper + 1e-12),
-            x_scale=1.0,
-            xtol=1e-12,
-            ftol=1e-12,
-            gtol=1e-12,
-            max_nfev=100,
-        )
+        # It asks far beyond where the equations have numbers.
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = least_squares(
+                lambda v: self.evaluate(v)[0],
+                np.clip(z, self.lower, self.upper),
+                jac=lambda v: self.evaluate(v)[1],
+                bounds=(self.lower - 1e-12, self.upper + 1e-12),
+                x_scale=1.0,
+                xtol=1e-12,
+                ftol=1e-12,
+                gtol=1e-12,
+                max_nfev=100,
+            )
         return np.asarray(np.clip(found.x, self.lower, self.upper), dtype=float)
 
     def solution(self, z: Vector, steps: int) -> Solution:

@@ -267,8 +267,7 @@ def followed_by_default(plant: Plant, linear: LinearModel) -> tuple[str, ...]:
     first, commands = plant.controlled_outputs(model), [q.name for q in model.commands]
     if plant.controlled or not set(commands) <= set(linear.input_names):
         return first
-    found = held_outputs(linear, commands)
-    return found if len(found) > 1 else first
+    return held_outputs(linear, commands) or first
 
 
 def with_plan(controller: Controller, *, duration: float = 1.0, lead: float = 0.0) -> Controller:

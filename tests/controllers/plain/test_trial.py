@@ -1,0 +1,170 @@
+"""Plain designs of machines as a newcomer writes them, which bend, stick or fall over."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+from controllers.design import DESIGNS
+from controllers.plain.state_feedback import LQISpecification, design_lqi
+from controllers.sensitivity import peak_sensitivities
+from workbench.linearisation import LinearModel, linearise
+from workbench.linearisation.first_step import step_of
+from workbench.linearisation.pace import usual_sample_time
+from workbench.model import Input, Model, Output, State
+from workbench.operating_point import operating_point
+from workbench.plants.plant import Plant
+from workbench.study.designs import followed_by_default
+from workbench.verification import metrics, step_scenario, verify
+
+
+def _stepped(model: Model, name: str, hold: float) -> Mapping[str, float]:
+    """Return what a first trial of a plain design of a model's first output comes to."""
+    linear = linearise(operating_point(model))
+    output, command = model.outputs[0].name, model.inputs[0].name
+    design = DESIGNS.get(name)
+    h = usual_sample_time(linear, (output,))
+    law = design.function(linear, design.specification(measured=output, sample_time=h))
+    begin = float(linear.y0[0])
+    far = begin + step_of(model, linear, output, (output,), command)
+    steps = step_scenario(output, begin, far, back=True, lead=0.1 * hold, hold=hold, sample_time=h)
+    return {key: value.value for key, value in metrics(verify(law, model, steps)).items()}
+
+
+def plates() -> Model:
+    """Two plates that a charge pulls together, a quarter of their gap closed."""
+    area, spring, mass = 8.85e-12 * 1.6e-7, 2.0, 4e-9
+
+    def equations(m: Any) -> Any:
+        x, q = m.x.closed, m.x.charge
+        force = q**2 / (2.0 * area) - spring * x - 6e-5 * m.x.speed
+        charging = (m.u.voltage - q * (4e-6 - x) / area) / 1e6
+        return {"closed": m.x.speed, "speed": force / mass, "charge": charging}, {"x": 1.0 * x}
+
+    return Model(
+        "plates",
+        equations,
+        states=(
+            State("closed", "m", initial=1e-6),
+            State("speed", "m/s"),
+            State("charge", "C", initial=2.4e-12),
+        ),
+        inputs=(Input("voltage", "V", lower=0.0, upper=20.0),),
+        outputs=(Output("x", "m", noise_rms=2e-9),),
+    )
+
+
+def test_references_are_led_where_a_plant_answers_more_the_farther_it_goes() -> None:
+    # As by its linear model alone, it overshoots by 79 %.
+    assert _stepped(plates(), "plain-mpc", 4e-4)["overshoot"] < 0.05
+
+
+def gimbal() -> Model:
+    """A camera on a motor, whose nearly dry bearing creeps at rest."""
+
+    def equations(m: Any) -> Any:
+        a, w = m.x.angle, m.x.rate
+        torque = 0.05 * m.u.current - 0.02 * np.sin(a) - 0.004 * np.tanh(w / 0.02) - 5e-4 * w
+        return {"angle": w, "rate": torque / 8e-4}, {"angle": a}
+
+    return Model(
+        "gimbal",
+        equations,
+        states=(State("angle", "rad"), State("rate", "rad/s")),
+        inputs=(Input("current", "A", lower=-2.0, upper=2.0),),
+        outputs=(Output("angle", "rad", resolution=2e-4),),
+    )
+
+
+def test_what_sticks_at_rest_is_linearised_over_how_far_its_command_moves_it() -> None:
+    linear = linearise(operating_point(gimbal()))
+    # 5e-4 / 8e-4 per s by the drag alone, 250 where it creeps.
+    assert -3.0 < linear.A[1, 1] < -5e-4 / 8e-4
+
+
+@pytest.mark.parametrize("name", ["plain-pid", "plain-h-infinity", "plain-mpc"])
+def test_a_bearing_that_sticks_at_rest_lets_no_design_overshoot(name: str) -> None:
+    if name == "plain-h-infinity":
+        pytest.importorskip("slycot")
+    found = _stepped(gimbal(), name, 3.0)
+    assert found["overshoot"] < 0.025
+    assert found["settling_time"] < 0.3
+
+
+def divider() -> Model:
+    """The current into a capacitor behind a resistor, with a load beside it."""
+
+    def equations(m: Any) -> Any:
+        current = (m.u.source - m.x.v) / 1000.0
+        return {"v": (current - m.x.v / 2000.0) / 1e-6}, {"current": current}
+
+    return Model(
+        "divider",
+        equations,
+        states=(State("v", "V"),),
+        inputs=(Input("source", "V", lower=-10.0, upper=10.0),),
+        outputs=(Output("current", "A", noise_rms=1e-6),),
+    )
+
+
+def test_an_mpc_weighs_errors_of_one_output_as_suits_it() -> None:
+    found = _stepped(divider(), "plain-mpc", 0.01)
+    # It took 4.7 ms by the weights that several outputs begin with.
+    assert found["settling_time"] < 5e-4
+    assert found["overshoot"] < 0.02
+
+
+def wheel() -> Model:
+    """A pendulum held upright by a wheel on a motor."""
+
+    def equations(m: Any) -> Any:
+        torque = 0.055 * (m.u.voltage - 0.055 * m.x.speed) / 1.2
+        fall = 0.35 * np.sin(m.x.angle) - torque - 0.002 * m.x.rate
+        rates = {"angle": m.x.rate, "rate": fall / 0.0045, "speed": torque / 0.00012}
+        return rates, {"tilt": m.x.angle, "wheel": m.x.speed}
+
+    return Model(
+        "wheel",
+        equations,
+        states=(State("angle", "rad"), State("rate", "rad/s"), State("speed", "rad/s")),
+        inputs=(Input("voltage", "V", lower=-24.0, upper=24.0),),
+        outputs=(Output("tilt", "rad", noise_rms=1e-3), Output("wheel", "rad/s", noise_rms=0.5)),
+    )
+
+
+def test_of_outputs_that_one_command_moves_that_is_followed_which_it_holds() -> None:
+    model = wheel()
+    linear = linearise(operating_point(model))
+    assert followed_by_default(Plant("wheel", wheel), linear) == ("wheel",)
+    law = design_lqi(linear, LQISpecification(sample_time=0.002))
+    assert law.controlled == ("wheel",)
+    # What grows does not show at the wheel.
+    assert set(law.sensors) == {"wheel", "tilt"}
+    steps = step_scenario("wheel", 0.0, 80.0, lead=0.2, hold=3.0, sample_time=0.002)
+    assert metrics(verify(law, model, steps))["steady_error"].value < 1.0
+
+
+def finger() -> Model:
+    """A soft finger that a pressure bends against what its rubber remembers."""
+
+    def equations(m: Any) -> Any:
+        q, w, h = m.x.bend, m.x.rate, m.x.memory
+        torque = 6e-6 * m.u.pressure - 0.5 * q - 0.15 * h - 0.03 * w
+        return {"bend": w, "rate": torque / 8e-4, "memory": w - 4.0 * np.abs(w) * h}, {"angle": q}
+
+    return Model(
+        "finger",
+        equations,
+        states=(State("bend", "rad"), State("rate", "rad/s"), State("memory", "rad")),
+        inputs=(Input("pressure", "Pa", lower=0.0, upper=1.5e5, nominal=5e4),),
+        outputs=(Output("angle", "rad", noise_rms=2e-3),),
+    )
+
+
+def test_what_hysteresis_remembers_makes_no_loop_unstable() -> None:
+    linear: LinearModel = linearise(operating_point(finger()))
+    law = design_lqi(linear, LQISpecification(sample_time=0.001))
+    assert 1.0 < peak_sensitivities(law, linear)[0] < 3.0
