@@ -193,8 +193,8 @@ def _stop(m: Scope, name: str, penetration: Expression, speed: Expression) -> Ex
         scale=10.0,
         description="torque with which the stop pushes the arm back",
         signals={"penetration": penetration, "speed": speed},
-        # A contact of some milliseconds is sampled too coarsely to be predicted to the noise.
-        relative_disturbance=0.1,
+        # Stops give way by other laws than a spring and a damper side by side.
+        relative_disturbance=0.02,
     )
 
 
