@@ -9,6 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from workbench.diagnosis.averaging import averaged
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.undeclared import more_finely, with_undeclared
@@ -124,6 +125,7 @@ def problem_of_files(
     if any(a is not b for a, b in zip(at_one_pace(given), given, strict=True)):
         # Of clocks that are uneven alone the paces show without that, and without their gaps.
         given = at_one_pace([_even(r) for r in given])
+    model, given, fewer = averaged(model, given, _even)
     read = dict(zip(read, given, strict=True))
     declared = model = _read_as_recorded(model, given)
     # Runs need even steps, where rows are missing too.
@@ -137,7 +139,8 @@ def problem_of_files(
         straight = replace(declared.traits, straight=model.traits.straight)
         model, again = with_undeclared(replace(declared, traits=straight), finer)
         notes = (*again, *(note for note in notes if note not in again and "straight" in note))
-    said = [note for recording in read.values() for note in recording.notes]
+    said = [fewer] if fewer else []
+    said += [note for recording in read.values() for note in recording.notes]
     said += _taken_as_si(declared, list(read.values()))
     for recording in read.values():
         for q, taken in zip(declared.inputs, model.inputs, strict=True):
