@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import tempfile
 from pathlib import Path
@@ -16,6 +17,7 @@ import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 
 from tests.once import SHARED  # noqa: E402
+from tests.shell import Said, Shell  # noqa: E402
 
 # Pictures are drawn without a display, also by the doctests and the notebooks' kernels.
 os.environ["MPLBACKEND"] = "Agg"
@@ -39,6 +41,28 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages without their pictures, which take long and are drawn by other tests."""
     monkeypatch.setattr("workbench.reports.page.inline_svg", lambda picture: "")
     monkeypatch.setattr("workbench.reports.page.save", lambda picture, folder: None)
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder, which is the current one."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
+    """The command line, in this process."""
+    from workbench.cli.main import run
+
+    def typed(*words: str | Path, status: int | None = 0) -> Said:
+        parts = ([str(w)] if isinstance(w, Path) else shlex.split(w) for w in words)
+        left = run([part for some in parts for part in some])
+        said = Said(*capsys.readouterr())
+        assert status in (left, None), said.err
+        return said
+
+    return typed
 
 
 @pytest.fixture(scope="session")

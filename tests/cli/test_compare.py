@@ -8,33 +8,30 @@ from pathlib import Path
 
 import pytest
 
+from tests.shell import Shell
 from tests.study.small_study import WORSE, small_study
 from workbench.cli.compare import named_study
-from workbench.cli.main import WRONG_USE, run
+from workbench.cli.main import WRONG_USE
 from workbench.study.schema import load_study, shipped_study
 
 FILES = {"results.json", "summary.md", "junit.xml", "report.html"}
 
 
-def compare(study: Path, out: Path, *more: str) -> int:
-    return run(["compare", str(study), "--out", str(out), "--jobs", "1", *more])
-
-
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.system
 def test_a_worse_controller_is_red_and_says_why_then_an_improved_one_is_blessed(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, shell: Shell
 ) -> None:
     study, out, baseline = small_study(tmp_path), tmp_path / "out", tmp_path / "b.json"
-    assert compare(study, out) == 0
+    against = ("--jobs 1 --out", out, "--baseline", baseline)
+    bless = ("bless", out, "--baseline", baseline)
+    shell("compare --jobs 1", study, "--out", out)
     assert {p.name for p in out.iterdir()} == FILES | {"runs"}
-    assert run(["bless", str(out), "--baseline", str(baseline)]) == 0
-    assert "2 runs of study small as the first baseline" in capsys.readouterr().out
+    assert "2 runs of study small as the first baseline" in shell(*bless).out
 
     # Deliberately slower: hard requirement and baseline both say so.
     worse = small_study(tmp_path, WORSE)
-    assert compare(worse, out, "--baseline", str(baseline)) == 1
-    said = capsys.readouterr().out
+    said = shell("compare", worse, *against, status=1).out
     summary = (out / "summary.md").read_text(encoding="utf-8")
     results = json.loads((out / "results.json").read_text(encoding="utf-8"))
     missed = [r for r in results["requirements"] if r["hard"] and not r["met"]]
@@ -56,26 +53,21 @@ def test_a_worse_controller_is_red_and_says_why_then_an_improved_one_is_blessed(
     minded = "".join(f"[tolerances.{m}]\ngates = false\n" for m in ("overshoot", "chatter", "air"))
     given = (("limit = 0.6", "limit = 60"), ("hard = false\n", f"hard = false\n{minded}"))
     loose = small_study(tmp_path, WORSE, *given)
-    assert compare(loose, out, "--baseline", str(baseline)) == 1
+    shell("compare", loose, *against, status=1)
     # Accepting it is one command, which shows what it accepts; then all is green.
-    capsys.readouterr()
-    assert run(["bless", str(out), "--baseline", str(baseline)]) == 0
-    said = capsys.readouterr().out
+    said = shell(*bless).out
     assert "settling_time" in said and "worse" in said and "0 better" not in said.split(":")[0]
     # An improvement does not fail, and is blessed by the same command.
     better = small_study(tmp_path, *given)
-    assert compare(better, out, "--baseline", str(baseline)) == 0
+    shell("compare", better, *against)
     assert "Better than the baseline" in (out / "summary.md").read_text(encoding="utf-8")
-    assert run(["bless", str(out), "--baseline", str(baseline)]) == 0
-    assert "better" in capsys.readouterr().out
+    assert "better" in shell(*bless).out
 
 
 @pytest.mark.system
-def test_linear_analysis_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_linear_analysis_alone(tmp_path: Path, shell: Shell) -> None:
     study, out = small_study(tmp_path), tmp_path / "margins"
-    arguments = ["report", str(study), "--bode", "--angle", "20deg", "--angle", "40deg"]
-    assert run([*arguments, "--out", str(out)]) == 0
-    said = capsys.readouterr().out
+    said = shell("report", study, "--bode --angle 20deg --angle 40deg --out", out).out
     assert said.count("disk margin") == 4 and "20°" in said and "40°" in said
     names = {p.name for p in (out / "pictures").iterdir()}
     assert {"bode-1.png", "bode-1.svg", "nyquist-1.png", "nyquist-1.svg"} <= names
@@ -86,56 +78,44 @@ def test_linear_analysis_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str
 
 
 CASES = {
-    "no study": (["compare", "nowhere.toml", "--out", "out"], "cannot be read"),
-    "unknown shipped study": (["compare", "arms", "--out", "out"], "did you mean 'arm'"),
-    "no baseline": (
-        ["compare", "STUDY", "--out", "out", "--baseline", "b.json"],
-        "workbench bless",
-    ),
-    "no processes": (["compare", "STUDY", "--out", "out", "--jobs", "0"], "number of processes"),
-    "no results": (["bless", "nowhere", "--baseline", "b.json"], "workbench compare"),
-    "unknown controller": (["report", "STUDY", "--bode", "-c", "pd", "--out", "out"], "'pd'"),
-    "angle outside": (["report", "STUDY", "--bode", "--angle", "95deg", "--out", "out"], "95 deg"),
-    "results in a file": (["compare", "STUDY", "--out", "STUDY"], "is a file; give the name of a"),
-    "limit with bode": (["report", "STUDY", "--bode", "--limit", "--out", "out"], "leave out --b"),
-    "controller without bode": (["report", "STUDY", "-c", "pid", "--out", "out"], "add --bode"),
+    "no study": ("compare nowhere.toml --out out", "cannot be read"),
+    "unknown shipped study": ("compare arms --out out", "did you mean 'arm'"),
+    "no baseline": ("compare STUDY --out out --baseline b.json", "workbench bless"),
+    "no processes": ("compare STUDY --out out --jobs 0", "number of processes"),
+    "no results": ("bless nowhere --baseline b.json", "workbench compare"),
+    "unknown controller": ("report STUDY --bode -c pd --out out", "'pd'"),
+    "angle outside": ("report STUDY --bode --angle 95deg --out out", "95 deg"),
+    "results in a file": ("compare STUDY --out STUDY", "is a file; give the name of a"),
+    "limit with bode": ("report STUDY --bode --limit --out out", "leave out --b"),
+    "controller without bode": ("report STUDY -c pid --out out", "add --bode"),
 }
 
 
-def test_a_folder_of_results_hides_no_shipped_study(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_folder_of_results_hides_no_shipped_study(here: Path) -> None:
     Path("arm").mkdir()
     assert named_study(Path("arm"), None, ()).name == load_study(shipped_study("arm")).name
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_wrong_use(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_wrong_use(name: str, here: Path, shell: Shell) -> None:
     words, sentence = CASES[name]
-    study = small_study(tmp_path)
-    assert run([str(study) if word == "STUDY" else word for word in words]) == WRONG_USE
-    error = capsys.readouterr().err.strip().splitlines()[-1]
+    small_study(here).rename("STUDY")
+    error = shell(words, status=WRONG_USE).err.strip().splitlines()[-1]
     assert error.startswith("workbench: ") and sentence in error
-    assert not (tmp_path / "out").exists() and not (tmp_path / "b.json").exists()
+    assert not (here / "out").exists() and not (here / "b.json").exists()
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_baseline_of_another_study_is_not_overwritten(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_baseline_of_another_study_is_not_overwritten(tmp_path: Path, shell: Shell) -> None:
     out, baseline = tmp_path / "out", tmp_path / "b.json"
-    assert compare(small_study(tmp_path), out) == 0
-    assert run(["bless", str(out), "--baseline", str(baseline)]) == 0
+    shell("compare --jobs 1", small_study(tmp_path), "--out", out)
+    shell("bless", out, "--baseline", baseline)
     before = baseline.read_text(encoding="utf-8")
     other = small_study(tmp_path, ('name = "small"', 'name = "other"'))
-    assert compare(other, out) == WRONG_USE
-    assert "holds the results of study 'small'" in capsys.readouterr().err
+    refused = shell("compare --jobs 1", other, "--out", out, status=WRONG_USE)
+    assert "holds the results of study 'small'" in refused.err
     out = tmp_path / "another"
-    assert compare(other, out) == 0
-    assert run(["bless", str(out), "--baseline", str(baseline)]) == WRONG_USE
-    assert "is the baseline of study 'small'" in capsys.readouterr().err
+    shell("compare --jobs 1", other, "--out", out)
+    refused = shell("bless", out, "--baseline", baseline, status=WRONG_USE)
+    assert "is the baseline of study 'small'" in refused.err
     assert baseline.read_text(encoding="utf-8") == before

@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.axis_case import recording
-from workbench.cli.main import INTERRUPTED, WRONG_USE, main, run
+from tests.shell import Shell
+from workbench.cli.main import INTERRUPTED, WRONG_USE, main
 from workbench.diagnosis import diagnose as engine
 from workbench.diagnosis.selection import task
 from workbench.diagnosis.selection.selected import Scored
@@ -57,11 +58,10 @@ def few_effects(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("few_effects")
 def test_diagnose_writes_verdict_page_and_pictures(
-    axis_options: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    axis_options: list[str], tmp_path: Path, shell: Shell
 ) -> None:
     out = tmp_path / "out"
-    assert run(["diagnose", *axis_options, "--out", str(out)]) == 0
-    said = capsys.readouterr()
+    said = shell("diagnose", *axis_options, "--out", out)
     assert "refitting the nominal model" in said.err and "stribeck friction" in said.out
     assert re.search(r"^work: [1-9][0-9.]* \S+ filtered samples", said.out, re.MULTILINE)
     data = json.loads((out / "verdict.json").read_text())
@@ -82,10 +82,9 @@ def test_diagnose_writes_verdict_page_and_pictures(
     verdicts.mkdir()
     (verdicts / "one.json").write_bytes((out / "verdict.json").read_bytes())
     score = tmp_path / "score.json"
-    options = ["--key", str(key), "--names", str(names), "--out", str(score)]
-    assert run(["evaluate", "blind", str(verdicts), *options]) == 0
+    options = ("--key", key, "--names", names, "--out", score)
+    assert "right" in shell("evaluate blind", verdicts, *options).out
     assert json.loads(score.read_text())["points"] in (3, 6)
-    assert "right" in capsys.readouterr().out
 
 
 @pytest.mark.usefixtures("few_effects")
@@ -133,7 +132,7 @@ def test_a_time_limit_gives_the_verdict_until_then(
     axis_options: list[str],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    shell: Shell,
     stage: str,
     said: str,
 ) -> None:
@@ -146,87 +145,78 @@ def test_a_time_limit_gives_the_verdict_until_then(
 
     monkeypatch.setattr(engine, stage, wait)
     out = tmp_path / "out"
-    assert run(["diagnose", *axis_options, "--quick", "--out", str(out)]) == 0
+    told = shell("diagnose", *axis_options, "--quick --out", out).out
     data = json.loads((out / "verdict.json").read_text())
     assert data["interrupted"] is True and data["sentence"].startswith("Ended after 20 s while")
     best = max(found[0].scores.scores, key=lambda s: s.gain).entry.name if found else ""
     assert said.format(best=best.replace("_", " ")) in data["sentence"]
-    assert data["sentence"] in capsys.readouterr().out
+    assert data["sentence"] in told
     assert sorted(path.name for path in out.iterdir()) == ["stages", "verdict.json"]
 
 
 def test_a_time_limit_that_nothing_meets_or_that_cannot_be_set_is_a_sentence(
-    axis_options: list[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    axis_options: list[str], here: Path, monkeypatch: pytest.MonkeyPatch, shell: Shell
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(engine, "prepare", lambda *_: signal.raise_signal(signal.SIGALRM))
-    assert run(["diagnose", *axis_options, "--time-limit", "100"]) == WRONG_USE
-    assert "nothing was found within 100 s" in capsys.readouterr().err
+    assert (
+        "nothing was found within 100 s"
+        in shell("diagnose", *axis_options, "--time-limit 100", status=WRONG_USE).err
+    )
     monkeypatch.delattr(signal, "setitimer")
-    assert run(["diagnose", *axis_options, "--quick"]) == WRONG_USE
-    assert "this platform does not have" in capsys.readouterr().err
+    assert (
+        "this platform does not have"
+        in shell("diagnose", *axis_options, "--quick", status=WRONG_USE).err
+    )
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ([], "there is nothing to work on"),
-        (["nowhere"], "neither a folder with a case nor one of"),
-        (["--fit", "a.csv"], "are both needed"),
-        (["practice-07", "--fit", "a.csv"], "keep one of them"),
-        (["--fit", "a.csv", "--hold-out", "b.csv", "--plant", "robot"], "plant is 'robot'"),
+        ("", "there is nothing to work on"),
+        ("nowhere", "neither a folder with a case nor one of"),
+        ("--fit a.csv", "are both needed"),
+        ("practice-07 --fit a.csv", "keep one of them"),
+        ("--fit a.csv --hold-out b.csv --plant robot", "plant is 'robot'"),
         (
-            ["--fit", "a.csv", "--hold-out", "b.csv", "--plant", "emps", "--load", "3"],
+            "--fit a.csv --hold-out b.csv --plant emps --load 3",
             "No such option: --load",
         ),
-        (["--fit", "a.csv", "--hold-out", "a.csv"], "given twice"),
-        (["--fit", "a.csv", "--hold-out", "b.csv"], "a.csv"),
-        (["practice-07", "--time-limit", "0"], "time limit is 0"),
-        (["practice-07", "--time-limit", "2min", "--quick"], "--time-limit 120 is given too"),
-        (["practice-07", "--quick", "--time-limit", "9"], "keep one of them"),
-        (["practice-07", "--jobs", "0"], "number of processes is 0"),
-        (["practice-07", "--load", "3V"], "does not measure it"),
+        ("--fit a.csv --hold-out a.csv", "given twice"),
+        ("--fit a.csv --hold-out b.csv", "a.csv"),
+        ("practice-07 --time-limit 0", "time limit is 0"),
+        ("practice-07 --time-limit 2min --quick", "--time-limit 120 is given too"),
+        ("practice-07 --quick --time-limit 9", "keep one of them"),
+        ("practice-07 --jobs 0", "number of processes is 0"),
+        ("practice-07 --load 3V", "does not measure it"),
     ],
 )
-def test_bad_input_is_one_sentence(
-    arguments: list[str],
-    message: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert run(["diagnose", *arguments, "--out", "out"]) == WRONG_USE
-    text = capsys.readouterr().err
+def test_bad_input_is_one_sentence(arguments: str, message: str, here: Path, shell: Shell) -> None:
+    text = shell("diagnose", arguments, "--out out", status=WRONG_USE).err
     assert message in text and text.count("\n") == 1 and "Traceback" not in text
-    assert not (tmp_path / "out").exists()
+    assert not (here / "out").exists()
 
 
-def test_output_that_is_a_file_is_refused_before_the_work(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_output_that_is_a_file_is_refused_before_the_work(tmp_path: Path, shell: Shell) -> None:
     (tmp_path / "out").write_text("mine")
-    assert run(["diagnose", "practice-07", "--out", str(tmp_path / "out")]) == WRONG_USE
-    assert "is a file" in capsys.readouterr().err
+    assert (
+        "is a file" in shell("diagnose practice-07 --out", tmp_path / "out", status=WRONG_USE).err
+    )
     assert (tmp_path / "out").read_text() == "mine"
 
 
-def test_scoring_refuses_what_is_not_there(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_scoring_refuses_what_is_not_there(tmp_path: Path, shell: Shell) -> None:
     key = tmp_path / "key.json"
     key.write_text('{"one": {"truth": []}}')
-    score = ["evaluate", "blind"]
-    assert run([*score, str(tmp_path / "none"), "--key", str(key)]) == WRONG_USE
-    assert "there is no folder" in capsys.readouterr().err
-    assert run([*score, str(tmp_path), "--key", str(tmp_path / "no.json")]) == WRONG_USE
-    assert "cannot be read" in capsys.readouterr().err
+    score = "evaluate blind"
+    assert (
+        "there is no folder" in shell(score, tmp_path / "none", "--key", key, status=WRONG_USE).err
+    )
+    assert (
+        "cannot be read"
+        in shell(score, tmp_path, "--key", tmp_path / "no.json", status=WRONG_USE).err
+    )
 
 
-@pytest.mark.parametrize("verb", [["diagnose"], ["evaluate", "blind"]])
-def test_help_says_what_the_verbs_do(verb: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert run([*verb, "--help"]) == 0
-    assert "--out" in capsys.readouterr().out
+@pytest.mark.parametrize("verb", ["diagnose", "evaluate blind"])
+def test_help_says_what_the_verbs_do(verb: str, shell: Shell) -> None:
+    assert "--out" in shell(verb, "--help").out

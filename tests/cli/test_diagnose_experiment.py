@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from workbench.cli.main import WRONG_USE, run
+from tests.shell import Shell
+from workbench.cli.main import WRONG_USE
 from workbench.diagnosis import diagnose as stages
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
 from workbench.diagnosis.selection import task
@@ -67,11 +68,10 @@ def given(diagnosed_already: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]
 
 @pytest.mark.usefixtures("undrawn")
 def test_the_next_input_is_written_and_played(
-    given: list[str], diagnosed_already: Path, capsys: pytest.CaptureFixture[str]
+    given: list[str], diagnosed_already: Path, shell: Shell
 ) -> None:
     folder = diagnosed_already
-    assert run([*given, "--propose", "plan.csv", "--experiment", "my_rig:axis"]) == 0
-    said = capsys.readouterr()
+    said = shell(*given, "--propose plan.csv --experiment my_rig:axis")
     assert "after the experiment: named: coulomb_friction" in said.out
     first, second = (
         json.loads((folder / "out" / where / "verdict.json").read_text())
@@ -103,23 +103,21 @@ def test_the_next_input_is_written_and_played(
     ],
 )
 def test_a_machine_that_cannot_be_played_on_is_one_sentence(
-    given: list[str], machine: str, said: str, capsys: pytest.CaptureFixture[str]
+    given: list[str], machine: str, said: str, shell: Shell
 ) -> None:
-    assert run([*given, "--experiment", machine]) == WRONG_USE
-    text = capsys.readouterr().err
+    text = shell(*given, "--experiment", machine, status=WRONG_USE).err
     assert said in text and "Traceback" not in text
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_law_without_a_name_becomes_a_law_of_the_user(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    here: Path, monkeypatch: pytest.MonkeyPatch, shell: Shell
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     sprung = servo_axis().with_effect(linear_spring("axis.force", stiffness=200.0, upper=1000.0))
     for seed in (1, 2):
         push = pushes(400, largest=200.0, seed=seed)
         made = made_up_recording(sprung, push, sample_time=0.01, name=f"axis {seed}")
-        write_recording(made, tmp_path / f"{seed}.csv")
+        write_recording(made, here / f"{seed}.csv")
 
     def without_springs(model: Any, **options: Any) -> Any:
         every = library(model, **options)
@@ -129,17 +127,18 @@ def test_a_law_without_a_name_becomes_a_law_of_the_user(
         monkeypatch.setattr(place, "library", without_springs)
     asked = ["diagnose", "--plant", "servo-axis", "--jobs", "1"]
     asked += ["--fit", "1.csv", "--hold-out", "2.csv"]
-    assert run([*asked, "--out", "out"]) == 0
-    assert "has the shape of linear spring" in capsys.readouterr().out
-    assert "Shapes of the library" in (tmp_path / "out/report.html").read_text()
-    monkeypatch.chdir(tmp_path / "out")
+    assert "has the shape of linear spring" in shell(*asked, "--out out").out
+    assert "Shapes of the library" in (here / "out/report.html").read_text()
+    monkeypatch.chdir(here / "out")
     there = [word.replace("1.csv", "../1.csv").replace("2.csv", "../2.csv") for word in asked]
-    assert run([*there, "--effects", "law:found", "--out", "again"]) == 0
-    assert "named: Missing: found at axis.force, size -200" in capsys.readouterr().out
+    assert (
+        "named: Missing: found at axis.force, size -200"
+        in shell(*there, "--effects law:found --out again").out
+    )
     # The verdict is a plant, with the law of the user.
     (attached,) = PLANTS.get("again/verdict.json", folder=Path()).model().effects[-1:]
     assert attached.name == "found" and attached.ports == ("axis.force",)
     # So it is where the law was attached from the start.
     options = ["--effect", "law:found", "-p", "found.size=-200", "--out", "given"]
-    assert run([*there, *options]) == 0
+    shell(*there, *options)
     assert "found" in {e.name for e in PLANTS.get("given/verdict.json").model().effects}

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from workbench.cli.main import WRONG_USE, run
+from tests.shell import Shell
+from workbench.cli.main import WRONG_USE
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.experiment.menu import menu
 from workbench.linearisation import linearise
@@ -40,10 +41,9 @@ def boiler():
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    (tmp_path / "boilers.py").write_text(PLANT)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+def folder(here: Path) -> Path:
+    (here / "boilers.py").write_text(PLANT)
+    return here
 
 
 def test_a_feed_is_no_command(folder: Path) -> None:
@@ -75,12 +75,9 @@ def test_no_experiment_asks_for_a_feed(folder: Path) -> None:
     assert any(np.ptp(e.inputs[:, 1]) > 0.0 for e in offered)
 
 
-def test_a_loop_is_designed_where_what_it_leaves_rests(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = ["verify", "--plant", "boilers:boiler", "--from", "60degC", "--to", "61degC", "--json"]
-    assert run(words) == 0
-    told = capsys.readouterr()
+def test_a_loop_is_designed_where_what_it_leaves_rests(folder: Path, shell: Shell) -> None:
+    words = "verify --plant boilers:boiler --from 60degC --to 61degC --json"
+    told = shell(words)
     runs = json.loads(told.out)["runs"]
     assert "what a design does not command rests, such as draw" in told.err
     assert len(runs) > 3
@@ -91,34 +88,27 @@ def test_a_loop_is_designed_where_what_it_leaves_rests(
         assert found["metrics"]["lowest"]["value"] > 333.15 - 0.5, found["controller"]
 
 
-def test_plants_says_what_is_only_measured(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(["plants", "boilers:boiler"]) == 0
-    assert "feed (K, only measured), power (W)" in capsys.readouterr().out
-    assert run(["verify", "--plant", "boilers:boiler", "--feed", "300K"]) == WRONG_USE
+def test_plants_says_what_is_only_measured(folder: Path, shell: Shell) -> None:
+    assert "feed (K, only measured), power (W)" in shell("plants boilers:boiler").out
+    shell("verify --plant boilers:boiler --feed 300K", status=WRONG_USE)
 
 
 def test_a_step_that_nobody_sized_is_one_that_the_plant_can_hold(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, shell: Shell
 ) -> None:
     # All that 100 kW bring at the nominal draw is 365 K; a quarter of the range is beyond that.
     (folder / "boilers.py").write_text(PLANT.replace("nominal=4e4", "nominal=9e4"))
-    assert run(["verify", "--plant", "boilers:boiler", "-c", "plain-pid", "--json"]) == 0
-    (found,) = json.loads(capsys.readouterr().out)["runs"]
+    (found,) = shell("verify --plant boilers:boiler -c plain-pid --json").result["runs"]
     assert found["metrics"]["highest"]["value"] < 285.0 + 1e5 / (4.18e6 * 3e-4)
     assert abs(found["metrics"]["steady_error"]["value"]) < 0.1
 
 
-def test_commands_that_are_late_are_reckoned_with(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_commands_that_are_late_are_reckoned_with(folder: Path, shell: Shell) -> None:
     step = ["verify", "--plant", "boilers:boiler", "--from", "40degC", "--to", "60degC"]
     step += ["-c", "plain-pid", "--sample-time", "2s", "--json"]
     settled = []
     for late, told in ((), ""), (("--delay", "29s"), "late by 15 samples of 2 s, 30 s"):
-        assert run([*step, *late]) == 0
-        said = capsys.readouterr()
+        said = shell(*step, *late)
         assert told in said.err
         (found,) = json.loads(said.out)["runs"]
         assert found["metrics"]["overshoot"]["value"] < 0.2
@@ -127,76 +117,64 @@ def test_commands_that_are_late_are_reckoned_with(
     assert settled[0] + 30.0 < settled[1] < 20.0 * 30.0
     # Where nobody says how often, a whole number of samples is as long as the delay.
     own = [part for part in step if part not in ("--sample-time", "2s")]
-    assert run([*own, "--delay", "29.3s"]) == 0
-    assert "late by 30 samples of 977 ms, 29.3 s" in capsys.readouterr().err
-    assert run([*step, "--delay", "-1s"]) == WRONG_USE
-    assert "delay" in capsys.readouterr().err
+    assert "late by 30 samples of 977 ms, 29.3 s" in shell(*own, "--delay 29.3s").err
+    assert "delay" in shell(*step, "--delay -1s", status=WRONG_USE).err
 
 
 def test_one_of_several_designs_that_does_not_suit_the_plant_is_a_run_that_failed(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, shell: Shell
 ) -> None:
-    words = ["verify", "--plant", "boilers:boiler", "--from", "60degC", "--to", "61degC"]
-    assert run([*words, "-c", "angle-pd"]) == WRONG_USE
-    capsys.readouterr()
-    assert run([*words, "-c", "plain-pid", "-c", "angle-pd"]) == 1
-    said = capsys.readouterr().out
+    words = "verify --plant boilers:boiler --from 60degC --to 61degC"
+    shell(words, "-c angle-pd", status=WRONG_USE)
+    said = shell(words, "-c plain-pid -c angle-pd", status=1).out
     assert "plain-pid on boiler" in said and "failed: angle-pd" in said
     assert "1 of 2 runs failed" in said
 
 
 def test_a_run_starts_at_rest_and_says_so_or_where_the_plant_begins(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, shell: Shell
 ) -> None:
-    words = ["simulate", "--plant", "boilers:boiler", "--power", "0:40kW", "--duration", "60s"]
-    assert run([*words, "--out", "rest.csv"]) == 0
-    assert "(T 43.75°C for 46.85°C): --initial starts there" in capsys.readouterr().err
-    assert run([*words, "--initial", "--out", "begun.csv"]) == 0
-    assert not capsys.readouterr().err
+    words = "simulate --plant boilers:boiler --power 0:40kW --duration 60s"
+    assert "(T 43.75°C for 46.85°C): --initial starts there" in shell(words, "--out rest.csv").err
+    assert not shell(words, "--initial --out begun.csv").err
     first = [np.loadtxt(f, delimiter=",", skiprows=1)[0, -1] for f in ("rest.csv", "begun.csv")]
     assert first == pytest.approx([316.897 - 273.15, 320.0 - 273.15], abs=1e-3)
-    assert run([*words, "--initial", "--T", "50degC"]) == WRONG_USE
+    shell(words, "--initial --T 50degC", status=WRONG_USE)
 
 
-def test_a_plant_that_does_not_rest_is_run_from_where_it_begins(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_plant_that_does_not_rest_is_run_from_where_it_begins(folder: Path, shell: Shell) -> None:
     # What heats can be turned down, and not off.
     told = PLANT.replace("flow = m.u.draw *", "flow = 0.0 *")
     (folder / "boilers.py").write_text(told.replace("4e4, lower=0.0", "4e4, lower=1e4"))
-    words = ["simulate", "--plant", "boilers:boiler", "--power", "0:41.8kW", "--out", "run.csv"]
-    assert run(words) == WRONG_USE
-    assert "no operating point" in capsys.readouterr().err
-    assert run([*words, "--duration", "50s"]) == 0
-    assert "it starts at the initial values" in capsys.readouterr().err
+    words = "simulate --plant boilers:boiler --power 0:41.8kW --out run.csv"
+    assert "no operating point" in shell(words, status=WRONG_USE).err
+    assert "it starts at the initial values" in shell(words, "--duration 50s").err
     seen = np.loadtxt("run.csv", delimiter=",", skiprows=1)
     # 41.8 kW warm 50 l by 0.2 K/s.
     assert seen[[0, 500], -1] == pytest.approx([46.85, 51.85], abs=1e-3)
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_study_is_begun_with_a_plant_of_ones_own(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(["new-study", "mine.toml", "--plant", "boilers:boiler"]) == 0
+def test_a_study_is_begun_with_a_plant_of_ones_own(folder: Path, shell: Shell) -> None:
+    shell("new-study mine.toml --plant boilers:boiler")
     text = Path("mine.toml").read_text()
     assert "servo-axis" not in text and "mm" not in text.replace("comm", "")
-    words = ["compare", "mine.toml", "--out", "comparison", "--jobs", "1"]
-    assert run(words) == 0, capsys.readouterr()
+    words = "compare mine.toml --out comparison --jobs 1"
+    shell(words)
     results = json.loads(Path("comparison/results.json").read_text())
     assert results["passed"] and results["robustness"]
     assert {found["variation"] for found in results["runs"]} == {"nominal", "more V"}
     (folder / "boilers.py").write_text(PLANT.replace(", lower=0.01, upper=0.3, fitted=True", ""))
-    assert run(["new-study", "fixed.toml", "--plant", "boilers:boiler"]) == 0
+    shell("new-study fixed.toml --plant boilers:boiler")
     assert not any(execute(task).failed for task in tasks(load_study("fixed.toml")))
 
 
-def test_what_rests_on_its_bound_is_pulsed_from_there(folder: Path) -> None:
+def test_what_rests_on_its_bound_is_pulsed_from_there(folder: Path, shell: Shell) -> None:
     (folder / "ovens.py").write_text(
         PLANT.replace("boiler", "oven").replace("nominal=4e4, lower=0.0", "lower=0.0")
     )
-    words = ["simulate", "--plant", "ovens:oven", "--pulses", "power=20kW", "--period", "60s"]
-    assert run([*words, "--duration", "120s", "--sample-time", "1s", "--out", "run.csv"]) == 0
+    words = "simulate --plant ovens:oven --pulses power=20kW --period 60s"
+    shell(words, "--duration 120s --sample-time 1s --out run.csv")
     header = (folder / "run.csv").read_text().splitlines()[0].split(",")
     rows = np.loadtxt("run.csv", delimiter=",", skiprows=1)
     power = rows[:, next(i for i, name in enumerate(header) if "power" in name)]

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from workbench.cli.main import WRONG_USE, run
+from tests.shell import Shell
+from workbench.cli.main import WRONG_USE
 from workbench.plants.plant import adopt
 
 PLANT = """
@@ -31,10 +32,9 @@ def motor():
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(here: Path) -> Path:
     """A plant without ports, noise or scales, and recordings whose columns have other names."""
-    (tmp_path / "naive.py").write_text(PLANT)
-    monkeypatch.chdir(tmp_path)
+    (here / "naive.py").write_text(PLANT)
     for name, seed in (("a", 1), ("b", 2)):
         rng = np.random.default_rng(seed)
         drive = np.repeat(rng.uniform(-6.0, 6.0, 20), 30)
@@ -46,24 +46,19 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         np.savetxt(
             f"{name}.csv", table, delimiter=",", header="Time [ms],Supply [V],n [rpm]", comments=""
         )
-    return tmp_path
+    return here
 
 
-def test_columns_of_other_names_are_found(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["recording", "a.csv", "--plant", "naive:motor"]) == 0
-    text = capsys.readouterr().out
+def test_columns_of_other_names_are_found(folder: Path, shell: Shell) -> None:
+    text = shell("recording a.csv --plant naive:motor").out
     # A drive that is held between samples is no frozen measurement, and a sensor may be absent.
     assert "command" in text and "no measurement freezes" in text and "torque" not in text
 
 
-def test_noise_and_disturbance_come_from_the_recordings(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = ["refit", "--plant", "naive:motor", "--fit", "a.csv", "--hold-out", "b.csv"]
-    assert run([*words, "--out", "out"]) == 0
+def test_noise_and_disturbance_come_from_the_recordings(folder: Path, shell: Shell) -> None:
+    said = shell("refit --plant naive:motor --fit a.csv --hold-out b.csv --out out")
     # A name keeps its letters, on the page too.
     assert "speed declares no noise_rms" in (folder / "out/report.html").read_text()
-    said = capsys.readouterr()
     # It is 1 rpm, as the heading reads.
     assert "speed declares no noise_rms; 1.02 rpm is taken" in said.err
     assert "a twentieth of its signal is taken: w.rate" in said.err
@@ -71,24 +66,21 @@ def test_noise_and_disturbance_come_from_the_recordings(
     assert float(row.split()[1]) == pytest.approx(0.055, rel=0.02)
 
 
-def test_uneven_samples_are_no_reason_to_refuse_a_refit(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_uneven_samples_are_no_reason_to_refuse_a_refit(folder: Path, shell: Shell) -> None:
     lines = (folder / "a.csv").read_text().splitlines()
     kept = np.random.default_rng(0).uniform(size=len(lines)) > 0.15
     (folder / "a.csv").write_text("\n".join([lines[0], *np.array(lines)[1:][kept[1:]]]))
-    assert run(["refit", "--plant", "naive:motor", "--fit", "a.csv", "--hold-out", "b.csv"]) == 0
-    said = capsys.readouterr()
+    said = shell("refit --plant naive:motor --fit a.csv --hold-out b.csv")
     row = next(line for line in said.out.splitlines() if line.split()[:1] == ["kt"])
     assert float(row.split()[1]) == pytest.approx(0.055, rel=0.02)
 
 
-def test_a_plant_that_fits_nothing_is_judged_as_it_is(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_plant_that_fits_nothing_is_judged_as_it_is(folder: Path, shell: Shell) -> None:
     (folder / "naive.py").write_text(PLANT.replace(", fitted=True", ""))
-    assert run(["refit", "--plant", "naive:motor", "--fit", "a.csv", "--hold-out", "b.csv"]) == 0
-    assert "no parameter of 'motor' is declared fitted=True" in capsys.readouterr().err
+    assert (
+        "no parameter of 'motor' is declared fitted=True"
+        in shell("refit --plant naive:motor --fit a.csv --hold-out b.csv").err
+    )
 
 
 @pytest.mark.parametrize(
@@ -100,12 +92,11 @@ def test_a_plant_that_fits_nothing_is_judged_as_it_is(
     ],
 )
 def test_mistakes_say_what_to_write(
-    folder: Path, capsys: pytest.CaptureFixture[str], written: str, instead: str, said: str
+    folder: Path, written: str, instead: str, said: str, shell: Shell
 ) -> None:
     (folder / "naive.py").write_text(PLANT.replace(written, instead))
-    words = ["refit", "--plant", "naive:motor", "--fit", "a.csv", "--hold-out", "b.csv"]
-    assert run(words) == WRONG_USE
-    assert said in capsys.readouterr().err
+    words = "refit --plant naive:motor --fit a.csv --hold-out b.csv"
+    assert said in shell(words, status=WRONG_USE).err
 
 
 OTHERS = """
@@ -144,72 +135,60 @@ def boxes():
 
 
 @pytest.fixture
-def others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def others(here: Path) -> Path:
     """A plant of half an hour with a one-sided command, and one that has no rest without any."""
-    (tmp_path / "others.py").write_text(OTHERS)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+    (here / "others.py").write_text(OTHERS)
+    return here
 
 
-def test_plain_designs_fit_a_plant_of_half_an_hour(
-    others: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_plain_designs_fit_a_plant_of_half_an_hour(others: Path, shell: Shell) -> None:
     step = ["--plant", "others:boiler", "--from", "T=40degC", "--to", "T=45degC"]
     # Designed for where the step starts: at rest without heat its command stands at an end.
     designs = [word for name in ("h-infinity", "mpc", "pid") for word in ("-c", f"plain-{name}")]
-    assert run(["verify", *step, *designs, "--require", "steady_error=0.1"]) == 0
-    assert capsys.readouterr().out.count(" on boiler, step 313.15 to 318.15 K") == 3
-    assert run(["verify", *step[:2], "--from", "T=40degC", "--to", "jacket=45degC"]) == WRONG_USE
-    assert "step one output" in capsys.readouterr().err
+    assert (
+        shell("verify", *step, *designs, "--require steady_error=0.1").out.count(
+            " on boiler, step 313.15 to 318.15 K"
+        )
+        == 3
+    )
+    assert (
+        "step one output"
+        in shell("verify", *step[:2], "--from T=40degC --to jacket=45degC", status=WRONG_USE).err
+    )
 
 
-def test_a_command_that_rests_at_an_end_is_said(
-    others: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    cold = ["linearise", "--plant", "others:boiler", "--at", "P=0W", "--verdict"]
-    assert run(cold) == WRONG_USE
-    assert "P rests at an end of its range, 0 W" in capsys.readouterr().err
+def test_a_command_that_rests_at_an_end_is_said(others: Path, shell: Shell) -> None:
+    cold = "linearise --plant others:boiler --at P=0W --verdict"
+    assert "P rests at an end of its range, 0 W" in shell(cold, status=WRONG_USE).err
 
 
-def test_a_rest_that_divides_by_zero_is_said(
-    others: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(["linearise", "--plant", "others:ball", "--at", "u1=0V"]) == WRONG_USE
-    said = capsys.readouterr().err
+def test_a_rest_that_divides_by_zero_is_said(others: Path, shell: Shell) -> None:
+    said = shell("linearise --plant others:ball --at u1=0V", status=WRONG_USE).err
     assert "would rest with u1 0 V" in said and "--at NAME=VALUE" in said
     # Nobody says what holds it, but where it is.
-    assert run(["linearise", "--plant", "others:ball"]) == 0
-    assert re.search(r"gap +10 mm", capsys.readouterr().out)
+    assert re.search(r"gap +10 mm", shell("linearise --plant others:ball").out)
 
 
-def test_a_plant_that_no_pid_makes_stable_is_said(
-    others: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    step = ["--from", "0m", "--to", "0.01m"]
-    assert run(["verify", "--plant", "others:boxes", *step, "-c", "plain-pid"]) == WRONG_USE
-    said = capsys.readouterr().err
+def test_a_plant_that_no_pid_makes_stable_is_said(others: Path, shell: Shell) -> None:
+    step = "--from 0m --to 0.01m"
+    said = shell("verify --plant others:boxes", step, "-c plain-pid", status=WRONG_USE).err
     assert "a PID makes no stable loop of way by push" in said and "such as lqi" in said
-    assert run(["verify", "--plant", "others:boxes", *step, "-c", "lqi"]) == 0
+    shell("verify --plant others:boxes", step, "-c lqi")
 
 
-def test_a_ball_below_a_magnet_is_held_by_every_family(
-    others: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = ["--plant", "others:ball", "--from", "gap=10mm", "--to", "gap=10.5mm"]
-    limits = ["--require", "settling_time=0.2s", "--require", "overshoot=10%"]
-    assert run(["verify", *words, *limits]) == 0
-    assert capsys.readouterr().out.count(" on ball, step 10 to 10.5 mm") == 5
+def test_a_ball_below_a_magnet_is_held_by_every_family(others: Path, shell: Shell) -> None:
+    words = "--plant others:ball --from gap=10mm --to gap=10.5mm"
+    limits = "--require settling_time=0.2s --require overshoot=10%"
+    assert shell("verify", words, limits).out.count(" on ball, step 10 to 10.5 mm") == 5
 
 
-def test_an_absolute_temperature_is_plausible_without_a_scale(
-    others: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_absolute_temperature_is_plausible_without_a_scale(others: Path, shell: Shell) -> None:
     time = 10.0 * np.arange(300)
     power = 1e4 + 5e3 * np.sign(np.sin(time / 300))
     table = np.c_[time, power, 40 + 2 * np.sin(time / 300), 30 + np.cos(time / 300)]
     np.savetxt("b.csv", table, delimiter=",", header="t [s],P [W],jacket [°C],T [°C]", comments="")
-    run(["recording", "b.csv", "--plant", "others:boiler"])
-    assert "outside the plausible" not in capsys.readouterr().out
+    said = shell("recording b.csv --plant others:boiler", status=None)
+    assert "outside the plausible" not in said.out
 
 
 def test_the_last_word_of_an_option_is_a_unit_only_where_it_is_one() -> None:
@@ -248,18 +227,14 @@ def tank():
 
 @pytest.mark.parametrize(("output", "command"), [("level=0.1m", ""), ("warmth=0.1K", "heater")])
 def test_a_single_loop_takes_the_command_that_acts_most(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    output: str,
-    command: str,
+    here: Path, output: str, command: str, shell: Shell
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "tanks.py").write_text(TWO_COMMANDS, encoding="utf-8")
+    (here / "tanks.py").write_text(TWO_COMMANDS, encoding="utf-8")
     step = ["--from", output.replace("0.1", "0"), "--to", output, "-c", "plain-pid"]
-    limit = ["--require", "settling_time=60s"]
-    assert run(["verify", "--plant", "tanks:tank", *step, *limit]) == 0
-    assert ("a single loop commands heater" in capsys.readouterr().err) == bool(command)
+    limit = "--require settling_time=60s"
+    assert (
+        "a single loop commands heater" in shell("verify --plant tanks:tank", *step, limit).err
+    ) == bool(command)
 
 
 BOTH = """
@@ -293,30 +268,24 @@ def design(linear, specification):
 SEEN_FIRST = ("settling time", "overshoot", "steady error")
 
 
-def test_two_outputs_step_together_by_two_inputs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "tanks.py").write_text(TWO_COMMANDS, encoding="utf-8")
-    (tmp_path / "laws.py").write_text(BOTH, encoding="utf-8")
-    step = ["verify", "--plant", "tanks:tank", "--from", "level=0m,warmth=0K"]
-    step += ["--to", "level=0.1m,warmth=0.2K", "--json"]
-    assert run([*step, "-c", "laws:design", "--out", "both"]) == 0
+def test_two_outputs_step_together_by_two_inputs(here: Path, shell: Shell) -> None:
+    (here / "tanks.py").write_text(TWO_COMMANDS, encoding="utf-8")
+    (here / "laws.py").write_text(BOTH, encoding="utf-8")
+    step = "verify --plant tanks:tank --from level=0m,warmth=0K --to level=0.1m,warmth=0.2K --json"
+    (record,) = shell(step, "-c laws:design --out both").result["runs"]
     page = Path("both/report.html").read_text(encoding="utf-8")
     assert all(f"{name}, error and command over time" in page for name in ("level", "warmth"))
     # Nothing is required: the first screen tells what a reader looks for.
     first = page.split("</section>")[0]
     assert all(f"{name}.{what}" in first for name in ("level", "warmth") for what in SEEN_FIRST)
-    (record,) = json.loads(capsys.readouterr().out)["runs"]
     for name, size in (("level", 0.1), ("warmth", 0.2)):
         assert record["metrics"][f"{name}.highest"]["value"] == pytest.approx(size, rel=0.3)
         assert record["metrics"][f"{name}.steady_error"]["value"] < 0.05 * size
     # Without a law of one's own, every family but one follows both.
-    assert run(step) == 0
-    told = capsys.readouterr()
+    told = shell(step)
     assert "sliding mode of the workbench has one surface" in told.err
     assert "pairs of single loops: level by pump, warmth by heater" in told.err
-    runs = json.loads(told.out)["runs"]
+    runs = told.result["runs"]
     assert {one["controller"] for one in runs} == {
         "plain-pid", "lqi", "plain-h-infinity", "plain-mpc",
     }  # fmt: skip
@@ -341,20 +310,13 @@ def cabin():
 """
 
 
-def test_a_step_is_of_what_no_command_moves_at_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "springs.py").write_text(CABIN, encoding="utf-8")
-    plant = ["--plant", "springs:cabin"]
-    assert run(["new-study", "study.toml", *plant]) == 0
+def test_a_step_is_of_what_no_command_moves_at_once(here: Path, shell: Shell) -> None:
+    (here / "springs.py").write_text(CABIN, encoding="utf-8")
+    shell("new-study study.toml --plant springs:cabin")
     assert 'measured = "travel"' in Path("study.toml").read_text()
-    capsys.readouterr()
-    assert (
-        run(["verify", *plant, "--from", "acceleration=0", "--to", "acceleration=1"]) == WRONG_USE
-    )
     # One reason of several designs is one line.
-    lines = capsys.readouterr().err.splitlines()
+    step = "verify --plant springs:cabin --from acceleration=0 --to acceleration=1"
+    lines = shell(step, status=WRONG_USE).err.splitlines()
     reason = [line for line in lines if "acceleration cannot be held" in line]
     assert len(reason) == 1 and "lqi" in reason[0] and "plain-pid" in reason[0]
 
@@ -377,13 +339,9 @@ def boiler():
 """
 
 
-def test_all_wrong_units_of_a_plant_are_told_at_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "boilers.py").write_text(BOILER, encoding="utf-8")
-    assert run(["linearise", "--plant", "boilers:boiler"]) == WRONG_USE
-    (told,) = capsys.readouterr().err.splitlines()
+def test_all_wrong_units_of_a_plant_are_told_at_once(here: Path, shell: Shell) -> None:
+    (here / "boilers.py").write_text(BOILER, encoding="utf-8")
+    (told,) = shell("linearise --plant boilers:boiler", status=WRONG_USE).err.splitlines()
     for name, why in (
         ("warmth", "'Kelvins'"), ("heater", "'kW'"), ("pump", "'bar'"), ("level", "'inchess'"),
     ):  # fmt: skip
@@ -462,42 +420,35 @@ def forgotten():
 
 
 @pytest.fixture
-def balls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "balls.py").write_text(BALL)
-    monkeypatch.chdir(tmp_path)
+def balls(here: Path) -> None:
+    (here / "balls.py").write_text(BALL)
 
 
-def test_a_step_is_more_than_the_noise_of_its_sensor(
-    balls: None, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(["verify", "--plant", "balls:ball", "-c", "plain-pid", "--json"]) == 0
-    (found,) = json.loads(capsys.readouterr().out)["runs"]
+def test_a_step_is_more_than_the_noise_of_its_sensor(balls: None, shell: Shell) -> None:
+    (found,) = shell("verify --plant balls:ball -c plain-pid --json").result["runs"]
     assert found["scenario"] == "step 0 to 5 cm and back"
     assert found["metrics"]["settling_time"]["value"] < 3.0
 
 
-def test_a_linear_model_is_a_plant(balls: None, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["verify", "--plant", "balls:hydro", "-c", "lqi", "--json"]) == 0
-    (found,) = json.loads(capsys.readouterr().out)["runs"]
+def test_a_linear_model_is_a_plant(balls: None, shell: Shell) -> None:
+    (found,) = shell("verify --plant balls:hydro -c lqi --json").result["runs"]
     assert "-0" not in found["scenario"] and found["metrics"]["settling_time"]["value"] < 20.0
-    assert run(["verify", "--plant", "balls:forgotten"]) == WRONG_USE
-    assert "return a workbench.model.Model" in capsys.readouterr().err
+    assert (
+        "return a workbench.model.Model"
+        in shell("verify --plant balls:forgotten", status=WRONG_USE).err
+    )
 
 
-def test_designs_show_how_far_they_are(balls: None, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["verify", "--plant", "balls:G", "-c", "lqi", "-c", "plain-pid"]) == 0
-    told = capsys.readouterr().err
+def test_designs_show_how_far_they_are(balls: None, shell: Shell) -> None:
+    told = shell("verify --plant balls:G -c lqi -c plain-pid").err
     assert "designs:   0%" in told and "2/2" in told.partition("runs:")[0]
 
 
-def test_a_step_to_where_the_design_does_not_hold_is_told(
-    balls: None, capsys: pytest.CaptureFixture[str]
-) -> None:
-    step = ["verify", "--plant", "balls:boost", "-c", "lqi", "--from", "24V", "--to", "48V"]
+def test_a_step_to_where_the_design_does_not_hold_is_told(balls: None, shell: Shell) -> None:
+    step = "verify --plant balls:boost -c lqi --from 24V --to 48V"
     settled = []
     for more in ([], ["--design-voltage", "48V"]):
-        assert run([*step, *more, "--json"]) == 0
-        said = capsys.readouterr()
+        said = shell(step, *more, "--json")
         assert ("where the step ends it is not stable" in said.err) == (not more)
         assert more or "(--design-voltage 48V)" in said.err
         (found,) = json.loads(said.out)["runs"]
@@ -505,22 +456,19 @@ def test_a_step_to_where_the_design_does_not_hold_is_told(
     assert settled[0] is None and settled[1] < 0.02
 
 
-def test_two_integrators_do_not_grow(balls: None, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["linearise", "--plant", "balls:satellite"]) == 0
-    assert capsys.readouterr().out.count("integrator") == 2
+def test_two_integrators_do_not_grow(balls: None, shell: Shell) -> None:
+    assert shell("linearise --plant balls:satellite").out.count("integrator") == 2
     # Rounding that grew had made an angle of 2e13 rad usual, and the step endless.
-    assert run(["verify", "--plant", "balls:satellite", "-c", "plain-pid", "--json"]) == 0
-    (found,) = json.loads(capsys.readouterr().out)["runs"]
+    (found,) = shell("verify --plant balls:satellite -c plain-pid --json").result["runs"]
     _, last = map(float, re.findall(r"[0-9.]+", found["scenario"]))
     assert 0.1 < last < 5.0 and found["metrics"]["settling_time"]["value"] < 40.0
 
 
 def test_a_step_of_what_is_unstable_stays_where_its_linear_model_holds(
-    balls: None, capsys: pytest.CaptureFixture[str]
+    balls: None, shell: Shell
 ) -> None:
     # A loop of 10 mm more overshoots by half of it, and next loses the ball.
-    assert run(["verify", "--plant", "balls:magnet", "-c", "plain-mpc", "--json"]) == 0
-    (found,) = json.loads(capsys.readouterr().out)["runs"]
+    (found,) = shell("verify --plant balls:magnet -c plain-mpc --json").result["runs"]
     assert found["metrics"]["overshoot"]["value"] < 10.0
     first, last = map(float, re.findall(r"[0-9.]+", found["scenario"]))
     assert round(last - first, 9) == 2.5
@@ -528,12 +476,10 @@ def test_a_step_of_what_is_unstable_stays_where_its_linear_model_holds(
 
 @pytest.mark.parametrize(("plant", "h"), [("G", None), ("sampled", 0.5), ("integral", None)])
 def test_a_system_of_python_control_is_a_plant(
-    balls: None, plant: str, h: float | None, capsys: pytest.CaptureFixture[str]
+    balls: None, plant: str, h: float | None, shell: Shell
 ) -> None:
-    assert run(["linearise", "--plant", f"balls:{plant}"]) == 0
-    capsys.readouterr()
-    assert run(["verify", "--plant", f"balls:{plant}", "-c", "lqi", "--json"]) == 0
-    told = capsys.readouterr()
+    shell("linearise --plant", f"balls:{plant}")
+    told = shell("verify --plant", f"balls:{plant}", "-c lqi --json")
     # Neither a number that differs from run to run nor a time in 1 ms.
     assert not re.search(r"sys_\d+", told.err) and not re.search(r" 1 \w*s\b", told.err)
     (found,) = json.loads(told.out)["runs"]

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from workbench.cli.main import WRONG_USE, run
+from tests.shell import Shell
+from workbench.cli.main import WRONG_USE
 from workbench.data_folder import shipped_folder
 from workbench.study.fields_page import study_fields, tables
 from workbench.study.shapes import TABLES, Field
@@ -21,19 +22,16 @@ NEW = {"new-study": "mine.toml", "new-controller": "mine.py", "new-plant": "mine
 @pytest.mark.system
 @pytest.mark.parametrize("verb", NEW)
 def test_what_is_written_runs_as_it_says(
-    verb: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    verb: str, here: Path, monkeypatch: pytest.MonkeyPatch, shell: Shell
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.syspath_prepend(here)
     name = f"{verb.replace('-', '_')}_{NEW[verb]}"
-    assert run([verb, name]) == 0
-    said = capsys.readouterr().out.strip()
+    said = shell(verb, name).out.strip()
     command = shlex.split(re.sub(f"^written to {name}; run it: ", "", said))
     assert command[0] == "workbench" and Path(name).stem in said.partition("run it")[2]
     # Processes of their own take longer to start than these few runs.
     alone = ["--jobs", "1"] if verb == "new-study" else []
-    assert run([*command[1:], *alone]) == 0, capsys.readouterr()
-    said = capsys.readouterr().out
+    said = shell(*command[1:], *alone).out
     if verb == "new-study":
         results = json.loads(Path("comparison/results.json").read_text())
         assert results["passed"] and results["robustness"]
@@ -44,27 +42,24 @@ def test_what_is_written_runs_as_it_says(
 
 
 @pytest.mark.parametrize("verb", NEW)
-def test_nothing_is_overwritten(
-    verb: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_nothing_is_overwritten(verb: str, tmp_path: Path, shell: Shell) -> None:
     path = tmp_path / NEW[verb]
     path.write_text("precious")
-    assert run([verb, str(path)]) == WRONG_USE
-    assert "exists; give another name" in capsys.readouterr().err
+    assert "exists; give another name" in shell(verb, path, status=WRONG_USE).err
     assert path.read_text() == "precious"
-    assert run([verb, str(tmp_path / "mine.txt")]) == WRONG_USE
-    assert "does not end in" in capsys.readouterr().err
+    assert "does not end in" in shell(verb, tmp_path / "mine.txt", status=WRONG_USE).err
     if path.suffix == ".py":
-        assert run([verb, str(tmp_path / "my-own.py")]) == WRONG_USE
-        assert "no name of a Python module" in capsys.readouterr().err
+        assert (
+            "no name of a Python module"
+            in shell(verb, tmp_path / "my-own.py", status=WRONG_USE).err
+        )
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
-def test_the_page_of_fields_is_current(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_page_of_fields_is_current(shell: Shell) -> None:
     page = shipped_folder() / "docs" / "study-fields.md"
-    assert run(["study-fields"]) == 0
     # Otherwise: workbench study-fields > data/docs/study-fields.md
-    assert capsys.readouterr().out == page.read_text(encoding="utf-8") == study_fields()
+    assert shell("study-fields").out == page.read_text(encoding="utf-8") == study_fields()
 
 
 EVERY = [
@@ -106,10 +101,7 @@ def test_each_table_of_a_shipped_study_is_on_the_page() -> None:
         assert set(tomllib.loads(path.read_text())) <= set(TABLES["study"].fields)
 
 
-def test_a_study_asks_a_noisy_sensor_for_no_more_than_it_shows(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_study_asks_a_noisy_sensor_for_no_more_than_it_shows(here: Path, shell: Shell) -> None:
     plant = (
         "from workbench.model import Input, Model, Output, State\n"
         "def oven():\n"
@@ -120,16 +112,13 @@ def test_a_study_asks_a_noisy_sensor_for_no_more_than_it_shows(
     )
     for module, noise, asked in (("calm", "0.01", "settling_time"), ("noisy", "0.2", "rise_time")):
         Path(f"{module}_oven.py").write_text(plant.replace("NOISE", noise))
-        assert run(["new-study", f"{module}.toml", "--plant", f"{module}_oven:oven"]) == 0
+        shell("new-study", f"{module}.toml", "--plant", f"{module}_oven:oven")
         # A step that noise leaves nowhere within 2 % of its end had failed the study as written.
         assert f'metric = "{asked}"' in Path(f"{module}.toml").read_text()
 
 
-def test_a_name_with_blanks_stands_in_quotes(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_name_with_blanks_stands_in_quotes(tmp_path: Path, shell: Shell) -> None:
     file = tmp_path / "first try.toml"
-    assert run(["new-study", str(file)]) == 0
-    said = capsys.readouterr().out.strip().partition("; run it: ")[2]
+    said = shell("new-study", file).out.strip().partition("; run it: ")[2]
     assert shlex.split(said)[4:6] == ["compare", file.name]
     assert f"workbench bless comparison --baseline '{file.stem}.baseline.json'" in file.read_text()

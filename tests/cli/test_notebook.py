@@ -10,6 +10,7 @@ import nbformat
 import pytest
 from nbclient import NotebookClient
 
+from tests.shell import Shell
 from workbench.cli.main import run
 
 OWN = """
@@ -80,8 +81,7 @@ def test_a_starter_of_another_plant_runs_too(
     assert len(found["runs"]) >= 2  # type: ignore[arg-type]
 
 
-def test_a_starter_of_a_plant_of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_starter_of_a_plant_of_ones_own(here: Path) -> None:
     Path("starter_tank.py").write_text(OWN)
     code = written(Path("tank.ipynb"), "--plant", "starter_tank:tank", "--level", "0.5")
     found = in_this_process(code)
@@ -89,10 +89,7 @@ def test_a_starter_of_a_plant_of_ones_own(tmp_path: Path, monkeypatch: pytest.Mo
     assert len(found["runs"]) >= 2  # type: ignore[arg-type]
 
 
-def test_a_plant_that_no_design_fits_gets_a_starter_without(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_plant_that_no_design_fits_gets_a_starter_without(here: Path) -> None:
     Path("still_tank.py").write_text(OWN.replace("m.u.pump / area_m2", "0.0 * m.u.pump"))
     assert "wb.verify" not in written(Path("tank.ipynb"), "--plant", "still_tank:tank")
 
@@ -102,10 +99,7 @@ def test_a_starter_tries_what_verify_tries(tmp_path: Path, plant: str) -> None:
     assert "wb.verify" in written(tmp_path / "starter.ipynb", "--plant", plant)
 
 
-def test_a_starter_steps_and_samples_as_verify_does(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_starter_steps_and_samples_as_verify_does(here: Path) -> None:
     # Its step was sampled five times as slowly as its laws are, so that the notebook ended there.
     Path("drones.py").write_text(
         "from workbench.model import Input, Model, Output, State\n"
@@ -127,22 +121,14 @@ def test_a_starter_steps_and_samples_as_verify_does(
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["--angle", "90deg"], "angle is 90 deg"),
-        (["--angel", "30deg"], "did you mean --angle?"),
-        (["--out", "starter.txt"], "does not end in .ipynb"),
-        (["--out", "there.ipynb"], "exists; give another name, nothing was changed"),
+        ("--angle 90deg", "angle is 90 deg"),
+        ("--angel 30deg", "did you mean --angle?"),
+        ("--out starter.txt", "does not end in .ipynb"),
+        ("--out there.ipynb", "exists; give another name, nothing was changed"),
     ],
 )
-def test_a_mistake_writes_nothing(
-    words: list[str],
-    sentence: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_mistake_writes_nothing(words: str, sentence: str, here: Path, shell: Shell) -> None:
     Path("there.ipynb").write_text(json.dumps({}))
-    assert run(["notebook", *words]) == 2
-    assert sentence in " ".join(capsys.readouterr().err.split())
-    assert [p.name for p in tmp_path.iterdir()] == ["there.ipynb"]
+    assert sentence in " ".join(shell("notebook", words, status=2).err.split())
+    assert [p.name for p in here.iterdir()] == ["there.ipynb"]
     assert Path("there.ipynb").read_text() == "{}"

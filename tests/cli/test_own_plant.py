@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.shell import Shell
 from workbench.cli.main import WRONG_USE, run
 
 PLANTS = '''
@@ -100,7 +101,7 @@ NAMED = ["--plant", "my_plants:circuit"]
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(here: Path) -> Path:
     """A folder of the user's own, which is the current one."""
     for name, text in (
         ("my_plants.py", PLANTS),
@@ -108,9 +109,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("my_designs.py", DESIGNS),
         ("circuit.toml", STUDY),
     ):
-        (tmp_path / name).write_text(text)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+        (here / name).write_text(text)
+    return here
 
 
 def record(name: str, height: float, *more: str) -> Path:
@@ -124,40 +124,31 @@ def record(name: str, height: float, *more: str) -> Path:
     return Path(name)
 
 
-def test_plants_says_what_it_takes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["plants", "my_plants:circuit"]) == 0
-    text = capsys.readouterr().out
+def test_plants_says_what_it_takes(folder: Path, shell: Shell) -> None:
+    text = shell("plants my_plants:circuit").out
     assert "Series circuit" in text and "number in mH, by default 10.0" in text
-    assert run(["plants", "tanks"]) == 0
-    text = capsys.readouterr().out
+    text = shell("plants tanks").out
     assert " 0.15 V/s, 0.02 to 0.6, refitted\n" in text
     assert max(map(len, text.splitlines())) <= 100
-    assert run(["plants"]) == 0
-    listed = capsys.readouterr().out
-    assert run(["linearise", "--help"]) == 0
-    helped = " ".join(capsys.readouterr().out.split())
+    listed = shell("plants").out
+    helped = " ".join(shell("linearise --help").out.split())
     for name in ("arm", "servo-axis", "pendulum"):
         assert name in listed and name in helped
 
 
-def test_linearise_at_a_value_of_an_output(folder: Path) -> None:
+def test_linearise_at_a_value_of_an_output(folder: Path, shell: Shell) -> None:
     out = folder / "linear.json"
-    assert (
-        run(
-            ["linearise", *NAMED, "--tapped", "2000mV", "--resistance", "6", "--out", "linear.json"]
-        )
-        == 0
-    )
+    shell("linearise", *NAMED, "--tapped 2000mV --resistance 6 --out linear.json")
     found = json.loads(out.read_text())
     assert found["inputs"] == pytest.approx({"source": 2.0})
     # s^2 + R/L s + 1/(L C)
     assert np.poly(np.array(found["A"])) == pytest.approx([1.0, 600.0, 1e5])
     # A model itself is a plant without options.
-    assert run(["linearise", "--plant", "my_plants:MODEL", "--at", "tapped=1"]) == 0
-    assert run(["linearise", "--plant", "my_plants:MODEL", "--resistance", "6"]) == WRONG_USE
+    shell("linearise --plant my_plants:MODEL --at tapped=1")
+    shell("linearise --plant my_plants:MODEL --resistance 6", status=WRONG_USE)
 
 
-def test_simulate_drives_any_input(folder: Path) -> None:
+def test_simulate_drives_any_input(folder: Path, shell: Shell) -> None:
     record("a.csv", 1.0)
     time, source, tapped = np.loadtxt("a.csv", delimiter=",", skiprows=1).T
     assert set(source) == {1.0, -1.0, 0.5, 0.2} and time[1] == 0.002
@@ -166,46 +157,38 @@ def test_simulate_drives_any_input(folder: Path) -> None:
     wave = np.cos(frequency * early) + damped / frequency * np.sin(frequency * early)
     assert tapped[:40] == pytest.approx(1.0 - np.exp(-damped * early) * wave, abs=5e-3)
     # Pulses name the first input by themselves.
-    assert (
-        run(["simulate", *NAMED, "--pulses", "0.5V", "--period", "20ms", "--duration", "40ms"]) == 0
-    )
+    shell("simulate", *NAMED, "--pulses 0.5V --period 20ms --duration 40ms")
 
 
-def test_verify_runs_a_design_of_the_users_own(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_verify_runs_a_design_of_the_users_own(folder: Path, shell: Shell) -> None:
     options = ["-c", "my_designs:integral", "--from", "0V", "--to", "1V", "--hold", "0.4s"]
-    assert run(["verify", *NAMED, *options, "--require", "settling_time=0.3s"]) == 0
-    assert "met" in capsys.readouterr().out
-    assert run(["verify", *NAMED, *options, "--require", "settling_time=10ms"]) == 1
+    assert "met" in shell("verify", *NAMED, *options, "--require settling_time=0.3s").out
+    shell("verify", *NAMED, *options, "--require settling_time=10ms", status=1)
     # A design for the arm says what is missing; one for any linear model does it.
-    assert run(["verify", *NAMED, "-c", "pid"]) == WRONG_USE
-    assert "of the linear model" in capsys.readouterr().err
-    assert run(["verify", *NAMED, "-c", "plain-pid", *options[2:]]) == 0
-    assert "plain-pid on circuit" in capsys.readouterr().out
+    assert "of the linear model" in shell("verify", *NAMED, "-c pid", status=WRONG_USE).err
+    assert "plain-pid on circuit" in shell("verify", *NAMED, "-c plain-pid", *options[2:]).out
 
 
 @pytest.mark.system
 @pytest.mark.long
-def test_refit_and_diagnose(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_refit_and_diagnose(folder: Path, shell: Shell) -> None:
     hidden = ["--effect", "my_physics:cubic_loss", "-p", "cubic_loss.size=60"]
     for i, height in enumerate((3.0, 5.0, 4.0)):
         record(f"r{i}.csv", height, *hidden)
-    files = ["--fit", "r0.csv", "--fit", "r1.csv", "--hold-out", "r2.csv"]
-    assert run(["refit", *NAMED, *files, "--noise", "tapped=2mV", "--out", "refit"]) == 0
+    files = "--fit r0.csv --fit r1.csv --hold-out r2.csv"
+    shell("refit", *NAMED, files, "--noise tapped=2mV --out refit")
     found = json.loads((folder / "refit" / "results.json").read_text())
     # The cube of the current is taken for more resistance.
     assert found["parameters"]["R"]["value"] > 5.0
     assert "--plant my_plants:circuit" in (folder / "refit" / "report.html").read_text()
-    own = ["--effects", "my_physics:cubic_loss", "--jobs", "1"]
-    assert run(["diagnose", *NAMED, *own, *files, "--out", "diagnosis"]) == 0
+    own = "--effects my_physics:cubic_loss --jobs 1"
+    shell("diagnose", *NAMED, own, files, "--out diagnosis")
     verdict = json.loads((folder / "diagnosis" / "verdict.json").read_text())
     assert verdict["verdict"].startswith("named"), verdict["sentence"]
     named = {f["effect"] for f in verdict["findings"]} | {
         name for f in verdict["findings"] for name in f["class"]
     }
     assert "cubic_loss" in named
-    capsys.readouterr()
 
 
 def test_a_case_names_its_plant_and_prepares_its_recordings(folder: Path) -> None:
@@ -229,8 +212,8 @@ def test_a_case_names_its_plant_and_prepares_its_recordings(folder: Path) -> Non
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_report_shows_the_linear_loop(folder: Path) -> None:
-    assert run(["report", "circuit.toml", "--bode", "--tapped", "1V", "--out", "margins"]) == 0
+def test_report_shows_the_linear_loop(folder: Path, shell: Shell) -> None:
+    shell("report circuit.toml --bode --tapped 1V --out margins")
     assert "integral" in (folder / "margins" / "report.html").read_text()
 
 
@@ -252,8 +235,7 @@ def test_report_shows_the_linear_loop(folder: Path) -> None:
     ],
 )
 def test_mistakes_are_one_sentence(
-    arguments: list[str], message: str, folder: Path, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], message: str, folder: Path, shell: Shell
 ) -> None:
-    assert run(arguments) == WRONG_USE
-    said = capsys.readouterr().err
+    said = shell(*arguments, status=WRONG_USE).err
     assert message in said and said.count("\n") == 1 and "Traceback" not in said

@@ -9,18 +9,15 @@ import numpy as np
 import pytest
 
 from tests.demo.made_up_map import made_up_map
-from workbench.cli.main import run
+from tests.shell import Shell
 from workbench.data_folder import shipped_data
 from workbench.evaluation.rig.cases import make_case
 
 
 @pytest.mark.system
-def test_refit_writes_a_page_with_the_estimates(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_refit_writes_a_page_with_the_estimates(tmp_path: Path, shell: Shell) -> None:
     case = make_case(5, [], 3.0, tmp_path / "rig", seconds=4.0)
-    assert run(["refit", str(case), "--out", str(tmp_path)]) == 0
-    printed = capsys.readouterr().out
+    printed = shell("refit", case, "--out", tmp_path).out
     assert "valve_conductance" in printed
     assert "at the noise floor" in printed
     results = json.loads((tmp_path / "results.json").read_text())
@@ -34,55 +31,51 @@ def test_refit_writes_a_page_with_the_estimates(
     assert picture.stat().st_size > 10_000
 
 
-def test_force_map_compares_the_laws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_force_map_compares_the_laws(tmp_path: Path, shell: Shell) -> None:
     points = made_up_map()
     table = np.column_stack([points.pressure, points.length, points.force])
     file = tmp_path / "map.csv"
     np.savetxt(file, table, delimiter=",", header="pressure_Pa,length_m,force_N", comments="")
-    assert run(["force-map", str(file), "--out", str(tmp_path / "out")]) == 0
-    assert "Without phi" in capsys.readouterr().out
+    assert "Without phi" in shell("force-map", file, "--out", tmp_path / "out").out
     results = json.loads((tmp_path / "out" / "results.json").read_text())
     assert results["laws"]["paper_3"]["fitted_rms_N"] < results["laws"]["petrovic"]["fitted_rms_N"]
 
 
-def test_recording_shows_its_checks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_recording_shows_its_checks(tmp_path: Path, shell: Shell) -> None:
     file = shipped_data("practice-07") / "validate_open.csv.gz"
-    assert run(["recording", str(file), "--out", str(tmp_path)]) == 0
-    printed = capsys.readouterr().out
+    printed = shell("recording", file, "--out", tmp_path).out
     assert "noise floor" in printed
     page = (tmp_path / "report.html").read_text()
     assert "Is it fit to judge a model on?" in page
     assert (tmp_path / "signals.png").is_file()
 
 
-def test_who_has_data_alone_is_told_which_plant_was_taken(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_who_has_data_alone_is_told_which_plant_was_taken(tmp_path: Path, shell: Shell) -> None:
     rows = "".join(f"{k},{k % 7}\n" for k in range(40))
     files = [tmp_path / "a.csv", tmp_path / "b.csv"]
     for file in files:
         file.write_text(f"time [s],level [m]\n{rows}")
-    assert run(["refit", "--fit", str(files[0]), "--hold-out", str(files[1])]) == 2
-    message = capsys.readouterr().err
+    message = shell("refit --fit", files[0], "--hold-out", files[1], status=2).err
     assert "no plant is named, so the arm is taken: name yours with --plant" in message
-    assert run(["diagnose", str(files[0])]) == 2
-    assert "single recordings are given with --fit and --hold-out" in capsys.readouterr().err
+    assert (
+        "single recordings are given with --fit and --hold-out"
+        in shell("diagnose", files[0], status=2).err
+    )
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["refit", "practice-77"], "neither a folder with a case nor one of"),
-        (["refit", "emps", "--data", "nowhere"], "does not exist"),
-        (["force-map", "nowhere.csv"], "nowhere.csv"),
-        (["recording", "nowhere.csv"], "nowhere.csv"),
+        ("refit practice-77", "neither a folder with a case nor one of"),
+        ("refit emps --data nowhere", "does not exist"),
+        ("force-map nowhere.csv", "nowhere.csv"),
+        ("recording nowhere.csv", "nowhere.csv"),
     ],
 )
 def test_mistakes_are_one_sentence(
-    arguments: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    arguments: str, words: str, tmp_path: Path, shell: Shell
 ) -> None:
-    assert run([*arguments, "--out", str(tmp_path / "out")]) == 2
-    message = capsys.readouterr().err
+    message = shell(arguments, "--out", tmp_path / "out", status=2).err
     assert words in message
     assert message.strip().count("\n") == 0
     assert not (tmp_path / "out").exists()

@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from controllers.design import DESIGNS
 from controllers.plain.limits import settled_after
 from controllers.plain.loop import LoopSpecification, loop_of
-from workbench.cli.main import WRONG_USE, run
+from tests.controllers.families import designed
+from tests.shell import Shell
+from workbench.cli.main import WRONG_USE
 from workbench.linearisation import linearise
 from workbench.linearisation.first_step import _reached
 from workbench.linearisation.pace import reach_of, step_time, usual_sample_time
@@ -44,10 +45,9 @@ def oven(capacity_kJ: float = 5.0):
 
 
 @pytest.fixture
-def oven(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def oven(here: Path) -> list[str]:
     """The plant, in a module beside a recording of less than half of its time constant."""
-    (tmp_path / "ovens.py").write_text(PLANT)
-    monkeypatch.chdir(tmp_path)
+    (here / "ovens.py").write_text(PLANT)
     rng = np.random.default_rng(1)
     duty, rise = np.repeat(rng.uniform(0.0, 1.0, 20), 50), np.zeros(1000)
     for k in range(999):
@@ -57,19 +57,15 @@ def oven(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return ["--plant", "ovens:oven"]
 
 
-def test_a_step_is_run_until_it_shows(oven: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_step_is_run_until_it_shows(oven: list[str], shell: Shell) -> None:
     words = ["verify", *oven, "-c", "lqi", "--from", "20K", "--to", "40K", "--json"]
-    assert run([*words, "--require", "settling_time=5000s"]) == 0
-    (found,) = json.loads(capsys.readouterr().out)["runs"]
+    (found,) = shell(*words, "--require settling_time=5000s").result["runs"]
     assert found["metrics"]["rise_time"]["value"] > 50.0
 
 
-def test_times_of_hours_are_told_in_hours(
-    oven: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_times_of_hours_are_told_in_hours(oven: list[str], shell: Shell) -> None:
     words = ["verify", *oven, "--capacity", "50kJ", "-c", "lqi", "--from", "20K", "--to", "40K"]
-    assert run([*words, "--json"]) == 0
-    told = capsys.readouterr()
+    told = shell(*words, "--json")
     (found,) = json.loads(told.out)["runs"]
     hours = found["metrics"]["rise_time"]["value"] / 3600.0
     said = " ".join(told.err.split())
@@ -77,21 +73,20 @@ def test_times_of_hours_are_told_in_hours(
     assert f"iae {found['metrics']['iae']['value'] / 3600.0:.4g} K h" in said
 
 
-def test_a_recording_may_be_short_beside_the_plant(
-    oven: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(["recording", "a.csv", *oven, "--capacity", "5"]) == 0
+def test_a_recording_may_be_short_beside_the_plant(oven: list[str], shell: Shell) -> None:
     # Its inputs move it by most of what was read, long before its time constant.
-    assert "time base" in (said := capsys.readouterr().out) and "doubtful" not in said
-    assert run(["recording", "a.csv", "--capacity", "5"]) == WRONG_USE
-    assert "name it with --plant" in capsys.readouterr().err
+    assert (
+        "time base" in (said := shell("recording a.csv", *oven, "--capacity 5").out)
+        and "doubtful" not in said
+    )
+    assert "name it with --plant" in shell("recording a.csv --capacity 5", status=WRONG_USE).err
 
 
 def test_a_loop_that_is_slower_than_the_plants_poles_is_run_until_it_settles(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    here: Path, shell: Shell
 ) -> None:
     # The only pole that decays is that of the motor, 20 ms; the ball rolls for seconds.
-    (tmp_path / "balls.py").write_text(
+    (here / "balls.py").write_text(
         """
 from workbench.model import Input, Model, Output, State
 
@@ -104,25 +99,20 @@ def ball():
         outputs=(Output("x", "m", 0.1, noise_rms=5e-4),))
 """
     )
-    monkeypatch.chdir(tmp_path)
-    words = ["verify", "--plant", "balls:ball", "-c", "lqi", "--from", "0m", "--to", "0.1m"]
-    assert run([*words, "--require", "settling_time=10s", "--json"]) == 0
-    (found,) = json.loads(capsys.readouterr().out)["runs"]
+    words = "verify --plant balls:ball -c lqi --from 0m --to 0.1m"
+    (found,) = shell(words, "--require settling_time=10s --json").result["runs"]
     assert found["metrics"]["settling_time"]["value"] > 0.2
-    assert run([*words, "--require", "settling_time=10s", "--hold", "0.2s"]) == 1
+    shell(words, "--require settling_time=10s --hold 0.2s", status=1)
 
 
-def test_a_slow_output_beside_a_fast_one_is_run_until_it_settles(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "boilers.py").write_text(
+def test_a_slow_output_beside_a_fast_one_is_run_until_it_settles(here: Path, shell: Shell) -> None:
+    (here / "boilers.py").write_text(
         "import control\n"
         "G = control.tf([[[-8.0, 1.0], [0.0]], [[0.0], [1.0]]],"
         " [[[25.0, 10.0, 1.0], [1.0]], [[1.0], [0.5, 1.0]]])\n"
     )
-    monkeypatch.chdir(tmp_path)
-    run(["verify", "--plant", "boilers:G", "-c", "lqi", "--json"])
-    slow, fast = (run["metrics"] for run in json.loads(capsys.readouterr().out)["runs"])
+    runs = shell("verify --plant boilers:G -c lqi --json").result["runs"]
+    slow, fast = (run["metrics"] for run in runs)
     assert slow["y_0.settling_time"]["value"] > 10.0 > fast["y_1.settling_time"]["value"]
 
 
@@ -149,24 +139,21 @@ def test_what_is_fast_on_a_slow_plant_is_sampled_as_fast_and_tried_no_longer() -
     assert usual_sample_time(linear) == 200.0
     h = usual_sample_time(linear, ["air"])
     assert 0.01 < h * 1500.0 / 4e5 < 0.1
-    design = DESIGNS.get("plain-sliding-mode")
-    law = design.controller(linear, design.specified({"sample_time": h}))
+    law = designed("plain-sliding-mode", linear, sample_time=h)
     # The soil is a zero, slower than the loop.
     assert settled_after(law, linear, {"air": 5.0}) < 1000.0
 
 
 def test_a_fast_loop_of_a_slow_plant_is_run_no_longer_than_it_needs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    here: Path, shell: Shell
 ) -> None:
     lossless = PLANT.replace("2.0, lower=0.1", "0.02, lower=0.001").replace(
         "lower=0.0", "lower=-1.0"
     )
-    (tmp_path / "ovens.py").write_text(lossless)
-    monkeypatch.chdir(tmp_path)
+    (here / "ovens.py").write_text(lossless)
     # The oven alone takes 9 d to settle; all of its power heats or cools it within 6 min.
-    words = ["verify", "--plant", "ovens:oven", "-c", "lqi", "--from", "20K", "--to", "40K"]
-    assert run([*words, "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    words = "verify --plant ovens:oven -c lqi --from 20K --to 40K"
+    told = shell(words, "--json").result
     assert 300.0 < told["runs"][0]["metrics"]["settling_time"]["value"] < 1500.0
     assert told["work"]["integrator_steps"] < 20000
 
@@ -203,8 +190,7 @@ def test_a_heater_that_rests_near_its_end_is_as_fast_as_its_power() -> None:
     )
     linear = linearise(operating_point(oven, {"rise": 20.0}), verdict=False)
     h = usual_sample_time(linear, ["rise"])
-    design = DESIGNS.get("plain-pid")
-    law = design.controller(linear, design.specified({"sample_time": h}))
+    law = designed("plain-pid", linear, sample_time=h)
     warmer = step_scenario("rise", 20.0, 40.0, hold=5000.0, sample_time=h)
     found = metrics(verify(law, oven, warmer))
     # 20 K take 333 s at all of the power. What overshoots cools for hours.
@@ -212,10 +198,7 @@ def test_a_heater_that_rests_near_its_end_is_as_fast_as_its_power() -> None:
 
 
 def test_a_loop_far_slower_than_its_plant_is_not_waited_for(
-    oven: list[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    oven: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shell: Shell
 ) -> None:
     # Without a page nobody sees the linear model beside the plant.
     monkeypatch.delattr("workbench.verification.loop.LinearPlant")
@@ -226,8 +209,7 @@ def test_a_loop_far_slower_than_its_plant_is_not_waited_for(
         "    return pid_by_hand(0.0, 1e-5, **told)\n"
     )
     words = ["verify", *oven, "-c", "slow:design", "--from", "20K", "--to", "40K"]
-    assert run([*words, "--sample-time", "200ms", "--json"]) == 0
-    told = capsys.readouterr()
+    told = shell(*words, "--sample-time 200ms --json")
     assert re.search(r"slow:design settles in [\d.]+ h, later than .*--hold [\d.]+h runs", told.err)
     (found,) = json.loads(told.out)["runs"]
     assert found["metrics"]["settling_time"]["value"] is None
@@ -265,17 +247,10 @@ def leaning():
     ("plant", "noise", "most"), [("furnace", 1.0, 800.0), ("leaning", 0.002, 3.0)]
 )
 def test_a_step_of_what_is_large_or_noisy_is_sampled_so_and_goes_so_far_that_it_settles(
-    plant: str,
-    noise: float,
-    most: float,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    plant: str, noise: float, most: float, here: Path, shell: Shell
 ) -> None:
-    (tmp_path / "shop.py").write_text(FURNACE)
-    monkeypatch.chdir(tmp_path)
-    assert run(["verify", "--plant", f"shop:{plant}", "-c", "lqi", "--json"]) == 0
-    (found,) = json.loads(capsys.readouterr().out)["runs"]
+    (here / "shop.py").write_text(FURNACE)
+    (found,) = shell("verify --plant", f"shop:{plant}", "-c lqi --json").result["runs"]
     assert found["metrics"]["settling_time"]["value"] < most
     before, after = re.findall(r"[\d.]+", found["scenario"])
     assert float(after) - float(before) > 40.0 * noise

@@ -37,10 +37,9 @@ WORDS = {
 @pytest.mark.system
 @pytest.mark.parametrize("name", WORDS)
 def test_the_command_on_a_page_is_the_one_that_wrote_it(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    name: str, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    small_study(tmp_path)
+    small_study(here)
     source = shipped_folder() / "practice-07" / "identify_open.csv.gz"
     rows = gzip.decompress(source.read_bytes()).decode().splitlines()[:3000]
     Path("my run.csv").write_text("\n".join(rows))

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.shell import Shell
 from tests.study.small_study import small_study
 from workbench.cli.main import INTERRUPTED, run
 from workbench.data_folder import shipped_folder
@@ -23,31 +24,25 @@ from workbench.study.result import installed_version
 
 
 @pytest.mark.parametrize("verb", ["demo", "simulate", "linearise", "verify"])
-def test_help_says_what_a_verb_does(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run([verb, "--help"]) == 0
-    text = capsys.readouterr().out
+def test_help_says_what_a_verb_does(verb: str, shell: Shell) -> None:
+    text = shell(verb, "--help").out
     assert "--out" in text and "--help" in text and "Usage" in text
 
 
-def test_help_lists_the_verbs_and_where_to_start(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["--help"]) == 0
-    text = capsys.readouterr().out
+def test_help_lists_the_verbs_and_where_to_start(shell: Shell) -> None:
+    text = shell("--help").out
     for word in ("demo", "simulate", "linearise", "verify", "30deg"):
         assert word in text
 
 
-def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["--version"]) == 0
-    assert capsys.readouterr().out.strip() == f"workbench {installed_version()}"
+def test_the_version_is_told(shell: Shell) -> None:
+    assert shell("--version").out.strip() == f"workbench {installed_version()}"
 
 
-def test_simulate_writes_a_recording_that_reads_back(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_simulate_writes_a_recording_that_reads_back(tmp_path: Path, shell: Shell) -> None:
     out = tmp_path / "run.csv"
-    steps = ["--valve", "0:5.6", "--valve", "500ms:4.4V"]
-    assert run(["simulate", *steps, "--duration", "1s", "--out", str(out)]) == 0
-    assert "tighter run" in capsys.readouterr().out
+    steps = "--valve 0:5.6 --valve 500ms:4.4V"
+    assert "tighter run" in shell("simulate", steps, "--duration 1s --out", out).out
     recording = read_recording(out)
     assert len(recording) == 500
     valve = recording["valve"]
@@ -70,11 +65,10 @@ def test_simulate_uses_the_changed_plant(tmp_path: Path) -> None:
     assert ends[0] > ends[1] + math.radians(1.0)
 
 
-def test_linearise_writes_the_matrices(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_linearise_writes_the_matrices(tmp_path: Path, shell: Shell) -> None:
     out = tmp_path / "linear.json"
-    arguments = ["linearise", "--angle", "0.349066rad", "--mean-pressure", "300kPa"]
-    assert run([*arguments, "--out", str(out)]) == 0
-    assert "operating point of arm" in capsys.readouterr().out
+    arguments = "linearise --angle 0.349066rad --mean-pressure 300kPa"
+    assert "operating point of arm" in shell(arguments, "--out", out).out
     content = json.loads(out.read_text())
     # The paper's plant rests at 20 deg with 2.54 and 3.46 bar when both add up to 6 bar.
     assert content["outputs"]["pressure_1"] / 1e5 == pytest.approx(2.54, abs=0.01)
@@ -85,12 +79,12 @@ def test_linearise_writes_the_matrices(tmp_path: Path, capsys: pytest.CaptureFix
     assert any(1.7 <= f <= 2.3 for f in swings)
 
 
-def test_linearise_writes_for_matlab(tmp_path: Path) -> None:
+def test_linearise_writes_for_matlab(tmp_path: Path, shell: Shell) -> None:
     from scipy.io import loadmat
 
-    arguments = ["linearise", "--plant", "servo-axis", "--out"]
+    arguments = "linearise --plant servo-axis --out"
     for name in ("axis.mat", "axis.json"):
-        assert run([*arguments, str(tmp_path / name)]) == 0
+        shell(arguments, tmp_path / name)
     told = json.loads((tmp_path / "axis.json").read_text())
     found = loadmat(tmp_path / "axis.mat", simplify_cells=True, mat_dtype=True)
     for name in "ABCD":
@@ -98,10 +92,10 @@ def test_linearise_writes_for_matlab(tmp_path: Path) -> None:
     assert np.atleast_1d(found["states"]).tolist() == list(told["states"])
 
 
-def test_linearise_uses_parameters_with_units(tmp_path: Path) -> None:
+def test_linearise_uses_parameters_with_units(tmp_path: Path, shell: Shell) -> None:
     out = tmp_path / "linear.json"
-    arguments = ["linearise", "-p", "supply_pressure=5.5bar", "--without", "bearing_friction"]
-    assert run([*arguments, "--out", str(out)]) == 0
+    arguments = "linearise -p supply_pressure=5.5bar --without bearing_friction"
+    shell(arguments, "--out", out)
     model = arm(3).without("bearing_friction").with_parameters({"supply_pressure": 5.5e5})
     point = operating_point(model, {"angle": math.radians(30)})
     found = json.loads(out.read_text())["outputs"]["pressure_1"]
@@ -109,9 +103,8 @@ def test_linearise_uses_parameters_with_units(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_verify_scores_a_controller(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["verify", "-c", "pid", "--hysteresis", "--out", str(tmp_path / "out")]) == 0
-    text = capsys.readouterr().out
+def test_verify_scores_a_controller(tmp_path: Path, shell: Shell) -> None:
+    text = shell("verify -c pid --hysteresis --out", tmp_path / "out").out
     assert "steady_error" in text and "verify passed: 5 of 5 hard requirements met" in text
     (found,) = json.loads((tmp_path / "out" / "results.json").read_text())["runs"]
     assert found["controller"] == "pid"
@@ -121,23 +114,19 @@ def test_verify_scores_a_controller(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert "workbench verify" in page and "step 15 to 45 deg and back" in page
 
 
-def test_what_no_design_commands_rests(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["verify", "--plant", "pendulum", "--hold", "1s"]) == 0
-    said = capsys.readouterr()
+def test_what_no_design_commands_rests(shell: Shell) -> None:
+    said = shell("verify --plant pendulum --hold 1s")
     assert "rests, such as gain, supply, enabled" in said.err
     assert "plain-pid on servo pendulum" in said.out
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_redesign_of_a_machine_that_is_no_arm(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_redesign_of_a_machine_that_is_no_arm(tmp_path: Path, shell: Shell) -> None:
     # Refitted, its force at rest is not zero.
     found = {"name": "servo-axis", "parameters": {"mass": 140.0, "offset": 5.0}}
     (tmp_path / "verdict.json").write_text(json.dumps({"plant": found}))
     arguments = ["redesign", str(tmp_path / "verdict.json"), "-f", "lqi", "--out"]
-    assert run([*arguments, str(tmp_path / "out")]) == 0
-    said = capsys.readouterr().out
+    said = shell(*arguments, tmp_path / "out").out
     assert "lqi, nominal on servo axis" in said and "lqi, redesigned on servo axis" in said
     assert (tmp_path / "out" / "lqi.c").exists()
     # Both have the colour of their family, each in a picture of its own.
@@ -148,9 +137,8 @@ def test_redesign_of_a_machine_that_is_no_arm(
     runs = json.loads((tmp_path / "out" / "results.json").read_text())["runs"]
     rmse = {r["controller"]: r["metrics"]["rmse"]["value"] for r in runs}
     assert rmse["lqi, nominal"] != rmse["lqi, redesigned"]
-    more = ["--at", "position=100mm", "-f", "plain-pid"]
-    assert run([*arguments, str(tmp_path / "there"), *more]) == 0
-    told = capsys.readouterr()
+    more = "--at position=100mm -f plain-pid"
+    told = shell(*arguments, tmp_path / "there", more)
     assert "on servo axis, step 100 to" in told.out
     # What takes time is told, for the nominal plant and for the machine.
     assert told.err.count("designs:   0%") == 2 and "writing the report" in told.err
@@ -158,29 +146,28 @@ def test_redesign_of_a_machine_that_is_no_arm(
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_redesign_is_run_until_its_loops_have_settled(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shell: Shell
 ) -> None:
     from workbench.study import step_trial
 
     (tmp_path / "verdict.json").write_text(json.dumps({"plant": {"name": "servo-axis"}}))
     monkeypatch.setattr(step_trial, "settling", lambda *_: step_trial.Needed(4.0, {}))
     out = tmp_path / "out"
-    assert run(["redesign", str(tmp_path / "verdict.json"), "-f", "lqi", "--out", str(out)]) == 0
+    shell("redesign", tmp_path / "verdict.json", "-f lqi --out", out)
     conditions = json.loads((out / "results.json").read_text())["conditions"]
     (scenario,) = conditions["scenarios"].values()
     (signal,) = scenario["references"].values()
     assert np.diff(signal["times"]).tolist() == [1.0, 4.0]
 
 
-def test_verify_says_when_a_requirement_is_missed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_verify_says_when_a_requirement_is_missed(shell: Shell) -> None:
     # A controller designed for 1 kg moves eight times that inertia: it cannot stay within 10 %.
-    arguments = ["verify", "-c", "pid", "--load", "8kg", "--design-load", "1kg"]
-    assert run([*arguments, "--to", "55deg"]) == 1
-    assert "FAILED" in capsys.readouterr().out
+    arguments = "verify -c pid --load 8kg --design-load 1kg"
+    assert "FAILED" in shell(arguments, "--to 55deg", status=1).out
 
 
 def test_ctrl_c_is_one_sentence(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, shell: Shell
 ) -> None:
     import workbench.demo
 
@@ -188,8 +175,11 @@ def test_ctrl_c_is_one_sentence(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(workbench.demo, "run_demo", interrupt)
-    assert run(["demo", "--out", str(tmp_path / "out")]) == INTERRUPTED
-    assert capsys.readouterr().err.splitlines()[-1].startswith("workbench: interrupted")
+    assert (
+        shell("demo --out", tmp_path / "out", status=INTERRUPTED)
+        .err.splitlines()[-1]
+        .startswith("workbench: interrupted")
+    )
 
 
 @pytest.mark.parametrize(
@@ -218,13 +208,11 @@ JSON = {
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("verb", JSON)
 def test_a_script_gets_json_and_nothing_else(
-    verb: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    verb: str, here: Path, monkeypatch: pytest.MonkeyPatch, shell: Shell
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("GITHUB_ACTIONS", "true")
-    small_study(tmp_path)
-    assert run([*JSON[verb], "--json"]) == 0
-    printed = capsys.readouterr()
+    small_study(here)
+    printed = shell(*JSON[verb], "--json")
     found = json.loads(printed.out)
     keys = {
         "linearise": "A",

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.shell import Shell
 from workbench.cli.main import run
 from workbench.errors import WorkbenchError
 from workbench.linearisation import linearise
@@ -47,10 +48,9 @@ def test_a_saved_model_has_the_same_equations(verdict: Path) -> None:
     assert not np.array_equal(model.rates(x, u), PLANTS.get("pendulum").model().rates(x, u))
 
 
-def test_verbs_take_it(verdict: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["plants", str(verdict)]) == 0
-    assert "quadratic_drag" in capsys.readouterr().out
-    assert run(["linearise", "--plant", str(verdict)]) == 0
+def test_verbs_take_it(verdict: Path, shell: Shell) -> None:
+    assert "quadratic_drag" in shell("plants", verdict).out
+    shell("linearise --plant", verdict)
 
 
 def test_a_size_that_followed_from_the_recordings_is_taken_as_it_stands(tmp_path: Path) -> None:
@@ -83,9 +83,8 @@ def test_a_file_without_a_plant_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def axis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def axis(here: Path) -> Path:
     """An axis that is heavier than its plant says and has drag that the plant leaves out."""
-    monkeypatch.chdir(tmp_path)
     plant = PLANTS.get("servo-axis")
     better = plant.model(effects=["quadratic_drag"]).with_parameters(
         {"mass": 120.0, "quadratic_drag.coefficient": 300.0}
@@ -100,37 +99,31 @@ def _number(said: str, name: str) -> float:
     return float(re.findall(rf"^ *{name} +(\S+)", said, re.MULTILINE)[0])
 
 
-def test_simulate_and_linearise_use_the_improved_model(
-    axis: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_simulate_and_linearise_use_the_improved_model(axis: Path, shell: Shell) -> None:
     ends = []
     for name in ("servo-axis", str(axis)):
-        words = ["--plant", name, "--force", "0:200", "--duration", "1s", "--out", "run.csv"]
-        assert run(["simulate", *words]) == 0
+        shell("simulate --plant", name, "--force 0:200 --duration 1s --out run.csv")
         ends.append(float(Path("run.csv").read_text().splitlines()[-1].split(",")[2]))
     # Heavier, with drag: it comes less far.
     assert ends[1] < 0.95 * ends[0]
-    dry = ["--without", "coulomb_friction", "--without", "quadratic_drag"]
-    assert run(["linearise", "--plant", str(axis), *dry]) == 0
+    dry = "--without coulomb_friction --without quadratic_drag"
+    said = shell("linearise --plant", axis, dry).out
     model = PLANTS.get(str(axis)).model()
     damping = model.parameter("viscous_friction.coefficient").value
     # The axis slows down with the time constant m / d of the heavier mass.
-    assert f"{1e3 * 120.0 / damping:.4g} ms" in capsys.readouterr().out
+    assert f"{1e3 * 120.0 / damping:.4g} ms" in said
 
 
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.system
-def test_verify_and_compare_run_controllers_on_it(
-    axis: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_verify_and_compare_run_controllers_on_it(axis: Path, shell: Shell) -> None:
     found = []
     for name in ("servo-axis", str(axis)):
         words = ["--plant", name, "-c", "lqi", "--from", "0mm", "--to", "20mm", "--json"]
-        assert run(["verify", *words]) == 0
-        (record,) = json.loads(capsys.readouterr().out)["runs"]
+        (record,) = shell("verify", *words).result["runs"]
         found.append(record["metrics"]["iae"]["value"])
     assert found[0] != found[1]
-    assert run(["new-study", "on_it.toml"]) == 0
+    shell("new-study on_it.toml")
     text = Path("on_it.toml").read_text().replace('kind = "servo-axis"', 'kind = "verdict.json"')
     text = text.partition("[robustness]")[0].replace('mass = "110 kg"', 'mass = "130 kg"')
     Path("on_it.toml").write_text(text)
@@ -150,9 +143,7 @@ WRONG = {
 
 @pytest.mark.parametrize("name", WRONG)
 @pytest.mark.parametrize("verb", ["simulate", "linearise", "verify", "compare", "refit"])
-def test_what_is_wrong_in_it_is_a_sentence(
-    name: str, verb: str, axis: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_wrong_in_it_is_a_sentence(name: str, verb: str, axis: Path, shell: Shell) -> None:
     key, value, words = WRONG[name]
     table = json.loads(axis.read_text())
     table["plant"][key] = value
@@ -160,23 +151,21 @@ def test_what_is_wrong_in_it_is_a_sentence(
     given = {"simulate": ["--force", "0:1"], "refit": ["--fit", "a.csv", "--hold-out", "b.csv"]}
     arguments = [verb, "--plant", str(axis), *given.get(verb, [])]
     if verb == "compare":
-        run(["new-study", "on_it.toml"])
+        shell("new-study on_it.toml")
         text = Path("on_it.toml").read_text().replace('"servo-axis"', '"verdict.json"')
         Path("on_it.toml").write_text(text)
         arguments = ["compare", "on_it.toml", "--out", "out"]
-    capsys.readouterr()
-    assert run(arguments) == 2
-    said = capsys.readouterr().err
+    said = shell(*arguments, status=2).err
     assert all(word in said for word in words) and said.count("\n") == 1, said
     assert not Path("out").exists()
 
 
-def test_a_value_out_of_range_from_the_command_line_is_a_sentence(
-    axis: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_value_out_of_range_from_the_command_line_is_a_sentence(axis: Path, shell: Shell) -> None:
     for verb in (["linearise"], ["verify"], ["simulate", "--force", "0:1"]):
-        assert run([*verb, "--plant", str(axis), "-p", "mass=1000"]) == 2
-        assert "mass is 1000 kg; the valid range is 50 to 150 kg" in capsys.readouterr().err
+        assert (
+            "mass is 1000 kg; the valid range is 50 to 150 kg"
+            in shell(*verb, "--plant", axis, "-p mass=1000", status=2).err
+        )
 
 
 def _rolling() -> Model:
@@ -215,10 +204,7 @@ def test_a_place_of_a_shared_law_and_what_changes_of_another_effect_are_named() 
     assert [e.name for e in model.effects] == names
 
 
-def test_a_refit_knows_how_long_its_recordings_are(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_refit_knows_how_long_its_recordings_are(here: Path, shell: Shell) -> None:
     machine = _rolling().with_parameters({"damping": 2.0})
     machine = machine.with_effect(every_name(machine)["parameter_jump_damping"].effect)
     later = {"parameter_jump_damping.amount": 6.0, "parameter_jump_damping.time": 4.0}
@@ -229,11 +215,10 @@ def test_a_refit_knows_how_long_its_recordings_are(
         read = made["position"] + 1e-4 * rng.standard_normal(len(drive))
         rows = zip(0.01 * np.arange(len(drive)), drive, read, strict=True)
         lines = ["time_s,drive_N,position_m", *(",".join(map(str, row)) for row in rows)]
-        (tmp_path / f"{name}.csv").write_text("\n".join(lines))
-    (tmp_path / "own_carriage.py").write_text("from tests.plants.test_saved import _rolling\n")
-    asked = ["--plant", "own_carriage:_rolling", "--fit", "fit.csv", "--hold-out", "hold.csv"]
-    assert run(["refit", *asked, "--effect", "parameter_jump_damping", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+        (here / f"{name}.csv").write_text("\n".join(lines))
+    (here / "own_carriage.py").write_text("from tests.plants.test_saved import _rolling\n")
+    asked = "--plant own_carriage:_rolling --fit fit.csv --hold-out hold.csv"
+    found = shell("refit", asked, "--effect parameter_jump_damping --json").result
     assert found["unidentifiable"] == []
     values = {name: row["value"] for name, row in found["parameters"].items()}
     begun = found["parameters"]["parameter_jump_damping.time"]["before"]

@@ -126,10 +126,7 @@ def test_every_controller_of_a_study_is_drawn(
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_an_output_is_drawn_whatever_it_is_called(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_an_output_is_drawn_whatever_it_is_called(here: Path) -> None:
     Path("two_lags.py").write_text(
         "import control as ct\n"
         "G = ct.tf([[[1.0], [0.1]], [[0.1], [1.0]]], [[[1.0, 1.0]] * 2] * 2,\n"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from workbench.cli.main import run
+from tests.shell import Shell
 from workbench.study.differences import differences, drawn, each
 from workbench.study.plants import PlantRecipe
 
@@ -30,10 +30,9 @@ def bath(volume_m3=0.05):
 
 
 @pytest.fixture
-def bath(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> PlantRecipe:
-    (tmp_path / "my_bath.py").write_text(PLANT)
-    monkeypatch.chdir(tmp_path)
-    return PlantRecipe("my_bath:bath", folder=tmp_path)
+def bath(here: Path) -> PlantRecipe:
+    (here / "my_bath.py").write_text(PLANT)
+    return PlantRecipe("my_bath:bath", folder=here)
 
 
 def test_what_may_differ_follows_from_the_plant(bath: PlantRecipe) -> None:
@@ -64,17 +63,14 @@ def test_machines_are_drawn_again_for_the_same_seed(bath: PlantRecipe) -> None:
     assert [len(one.differs) for one in machines[:4]] == [1, 3, 1, 3]
 
 
-def test_designs_run_on_machines_that_differ(
-    bath: PlantRecipe, capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = ["controllers", "--plant", "my_bath:bath", "-f", "lqi", "--jobs", "1", "--blind"]
-    words += ["--draws", "2", "--out"]
-    assert run([*words, "table"]) == 0
-    said = capsys.readouterr().out
+def test_designs_run_on_machines_that_differ(bath: PlantRecipe, shell: Shell) -> None:
+    words = "controllers --plant my_bath:bath -f lqi --jobs 1 --blind"
+    words += " --draws 2 --out"
+    said = shell(words, "table").out
     assert "Machines that differ: 2" in said and "of 2" in said
     table = json.loads(Path("table/results.json").read_text())
     assert {r["variation"] for r in table["runs"]} == {"nominal", "machine 1", "machine 2"}
     page = Path("table/report.html").read_text()
     assert "Machines that differ from what the designs know" in page
     # What is required and missed is told by the exit status.
-    assert run([*words, "strict", "--require", "settling_time=1min"]) == 1
+    shell(words, "strict --require settling_time=1min", status=1)

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from workbench.cli.main import WRONG_USE, run
+from tests.shell import Shell
+from workbench.cli.main import WRONG_USE
 from workbench.errors import WorkbenchError
 from workbench.registry import told
 from workbench.study.schema import load_study
@@ -165,13 +166,10 @@ def test_a_run_that_goes_wrong_is_a_failed_row(name: str, folder: Path) -> None:
     assert record.reason.endswith(line_of(change, marker))
 
 
-def test_leaving_with_status_0_is_not_green(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_leaving_with_status_0_is_not_green(folder: Path, tmp_path: Path, shell: Shell) -> None:
     change = BEFORE_RUNS["leaving with status 0"][0]
     words = ["compare", str(own_study(folder, change)), "--out", str(tmp_path / "out")]
-    assert run([*words, "--jobs", "1"]) == WRONG_USE
-    assert "which a module must not do" in capsys.readouterr().err
+    assert "which a module must not do" in shell(*words, "--jobs 1", status=WRONG_USE).err
 
 
 @pytest.mark.parametrize(
@@ -182,18 +180,12 @@ def test_leaving_with_status_0_is_not_green(
     ],
 )
 def test_other_verbs_say_it_too(
-    change: tuple[str, str],
-    what: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    change: tuple[str, str], what: str, here: Path, shell: Shell
 ) -> None:
-    own_study(tmp_path, change)
-    (module,) = tmp_path.glob("own_mistake_*.py")
-    monkeypatch.chdir(tmp_path)
+    own_study(here, change)
+    (module,) = here.glob("own_mistake_*.py")
     words = ["verify", "--controller", f"{module.stem}:design", *MOVE]
-    assert run(words) == WRONG_USE
-    error = capsys.readouterr().err.strip().splitlines()[-1]
+    error = shell(*words, status=WRONG_USE).err.strip().splitlines()[-1]
     assert what in error and f"{module.name}, line " in error
 
 

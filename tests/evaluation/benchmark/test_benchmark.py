@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from tests.evaluation.own_cases.made_up import LIMIT, found, verdict
-from workbench.cli.main import WRONG_USE, run
+from tests.shell import Shell
+from workbench.cli.main import WRONG_USE
 from workbench.diagnosis.diagnose import stages
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
 from workbench.diagnosis.stages import Diagnosis
@@ -89,9 +90,7 @@ def _set(folder: Path) -> Path:
     return folder
 
 
-def test_methods_stand_beside_each_other(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_methods_stand_beside_each_other(tmp_path: Path, shell: Shell) -> None:
     place = _set(tmp_path / "set")
     good, bad = compared(place, [place / "good", place / "bad"])
     assert (good.score.points, bad.score.points) == (12, -12)
@@ -101,21 +100,18 @@ def test_methods_stand_beside_each_other(
     assert good.over_limit == pytest.approx(1.1)
     assert table([good, bad]).splitlines()[1].startswith("good    12 of 12")
     out = tmp_path / "scores.json"
-    asked = ["evaluate", "benchmark", str(place), str(place / "good"), str(place / "bad")]
-    assert run([*asked, "--out", str(out)]) == 0
-    assert "12 of 12" in capsys.readouterr().out
+    asked = ("evaluate benchmark", place, place / "good", place / "bad")
+    assert "12 of 12" in shell(*asked, "--out", out).out
     assert [m["method"] for m in json.loads(out.read_text())["methods"]] == ["good", "bad"]
     # A name that no law has counts as wrong, and is told; a word that no verdict has is refused.
-    for said, word in (("named", "seal_friction"), ("found it", "bias")):
-        answer = verdict(found(word, "joint.torque"), kind=said)
-        (place / "bad/two.json").write_text(json.dumps(answer))
-        assert run(asked) == (WRONG_USE if said == "found it" else 0)
-    printed, refused = capsys.readouterr()
-    assert "bad: no law is called seal_friction, which counts as wrong" in printed
+    answer = verdict(found("seal_friction", "joint.torque"), kind="named")
+    (place / "bad/two.json").write_text(json.dumps(answer))
+    assert "bad: no law is called seal_friction, which counts as wrong" in shell(*asked).out
+    (place / "bad/two.json").write_text(json.dumps(answer | {"verdict": "found it"}))
+    refused = shell(*asked, status=WRONG_USE).err
     assert "it must be one of 'data_unfit'" in refused and '"verdict": WORD' in refused
     (place / "good/two.json").unlink()
-    assert run(asked) == WRONG_USE
-    assert "no verdict of case two" in capsys.readouterr().err
+    assert "no verdict of case two" in shell(*asked, status=WRONG_USE).err
 
 
 def test_a_walk_at_the_force_is_significant_where_a_spring_is_hidden() -> None:
