@@ -14,13 +14,18 @@ from workbench.linearisation import LinearModel
 Make = Callable[[JointSchedule, LinearModel], Any]
 
 
+def designed(name: str, source: Any, **numbers: Any) -> Any:
+    """Return the controller of a design for a linear model, or what else it starts from."""
+    design = DESIGNS.get(name)
+    return design.controller(source, design.specified(numbers))
+
+
 def family(name: str, **numbers: Any) -> Make:
     """Return what makes a controller from the schedule or from the linear model at one point."""
-    design = DESIGNS.get(name)
 
     def make(schedule: JointSchedule, linear: LinearModel) -> Any:
-        source = schedule if design.needs == "map" else linear
-        return design.controller(source, design.specified(numbers))
+        source = schedule if DESIGNS.get(name).needs == "map" else linear
+        return designed(name, source, **numbers)
 
     return make
 

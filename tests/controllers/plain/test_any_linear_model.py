@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import casadi as ca
+import control as ct
 import numpy as np
 import pytest
 
@@ -32,6 +33,7 @@ from controllers.plain.transfer_law import (
     transfer_controller,
 )
 from controllers.sensitivity import frequencies, loops_at, peak_sensitivities, peaks_of
+from tests.controllers.families import designed
 from tests.controllers.in_c import InC
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linear_model, linearise
@@ -120,8 +122,7 @@ def test_every_family_controls_any_plant(
     name: str, case: tuple[LinearModel, Model, str, float], tmp_path: Path
 ) -> None:
     linear, model, output, step = case
-    design = DESIGNS.get(name)
-    law = design.controller(linear, design.specified({"measured": output}))
+    law = designed(name, linear, measured=output)
     scenario = step_scenario(output, 0.0, step, hold=1.5)
     run = verify(law, model, scenario)
     found = metrics(run)
@@ -183,8 +184,6 @@ def test_textbook_pid_by_hand() -> None:
 
 
 def test_each_law_by_hand_is_one_line() -> None:
-    import control as ct
-
     plant = ct.ss([[0, 1], [0, -2]], [[0], [1]], [[1, 0]], 0, inputs="u", outputs="y")
     linear = linear_model(plant, limits={"u": (-30.0, 30.0)})
     names: dict[str, Any] = {"measured": "y", "actuator": "u"}
@@ -225,8 +224,6 @@ def test_designs_for_the_arm_take_a_state_space_too(linear: LinearModel) -> None
 
 
 def test_what_cannot_be_designed_is_said(case: tuple[LinearModel, Model, str, float]) -> None:
-    import control as ct
-
     linear = case[0]
     with pytest.raises(WorkbenchError, match="give one entry for each"):
         state_feedback_by_hand(linear, (1.0,))
@@ -240,8 +237,6 @@ def test_what_cannot_be_designed_is_said(case: tuple[LinearModel, Model, str, fl
 
 @pytest.mark.parametrize("design", PLAIN)
 def test_an_output_that_answers_at_once_is_read_as_the_last_command_left_it(design: str) -> None:
-    import control as ct
-
     # The current of a resistor into a capacitor that leaks.
     plant = linear_model(ct.tf([0.02, 0.125], [0.04, 1.25], inputs="volts", outputs="amperes"))
     made = DESIGNS.get(design)
@@ -264,8 +259,6 @@ SAMPLED = (
 def test_what_is_sampled_and_late_is_a_linear_model(
     num: list[float], den: list[float], near: float
 ) -> None:
-    import control as ct
-
     system = ct.tf(num, den, 0.5)
     linear = linear_model(system)
     seen = linear.response(np.ones(40), 0.5)[:, 0]
@@ -274,8 +267,6 @@ def test_what_is_sampled_and_late_is_a_linear_model(
 
 
 def test_inputs_of_a_transfer_function_may_be_late() -> None:
-    import control as ct
-
     late = linear_model(ct.tf([1.0], [1.0, 1.0]), delay=0.5)
     s = 1.0j
     (found,) = late.C @ np.linalg.solve(s * np.eye(len(late.A)) - late.A, late.B) + late.D
@@ -297,23 +288,19 @@ def test_an_angle_that_nobody_measures_keeps_no_design_from_its_speed(name: str)
     )
     linear = linearise(operating_point(drive, {"tacho": 0.0}))
     assert linear.without_unseen().state_names == ("speed",)
-    design = DESIGNS.get(name)
-    law = design.controller(linear, design.specified({"sample_time": 0.02}))
+    law = designed(name, linear, sample_time=0.02)
     scenario = step_scenario("tacho", 0.0, 1.0, hold=20.0, sample_time=0.02)
     assert metrics(verify(law, drive, scenario))["steady_error"].value < 0.01
 
 
 @pytest.mark.parametrize("name", REDUCED)
 def test_what_a_pump_moves_between_two_vessels_is_no_more_than_they_hold(name: str) -> None:
-    import control as ct
-
     A, B = np.array([[-0.5, 0.5], [0.5, -0.5]]), np.array([[1.0], [-1.0]])
     linear = linear_model(ct.ss(A, B, [[1.0, 0.0]], 0, inputs="pump", outputs="level"))
     less = loop_of(linear).linear
     assert len(less.A) == 1
     np.testing.assert_allclose(less.system(2j), linear.system(2j), rtol=1e-9)
-    design = DESIGNS.get(name)
-    law = design.controller(linear, design.specified({"sample_time": 0.02}))
+    law = designed(name, linear, sample_time=0.02)
     seen = step_on(law, lambda x, u: A @ x + B[:, 0] * u, np.zeros(2), lambda x: x[0], 1.0, 40.0)
     assert np.abs(seen[-100:] - 1.0).max() < 0.01
 
@@ -347,8 +334,7 @@ def test_a_delay_of_many_samples_is_tolerated(name: str) -> None:
         outputs=(Output("T", "K", 50.0, noise_rms=0.05),),
     )
     linear = linearise(operating_point(model, {"T": 0.0}), verdict=False)
-    design = DESIGNS.get(name)
-    law = design.controller(linear, design.specified({"sample_time": 1.0, "delay": 150.0}))
+    law = designed(name, linear, sample_time=1.0, delay=150.0)
     for delay in (0.0, 40.0, 150.0):
         loop = loops_at(law, linear, ((delay, 0.0),))[0]
         assert peaks_of(loop, frequencies()).sensitivity < 1.9
@@ -374,16 +360,13 @@ def test_a_tank_that_another_pump_fills_keeps_no_design_from_its_level(name: str
     linear = linearise(operating_point(model, {"level": 0.0}), verdict=False)
     assert loop_of(linear).linear.state_names == ("low",)
     assert loop_of(linear, actuators="other").linear.state_names == ("low", "high")
-    design = DESIGNS.get(name)
-    law = design.controller(linear, design.specified({"sample_time": 1.0}))
+    law = designed(name, linear, sample_time=1.0)
     scenario = step_scenario("level", 0.0, 0.1, lead=1.0, hold=900.0, sample_time=1.0)
     assert metrics(verify(law, linear, scenario))["settling_time"].value < 300.0
 
 
 @pytest.mark.parametrize("name", ["u", "u[0]", "u_0"])
 def test_limits_of_a_lone_command_are_told_by_its_letter(name: str) -> None:
-    import control as ct
-
     (command,) = linear_model(
         ct.tf([1.0], [1.0, 1.0]), limits={name: (-2, 3)}
     ).operating_point.model.inputs
@@ -485,8 +468,7 @@ SLOWER = {("drum", "lqi"): 2.5, ("drum", "plain-mpc"): 3.0, ("drum", "plain-slid
 def test_a_design_is_as_fast_as_the_plant_lets_it_be(case: str, name: str) -> None:
     model, output, step, h, by_hand = LIMITS[case]
     linear = linearise(operating_point(model, {output: 0.0}), verdict=False)
-    design = DESIGNS.get(name)
-    law = design.controller(linear, design.specified({"sample_time": h}))
+    law = designed(name, linear, sample_time=h)
     assert peak_sensitivities(law, linear)[0] < 1.85
     scenario = step_scenario(output, 0.0, step, lead=by_hand, hold=4.0 * by_hand, sample_time=h)
     run = verify(law, linear, scenario)
@@ -498,9 +480,8 @@ def test_a_design_is_as_fast_as_the_plant_lets_it_be(case: str, name: str) -> No
 @pytest.mark.parametrize("name", [name for name in PLAIN if "infinity" not in name])
 def test_what_a_design_shall_tolerate_costs_speed(name: str) -> None:
     linear = linearise(operating_point(motor(), {"encoder": 0.0}), verdict=False)
-    design = DESIGNS.get(name)
     told = {"measured": "encoder", "delay": 0.02, "trusted_frequency": 60.0}
-    plain, tolerant = (design.controller(linear, design.specified(given)) for given in ({}, told))
+    plain, tolerant = (designed(name, linear, **given) for given in ({}, told))
     corner = [
         peaks_of(loops_at(law, linear, ((0.02, 0.0),))[0], frequencies()).sensitivity
         for law in (plain, tolerant)
@@ -508,7 +489,7 @@ def test_what_a_design_shall_tolerate_costs_speed(name: str) -> None:
     assert corner[1] < 1.85 < corner[0]
     with pytest.raises(WorkbenchError, match="is not to be had; the nearest has Ms"):
         hard = {"measured": "encoder", "maximum_sensitivity": 1.06, "quiet": 1e-9, "noise": 1.0}
-        design.controller(linear, design.specified(hard))
+        designed(name, linear, **hard)
 
 
 def step_on(
@@ -547,8 +528,7 @@ def test_a_command_that_rests_near_one_end_may_be_used_to_the_other(name: str) -
         outputs=(Output("probe", "K", 50.0, noise_rms=0.02),),
     )
     linear = linearise(operating_point(kettle, {"probe": 10.0}), verdict=False)
-    design = DESIGNS.get(name)
-    law = design.controller(linear, design.specified({"sample_time": 0.5}))
+    law = designed(name, linear, sample_time=0.5)
 
     def rate(x: Any, u: float) -> Any:
         return np.array([(u - 50.0 * x[0]) / 4e3, (x[0] - x[1]) / 5.0])
@@ -561,23 +541,18 @@ def test_a_command_that_rests_near_one_end_may_be_used_to_the_other(name: str) -
 
 @pytest.mark.parametrize("name", REDUCED)
 def test_angles_that_show_by_their_difference_alone_keep_no_design_from_a_speed(name: str) -> None:
-    import control as ct
-
     A = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [-4500, 4500, -6, 5], [1800, -1800, 2, -2.2]])
     B, C = np.array([[0.0], [0.0], [25.0], [0.0]]), np.array([[0.0, 0.0, 0.0, 1.0]])
     linear = linear_model(ct.ss(A, B, C, 0, inputs="torque", outputs="speed"))
     reduced, angle = linear.without_unseen(), 1j * np.array([0.1, 3.0, 80.0, 500.0])
     assert len(reduced.state_names) == 3
     np.testing.assert_allclose(reduced.system(angle), ct.ss(A, B, C, 0)(angle), rtol=1e-9)
-    design = DESIGNS.get(name)
-    law = design.controller(linear, design.specified({"sample_time": 5e-4}))
+    law = designed(name, linear, sample_time=5e-4)
     seen = step_on(law, lambda x, u: A @ x + B[:, 0] * u, np.zeros(4), lambda x: x[3], 1.0, 2.0)
     assert np.abs(seen[2000:] - 1.0).max() < 0.05
 
 
 def test_what_two_equal_tanks_share_is_what_their_pump_moves() -> None:
-    import control as ct
-
     A, B = np.diag([-1.0, -1.0, -3.0]), np.array([[1.0], [1.0], [0.0]])
     A[2, :2] = 2.0, 1.0
     linear = linear_model(ct.ss(A, B, [[0.0, 0.0, 1.0]], 0))
@@ -601,8 +576,7 @@ def test_a_step_that_the_command_can_just_hold_tips_no_pendulum(name: str, tmp_p
         outputs=(Output("angle", "rad", 0.2, resolution=5e-4),),
     )
     linear = linearise(operating_point(rod, {"angle": 0.0}), verdict=False)
-    design = DESIGNS.get(name)
-    law = design.controller(linear, design.specified({"sample_time": 0.004}))
+    law = designed(name, linear, sample_time=0.004)
 
     def rate(x: Any, u: float) -> Any:
         return np.array([x[1], 20.0 * x[0] + 10.0 * u])
@@ -624,12 +598,10 @@ def test_a_step_that_the_command_can_just_hold_tips_no_pendulum(name: str, tmp_p
 
 @pytest.mark.parametrize("name", ["plain-pid", "lqi", "plain-mpc"])
 def test_a_system_of_small_numbers_without_limits_is_as_fast_and_goes_as_far(name: str) -> None:
-    import control as ct
-
-    design, seen = DESIGNS.get(name), []
+    seen = []
     for gain, size in ((1.0, 1.0), (1e-6, 1.0), (1e-6, 1e3)):
         linear = linear_model(ct.tf([gain], [1.0, 2.0, 1.0], inputs="u", outputs="y"))
-        law = design.controller(linear, design.specified({"sample_time": 0.02}))
+        law = designed(name, linear, sample_time=0.02)
         step = gain * size
         scenario = step_scenario("y", 0.0, step, lead=0.1, hold=12.0, sample_time=0.02)
         seen.append(verify(law, linear, scenario)["y"] / step)
@@ -638,8 +610,6 @@ def test_a_system_of_small_numbers_without_limits_is_as_fast_and_goes_as_far(nam
 
 
 def test_a_scenario_without_the_reference_of_a_followed_output_is_refused() -> None:
-    import control as ct
-
     system = ct.ss(-np.eye(2), np.eye(2), np.eye(2), 0, inputs=2, outputs=["hot", "cold"])
     law = design_lqi(system, LQISpecification(sample_time=0.05))
     with pytest.raises(WorkbenchError, match=r"follows hot, cold, and .* has no reference of cold"):
@@ -647,8 +617,6 @@ def test_a_scenario_without_the_reference_of_a_followed_output_is_refused() -> N
 
 
 def test_a_sampled_system_is_the_plant_that_it_was_sampled_of() -> None:
-    import control as ct
-
     plant = ct.ss([[0.0, 1.0], [-4.0, -1.0]], [[0.0], [3.0]], [[1.0, 0.0]], 0)
     again = linear_model(ct.sample_system(plant, 0.05))
     np.testing.assert_allclose(again.system(2j), plant(2j), rtol=1e-9)
@@ -664,7 +632,6 @@ def test_a_sampled_system_is_the_plant_that_it_was_sampled_of() -> None:
 
 
 def test_systems_of_python_control_and_scipy_are_taken_wherever_a_linear_model_is() -> None:
-    import control as ct
     import scipy.signal
 
     plant = ct.tf([2.0], [1.0, 3.0, 2.0], inputs="u", outputs="y")
@@ -696,8 +663,6 @@ def test_systems_of_python_control_and_scipy_are_taken_wherever_a_linear_model_i
 
 @pytest.mark.skipif(not has_slycot(), reason="needs slycot")
 def test_an_h_infinity_loop_shows_a_reference_no_tail_of_what_it_does_about_loads() -> None:
-    import control as ct
-
     # The water of a boiler's drum: it integrates, and swells the wrong way first.
     drum = linear_model(
         ct.ss(np.diag([0.0, -1.0 / 15.0]), [[6.7e-5], [-3.3e-4]], [[1.0, 1.0]], [[0.0]]),
@@ -726,8 +691,7 @@ def test_a_flow_of_nanolitres_behind_a_pressure_has_an_h_infinity_controller() -
         outputs=(Output("flow", "m3/s", noise_rms=1e-11),),
     )
     linear = linearise(operating_point(line), verdict=False)
-    design = DESIGNS.get("plain-h-infinity")
-    law: Any = design.controller(linear, design.specified({"sample_time": 0.1}))
+    law: Any = designed("plain-h-infinity", linear, sample_time=0.1)
     assert settled_after(law, linear, {"flow": 1e-8}) < 10.0
 
 
@@ -755,8 +719,7 @@ def test_a_reference_is_not_held_back_for_steps_that_nobody_takes() -> None:
         outputs=(Output("way", "m", noise_rms=5e-4), Output("angle", "rad", noise_rms=1e-3)),
     )
     linear = linearise(operating_point(beam), verdict=False)
-    design = DESIGNS.get("plain-h-infinity")
-    law: Any = design.controller(linear, design.specified({"measured": "way", "sample_time": 0.02}))
+    law: Any = designed("plain-h-infinity", linear, measured="way", sample_time=0.02)
     assert settled_after(law, linear, {"way": 0.15}) < 4.0
 
 
@@ -806,20 +769,17 @@ def test_a_rudder_that_turns_slowly_holds_no_ship_back() -> None:
 def test_references_of_several_outputs_show_no_tail_of_what_loops_do_about_loads(name: str) -> None:
     if name == "plain-h-infinity" and not has_slycot():
         pytest.skip("slycot is not installed")
-    import control as ct
-
     # Two lags that settle in 300 s by themselves; and two outputs, each with a tail of its own.
     both = ct.tf(
         [[[12.8], [-18.9]], [[6.6], [-19.4]]],
         [[[16.7, 1.0], [21.0, 1.0]], [[10.9, 1.0], [14.4, 1.0]]],
     )
-    design = DESIGNS.get(name)
     for plant, h, within in (
         (ct.tf([2.0], [1200.0, 90.0, 1.0]), 0.5, 18.0),
         (ct.ss(both), 0.1, 3.0),
     ):
         linear = linear_model(plant)
-        law: Any = design.controller(linear, design.specified({"sample_time": h}))
+        law: Any = designed(name, linear, sample_time=h)
         for output in law.controlled:
             assert settled_after(law, linear, {output: 1.0}) < within
 
@@ -827,12 +787,10 @@ def test_references_of_several_outputs_show_no_tail_of_what_loops_do_about_loads
 def test_a_reference_enters_as_suits_commands_that_are_late() -> None:
     if not has_slycot():
         pytest.skip("slycot is not installed")
-    import control as ct
-
     # The idling of an engine, 100 ms late.
     plant = linear_model(ct.tf([2400.0], np.poly([-35.6, -1.05 + 0.7j, -1.05 - 0.7j]).real))
-    design, h = DESIGNS.get("plain-h-infinity"), 0.01
-    law = design.controller(plant, design.specified({"sample_time": h, "delay": 0.1}))
+    h = 0.01
+    law = designed("plain-h-infinity", plant, sample_time=h, delay=0.1)
     late = replace(step_scenario("y_0", 0.0, 1.0, hold=4.0, sample_time=h), late_samples=10)
     run = metrics(verify(law, plant.operating_point.model, late))
     assert run["overshoot"].value < 0.04 and run["settling_time"].value < 1.5
@@ -855,8 +813,6 @@ def test_a_pid_whose_command_is_at_its_end_asks_for_no_more_than_there_is() -> N
 
 
 def test_a_reference_brakes_where_a_plant_has_no_more_than_its_commands(tmp_path: Path) -> None:
-    import control as ct
-
     # A bath behind the lag of its sensor, without noise: small steps take all of the heater too.
     bath = linear_model(ct.tf([1.0], np.convolve([2700.0, 1.0], [20.0, 1.0])), limits={"u": (0, 9)})
     law = design_plain_pid(bath, PlainPIDSpecification(sample_time=2.0))

@@ -10,7 +10,6 @@ import control as ct
 import numpy as np
 import pytest
 
-from controllers.design import DESIGNS
 from controllers.guard import Guarded
 from controllers.plain.limits import settled_after
 from controllers.plain.loop import loop_of, spare_outputs
@@ -20,6 +19,7 @@ from controllers.plain.transfer_law import (
     design_plain_pid,
     pid_by_hand,
 )
+from tests.controllers.families import designed
 from tests.controllers.in_c import InC
 from workbench.errors import WorkbenchError
 from workbench.linearisation import linear_model, linearise
@@ -60,8 +60,7 @@ def test_a_pendulum_on_a_cart_is_held_by_both_its_sensors(
     name: str, long: float, tmp_path: Path
 ) -> None:
     linear = linear_model(pendulum(), limits={"force": (-20.0, 20.0)})
-    design = DESIGNS.get(name)
-    law = design.controller(linear, design.specified({"sample_time": H}))
+    law = designed(name, linear, sample_time=H)
     assert (law.sensors, law.controlled) == (("cart", "angle"), ("cart",))
     at_command = next(found for found in analyse_loop(law, linear) if found.command)
     assert at_command.stable and at_command.sensitivity < 2.0
@@ -111,16 +110,14 @@ def test_a_body_on_wheels_has_an_h_infinity_controller_that_is_stable_by_itself(
     B = np.array([[0.0], [0.385], [0.0], [-0.646]])
     wheels = ct.ss(A, B, np.eye(4)[[0, 2]], 0, inputs="torque", outputs=["way", "pitch"])
     linear = linear_model(wheels, limits={"torque": (-60.0, 60.0)})
-    design = DESIGNS.get("plain-h-infinity")
     told = {"speed": 5.0, "also_measured": "pitch", "sample_time": 0.005}
-    assert design.controller(linear, design.specified(told)).sensors == ("way", "pitch")
+    assert designed("plain-h-infinity", linear, **told).sensors == ("way", "pitch")
 
 
 def test_where_no_speed_was_asked_for_none_is_told_to_be_smaller() -> None:
     linear = linear_model(pendulum()).select(outputs=["cart"])
-    design = DESIGNS.get("plain-h-infinity")
     with pytest.raises(WorkbenchError, match=r"of cart by force.* another family, such as lqi"):
-        design.controller(linear, design.specified({"sample_time": H}))
+        designed("plain-h-infinity", linear, sample_time=H)
 
 
 @pytest.mark.parametrize(
@@ -192,9 +189,8 @@ def test_what_is_read_otherwise_than_the_model_shows_it_leads_no_speed_astray(na
 
     # By the current alone, a shaft that rubs is faster than it is.
     linear = linearise(operating_point(winder(0.0)), verdict=False)
-    design = DESIGNS.get(name)
     told = {"sample_time": 0.001, "also_measured": "current", "measured": "speed"}
-    law = design.controller(linear, design.specified(told))
+    law = designed(name, linear, **told)
     step = step_scenario("speed", 0.0, 40.0, hold=0.6, sample_time=0.001)
     scores = metrics(verify(law, winder(0.33), step))
     assert scores["settling_time"].value < (0.1 if name == "lqi" else 0.25)

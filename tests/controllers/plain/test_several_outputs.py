@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from controllers.design import DESIGNS
 from controllers.guard import Guarded
 from controllers.h_infinity.synthesis import has_slycot
 from controllers.plain.limits import LoopLimits
@@ -22,6 +21,7 @@ from controllers.plain.loop import loop_of
 from controllers.plain.pairing import best_pairing, interaction, relative_gains, zeros
 from controllers.plain.state_feedback import LQISpecification, design_lqi, reachable_speed
 from controllers.sensitivity import least_gain, loop_matrices
+from tests.controllers import families
 from tests.controllers.in_c import InC
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linear_model, linearise
@@ -77,9 +77,7 @@ def linear() -> LinearModel:
     return linearise(operating_point(tanks()), verdict=False)
 
 
-def designed(name: str, linear: Any, **told: Any) -> Any:
-    design = DESIGNS.get(name)
-    return design.controller(linear, design.specified({"sample_time": H, **told}))
+designed = partial(families.designed, sample_time=H)
 
 
 @pytest.fixture(scope="module")
