@@ -362,7 +362,7 @@ class LoopLimits:
 
         A law is designed for a step of the grid for each output, ``count`` being the number of
         steps, and something else. The step of each output is then changed by itself as long as that
-        makes the law better.
+        makes the law better, but not of a single one of a plant that is unstable.
 
         Raises:
             WorkbenchError: As of `best`.
@@ -386,7 +386,9 @@ class LoopLimits:
         k = int(np.argmin(errors))
         best, error = found[held[k]], errors[k]
         top = max(1.0, float(judged.excess[held].max()))
-        for stride in STRIDES if count else ():
+        # A loop of one output that holds what grows keeps the margins that it has.
+        changed = count and (self.outputs > 1 or not self.growing)
+        for stride in STRIDES if changed else ():
             while True:
                 steps, other = best[1]
                 near = [
