@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
+from workbench.diagnosis.selection.task import Task
 from workbench.diagnosis.stages import Diagnosis
 from workbench.physics.library import library
 from workbench.plants.servo_axis import servo_axis
@@ -25,3 +27,10 @@ def example_diagnosis() -> tuple[Diagnosis, tuple[Recording, ...]]:
     ]
     few = [e for e in library(model) if e.law in ("coulomb_friction", "linear_spring")]
     return diagnose(model, runs[:1], runs[1:], entries=few, jobs=1), tuple(runs[1:])
+
+
+def example_task(**options: Any) -> Task:
+    """Return what its search is given."""
+    given, _ = example_diagnosis()
+    seen = given.prepared
+    return Task(given.nominal, given.base, seen.fitting, seen.judging, seen.priors, **options)

@@ -67,7 +67,6 @@ def found(monkeypatch: pytest.MonkeyPatch, runs: list[Recording]) -> Finding:
 
     monkeypatch.setattr(task, "library", few)
     verdict = diagnose(oscillator(), runs[:2], runs[2:], jobs=1, advise=False).verdict
-    assert verdict is not None
     (finding,) = verdict.findings
     assert verdict.fit["extended"]["position"] < 1.3e-3
     return finding

@@ -41,7 +41,7 @@ def test_the_truth_is_converged_and_starts_moving_as_it_must() -> None:
 
 def test_hidden_stribeck_friction_is_found_and_named() -> None:
     verdict = diagnosed(True).verdict
-    assert verdict is not None and verdict.kind in ("named", "named_class")
+    assert verdict.kind in ("named", "named_class")
     finding = verdict.findings[0]
     assert finding.effect == "stribeck_friction" and finding.where == ("axis.force",)
     size = finding.parameters["break_away"]
@@ -53,9 +53,7 @@ def test_hidden_stribeck_friction_is_found_and_named() -> None:
 
 def test_the_extended_model_is_better_on_recordings_it_has_not_seen() -> None:
     found = diagnosed(True)
-    verdict = found.verdict
-    assert verdict is not None
-    errors = {label: row["position"] for label, row in verdict.fit.items()}
+    errors = {label: row["position"] for label, row in found.verdict.fit.items()}
     assert errors["extended"] < 0.7 * errors["refitted"]
     # The same from the measurements themselves.
     (held,) = held_out(True)
@@ -66,7 +64,6 @@ def test_the_extended_model_is_better_on_recordings_it_has_not_seen() -> None:
 
 def test_silence_where_only_a_parameter_was_wrong() -> None:
     verdict = diagnosed(False).verdict
-    assert verdict is not None
     assert verdict.kind == "nothing_missing" and verdict.findings == ()
     # The mass of the model is 95 kg, the true one 100 kg.
     assert verdict.parameters["mass"]["value"] == pytest.approx(100.0, abs=0.5)
@@ -75,7 +72,6 @@ def test_silence_where_only_a_parameter_was_wrong() -> None:
 
 def test_the_verdict_carries_the_improved_model() -> None:
     verdict = diagnosed(True).verdict
-    assert verdict is not None
     assert "stribeck_friction" in {effect.name for effect in verdict.model.effects}
     data = json.loads(verdict.to_json())
     assert data["findings"][0]["effect"] == "stribeck_friction"

@@ -122,7 +122,6 @@ def test_an_event_at_other_times_in_two_fitted_recordings_is_sharp(
     only(monkeypatch, "gain_jump", "gain", "gain_fade")
     runs = [_burnt_out(seed, time) for seed, time in enumerate((6000.0, 4000.0, 8000.0), 1)]
     verdict = diagnose(kiln(), runs[:2], runs[2:], jobs=1, advise=False).verdict
-    assert verdict is not None
     (finding,) = verdict.findings
     assert finding.effect == "gain_jump_part_command", verdict
     assert finding.parameters["amount"].value == pytest.approx(-0.33, abs=2e-3)
@@ -146,7 +145,6 @@ def test_a_stop_that_nobody_modelled_is_named(monkeypatch: pytest.MonkeyPatch, b
     ]
     model = oscillator(scale=30.0)
     verdict = diagnose(model, runs[:1], runs[1:], jobs=1, advise=False).verdict
-    assert verdict is not None
     (finding,) = verdict.findings
     assert finding.effect == ("end_stops" if both else "end_stop"), verdict
     found = {name: value.value for name, value in finding.parameters.items()}
@@ -208,7 +206,6 @@ def test_a_threshold_that_a_parameter_takes_over_at_first_is_found(
     only(monkeypatch, "dead_band", "gain_jump", "gain")
     runs = [_blown(seed, 120.0) for seed in (1, 2)]
     verdict = diagnose(cooled(), runs[:1], runs[1:], jobs=1, advise=False).verdict
-    assert verdict is not None
     (finding,) = verdict.findings
     assert finding.effect == "dead_band_fan_command", verdict
     assert finding.parameters["half_width"].value == pytest.approx(120.0, rel=0.01)
@@ -289,7 +286,6 @@ def test_what_repeats_is_named_with_its_phase_in_each_recording(
         run = recorded(1.0, spring, drive, STEP, 1e-3, seed=seed, name=f"run {seed}", unread=more)
         runs.append(run)
     verdict = diagnose(oscillator(), runs[:1], runs[1:], jobs=1, advise=False).verdict
-    assert verdict is not None
     (finding,) = verdict.findings
     assert finding.effect == "periodic_push_mass_force", verdict
     found = {name: value.value for name, value in finding.parameters.items()}
@@ -338,7 +334,6 @@ def test_what_repeats_with_each_turn_is_named_wherever_a_recording_begins(
     only(monkeypatch, "uneven_turn", "sensor_lag", "gain", "bend")
     runs = [_rolled_off(i) for i in (1, 2, 3)]
     verdict = diagnose(web, runs[:2], runs[2:], jobs=1, advise=False).verdict
-    assert verdict is not None
     (finding,) = verdict.findings
     assert finding.effect == "uneven_turn_unwind_command", verdict
     assert finding.parameters["amount"].value == pytest.approx(0.012, rel=0.05)

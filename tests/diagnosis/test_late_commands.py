@@ -42,6 +42,6 @@ def test_a_diagnosis_finds_nothing_in_a_command_that_is_written_late() -> None:
     verdict = diagnose(
         axis, runs[:1], runs[1:], entries=few, jobs=1, advise=False, progress=said.append
     ).verdict
-    assert verdict is not None and verdict.kind == "nothing_missing"
+    assert verdict.kind == "nothing_missing"
     assert any("acted a row before" in line for line in said)
     assert any(row["check"] == "rows" for row in verdict.data)

@@ -76,7 +76,6 @@ def only(monkeypatch: pytest.MonkeyPatch, *laws: str) -> None:
 @pytest.mark.parametrize("scale", [pytest.param(0.01, marks=pytest.mark.long), 100.0])
 def test_a_hardening_spring_is_named_whatever_the_guess_of_the_scale(scale: float) -> None:
     verdict = hardening(scale).verdict
-    assert verdict is not None
     (finding,) = verdict.findings
     assert finding.effect == "cubic_stiffness" and finding.belief == "sure"
     size = finding.parameters["stiffness"]
@@ -89,7 +88,6 @@ def test_a_hardening_spring_is_named_whatever_the_guess_of_the_scale(scale: floa
 @pytest.mark.long
 def test_dry_friction_of_an_integrator_is_named_in_open_loop() -> None:
     verdict = rubbing().verdict
-    assert verdict is not None
     assert verdict.findings[0].effect == "coulomb_friction"
     assert verdict.findings[0].parameters["level"].value == pytest.approx(15.0, rel=0.01)
     assert len(verdict.findings) == 1
@@ -99,7 +97,7 @@ def test_dry_friction_of_an_integrator_is_named_in_open_loop() -> None:
 def test_a_force_that_nobody_reads_gets_no_name() -> None:
     runs = oscillations(lambda x, v: -30.0 * x - 0.6 * v, unread=True)
     verdict = diagnose(oscillator(), runs[:2], runs[2:], jobs=1, advise=False).verdict
-    assert verdict is not None and verdict.kind == "unexplained"
+    assert verdict.kind == "unexplained"
     assert verdict.findings[0].where == ("mass.force",) and not verdict.findings[0].effect
 
 
@@ -107,7 +105,7 @@ def test_silence_where_only_parameters_were_wrong() -> None:
     runs = oscillations(lambda x, v: -30.0 * x - 0.6 * v)
     # The wrong guess of the scale is that of the hardening spring: its functions are built already.
     verdict = diagnose(oscillator(scale=100.0), runs[:2], runs[2:], jobs=1, advise=False).verdict
-    assert verdict is not None and verdict.kind == "nothing_missing", verdict
+    assert verdict.kind == "nothing_missing", verdict
     assert verdict.parameters["stiffness"]["value"] == pytest.approx(30.0, rel=0.01)
 
 
@@ -125,7 +123,6 @@ def test_a_plant_without_states_is_diagnosed() -> None:
     model, runs = damper(), rubbed()
     few = [e for e in library(model) if e.law in ("coulomb_friction", "cubic_drag", "creep")]
     verdict = diagnose(model, runs[:2], runs[2:], entries=few, jobs=1).verdict
-    assert verdict is not None
     (finding,) = verdict.findings
     assert finding.effect == "coulomb_friction" and finding.occurrence is not None
     assert finding.parameters["level"].value == pytest.approx(4.0, rel=0.01)
@@ -136,7 +133,6 @@ def test_a_hysteresis_is_found_whose_size_nobody_declared(monkeypatch: pytest.Mo
     only(monkeypatch, "bouc_wen_hysteresis", "cubic_stiffness", "coulomb_friction")
     runs = loops()
     verdict = diagnose(hysteretic(), runs[:2], runs[2:], jobs=1, advise=False).verdict
-    assert verdict is not None
     (finding,) = verdict.findings
     assert finding.effect == "bouc_wen_hysteresis"
     found = {name: value.value for name, value in finding.parameters.items()}
@@ -183,9 +179,7 @@ def test_drag_on_a_plant_that_is_unstable_is_named(monkeypatch: pytest.MonkeyPat
     only(monkeypatch, "viscous_friction", "coulomb_friction", "local_catch", "ripple")
     runs = [levitation(seed, drag=0.25) for seed in (1, 2)]
     found = diagnose(maglev(), runs[:1], runs[1:], jobs=1, advise=False)
-    verdict = found.verdict
-    assert verdict is not None
-    (finding,) = verdict.findings
+    (finding,) = found.verdict.findings
     assert finding.effect == "viscous_friction_speed" and finding.belief == "sure"
     # 0.25 N s/m on 50 g; the sensors' noise is a tenth of a percent of their range.
     assert finding.parameters["coefficient"].value == pytest.approx(5.0, rel=0.03)
@@ -209,7 +203,6 @@ def test_what_rubs_on_a_trolley_acts_on_the_load_too() -> None:
     assert len(entries) == 9
     runs = [transport(seed, friction=6.0) for seed in (1, 2)]
     *_, found = stages(crane(), runs[:1], runs[1:], entries=entries, jobs=1, advise=False)
-    assert found.verdict is not None
     (finding,) = found.verdict.findings
     assert finding.effect == "coulomb_friction_force" and finding.belief == "sure"
     assert finding.parameters["level"].value == pytest.approx(6.0, rel=0.03)
@@ -246,7 +239,6 @@ def test_a_decay_that_nothing_drives_is_diagnosed() -> None:
     entries = tuple(e for e in library(swing()) if e.law in laws)
     runs = [swinging_out(1.2), swinging_out(0.8)]
     *_, found = stages(swing(), runs[:1], runs[1:], entries=entries, jobs=1)
-    assert found.verdict is not None
     (finding,) = found.verdict.findings
     assert finding.effect == "coulomb_friction"
     assert finding.parameters["level"].value == pytest.approx(0.3, rel=0.03)
@@ -268,9 +260,8 @@ def test_the_backlash_of_a_coupling_is_found_between_two_bodies(
 ) -> None:
     only(monkeypatch, "backlash", "cubic_stiffness", "coulomb_friction", "viscous_friction")
     runs = [turned(seed, gear=gear, play=0.01) for seed in (1, 2)]
-    verdict = diagnose(drivetrain(gear), runs[:1], runs[1:], jobs=1, advise=False).verdict
-    assert verdict is not None
-    (finding,) = verdict.findings
+    found = diagnose(drivetrain(gear), runs[:1], runs[1:], jobs=1, advise=False)
+    (finding,) = found.verdict.findings
     assert finding.effect.startswith("elastic_play") and finding.belief == "sure"
     assert finding.where == ("motor_speed_load_speed.exchange",)
     assert finding.parameters["half_width"].value == pytest.approx(0.01, rel=0.02)
@@ -280,7 +271,7 @@ def test_a_coupling_of_rubber_lets_go(monkeypatch: pytest.MonkeyPatch) -> None:
     only(monkeypatch, "maxwell_element", "bouc_wen_hysteresis", "cubic_stiffness")
     runs = [turned(seed, relaxing=20.0) for seed in (1, 2)]
     *_, found = stages(drivetrain(), runs[:1], runs[1:], jobs=1, advise=False)
-    assert found.verdict is not None and found.selected is not None
+    assert found.selected is not None
     (finding,) = found.verdict.findings
     # The shafts turn by many radians; starts of windows that are a degree off would hide it all.
     assert finding.belief == "sure" and not found.selected.aside
@@ -292,9 +283,7 @@ def test_a_coupling_of_rubber_lets_go(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_what_changes_at_a_time_is_followed_to_its_instant(monkeypatch: pytest.MonkeyPatch) -> None:
     only(monkeypatch, "parameter_jump", "parameter_curve", "clock_shift")
     runs = [fallen_ill(seed) for seed in (1, 2)]
-    verdict = diagnose(epidemic(), runs[:1], runs[1:], jobs=1, advise=False).verdict
-    assert verdict is not None
-    (finding,) = verdict.findings
+    (finding,) = diagnose(epidemic(), runs[:1], runs[1:], jobs=1, advise=False).verdict.findings
     assert finding.effect == "parameter_jump_contact" and finding.belief == "sure"
     assert finding.parameters["time"].value == pytest.approx(40 * DAY, abs=0.2 * DAY)
     assert finding.parameters["amount"].value == pytest.approx(-0.154 / DAY, rel=0.01)
@@ -319,7 +308,6 @@ def test_three_effects_of_which_two_spoil_free_runs_are_found_together(
     runs = [guided(seed, cubic=6e7, dry=0.9, lag=3e-3) for seed in (1, 2)]
     model, _ = with_undeclared(stage(), runs)
     *_, found = stages(model, runs[:1], runs[1:], jobs=1, advise=False)
-    assert found.verdict is not None
     sizes = {f.effect: [v.value for v in f.parameters.values()] for f in found.verdict.findings}
     assert sizes["cubic_stiffness"] == pytest.approx([6e7 / 0.4], rel=0.02)
     assert sizes["sensor_lag_position"] == pytest.approx([3e-3], rel=0.02)
@@ -346,7 +334,6 @@ def test_a_quick_and_small_machine_is_judged_at_its_own_pace_and_size(
     only(monkeypatch, "sensor_gain", "gain", "cubic_stiffness", "coulomb_friction")
     runs = [ringing(seed, hardening=hardening) for seed in (1, 2)]
     *_, found = stages(resonator(), runs[:1], runs[1:], jobs=1, advise=False)
-    assert found.verdict is not None
     # It moves by half a micrometre as far as 5 V go, and by nothing that a unit would explain.
     assert found.nominal.outputs[0].scale == pytest.approx(1e-7, rel=0.5)
     assert found.verdict.fit["extended"]["position"] < 1.2e-10
@@ -382,9 +369,7 @@ def test_iron_that_saturates_is_a_parameter_that_changes_with_the_current(
 ) -> None:
     only(monkeypatch, "parameter_curve", "ripple", "local_catch", "sensor_offset")
     runs = [levitation(seed, saturated=2.5) for seed in (1, 2)]
-    verdict = diagnose(maglev(), runs[:1], runs[1:], jobs=1, advise=False).verdict
-    assert verdict is not None
-    (finding,) = verdict.findings
+    (finding,) = diagnose(maglev(), runs[:1], runs[1:], jobs=1, advise=False).verdict.findings
     assert finding.effect == "parameter_curve_lift_over_current" and finding.belief == "sure"
     # More current, less force for it.
     assert finding.parameters["amount"].value < 0.0
@@ -419,7 +404,7 @@ def test_a_curve_that_is_an_s_is_refitted_to_its_shape(
         ),
     )
     verdict = diagnose(choke, runs[:1], runs[1:], jobs=1, advise=False).verdict
-    assert verdict is not None and verdict.kind == "named", verdict
+    assert verdict.kind == "named", verdict
     assert verdict.fit["extended"]["i"] < 1.4 * verdict.fit["noise_floor"]["i"]
 
 
@@ -451,7 +436,7 @@ def test_a_friction_of_what_turns_one_way_cannot_be_told_from_a_torque(
         parameters=(Parameter("fan", "N m s2", value=1e-4, lower=0.0, upper=1e-3, fitted=True),),
     )
     verdict = diagnose(wheel, runs[:1], runs[1:], jobs=1, advise=False).verdict
-    assert verdict is not None and verdict.kind == "named_class", verdict
+    assert verdict.kind == "named_class", verdict
     (finding,) = verdict.findings
     assert {"constant_force", "coulomb_friction"} < set(finding.alike)
 
@@ -487,7 +472,7 @@ def test_equations_of_a_fast_machine_are_trusted_as_far_as_they_go(
         ),
     )
     verdict = diagnose(stage, runs[:1], runs[1:], jobs=1, advise=False).verdict
-    assert verdict is not None and verdict.kind == "nothing_missing", verdict
+    assert verdict.kind == "nothing_missing", verdict
 
 
 def test_what_a_later_law_makes_needless_leaves_no_successor(
@@ -504,7 +489,6 @@ def test_what_a_later_law_makes_needless_leaves_no_successor(
         jobs=1,
         advise=False,
     )
-    assert found.verdict is not None
     assert [f.effect for f in found.verdict.findings] == ["stribeck_friction_cart"]
     # 1.4 times 1.066 N at standstill.
     level = found.verdict.findings[0].parameters["break_away"].value
@@ -519,7 +503,7 @@ def test_tyres_that_saturate_are_curves_over_their_slip(monkeypatch: pytest.Monk
     monkeypatch.setattr(task, "library", few)
     found = diagnose(car(), [cornering(1)], [cornering(2)], jobs=1, advise=False)
     verdict = found.verdict
-    assert verdict is not None and verdict.kind == "named"
+    assert verdict.kind == "named"
     names = {f.effect for f in verdict.findings}
     assert names == {"parameter_curve_front_over_argument", "parameter_curve_rear_over_argument"}
     # The runs come from 10 times the noise to the noise.
@@ -577,7 +561,6 @@ def test_one_side_of_a_command_is_weaker_before_an_actuator_that_saturates(
         return Recording(f"run {seed}", 0.05 * np.arange(600), signals)
 
     verdict = diagnose(fan, [run(0), run(1)], [run(2)], jobs=1, advise=False).verdict
-    assert verdict is not None
     (finding,) = verdict.findings
     assert finding.effect == "asymmetric_gain_command_command" and finding.belief == "sure"
     # Of a difference in the middle both sides would change, which no gain after the curve undoes.
@@ -621,7 +604,6 @@ def test_a_control_valve_that_sticks_is_told_with_its_band(
         return Recording(f"run {seed}", 2.0 * at, signals)
 
     verdict = diagnose(tank, [run(0), run(1)], [run(2)], jobs=1, advise=False).verdict
-    assert verdict is not None
     (finding,) = verdict.findings
     assert finding.effect == "command_stiction_valve_command" and finding.belief == "sure"
     assert "band 0.03" in finding.sentence
@@ -632,9 +614,7 @@ def test_a_control_valve_that_sticks_is_told_with_its_band(
 def test_what_flows_in_a_pipe_is_slowed_as_a_body_is(monkeypatch: pytest.MonkeyPatch) -> None:
     only(monkeypatch, "quadratic_drag", "offset", "gain", "sensor_offset")
     runs = [pumped(seed, turbulent=1.3e8) for seed in (1, 2)]
-    verdict = diagnose(pipeline(), runs[:1], runs[1:], jobs=1, advise=False).verdict
-    assert verdict is not None
-    (finding,) = verdict.findings
+    (finding,) = diagnose(pipeline(), runs[:1], runs[1:], jobs=1, advise=False).verdict.findings
     assert (finding.effect, finding.where) == ("quadratic_drag", ("flow.rate",))
     assert finding.parameters["coefficient"].value == pytest.approx(1.3e8 / 3.2e6, rel=0.03)
 
@@ -642,9 +622,7 @@ def test_what_flows_in_a_pipe_is_slowed_as_a_body_is(monkeypatch: pytest.MonkeyP
 def test_a_store_that_no_input_fills_may_spring_a_leak(monkeypatch: pytest.MonkeyPatch) -> None:
     only(monkeypatch, "offset_jump", "offset", "orifice_outflow", "sensor_jump")
     runs = [pumped(1, burst=34.0), pumped(2, burst=51.0)]
-    verdict = diagnose(pipeline(), runs[:1], runs[1:], jobs=1, advise=False).verdict
-    assert verdict is not None
-    (finding,) = verdict.findings
+    (finding,) = diagnose(pipeline(), runs[:1], runs[1:], jobs=1, advise=False).verdict.findings
     assert finding.where == ("pressure.rate",)
     # 5 l/s out of 5e-7 m3/Pa.
     assert finding.parameters["amount"].value == pytest.approx(-1e4, rel=0.03)
@@ -664,7 +642,6 @@ def test_a_sensor_whose_curve_bends_is_no_spring_that_hardens(
         read = true + 0.06 * (true - 0.3) ** 2 + 1e-3 * np.random.default_rng(seed).normal(size=500)
         runs.append(straight.with_signal(Signal("position", read, "m")))
     verdict = diagnose(oscillator(scale=30.0), runs[:1], runs[1:], jobs=1, advise=False).verdict
-    assert verdict is not None
     (finding,) = verdict.findings
     assert finding.effect == "sensor_bend_position", verdict
     found = {name: value.value for name, value in finding.parameters.items()}
@@ -709,9 +686,7 @@ def test_what_drops_with_the_direction_of_a_current_is_named_without_a_port(
         ),
     )
     runs = [_winding(seed) for seed in (1, 2, 3)]
-    verdict = diagnose(coil, runs[:2], runs[2:], jobs=1, advise=False).verdict
-    assert verdict is not None
-    (finding,) = verdict.findings
+    (finding,) = diagnose(coil, runs[:2], runs[2:], jobs=1, advise=False).verdict.findings
     assert finding.effect == "coulomb_friction"
     # 0.5 V over 8 mH.
     assert finding.parameters["level"].value == pytest.approx(62.5, rel=0.03)

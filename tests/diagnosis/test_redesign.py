@@ -33,7 +33,6 @@ BETTER = 0.5
 @pytest.fixture(scope="module")
 def models() -> dict[str, Model]:
     found = diagnosed()
-    assert found.verdict is not None
     return {"nominal": arm(3.0), "refitted": found.base.model, "improved": found.verdict.model}
 
 

@@ -399,7 +399,6 @@ def test_an_error_where_the_author_opened_no_port_is_found_there(
     recordings = [_charged(seed, 0.12) for seed in (1, 2)]
     found = diagnose(_cell(), recordings[:1], recordings[1:], advise=False, jobs=1)
     verdict = found.verdict
-    assert verdict is not None
     # What the ammeter misses in its own circuit is not seen where the start is not known.
     assert {"offset_current_command", "offset_soc_rate"} & {*verdict.findings[0].alike}
     fit = verdict.fit
@@ -498,4 +497,4 @@ def test_a_plant_in_waves_lacks_nothing_where_they_run_straight(tmp_path: Path) 
     assert len(problem.fit[0].time) == 4 * 599 + 1
     assert np.count_nonzero(np.isfinite(problem.fit[0]["position"])) == 600
     found = diagnose(problem.model, problem.fit, problem.hold_out, entries=[], advise=False)
-    assert found.verdict is not None and found.verdict.kind == "nothing_missing"
+    assert found.verdict.kind == "nothing_missing"

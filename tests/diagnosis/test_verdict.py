@@ -175,7 +175,6 @@ def test_a_name_is_doubted_where_equations_leave_something_out_and_run_off(
 ) -> None:
     given, _ = example_diagnosis()
     extended = replace(given.extended, noise_scale=noise_scale)
-    assert given.validated is not None
     found = replace(given, validated=replace(given.validated, extended=extended))
     fit = {
         "noise_floor": {"position": 1e-5},
@@ -199,7 +198,6 @@ def test_runs_that_drift_off_are_told_whatever_a_filter_makes_of_the_equations(
         "workbench.diagnosis.conclude.over_floor", lambda *given: {"position": 150.0}
     )
     assert "the held-out error of position is 200 times the noise." in _rest(given, fit)
-    assert given.selected is not None
     gained = given.rounds[0]
     idle = gained._replace(candidates=tuple(replace(c, gain=0.7) for c in gained.candidates))
     for later, told in ((gained, "; the best candidate for it, coulomb"), (idle, ", and no law")):
@@ -242,13 +240,11 @@ def test_a_model_that_runs_away_is_said_to() -> None:
 
 def test_what_has_a_weight_instead_of_a_finding_cannot_be_told_from_it() -> None:
     given, _ = example_diagnosis()
-    assert given.selected is not None and given.verdict is not None
     name = "coulomb_friction"
     assert [f.alike for f in given.verdict.findings] == [(name,)]
 
     def said(*others: tuple[tuple[str, ...], float]) -> tuple[tuple[str, ...], float, str]:
         sets = [Compared(e, (np.full(20, c / 40),) * 2) for e, c in (((name,), 0.0), *others)]
-        assert given.selected is not None
         selected = replace(given.selected, compared=tuple(sets), penalty=20.0)
         verdict = conclude(replace(given, selected=selected))
         (finding,) = verdict.findings
@@ -277,9 +273,7 @@ def test_what_may_be_the_rest_of_a_larger_finding_is_doubted(
     share: float, elsewhere: bool, doubted: bool
 ) -> None:
     given, _ = example_diagnosis()
-    assert given.validated is not None and given.selected is not None
     (signal,) = given.validated.missing[0]
-    assert signal.occurrence is not None
     port = "elsewhere" if elsewhere else signal.occurrence.port
     small = replace(signal.occurrence, rms=share * signal.occurrence.rms, port=port)
     missing = ((signal,), (replace(signal, occurrence=small),))

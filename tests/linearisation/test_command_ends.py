@@ -45,7 +45,6 @@ def test_a_command_ends_where_the_equations_no_longer_answer() -> None:
     # What bends ends where a twentieth of its slope is left.
     assert ends["soft"] == pytest.approx((-6.53, 6.53), abs=0.01)
     # All of it is no more than what a straight line does with 2.92.
-    assert linear.ends is not None
     assert linear.ends[:, 3] == pytest.approx(np.array([[-2.92, 0.0], [2.92, 0.0]]), abs=0.01)
     assert np.isinf(linear.ends[:, [0, 1, 2, 4], 0][:, [0, 2, 3]]).all()
     assert all(math.isinf(q.upper) for q in tank.inputs)
@@ -67,7 +66,6 @@ def test_ends_that_move_are_told_with_the_states_that_move_them() -> None:
         outputs=(Output("way", "m"),),
     )
     linear = linearise(operating_point(cart), verdict=False)
-    assert linear.ends is not None
     assert linear.ends[:, 1] == pytest.approx(np.array([[-0.025, 0, 1, 0], [0.025, 0, 1, 0]]))
     assert np.isinf(linear.ends[:, 0, 0]).all()
     # The loop within does not let go of a speed that swings further than it reaches.

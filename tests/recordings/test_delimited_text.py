@@ -160,7 +160,6 @@ def test_text_column(tmp_path: Path) -> None:
     path = saved(tmp_path, "\n".join(lines))
     recording = read_recording(path)
     assert recording.names == ("valve", "angle")
-    assert recording.mapping is not None
     assert recording.mapping.unused == (
         ("remark", "holds text in 100 % of its rows (first: 'ok' in line 2)"),
     )

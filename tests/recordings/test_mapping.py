@@ -73,7 +73,6 @@ def test_automatic_mapping_to_a_model(trial: Path) -> None:
     assert recording.names == ("valve", "angle", "pressure_1", "pressure_2")
     assert recording.commands == ("valve",)
     assert recording["pressure_2"][0] == pytest.approx(2e5)
-    assert recording.mapping is not None
     assert {row.signal: row.how for row in recording.mapping} == {
         "time": "mapping file",
         "valve": "synonym",
@@ -96,7 +95,6 @@ def _file(folder: Path, *headers: str) -> Path:
 
 
 def _ways(recording: Recording) -> dict[str, str]:
-    assert recording.mapping is not None
     return {row.signal: row.how for row in recording.mapping}
 
 
@@ -125,7 +123,6 @@ def test_the_last_word_of_a_topic_names_the_signal(tmp_path: Path) -> None:
 def test_a_number_behind_a_name_is_a_word_of_the_header(tmp_path: Path) -> None:
     path = _file(tmp_path, "t [s]", "heater 1 [%]", "heater 2 [%]")
     recording = read_recording(path, signals={"heat2": "1", "heat1": "1"})
-    assert recording.mapping is not None
     assert [row.column for row in recording.mapping][1:] == ["heater 2 [%]", "heater 1 [%]"]
 
 
@@ -148,7 +145,6 @@ def test_a_word_of_two_headers_names_the_one_that_no_other_word_does(tmp_path: P
         "generator speed [rpm]",
     )  # fmt: skip
     recording = read_recording(path, signals=driven_by(_Turbine()))
-    assert recording.mapping is not None
     columns = {row.signal: row.column for row in recording.mapping}
     assert columns["aero"] == "aero torque [kNm]" and columns["torque"] == "generator torque [Nm]"
     assert columns["n_rotor"] == "rotor speed [rpm]"

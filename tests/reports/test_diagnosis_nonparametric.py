@@ -26,9 +26,8 @@ from workbench.reports.page import Page, Words
 @lru_cache(maxsize=2)
 def _page(curve: bool) -> Page:
     found, _ = sprung() if curve else shaken()
-    assert found.verdict is not None
     step = {"sentence": "Read the position twice."}
-    found = replace(found, verdict=replace(found.verdict, next_experiment=step))
+    found = replace(found, concluded=replace(found.verdict, next_experiment=step))
     return diagnosis_page(found, proof_of(found), name="axis")
 
 
@@ -38,7 +37,7 @@ def _words(page: Page) -> str:
 
 def test_a_curve_without_a_name_leads_the_page() -> None:
     found, _ = sprung()
-    assert found.verdict is not None and found.verdict.kind == "located_unnamed"
+    assert found.verdict.kind == "located_unnamed"
     said = _answers(_page(True))
     share = 100 * found.verdict.findings[0].excess_explained
     assert "Missing at axis.force" in said["what"] and "a curve over position" in said["what"]
@@ -67,7 +66,6 @@ def test_the_curve_is_shown_with_its_argument_and_the_improved_run() -> None:
     (located,) = proof_of(found).located
     assert located.argument == "position" and located.law is not None
     # The made-up spring pulls with 200 N/m; the curve is constant beyond its hull.
-    assert found.nonparametric is not None
     low, high = found.nonparametric.hull["position"]
     share = float(((located.argument_values < low) | (located.argument_values > high)).mean())
     assert share > 0.5
@@ -77,7 +75,7 @@ def test_the_curve_is_shown_with_its_argument_and_the_improved_run() -> None:
 
 def test_noise_is_shown_where_it_acts_with_what_was_refused() -> None:
     found, _ = shaken()
-    assert found.verdict is not None and found.verdict.kind == "unexplained"
+    assert found.verdict.kind == "unexplained"
     page = _page(False)
     assert [p.name for p in page.pictures][3:] == ["location", "law-1", "signal-1"]
     assert "extended" not in _table(page, "Errors of").headings
@@ -91,7 +89,6 @@ def test_noise_is_shown_where_it_acts_with_what_was_refused() -> None:
 
 def test_what_was_taken_back_stands_with_the_reason() -> None:
     given, _ = example_diagnosis()
-    assert given.selected is not None and given.validated is not None
     why = "what was found takes away too little on held-out recordings"
     selected = replace(
         given.selected,
@@ -102,8 +99,7 @@ def test_what_was_taken_back_stands_with_the_reason() -> None:
     runs = {**given.runs, "extended": given.runs["refitted"]}
     validated = replace(given.validated, extended=given.base, runs=runs, location=None)
     found = replace(given, selected=selected, validated=validated)
-    found = replace(found, verdict=conclude(found))
-    assert found.verdict is not None
+    found = replace(found, concluded=conclude(found))
     assert found.verdict.kind == "unexplained"
     assert "too little" in taken_back(found)["coulomb_friction"]
     page = diagnosis_page(found, Proof((), ()), name="axis")
@@ -117,15 +113,13 @@ def test_a_value_on_its_bound_stands_first() -> None:
     estimates = given.base.refit.estimates
     bound = tuple(replace(e, on_bound=e.name == "offset") for e in estimates)
     base = replace(given.base, refit=replace(given.base.refit, estimates=bound), noise_scale=0.0)
-    assert given.selected is not None and given.validated is not None
     found = replace(
         given,
         fitted=Fitted(base, given.prepared),
         selected=replace(given.selected, extended=base, nonparametric=None),
         validated=replace(given.validated, refitted=base, extended=base, wrong=("offset",)),
     )
-    found = replace(found, verdict=conclude(found))
-    assert found.verdict is not None
+    found = replace(found, concluded=conclude(found))
     assert found.verdict.kind == "parameter"
     page = diagnosis_page(found, Proof((), ()), name="axis")
     assert page.sections[0].name == "parameters"
@@ -141,7 +135,7 @@ def test_unfit_recordings_come_with_the_usual_fix() -> None:
         {"recording": "two", "check": "clipping", "result": "unfit", "note": "half is clipped"},
     )
     verdict = Verdict("data_unfit", "Recording two cannot be judged: half", axis, data=rows)
-    found = Diagnosis(axis, Prepared((), (), (), rows, verdict.sentence), verdict=verdict)
+    found = Diagnosis(axis, Prepared((), (), (), rows, verdict.sentence), concluded=verdict)
     page = diagnosis_page(found, Proof((), ()), name="x")
     assert page.lead.endswith("half.")
     assert "two fails the check of clipping: half is clipped. Usual fix: widen" in _words(page)
@@ -151,7 +145,6 @@ def test_unfit_recordings_come_with_the_usual_fix() -> None:
 @pytest.mark.parametrize(("curve", "points"), [(True, 6), (False, 2)])
 def test_verdicts_without_a_name_can_be_scored(curve: bool, points: int, tmp_path: Path) -> None:
     found, _ = sprung() if curve else shaken()
-    assert found.verdict is not None
     folder, key, names = tmp_path / "verdicts", tmp_path / "key.json", tmp_path / "names.toml"
     folder.mkdir()
     (folder / "one.json").write_text(found.verdict.to_json())

@@ -114,10 +114,9 @@ def test_the_last_panel_shows_where_the_models_differ() -> None:
 
 def test_the_next_experiment_stands_with_its_separation() -> None:
     found = diagnosed(False)
-    assert found.verdict is not None
     step = {"sentence": "A slow triangle would tell a from b.", "separation_sigma": 5.1}
     verdict = replace(found.verdict, next_experiment=step)
-    page = diagnosis_page(replace(found, verdict=verdict), Proof((), ()), name="axis")
+    page = diagnosis_page(replace(found, concluded=verdict), Proof((), ()), name="axis")
     said = _answers(page)["record next"]
     assert said.endswith("Predicted separation: 5.10 standard deviations.")
 
@@ -149,7 +148,7 @@ def test_a_page_of_unfit_recordings_says_so_and_no_more() -> None:
     model = servo_axis()
     row = {"recording": "one", "check": "gaps", "result": "unfit", "note": "half is missing"}
     verdict = Verdict("data_unfit", "Recording one cannot be judged.", model, data=(row,))
-    found = Diagnosis(model, Prepared((), (), (), (row,), verdict.sentence), verdict=verdict)
+    found = Diagnosis(model, Prepared((), (), (), (row,), verdict.sentence), concluded=verdict)
     page = diagnosis_page(found, Proof((), ()), name="one")
     assert [section.name for section in page.sections] == ["recordings"]
     assert "half is missing" in html(page)

@@ -89,7 +89,6 @@ def test_designs_hold_their_margins_at_both_loads(study: Study) -> None:
         found = study.cases["0 kg horizontal"].controllers[name].designed()
         assert found.sensitivity <= 2.0 and found.complementary <= 2.2 and found.late <= 4.0
     recipe = study.cases[CASE].controllers["cascade PID"]
-    assert recipe.fastest is not None
     loads = [plant.build().parameter("load").value for plant in recipe.fastest.plants]
     assert loads == [3.0, 4.0]
 

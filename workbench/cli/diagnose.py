@@ -91,7 +91,6 @@ def diagnose(
     if machine is not None:
         found = asked.after_experiment(found, machine)
     if as_json:
-        assert found.verdict is not None
         typer.echo(asked.text(found.verdict))
     return 0
 
@@ -119,7 +118,7 @@ class _Asked:
 
         found = self._until_limit()
         typer.echo(f"{found.verdict}\nwork: {in_words(found.work)}", err=self.as_json)
-        if self.out is not None and not (found.verdict and found.verdict.interrupted):
+        if self.out is not None and not found.verdict.interrupted:
             self._write(found, self.out)
             typer.echo(f"open {self.out / 'report.html'}", err=self.as_json)
         return found
@@ -132,7 +131,7 @@ class _Asked:
         from workbench.registry import user_code
 
         plan, problem = _plan(found), self.loaded.problem
-        if plan is None or (found.verdict and found.verdict.interrupted):
+        if plan is None or found.verdict.interrupted:
             return found
         typer.echo(f"{time.perf_counter() - self.begin:6.1f} s  playing {plan.text}", err=True)
         with user_code("the machine"):
@@ -145,7 +144,6 @@ class _Asked:
             write_recording(recording, folder / "recording.csv")
         again = replace(self.loaded, problem=replace(problem, fit=fit, hold_out=hold_out))
         second = replace(self, loaded=again, out=folder).diagnosed()
-        assert found.verdict is not None and second.verdict is not None
         for when, verdict in (("before", found.verdict), ("after", second.verdict)):
             typer.echo(f"{when} the experiment: {verdict.brief}", err=self.as_json)
         return second
@@ -186,7 +184,7 @@ class _Asked:
             asked = self.limit if isinstance(end, TimeUp) else None
             if found is not None:
                 early = conclude_early(found, step, after=asked)
-                found = replace(found, verdict=early)
+                found = replace(found, concluded=early)
                 if self.out is not None:
                     write_whole(self.out / "verdict.json", self.text(early))
             if asked is None:
@@ -229,7 +227,6 @@ class _Asked:
         from workbench.reports.diagnosis_page import diagnosis_page
         from workbench.reports.page import write_page
 
-        assert found.verdict is not None
         with whole_folder(out) as folder:
             write_whole(folder / "verdict.json", self.text(found.verdict))
             page = diagnosis_page(
@@ -274,7 +271,7 @@ def _shared(name: str, loaded: Loaded) -> dict[str, object]:
 def _plan(found: Diagnosis) -> Experiment | None:
     plan = found.validated.plan if found.validated is not None else None
     if plan is None:
-        said = found.verdict.next_experiment.get("sentence", "") if found.verdict else ""
+        said = found.verdict.next_experiment.get("sentence", "")
         typer.echo(f"no input is worth playing next{': ' if said else ''}{said}", err=True)
     return plan
 

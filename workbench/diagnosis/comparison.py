@@ -89,7 +89,7 @@ def located_ports(diagnosis: Diagnosis) -> tuple[str, ...]:
         return diagnosis.accepted[0][0].entry.ports
     if diagnosis.nonparametric is not None and diagnosis.nonparametric.accepted:
         return diagnosis.nonparametric.ports
-    verdict = diagnosis.verdict
+    verdict = diagnosis.concluded
     if diagnosis.before is None or verdict is None or verdict.kind in _NOTHING_LEFT:
         return ()
     if verdict.findings:
@@ -101,7 +101,7 @@ def located_ports(diagnosis: Diagnosis) -> tuple[str, ...]:
 
 def error_rows(diagnosis: Diagnosis) -> tuple[ErrorRow, ...]:
     """Return the free-run errors over all held-out recordings, output by output."""
-    verdict = diagnosis.verdict
+    verdict = diagnosis.concluded
     noise = verdict.fit.get("noise_floor", {}) if verdict else {}
     labels = [label for label, runs in diagnosis.runs.items() if runs]
     first = list(diagnosis.runs[labels[0]].values()) if labels else []

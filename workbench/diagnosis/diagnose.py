@@ -152,7 +152,7 @@ def stages(
     rows = (*rows, *late, *noise)
     found = None
     for found in searched(View(model, rows=rows), folder=folder):
-        if found.verdict is None:
+        if found.concluded is None:
             yield found
     assert found is not None
     for view_of in VIEWS if entries is None else VIEWS[:1]:
@@ -167,7 +167,7 @@ def stages(
                 say("what it finds there runs farther off: the first search stands")
                 break
         assert again is not None
-        better = again.verdict is not None and view.better(again, found)
+        better = again.concluded is not None and view.better(again, found)
         if better:
             found, model, rows = beside(again, found), view.model, view.rows
         else:
@@ -210,7 +210,7 @@ def _stages(
     prepared = replace(prepared, data=(*prepared.data, *view.rows))
     found = Diagnosis(model, prepared, **files.spent)
     if prepared.unfit:
-        yield replace(found, verdict=conclude(found))
+        yield replace(found, concluded=conclude(found))
         return
     yield found
 
@@ -221,7 +221,7 @@ def _stages(
         why = f"The nominal model cannot follow the recordings at all: {error}."
         yield replace(
             found,
-            verdict=Verdict("unexplained", why, model, data=prepared.data, **files.spent),
+            concluded=Verdict("unexplained", why, model, data=prepared.data, **files.spent),
         )
         return
     prepared = fitted.prepared
@@ -279,7 +279,7 @@ def _stages(
         Validated, lambda: validate(finished, advise=advise, jobs=jobs, say=say)
     )
     found = replace(found, validated=validated, **files.spent)
-    yield replace(found, verdict=conclude(found))
+    yield replace(found, concluded=conclude(found))
 
 
 class _Spent(TypedDict):

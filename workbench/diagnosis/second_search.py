@@ -100,16 +100,14 @@ VIEWS = (beside_correlated_noise, where_none_is_declared)
 
 def beside(found: Diagnosis, other: Diagnosis) -> Diagnosis:
     """Return a diagnosis with time and work of another that was made beside it."""
-    assert found.verdict is not None
     seconds = found.seconds + other.seconds
     work = {u: found.work.get(u, 0) + other.work.get(u, 0) for u in {**found.work, **other.work}}
     verdict = replace(found.verdict, seconds=seconds, work=work)
-    return replace(found, seconds=seconds, work=work, verdict=verdict)
+    return replace(found, seconds=seconds, work=work, concluded=verdict)
 
 
 def _misfit(found: Diagnosis, label: str = "extended") -> float:
     """Return the largest error of a model's free runs, over that of noise alone."""
-    assert found.verdict is not None
     fit = found.verdict.fit
     return max(
         (fit[label][o] / max(n, 1e-300) for o, n in fit["noise_floor"].items()), default=math.inf
@@ -129,14 +127,12 @@ def _closer(again: Diagnosis, found: Diagnosis) -> bool:
 
 
 def _unsure(found: Diagnosis) -> bool:
-    assert found.verdict is not None
     return found.verdict.kind in ("unexplained", "likely")
 
 
 def _explained(found: Diagnosis) -> bool:
     """Whether something was found surely, and what is left follows nothing that drives."""
     verdict = found.verdict
-    assert verdict is not None
     if verdict.kind not in ("named", "named_class", "sensor") or found.selected is None:
         return False
     left = _left(found)

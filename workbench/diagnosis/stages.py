@@ -118,19 +118,26 @@ class Diagnosis(Drawn):
     scored: Scored | None = None
     selected: Selected | None = None
     validated: Validated | None = None
-    verdict: Verdict | None = None
+    concluded: Verdict | None = None
     seconds: float = 0.0
     work: Work = field(default_factory=dict)
 
     def tables(self) -> tuple[Rows, ...]:
         """Return the tables of the verdict; none before it."""
-        return self.verdict.tables() if self.verdict is not None else ()
+        return self.concluded.tables() if self.concluded is not None else ()
 
     def __str__(self) -> str:
         """Return the verdict, or how far the diagnosis came."""
-        if self.verdict is not None:
-            return str(self.verdict)
+        if self.concluded is not None:
+            return str(self.concluded)
         return f"diagnosis of {self.nominal.name} without a verdict, {self.seconds:.0f} s"
+
+    @property
+    def verdict(self) -> Verdict:
+        """What the diagnosis says in the end."""
+        if self.concluded is None:
+            raise WorkbenchError("the diagnosis did not get as far as a verdict")
+        return self.concluded
 
     @property
     def base(self) -> ProcessNoiseFit:

@@ -137,7 +137,6 @@ def diagnosed(
     try:
         found = diagnose(model, fit, hold_out, entries=entries, jobs=jobs, advise=advise)
         took = times()
-        assert found.verdict is not None
         return row | {"verdict": found.verdict.as_data(), **took, **more(found)}
     except Exception as error:  # noqa: BLE001
         return row | {"verdict": silent("failed", error), **times()}

@@ -217,7 +217,6 @@ def answer(case: LeftOut, jobs: int) -> dict[str, Any]:
     row = {"schema": "left_out/1", "case": case.name, "physics": case.physics, "version": version()}
 
     def more(found: Diagnosis) -> dict[str, Any]:
-        assert found.verdict is not None
         names = {str(f.effect) for f in found.verdict.findings}
         scores = found.rounds[0][0].scores if found.rounds else ()
         own = next((s for s in scores if s.entry.name in case.answers), None)

@@ -57,11 +57,9 @@ def diagnosis_page(
     """Build the page of a diagnosis.
 
     Raises:
-        ValueError: If the diagnosis has no verdict.
+        WorkbenchError: If the diagnosis has no verdict.
     """
     verdict = diagnosis.verdict
-    if verdict is None:
-        raise ValueError("a page needs a finished diagnosis")
     sections = []
     if diagnosis.runs:
         sections += [

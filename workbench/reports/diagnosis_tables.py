@@ -55,7 +55,7 @@ def parameters_table(diagnosis: Diagnosis) -> Table:
     """
     before = {e.name: e for e in diagnosis.refitted.refit.estimates}
     after = {e.name: e for e in diagnosis.extended.refit.estimates} if diagnosis.improved else {}
-    wrong = diagnosis.verdict is not None and diagnosis.verdict.kind == "parameter"
+    wrong = diagnosis.verdict.kind == "parameter"
     added = [n for n in after if n not in before]
     names = [*added, *before] if diagnosis.accepted else [*before, *added]
     if wrong:

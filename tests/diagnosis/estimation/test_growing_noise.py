@@ -79,7 +79,7 @@ def test_a_right_model_lacks_nothing_and_a_disease_is_found_on_its_day() -> None
     right = diagnose(
         culture(), [_counted("a", 1)], [_counted("b", 2)], entries=few, jobs=1, advise=False
     )
-    assert right.verdict is not None and right.verdict.kind == "nothing_missing"
+    assert right.verdict.kind == "nothing_missing"
     sick = diagnose(
         culture(),
         [_counted("a", 1, sick=8e-6)],
@@ -88,7 +88,6 @@ def test_a_right_model_lacks_nothing_and_a_disease_is_found_on_its_day() -> None
         jobs=1,
         advise=False,
     )
-    assert sick.verdict is not None
     (finding,) = sick.verdict.findings
     assert finding.effect == "parameter_jump_death" and finding.belief == "sure"
     assert finding.parameters["amount"].value == pytest.approx(8e-6, rel=0.05)

@@ -103,9 +103,7 @@ def _diagnosed(drag: float, *laws: str) -> Verdict:
     fitting, judging = _recorded("fit", 1, drag=drag), _recorded("judge", 2, drag=drag)
     few = [h for h in library(drum()) if h.law in laws]
     found = diagnose(drum(), [fitting], [judging], entries=few, jobs=1, advise=False)
-    verdict = found.verdict
-    assert verdict is not None
-    return verdict
+    return found.verdict
 
 
 @pytest.mark.parametrize("compiled", [True, False])

@@ -8,13 +8,12 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from tests.diagnosis.example_diagnosis import example_diagnosis
+from tests.diagnosis.example_diagnosis import example_diagnosis, example_task
 from workbench.diagnosis import diagnose as engine
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
 from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.selection.selected import Selected
-from workbench.diagnosis.selection.task import Task
 from workbench.errors import WorkbenchError
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
@@ -72,7 +71,7 @@ def test_a_heat_that_nobody_reads_is_located_beside_right_parameters() -> None:
     model, runs = _barrel(sheared=False), _runs()
     few = [e for e in library(model) if e.law == "overflow"]
     found = diagnose(model, runs[:1], runs[1:], entries=few, jobs=1, advise=False)
-    assert found.verdict is not None and found.verdict.kind == "unexplained"
+    assert found.verdict.kind == "unexplained"
     assert found.verdict.findings[0].where == ("melt.rate",)
     values = {e.name: e.value for e in found.base.refit.estimates}
     for name in ("wall_capacity", "contact"):
@@ -82,9 +81,8 @@ def test_a_heat_that_nobody_reads_is_located_beside_right_parameters() -> None:
 def test_a_curve_without_a_name_is_looked_for_where_all_is_missing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    given, _ = example_diagnosis()
-    seen, (port, *_) = given.prepared, given.nominal.ports
-    task = Task(given.nominal, given.base, seen.fitting, seen.judging, seen.priors)
+    (given, _), task = example_diagnosis(), example_task()
+    port = given.nominal.ports[0]
     task.__dict__["one_place"] = Location({port.group: 1.0}, {}, 1.0), given.base
     ports = Mock(side_effect=WorkbenchError("asked"))
     monkeypatch.setattr(engine, "nonparametric_term", ports)

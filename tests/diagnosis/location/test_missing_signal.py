@@ -123,7 +123,6 @@ def test_what_the_measurements_do_not_tell_is_left_out() -> None:
 
 def test_a_finding_says_when_with_which_signal_and_where() -> None:
     verdict = diagnosed(True).verdict
-    assert verdict is not None
     (finding,) = verdict.findings
     seen = finding.occurrence
     assert seen is not None and seen.port == "axis.force" and seen.unit == "N"
@@ -139,7 +138,7 @@ def test_a_finding_says_when_with_which_signal_and_where() -> None:
 
 def test_unexplained_names_a_time_a_place_and_a_signal() -> None:
     found, _ = shaken()
-    assert found.verdict is not None and found.verdict.kind == "unexplained"
+    assert found.verdict.kind == "unexplained"
     seen = found.verdict.findings[0].occurrence
     assert seen is not None and seen.spans and seen.places and seen.port == "axis.force"
     # It may act in any recording, not only in those held out.

@@ -55,7 +55,7 @@ def test_the_law_of_a_file_is_found_and_named(tmp_path: Path) -> None:
     every = library(axis, extra=own_laws(axis, [f"law_of_spring:{NAME}"], folder=tmp_path))
     entries = [*options["entries"], *(h for h in every if h.name == NAME)]
     found = diagnose(axis, fit_on, hold_out, **{**options, "entries": entries})
-    assert found.verdict is not None and found.verdict.kind == "named"
+    assert found.verdict.kind == "named"
     (finding,) = found.verdict.findings
     assert finding.effect == NAME
     assert finding.parameters["size"].value == pytest.approx(-200.0, rel=0.01)

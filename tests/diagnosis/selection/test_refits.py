@@ -338,7 +338,6 @@ def test_a_jump_at_time_zero_is_the_offset_that_it_degenerates_to() -> None:
             if q.fitted
         ]
         candidate = _candidate(entry, gain, 0.1)
-        assert candidate.fit is not None
         held_out = (candidate.held_out[0] + unseen, *candidate.held_out[1:])
         fit_on, hold_out = (b + np.tile([-uneven, uneven], 20) for b in candidate.blocks)
         blocks = (fit_on, hold_out - unseen / 40)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.diagnosis.example_diagnosis import example_diagnosis
+from tests.diagnosis.example_diagnosis import example_diagnosis, example_task
 from tests.diagnosis.newcomers import oscillations, oscillator
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import default_priors
@@ -36,10 +36,7 @@ from workbench.physics.library import library
 
 
 def test_effects_that_explain_too_little_are_taken_back_with_the_reason() -> None:
-    given, _ = example_diagnosis()
-    assert given.selected is not None
-    prepared = given.prepared
-    task = Task(given.nominal, given.base, prepared.fitting, prepared.judging, prepared.priors)
+    (given, _), task = example_diagnosis(), example_task()
     gain = given.base.cost - given.selected.fits[1].cost
     little = gain / (0.8 * LEAST_SHARE.value)
     ((found, alike),) = given.selected.accepted
@@ -68,9 +65,7 @@ def test_effects_that_explain_too_little_are_taken_back_with_the_reason() -> Non
 def test_a_search_begins_again_unless_all_is_missing_at_one_place(
     one_place: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    given, _ = example_diagnosis()
-    prepared = given.prepared
-    task = Task(given.nominal, given.base, prepared.fitting, prepared.judging, prepared.priors)
+    (given, _), task = example_diagnosis(), example_task()
     task.__dict__["one_place"] = (Location({}, {}, 0.0), given.base) if one_place else None
     came_to_nothing = Selected(given.base, task.priors, began="creep")
     monkeypatch.setattr(selection_search, "_round", lambda *_: (came_to_nothing, False))
@@ -84,10 +79,8 @@ def test_near_the_noise_what_is_left_may_be_another_effect(
     monkeypatch: pytest.MonkeyPatch, share: float, more: bool
 ) -> None:
     monkeypatch.setattr(selection_search, "_near_noise", lambda *_: True)
-    given, _ = example_diagnosis()
-    assert given.selected is not None and given.scored is not None
-    prepared, extended = given.prepared, replace(given.selected.extended, noise_scale=0.03)
-    task = Task(given.nominal, given.base, prepared.fitting, prepared.judging, prepared.priors)
+    (given, _), task = example_diagnosis(), example_task()
+    extended = replace(given.selected.extended, noise_scale=0.03)
     left = replace(given.scored, excess=100.0, perfect=extended.cost - 100.0 * share)
     before, state = replace(given.base, noise_scale=0.3), replace(given.selected, extended=extended)
     assert selection_search.goes_on(task, left, before, state) is more
@@ -98,21 +91,18 @@ def test_sensors_less_noisy_than_declared_hide_nothing(
     monkeypatch: pytest.MonkeyPatch, near: int, whiteness: float, more: int
 ) -> None:
     monkeypatch.setattr(selection_search, "_near_noise", lambda *_: bool(near))
-    given, _ = example_diagnosis()
-    assert given.selected is not None and given.scored is not None
-    prepared, extended = given.prepared, given.selected.extended
+    (given, _), task = example_diagnosis(), example_task()
+    extended = given.selected.extended
     refit = replace(extended.refit, whiteness=dict.fromkeys(extended.refit.whiteness, whiteness))
     state = replace(given.selected, extended=replace(extended, refit=refit))
-    task = Task(given.nominal, given.base, prepared.fitting, prepared.judging, prepared.priors)
     scored = replace(given.scored, excess=1e3, perfect=extended.cost + 10.0)
-    samples = sum(r.outputs.size for r in prepared.fitting)
+    samples = sum(r.outputs.size for r in task.fitting)
     left = selection_search._left(task, scored, state, 50.0)
     assert left == pytest.approx(0.5 * (1.0 - whiteness) * samples * more - 10.0)
 
 
 def test_an_effect_is_doubted_as_sure_as_it_is_told() -> None:
     given, _ = example_diagnosis()
-    assert given.selected is not None
     fit = given.selected.extended
     vague = tuple(replace(e, std=abs(e.value)) for e in fit.refit.estimates)
     unsure = replace(fit, refit=replace(fit.refit, estimates=vague))
@@ -125,7 +115,6 @@ def test_an_effect_is_doubted_as_sure_as_it_is_told() -> None:
 
 def test_only_what_gains_where_it_was_not_fitted_opens_a_pair() -> None:
     given, _ = example_diagnosis()
-    assert given.selected is not None
     candidate = given.selected.accepted[0].candidate
     asked = Limits(penalty=0.5 * min(candidate.gain, candidate.held_out[0]))
     for rule in (SHARE.name, HELD_OUT.name, FREE_RUN):
@@ -139,14 +128,7 @@ def test_only_what_gains_where_it_was_not_fitted_opens_a_pair() -> None:
 def test_where_the_equations_leave_nothing_out_no_pair_is_searched_for() -> None:
     said: list[str] = []
     given, _ = example_diagnosis()
-    assert given.selected is not None
-    prepared = given.prepared
-    task = Task(
-        given.nominal,
-        given.base,
-        prepared.fitting,
-        prepared.judging,
-        prepared.priors,
+    task = example_task(
         entries=tuple(s.entry for s in given.selected.rounds[0].scores.scores),
         say=said.append,
     )
@@ -155,7 +137,7 @@ def test_where_the_equations_leave_nothing_out_no_pair_is_searched_for() -> None
     assert _openings([opening], asked) == [opening]
     rounds = (given.selected.rounds[0]._replace(candidates=(opening,)),)
     base = replace(given.base, noise_scale=0.3)
-    begun = replace(given.selected, accepted=(), rounds=rounds, extended=base, free=prepared.priors)
+    begun = replace(given.selected, accepted=(), rounds=rounds, extended=base, free=task.priors)
     assert with_pair(task, begun, replace(asked, near_noise=True)) is begun
     perfect = replace(begun, extended=replace(base, noise_scale=0.03))
     assert with_pair(task, perfect, asked) is perfect
@@ -165,9 +147,7 @@ def test_where_the_equations_leave_nothing_out_no_pair_is_searched_for() -> None
 
 
 def test_what_ends_on_its_upper_bound_may_be_too_little() -> None:
-    given, _ = example_diagnosis()
-    prepared = given.prepared
-    task = Task(given.nominal, given.base, prepared.fitting, prepared.judging, prepared.priors)
+    (given, _), task = example_diagnosis(), example_task()
     assert task._more_of == set()
     estimate = given.base.refit.estimates[0]
     prior = replace(estimate.prior, name="drag.level", lower=0.0, mean=1.0, upper=2.0)
@@ -180,10 +160,7 @@ def test_what_ends_on_its_upper_bound_may_be_too_little() -> None:
 
 
 def test_what_ended_as_a_simpler_law_is_told_as_that() -> None:
-    given, _ = example_diagnosis()
-    assert given.selected is not None
-    prepared = given.prepared
-    task = Task(given.nominal, given.base, prepared.fitting, prepared.judging, prepared.priors)
+    (given, _), task = example_diagnosis(), example_task()
     assert simplified(task, given.selected) is given.selected
     (curve,) = (e for e in task.tried(given.base.model) if e.law == "stribeck_friction")
     ((found, _),) = given.selected.accepted
@@ -197,7 +174,7 @@ def test_what_ended_as_a_simpler_law_is_told_as_that() -> None:
     level = given.selected.extended.refit.estimate("coulomb_friction.level").value
     begin = start | {f"{curve.name}.break_away": level, f"{curve.name}.coulomb_share": 1.0}
     model = given.base.model.with_effect(curve.at_size(0.0))
-    free = (*prepared.priors, *own)
+    free = (*task.priors, *own)
     fit = fit_with_process_noise(
         model, task.started(task.fitting, model), free, start=begin, noise_scale=0.03
     )
@@ -211,10 +188,7 @@ def test_what_ended_as_a_simpler_law_is_told_as_that() -> None:
 
 @pytest.mark.parametrize("other", [1.01, -1.0])
 def test_what_ended_alike_in_all_recordings_is_told_as_what_acts_always(other: float) -> None:
-    given, _ = example_diagnosis()
-    assert given.selected is not None
-    prepared = given.prepared
-    task = Task(given.nominal, given.base, prepared.fitting, prepared.judging, prepared.priors)
+    (given, _), task = example_diagnosis(), example_task()
     tried = {e.law: e for e in task.tried(given.base.model)}
     entry = tried["offset_by_recording"]
     (level,) = entry.effect.states
@@ -222,7 +196,7 @@ def test_what_ended_alike_in_all_recordings_is_told_as_what_acts_always(other: f
     entry = replace(entry, effect=replace(entry.effect, states=(level,)))
     own, start = entry_priors(entry)
     model = given.base.model.with_effect(entry.at_size(0.0))
-    free = (*prepared.priors, *own)
+    free = (*task.priors, *own)
     fit = fit_with_process_noise(
         model, task.started(task.fitting, model), free, start=start, noise_scale=0.03
     )

@@ -108,7 +108,6 @@ def test_what_was_found_first_is_chosen_again_beside_what_was_found_since() -> N
     fit = [r for name, r in made.items() if name.startswith("fit")]
     held_out = [r for name, r in made.items() if name.startswith("hold")]
     verdict = diagnose(case.build(), fit, held_out, advise=False).verdict
-    assert verdict is not None
     names = [f.effect for f in verdict.findings]
     assert names[0] == "sensor_offset_angle" and len(names) == 2
     assert verdict.findings[1].where == ("cart.force",)

@@ -30,9 +30,7 @@ NAMED = {"own-2053": "valve_deadband x1"}
 def diagnosed(name: str, folder: Path) -> Verdict:
     found = read_case(made(PLANNED[name], folder))
     fit_on, hold_out = list(found.fit.values()), list(found.hold_out.values())
-    verdict = diagnose(found.model(), fit_on, hold_out, jobs=1).verdict
-    assert verdict is not None
-    return verdict
+    return diagnose(found.model(), fit_on, hold_out, jobs=1).verdict
 
 
 @pytest.mark.parametrize("name", SILENT)

@@ -68,7 +68,6 @@ def test_events_between_even_instants_move_no_sample() -> None:
         Signal("level", time**2, "m"),
     )
     found = check_uniformity(Recording("export", time, signals), Expected())
-    assert found.recording is not None
     assert np.array_equal(found.recording.time, np.arange(40.0))
     assert np.array_equal(found.recording["level"], np.arange(40.0) ** 2)
     # The command of a step is its mean there.

@@ -47,7 +47,7 @@ def run_baselines(cases: Path, out: Path, only: Sequence[str] = ()) -> Iterator[
         case = read_case(folder)
         fit_on, hold_out = tuple(case.fit.values()), tuple(case.hold_out.values())
         for found in stages(case.model(), fit_on, hold_out, advise=False, progress=lambda _: None):
-            if found.fitted is not None or found.prepared.unfit or found.verdict is not None:
+            if found.fitted is not None or found.prepared.unfit or found.concluded is not None:
                 break
         for name, path in open_.items():
             given = (

@@ -166,7 +166,7 @@ def _errors(
 
 
 def _refitted(diagnosis: Diagnosis) -> dict[str, float]:
-    verdict = diagnosis.verdict
+    verdict = diagnosis.concluded
     return dict(verdict.fit.get("refitted", {})) if verdict else {}
 
 

@@ -113,7 +113,6 @@ def answer(machine: Machine, jobs: int) -> dict[str, Any]:
     row = {"schema": "machine/1", "machine": name, "version": version(), "held_out": {}}
 
     def held_out(found: Diagnosis) -> dict[str, Any]:
-        assert found.verdict is not None
         models = {"refitted": found.base.model, "extended": found.verdict.model}
         if entry.get("in_loop"):
             return {"held_out": {k: _in_loop(m, task, entry["output"]) for k, m in models.items()}}

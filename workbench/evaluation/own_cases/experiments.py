@@ -131,7 +131,6 @@ def answer(case: Planned, jobs: int) -> dict[str, Any]:
         rig = RigMachine(json.loads((folder / "truth.json").read_text())["parameters"])
 
         def again(first: Diagnosis) -> dict[str, Any]:
-            assert first.verdict is not None
             plan_ = first.validated.plan if first.validated else None
             if plan_ is None or not is_class(first.verdict.as_data()):
                 return {}
