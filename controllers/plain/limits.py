@@ -26,6 +26,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
@@ -48,7 +49,13 @@ from controllers.plain.loop import (
     spare_outputs,
 )
 from controllers.plain.trial import borne
-from controllers.sensitivity import least_gain, sampled_at
+from controllers.sensitivity import (
+    frequencies,
+    least_gain,
+    loop_matrices,
+    peaks_of,
+    sampled_at,
+)
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import WorkbenchError
 from workbench.linearisation.pace import reach_of
@@ -144,6 +151,9 @@ class ReadingSpecification(LoopSpecification):
     ) -> C:
         """Return a design of the followed outputs, or of others too where that is what it takes.
 
+        It is one whose steps the equations of the plant bear, slower than the linear model lets it
+        be if it must.
+
         Args:
             helps: Tells whether loops of the second limits, which read more, are much better.
 
@@ -152,17 +162,41 @@ class ReadingSpecification(LoopSpecification):
         """
         from workbench.linearisation.state_space import linear_model
 
+        whole = linear_model(linear)
+        best = borne(self.upon(whole, design, helps), whole, self)
+        fast = self.trusted_frequency or math.inf
+        if best.poor:
+            law: Any = best.law
+            loop = peaks_of(loop_matrices(law, whole), frequencies())
+            fast = min(fast, loop.bandwidth / self.sample_time)
+        for share in SLOWER if best.poor and fast < math.inf else ():
+            slower = replace(self, trusted_frequency=share * fast)
+            # A plant that is unstable needs so much.
+            with suppress(WorkbenchError):
+                found = borne(slower.upon(whole, design, helps), whole, self)
+                best = found if found.cost < MUCH_LESS * best.cost else best
+            if not best.poor:
+                break
+        return best.law
+
+    def upon(
+        self,
+        linear: LinearModel,
+        design: Callable[[LoopLimits], C],
+        helps: Callable[[LoopLimits, LoopLimits], bool],
+    ) -> C:
+        """Return a design upon a linear model alone; see `designed`."""
         try:
             loop = self.loop(linear)
         except WorkbenchError:
             # What grows may show at what nobody follows.
-            others = linear_model(linear).output_names
+            others = linear.output_names
             if self.also_measured or len(others) < 2:
                 raise
-            return replace(self, also_measured=others).designed(linear, design, helps)
+            return replace(self, also_measured=others).upon(linear, design, helps)
         more = () if loop.read is not None else spare_outputs(linear, loop)
         if not more:
-            return borne(design(LoopLimits(loop, self)), linear_model(linear), self)
+            return design(LoopLimits(loop, self))
         wider = replace(self, also_measured=more).loop(linear)
         best: tuple[float, C | None] = math.inf, None
         reason: WorkbenchError | None = None
@@ -185,7 +219,7 @@ class ReadingSpecification(LoopSpecification):
                 break
         if best[1] is None:
             raise cast(WorkbenchError, reason)
-        return borne(best[1], linear_model(linear), self)
+        return best[1]
 
 
 class LoopLimits:
@@ -817,6 +851,10 @@ def _designed(designs: Iterable[Callable[[], D]]) -> list[D]:
         raise reason
     return found
 
+
+SLOWER, MUCH_LESS = (0.5, 0.25, 0.12), 0.7
+"""Frequencies up to which a model is trusted that are tried, over what a loop asks of it whose
+steps are poor; and what steps must cost at most, over those of the loop before, to be taken."""
 
 MOST_LATE = 40
 """Samples of a delay up to which steps reckon with it."""

@@ -22,7 +22,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -66,7 +66,13 @@ SHORTLY = 1e-6
 
 def relative_gains(G: Matrix) -> Matrix:
     """Return the relative gain array of a gain of any units, shape (p, m), dimensionless."""
+    G = _even(G)
     return np.asarray(G * np.linalg.pinv(G).T)
+
+
+def _even(G: Any) -> Any:
+    """Return a gain in units in which its outputs move alike, if one integrates more often too."""
+    return np.asarray(G / np.maximum(np.linalg.norm(G, axis=1, keepdims=True), 1e-300))
 
 
 def pairings(loop: Loop) -> Iterator[Pairing]:
@@ -138,7 +144,7 @@ def decoupled(loop: Loop, speed: float = 0.0) -> Matrix:
     126, 1979, algorithm ALIGN.
     """
     G = loop.response([speed])[0] if speed else gain_at_rest(loop)
-    G = G * loop.command_scale / loop.output_scale[:, None]
+    G = _even(G * loop.command_scale)
     inverse, target = np.linalg.pinv(np.vstack([G.real, G.imag])), np.eye(len(G))
     turned = np.exp(1j * PHASES)[:, None, None] * target
     found = inverse @ np.concatenate([turned.real, turned.imag], axis=1)

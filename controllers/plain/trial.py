@@ -4,14 +4,15 @@ A law is designed on the linear model alone. Before it is handed out, it is run 
 equations through a step of each output and back, as far as a first trial steps it
 (`workbench.linearisation.first_step`). Where that overshoots by much more than is allowed, or is
 lost, as where a plant answers more the farther it goes, references are led there in several times
-the rise of the step.
+the rise of the step. Where that does not mend it, nor where the plant does not arrive, as where it
+sticks, the loop is too fast for what the linear model leaves out.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar, cast
 
 import numpy as np
 
@@ -29,25 +30,51 @@ class Stepped(NamedTuple):
     """What a step of an output and back comes to.
 
     Args:
-        overshoot: The larger, as a fraction of the step; infinite where the plant is lost.
+        overshoot: The larger, beyond what is allowed, as a fraction of the step; infinite where the
+            plant is lost.
         error: Integral of time by absolute error, in samples squared, of unit steps.
         rise: Samples after which 63 % of the step is reached.
+        left: How far away it is in the end, the larger, as a fraction of the step.
     """
 
     overshoot: float
     error: float
     rise: int
+    left: float
+
+    def cost(self, power: float = 1.0) -> float:
+        """Return what it comes to, in samples squared, overshoots by a power."""
+        return self.error * float((1.0 + OVERSHOT * self.overshoot) ** power)
+
+    @property
+    def poor(self) -> bool:
+        """Whether no reference alone mends it."""
+        return self.overshoot > POOR or self.left > 0.5 * POOR
 
 
-def borne(law: P, linear: LinearModel, want: LoopSpecification) -> P:
+class Borne(NamedTuple, Generic[P]):
+    """A law whose references suit the equations of its plant.
+
+    Args:
+        cost: What its steps come to, in samples squared; 0 of a plant that has no equations.
+        poor: Whether one of them is.
+    """
+
+    law: P
+    cost: float
+    poor: bool
+
+
+def borne(law: P, linear: LinearModel, want: LoopSpecification) -> Borne[P]:
     """Return the law with references that the equations of its plant bear, each of its own."""
     found: Any = law
     if not bends(linear):
-        return law
-    run = _Run(found, linear, want)
+        return Borne(law, 0.0, False)
+    run, each = _Run(found, linear, want), []
     for i in range(len(found.controlled)):
-        found = run.led(found, i)
-    return cast(P, found)
+        found, stepped = run.led(found, i)
+        each.append(stepped)
+    return Borne(found, sum(one.cost() for one in each), any(one.poor for one in each))
 
 
 class _Run:
@@ -57,28 +84,26 @@ class _Run:
         self.linear, self.want = linear, want
         self.plant = FromRest(linear, want.sample_time, law.actuators, law.sensors)
 
-    def led(self, law: Any, i: int) -> Any:
-        """Return the law with the best references of an output."""
+    def led(self, law: Any, i: int) -> tuple[Any, Stepped]:
+        """Return the law with the best references of an output, and what its step comes to."""
         names, model = law.controlled, self.linear.operating_point.model
         command = command_of_loop(self.linear, names[i]) if len(names) == 1 else ""
         size = step_of(model, self.linear, names[i], names, command)
         first = self.stepped(law, i, size)
-        if first.overshoot < self.want.overshoot + MORE:
-            return law
+        if first.overshoot < MORE:
+            return law, first
         laws = [law, *(slower(law, i, abs(size), by * first.rise) for by in SLOWER)]
         found = [first, *(self.stepped(one, i, size) for one in laws[1:])]
-        over = [max(each.overshoot - self.want.overshoot, 0.0) for each in found]
-        cost = [one.error * (1.0 + OVERSHOT * x) ** 3 for one, x in zip(found, over, strict=True)]
-        return laws[int(np.argmin(cost))]
+        return min(zip(laws, found, strict=True), key=lambda pair: pair[1].cost(3.0))
 
     def stepped(self, law: Any, i: int, size: float) -> Stepped:
         """Return what a step of one output, in SI, and back comes to."""
-        plant, lost = self.plant, Stepped(math.inf, math.inf, 1)
+        plant, lost = self.plant, Stepped(math.inf, math.inf, 1, math.inf)
         plant.start()
         state = law.initial_state(tuple(plant.rest))
         coming = [plant.command] * round(self.want.delay / self.want.sample_time)
         at, asked = law.sensors.index(law.controlled[i]), plant.rest[: len(law.controlled)]
-        overshoot, error, rise = 0.0, 0.0, 0
+        overshoot, error, rise, left = self.want.overshoot, 0.0, 0, 0.0
         for sign in (1.0, -1.0):
             asked[i] += sign * size
             away = np.zeros(SAMPLES)
@@ -98,7 +123,8 @@ class _Run:
             overshoot = max(overshoot, float(away.max()))
             error += float(np.arange(len(away)) @ np.abs(away))
             rise = rise or max(int(np.argmax(away > -0.37)), 1)
-        return Stepped(overshoot, error, rise)
+            left = max(left, float(np.abs(away[-BLOCK:]).mean()))
+        return Stepped(overshoot - self.want.overshoot, error, rise, left)
 
 
 def slower(law: P, i: int, size: float, samples: float) -> P:
@@ -119,6 +145,10 @@ SLOWER = (0.75, 1.1, 1.6, 2.5, 4.0, 8.0)
 
 MORE = 0.03
 """Overshoot beyond what is allowed from which on slower references are tried, as a fraction."""
+
+POOR = 0.06
+"""Overshoot beyond what is allowed, and distance in the end, of a step that asks for another loop,
+as fractions of it."""
 
 OVERSHOT = 10.0
 """What an overshoot beyond that, as a fraction of the step, adds to errors, a ratio."""

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from workbench.arrays import Vector
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.zero_order_hold import zero_order_hold
-from workbench.model import Input, Output
+from workbench.model import EXACT, Input, Output
 from workbench.model.linear_system import LinearEquations
 from workbench.model.sizes import horizon
+from workbench.operating_point import derivatives_of
 
 
 def horizon_of(linear: LinearModel) -> float:
@@ -98,7 +100,8 @@ def reach_of(linear: LinearModel, name: str) -> float:
 
     It is its size. Where nobody declares one and it integrates, it is how far all of the commands
     move it in a tenth of `step_time`, in the middle between that and the same of its fastest mode,
-    before anything grows; and what shows over its noise at least.
+    before anything grows or an angle on the way turns so far that the equations bend; and what
+    shows over its noise at least.
     """
     output = next(q for q in linear.operating_point.model.outputs if q.name == name)
     far = _shows(output)
@@ -108,8 +111,31 @@ def reach_of(linear: LinearModel, name: str) -> float:
         return far
     within = 0.1 * step_time(linear) * math.sqrt(rates.min() / rates.max())
     within = min(within, 2.0 / max(float(own.real.max()), 1e-300))
+    for turned in _turned(linear, name):
+        # A move turns it there, back, to the other side and back.
+        while turned(0.25 * within) > 1.0:
+            within *= 0.9
     shown = SHOWS * noise_of(output)
     return max(shown, _mover(linear, name)(within)) or far
+
+
+def _turned(linear: LinearModel, name: str) -> list[Callable[[float], float]]:
+    """Return what tells how far all commands turn angles, in rad, within a time in s.
+
+    Those count that an output does not show and with which the plant's slopes change.
+    """
+    point, seen = linear.operating_point, linear.select(outputs=[name]).without_unseen()
+    at, names = derivatives_of(point.model, EXACT), [q.name for q in point.model.states]
+    angles = {q.name for q in point.model.states if q.unit == "rad"}
+    slopes, found = at(point.x, point.u, point.model.values)[1], []
+    for k, state in enumerate(seen.state_names):
+        if state in angles and not seen.C[0, k]:
+            i = names.index(state)
+            moved = at(point.x + np.eye(len(names))[i], point.u, point.model.values)[1]
+            if not np.allclose(moved, slopes, rtol=0.1, atol=1e-3 * np.abs(slopes).max()):
+                shown = replace(seen, C=np.eye(len(seen.A))[[k]], D=np.zeros_like(seen.D))
+                found.append(_mover(shown, name))
+    return found
 
 
 def _moved_within(linear: LinearModel, name: str, usual: float, step: float | None) -> float:

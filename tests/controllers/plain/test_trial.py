@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 from controllers.design import DESIGNS
+from controllers.plain.loop import loop_of
+from controllers.plain.pairing import interaction
 from controllers.plain.state_feedback import LQISpecification, design_lqi
 from controllers.sensitivity import peak_sensitivities
 from workbench.linearisation import LinearModel, linearise
 from workbench.linearisation.first_step import step_of
-from workbench.linearisation.pace import usual_sample_time
+from workbench.linearisation.pace import reach_of, usual_sample_time
 from workbench.model import Input, Model, Output, State
 from workbench.operating_point import operating_point
 from workbench.plants.plant import Plant
@@ -168,3 +170,66 @@ def test_what_hysteresis_remembers_makes_no_loop_unstable() -> None:
     linear: LinearModel = linearise(operating_point(finger()))
     law = design_lqi(linear, LQISpecification(sample_time=0.001))
     assert 1.0 < peak_sensitivities(law, linear)[0] < 3.0
+
+
+def stage() -> Model:
+    """A stage whose dry friction is written as a sign."""
+
+    def equations(m: Any) -> Any:
+        force = 2.0 * m.u.volts - 5.0 * np.sign(m.x.v) - 3.0 * m.x.v
+        return {"x": m.x.v, "v": force / 1.5}, {"pos": m.x.x}
+
+    return Model(
+        "stage",
+        equations,
+        states=(State("x", "m"), State("v", "m/s")),
+        inputs=(Input("volts", "V", lower=-24.0, upper=24.0),),
+        outputs=(Output("pos", "m", resolution=1e-6),),
+    )
+
+
+def test_a_loop_that_swings_where_the_plant_sticks_is_designed_slower() -> None:
+    found = _stepped(stage(), "lqi", 2.0)
+    # Upon the linear model alone its command swings from end to end, and 0.2 m are left.
+    assert found["settling_time"] < 0.5
+    assert found["steady_error"] < 1e-3
+
+
+def lander() -> Model:
+    """A body that flies in a plane by its thrust and by turning."""
+
+    def equations(m: Any) -> Any:
+        x = m.x
+        across = -m.u.thrust * np.sin(x.angle) / 4.0 - 0.05 * x.vx
+        up = m.u.thrust * np.cos(x.angle) / 4.0 - 9.81 - 0.05 * x.vy
+        rates = {"x": x.vx, "y": x.vy, "angle": x.turning}
+        rates |= {"vx": across, "vy": up, "turning": m.u.torque / 0.05}
+        return rates, {"x": x.x, "y": x.y}
+
+    return Model(
+        "lander",
+        equations,
+        states=(
+            State("x", "m"),
+            State("y", "m"),
+            State("angle", "rad"),
+            State("vx", "m/s"),
+            State("vy", "m/s"),
+            State("turning", "rad/s"),
+        ),
+        inputs=(
+            Input("thrust", "N", lower=0.0, upper=80.0),
+            Input("torque", "N m", lower=-2.0, upper=2.0),
+        ),
+        outputs=(Output("x", "m", noise_rms=5e-3), Output("y", "m", noise_rms=5e-3)),
+    )
+
+
+def test_a_step_turns_no_angle_on_the_way_over() -> None:
+    # By double integrators behind double ones alone, 2,000 km.
+    assert 1.0 < reach_of(linearise(operating_point(lander())), "x") < 20.0
+
+
+def test_outputs_that_integrate_more_and_less_often_are_paired() -> None:
+    said = interaction(loop_of(linearise(operating_point(lander())), ("x", "y")))
+    assert said[0] == "relative gains at rest: x: 0 thrust, 1 torque; y: 1 thrust, 0 torque"
