@@ -123,6 +123,10 @@ def listed(names: Sequence[str]) -> str:
     return " and ".join(", ".join(names).rsplit(", ", 1))
 
 
+def _do_not(names: Sequence[str]) -> str:
+    return f"{listed(names)} {'do' if len(names) > 1 else 'does'} not"
+
+
 def named(given: str | Sequence[str]) -> tuple[str, ...]:
     """Return the names in a text, between commas, or in a list."""
     parts = given.split(",") if isinstance(given, str) else given
@@ -185,7 +189,7 @@ def loop_of(
     ]
     if still:
         raise WorkbenchError(
-            f"{listed(acting)} {'do' if len(acting) > 1 else 'does'} not move {still[0]} near the"
+            f"{_do_not(acting)} move {still[0]} near the"
             " operating point; take another, where it does: --from or --at, or the nominal of an"
             " input"
         )
@@ -358,12 +362,12 @@ def _check_growing(linear: LinearModel) -> None:
         for table, words in (
             (
                 np.hstack([shifted, B / np.maximum(np.abs(B).max(axis=0), 1e-300)]),
-                f"{listed(linear.input_names)} do not move it: no loop of theirs holds it; command"
+                f"{_do_not(linear.input_names)} move it: no loop of theirs holds it; command"
                 " what does (actuator), or add it to the plant",
             ),
             (
                 np.vstack([shifted, C / np.maximum(np.abs(C).max(axis=1), 1e-300)[:, None]]),
-                f"{listed(linear.output_names)} do not show it: no loop of theirs holds it; follow"
+                f"{_do_not(linear.output_names)} show it: no loop of theirs holds it; follow"
                 " an output that does (measured), or add a sensor to the plant",
             ),
         ):

@@ -13,6 +13,7 @@ from controllers.plain.loop import loop_of
 from controllers.plain.pairing import interaction
 from controllers.plain.state_feedback import LQISpecification, design_lqi
 from controllers.sensitivity import peak_sensitivities
+from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linearise
 from workbench.linearisation.first_step import step_of
 from workbench.linearisation.pace import reach_of, usual_sample_time
@@ -143,7 +144,8 @@ def test_of_outputs_that_one_command_moves_that_is_followed_which_it_holds() -> 
     assert followed_by_default(Plant("wheel", wheel), linear) == ("wheel",)
     law = design_lqi(linear, LQISpecification(sample_time=0.002))
     assert law.controlled == ("wheel",)
-    # What grows does not show at the wheel.
+    with pytest.raises(WorkbenchError, match="and wheel does not show it"):
+        loop_of(linear, "wheel")
     assert set(law.sensors) == {"wheel", "tilt"}
     steps = step_scenario("wheel", 0.0, 80.0, lead=0.2, hold=3.0, sample_time=0.002)
     assert metrics(verify(law, model, steps))["steady_error"].value < 1.0
