@@ -114,9 +114,9 @@ PARAMETERS = (
     Parameter("lower_stop", "rad", 1.0, "angle of the lower stop", 0.0, 0.0, TRAVEL, "paper"),
     Parameter("upper_stop", "rad", 0.0, "angle of the upper stop", TRAVEL, 0.0, TRAVEL, "paper"),
     Parameter("stop_stiffness", "N m/rad", 0.0, "stiffness of a stop", 2e4, 1e3, 1e6, "estimate",
-              fitted=True),
+              fixed=True),
     Parameter("stop_damping", "N m s/rad", 0.0, "damping of a stop", 60.0, 0.0, 1e3, "estimate",
-              fitted=True),
+              fixed=True),
     Parameter("load_cell_arm", "m", 0.0, "lever of the load cell on the lower stop",
               0.367, 0.05, 0.5, "estimate: under the plates"),
 )  # fmt: skip
