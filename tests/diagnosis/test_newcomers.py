@@ -45,6 +45,7 @@ from tests.diagnosis.newcomers import (
     turned,
 )
 from workbench.diagnosis.diagnose import diagnose, stages, validate
+from workbench.diagnosis.estimation.filter import steps_of
 from workbench.diagnosis.estimation.made_up import made_up
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import steps_along
@@ -252,6 +253,26 @@ def test_steps_of_the_filter_follow_where_a_recording_leads() -> None:
     assert steps_along(model, seen).number <= 2
     near = replace(seen, outputs=seen.outputs * [0.03, 1.0])
     assert steps_along(model, near).number > 5
+
+
+def test_states_beyond_the_range_of_the_equations_ask_for_no_steps() -> None:
+    def equations(m: Equations) -> tuple[dict[str, object], dict[str, object]]:
+        reaction = 1.2e9 * np.exp(-8750.0 / m.x.warmth)
+        return {"warmth": 50.0 * reaction + 1e-2 * (m.u.inflow - m.x.warmth)}, {
+            "warmth": m.x.warmth
+        }
+
+    reactor = Model(
+        "reactor",
+        equations,
+        states=(State("warmth", "K", 10.0, initial=300.0),),
+        inputs=(Input("inflow", "K", 10.0),),
+        outputs=(Output("warmth", "K", 10.0),),
+    )
+    # Below zero absolute the exponential has no bound.
+    at = np.array([[300.0], [310.0], [-5.0]])
+    usual, all_states = (steps_of(reactor, 2.0, x, 0.0 * x + 300.0) for x in (at[:2], at))
+    assert all_states == usual and usual.number == 1
 
 
 @pytest.mark.parametrize("gear", [pytest.param(1.0, marks=pytest.mark.long), 4.0])

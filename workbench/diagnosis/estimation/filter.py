@@ -44,6 +44,10 @@ _FORGOTTEN = 1e-3
 """Part of a mode that fades in one sample at least: what is older than a thousand samples is
 corrected by the measurements."""
 
+_BEYOND = 1e50
+"""Slope, in SI, that no machine has: there the equations have left their range, as an Arrhenius law
+below zero absolute, and tell nothing of steps."""
+
 _BLOCK = 100
 """Samples per call of the interpreted filter."""
 
@@ -111,7 +115,7 @@ def steps_of(model: Model, sample_time: float, states: Vector, inputs: Vector) -
         function = model.form(form).jacobian_function
         slopes = np.asarray(function(states.T, inputs.T, model.values)[0], dtype=float)
         each = slopes.reshape(len(slopes), len(states), -1).transpose(1, 0, 2)
-        modes = np.linalg.eigvals(np.nan_to_num(each)) * sample_time
+        modes = np.linalg.eigvals(np.where(np.abs(each) < _BEYOND, each, 0.0)) * sample_time
         fastest = np.maximum(fastest, np.abs(modes).max(axis=1, initial=0.0))
         # A step of angle w is late by w^5 / 120, summed up for as long as the mode remembers.
         turned, faded = np.abs(modes.imag), np.maximum(np.abs(modes.real), _FORGOTTEN)
