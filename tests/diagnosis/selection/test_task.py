@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,9 +12,12 @@ import pytest
 from workbench.diagnosis.estimation.made_up import made_up, pushes
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+from workbench.diagnosis.selection.candidate import Candidate
+from workbench.diagnosis.selection.selected import Accepted, Selected
 from workbench.diagnosis.selection.task import Task
 from workbench.physics.drift import offset_pulse
-from workbench.physics.stiffness import ripple
+from workbench.physics.library import library
+from workbench.physics.stiffness import linear_spring, ripple
 from workbench.plants.servo_axis import servo_axis
 
 
@@ -48,3 +52,21 @@ def test_an_episode_is_looked_for_beside_parameters_off_their_bounds() -> None:
     (pulse,) = (h for h in task.tried(axis) if h.name == "offset_pulse_axis_force")
     began, lasted = (q.value for q in pulse.effect.parameters if q.name in ("time", "duration"))
     assert began == pytest.approx(4.0, abs=0.2) and lasted == pytest.approx(2.5, abs=0.2)
+
+
+def test_without_an_effect_the_others_begin_where_they_came_to_with_it() -> None:
+    axis, frequency = servo_axis(), 2.0 * math.pi / 0.0314
+    magnets = ripple("axis.force", amplitude=30.0, frequency=frequency)
+    seen = made_up(axis.with_effect(magnets), pushes(600, largest=200.0, seed=1), sample_time=0.01)
+    model = axis.with_effect(magnets).with_effect(linear_spring("axis.force", stiffness=0.0))
+    fit = partial(fit_with_process_noise, model, [seen], default_priors(model), noise_scale=1.0)
+    far = fit(start={"ripple.frequency": 1.3 * frequency}, follow=False)
+    full = replace(fit(start={"ripple.frequency": frequency}), passed=far)
+    (spring,) = (h for h in library(axis) if h.name == "linear_spring")
+    found = Accepted(Candidate(spring, full, 0.0, (0.0, 0.0, 0.0)), ())
+    state = Selected(accepted=(found,), extended=full, fits=(full,), free=default_priors(model))
+    without = Task(axis, full, (seen,), (), default_priors(axis)).without(state, found)
+    assert without is not None
+    # From values before it the pitch of the magnets is not found: 3,000 of log likelihood.
+    assert without[0].cost < full.cost + 5.0
+    assert without[0].refit.estimate("ripple.frequency").value == pytest.approx(frequency, rel=0.01)

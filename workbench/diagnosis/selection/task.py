@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -149,19 +150,21 @@ class Task:
     ) -> Shorter:
         begun = full.passed or full
         model = begun.model.without(name)
-        values = {
-            e.name: e.value for e in begun.refit.estimates if not e.name.startswith(f"{name}.")
-        }
-        free = tuple(p for p in known if p.name in values)
         recordings = self.started(self.fitting, model)
-        try:
-            fit = fit_with_process_noise(
-                model, recordings, free, start=values, noise_scale=begun.noise_scale
-            )
-        except Exception:  # noqa: BLE001
+        found: list[tuple[ProcessNoiseFit, tuple[Prior, ...]]] = []
+        # Values from before the others were found may lead elsewhere than those with them.
+        for fit in (begun, full) if begun is not full else (full,):
+            values = {
+                e.name: e.value for e in fit.refit.estimates if not e.name.startswith(f"{name}.")
+            }
+            free = tuple(p for p in known if p.name in values)
             # A model that cannot be fitted without the effect needs it.
-            return None
-        return fit, free
+            with contextlib.suppress(Exception):
+                shorter = fit_with_process_noise(
+                    model, recordings, free, start=values, noise_scale=begun.noise_scale
+                )
+                found.append((shorter, free))
+        return min(found, key=lambda each: each[0].cost, default=None)
 
     @cached_property
     def off_bounds(self) -> Model:
