@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from casadi import cos
@@ -10,11 +12,19 @@ from scipy.integrate import solve_ivp
 from tests.diagnosis.newcomers import levels, oscillator, recorded
 from tests.diagnosis.test_newcomers import only
 from workbench.arrays import Vector
-from workbench.diagnosis.diagnose import diagnose
+from workbench.diagnosis.diagnose import diagnose, fit, prepare, validate
+from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
+from workbench.diagnosis.estimation.priors import default_priors
+from workbench.diagnosis.estimation.process_noise import extended_start, fit_with_process_noise
+from workbench.diagnosis.selection.candidate import Candidate
+from workbench.diagnosis.selection.selected import Accepted, Selected
+from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Verdict
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
+from workbench.physics.library import library
 from workbench.physics.place import Survey, term_of
+from workbench.plants.servo_axis import servo_axis
 from workbench.recordings.recording import Recording, Signal
 
 STEP, SAMPLES = 0.02, 600
@@ -340,3 +350,35 @@ def test_what_repeats_with_each_turn_is_named_wherever_a_recording_begins(
     assert finding.parameters["stride"].value == pytest.approx(2.0 * np.pi * 0.31, rel=2e-3)
     assert finding.parameters["stride"].unit == "m"
     assert verdict.fit["extended"]["tension"] < 1.2 * 0.15
+
+
+def test_what_is_left_beside_one_episode_is_told_with_its_time() -> None:
+    axis = servo_axis()
+    (pulse,) = (
+        h
+        for h in library(axis, duration=6.0, sample_time=0.01, episode=(4.0, 4.6))
+        if h.name == "offset_pulse_axis_force"
+    )
+    found = axis.with_effect(pulse.at_size(-100.0))
+    # The second episode is of the same kind: no law is found twice.
+    other = np.where((np.arange(600) > 100) & (np.arange(600) < 160), -100.0, 0.0)
+    runs = []
+    for seed in (1, 2):
+        force = pushes(600, largest=200.0, seed=seed)
+        run = made_up_recording(found, force + other, sample_time=0.01, name=f"axis {seed}")
+        name = axis.inputs[0].name
+        runs.append(run.with_signal(replace(run.signal(name), values=force)))
+    priors = default_priors(found)
+    prepared = prepare(axis, runs[:1], runs[1:], default_priors(axis))
+    fitted = fit(axis, prepared)
+    started = [extended_start(r, axis, found) for r in fitted.prepared.fitting]
+    extended = fit_with_process_noise(found, started, priors)
+    accepted = (Accepted(Candidate(pulse, extended, 0.0, (0.0, 0.0, 0.0)), ()),)
+    selected = Selected(extended, priors, accepted=accepted, fits=(fitted.base, extended))
+    diagnosis = Diagnosis(axis, fitted.prepared, fitted, selected=selected)
+    rest = validate(diagnosis, advise=False, say=str).rest
+    assert rest is not None
+    assert {span.recording for span in rest.spans} == {"axis 1", "axis 2"}
+    for span in rest.spans:
+        assert 0.8 < span.begin < 1.2 and 1.4 < span.end < 1.8
+    assert rest.sentence("What is left").startswith("What is left acts from ")

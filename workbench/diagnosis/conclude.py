@@ -568,15 +568,16 @@ def _rest(diagnosis: Diagnosis, fit: Mapping[str, Mapping[str, float]]) -> str:
         f" Something else is still left out: the held-out error of {output.replace('_', ' ')} is"
         f" {over[output]:.3g} times the noise"
     )
+    rest = diagnosis.validated and diagnosis.validated.rest
     later = diagnosis.rounds[len(diagnosis.accepted) :]
     tried = [c for _, candidates in later[:1] for c in candidates if c.fit is not None]
-    if not tried:
-        return f"{said}."
-    best = max(tried, key=lambda c: c.gain)
-    if best.gain < LEAST_GAIN:
-        return f"{said}, and no law of the library explains more of it."
-    name = best.entry.name.replace("_", " ")
-    return f"{said}; the best candidate for it, {name}, gains {best.gain:.3g} of log likelihood."
+    best = max(tried, key=lambda c: c.gain, default=None)
+    if best is not None and best.gain < LEAST_GAIN:
+        said += ", and no law of the library explains more of it"
+    elif best is not None:
+        name = best.entry.name.replace("_", " ")
+        said += f"; the best candidate for it, {name}, gains {best.gain:.3g} of log likelihood"
+    return f"{said}. {rest.sentence('What is left')}" if rest else f"{said}."
 
 
 def _over(fit: Mapping[str, Mapping[str, float]]) -> dict[str, float]:

@@ -458,13 +458,21 @@ def validate(found: Diagnosis, *, advise: bool = True, jobs: int = 1, say: Progr
     validated = Validated(refitted, extended, runs, location, wrong=wrong)
     found = replace(found, validated=validated)
     questions: list[Call[Any]] = [(missing_signals, (found,))]
+    if location is not None and extended.noise_scale > IMPERFECT.value:
+        assert found.fitted is not None
+        told = replace(found.fitted, base=extended)
+        left = Diagnosis(found.nominal, prepared, told, Located(location))
+        questions.append((missing_signals, (left,)))
     if advise:
         questions.append((_advice, (found,)))
     say("telling when and where it acts" + (", choosing what to record next" if advise else ""))
-    (missing, why), *advices = in_order(questions, jobs=jobs)
+    (missing, why), *others = in_order(questions, jobs=jobs)
     validated = replace(validated, missing=missing, not_shown=why)
-    for advice in advices:
+    if advise:
+        advice = others.pop()
         validated = replace(validated, advice=advice.said, plan=advice.plan)
+    for (left, *_), _ in others:
+        validated = replace(validated, left=left)
     return validated
 
 

@@ -78,6 +78,8 @@ class Validated:
         location: Where the extended model lacks something; None if nothing was found.
         plan: The input to play next on the machine as it is set; None if no input is worth it.
         missing: What is missing, by finding; of the located group where nothing was found.
+        left: What is missing beside all that was found, where the equations still leave something
+            out.
         not_shown: Why there is no such signal; empty if there is one.
         wrong: Parameters on a bound of a model that lacks nothing else, whose usual values the
             held-out recordings refuse.
@@ -90,14 +92,23 @@ class Validated:
     advice: Mapping[str, Any] = field(default_factory=dict)
     plan: Experiment | None = None
     missing: tuple[tuple[MissingSignal, ...], ...] = ()
+    left: tuple[MissingSignal, ...] = ()
     not_shown: str = ""
     wrong: tuple[str, ...] = ()
 
     def occurrence(self, index: int = 0) -> Occurrence | None:
         """Return when and where a finding acts most; None if that is not known."""
-        signals = self.missing[index] if index < len(self.missing) else ()
-        known = [signal.occurrence for signal in signals if signal.occurrence is not None]
-        return max(known, key=lambda found: found.rms, default=None)
+        return _strongest(self.missing[index] if index < len(self.missing) else ())
+
+    @property
+    def rest(self) -> Occurrence | None:
+        """When and where acts most what is left beside all that was found; None if unknown."""
+        return _strongest(self.left)
+
+
+def _strongest(signals: tuple[MissingSignal, ...]) -> Occurrence | None:
+    known = [signal.occurrence for signal in signals if signal.occurrence is not None]
+    return max(known, key=lambda found: found.rms, default=None)
 
 
 @dataclass(frozen=True, repr=False)

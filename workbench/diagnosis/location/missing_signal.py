@@ -150,13 +150,17 @@ class Occurrence:
         largest, unit = readably(self.largest, self.unit, self.shown)
         return f"{largest:.3g} {written_unit(unit)}".rstrip()
 
-    def __str__(self) -> str:
-        """Return it as a sentence."""
+    def sentence(self, subject: str = "It") -> str:
+        """Return it as a sentence about something."""
         again = f" It repeats every {in_time(self.period)}." if math.isfinite(self.period) else ""
         return (
-            f"It acts {self.when}, {self.where}: {self.how_large} root mean square at {self.port}."
-            f"{again}"
+            f"{subject} acts {self.when}, {self.where}: {self.how_large} root mean square at"
+            f" {self.port}.{again}"
         )
+
+    def __str__(self) -> str:
+        """Return it as a sentence."""
+        return self.sentence()
 
     def as_data(self) -> dict[str, object]:
         """Return it as plain data, in SI."""
