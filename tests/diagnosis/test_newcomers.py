@@ -502,15 +502,10 @@ def test_what_a_later_law_makes_needless_leaves_no_successor(
     # A cart that sticks on its rail: LuGre is found first, and Stribeck needs nothing beside it.
     case = next(c for c in plan(60, 20_000) if c.seed == 20_059)
     only(monkeypatch, "stribeck_friction", "lugre_friction", "quadratic_drag")
-    recordings = case.recordings()
-    found = diagnose(
-        case.build(),
-        [recordings["fit_1"], recordings["fit_2"]],
-        [recordings["hold_1"], recordings["hold_2"]],
-        jobs=1,
-        advise=False,
-    )
+    runs = case.recordings()
+    found = diagnose(case.build(), [runs["fit_1"]], [runs["hold_1"]], jobs=1, advise=False)
     assert [f.effect for f in found.verdict.findings] == ["stribeck_friction_cart"]
+    assert [gone.candidate.entry.law for gone in found.withdrawn] == ["lugre_friction"]
     # 1.4 times 1.066 N at standstill.
     level = found.verdict.findings[0].parameters["break_away"].value
     assert level == pytest.approx(1.493, rel=0.05)
