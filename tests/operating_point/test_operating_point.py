@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import pickle
 import re
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -99,6 +101,19 @@ def test_an_impossible_trim_says_what_would_be_possible() -> None:
         weak(0.96 * float(supply[1]))
     lighter = arm(0.97 * float(load[1]), plane="vertical", supply_bar=2.0)
     assert operating_point(lighter, {"angle": 0.0})
+
+
+def test_what_would_be_possible_is_worked_out_when_somebody_reads_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    advice = Mock(return_value="take another")
+    monkeypatch.setitem(operating_point.__globals__, "what_would_be_possible", advice)
+    with pytest.raises(WorkbenchError) as caught:
+        operating_point(arm(8.0, plane="vertical", supply_bar=2.0), {"angle": 0.0})
+    assert advice.call_count == 0
+    # Another process is told the same.
+    assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)  # noqa: S301
+    assert str(caught.value).endswith("take another") and advice.call_count == 1
 
 
 def test_states_of_effects_are_trimmed_too() -> None:

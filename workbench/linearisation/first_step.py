@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -17,23 +18,31 @@ from workbench.model import Input, Model
 from workbench.model.units import from_si, of_difference, to_si
 from workbench.operating_point import operating_point
 
+_KNOWN: WeakKeyDictionary[LinearModel, dict[tuple[object, ...], float]] = WeakKeyDictionary()
+
 
 def step_of(
     model: Model, linear: LinearModel, name: str, followed: Sequence[str], command: str = ""
 ) -> float:
     """Return by how much a first trial steps an output, in SI.
 
+    Every design of a linear model asks for the same, so it is kept as long as that is.
+
     Args:
         linear: The model that controllers are designed on.
         followed: Controlled outputs, which are at rest before.
         command: What a single loop commands; all else rests.
     """
-    about = next(q for q in model.outputs if q.name == name)
-    # A size that nobody declared is all that the inputs bring about, from end to end.
-    size = reach_of(linear, name)
-    size = size if about.sized else _round(0.25 * size, about.display_unit)
-    y0 = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
-    return _reached(model, linear, name, size, {n: y0[n] for n in followed}, command)
+    kept = _KNOWN.setdefault(linear, {})
+    asked = (model.exact, model.values.tobytes(), name, *followed, command)
+    if asked not in kept:
+        about = next(q for q in model.outputs if q.name == name)
+        # A size that nobody declared is all that the inputs bring about, from end to end.
+        size = reach_of(linear, name)
+        size = size if about.sized else _round(0.25 * size, about.display_unit)
+        y0 = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
+        kept[asked] = _reached(model, linear, name, size, {n: y0[n] for n in followed}, command)
+    return kept[asked]
 
 
 def _round(size: float, unit: str) -> float:

@@ -39,7 +39,7 @@ _RESPONSE = frozenset(
 """What python-control's plots read from a frequency response."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class LinearModel(Drawn):
     """A linear model around an operating point.
 

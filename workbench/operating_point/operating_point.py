@@ -184,7 +184,7 @@ def operating_point(
         # What nominal inputs do not carry, or fill and empty, is held where it starts.
         if not given and (held := _held_at_start(model, bounds, near)):
             return held
-        raise _impossible(problem, solution)
+        raise _NoPointError(lambda: _impossible(problem, solution))
     # By itself it would not come to rest there, nor stay: a command that holds it does.
     leaves = not given and np.any(model.initial_state()) and _runs_away(model, solution)
     if leaves and (held := _held_at_start(model, bounds, near)):
@@ -467,14 +467,26 @@ def _asked(problem: Problem) -> str:
     )
 
 
-def _impossible(problem: Problem, solution: Solution) -> WorkbenchError:
+class _NoPointError(WorkbenchError):
+    """There is no operating point; what would be possible is worked out when somebody reads it."""
+
+    def __str__(self) -> str:
+        if callable(self.args[0]):
+            self.args = (self.args[0](),)
+        return str(self.args[0])
+
+    def __reduce__(self) -> tuple[type[WorkbenchError], tuple[str]]:
+        return WorkbenchError, (str(self),)
+
+
+def _impossible(problem: Problem, solution: Solution) -> str:
     model = problem.model
     advice = (
         what_would_be_possible(problem, solution)
         if math.isfinite(solution.residual)
         else f"the {solution.worst} is no number there: divide by nothing that may be zero"
     )
-    return WorkbenchError(
+    return (
         f"there is no operating point of {model.name!r}"
         f"{f' ({model.description})' if model.description else ''} with"
         f" {_asked(problem)}; {advice}"

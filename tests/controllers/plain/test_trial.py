@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from controllers.plain.pairing import interaction
 from controllers.plain.state_feedback import LQISpecification, design_lqi
 from controllers.sensitivity import peak_sensitivities
 from workbench.errors import WorkbenchError
-from workbench.linearisation import LinearModel, linearise
+from workbench.linearisation import LinearModel, first_step, linearise
 from workbench.linearisation.first_step import step_of
 from workbench.linearisation.pace import reach_of, usual_sample_time
 from workbench.model import Input, Model, Output, State
@@ -235,3 +236,16 @@ def test_a_step_turns_no_angle_on_the_way_over() -> None:
 def test_outputs_that_integrate_more_and_less_often_are_paired() -> None:
     said = interaction(loop_of(linearise(operating_point(lander())), ("x", "y")))
     assert said[0] == "relative gains at rest: x: 0 thrust, 1 torque; y: 1 thrust, 0 torque"
+
+
+def test_how_far_a_step_goes_is_looked_for_once_by_all_designs_of_a_linear_model(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    reached = Mock(return_value=1e-9)
+    monkeypatch.setattr(first_step, "_reached", reached)
+    linear = linearise(operating_point(plates()))
+    model, output = linear.operating_point.model, linear.output_names[0]
+    assert [step_of(model, linear, output, (output,)) for _ in range(2)] == [1e-9, 1e-9]
+    assert reached.call_count == 1
+    step_of(model, linear, output, (output,), model.inputs[0].name)
+    assert reached.call_count == 2
