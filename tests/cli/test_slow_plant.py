@@ -116,6 +116,33 @@ def test_a_slow_output_beside_a_fast_one_is_run_until_it_settles(here: Path, she
     assert slow["y_0.settling_time"]["value"] > 10.0 > fast["y_1.settling_time"]["value"]
 
 
+def test_a_step_that_takes_all_of_a_command_is_run_until_it_settles(
+    here: Path, shell: Shell
+) -> None:
+    # The shaft swings at 21 Hz, and all of the torque takes half a second to the speed.
+    (here / "drives.py").write_text(
+        """
+import numpy as np
+from workbench.model import Input, Model, Output, State
+
+def two_masses():
+    def equations(m):
+        shaft = 300.0 * m.x.twist + 0.2 * (m.x.motor - m.x.load)
+        rub = 0.5 * np.tanh(m.x.load / 0.05) + 0.02 * m.x.load
+        rates = {"motor": (m.u.torque - shaft - 0.01 * m.x.motor) / 0.02}
+        rates |= {"load": (shaft - rub) / 0.1, "twist": m.x.motor - m.x.load}
+        return rates, {"n": m.x.load}
+
+    return Model("two masses", equations,
+        states=(State("motor", "rad/s"), State("load", "rad/s"), State("twist", "rad")),
+        inputs=(Input("torque", "N m", lower=-20.0, upper=20.0),),
+        outputs=(Output("n", "rad/s", noise_rms=0.02),))
+"""
+    )
+    (found,) = shell("verify --plant drives:two_masses -c lqi --json").result["runs"]
+    assert 0.4 < found["metrics"]["settling_time"]["value"] < 0.7
+
+
 def greenhouse() -> Model:
     """Air that is warm within minutes, above soil that takes half a day."""
     return Model(

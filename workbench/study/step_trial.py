@@ -384,10 +384,10 @@ def settling(
 ) -> Needed:
     """Return the time between steps that the slowest loop needs.
 
-    It is twice what that loop takes to settle, or five times that where this is less than they
-    have, as of fast loops of slow plants: a step that a command's end slows down still shows, and
-    the step back. One that ends near the end of a command keeps the time of the plant, up to
-    `LONGEST` samples.
+    It is twice what that loop takes to settle, with the time of commands that are at their ends, or
+    five times what it takes where this is less than they have, as of fast loops of slow plants: a
+    step that a command's end slows down still shows, and the step back. One that ends near the end
+    of a command keeps the time of the plant, up to `LONGEST` samples.
     """
     slow: dict[str, float] = {}
     changes = {name: signal.changes for name, signal in scenario.references.items()}
@@ -413,10 +413,11 @@ def settling(
         all_told = all_told and told
     if not long:
         return Needed(0.0, slow)
-    if (least := rounded_up(2.0 * long)) > usual:
-        return Needed(least, slow)
     # A step back may have less of the command than the step, as what only cools.
-    enough = max(5.0 * long, 2.0 * (long + ended))
+    both = 2.0 * (long + ended)
+    if (least := rounded_up(2.0 * long)) > usual:
+        return Needed(rounded_up(both) if both < math.inf else least, slow)
+    enough = max(5.0 * long, both)
     if not room:
         enough = max(enough, LONGEST * scenario.sample_time)
     ends = all_told and enough < 0.99 * usual
