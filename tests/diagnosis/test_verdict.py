@@ -12,6 +12,7 @@ import pytest
 
 from tests.diagnosis.example_diagnosis import example_diagnosis
 from workbench.diagnosis.conclude import (
+    _add_up,
     _along,
     _beside_larger,
     _beyond,
@@ -28,6 +29,7 @@ from workbench.model.trace import Equations
 from workbench.physics.friction import coulomb_friction
 from workbench.physics.library import library
 from workbench.physics.stiffness import linear_spring
+from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
 
 
@@ -262,6 +264,24 @@ def test_what_has_a_weight_instead_of_a_finding_cannot_be_told_from_it() -> None
     assert said((("linear_spring",), 5.0))[::2] == ((name,), "named")
     alike, weight, _ = said((("linear_spring", "creep"), -20.0))
     assert alike == (name,) and weight == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(("one", "other", "found"), [
+    ("joint.torque", "lower_stop.torque", True),
+    ("joint.torque", "muscle_1.tension", False),
+    ("chamber_1.flow", "chamber_2.flow", False),
+    ("angle.reading", "angle.reading", True),
+])  # fmt: skip
+def test_signals_add_up_where_they_enter_one_rate_in_one_unit(
+    one: str, other: str, found: bool
+) -> None:
+    given, _ = example_diagnosis()
+    assert given.validated is not None
+    signal = given.validated.occurrence()
+    assert signal is not None
+    model = arm()
+    units = {port.name: port.unit for port in model.ports}
+    assert _add_up(model, *(replace(signal, port=p, unit=units[p]) for p in (one, other))) == found
 
 
 @pytest.mark.parametrize(("share", "elsewhere", "doubted"), [

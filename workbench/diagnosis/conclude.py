@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 
 from workbench.diagnosis.estimation.fixed_parameters import value_instead
@@ -439,8 +440,9 @@ def _beside_larger(diagnosis: Diagnosis, index: int) -> tuple[str, ...]:
     own = validated.occurrence(index) if validated else None
     if validated is None or own is None:
         return ()
+    model = diagnosis.nominal
     others = ((i, validated.occurrence(i)) for i in range(len(diagnosis.accepted)) if i != index)
-    larger = [(o.rms, i) for i, o in others if o is not None and o.port == own.port]
+    larger = [(o.rms, i) for i, o in others if o is not None and _add_up(model, o, own)]
     most, which = max(larger, default=(0.0, 0))
     if own.rms >= BESIDE_LARGER.value * most:
         return ()
@@ -448,6 +450,17 @@ def _beside_larger(diagnosis: Diagnosis, index: int) -> tuple[str, ...]:
     return (
         f"it is {100 * own.rms / most:.0f} % of {name} at {own.port}, of whose shape it may be the"
         " rest",
+    )
+
+
+def _add_up(model: Model, one: Occurrence, other: Occurrence) -> bool:
+    """Say whether two signals are at one place, or add up in the rate of a state."""
+    names = [port.name for port in model.ports]
+    if one.port == other.port or one.unit != other.unit or {one.port, other.port} - {*names}:
+        return one.port == other.port
+    entered = [model.exact.rates_by_port[:, names.index(o.port)] for o in (one, other)]
+    return any(
+        not (a.is_zero() or b.is_zero()) for a, b in zip(*map(ca.vertsplit, entered), strict=True)
     )
 
 

@@ -13,7 +13,10 @@ from typing import Any, TypedDict, TypeVar
 import numpy as np
 
 from workbench.diagnosis.conclude import conclude, still_missing
-from workbench.diagnosis.estimation.fixed_parameters import with_fixed_uncertainty
+from workbench.diagnosis.estimation.fixed_parameters import (
+    with_fixed_refitted,
+    with_fixed_uncertainty,
+)
 from workbench.diagnosis.estimation.growth import growth_along
 from workbench.diagnosis.estimation.noise_colour import with_correlated_noise
 from workbench.diagnosis.estimation.observe import observe
@@ -431,11 +434,19 @@ def validate(found: Diagnosis, *, advise: bool = True, jobs: int = 1, say: Progr
     task = Task(found.nominal, found.base, prepared.fitting, prepared.judging, prepared.priors)
     known = selected.closest
     refitted = known.get("refitted") or task.closest(found.base, robust=True)
-    extended, location = refitted, None
+    extended, location, run = refitted, None, dict(selected.runs)
     if found.improved:
         extended = known.get("extended") or task.closest(selected.extended, robust=True)
-        started = task.started(prepared.fitting, extended.model)
-        extended = with_fixed_uncertainty(extended, started)
+        started, judging = (
+            task.started(seen, extended.model) for seen in (prepared.fitting, prepared.judging)
+        )
+        if extended.noise_scale <= IMPERFECT.value:
+            values = extended.model.values
+            extended = with_fixed_refitted(extended, started, judging)
+            if not np.array_equal(extended.model.values, values):
+                run.pop("extended", None)
+        else:
+            extended = with_fixed_uncertainty(extended, started)
         say("locating what is left")
         location = where(extended, replace(prepared, fitting=tuple(started))).location
     say("running the models freely on the held-out recordings")
@@ -446,7 +457,7 @@ def validate(found: Diagnosis, *, advise: bool = True, jobs: int = 1, say: Progr
         "extended": (extended.model, extended.noise_scale),
     }
     runs = {
-        label: selected.runs.get(label)
+        label: run.get(label)
         or {r.name: settled_run(model, found.nominal, r, scale) for r in prepared.judging}
         for label, (model, scale) in models.items()
     }

@@ -7,7 +7,11 @@ from dataclasses import replace
 
 import pytest
 
-from workbench.diagnosis.estimation.fixed_parameters import value_instead, with_fixed_uncertainty
+from workbench.diagnosis.estimation.fixed_parameters import (
+    value_instead,
+    with_fixed_refitted,
+    with_fixed_uncertainty,
+)
 from workbench.diagnosis.estimation.made_up import made_up, pushes
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import extended_start, fit_with_process_noise
@@ -41,6 +45,24 @@ def test_what_is_held_widens_the_interval_of_what_scales_with_it() -> None:
     assert fit.refit.estimate("mass").std < 0.01 * mass.value
     # A quarter of the bounds: 0.04.
     assert mass.std == pytest.approx(0.04 * mass.value, rel=0.05)
+
+
+def test_what_was_held_is_refitted_at_the_end_where_unseen_recordings_agree() -> None:
+    axis = servo_axis()
+    priors = default_priors(axis, ["mass"])
+    true = {"mass": 110.0, "offset": 2e-3}
+    fitting, same, other = (
+        made_up(axis, pushes(400, largest=200.0, seed=k), sample_time=0.01, values=v, seed=k)
+        for k, v in enumerate((true, true, {"mass": 107.0}))
+    )
+    given = fit_with_process_noise(axis, [fitting], priors, noise_scale=0.003)
+    fit = replace(given, refit=replace(given.refit, model=fixed(given.model, "offset")))
+    found = with_fixed_refitted(fit, [fitting], [same]).refit
+    for name, value in true.items():
+        assert abs(found.estimate(name).value - value) < 3.0 * found.estimate(name).std
+    # A machine that others were recorded of keeps what it had.
+    kept = with_fixed_refitted(fit, [fitting], [other]).refit
+    assert [e.value for e in kept.estimates] == [given.refit.estimate("mass").value]
 
 
 @pytest.mark.parametrize("fitted", [False, True])

@@ -15,7 +15,11 @@ import numpy as np
 
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.priors import default_priors
-from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
+from workbench.diagnosis.estimation.process_noise import (
+    ProcessNoiseFit,
+    blocks_of_cost,
+    fit_with_process_noise,
+)
 from workbench.diagnosis.estimation.refit_result import Outcome, summarise
 from workbench.errors import NumericalError
 from workbench.model import Effect, Model, Parameter
@@ -64,6 +68,39 @@ def with_fixed_uncertainty(fit: ProcessNoiseFit, recordings: Sequence[Observed])
             inflations=wide.inflations[:count],
         ),
     )
+
+
+def with_fixed_refitted(
+    fit: ProcessNoiseFit, fitting: Sequence[Observed], judging: Sequence[Observed]
+) -> ProcessNoiseFit:
+    """Refit what was left too, where all that was missing is found.
+
+    While something is missing, what is fixed would take its place: a soft stop that of an angle
+    that is off. Once nothing is, its true value moves the others to theirs.
+
+    Args:
+        fitting: Fitting recordings, with a start for the fit's model.
+        judging: Held-out recordings, with a start for it.
+
+    Returns:
+        The fit with the fixed parameters among its estimates; the given one with wider intervals
+        where it does not converge, or where it makes the held-out recordings less likely.
+    """
+    model, refit = fit.model, fit.refit
+    start = {e.name: e.value for e in refit.estimates}
+    names = [q.name for q in model.parameters if q.fixed and q.name not in start]
+    wide = with_fixed_uncertainty(fit, fitting)
+    if not names:
+        return wide
+    priors = [*(e.prior for e in refit.estimates), *default_priors(model, names)]
+    try:
+        found = fit_with_process_noise(
+            model, fitting, priors, start=start, noise_scale=fit.noise_scale, follow=False
+        )
+        before, after = (float(blocks_of_cost(one, judging).sum()) for one in (fit, found))
+    except NumericalError:
+        return wide
+    return found if found.refit.converged and after < before else wide
 
 
 def value_instead(
