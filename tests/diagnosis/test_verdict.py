@@ -295,7 +295,7 @@ def test_what_may_be_the_rest_of_a_larger_finding_is_doubted(
     given, _ = example_diagnosis()
     (signal,) = given.validated.missing[0]
     port = "elsewhere" if elsewhere else signal.occurrence.port
-    small = replace(signal.occurrence, rms=share * signal.occurrence.rms, port=port)
+    small = replace(signal.occurrence, largest=share * signal.occurrence.largest, port=port)
     missing = ((signal,), (replace(signal, occurrence=small),))
     found = replace(
         given,

@@ -442,13 +442,13 @@ def _beside_larger(diagnosis: Diagnosis, index: int) -> tuple[str, ...]:
         return ()
     model = diagnosis.nominal
     others = ((i, validated.occurrence(i)) for i in range(len(diagnosis.accepted)) if i != index)
-    larger = [(o.rms, i) for i, o in others if o is not None and _add_up(model, o, own)]
+    larger = [(o.largest, i) for i, o in others if o is not None and _add_up(model, o, own)]
     most, which = max(larger, default=(0.0, 0))
-    if own.rms >= BESIDE_LARGER.value * most:
+    if own.largest >= BESIDE_LARGER.value * most:
         return ()
     name = diagnosis.accepted[which].candidate.entry.name.replace("_", " ")
     return (
-        f"it is {100 * own.rms / most:.0f} % of {name} at {own.port}, of whose shape it may be the"
+        f"it is {100 * own.largest / most:.0f} % of {name} at {own.port}, of whose shape it may be the"
         " rest",
     )
 

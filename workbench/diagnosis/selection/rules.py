@@ -261,9 +261,10 @@ MOST_OFF = Threshold(
 )
 BESIDE_LARGER = Threshold(
     "beside a larger one",
-    0.1,
-    "Root mean square of what a finding does over that of another at the same place, up to which it"
-    " may be what is left of the other's shape: a law of a book describes a machine to some 6 %.",
+    0.15,
+    "What a finding does at its strongest over what another does at the same place, up to which it"
+    " may be what is left of the other's shape: a law of a book describes a machine to some 6 %,"
+    " and a pad at the stops took 10 % of a force law whose shape was another.",
 )
 NO_NAME = Threshold(
     "share still missing without a name",
