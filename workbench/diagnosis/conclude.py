@@ -448,8 +448,8 @@ def _beside_larger(diagnosis: Diagnosis, index: int) -> tuple[str, ...]:
         return ()
     name = diagnosis.accepted[which].candidate.entry.name.replace("_", " ")
     return (
-        f"it is {100 * own.largest / most:.0f} % of {name} at {own.port}, of whose shape it may be the"
-        " rest",
+        f"it is {100 * own.largest / most:.0f} % of {name} at {own.port}, of whose shape it may be"
+        " the rest",
     )
 
 
