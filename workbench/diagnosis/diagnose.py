@@ -437,11 +437,10 @@ def validate(found: Diagnosis, *, advise: bool = True, jobs: int = 1, say: Progr
     extended, location, run = refitted, None, dict(selected.runs)
     if found.improved:
         extended = known.get("extended") or task.closest(selected.extended, robust=True)
-        started, judging = (
-            task.started(seen, extended.model) for seen in (prepared.fitting, prepared.judging)
-        )
+        started = task.started(prepared.fitting, extended.model)
         if extended.noise_scale <= IMPERFECT.value:
             values = extended.model.values
+            judging = task.started(prepared.judging, extended.model)
             extended = with_fixed_refitted(extended, started, judging)
             if not np.array_equal(extended.model.values, values):
                 run.pop("extended", None)

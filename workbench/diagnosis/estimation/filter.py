@@ -447,44 +447,45 @@ def _along(slope: ca.Function, rates: ca.Function, sample_time: float, steps: St
     given = [ca.MX.sym("x", n), ca.MX.sym("u", m), ca.MX.sym("p", n_p), ca.MX.sym("scale", n)]
     x0, u, p, scale = given
 
-    def advanced(h: float) -> ca.Function:
-        """Build a step in parts."""
-        x = x0
+    def slopes(x: ca.MX, h: float, amid: int = -1) -> tuple[list[ca.MX], list[ca.MX]]:
+        """Return the four slopes of a step, and the linearisation at the one with this number."""
+        k: list[ca.MX] = []
+        linearised: list[ca.MX] = []
+        for s, ahead in enumerate((0.0, 0.5, 0.5, 1.0)):
+            at = x + ahead * h * k[-1] if k else x
+            if s == amid:
+                here, *linearised = slope(at, u, p)
+            else:
+                here = rates(at, u, p)
+            k.append(here)
+        return k, linearised
+
+    def gone(x: ca.MX, h: float, k: list[ca.MX]) -> ca.MX:
+        return x + h / 6 * (k[0] + 2 * k[1] + 2 * k[2] + k[3])
+
+    def whole_or_in_parts(h: float) -> ca.Function:
+        """Build what takes the end of a step, or goes along it in parts."""
+        found, x = ca.MX.sym("step", n), x0
         for _ in range(_FINER):
-            k1 = rates(x, u, p)
-            k2 = rates(x + 0.5 * h / _FINER * k1, u, p)
-            k3 = rates(x + 0.5 * h / _FINER * k2, u, p)
-            k4 = rates(x + h / _FINER * k3, u, p)
-            x = x + h / _FINER / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        return ca.Function("parts", [ca.MX.sym("step", n), *given], [x])
+            x = gone(x, h / _FINER, slopes(x, h / _FINER)[0])
+        whole = ca.Function("whole", [found, *given], [found])
+        return ca.Function.if_else("step", whole, ca.Function("parts", [found, *given], [x]))
 
     def gone_along(time: float, count: int, *, parts: bool) -> tuple[list[ca.MX], ca.MX]:
         x, a, b, good = x0, ca.MX(), ca.MX(), ca.MX(1)
-        h = time / count
-        found = ca.MX.sym("step", n)
-        whole = ca.Function("whole", [found, *given], [found])
-        step = ca.Function.if_else("step", whole, advanced(h))
-        for k in range(count):
+        h, little = time / count, _MUCH_BENT if parts else _LITTLE_BENT
+        step = whole_or_in_parts(h) if parts else None
+        for number in range(count):
             # The middle is the midpoint of a step, or begins one where their number is even.
-            amid, odd = k == count // 2, count % 2
-            if amid and not odd:
-                k1, a, b = slope(x, u, p)
-            else:
-                k1 = rates(x, u, p)
-            if amid and odd:
-                k2, a, b = slope(x + 0.5 * h * k1, u, p)
-            else:
-                k2 = rates(x + 0.5 * h * k1, u, p)
-            k3 = rates(x + 0.5 * h * k2, u, p)
-            k4 = rates(x + h * k3, u, p)
-            k5 = rates(x + h / 32 * (5 * k1 + 7 * k2 + 13 * k3 - k4), u, p)
-            away = h * (2 * (k2 + k3 + k4) - (2 * k1 + 16 * k5) / 3)
-            gone = h / 6 * (ca.fabs(k1) + 2 * ca.fabs(k2) + 2 * ca.fabs(k3) + ca.fabs(k4))
-            little = _MUCH_BENT if parts else _LITTLE_BENT
-            easy = ca.mmin(ca.fabs(away) <= little * gone + _NOTHING * scale)
+            k, linearised = slopes(x, h, count % 2 if number == count // 2 else -1)
+            a, b = linearised or (a, b)
+            k5 = rates(x + h / 32 * (5 * k[0] + 7 * k[1] + 13 * k[2] - k[3]), u, p)
+            away = h * (2 * (k[1] + k[2] + k[3]) - (2 * k[0] + 16 * k5) / 3)
+            moved = gone(ca.MX.zeros(n), h, [ca.fabs(v) for v in k])
+            easy = ca.mmin(ca.fabs(away) <= little * moved + _NOTHING * scale)
             good *= easy
-            further = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-            x = step(easy, further, x, u, p, scale) if parts else further
+            end = gone(x, h, k)
+            x = step(easy, end, x, u, p, scale) if step is not None else end
         transition, half = _exponential_of(a.size1())(time * a.T)
         return [x, transition, ca.mtimes(half, time * b.T)], good
 

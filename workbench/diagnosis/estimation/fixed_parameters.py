@@ -8,6 +8,7 @@ after S. F. Schmidt's consider analysis (1966).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import casadi as ca
@@ -89,18 +90,18 @@ def with_fixed_refitted(
     model, refit = fit.model, fit.refit
     start = {e.name: e.value for e in refit.estimates}
     names = [q.name for q in model.parameters if q.fixed and q.name not in start]
-    wide = with_fixed_uncertainty(fit, fitting)
     if not names:
-        return wide
+        return fit
     priors = [*(e.prior for e in refit.estimates), *default_priors(model, names)]
-    try:
+    # Values that the filter cannot follow are no better ones.
+    with suppress(NumericalError):
         found = fit_with_process_noise(
             model, fitting, priors, start=start, noise_scale=fit.noise_scale, follow=False
         )
         before, after = (float(blocks_of_cost(one, judging).sum()) for one in (fit, found))
-    except NumericalError:
-        return wide
-    return found if found.refit.converged and after < before else wide
+        if found.refit.converged and after < before:
+            return found
+    return with_fixed_uncertainty(fit, fitting)
 
 
 def value_instead(
