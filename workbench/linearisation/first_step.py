@@ -136,9 +136,8 @@ def command_of_loop(linear: LinearModel, measured: str) -> str:
     model = linear.operating_point.model
     if len(model.commands) < 2 or measured == model.outputs[0].name:
         return next((q.name for q in model.commands), "")
-    row = linear.output_names.index(measured)
-    pole = 1j / step_time(linear) * np.eye(len(linear.A)) - linear.A
-    gain = np.abs(linear.C[row] @ np.linalg.solve(pole, linear.B) + linear.D[row])
+    response = transfer_function(linear.A, linear.B, linear.C, linear.D, 1j / step_time(linear))
+    gain = np.abs(response[linear.output_names.index(measured)])
 
     def moved(command: Input) -> float:
         span = command.upper - command.lower
