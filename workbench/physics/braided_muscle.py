@@ -62,44 +62,56 @@ any motion of the rig."""
 
 
 def _beside_its_gas(survey: Survey) -> Iterator[Fit]:
-    lengths, gases = (
+    pulls = ("tension", "contraction_speed")
+    lengths, gases, forces = (
         {number if (number := by_number(q)).isdigit() else "": q for q in found}
         for found in (
             survey.fitting("muscle_length"),
-            survey.fitting("volume_rate", needs=("volume", "tension")),
+            survey.fitting("volume_rate", needs=("volume", *pulls)),
+            survey.fitting("muscle_force", needs=pulls),
         )
     )
-    if sites := tuple((q, gases[number]) for number, q in lengths.items() if number in gases):
+    together = lengths.keys() & gases.keys() & forces.keys()
+    if sites := tuple((q, gases[n], forces[n]) for n, q in lengths.items() if n in together):
         yield "", sites
 
 
 def _yields(at: PortView) -> Expression:
-    """Rate of the force in the tendon, N/s."""
-    return (at.form.ramp(at.signals.tension, 1.0) - at.x.pull) / _LAG
+    """Rate of the force in the tendon, N/s, where the tension of its muscle is known."""
+    p, s = at.p, at.signals
+    damped = s.tension - p.viscosity * s.contraction_speed
+    return (damped - at.x.pull) / ca.fmax(p.viscosity * p.compliance, _LAG)
 
 
 def _stretched(at: PortView) -> Expression:
+    p, pull = at.p, at.x.pull
     if at.index == 0:
-        return at.value - at.p.compliance * at.x.pull
-    # The gas gives way to what the force makes of the length.
-    volume, pull = ca.SX(at.signals.volume), ca.SX(at.x.pull)
-    return at.value + ca.jtimes(volume, pull, ca.SX(_yields(at)))
+        return at.value - p.compliance * pull
+    if at.index == 1:
+        # The gas gives way to what the force makes of the length.
+        volume = ca.SX(at.signals.volume)
+        return at.value + ca.jtimes(volume, ca.SX(pull), ca.SX(_yields(at)))
+    # A muscle is damped by the rate of its own length.
+    rate = at.signals.contraction_speed + p.compliance * _yields(at)
+    return at.value - p.viscosity * rate
 
 
 # The muscle is shorter than its anchors are apart by what tendons, fittings and clamps stretch:
 # at 500 N and 7e-6 m/N by 3.5 mm, a twentieth of its gas volume.
 series_elasticity = Law(
     "series_elasticity",
-    "s = L - compliance F",
+    "s = L - compliance F, F = F(s) + viscosity ds/dt",
     _beside_its_gas,
     lambda at: (
         size("compliance", "m/N", 7e-6, 2e-5, "stretch of the tendon over its force",
              source="1e5 to 2e5 N/m in the literature"),
+        shape("viscosity", "N s/m", 0.0, "damping of the muscle in series with it", around=None,
+              between=(0.0, 5000.0), scale=100.0, source="", refined=True),
     ),
     _stretched,
     states=lambda at: (State("pull", "N", 100.0, "force in the tendon", 300.0),),
     rates=lambda e: {"pull": _yields(list(e.at.values())[1])},
-    start=lambda e: {"pull": e.form.ramp(list(e.at.values())[1].signals.tension, 1.0)},
+    start=lambda e: {"pull": list(e.at.values())[1].signals.tension},
     far=True,
     usual=True,
     source="A. V. Hill 1938, series element; compliance of fittings",

@@ -118,6 +118,26 @@ direction_dependent_viscous = Law(
 )  # fmt: skip
 
 
+# With dry friction f the difference makes it f + difference / 2 forwards and f - difference / 2
+# backwards; a torque that is always there would also pull at standstill.
+direction_dependent_friction = Law(
+    "direction_dependent_friction",
+    "T = -(difference / 2) tanh(v / transition_speed)^2",
+    each(*RESISTED, needs=("speed",)),
+    lambda at: (
+        size("difference", at.unit, 0.05 * at.scale, 1.0 * at.scale,
+             "dry friction forwards less that backwards", signed=True),
+        transition(at),
+    ),
+    lambda at: at.value
+    - 0.5 * at.p.difference * ca.tanh(at.signals.speed / at.p.transition_speed) ** 2,
+    dry=True,
+    source="seals and gears loaded on one flank; Armstrong-Helouvry et al., Automatica 30 (1994)",
+    look_alikes=("constant_torque", "direction_dependent_viscous", "offset"),
+    separated_by="slow steady speeds both ways, and holding still between them",
+)  # fmt: skip
+
+
 def _fading(at: PortView) -> Expression:
     v = at.signals.speed
     fading = ca.exp(-((v / at.p.stribeck_speed) ** 2))

@@ -6,7 +6,7 @@ The rest position of a spring is held in a fit; a constant force tells where it 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import casadi as ca
@@ -15,7 +15,7 @@ from workbench.model import PortView
 from workbench.model.regularisation import Expression
 from workbench.model.units import same_dimension
 from workbench.physics.friction import transition
-from workbench.physics.law import Fit, Law, Own, by_port, each, shape, size, twins
+from workbench.physics.law import Fit, Law, Own, by_port, each, sensors, shape, size, twins
 from workbench.physics.place import COORDINATES, RESISTED, Place, Survey, per
 
 
@@ -226,15 +226,32 @@ def _turns(at: Place) -> tuple[float, ...]:
     if at.stride > 0.0:
         return (2.0 * math.pi / at.stride,)
     if at.coordinate.unit == "rad":
-        low, high = at.coordinate.seen or at.travel
-        return _TEETH if high - low < 2.0 * math.pi else tuple(map(float, _WHOLE_TURNS))
+        return _orders(at.coordinate.seen or at.travel)
     scale = at.coordinate.scale
     span = 1.0 if at.coordinate.unit == "m" and _SCREWS[0] < scale < _SCREWS[1] else scale
     return tuple(2 * math.pi / (pitch * span) for pitch in _PITCHES)
 
 
-def _usual_turns(at: Place) -> float:
-    return _turns(at)[len(_turns(at)) // 2]
+def _orders(travel: tuple[float, float]) -> tuple[float, ...]:
+    """Ripples a turn that are worth trying, of what turns between two angles."""
+    whole = travel[1] - travel[0] >= 2.0 * math.pi
+    return tuple(map(float, _WHOLE_TURNS)) if whole else _TEETH
+
+
+def _waves(frequencies: Sequence[float], unit: str) -> tuple[Own, ...]:
+    """Return frequency and phase of what repeats with the position, in ``unit``."""
+    usual = frequencies[len(frequencies) // 2]
+    return (
+        shape("frequency", per("1", unit), usual, "ripples per unit of position, times 2 pi",
+              around=(0.3 * min(frequencies) / usual, 3.0 * max(frequencies) / usual),
+              scale=0.1 * usual),
+        shape("phase", "1", 0.0, "phase at position zero", around=None, between=(-6.3, 6.3),
+              source=""),
+    )  # fmt: skip
+
+
+def _phases(frequencies: Sequence[float]) -> list[dict[str, float]]:
+    return [{"frequency": f, "phase": phase} for f in frequencies for phase in (0.0, 1.5708)]
 
 
 # The frequency of a rotary ripple is its number of teeth.
@@ -245,25 +262,42 @@ ripple = Law(
     lambda at: (
         size("amplitude", at.unit, 0.03 * at.scale, 0.5 * at.scale,
              "amplitude of the ripple", signed=True),
-        shape("frequency", per("1", at.coordinate.unit), _usual_turns(at),
-              "ripples per unit of position, times 2 pi",
-              around=(0.3 * min(_turns(at)) / _usual_turns(at),
-                      3.0 * max(_turns(at)) / _usual_turns(at)),
-              scale=0.1 * _usual_turns(at)),
-        shape("phase", "1", 0.0, "phase at position zero", around=None, between=(-6.3, 6.3),
-              source=""),
+        *_waves(_turns(at), at.coordinate.unit),
     ),
     lambda at: at.value
     + at.p.amplitude * ca.sin(at.p.frequency * at.signals.coordinate + at.p.phase),
-    shapes=lambda at: [
-        {"frequency": frequency, "phase": phase}
-        for frequency in _turns(at)
-        for phase in (0.0, 1.5708)
-    ],
+    shapes=lambda at: _phases(_turns(at)),
     source="cogging and meshing torque",
     look_alikes=("local_catch", "linear_spring", "unbalanced_mass"),
     separated_by="one slow, steady sweep of the whole travel in each direction",
 )  # fmt: skip
+
+
+def _read_orders(at: Place) -> tuple[float, ...]:
+    return tuple(sorted({1.0, 2.0, *_orders(at.seen or (-at.scale, at.scale))}))
+
+
+# A code wheel beside its axis errs once a turn, a resolver twice, the interpolation of an optical
+# one once a line.
+sensor_ripple = replace(
+    ripple,
+    name="sensor_ripple",
+    equation="y = u + amplitude [sin(frequency u + phase) - sin(phase)]",
+    where=sensors(together=False, only=lambda at: at.unit == "rad"),
+    parameters=lambda at: (
+        size("amplitude", "rad", 2e-3, 0.1, "amplitude of the error", signed=True),
+        *_waves(_read_orders(at), at.unit),
+    ),
+    transform=lambda at: (
+        at.value
+        + at.p.amplitude * (ca.sin(at.p.frequency * at.value + at.p.phase) - ca.sin(at.p.phase))
+    ),
+    shapes=lambda at: _phases(_read_orders(at)),
+    group="sensor",
+    source="eccentric code wheel; J. R. R. Mayer, IEEE Trans. Instrum. Meas. 43 (1994) 494",
+    look_alikes=("sensor_gain", "sensor_bend", "ripple"),
+    separated_by="one slow turn beside a second encoder",
+)
 
 
 unbalanced_mass = Law(

@@ -10,6 +10,7 @@ from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.friction import (
     coulomb_friction,
+    direction_dependent_friction,
     direction_dependent_viscous,
     load_dependent_friction,
     lugre_friction,
@@ -116,6 +117,15 @@ def test_direction_dependent_damper_has_two_slopes() -> None:
     )
     assert read(model, speed=1.0) == pytest.approx(-0.6)
     assert read(model, speed=-1.0) == pytest.approx(0.4)
+
+
+def test_direction_dependent_friction_is_more_forwards_and_nothing_at_rest() -> None:
+    model = bench(coulomb_friction("joint.torque", level=0.5), "N m", "speed").with_effect(
+        direction_dependent_friction("joint.torque", difference=0.4)
+    )
+    assert read(model, speed=1.0) == pytest.approx(-0.7)
+    assert read(model, speed=-1.0) == pytest.approx(0.3)
+    assert read(model, speed=0.0) == 0.0
 
 
 def test_muscle_viscosity_grows_with_pressure() -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from tests.physics.effects.bench import bench, read, run
@@ -23,6 +26,7 @@ from workbench.plants.arm.laws import (
 from workbench.simulation import simulate
 
 TENSION = ("muscle.tension",)
+SERIES = [("muscle.length", "chamber.volume_rate", "muscle.force")]
 
 
 def test_creep_starts_short_and_reaches_the_whole() -> None:
@@ -51,7 +55,9 @@ def test_a_tendon_stretches_until_its_force_is_that_of_the_shorter_muscle() -> N
     law, braid, length, compliance = PaperLaw(), BraidedCylinder(), 0.188, 7e-6
     ambient, dead = 101325.0, 15e-6
     model = pneumatic_muscle().with_effect(
-        series_elasticity([("muscle.length", "chamber.volume_rate")], compliance=compliance)
+        series_elasticity(
+            [("muscle.length", "chamber.volume_rate", "muscle.force")], compliance=compliance
+        )
     )
     shut = np.tile([length, 0.0, 0.0], (3001, 1))
     begin = {"pressure": 4e5 + ambient, "series_elasticity.pull": 0.0}
@@ -68,7 +74,34 @@ def test_a_tendon_stretches_until_its_force_is_that_of_the_shorter_muscle() -> N
     assert run["force"][-1] == pytest.approx(settled, rel=1e-3)
     assert settled < 0.9 * float(law.tension(0.2 - length, 4e5))
     (offered,) = (e for e in library(pneumatic_muscle()) if e.law == "series_elasticity")
-    assert offered.ports == ("muscle.length", "chamber.volume_rate")
+    assert offered.ports == ("muscle.length", "chamber.volume_rate", "muscle.force")
+
+
+def test_a_damped_muscle_in_series_with_its_tendon_yields_as_a_book_says() -> None:
+    """Shut, and pulled to and fro: a series element behind a spring beside a damper (Hill 1938)."""
+    law, compliance, viscosity = PaperLaw(), 7e-6, 900.0
+    model = pneumatic_muscle().with_effect(
+        series_elasticity(SERIES, compliance=compliance, viscosity=viscosity)
+    )
+    times = np.arange(0.0, 0.6, 1e-4)
+
+    def moved(t: Any) -> tuple[Any, Any]:
+        return 0.188 + 0.002 * np.sin(25.0 * t), 0.05 * np.cos(25.0 * t)
+
+    inputs = np.column_stack([*moved(times), np.zeros_like(times)])
+    begin = {"pressure": 5e5, "series_elasticity.pull": 0.0}
+    run = simulate(model, inputs, sample_time=1e-4, start=begin)
+
+    def yields(t: float, s: Any) -> Any:
+        pressure = float(np.interp(t, run.time, run["pressure"]))
+        stretched = (moved(t)[0] - s[0]) / compliance
+        return [(stretched - float(law.tension(0.2 - s[0], pressure))) / viscosity]
+
+    book = solve_ivp(yields, (0.0, times[-1]), [0.188], t_eval=times, rtol=1e-8, atol=1e-10)
+    force = (moved(times)[0] - book.y[0]) / compliance
+    late = times > 0.1
+    error = run["force"][: len(times)][late] - force[late]
+    assert np.ptp(force[late]) > 100.0 and np.abs(error).max() < 0.01 * np.ptp(force[late])
 
 
 def test_the_whole_share_is_the_other_law() -> None:

@@ -35,6 +35,7 @@ from workbench.physics.saturation import (
     saturation,
     slew_limit,
 )
+from workbench.physics.stiffness import sensor_ripple
 from workbench.plants.servo_axis import servo_axis
 from workbench.simulation.simulate import simulate
 
@@ -250,6 +251,18 @@ def test_offset_gain_and_asymmetry() -> None:
     model = bench(asymmetric_gain("valve.spool", difference=0.2), "V")
     assert read(model, value=1.0) == pytest.approx(1.1)
     assert read(model, value=-1.0) == pytest.approx(-0.9)
+
+
+def test_a_code_wheel_beside_its_axis_errs_once_a_turn() -> None:
+    """The reading head looks at a circle of radius r whose centre goes round at e from the axis."""
+    off, turn, places = 0.004, 0.7, np.linspace(-3.0, 3.0, 25)
+    off_centre = sensor_ripple(("s.reading",), amplitude=off, frequency=1.0, phase=turn)
+    model = bench(off_centre, "rad")
+    # The line under the head is the direction of the head as seen from the centre of the circle.
+    errs = np.arctan2(off * np.sin(places + turn), 1.0 - off * np.cos(places + turn))
+    zero = np.arctan2(off * np.sin(turn), 1.0 - off * np.cos(turn))
+    seen = [read(model, value=float(x)) for x in places]
+    np.testing.assert_allclose(seen, places + errs - zero, atol=2.0 * off**2)
 
 
 def test_times_of_lags_and_delays_follow_the_sampling_interval() -> None:

@@ -36,6 +36,7 @@ class Sensors:
     _burst: int = field(default=0, init=False)
     _coupled: float | None = field(default=None, init=False)
     _read: float | None = field(default=None, init=False)
+    _counted: tuple[float, float] | None = field(default=None, init=False)
 
     def angle(self, true_deg: float) -> float:
         """Return the angle read in degrees."""
@@ -43,7 +44,7 @@ class Sensors:
         dropout = p["angle_dropout"]
         if dropout > 0.0 and self._read is not None and self.rng.random() < dropout:
             return self._read
-        self._angles.append(self._behind(true_deg))
+        self._angles.append(self._count(self._behind(true_deg)))
         lag = p["angle_delay"] / SAMPLE
         whole = math.floor(lag)
         back = [self._angles[max(0, len(self._angles) - 1 - whole - k)] for k in (0, 1)]
@@ -61,6 +62,15 @@ class Sensors:
         last = true_deg if self._coupled is None else self._coupled
         self._coupled = min(true_deg + half, max(true_deg - half, last))
         return self._coupled
+
+    def _count(self, deg: float) -> float:
+        """Return the angle of a counter that misses a share of what passes too fast."""
+        p, (last, counted) = self.parameters, self._counted or (deg, deg)
+        step, slow = deg - last, p["angle_lost_speed"] * SAMPLE
+        missed = p["angle_lost"] * max(0.0, abs(step) - slow)
+        counted += step - math.copysign(missed, step)
+        self._counted = deg, counted
+        return counted
 
     def _lag(self, name: str, value: float) -> float:
         time = self.parameters[f"{name.rstrip('12_')}_lag"]

@@ -30,6 +30,9 @@ class Now(NamedTuple):
 Law = Callable[[Now], float]
 
 
+_OF_COULOMB = ("coulomb_drift", "coulomb_asymmetry", "local_friction", "dwell_friction")
+
+
 def varying(p: dict[str, float]) -> dict[str, Law]:
     """Return the laws of the parameters that change, by the parameter that each sets."""
     p = dict(p)
@@ -38,17 +41,18 @@ def varying(p: dict[str, float]) -> dict[str, Law]:
         if name.startswith("onset_") and change != 0.0:
             own = name.removeprefix("onset_")
             laws[own] = _after(p["onset"], p[own], change)
-    if p["coulomb_drift"] or p["coulomb_asymmetry"] or p["local_friction"]:
+    if any(p[name] for name in _OF_COULOMB):
         laws["coulomb"] = _coulomb(p, laws.get("coulomb", lambda now: p["coulomb"]))
     if p["viscous_asymmetry"]:
         laws["viscous"] = lambda now: (
             p["viscous"] * (1.0 + p["viscous_asymmetry"] * math.copysign(1.0, now.speed))
         )
-    if p["supply_drift"] or p["supply_ripple"]:
+    if p["supply_drift"] or p["supply_ripple"] or p["supply_relay"]:
         ripple = 2.0 * math.pi * p["supply_ripple_frequency"]
         laws["supply_pressure"] = lambda now: (
             max(0.0, p["supply_pressure"] + p["supply_drift"] * now.time)
             + p["supply_ripple"] * math.sin(ripple * now.time)
+            - p["supply_relay"] * (now.time / p["supply_relay_time"] % 1.0)
         )
     if p["force_fade"]:
         laws["force_gain"] = lambda now: (
@@ -69,10 +73,20 @@ def _after(time: float, before: float, change: float) -> Law:
 
 
 def _coulomb(p: dict[str, float], base: Law) -> Law:
+    moved = 0.0
+
+    def dwelt(now: Now) -> float:
+        """Return the part of its last strength that a contact has, by how long it rested."""
+        nonlocal moved
+        if abs(now.speed) > p["dwell_speed"]:
+            moved = now.time
+        return 1.0 - math.exp(-(now.time - moved) / p["dwell_time"])
+
     def law(now: Now) -> float:
         away = (now.angle - p["local_angle"]) / p["local_width"]
         level = max(0.0, base(now) + p["coulomb_drift"] * now.time)
         level *= 1.0 + p["coulomb_asymmetry"] * math.copysign(1.0, now.speed)
+        level += p["dwell_friction"] * dwelt(now)
         return level + p["local_friction"] * math.exp(-away * away)
 
     return law

@@ -153,14 +153,16 @@ def muscle(
         description="tension before the muscle goes slack",
         signals=local,
     )
+    pull = p.force_gain * slack(tension)
+    pulling = {"tension": pull, "contraction_speed": contraction_speed}
     force = m.port(
         f"muscle{suffix}.force",
-        p.force_gain * slack(tension),
+        pull,
         unit="N",
         role="muscle_force",
         scale=100.0,
         description="pulling force on the lever",
-        signals=local,
+        signals=local | pulling,
     )
     volume_rate = m.port(
         f"chamber{suffix}.volume_rate",
@@ -169,7 +171,7 @@ def muscle(
         role="volume_rate",
         scale=1e-4,
         description="rate of the gas volume",
-        signals={"volume": volume, "tension": tension},
+        signals=pulling | {"volume": volume},
     )
     enthalpy_flow = port_enthalpy_flow(flow, ambient, temperature, form=m.form)
     heat = m.port(
