@@ -1,5 +1,7 @@
 """Factors of the units that data sheets and files use, from the definitions of the SI."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -42,6 +44,14 @@ from workbench.simulation.trajectory import what_moved
         ("cmH2O", "Pa", 98.0665),
         ("l/(s cmH2O)", "m3/(s Pa)", 1e-3 / 98.0665),
         ("mTorr", "Pa", 101.325 / 760.0),
+        ("1/month", "1/s", 12.0 / (365.25 * 86400.0)),
+        ("weeks", "s", 7 * 86400.0),
+        ("arcsec", "rad", math.pi / 648000),
+        ("bpm", "Hz", 1.0 / 60.0),
+        ("lx", "lm/m2", 1.0),
+        ("cP", "Pa s", 1e-3),
+        ("uM", "mol/m3", 1e-3),
+        ("‰", "1", 1e-3),
         ("sccm", "m3/s", 1e-6 / 60.0),
         ("mAh", "A s", 3.6),
         ("cm1.5/s", "m^1.5/s", 1e-3),

@@ -83,12 +83,21 @@ _SYMBOLS: dict[str, tuple[float, Dimensions]] = {
     **_PREFIXABLE,
     **dict.fromkeys(("1", "-", "count"), (1.0, _ONE)),
     "%": (0.01, _ONE),
+    "‰": (1e-3, _ONE),
     "ppm": (1e-6, _ONE),
+    "ppb": (1e-9, _ONE),
     "t": (1e3, _dim(kg=1)),
     "min": (60.0, _S),
     "h": (3600.0, _S),
     **dict.fromkeys(("d", "day"), (86400.0, _S)),
+    "week": (7 * 86400.0, _S),
+    # Of the Julian calendar, as astronomers count.
+    "month": (365.25 / 12 * 86400.0, _S),
+    **dict.fromkeys(("year", "yr"), (365.25 * 86400.0, _S)),
+    "bpm": (1.0 / 60.0, _dim(s=-1)),
     **dict.fromkeys(("deg", "°"), (math.pi / 180, _dim(rad=1))),
+    "arcmin": (math.pi / 10800, _dim(rad=1)),
+    "arcsec": (math.pi / 648000, _dim(rad=1)),
     **dict.fromkeys(("turn", "rev"), (2 * math.pi, _dim(rad=1))),
     "rpm": (2 * math.pi / 60, _dim(s=-1, rad=1)),
     # In a compound unit, a degree of a scale is a difference.
@@ -116,6 +125,13 @@ _SYMBOLS: dict[str, tuple[float, Dimensions]] = {
     "kn": (1852.0 / 3600.0, _dim(m=1, s=-1)),
     "mph": (0.44704, _dim(m=1, s=-1)),
     "gn": (9.80665, _dim(m=1, s=-2)),
+    # The steradian of a lumen is no dimension here.
+    "lm": (1.0, _dim(cd=1)),
+    "lx": (1.0, _dim(cd=1, m=-2)),
+    "cP": (1e-3, _dim(m=-1, kg=1, s=-1)),
+    "cSt": (1e-6, _dim(m=2, s=-1)),
+    # Amount of substance in a litre.
+    **{f"{p}M": (1e3 * _PREFIXES[p], _dim(mol=1, m=-3)) for p in "nuµm"},
     "kgf": (9.80665, _N),
     "lb": (0.45359237, _dim(kg=1)),
     "lbf": (4.4482216152605, _N),
@@ -130,7 +146,8 @@ _SPELLINGS = {
     **dict.fromkeys(("msec", "millisecond", "milliseconds"), "ms"),
     **dict.fromkeys(("mins", "minute", "minutes"), "min"),
     **dict.fromkeys(("hr", "hrs", "hour", "hours"), "h"),
-    "days": "d", "RPM": "rpm", "kph": "km/h", "kmh": "km/h", "lpm": "l/min", "LPM": "l/min",
+    "days": "d", "weeks": "week", "months": "month", "years": "year",
+    "RPM": "rpm", "kph": "km/h", "kmh": "km/h", "lpm": "l/min", "LPM": "l/min",
     "SCCM": "sccm", "SLM": "slm", "SLPM": "slpm", "GPM": "gpm", "CFM": "cfm", "TORR": "Torr",
     **dict.fromkeys(("Kelvin", "kelvin"), "K"), "Celsius": "degC", "Fahrenheit": "degF",
     **dict.fromkeys(("meter", "meters", "metre", "metres"), "m"),
@@ -144,9 +161,9 @@ _SPELLINGS = {
 }  # fmt: skip
 """How loggers and people spell units."""
 
-_WORD = re.compile(r"[A-Za-zµΩΔ°%]+")
+_WORD = re.compile(r"[A-Za-zµΩΔ°%‰]+")
 _TOKEN = re.compile(
-    r"\s*([()/*·]|\.(?!\d)|\^?[-+−]?\d+(?:\.\d+)?|[²³⁻¹]+|(?:cm|mm|in)H2O|[A-Za-zµΩΔ°%]+|-)"
+    r"\s*([()/*·]|\.(?!\d)|\^?[-+−]?\d+(?:\.\d+)?|[²³⁻¹]+|(?:cm|mm|in)H2O|[A-Za-zµΩΔ°%‰]+|-)"
 )
 _SUPERSCRIPTS = str.maketrans("²³⁻¹−", "23-1-")
 _SCALES = {
