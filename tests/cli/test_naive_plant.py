@@ -11,6 +11,7 @@ import pytest
 
 from tests.shell import Shell
 from workbench.cli.main import WRONG_USE
+from workbench.model import Model, State
 from workbench.plants.plant import adopt
 
 PLANT = """
@@ -205,6 +206,18 @@ def test_the_last_word_of_an_option_is_a_unit_only_where_it_is_one() -> None:
     assert [(q.name, q.unit) for q in options] == [
         ("T_in", ""), ("x_d", ""), ("p_C", ""), ("wall", "mm"),
     ]  # fmt: skip
+
+
+def test_a_number_that_is_whole_stays_one_where_nobody_says_its_type() -> None:
+    def penstock(pieces=4, area_m2=1) -> Model:  # type: ignore[no-untyped-def]
+        """A pipe in pieces."""
+        flows = tuple(State(f"Q{k}", "m3/s") for k in range(pieces))
+        rates = {q.name: 1.0 / area_m2 for q in flows}
+        return Model("penstock", lambda m: (rates, {}), flows, (), ())
+
+    plant = adopt(penstock, "penstock")
+    assert len(plant.model().states) == 4
+    assert len(plant.model({"pieces": "2", "area": "0.5m2"}).states) == 2
 
 
 TWO_COMMANDS = """

@@ -99,6 +99,7 @@ class Option:
         keyword: Parameter of the build function and key in a case file; the name by default.
         label: What it is called in a sentence; the name by default.
         measured: Whether a case must say it, because it differs from rig to rig.
+        fractions: Whether it may be a fraction although the default is a whole number.
 
     Example:
         >>> Option("load", 3.0, "kg", upper=8.0, lower=0.0).parse("500g")
@@ -115,6 +116,7 @@ class Option:
     keyword: str = ""
     label: str = ""
     measured: bool = False
+    fractions: bool = False
 
     def __post_init__(self) -> None:
         """Fill in what the name says."""
@@ -150,9 +152,10 @@ class Option:
             return bool(value)
         found = check_range(self.label, value, self.lower, self.upper, self.unit)
         if isinstance(self.default, int):
-            if found != int(found):
+            if found == int(found):
+                return int(found)
+            if not self.fractions:
                 raise WorkbenchError(f"{self.label} is {found:g}; it must be a whole number")
-            return int(found)
         return found
 
     def __str__(self) -> str:
@@ -429,9 +432,10 @@ def _adopted(reference: str, parameter: inspect.Parameter, hint: Any) -> Option:
     if isinstance(default, (bool, str)) or not name or not _is_unit(suffix):
         name, suffix = parameter.name, ""
     # Only a parameter that is said to be an integer refuses fractions.
-    if isinstance(default, int) and not isinstance(default, bool) and (suffix or hint is not int):
-        default = float(default)
-    return Option(name, default, suffix, choices=choices, keyword=parameter.name)
+    fractions = bool(suffix) or hint is not int
+    return Option(
+        name, default, suffix, choices=choices, keyword=parameter.name, fractions=fractions
+    )
 
 
 def _is_unit(text: str) -> bool:
