@@ -135,7 +135,8 @@ def least_gain(M: Any) -> Vector:
         row = np.sum(size[..., i, others] / w[..., others], axis=-1) * w[..., i]
         column = np.sum(size[..., others, i] * w[..., others], axis=-1) / w[..., i]
         # What acts one way only is no loop: its unit is as far away as numbers bear.
-        w[..., i] *= np.clip(np.sqrt((column + 1e-200) / (row + 1e-200)), 1e-60, 1e60)
+        even = w[..., i] * np.sqrt((column + 1e-200) / (row + 1e-200))
+        w[..., i] = np.clip(even, 1e-60, 1e60)
     if k == 2:
         total = np.sum(size * w[..., :, None] / w[..., None, :], axis=(-2, -1))
         product = 2.0 * np.abs(M[..., 0, 0] * M[..., 1, 1] - M[..., 0, 1] * M[..., 1, 0])

@@ -286,7 +286,9 @@ def test_least_gain_is_that_of_the_best_units() -> None:
         assert least_gain(np.diag(sizes[0]) @ M / sizes[0]) == pytest.approx(
             least_gain(M), rel=1e-2
         )
-    assert least_gain(np.array([[0.5, 1e9], [0.0, 0.3]])) == pytest.approx(0.5, rel=1e-3)
+    # What acts one way only is no loop, as of pools of a canal.
+    for one_way in ([[0.5, 1e9], [0.0, 0.3]], [[0.5, 0.0, 0.0], [-1.0, 0.3, 0.0], [0.0, -1.0, 0.2]]):
+        assert least_gain(np.array(one_way)) == pytest.approx(0.5, rel=1e-3)
 
 
 def test_pids_that_are_stable_together_alone() -> None:
