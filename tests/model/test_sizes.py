@@ -290,6 +290,22 @@ def test_sizes_that_lead_ever_further_are_not_followed() -> None:
     assert size["place"] < 50.0 and size["rope"] < 50.0
 
 
+def test_a_curve_that_saturates_shows_no_more_than_from_end_to_end() -> None:
+    def effect(m: Scope) -> Equations:
+        strength = m.x.dose**2 / (m.x.dose**2 + 16.0)
+        return {"dose": m.u.rate - 0.1 * m.x.dose}, {"awake": 95.0 * (1.0 - strength)}
+
+    drug = Model(
+        "drug",
+        effect,
+        states=(State("dose", "1", initial=4.0),),
+        inputs=(Input("rate", "1/s", lower=0.0, upper=60.0),),
+        outputs=(Output("awake", "1"),),
+    )
+    # Of a dose of up to 600, where all sleep, the slope is 0.01 % of that at rest.
+    assert 20.0 < drug.outputs[0].scale < 95.0
+
+
 def test_a_state_is_read_in_the_unit_of_the_output_of_its_name() -> None:
     shown = {q.name: shown_in(q) for q in crane().states}
     assert shown == {
