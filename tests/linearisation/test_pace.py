@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from workbench.linearisation import linear_model, linearise
-from workbench.linearisation.pace import horizon_of, step_time, usual_sample_time
+from workbench.linearisation.pace import horizon_of, reach_of, step_time, usual_sample_time
 from workbench.model import Input, Model, Output, Parameter, State
 from workbench.operating_point import operating_point
 
@@ -44,6 +44,15 @@ def test_a_slow_plant_is_tried_over_its_own_time() -> None:
     assert holds.horizon == pytest.approx(7500.0, rel=0.01)
     assert holds.moves.max() > 9.0 and np.all(holds.errors < 1e-3)
     assert agrees.agrees.all() and agrees.upper < 0.01
+
+
+def test_what_integrates_goes_as_far_whatever_slows_it_down() -> None:
+    def reach(damping: float) -> float:
+        body, swing = ct.tf([1.0], [1.0, damping, 0.0]), ct.tf([900.0], [1.0, 2.0, 900.0])
+        return reach_of(linear_model(body * swing, limits={"u_0": (-1.0, 1.0)}), "y_0")
+
+    # A body on a spring that swings far faster than it is slowed down.
+    assert 0.5 < reach(0.001) / reach(0.1) < 2.0
 
 
 def test_an_unstable_plant_is_sampled_before_it_grows() -> None:

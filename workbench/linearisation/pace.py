@@ -109,7 +109,10 @@ def reach_of(linear: LinearModel, name: str) -> float:
     rates = np.abs(own[own != 0.0])
     if output.sized or len(rates) == len(own) or not len(rates):
         return far
-    within = 0.1 * step_time(linear) * math.sqrt(rates.min() / rates.max())
+    # The time of a step is that of the slowest oscillation, if there is one.
+    swinging = np.abs(own[np.iscomplex(own)])
+    slowest = (swinging if len(swinging) else rates).min()
+    within = 0.1 * step_time(linear) * math.sqrt(slowest / rates.max())
     within = min(within, 2.0 / max(float(own.real.max()), 1e-300))
     for turned in _turned(linear, name):
         # A move turns it there, back, to the other side and back.
