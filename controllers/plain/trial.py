@@ -5,7 +5,7 @@ equations through a step of each output and back, as far as a first trial steps 
 (`workbench.linearisation.first_step`). Where that overshoots by much more than is allowed, or is
 lost, as where a plant answers more the farther it goes, references are led there in several times
 the rise of the step. Where that does not mend it, nor where the plant does not arrive, as where it
-sticks, the loop is too fast for what the linear model leaves out.
+sticks or swings on, the loop is too fast for what the linear model leaves out.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Stepped(NamedTuple):
             plant is lost.
         error: Integral of time by absolute error, in samples squared, of unit steps.
         rise: Samples after which 63 % of the step is reached.
-        left: How far away it is in the end, the larger, as a fraction of the step.
+        left: How far away it still is in the end, the larger, as a fraction of the step.
     """
 
     overshoot: float
@@ -49,7 +49,7 @@ class Stepped(NamedTuple):
     @property
     def poor(self) -> bool:
         """Whether no reference alone mends it."""
-        return self.overshoot > POOR or self.left > 0.5 * POOR
+        return self.overshoot > POOR or self.left > SETTLED
 
 
 class Borne(NamedTuple, Generic[P]):
@@ -123,7 +123,7 @@ class _Run:
             overshoot = max(overshoot, float(away.max()))
             error += float(np.arange(len(away)) @ np.abs(away))
             rise = rise or max(int(np.argmax(away > -0.37)), 1)
-            left = max(left, float(np.abs(away[-BLOCK:]).mean()))
+            left = max(left, float(np.abs(away[-BLOCK:]).max()))
         return Stepped(overshoot - self.want.overshoot, error, rise, left)
 
 
@@ -147,8 +147,7 @@ MORE = 0.03
 """Overshoot beyond what is allowed from which on slower references are tried, as a fraction."""
 
 POOR = 0.06
-"""Overshoot beyond what is allowed, and distance in the end, of a step that asks for another loop,
-as fractions of it."""
+"""Overshoot beyond what is allowed of a step that asks for another loop, as a fraction of it."""
 
 OVERSHOT = 10.0
 """What an overshoot beyond that, as a fraction of the step, adds to errors, a ratio."""

@@ -198,6 +198,41 @@ def test_a_loop_that_swings_where_the_plant_sticks_is_designed_slower() -> None:
     assert found["steady_error"] < 1e-3
 
 
+def joint() -> Model:
+    """The link of a robot behind a gear that gets stiffer the more it is twisted."""
+
+    def equations(m: Any) -> Any:
+        twist = m.x.motor / 100.0 - m.x.link
+        torque = 8000.0 * twist + 3e8 * twist**3 + 8.0 * (m.x.turning / 100.0 - m.x.rate)
+        rates = {
+            "motor": m.x.turning,
+            "turning": (m.u.drive - torque / 100.0 - 1e-3 * m.x.turning) / 1e-4,
+            "link": m.x.rate,
+            "rate": (torque - 30.0 * np.sin(m.x.link) - m.x.rate) / 1.2,
+        }
+        return rates, {"angle": m.x.link}
+
+    return Model(
+        "joint",
+        equations,
+        states=(
+            State("motor", "rad"),
+            State("turning", "rad/s"),
+            State("link", "rad"),
+            State("rate", "rad/s"),
+        ),
+        inputs=(Input("drive", "N m", lower=-1.5, upper=1.5),),
+        outputs=(Output("angle", "rad"),),
+    )
+
+
+def test_a_loop_that_swings_on_is_designed_slower() -> None:
+    found = _stepped(joint(), "lqi", 2.0)
+    # The gear swung by 1 % of the step for ever.
+    assert found["settling_time"] < 0.35
+    assert found["oscillation"] < 1e-3
+
+
 def lander() -> Model:
     """A body that flies in a plane by its thrust and by turning."""
 
