@@ -287,8 +287,8 @@ def test_least_gain_is_that_of_the_best_units() -> None:
             least_gain(M), rel=1e-2
         )
     # What acts one way only is no loop, as of pools of a canal.
-    for one_way in ([[0.5, 1e9], [0.0, 0.3]], [[0.5, 0.0, 0.0], [-1.0, 0.3, 0.0], [0.0, -1.0, 0.2]]):
-        assert least_gain(np.array(one_way)) == pytest.approx(0.5, rel=1e-3)
+    for pools in ([[0.5, 1e9], [0.0, 0.3]], [[0.5, 0.0, 0.0], [-1.0, 0.3, 0.0], [0.0, -1.0, 0.2]]):
+        assert least_gain(np.array(pools)) == pytest.approx(0.5, rel=1e-3)
 
 
 def test_pids_that_are_stable_together_alone() -> None:
