@@ -84,13 +84,14 @@ def sizes(
         ends = [abs(input_end(partial(answered, k=k), sign)) for sign in (1.0, -1.0)]
         return max([end for end in ends if np.isfinite(end)], default=0.0)
 
-    def shown(slope: Vector, moved: Vector) -> Vector:
+    def seen(slope: Vector, moved: Vector) -> Vector:
         """Return what outputs show of each state and input alone; by slopes where they end."""
         start = np.append(x, u)
         each = [start, *(start + np.diag(moved))]
         values = np.hstack([slopes(z[:n_x], z[n_x:], p)[3][n_x:] for z in each])
         steps = np.abs(values[:, 1:] - values[:, :1])
-        return np.sum(np.where(np.isfinite(steps), steps, np.abs(slope * moved)), axis=1)
+        shown = np.where(np.isfinite(steps), steps, np.abs(slope * moved))
+        return np.asarray(shown.sum(axis=1))
 
     reaches = [q.scale or _reach(q, _usual(q)) for q in inputs]
     of_u = np.array([reach or clipped(k) for k, reach in enumerate(reaches)])
@@ -110,7 +111,7 @@ def sizes(
             answering = answering | answers
             responses.append(response(rates[:, :n_x], rates[:, n_x:], of_u, known))
             moved = np.concatenate([np.where(declared > 0.0, declared, responses[-1]), of_u])
-            measured.append(shown(outputs, sign * moved) if sign else np.abs(outputs) @ moved)
+            measured.append(seen(outputs, sign * moved) if sign else np.abs(outputs) @ moved)
             passed.append(np.abs(ports) @ moved)
         if not responses:
             break
