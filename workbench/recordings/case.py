@@ -156,9 +156,6 @@ class Case(Shown):
         changes: Effects, effects left out and parameters, as keywords of `Plant.model`.
         loops: Plants of recordings that have one of their own, by recording.
         published: Values that others identified, by parameter, in SI.
-
-    Raises:
-        WorkbenchError: If there is nothing to fit on.
     """
 
     name: str
@@ -184,11 +181,7 @@ class Case(Shown):
             )
 
     def model(self) -> Model:
-        """Build the plant as the case describes it.
-
-        Raises:
-            WorkbenchError: If the case does not give an option that differs from rig to rig.
-        """
+        """Build the plant as the case describes it."""
         self.check_options(self.options)
         return self.plant.model(self.options, **self.changes)
 
@@ -261,6 +254,7 @@ def case_folder(name: str | Path) -> Path:
 
 
 def _files(folder: Path) -> dict[str, Path]:
+    """Return the recordings of a folder that are called after their role, by role."""
     found: dict[str, Path] = {}
     for path in sorted(folder.iterdir()):
         role = path.name.split(".", 1)[0]
@@ -272,11 +266,8 @@ def _files(folder: Path) -> dict[str, Path]:
                     f"case {folder.name} has {found[role].name} and {path.name}; keep one of them"
                 )
             found[role] = path
-    return {role: found[role] for role in sorted(found, key=_order)}
-
-
-def _order(role: str) -> tuple[int, str]:
-    return (ROLES.index(role) if role in ROLES else len(ROLES), role)
+    roles = dict.fromkeys([*(r for r in ROLES if r in found), *sorted(found)])
+    return {role: found[role] for role in roles}
 
 
 def _gauge(recording: Recording) -> Recording:

@@ -78,11 +78,7 @@ def average_rows(rows: Vector, factor: int) -> Vector:
 def titles(
     found: tuple[str, ...], width: int, asked: tuple[str, ...], source: str
 ) -> tuple[tuple[str, ...], bool]:
-    """Return headers, those asked for before those found, and whether anybody wrote them.
-
-    Raises:
-        WorkbenchError: If not every column is asked for.
-    """
+    """Return headers, those asked for before those found, and whether anybody wrote them."""
     if asked and len(asked) != width:
         raise WorkbenchError(
             f"columns names {len(asked)} columns but {source} has {width}; name them all"

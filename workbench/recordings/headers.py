@@ -30,6 +30,10 @@ _AMBIGUOUS = {
 _BELOW = ("s", "s2", "min", "h", "l", "m3", "abs", "gauge")
 DEGREES = {"C": "degC", "F": "degF"}
 """What coulombs and farads are where a temperature is meant."""
+_PRESSURE = re.compile(
+    r"(bar|mbar|kPa|MPa|hPa|Pa|psi)[\s_(]*(abs|absolute|gauge|rel|relative|a|g)\)?", re.IGNORECASE
+)
+"""``bara``, ``barg``, ``bar(g)``, ``bar abs``, ``psig``."""
 _ACCELERATION = re.compile(r"(.*[^A-Za-z])?acc(?!u|ep|es)", re.IGNORECASE)
 _TEMPERATURE = re.compile(r"[Tt](?![A-Za-z])|.*temp", re.IGNORECASE)
 _MEANING = {
@@ -94,20 +98,6 @@ def _known(unit: str) -> str | None:
     return text
 
 
-def _pressure_unit(unit: str) -> tuple[str | None, str]:
-    """Read ``bara``, ``barg``, ``bar(g)``, ``bar abs``, ``psig``: unit and reference."""
-    match = re.fullmatch(
-        r"(bar|mbar|kPa|MPa|hPa|Pa|psi)[\s_(]*(abs|absolute|gauge|rel|relative|a|g)\)?",
-        unit.strip(),
-        flags=re.IGNORECASE,
-    )
-    if match is None:
-        return None, ""
-    stem = match.group(1)
-    known = _known(stem) or _known(stem.lower())
-    return known, _REFERENCES[match.group(2).lower()]
-
-
 def read_unit(text: str) -> tuple[str | None, str]:
     """Return the unit a text states, and the reference of a pressure.
 
@@ -122,10 +112,9 @@ def read_unit(text: str) -> tuple[str | None, str]:
         >>> read_unit("sec"), read_unit("barg"), read_unit("furlong")
         (('s', ''), ('bar', 'gauge'), (None, ''))
     """
-    pressure, reference = _pressure_unit(text)
-    if pressure is not None:
-        return pressure, reference
-    return _known(text), ""
+    match = _PRESSURE.fullmatch(text.strip())
+    known = match and (_known(match[1]) or _known(match[1].lower()))
+    return (known, _REFERENCES[match[2].lower()]) if match and known else (_known(text), "")
 
 
 def _fits(name: str, unit: str) -> bool:
@@ -223,11 +212,7 @@ def read_header(column: str) -> Header:
 def _with_reference(column: str, name: str, unit: str, reference: str) -> Header:
     words = tidy_name(name).split("_")
     for word in words[1:]:
-        if word.lower() in ("abs", "absolute", "gauge", "rel") and len(words) > 1:
-            return Header(
-                column,
-                "_".join(w for w in words if w != word),
-                unit,
-                reference or _REFERENCES[word.lower()],
-            )
+        if word.lower() in ("abs", "absolute", "gauge", "rel"):
+            rest = "_".join(w for w in words if w != word)
+            return Header(column, rest, unit, reference or _REFERENCES[word.lower()])
     return Header(column, tidy_name(name) or "column", unit, reference)

@@ -46,12 +46,9 @@ UNSTATED = Kind("unstated", "", "")
 
 
 def _composed(unit: Unit) -> Kind:
-    above = [
-        f"{b}{e if e > 1 else ''}" for b, e in zip(BASES, unit.dimensions, strict=True) if e > 0
-    ]
-    below = [
-        f"{b}{-e if e < -1 else ''}" for b, e in zip(BASES, unit.dimensions, strict=True) if e < 0
-    ]
+    powers = dict(zip(BASES, unit.dimensions, strict=True))
+    above = [f"{b}{e if e > 1 else ''}" for b, e in powers.items() if e > 0]
+    below = [f"{b}{-e if e < -1 else ''}" for b, e in powers.items() if e < 0]
     text = " ".join(above) or "1"
     if below:
         text += f"/({' '.join(below)})" if len(below) > 1 else f"/{below[0]}"

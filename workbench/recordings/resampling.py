@@ -59,8 +59,7 @@ def low_pass(values: Vector, fraction: float) -> Vector:
     kernel = np.sinc(2 * fraction * np.arange(-reach, reach + 1)) * np.hamming(2 * reach + 1)
     size = 1 << len(extended).bit_length()
     spectrum = np.fft.rfft(extended, size) * np.fft.rfft(kernel / kernel.sum(), size)
-    filtered: Vector = np.fft.irfft(spectrum, size)[2 * reach : len(extended)]
-    return filtered
+    return np.asarray(np.fft.irfft(spectrum, size)[2 * reach : len(extended)])
 
 
 def _interpolated(signal: Signal, time: Vector, times: Vector) -> Vector:
@@ -69,8 +68,7 @@ def _interpolated(signal: Signal, time: Vector, times: Vector) -> Vector:
         return np.full(len(times), np.nan)
     if signal.zero_order_hold:
         return _held(signal.values[good], time[good], times)
-    values: Vector = np.interp(times, time[good], signal.values[good])
-    return values
+    return np.asarray(np.interp(times, time[good], signal.values[good]))
 
 
 def _unmeasured(
@@ -87,8 +85,7 @@ def _unmeasured(
 def _away(time: Vector, times: Vector) -> Vector:
     after = np.clip(np.searchsorted(time, times), 1, max(len(time) - 1, 1))
     either = time[[after - 1, np.minimum(after, len(time) - 1)]]
-    distance: Vector = np.min(np.abs(times - either), axis=0)
-    return distance
+    return np.asarray(np.min(np.abs(times - either), axis=0))
 
 
 def _nearest(values: Vector, time: Vector, times: Vector) -> Vector:
@@ -192,9 +189,6 @@ def resample(
     Args:
         rate_Hz: Rate of a uniform time base that starts at the first sample.
         times: Instants, shape (m,), in s, inside the recording; instead of ``rate_Hz``.
-
-    Raises:
-        WorkbenchError: If the time does not increase, or the instants lie outside the recording.
 
     Example:
         >>> time = np.arange(5) * 1.0

@@ -16,7 +16,7 @@ from workbench.model.sizes import horizon
 from workbench.recordings.recording import Recording
 
 if TYPE_CHECKING:
-    from workbench.model import Input, Model, Output
+    from workbench.model import Input, Model, Output, State
 
 
 _MANY = 10.0
@@ -264,6 +264,12 @@ def reached(model: Model, recordings: Iterable[Recording]) -> dict[str, float]:
     return found
 
 
+def _bounds(quantities: Iterable[Input | Output | State]) -> dict[str, tuple[float, float]]:
+    """Return smallest and largest value of quantities that have both, in SI."""
+    bounds = {q.name: (q.lower, q.upper) for q in quantities}
+    return {name: ends for name, ends in bounds.items() if all(map(math.isfinite, ends))}
+
+
 def expectations(
     recording: Recording,
     *,
@@ -304,19 +310,9 @@ def expectations(
             for q, value in zip(quantities, rest, strict=True)
             if q.name not in unsized
         }
-        known = {
-            q.name: (q.lower, q.upper)
-            for q in quantities
-            if math.isfinite(q.lower) and math.isfinite(q.upper)
-        }
-        reach = {
-            q.name: (q.lower, q.upper)
-            for q in model.states
-            if q.name not in known
-            and any(q.name == y.name for y in model.outputs)
-            and math.isfinite(q.lower)
-            and math.isfinite(q.upper)
-        }
+        known = _bounds(quantities)
+        read = {y.name for y in model.outputs}.difference(known)
+        reach = {name: ends for name, ends in _bounds(model.states).items() if name in read}
         # Dry friction holds at rest, and says nothing about a motion.
         free = model.without(*model.dry_effects)
         signs = sure_signs(free, recording) if signs is None else signs

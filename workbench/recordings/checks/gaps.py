@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -57,9 +58,8 @@ def _longest_piece(recording: Recording) -> tuple[Recording, list[str]]:
     wide = np.flatnonzero(np.diff(time) > max(limit, (FILLED_ROWS + 1.5) * usual))
     if not wide.size:
         return recording, []
-    edges = np.concatenate([[0], wide + 1, [len(time)]])
-    longest = int(np.argmax(np.diff(edges)))
-    kept = recording.take(slice(int(edges[longest]), int(edges[longest + 1])))
+    edges = [0, *(wide + 1), len(time)]
+    kept = recording.take(slice(*max(pairwise(edges), key=lambda ends: ends[1] - ends[0])))
     worst = int(wide[np.argmax(np.diff(time)[wide])])
     return kept, [
         f"{wide.size} gap(s) too long to fill, the longest {time[worst + 1] - time[worst]:.4g} s "
@@ -84,11 +84,9 @@ def _missing_rows(recording: Recording) -> tuple[Recording, list[str]]:
     short = np.flatnonzero(np.diff(time) > gap_limit(time))
     if not short.size:
         return recording, []
-    extra: list[Vector] = []
-    for i in short:
-        count = max(1, round((time[i + 1] - time[i]) / usual) - 1)
-        extra.append(np.linspace(time[i], time[i + 1], count + 2)[1:-1])
-    added = np.concatenate(extra)
+    counts = np.maximum(1, np.round(np.diff(time)[short] / usual).astype(int) - 1)
+    ends = zip(time[short], time[short + 1], counts, strict=True)
+    added = np.concatenate([np.linspace(a, b, n + 2)[1:-1] for a, b, n in ends])
     union = np.concatenate([time, added])
     order = np.argsort(union, kind="stable")
     new = order >= len(time)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.recordings.recording import Recording
@@ -43,8 +42,7 @@ def innovations(target: Vector, past: Sequence[Vector], *, memory: int = MEMORY)
     error = wanted - regressors @ solution
     limit = 4 * float(np.std(error))
     error = np.clip(error, -limit, limit)
-    result: Vector = scale * (error - error.mean())
-    return result
+    return np.asarray(scale * (error - error.mean()))
 
 
 _known: WeakKeyDictionary[Recording, dict[tuple[str, ...], Vector]] = WeakKeyDictionary()
@@ -75,17 +73,13 @@ def surprises(
     return kept[key]
 
 
-def correlation(first: Vector, second: Vector, lags: npt.ArrayLike) -> Vector:
+def correlation(first: Vector, second: Vector, lags: Iterable[int]) -> Vector:
     """Return the correlation of ``second`` some samples after ``first``, of zero mean, in sigmas.
 
     For independent white signals it is normal with unit variance at every lag. Lags are whole
     numbers of samples, not negative.
     """
     n = len(first)
-    size = float(np.std(first) * np.std(second))
-    lags_ = np.asarray(list(lags) if isinstance(lags, range) else lags, dtype=int)
-    if size == 0.0:
-        return np.zeros(len(lags_))
-    return np.array(
-        [float(np.sum(second[k:] * first[: n - k])) / (size * np.sqrt(n)) for k in lags_]
-    )
+    size = np.std(first) * np.std(second) * np.sqrt(n)
+    sums = np.array([np.sum(second[k:] * first[: n - k]) for k in lags])
+    return sums / size if size else np.zeros(len(sums))

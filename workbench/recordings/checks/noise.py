@@ -53,8 +53,7 @@ class NoiseFloor:
 def _difference_rms(blocks: Vector, order: int) -> Vector:
     """Return the rms of white noise that explains the differences of each block."""
     differences = np.diff(blocks, order, axis=1)
-    rms: Vector = np.sqrt(np.mean(differences**2, axis=1) / comb(2 * order, order))
-    return rms
+    return np.asarray(np.sqrt(np.mean(differences**2, axis=1) / comb(2 * order, order)))
 
 
 def white_rms(values: npt.ArrayLike, *, order: int = _ORDER, quantile: float = 0.5) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from workbench.display import aligned_table
 from workbench.errors import check_choice
@@ -35,11 +35,8 @@ class CheckReport:
     @property
     def result(self) -> Result:
         """The worst result of all checks."""
-        results = {check.result for check in self.checks}
-        for result in ("unfit", "corrected"):
-            if result in results:
-                return cast("Result", result)
-        return "pass"
+        found = {check.result for check in self.checks}
+        return "unfit" if "unfit" in found else "corrected" if "corrected" in found else "pass"
 
     @property
     def doubtful(self) -> tuple[str, ...]:
@@ -82,9 +79,8 @@ class CheckReport:
         tail = f", doubtful: {', '.join(self.doubtful)}" if self.doubtful else ""
         tail += f", not checked: {', '.join(open_)}" if open_ else ""
         tail += " (see why below)" if tail else ""
-        return f"{self.name}: {self.result}{tail}\n" + aligned_table(
-            ("check", "result", "note"), rows
-        )
+        table = aligned_table(("check", "result", "note"), rows)
+        return f"{self.name}: {self.result}{tail}\n{table}"
 
 
 def check_recording(

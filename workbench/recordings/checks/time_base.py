@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -40,18 +41,17 @@ def evened(recording: Recording) -> Recording:
 
 
 @check("uniformity", 100)
-def check_uniformity(recording: Recording, expected: Expected) -> Finding:
+def check_uniformity(recording: Recording, _expected: Expected) -> Finding:
     """Check that the samples are evenly spaced; interpolate them to an even base if not.
 
     Jitter is the deviation of the instants from the best even time base. Up to 2 % of a step
     passes: at the largest speed of a signal it is an error of 2 % of one sample's change.
     """
-    del expected
     time = recording.time
     index = np.arange(len(time))
     step = float((time[-1] - time[0]) / (len(time) - 1))
     deviation = time - (time[0] + step * index)
-    deviation = deviation - np.median(deviation)
+    deviation -= np.median(deviation)
     steps = np.diff(time)
     rms, spread = jitter(time), (float(steps.min()), float(steps.max()))
     values = {"sample_time": step, "jitter_rms": rms * step, "steps": spread}
@@ -133,6 +133,7 @@ def _shown(recording: Recording, deviation: Vector, step: float) -> bool:
     return bool(product > 0.5 * square - _CLEARLY * np.sqrt(_ORDER * square))
 
 
+_FINER = ((1e3, "ms"), (1e6, "us"), (1e9, "ns"))
 _EPOCH = (1e9, 4e9)
 """Seconds since 1970 from 2001 to 2096."""
 _MIN_SAMPLES = 20
@@ -154,20 +155,14 @@ def _in_order(recording: Recording) -> tuple[Recording, str] | str:
     regular = np.mean((steps > 0.3 * usual) & (steps < 3 * usual)) > 0.95
     if regular and breaks.size < 0.05 * len(time):
         return recording.take(order), f"{breaks.size} row(s) out of order were sorted by time"
-    edges = np.concatenate([[0], breaks + 1, [len(time)]])
-    sizes = np.diff(edges)
-    longest = int(np.argmax(sizes))
-    if sizes[longest] < 0.5 * len(time) or sizes[longest] < _MIN_SAMPLES:
-        return (
-            f"the time runs backwards {breaks.size} time(s), the first after "
-            f"{time[breaks[0]]:g} s; no stretch holds half of the recording: split the file where "
-            "the clock restarts"
-        )
-    kept = recording.take(slice(int(edges[longest]), int(edges[longest + 1])))
-    return kept, (
-        f"the time runs backwards {breaks.size} time(s), the first after {time[breaks[0]]:g} s; "
-        f"the longest stretch was kept ({len(kept)} of {len(time)} rows)"
-    )
+    back = f"the time runs backwards {breaks.size} time(s), the first after {time[breaks[0]]:g} s"
+    edges = [0, *(breaks + 1), len(time)]
+    first, stop = max(pairwise(edges), key=lambda ends: ends[1] - ends[0])
+    if stop - first < max(0.5 * len(time), _MIN_SAMPLES):
+        split = "no stretch holds half of the recording: split the file where the clock restarts"
+        return f"{back}; {split}"
+    kept = f"the longest stretch was kept ({stop - first} of {len(time)} rows)"
+    return recording.take(slice(first, stop)), f"{back}; {kept}"
 
 
 def _spread(time: Vector) -> Vector | None:
@@ -176,10 +171,9 @@ def _spread(time: Vector) -> Vector | None:
     if len(instants) < 3 or counts[1:-1].max() > 3 * np.median(counts):
         return None
     step = (instants[-1] - instants[0]) / (first[-1] - first[0])
-    even: Vector = instants[0] + step * np.arange(len(time))
-    if np.max(np.abs(even - time)) > 2 * float(np.max(np.diff(instants))):
-        return None
-    return even
+    even = instants[0] + step * np.arange(len(time))
+    near = np.max(np.abs(even - time)) <= 2 * np.max(np.diff(instants))
+    return even if near else None
 
 
 def _without_repeats(recording: Recording) -> tuple[Recording, str] | str:
@@ -205,7 +199,7 @@ def _without_repeats(recording: Recording) -> tuple[Recording, str] | str:
 
 def _epoch(recording: Recording) -> tuple[Recording, str]:
     """Turn instants since 1970 in ms, us or ns into s; nothing else counts that far."""
-    for factor, unit in ((1e3, "ms"), (1e6, "us"), (1e9, "ns")):
+    for factor, unit in _FINER:
         if _EPOCH[0] <= recording.time[0] / factor < _EPOCH[1]:
             return replace(recording, time=recording.time / factor), (
                 f"the time counts {unit} since 1970, not s; divided by {factor:g}"
@@ -219,7 +213,7 @@ def _rate(recording: Recording, expected: Expected) -> tuple[Recording, str] | s
     if stated is None:
         return recording, ""
     ratio = recording.sample_time * stated
-    for factor, unit in ((1e3, "ms"), (1e6, "us"), (1e9, "ns")):
+    for factor, unit in _FINER:
         if abs(ratio / factor - 1) < 0.05:
             return replace(recording, time=recording.time / factor), (
                 f"the time is in {unit}, not s ({stated:g} Hz in the notes); divided by {factor:g}"
@@ -267,10 +261,9 @@ def _speed_problem(recording: Recording, expected: Expected) -> tuple[str, bool]
 )
 def check_time_base(recording: Recording, expected: Expected) -> Finding:
     """Check that the time increases and agrees with the notes; correct what can be."""
-    if len(recording) < _MIN_SAMPLES:
-        return Finding(
-            "unfit", f"{len(recording)} samples; a judgement needs {_MIN_SAMPLES} or more"
-        )
+    n = len(recording)
+    if n < _MIN_SAMPLES:
+        return Finding("unfit", f"{n} samples; a judgement needs {_MIN_SAMPLES} or more")
     if np.ptp(recording.time) == 0:
         return Finding("unfit", "the time never advances")
     notes = []
@@ -299,9 +292,8 @@ def check_time_base(recording: Recording, expected: Expected) -> Finding:
     length, every = in_time(recording.duration, 6), in_time(recording.sample_time, 6)
     note = f"{length} in steps of {every}, increasing"
     unit = next((row.unit for row in recording.mapping or () if row.signal == "time"), "s")
-    known = unit or expected.sample_rate_Hz or np.isfinite(expected.speed)
-    if not known:
-        note += "; no unit is stated: taken as s"
-    if problem:
-        note += f"; {problem}"
-    return Finding("pass", note, values, doubt=not known or bool(problem))
+    untold = (
+        "" if unit or expected.sample_rate_Hz or not unknown else "no unit is stated: taken as s"
+    )
+    doubts = [text for text in (untold, problem) if text]
+    return Finding("pass", "; ".join([note, *doubts]), values, doubt=bool(doubts))

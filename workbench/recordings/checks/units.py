@@ -57,12 +57,9 @@ def check_gauge(recording: Recording, expected: Expected) -> Finding:
             changed = changed.with_signal(
                 replace(signal, values=signal.values - AMBIENT_PA, kind="gauge pressure")
             )
-        why = (
-            "never below ambient"
-            + (", resting there" if vented else "")
-            + (", above their range" if above else "")
-        )
-        note = f"{', '.join(names)} look absolute ({why}); 1.01325 bar subtracted"
+        why = ["never below ambient"]
+        why += ["resting there"] * vented + ["above their range"] * above
+        note = f"{', '.join(names)} look absolute ({', '.join(why)}); 1.01325 bar subtracted"
         return Finding("corrected", note, values, changed)
     if min(low.values()) < 0.5 * AMBIENT_PA:
         return Finding("pass", f"falls to {min(low.values()) / 1e5:.3g} bar, so gauge", values)

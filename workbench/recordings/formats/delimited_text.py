@@ -332,18 +332,13 @@ def _pieces(path: Path, cut: list[str]) -> Iterator[bytes]:
                 yield piece
             return
         with gzip.open(plain, "rb") as unpacked:
-            while True:
-                try:
-                    piece = unpacked.read1(_PIECE)
-                except (EOFError, OSError, zlib.error):
-                    cut.append(
-                        "the compressed file is damaged from some point on; what came before was "
-                        "read"
-                    )
-                    return
-                if not piece:
-                    return
-                yield piece
+            try:
+                while piece := unpacked.read1(_PIECE):
+                    yield piece
+            except (EOFError, OSError, zlib.error):
+                cut.append(
+                    "the compressed file is damaged from some point on; what came before was read"
+                )
 
 
 def line_blocks(path: Path, cut: list[str]) -> Iterator[list[str]]:
