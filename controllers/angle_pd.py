@@ -93,11 +93,7 @@ class AnglePDSpecification:
 def design_angle_pd(
     linear: LinearModel, specification: AnglePDSpecification | None = None
 ) -> AnglePD:
-    """Return a PD law with gains given by hand.
-
-    Raises:
-        WorkbenchError: If a gain is outside its range, or the model has no angle.
-    """
+    """Return a PD law with gains given by hand."""
     want = specification or AnglePDSpecification()
     check_choice("sensor of the linear model", "angle", linear_model(linear).output_names)
     return AnglePD(want.proportional, want.derivative, want.derivative_filter)

@@ -272,11 +272,7 @@ def design_angle_stiffness(
 
 
 def opposed(linear: LinearModel) -> LinearModel:
-    """Return a linear model whose one input ``valve`` drives both valves in opposite directions.
-
-    Raises:
-        WorkbenchError: If an input is unknown or the two rest at different values.
-    """
+    """Return a linear model whose one input ``valve`` drives both valves in opposite directions."""
     for actuator in ACTUATORS:
         check_choice("actuator of the linear model", actuator, linear.input_names)
     one, two = (linear.input_names.index(actuator) for actuator in ACTUATORS)

@@ -63,10 +63,6 @@ def export_c(
 
     Args:
         units: SI units of sensors, controlled outputs and commands by name, for the header.
-
-    Raises:
-        WorkbenchError: If the name is no C identifier, the controller needs a library at each
-            step, or a file cannot be written.
     """
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise WorkbenchError(

@@ -273,9 +273,6 @@ class Guarded:
     Args:
         guard: Its limits; by default none, which refuses what is not finite.
 
-    Raises:
-        WorkbenchError: If the guard does not fit the controller.
-
     Example:
         >>> from controllers.angle_pd import AnglePD
         >>> law = Guarded(AnglePD(0.4, 0.02))

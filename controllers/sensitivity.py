@@ -163,11 +163,7 @@ class LoopMatrices(NamedTuple):
 
 
 def loop_matrices(controller: Controller, linear: LinearModel) -> LoopMatrices:
-    """Return plant and law of a loop around rest.
-
-    Raises:
-        WorkbenchError: If the linear model lacks a sensor or an actuator.
-    """
+    """Return plant and law of a loop around rest."""
     return loops_at(controller, linear, ((0.0, 0.0),))[0]
 
 
@@ -179,9 +175,6 @@ def loops_at(
     Args:
         corners: Pairs of the time by which every command is late and of the time constant of
             every sensor with noise of its own, in s.
-
-    Raises:
-        WorkbenchError: If the linear model lacks a sensor or an actuator.
     """
     linear = linear_model(linear)
     for name in (*controller.sensors, *controller.controlled):

@@ -51,9 +51,6 @@ class ValveInverse:
         centre: Voltage at which the valve is shut, in V.
         below: The same two tables of distances below the centre, in V; by default alike.
 
-    Raises:
-        WorkbenchError: If the two tables do not match or do not increase from 0.
-
     Source:
         Manufacturer's flow curve of the MPYE-5-1/8-HF.
 

@@ -41,9 +41,6 @@ def read_json(path: str | Path, what: str, shape: Shape, *, fix: str = "") -> An
     Args:
         what: What it holds, as the user knows it: ``"baseline"``.
         fix: What to do about a file that is not there or wrong.
-
-    Raises:
-        WorkbenchError: If it cannot be read, is no JSON, or an entry is not what it must be.
     """
     place, tail = Path(path), f"; {fix}" if fix else ""
     name = f"{what} {str(place)!r}"
@@ -69,9 +66,6 @@ def read_toml(path: str | Path, what: str, shape: Shape | None = None) -> dict[s
 
     Args:
         what: What it holds, as the user knows it: ``"mapping file"``.
-
-    Raises:
-        WorkbenchError: If it cannot be read, is no TOML, or an entry is not what it must be.
     """
     name = f"{what} {str(path)!r}"
     try:

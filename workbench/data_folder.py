@@ -41,11 +41,7 @@ def shipped_data(name: str) -> Path:
 
 
 def data_folder(given: str | os.PathLike[str] | None = None) -> Path:
-    """Return the user's data folder: the one given, else that of ``WORKBENCH_DATA``.
-
-    Raises:
-        WorkbenchError: If no folder is named or the named one is not a readable folder.
-    """
+    """Return the user's data folder: the one given, else that of ``WORKBENCH_DATA``."""
     if given is not None:
         origin, text = "data folder", os.fspath(given)
     else:
@@ -69,12 +65,7 @@ def data_folder(given: str | os.PathLike[str] | None = None) -> Path:
 
 
 def external_data(relative: str, given: str | os.PathLike[str] | None = None) -> Path:
-    """Return a file or folder, by its path with forward slashes, inside the user's data folder.
-
-    Raises:
-        WorkbenchError: If the data folder is missing or does not hold the path, or the path
-            leaves the data folder.
-    """
+    """Return a file or folder, by its path with forward slashes, inside the user's data folder."""
     folder = data_folder(given)
     path = folder / relative
     if not path.resolve().is_relative_to(folder.resolve()):

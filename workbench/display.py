@@ -108,11 +108,7 @@ class Shown:
         return f"<p><b>{head}</b></p>" + "".join(table._repr_html_() for table in self.tables())
 
     def to_dataframe(self) -> Any:
-        """Return the object's main table as a ``pandas.DataFrame``.
-
-        Raises:
-            WorkbenchError: If pandas is not installed.
-        """
+        """Return the object's main table as a ``pandas.DataFrame``."""
         try:
             pandas = import_module("pandas")
         except ImportError:

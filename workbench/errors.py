@@ -53,9 +53,6 @@ def check_range(
     Returns:
         The same number, in ``unit``.
 
-    Raises:
-        WorkbenchError: If the value is not a number, not finite or outside the range.
-
     Example:
         >>> check_range("load", 3, 0, 8, "kg")
         3.0
@@ -82,9 +79,6 @@ def check_choice(name: str, value: str, choices: Iterable[str], *, listed: str =
     Args:
         name: What the word is, as the user knows it.
         listed: Command that lists the choices, where they are too many for a sentence.
-
-    Raises:
-        WorkbenchError: If the word is not one of the choices.
 
     Example:
         >>> check_choice("plane", "vertical", ("horizontal", "vertical"))

@@ -62,11 +62,7 @@ def write_whole(path: str | os.PathLike[str], content: str | bytes) -> Path:
 
 
 def check_folder(path: str | os.PathLike[str]) -> Path:
-    """Make a folder for results, before the work for them is done, and return it.
-
-    Raises:
-        WorkbenchError: If it is a file or cannot be written.
-    """
+    """Make a folder for results, before the work for them is done, and return it."""
     target = Path(path)
     if target.exists() and not target.is_dir():
         raise WorkbenchError(f"folder {str(target)!r} is a file; give the name of a folder")

@@ -87,10 +87,6 @@ class Registry(Generic[Member]):
 
         Args:
             folder: Where the user's module may stand, beside the Python path.
-
-        Raises:
-            WorkbenchError: If there is no such member, or the module cannot be imported; says
-                where.
         """
         if ":" in name:
             return self.taken(load_object(self.kind, name, folder=folder), name)
@@ -106,11 +102,7 @@ class Registry(Generic[Member]):
         raise AssertionError("unreachable")
 
     def taken(self, found: object, reference: str) -> Member:
-        """Return an object that a user named, as a member.
-
-        Raises:
-            WorkbenchError: If it cannot serve as a member.
-        """
+        """Return an object that a user named, as a member."""
         if isinstance(found, self.member):
             return found
         if self._adopt is None:

@@ -138,7 +138,6 @@ def design_h_infinity(
     """Design an H-infinity controller at one angle of a schedule, for its load.
 
     Raises:
-        WorkbenchError: If slycot is not installed or a number is outside its range.
         NumericalError: If there is no such controller.
     """
     want = specification or HInfinitySpecification()

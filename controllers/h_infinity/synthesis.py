@@ -135,7 +135,6 @@ def synthesise(
         sample_time: Time between samples, in s.
 
     Raises:
-        WorkbenchError: If slycot is not installed.
         NumericalError: If there is no stabilising controller, or no stable one.
     """
     require_slycot()
@@ -175,11 +174,7 @@ def has_slycot() -> bool:
 
 
 def require_slycot() -> None:
-    """Say how to install slycot where it is absent.
-
-    Raises:
-        WorkbenchError: If slycot is not installed.
-    """
+    """Say how to install slycot where it is absent."""
     if not has_slycot():
         raise missing_package("the H-infinity synthesis", "slycot", "hinf", "take another family")
 

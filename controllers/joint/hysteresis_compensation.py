@@ -83,9 +83,6 @@ def hysteresis_compensation(
         torque_per_difference: Torque per pressure difference, in N m/Pa: inertia times the ``b`` of
             the joint model.
 
-    Raises:
-        WorkbenchError: If a parameter is missing.
-
     Example:
         >>> fitted = {"muscle_hysteresis.level": 9.0, "muscle_hysteresis.level_per_pressure": 6e-5,
         ...           "muscle_hysteresis.breakaway": 6e-4}

@@ -89,11 +89,7 @@ class OpeningInput(NamedTuple):
 def opening_input(
     linear: LinearModel, valve: ValveInverse, actuator: str = "valve"
 ) -> OpeningInput:
-    """Tell how the valve's opening enters a linear model, whichever input it was made with.
-
-    Raises:
-        WorkbenchError: If the model has neither input.
-    """
+    """Tell how the valve's opening enters a linear model, whichever input it was made with."""
     name = OPENING if OPENING in linear.input_names else actuator
     if name not in linear.input_names:
         raise WorkbenchError(

@@ -90,9 +90,6 @@ class JointSchedule:
         Returns:
             The schedule: accelerations per pressure, damping and stiffness over inertia from the
             other, the rest from this one.
-
-        Raises:
-            WorkbenchError: If the grids differ.
         """
         if len(self.low[0]) != len(heavier.low[0]) or not np.allclose(self.angles, heavier.angles):
             raise WorkbenchError(

@@ -406,10 +406,6 @@ def design_nonlinear_mpc(
         rest: States about which it starts, shape (n_states,), in SI; the model's initial state by
             default.
         compile_function: Makes machine code of a CasADi function; interpreted by default.
-
-    Raises:
-        WorkbenchError: If the model lacks one of these states or the port ``joint.inertia``, or
-            there are not as many disturbances as sensors.
     """
     want = specification or NonlinearMPCSpecification()
     build = compile_function or (lambda function: function)

@@ -38,11 +38,7 @@ class VerbCommand(TyperCommand):
     """A verb that refuses to be told twice what it takes once."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Read the words of the command line.
-
-        Raises:
-            WorkbenchError: If an option that counts once is given twice.
-        """
+        """Read the words of the command line."""
         takes = {
             name: p
             for p in self.params

@@ -208,11 +208,7 @@ diameters D of a fiftieth to a third of the length L."""
 
 
 def check_units(points: ForceMap) -> None:
-    """Check that forces are those of a muscle of that length at that pressure.
-
-    Raises:
-        WorkbenchError: If they are too large or too small for any, as numbers in a wrong unit are.
-    """
+    """Check that forces are those of a muscle of that length at that pressure."""
     strongest = int(np.argmax(points.force))
     force, pressure = float(points.force[strongest]), float(points.pressure[strongest])
     length = float(points.length.max())
@@ -241,9 +237,6 @@ def study_map(
 
     Args:
         families: The laws; by default `families_for` the strength of the muscle.
-
-    Raises:
-        WorkbenchError: If the muscle pulls at fewer than four lengths, or a fit does not end.
     """
     check_units(points)
     levels = np.unique(points.length[points.force > _BLOCKED_FORCE])

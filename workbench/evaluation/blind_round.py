@@ -68,11 +68,7 @@ class Answer:
 
 
 def read_answer(path: str | Path, case: str, names: Names) -> Answer:
-    """Read what a ``verdict.json`` claims.
-
-    Raises:
-        WorkbenchError: If the file cannot be read or is no verdict.
-    """
+    """Read what a ``verdict.json`` claims."""
     data = read_json(path, "verdict", _VERDICT, fix=_FORM)
     return answer_of(upgraded(data, f"verdict {str(path)!r}"), case, names)
 

@@ -97,11 +97,7 @@ def keep(path: Path, row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def read_kept(out: Path) -> list[dict[str, Any]]:
-    """Return the answers that a folder keeps, by the names of their cases.
-
-    Raises:
-        WorkbenchError: If the folder holds none.
-    """
+    """Return the answers that a folder keeps, by the names of their cases."""
     rows = [json.loads(path.read_text()) for path in sorted(out.glob("*.json"))]
     rows = [row for row in rows if isinstance(row, dict) and "verdict" in row]
     if not rows:

@@ -57,11 +57,7 @@ class Redesigned(ControllerRecipe):
 
 
 def nominal_recipe(family: str, plant: PlantRecipe) -> ControllerRecipe:
-    """Return the nominal design of a family for a plant without latency.
-
-    Raises:
-        WorkbenchError: If there is no such family.
-    """
+    """Return the nominal design of a family for a plant without latency."""
     own = load_study(shipped_study("controllers")).cases[CASE].controllers
     names = [name for name in tolerant_study().controllers if name in own]
     recipe = own[check_choice("controller", family, names)]

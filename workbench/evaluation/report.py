@@ -18,11 +18,7 @@ def report(
     summary_file: Path | None = None,
     each: bool = False,
 ) -> str:
-    """Return the tables of a folder of answers; write figure and summary where wanted.
-
-    Raises:
-        WorkbenchError: If the folder holds no answers, or a figure is wanted that there is not.
-    """
+    """Return the tables of a folder of answers; write figure and summary where wanted."""
     rows = read_kept(out)
     is_foreign = rows[0].get("schema") == foreign.SCHEMA
     if is_foreign:

@@ -29,9 +29,6 @@ def straightened(model: Model, curve: ActuatorCurve | str) -> Model:
     """Return the plant as it is when a controller inverts the curve of its actuator.
 
     The actuator's dynamics and everything else stay.
-
-    Raises:
-        WorkbenchError: If the plant lacks the curve or its ports.
     """
     if isinstance(curve, str):
         curve = model.traits.curve(curve)

@@ -36,9 +36,6 @@ def linear_model(
         delay: Time by which every input acts late, in s, by a Pade function of second over third
             order. Whole samples by which a sampled system is late (poles at z = 0) count too.
 
-    Raises:
-        WorkbenchError: If it is no such system, or a name is unknown.
-
     Example:
         >>> import control
         >>> linear_model(control.tf([1.0], [0.1, 1.0, 0.0])).output_names

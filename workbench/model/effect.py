@@ -59,9 +59,6 @@ class Effect:
         settle: Takes this effect and the model that it is being attached to, returns what is
             attached: units and sizes that follow from the ports are known only then.
 
-    Raises:
-        WorkbenchError: If states have no rates or names are used twice.
-
     Example:
         >>> drag = Effect(
         ...     "drag",

@@ -70,9 +70,6 @@ def model_of_system(
 
     A pole at z = 0 of a sampled system is a delay by a sample, and a pole on the negative axis one
     of two that turn by half a circle in it.
-
-    Raises:
-        WorkbenchError: If it is no such system, or a name is unknown.
     """
     title = str(getattr(system, "name", "system"))
     # The number that python-control gives differs from run to run, as no baseline may.

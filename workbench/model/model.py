@@ -246,9 +246,6 @@ class Model(Shown):
         """Return a model with effects attached, behind those that are there.
 
         An effect at an input or rate where the plant has no port opens those (`opened`).
-
-        Raises:
-            WorkbenchError: If a port does not exist or an effect of the name is attached already.
         """
         if not effects:
             return self

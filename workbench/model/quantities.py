@@ -287,9 +287,6 @@ class Parameter(Quantity):
             where that is not possible.
         refined: Whether it is refitted although it is not ``fitted``, as soon as the effect that
             it belongs to was found: a detail of its shape.
-
-    Raises:
-        WorkbenchError: If the value is not finite or outside its bounds.
     """
 
     value: float = 0.0

@@ -201,9 +201,6 @@ class Scope:
             signals: Local signals that an effect may use, by name, in SI.
             disturbance: Root mean square of what the equations may leave out here, in ``unit``.
             relative_disturbance: The same, as a fraction of the signal's magnitude, dimensionless.
-
-        Raises:
-            WorkbenchError: If a port of that name is open already or the unit is unknown.
         """
         self._claim(name, unit)
         local = Names(f"signal at port {name}", signals or {})
@@ -241,9 +238,6 @@ class Scope:
 
         Returns:
             The same signal, in ``unit``.
-
-        Raises:
-            WorkbenchError: If a port or signal of that name exists already or the unit is unknown.
         """
         self._claim(name, unit)
         self.values[name] = value

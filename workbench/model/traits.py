@@ -97,11 +97,7 @@ class Traits:
     straight: tuple[str, ...] = ()
 
     def curve(self, name: str) -> ActuatorCurve:
-        """Return a curve by the name of its input.
-
-        Raises:
-            WorkbenchError: If the plant declares no such curve.
-        """
+        """Return a curve by the name of its input."""
         check_choice("input", name, ["plant", *(c.name for c in self.curves)])
         return next(c for c in self.curves if c.name == name)
 

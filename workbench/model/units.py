@@ -235,9 +235,6 @@ def in_symbols(text: str) -> str:
 def powers(text: str) -> list[tuple[str, float]]:
     """Take a unit apart: its symbols in order, each with its power.
 
-    Raises:
-        WorkbenchError: If a part of the unit is unknown; names the nearest known spelling.
-
     Example:
         >>> powers("m3/(s Pa)")
         [('m', 3), ('s', -1), ('Pa', -1)]
@@ -285,9 +282,6 @@ def parse_unit(text: str) -> Unit:
 
     Returns:
         The unit with its factor to SI and its dimensions.
-
-    Raises:
-        WorkbenchError: If a part of the unit is unknown; names the nearest known spelling.
 
     Example:
         >>> unit = parse_unit("m3/(s Pa)")
@@ -391,10 +385,6 @@ def quantity(name: str, given: object, unit: str, *, difference: bool = False) -
         name: What the value is, as the user knows it.
         given: Number, or text with or without a unit; without one, ``unit`` is meant.
         difference: Whether it is a difference, of which the zero of a scale is no part.
-
-    Raises:
-        WorkbenchError: If it is not a finite number, or its unit is unknown or measures something
-            else.
 
     Example:
         >>> quantity("mean pressure", "300kPa", "bar"), quantity("load", 3, "kg")

@@ -302,11 +302,7 @@ def _with_disturbances(model: Model, given: dict[str, float]) -> dict[str, float
 
 
 def check_value(model: Model, name: str, value: float, *, what: str = "") -> None:
-    """Check that an input, a state, an output or a sum of a plant can have a value, in SI.
-
-    Raises:
-        WorkbenchError: If it is outside the range of the plant's laws or of the sensor.
-    """
+    """Check that an input, a state, an output or a sum of a plant can have a value, in SI."""
     check_finite(name, value)
     total = next((t for t in model.traits.sums if t.name == name), None)
     if total is not None:

@@ -180,9 +180,6 @@ class PaperLaw(ForceLaw):
 
         Args:
             name: ``corrected``, or ``as_printed``: switch at 1.6 mm, absolute pressure.
-
-        Raises:
-            WorkbenchError: If the name is neither.
         """
         check_choice("force law variant", name, ("corrected", "as_printed"))
         if name == "as_printed":

@@ -35,9 +35,6 @@ class Hypothesis:
         usual: Whether machines usually have some of it that nobody tells a controller of.
         alone: The same law at each of its places alone, where several share its parameters.
 
-    Raises:
-        WorkbenchError: If the effect has no parameter of that name or the group is unknown.
-
     Example:
         >>> from workbench.physics.library import library
         >>> from workbench.plants.arm import arm
@@ -112,9 +109,6 @@ class Hypothesis:
         Args:
             size: Size, in its unit.
             shape: Values of other parameters by short name, in each one's unit.
-
-        Raises:
-            WorkbenchError: If a name is unknown or a value outside its bounds.
         """
         return self.effect.with_parameters({**(shape or {}), self.size_parameter: size})
 

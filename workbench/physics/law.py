@@ -309,9 +309,6 @@ class Law:
             typical: Usual size, in its unit; scales a fit.
             values: Values of the law's parameters, in their units; a usual size where none is
                 given.
-
-        Raises:
-            WorkbenchError: If a parameter is unknown, or a value is outside its bounds.
         """
         names = (ports,) if isinstance(ports, str) else tuple(ports)
         given = {"lower": lower, "upper": upper, "scale": typical, "source": source or None}

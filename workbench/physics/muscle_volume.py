@@ -45,9 +45,6 @@ class BraidedCylinder:
             square root is missing from d, the end has the larger radius twice, and the ends are
             added to a cylinder that already contains them.
 
-    Raises:
-        WorkbenchError: If ``printing`` is neither.
-
     Source:
         Lines [6] to [10] of the paper's Figure 3.
 

@@ -32,10 +32,6 @@ class Curve:
         knots: Abscissae, shape (n,), at least 3, increasing, in ``unit``.
         mean: What is taken off each function, shape (n,), dimensionless; nothing by default.
 
-    Raises:
-        WorkbenchError: If there are fewer than 3 knots, they do not increase, or the numbers of
-            means and knots differ.
-
     Example:
         >>> line = Curve("speed", "m/s", (-1.0, 0.0, 2.0))
         >>> np.round(line.functions(np.array([-1.0, 0.0])), 12).tolist()
@@ -149,10 +145,6 @@ def nonparametric_term(
 
     Returns:
         Effect with one parameter per knot, all zero unless given: absent.
-
-    Raises:
-        WorkbenchError: If two curves have the same argument, or an ordinate is unknown or outside
-            its bounds.
     """
     arguments = [curve.argument for curve in curves]
     if len(set(arguments)) != len(arguments):

@@ -471,11 +471,7 @@ class Survey:
         return any(e.about.equation == equation for e in self.model.effects)
 
     def place(self, name: str) -> Place:
-        """Return a port of the model as a place.
-
-        Raises:
-            WorkbenchError: If there is no such port.
-        """
+        """Return a port of the model as a place."""
         check_choice(f"port of {self.model.name}", name, self._port_index)
         index = self._port_index[name]
         port = self.trace.ports[index]

@@ -42,9 +42,6 @@ def own_laws(
         references: Each ``module:object``: a law, an effect, a hypothesis, several of them, or a
             function that returns them, called with the model if it takes an argument.
         folder: Where the modules stand, beside the Python path.
-
-    Raises:
-        WorkbenchError: If an object is none of these.
     """
     return tuple(item for name in references for item in _own(model, name, folder))
 
@@ -346,11 +343,7 @@ def _placed(law: Law, model: Model) -> Effect:
 
 
 def parse_parameter(model: Model, text: str) -> tuple[str, float]:
-    """Return name and value, in SI, of a parameter written as ``NAME=VALUE``.
-
-    Raises:
-        WorkbenchError: If there is no value, no such parameter, or another unit.
-    """
+    """Return name and value, in SI, of a parameter written as ``NAME=VALUE``."""
     name, value = named_value("parameter", text)
     check_choice("parameter", name, [q.name for q in model.parameters])
     unit = model.parameter(name).unit
@@ -389,9 +382,6 @@ def adopt(found: object, reference: str) -> Plant:
     Keyword parameters of the function become options, unless their default is nothing that one
     types, such as a table. A name that ends in a unit, ``mass_kg`` or ``supply_bar``, gives the
     unit; the option is then called ``mass``, ``supply``.
-
-    Raises:
-        WorkbenchError: If it is neither, or a parameter has no default.
     """
     with user_code(f"plant {reference!r}"):
         model = _as_model(found)

@@ -54,11 +54,7 @@ from workbench.work.counted import in_words
 def diagnosis_page(
     diagnosis: Diagnosis, proof: Proof, *, name: str, commands: Sequence[str] = ()
 ) -> Page:
-    """Build the page of a diagnosis.
-
-    Raises:
-        WorkbenchError: If the diagnosis has no verdict.
-    """
+    """Build the page of a diagnosis."""
     verdict = diagnosis.verdict
     sections = []
     if diagnosis.runs:

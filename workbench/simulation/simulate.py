@@ -53,7 +53,6 @@ def simulate(
         The trajectory at the n sample times.
 
     Raises:
-        WorkbenchError: If an argument has the wrong shape, is not finite or outside its range.
         NumericalError: If the integrator gives up, or the two runs differ by more than 1 % of the
             scale of a state: then neither is to be trusted.
 

@@ -132,11 +132,7 @@ def read_baseline(path: str | Path) -> Baseline:
 
 
 def records_of(rows: Iterable[Mapping[str, Any]], what: str) -> dict[Key, Record]:
-    """Return the records that checked tables describe.
-
-    Raises:
-        WorkbenchError: If a run stands there twice, or has a unit that there is not.
-    """
+    """Return the records that checked tables describe."""
     found: dict[Key, Record] = {}
     for row in rows:
         record = record_from_table(row)

@@ -20,11 +20,7 @@ def check_demand(
     controllers: Mapping[str, ControllerRecipe],
     own_metrics: Sequence[Metric] = (),
 ) -> None:
-    """Check that a requirement can be judged and met.
-
-    Raises:
-        WorkbenchError: If its unit does not fit, or nothing can meet it.
-    """
+    """Check that a requirement can be judged and met."""
     required = demand.requirement
     unit = units[required.metric]
     given = required.unit or unit
@@ -72,11 +68,7 @@ def check_demand(
 
 
 def check_demands(demands: Sequence[Demand]) -> None:
-    """Check that the last requirement does not contradict one before it.
-
-    Raises:
-        WorkbenchError: If no value can meet both.
-    """
+    """Check that the last requirement does not contradict one before it."""
     if not demands:
         return
     last = demands[-1].requirement

@@ -81,11 +81,7 @@ class StudyFile:
 
     @contextmanager
     def at(self, *path: str | int) -> Iterator[None]:
-        """Add file and line of an entry to a mistake, unless a place further inside did.
-
-        Raises:
-            WorkbenchError: The mistake, with its place.
-        """
+        """Add file and line of an entry to a mistake, unless a place further inside did."""
         try:
             yield
         except WorkbenchError as error:
@@ -119,9 +115,6 @@ def resolve(file: StudyFile, *, optional: bool = False) -> Study:
 
     Args:
         optional: Whether plants, variations and scenarios that are marked as optional count.
-
-    Raises:
-        WorkbenchError: With file and line of the first mistake.
     """
     table = dict(file.table)
     for part in ("plants", "variations", "scenarios"):

@@ -75,11 +75,7 @@ class FieldTable:
         return found
 
     def check_needed(self, table: Mapping[str, Any], place: Place) -> None:
-        """Check that every needed field is there.
-
-        Raises:
-            ToldError: If one is not.
-        """
+        """Check that every needed field is there."""
         for key, field in self.fields.items():
             if field.needed and not table.get(key) and table.get(key) != 0:
                 name = ".".join(map(str, place)) or "the study"

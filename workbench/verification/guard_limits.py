@@ -70,9 +70,6 @@ def guarded(
     Args:
         at: Where the plant rests, values by name in SI; by default where its nominal inputs hold
             it, or the operating point of the linear model.
-
-    Raises:
-        WorkbenchError: If the plant lacks a sensor or an actuator of the controller.
     """
     plant = plant if isinstance(plant, Model) else linear_model(plant)
     point = operating_point(plant, at or {}) if isinstance(plant, Model) else plant.operating_point

@@ -16,11 +16,7 @@ _STOP = "_stop.torque"
 
 
 def joint_stiffness(run: Run) -> Vector:
-    """Compute the joint's stiffness at constant pressures, ``-d torque / d angle``, in N m/rad.
-
-    Raises:
-        WorkbenchError: If the plant has no port ``joint.torque`` or no state ``angle``.
-    """
+    """Compute the joint's stiffness at constant pressures, ``-d torque / d angle``, in N m/rad."""
     check_choice("signal", "joint.torque", run.signal_names)
     check_choice("state", "angle", run.state_names)
     assert run.model is not None

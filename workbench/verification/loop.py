@@ -60,8 +60,6 @@ def verify(
             second where the first gives up.
 
     Raises:
-        WorkbenchError: If sensors, actuators or sample times do not fit, or the scenario changes
-            parameters of a linear model.
         NumericalError: If the plant left the range of its laws so far that it cannot be simulated.
     """
     check_choice("integration method", method, ("auto", "erk", "rosenbrock"))

@@ -135,7 +135,6 @@ def physical_limit(
             that shows it; the first output that does by default.
 
     Raises:
-        WorkbenchError: If an argument is outside its range or the plant cannot rest there.
         NumericalError: If the solver does not converge.
     """
     names = [q.name for q in model.states]

@@ -136,9 +136,6 @@ class Recorded(_Points):
 
         Args:
             column: Name of its column; by default the only one behind the times.
-
-        Raises:
-            WorkbenchError: If the file cannot be read, has no such column or holds no numbers.
         """
         try:
             text = Path(path).read_text(encoding="utf-8")

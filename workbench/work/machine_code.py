@@ -45,9 +45,6 @@ def compiler() -> str | None:
     """Return the path of a C compiler; None where there is none, and models are interpreted.
 
     The environment variable ``WORKBENCH_CC`` names another compiler, or ``none``.
-
-    Raises:
-        WorkbenchError: If ``WORKBENCH_CC`` names a program that does not exist.
     """
     wanted = os.environ.get("WORKBENCH_CC", "")
     if wanted == "none":

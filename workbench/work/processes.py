@@ -62,10 +62,6 @@ def parallel(
         jobs: Number of processes; 1 stays in this one.
         dask: Address of a Dask scheduler such as ``tcp://host:8786``, or None.
 
-    Raises:
-        WorkbenchError: If the number of processes is outside its range, or Dask is not installed or
-            its scheduler not there.
-
     Example:
         >>> sorted(parallel([(max, (1, 2)), (min, (1, 2))]))
         [(0, 2), (1, 1)]

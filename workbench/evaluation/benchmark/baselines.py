@@ -31,9 +31,6 @@ def run_baselines(cases: Path, out: Path, only: Sequence[str] = ()) -> Iterator[
     Args:
         out: Folder of the answers: one folder per method with ``CASE.json``; those found there are
             not given again.
-
-    Raises:
-        WorkbenchError: If there is no case, or a method is not known.
     """
     for name in only:
         check_choice("baseline", name, BASELINES)

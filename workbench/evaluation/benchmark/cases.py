@@ -44,9 +44,6 @@ def write_cases(out: Path, count: int, first_seed: int | None = None) -> Iterato
 
     Args:
         first_seed: Seed of the first case, a multiple of 1000; None for that of the plan.
-
-    Raises:
-        WorkbenchError: If the folder holds a key already.
     """
     if (out / KEY).exists():
         raise WorkbenchError(f"{out} holds a benchmark already; give the name of another folder")

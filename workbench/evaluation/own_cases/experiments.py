@@ -42,11 +42,7 @@ class RigMachine:
     parameters: dict[str, float] = field(repr=False)
 
     def play(self, experiment: Experiment) -> Recording:
-        """Play the inputs of an experiment from rest at 30 degrees.
-
-        Raises:
-            WorkbenchError: If the samples are not those of the rig.
-        """
+        """Play the inputs of an experiment from rest at 30 degrees."""
         check_range("sample time", experiment.sample_time, 0.999 / RATE, 1.001 / RATE, "s")
         start = settled(self.parameters, seconds=2.0)
         record = simulate.run(self.parameters, start, command=experiment.inputs[:, 0], seed=1)

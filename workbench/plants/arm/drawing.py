@@ -67,11 +67,7 @@ class ArmDrawing:
 
 
 def arm_drawing(model: Model, angle: npt.ArrayLike) -> ArmDrawing:
-    """Place the parts of an arm as its equations declare them, at angles of shape (n,), in rad.
-
-    Raises:
-        WorkbenchError: If the model is no arm.
-    """
+    """Place the parts of an arm as its equations declare them, at angles of shape (n,), in rad."""
     equations: Any = model.equations
     if not isinstance(equations, ArmEquations):
         raise WorkbenchError(f"model {model.name!r} is no arm, so its drawing is unknown")

@@ -76,9 +76,6 @@ class ArmBody:
         Args:
             angle: Arm angle, rad; any shape.
             load: Mass of the plates n, kg, 0..8; number or expression.
-
-        Raises:
-            WorkbenchError: If the plane is unknown or the load is a number outside 0..8 kg.
         """
         check_choice("plane", plane, ("horizontal", "vertical"))
         load = check_load(load)

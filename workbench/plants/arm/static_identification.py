@@ -155,8 +155,6 @@ def identify_static_force(
         confidence: Probability of the intervals, 0.5 to 0.9999, dimensionless.
 
     Raises:
-        WorkbenchError: If the arrays do not fit, are not finite, or hold too few contractions or
-            pressures.
         NumericalError: If the points do not determine the coefficients.
 
     Source:

@@ -373,9 +373,6 @@ def diagnosis_nonparametric(
         unit: Unit of the curve; ``"1"`` for a fraction of the port's signal.
         shown: Unit declared for reading it; empty if none.
         argument_shown: The same of the argument.
-
-    Raises:
-        WorkbenchError: If nothing was fitted over the argument.
     """
     if argument.bins is None:
         raise WorkbenchError(
