@@ -41,7 +41,7 @@ def missing_package(what: str, package: str, extra: str, otherwise: str = "") ->
 def check_range(
     name: str, value: float, lower: float, upper: float, unit: str = "", *, fix: str = ""
 ) -> float:
-    """Return ``value`` as a float if it is a finite number inside ``[lower, upper]``.
+    """Return ``value`` as a float, in ``unit``, if it is finite and inside ``[lower, upper]``.
 
     Args:
         name: What the number is, as the user knows it.
@@ -49,9 +49,6 @@ def check_range(
         lower: Smallest valid value, in ``unit``.
         upper: Largest valid value, in ``unit``.
         unit: Unit printed behind the numbers.
-
-    Returns:
-        The same number, in ``unit``.
 
     Example:
         >>> check_range("load", 3, 0, 8, "kg")
@@ -94,14 +91,11 @@ def check_choice(name: str, value: str, choices: Iterable[str], *, listed: str =
 
 
 def check_finite(name: str, values: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Return ``values`` as a float array if every element is finite.
+    """Return ``values`` as a float array, in their own unit, if every element is finite.
 
     Args:
         name: What the numbers are, as the user knows it.
         values: Numbers of any shape, in any unit.
-
-    Returns:
-        The same numbers as an array of that shape, in the same unit.
 
     Raises:
         WorkbenchError: If they are not numbers or not finite; names the first bad index.

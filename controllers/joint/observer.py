@@ -130,13 +130,10 @@ def kalman_correction(
     acceleration_walk: float = 100.0,
     sample_time: float = 0.002,
 ) -> tuple[float, float, float]:
-    """Compute the observer's gains as a stationary Kalman filter.
+    """Compute a stationary Kalman filter's gains for angle, speed and acceleration left, in SI.
 
     The joint is a double integrator driven by the acceleration from the pressures. Its noise, rms,
     and its unexplained part, a random walk, rms over 1 s, are given in rad/s2.
-
-    Returns:
-        Gains for angle, speed and unexplained acceleration, in SI.
 
     Source:
         Kwakernaak and Sivan, Linear Optimal Control Systems, 1972, section 6.5.

@@ -141,11 +141,7 @@ def discrete(rates: Dynamics, duration: float, steps: int, name: str) -> ca.Func
 
 
 def shooting(stage: ca.Function, stages: int) -> ca.Function:
-    """Map a stage over a horizon.
-
-    Returns:
-        Function (Z, U, W) of matrices with one column per stage -> the results side by side.
-    """
+    """Map a stage over a horizon: (Z, U, W), a column per stage -> the results side by side."""
     n, n_u, n_w = (stage.size1_in(i) for i in range(3))
     Z, U, W = (ca.MX.sym(name, rows, stages) for name, rows in (("Z", n), ("U", n_u), ("W", n_w)))
     result = stage.map(stages)(Z, U, W)

@@ -275,20 +275,14 @@ class RoundScore:
             f"{100 * r.value:.0f} %" if r.total else "–" for r in self.rates.values()
         )
         silent, nothing = self.false_alarms
-        checked = (
-            "not checked against commitments"
-            if self.committed is None
-            else f"{self.committed} answers are those committed beforehand"
-        )
-        return "\n".join(
-            [
-                aligned_table(heading, rows, width=None),
-                f"{self.points} of {self.most} points; random answers {self.chance:.1f},"
-                f" p = {self.p_value:.2g}",
-                f"right group {group}, right name or class {name}, confidently wrong {wrong},"
-                f" false alarms {silent} of {nothing}",
-                checked,
-            ]
+        checked = f"{self.committed} answers are those committed beforehand"
+        return (
+            f"{aligned_table(heading, rows, width=None)}\n"
+            f"{self.points} of {self.most} points; random answers {self.chance:.1f},"
+            f" p = {self.p_value:.2g}\n"
+            f"right group {group}, right name or class {name}, confidently wrong {wrong},"
+            f" false alarms {silent} of {nothing}\n"
+            + ("not checked against commitments" if self.committed is None else checked)
         )
 
 
@@ -357,37 +351,26 @@ def score_case(answer: Answer, truths: Sequence[Truth]) -> Line:
         points = WRONG if answer.findings else RIGHT if answer.kind in _SILENT else NONE
         remark = {RIGHT: "silent", NONE: "not sure", WRONG: "wrong name"}[points]
         return Line(answer.case, NOTHING, said, points, RIGHT, remark, (), (), answer.over_noise)
-    best: tuple[int, tuple[int, ...], tuple[int, ...]] | None = None
+    deals = []
     places = [*range(len(truths)), *[-1] * max(0, len(answer.findings) - len(truths))]
     for deal in set(permutations(places, len(answer.findings))):
-        dealt = [NONE] * len(truths)
-        extra = 0
+        dealt, surplus = [NONE] * len(truths), 0
         for finding, place in zip(answer.findings, deal, strict=True):
             if place >= 0:
                 dealt[place] = _points(answer, finding, truths[place])
-            elif finding[0]:
-                extra += WRONG
-        total = sum(dealt) + extra
-        if best is None or total > best[0]:
-            best = (total, tuple(dealt), deal)
-    assert best is not None
-    total, points_by, deal = best
-    remarks = [WORDS[p] for p in points_by]
-    if len(answer.findings) > len(truths):
-        surplus = sum(p < 0 and bool(f[0]) for f, p in zip(answer.findings, deal, strict=True))
-        remarks += ["wrong name"] * surplus
-    located = tuple(
-        any(_in_group(groups, truth) for _, groups in answer.findings) for truth in truths
-    )
+            else:
+                surplus += bool(finding[0])
+        deals.append((sum(dealt) + WRONG * surplus, dealt, surplus))
+    total, dealt, surplus = max(deals, key=lambda found: found[0])
     return Line(
         answer.case,
         ", ".join(truth.word for truth in truths),
         said,
         total,
         RIGHT * len(truths),
-        ", ".join(remarks),
-        located,
-        tuple(p >= CLASS for p in points_by),
+        ", ".join([*(WORDS[points] for points in dealt), *["wrong name"] * surplus]),
+        tuple(any(_in_group(groups, t) for _, groups in answer.findings) for t in truths),
+        tuple(points >= CLASS for points in dealt),
         answer.over_noise,
     )
 

@@ -91,9 +91,8 @@ def answered(
 
 def keep(path: Path, row: Mapping[str, Any]) -> dict[str, Any]:
     """Write an answer and return it as it will be read; numbers that are not finite become null."""
-    text = json.dumps(plain(row), indent=1)
-    write_whole(path, text)
-    return dict(json.loads(text))
+    write_whole(path, json.dumps(plain(row), indent=1))
+    return dict(json.loads(path.read_text(encoding="utf-8")))
 
 
 def read_kept(out: Path) -> list[dict[str, Any]]:

@@ -225,15 +225,12 @@ def pulse_train(
     centre_V: float = 5.0,
     sample_time: float = 0.002,
 ) -> Vector:
-    """Return the samples of a pulse train about the valve's centre, the first pulse upwards.
+    """Return the samples, in V, of a pulse train about the valve's centre, the first pulse upwards.
 
     Args:
         period: Period, in s; half of it up, half of it down.
         duration: Length of the train, in s.
         sample_time: Time between samples, in s.
-
-    Returns:
-        Voltages, shape (n,), in V.
 
     Source:
         The paper: an impulse train of +-0.9 V about +5 V, over a period of 4 s.

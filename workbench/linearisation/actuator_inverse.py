@@ -92,13 +92,10 @@ class ActuatorInverse:
         return np.array(values)[rising], grid[rising]
 
     def __call__(self, value: npt.ArrayLike) -> Vector:
-        """Return the command that gives a value of the curve at rest.
+        """Return the command, in SI and inside its range, that gives a value of the curve at rest.
 
         Args:
             value: Fraction, -1..1, any shape; beyond, the full command.
-
-        Returns:
-            Command, same shape, in SI, inside the range of the input.
         """
         point = self.operating_point
         values, states = self._table

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def transfer_function(A: Any, B: Any, C: Any, D: Any, s: npt.ArrayLike) -> Complex:
-    """Return ``C (s I - A)^-1 B + D``.
+    """Return ``C (s I - A)^-1 B + D``, in SI, shape (*shape of s, p, m).
 
     Args:
         A: State matrix, shape (n, n), in SI.
@@ -22,9 +22,6 @@ def transfer_function(A: Any, B: Any, C: Any, D: Any, s: npt.ArrayLike) -> Compl
         C: Output matrix, shape (p, n), in SI.
         D: Feedthrough, shape (p, m), in SI.
         s: Complex frequencies, any shape, in rad/s; z (dimensionless) of a sampled system.
-
-    Returns:
-        Responses, shape (*shape of s, p, m), in SI of the output per SI of the input.
 
     Example:
         >>> abs(transfer_function([[-1.0]], [[1.0]], [[1.0]], [[0.0]], 1j).item()).__round__(4)

@@ -120,13 +120,10 @@ def leave_the_numbers(
 
 
 def with_real_roots(expressions: Sequence[ca.SX]) -> list[ca.SX]:
-    """Return expressions in which the root of what is negative is zero.
+    """Return expressions, in SI, in which the root of what is negative is zero.
 
     Args:
         expressions: Rates and measurements, any shapes, in SI; so is what returns.
-
-    Returns:
-        The same, in SI.
 
     Example:
         >>> h = ca.SX.sym("h")

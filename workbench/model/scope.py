@@ -229,15 +229,12 @@ class Scope:
         lower: float = -math.inf,
         upper: float = math.inf,
     ) -> Expression:
-        """Name an internal signal, so that results can show it and effects can use it.
+        """Name and return an internal signal, in ``unit``: results show it and effects use it.
 
         Args:
             value: The signal, in ``unit``.
             lower: Smallest value for which the laws that use it hold, in ``unit``.
             upper: Largest value for which the laws that use it hold, in ``unit``.
-
-        Returns:
-            The same signal, in ``unit``.
         """
         self._claim(name, unit)
         self.values[name] = value

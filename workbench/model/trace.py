@@ -141,16 +141,13 @@ class Trace:
     def along(
         self, states: Vector, inputs: Vector, parameters: Vector, *expressions: ca.SX
     ) -> list[Vector]:
-        """Evaluate expressions in this trace's symbols at every sample, in SI.
+        """Evaluate expressions of this trace at every sample: arrays (n, rows, columns), in SI.
 
         Args:
             states: States, shape (n, n_states), in SI.
             inputs: Inputs, shape (n, n_inputs), in SI.
             parameters: Parameters, shape (n_parameters,) or (n, n_parameters), in SI.
             expressions: What to evaluate, in SI.
-
-        Returns:
-            Values of each expression, shape (n, rows, columns), in SI.
         """
         n = len(states)
         function = self.function("along", *map(ca.densify, expressions)).map(n)

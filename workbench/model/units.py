@@ -275,13 +275,10 @@ def powers(text: str) -> list[tuple[str, float]]:
 
 @lru_cache(maxsize=512)
 def parse_unit(text: str) -> Unit:
-    """Parse a unit string.
+    """Return the unit that a text says, with its factor to SI and its dimensions.
 
     Args:
         text: Unit such as ``"N m s/rad"``; ``""``, ``"1"`` and ``"-"`` mean dimensionless.
-
-    Returns:
-        The unit with its factor to SI and its dimensions.
 
     Example:
         >>> unit = parse_unit("m3/(s Pa)")

@@ -84,14 +84,11 @@ def _polynomial(x: Expression, coefficients: tuple[Expression, ...]) -> Expressi
 def pressure_gain(
     contraction: Expression, coefficients: tuple[Expression, ...] = D_BAR_MM
 ) -> Expression:
-    """Return D(q), the tension gained per pascal: ``D(q) = D1 + D2 q + D3 q^2``, q in mm.
+    """Return D(q), the tension gained, in N/Pa: ``D(q) = D1 + D2 q + D3 q^2``, q in mm.
 
     Args:
         contraction: Contraction q, m; any shape.
         coefficients: D1, D2, D3 in N/bar, N/(bar mm), N/(bar mm^2).
-
-    Returns:
-        Gain, N/Pa, of the shape of ``contraction``.
 
     Source:
         Equation (3) of the paper.

@@ -102,7 +102,7 @@ def port_enthalpy_flow(
     *,
     form: Form = EXACT,
 ) -> Expression:
-    """Return mass flow times the temperature it carries through a port.
+    """Return the enthalpy flow through a port over c_p, in kg K/s: mass flow times temperature.
 
     The gas carries the temperature of the side it comes from: outside while it enters
     (mass flow > 0), the chamber's while it leaves. The product is continuous; its slope has a kink
@@ -112,9 +112,6 @@ def port_enthalpy_flow(
         mass_flow: Mass flow into the chamber, kg/s; any shape.
         outside_temperature: Temperature of the entering gas, K.
         chamber_temperature: Temperature of the leaving gas, K.
-
-    Returns:
-        Enthalpy flow divided by c_p, kg K/s.
 
     Source:
         Line [11] of the paper's Figure 3.

@@ -80,13 +80,10 @@ class Curve:
         return np.asarray((knots - knots[0]) / (knots[-1] - knots[0]))
 
     def functions(self, x: npt.ArrayLike) -> Vector:
-        """Compute the function of every knot.
+        """Compute the function of every knot less its mean, shape (m, n), dimensionless.
 
         Args:
             x: Argument, shape (m,), in the curve's unit.
-
-        Returns:
-            Values less the means, shape (m, n), dimensionless.
         """
         parts = self._parts(np.asarray(x, dtype=float))
         mean = np.array(self.mean) if self.mean else 0.0

@@ -41,11 +41,7 @@ class Columns:
 
 
 def without_giants(columns: Columns) -> Columns:
-    """Take numbers that no sensor gives, and whose squares overflow, for missing.
-
-    Returns:
-        The columns with NaN in place of numbers beyond 1e100, and a note if there were any.
-    """
+    """Take numbers beyond 1e100, which no sensor gives and whose squares overflow, for missing."""
     values = columns.values
     giants = np.isfinite(values) & (np.abs(np.nan_to_num(values)) > LARGEST)
     if not giants.any():
@@ -55,13 +51,10 @@ def without_giants(columns: Columns) -> Columns:
 
 
 def average_rows(rows: Vector, factor: int) -> Vector:
-    """Average every ``factor`` rows, leaving NaN cells out.
+    """Average every ``factor`` rows, leaving NaN cells out; NaN where all were.
 
     All columns pass through the same filter, time included, so linear relations between them
     stay as they were.
-
-    Returns:
-        Shape (m, columns); NaN where all cells were NaN.
 
     Example:
         >>> average_rows(np.array([[0.0], [2.0], [4.0], [np.nan]]), 2).ravel()

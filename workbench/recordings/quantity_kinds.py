@@ -56,13 +56,10 @@ def _composed(unit: Unit) -> Kind:
 
 
 def kind_of(unit: str) -> Kind:
-    """Return what a unit measures.
+    """Return what a unit measures, named after its SI unit if that has no common name.
 
     Args:
         unit: Any unit known to `workbench.model.units`; ``""`` for a signal without stated unit.
-
-    Returns:
-        The kind with its SI unit; a kind named after its SI unit if it has no common name.
 
     Example:
         >>> kind_of("deg/s").name, kind_of("N/m").unit

@@ -150,7 +150,8 @@ def read_recording(
 
     Units come from the headers (``pressure_1_bar``, ``angle [deg]``), a row of units or the
     mapping; a column without unit is taken as SI and the mapping says so. Print
-    ``recording.mapping`` to see how each column was read.
+    ``recording.mapping`` to see how each column was read. `check_recording` judges and corrects
+    what stands in the file.
 
     Args:
         path: The file; text files may be compressed (``.csv.gz``).
@@ -159,9 +160,6 @@ def read_recording(
         signals: Names, a mapping from name to unit, or a model whose inputs and outputs are
             requested. None to take every column of numbers.
         max_rows: Largest number of rows kept; a longer file is averaged in groups, with a note.
-
-    Returns:
-        The recording, in SI, as it stands in the file; `check_recording` judges and corrects it.
 
     Example:
         >>> import tempfile

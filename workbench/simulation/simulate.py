@@ -49,9 +49,6 @@ def simulate(
         values: Parameter values, shape (n_parameters,), in SI; the model's own by default.
         check: Also make a ten times tighter run and report the difference.
 
-    Returns:
-        The trajectory at the n sample times.
-
     Raises:
         NumericalError: If the integrator gives up, or the two runs differ by more than 1 % of the
             scale of a state: then neither is to be trusted.
@@ -113,13 +110,10 @@ def simulate(
 
 
 def check_inputs(model: Model, inputs: npt.ArrayLike) -> Vector:
-    """Return inputs as a finite table with one column per input of the model.
+    """Return inputs, in SI, as a finite table (n, n_inputs) with a column per input of the model.
 
     Args:
         inputs: Inputs, shape (n, n_inputs), or (n,) for a single input, in SI.
-
-    Returns:
-        Inputs, shape (n, n_inputs), in SI.
     """
     table = check_finite("inputs", inputs)
     if table.ndim == 1:

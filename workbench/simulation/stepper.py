@@ -66,14 +66,11 @@ class Stepper:
         return self.run(x, np.asarray(u, dtype=float).reshape(1, -1)).ravel()
 
     def run(self, x: npt.ArrayLike, u: npt.ArrayLike) -> Vector:
-        """Return the states after each of several samples.
+        """Return the states after each of several samples, shape (n_samples, n_states), in SI.
 
         Args:
             x: States at the start, shape (n_states,), in SI.
             u: Inputs held over each sample, shape (n_samples, n_inputs), in SI.
-
-        Returns:
-            States at the ends of the samples, shape (n_samples, n_states), in SI.
 
         Raises:
             NumericalError: If the integrator gives up or the states are no longer finite.

@@ -157,15 +157,12 @@ def what_moved(quantities: Sequence[Quantity], columns: Sequence[Vector]) -> Row
 def read_outputs(
     model: Model, states: Vector, inputs: Vector, *, form: Form = EXACT, values: Vector
 ) -> Vector:
-    """Compute what the sensors would read along a run, without noise and quantisation.
+    """Compute what the sensors would read along a run, in SI, without noise and quantisation.
 
     Args:
         states: States, shape (n, n_states), in SI.
         inputs: Inputs, shape (n, n_inputs), in SI.
         values: Parameter values, shape (n_parameters,), in SI.
-
-    Returns:
-        Measurements, shape (n, n_outputs), in SI.
     """
     return _over(model.form(form), "outputs", states, inputs, values)
 

@@ -207,12 +207,7 @@ BOX = listed(
 
 _BASELINE = TableShape(
     {"schema": whole, "runs": listed(RECORD), "conditions": CONDITIONS},
-    {
-        "study": text,
-        "kind": one_of(KIND, RESULTS_KIND),
-        "box": BOX,
-        "robustness": BOX,
-    },
+    {"study": text, "kind": one_of(KIND, RESULTS_KIND), "box": BOX, "robustness": BOX},
 )
 
 
@@ -291,9 +286,9 @@ def changes(
     depends on rounding, how far the trajectory strays from it does not.
     """
     found: list[Change] = []
-    seen = set()
+    gone = dict.fromkeys(baseline.records)
     for record in records:
-        seen.add(record.key)
+        gone.pop(record.key, None)
         before = baseline.records.get(record.key)
         if before is None:
             found.append(_whole(record.key, "new", "the baseline has no such run"))
@@ -303,12 +298,10 @@ def changes(
             found.append(_whole(record.key, "better", "it failed in the baseline"))
         elif not record.failed:
             found += _metrics(rules, before, record)
-    found += [
-        _whole(key, "gone", "the baseline has it, the study has not")
-        for key in baseline.records
-        if key not in seen
-    ]
-    return tuple(found)
+    return (
+        *found,
+        *(_whole(key, "gone", "the baseline has it, the study has not") for key in gone),
+    )
 
 
 def box_changes(rows: Iterable[Mapping[str, Any]], baseline: Baseline) -> tuple[Change, ...]:
@@ -324,12 +317,12 @@ def box_changes(rows: Iterable[Mapping[str, Any]], baseline: Baseline) -> tuple[
             old = before.get((row["controller"], own["requirement"]))
             if old is None or not old["draws"] or not own["draws"]:
                 continue
-            shares = [100.0 * part["met"] / part["draws"] for part in (old, own)]
-            if not math.isclose(*shares):
-                way: Way = "worse" if shares[1] < shares[0] else "better"
+            was, now = (100.0 * part["met"] / part["draws"] for part in (old, own))
+            if not math.isclose(was, now):
                 key = (row["controller"], IN_BOX, "", 0)
                 name = f"plants that meet {own['requirement']}"
-                found.append(Change(key, name, shares[0], shares[1], "%", way, own["hard"]))
+                way: Way = "worse" if now < was else "better"
+                found.append(Change(key, name, was, now, "%", way, own["hard"]))
     return tuple(found)
 
 
@@ -342,27 +335,25 @@ def _whole(key: Key, way: Way, reason: str) -> Change:
 
 
 def _metrics(rules: Mapping[str, Tolerance], before: Record, after: Record) -> list[Change]:
-    assert before.metrics is not None and after.metrics is not None
-    sliding = any(_known(name).needs == "surface" for name in after.metrics)
+    was, now = before.metrics, after.metrics
+    assert was is not None and now is not None
+    sliding = any(_known(name).needs == "surface" for name in now)
     found = []
-    for name in (*after.metrics, *(n for n in before.metrics if n not in after.metrics)):
+    for name in dict.fromkeys((*now, *was)):
         own = rules[name]
         if not own.repeats:
             continue
         gates = own.gates and (_known(name).invariant or not sliding)
-        old = before.metrics[name].value if name in before.metrics else math.nan
-        metric = after.metrics[name] if name in after.metrics else before.metrics[name]
-        new = metric.value if name in after.metrics else math.nan
-        stored = before.metrics[name].unit if name in before.metrics else metric.unit
+        old, new = (known[name].value if name in known else math.nan for known in (was, now))
+        metric = now[name] if name in now else was[name]
+        unit = metric.display_unit or metric.unit
+        stored = was[name].unit if name in was else metric.unit
         if stored != metric.unit:
             # Numbers of another unit are no numbers to compare with.
             if not same_dimension(stored, metric.unit):
-                now = _shown(metric, new)
-                unit = metric.display_unit or metric.unit
                 reason = f"the baseline has it in {stored!r}"
-                found.append(
-                    Change(after.key, name, math.nan, now, unit, "worse", True, 0.0, reason)
-                )
+                values = math.nan, _shown(metric, new)
+                found.append(Change(after.key, name, *values, unit, "worse", True, 0.0, reason))
                 continue
             old = float(convert(old, stored, metric.unit))
         if math.isnan(old) and math.isnan(new):
@@ -372,19 +363,16 @@ def _metrics(rules: Mapping[str, Tolerance], before: Record, after: Record) -> l
         if math.isnan(new):
             way = "worse"
         elif math.isnan(old):
-            way = "better" if name in before.metrics else "new"
+            way = "better" if name in was else "new"
         elif abs(new - old) <= tolerance:
             continue
         elif own.better == "neither":
             way = "changed"
         else:
             way = "worse" if (new > old) == (own.better == "less") else "better"
-        shown = [_shown(metric, value) for value in (old, new, tolerance)]
-        unit = metric.display_unit or metric.unit
-        reason = metric.reason if math.isnan(new) else ""
-        found.append(
-            Change(after.key, name, shown[0], shown[1], unit, way, gates, shown[2], reason)
-        )
+        values = _shown(metric, old), _shown(metric, new)
+        allowed, reason = _shown(metric, tolerance), metric.reason if math.isnan(new) else ""
+        found.append(Change(after.key, name, *values, unit, way, gates, allowed, reason))
     return found
 
 
@@ -444,12 +432,9 @@ def bless(folder: str | Path, baseline: str | Path) -> str:
     elif not found and not other:
         lines.append(f"nothing changed beyond its tolerance; {len(records)} runs written")
     else:
-        counts = {way: sum(c.way == way for c in found) for way in ("worse", "better")}
-        rest = len(found) - sum(counts.values())
-        lines.append(
-            f"accepted {len(found)} changes: {counts['worse']} worse, {counts['better']} better,"
-            f" {rest} other"
-        )
+        worse, better = (sum(c.way == way for c in found) for way in ("worse", "better"))
+        rest = f"{len(found) - worse - better} other"
+        lines.append(f"accepted {len(found)} changes: {worse} worse, {better} better, {rest}")
         lines += [f"  {change}" for change in found]
     if other:
         lines.append(f"accepted {len(other)} changed conditions:")

@@ -127,17 +127,14 @@ def verify_kept(asked: Sequence[Task], store: Store) -> None:
 
 def _difference(kept: Record, now: Record) -> str:
     if kept.metrics is None or now.metrics is None:
-        return (
-            "" if kept.failed == now.failed else f"{kept.reason or 'done'}, {now.reason or 'done'}"
-        )
+        outcomes = f"{kept.reason or 'done'}, {now.reason or 'done'}"
+        return "" if kept.failed == now.failed else outcomes
     for metric in now.metrics.values:
         if not tolerance_of(metric.name).repeats:
             continue
         old = kept.metrics[metric.name].value if metric.name in kept.metrics else math.nan
-        if not (
-            math.isclose(old, metric.value, rel_tol=1e-6, abs_tol=1e-12)
-            or (math.isnan(old) and math.isnan(metric.value))
-        ):
+        same = math.isclose(old, metric.value, rel_tol=1e-6, abs_tol=1e-12)
+        if not same and not (math.isnan(old) and math.isnan(metric.value)):
             return f"{metric.name} was {old:.6g} and is {metric.value:.6g} {metric.unit}"
     return ""
 

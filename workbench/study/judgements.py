@@ -140,11 +140,7 @@ def _judgement(demand: Demand, record: Record) -> Judgement:
 
 
 def worst_score(judgements: Sequence[Judgement]) -> float:
-    """Return the worst score of the hard requirements.
-
-    Returns:
-        A ratio, at most 1 if all are met; 0 if none is hard.
-    """
+    """Return the worst score of the hard requirements, a ratio: at most 1 if all are met."""
     return max((j.score for j in judgements if j.hard), default=0.0)
 
 

@@ -61,10 +61,9 @@ class StepDistance:
     @property
     def ratio(self) -> Value:
         """Settling over limit, dimensionless, or NaN with a reason."""
-        if math.isnan(self.limit.value):
-            return Value(math.nan, self.limit.reason)
-        if math.isnan(self.settling.value):
-            return Value(math.nan, self.settling.reason)
+        for time in (self.limit, self.settling):
+            if math.isnan(time.value):
+                return time
         return Value(self.settling.value / self.limit.value)
 
 
@@ -209,19 +208,12 @@ def _is_compared(study: Study, initial: float, final: float) -> bool:
 
 
 def limit_of(move: Move) -> Value:
-    """Find the physical limit of one move; whatever goes wrong becomes the reason.
-
-    Returns:
-        Time until the plant is within the band for good, in s, or NaN with a reason.
-    """
+    """Find the physical limit of one move, in s, or NaN with the reason why there is none."""
     try:
         model = move.plant.build()
-    except WorkbenchError as error:
-        return Value(math.nan, str(error).split(";")[0])
-    # The limit of the plant itself: attached effects of memory are no smooth equations.
-    plain = {e.name for e in replace(move.plant, effects=(), parameters=()).build().effects}
-    model = model.without(*(e for e in model.dry_effects if e not in plain))
-    try:
+        # The limit of the plant itself: attached effects of memory are no smooth equations.
+        plain = {e.name for e in replace(move.plant, effects=(), parameters=()).build().effects}
+        model = model.without(*(e for e in model.dry_effects if e not in plain))
         found = physical_limit(model, move.initial, move.final, coordinate=move.output)
     except WorkbenchError as error:
         # Behind the semicolon stands what a caller of the function may change, not a reader.
@@ -232,11 +224,7 @@ def limit_of(move: Move) -> Value:
 
 
 def distances(study: Study, records: Sequence[Record], limits: Mapping[Move, Value]) -> Distances:
-    """Compare every step on the nominal plant with its limit.
-
-    Returns:
-        Steps, and the worst per controller and scenario; of several seeds the worst counts.
-    """
+    """Compare every step on the nominal plant with its limit; of several seeds the worst counts."""
     steps: list[StepDistance] = []
     worst: list[Distance] = []
     for case in study.cases.values():
@@ -266,25 +254,16 @@ def distances(study: Study, records: Sequence[Record], limits: Mapping[Move, Val
 def _compared(
     study: Study, nominal: Variation, record: Record, limits: Mapping[Move, Value]
 ) -> list[StepDistance]:
-    found = []
-    for s in record.steps:
-        if not _is_compared(study, s.initial, s.final):
-            continue
-        move = Move(nominal.plant, s.output, s.initial, s.final)
-        limit = limits.get(move, Value(math.nan, "not computed"))
-        found.append(
-            StepDistance(
-                record.controller,
-                record.scenario,
-                record.seed,
-                s.begin,
-                move,
-                s.settling,
-                limit,
-                nominal.name,
-            )
-        )
-    return found
+    run, unknown = (
+        (record.controller, record.scenario, record.seed),
+        Value(math.nan, "not computed"),
+    )
+    return [
+        StepDistance(*run, s.begin, move, s.settling, limits.get(move, unknown), nominal.name)
+        for s in record.steps
+        if _is_compared(study, s.initial, s.final)
+        for move in (Move(nominal.plant, s.output, s.initial, s.final),)
+    ]
 
 
 def _worst(compared: Sequence[StepDistance], reason: str) -> tuple[Value, StepDistance | None]:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -205,13 +206,9 @@ def robustness(
     chosen = [study.controllers[name] for name in box.controllers or study.controllers]
     asked = [task for c in chosen for i, p in enumerate(points) for task in _tasks(study, c, p, i)]
     records = workers.records(asked, progress)
-    each = box.draws * len(box.scenarios)
+    left = iter(records)
     groups = {
-        c.name: [
-            records[k * each + i * len(box.scenarios) : k * each + (i + 1) * len(box.scenarios)]
-            for i in range(box.draws)
-        ]
-        for k, c in enumerate(chosen)
+        c.name: [tuple(islice(left, len(box.scenarios))) for _ in range(box.draws)] for c in chosen
     }
     searches = [_search(study, c, unit, groups[c.name]) for c in chosen]
 
@@ -223,10 +220,11 @@ def robustness(
         _result(study, c.name, unit, groups[c.name], table["tried"])
         for c, table in zip(chosen, tables, strict=True)
     ]
-    shown = []
-    for c, result in zip(chosen, results, strict=True):
-        worst = np.array(list(result.worst.values()))
-        shown += [replace(t, traces=True) for t in _tasks(study, c, worst, None)]
+    shown = [
+        replace(task, traces=True)
+        for c, result in zip(chosen, results, strict=True)
+        for task in _tasks(study, c, np.array(list(result.worst.values())), None)
+    ]
     runs = workers.records(shown)
     return tuple(
         replace(r, worst_runs=tuple(run for run in runs if run.controller == r.controller))
@@ -327,10 +325,8 @@ def search(asked: Search) -> dict[str, Any]:
         return _score(study, records)
 
     best, worst = asked.start, asked.start_score
-    if box.search and asked.corner != best:
-        value = at(asked.corner)
-        if value > worst:
-            best, worst = asked.corner, value
+    if box.search and asked.corner != best and (value := at(asked.corner)) > worst:
+        best, worst = asked.corner, value
     step = 0.25
     while len(tried) < box.search and step > 0.02 and worst < LARGEST:
         moved = False

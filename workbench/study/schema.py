@@ -240,8 +240,7 @@ class _Resolver:
 
     def named(self, part: str) -> dict[str, Any]:
         """Return the tables of a part by name."""
-        found: dict[str, Any] = self.table.get(part, {})
-        return found
+        return dict(self.table.get(part, {}))
 
     def of_case(self, case: str, part: str, name: str) -> tuple[dict[str, Any], Place]:
         """Return what a case says of a part's table, and where."""
@@ -571,12 +570,12 @@ class _Resolver:
         table["references"] = signals
         for key in _EVENTS:
             table[key] = self.events(key, table, model, *path)
-        faults = []
+        faults: list[SignalFault] = []
         for i, row in enumerate(table.get("faults", ())):
             with self.at(*path, "faults", i):
                 faults.append(SignalFault(**row))
         with self.at(*path):
-            scenario = Scenario(name, **{**table, "faults": tuple(faults)})
+            scenario = Scenario(name, **table | {"faults": tuple(faults)})
         for key in _EVENTS:
             for i, event in enumerate(getattr(scenario, key)):
                 with self.at(*path, key, i):
@@ -767,13 +766,10 @@ def _check_reference(model: Model, output: str, signal: Signal, scenario: Scenar
         values = signal.sample(np.linspace(0.0, scenario.duration, 1001))
     for time, _, _ in changes:
         _check_before_end(f"a step of the reference of {output}", time, scenario.duration)
-    _check_before_end(
-        f"the reference of {output}", getattr(signal, "begin", 0.0), scenario.duration
-    )
-    reached = [
-        *np.ravel(values).tolist(),
-        *(v for _, before, after in changes for v in (before, after)),
-    ]
+    begin = getattr(signal, "begin", 0.0)
+    _check_before_end(f"the reference of {output}", begin, scenario.duration)
+    levels = (level for _, *ends in changes for level in ends)
+    reached = [*np.ravel(values).tolist(), *levels]
     for value in (min(reached), max(reached)):
         check_value(model, output, value, what=f"the reference of {output}")
 

@@ -14,20 +14,8 @@ from importlib.resources import files
 from typing import Any
 
 from controllers.uncertainty import Uncertainty
-from workbench.checked_json import (
-    Place,
-    Shape,
-    ShapeError,
-    anything,
-    flag,
-    listed,
-    named,
-    number,
-    one_of,
-    size,
-    text,
-    whole,
-)
+from workbench import checked_json
+from workbench.checked_json import Place, Shape, ShapeError, anything, listed, named, one_of
 from workbench.errors import WorkbenchError, check_choice
 from workbench.model.units import quantity
 from workbench.study.designs import Fastest
@@ -136,12 +124,8 @@ class Field:
 
 
 _PLAIN: dict[str, Shape] = {
-    "anything": anything,
-    "flag": flag,
-    "number": number,
-    "size": size,
-    "text": text,
-    "whole": whole,
+    name: getattr(checked_json, name)
+    for name in ("anything", "flag", "number", "size", "text", "whole")
 }
 _CLASSES: dict[str, Any] = {
     "variation": Variation,
@@ -155,12 +139,7 @@ _CLASSES: dict[str, Any] = {
 }
 """What becomes of a table, and says what is usual in it."""
 
-_RANGES: dict[str, Any] = {
-    "EVENTS_S": EVENTS_S,
-    "RANGES_S": RANGES_S,
-    "FREQUENCIES_HZ": FREQUENCIES_HZ,
-    "BEGINS_S": BEGINS_S,
-}
+_RANGES = {"FREQUENCIES_HZ": FREQUENCIES_HZ, "BEGINS_S": BEGINS_S, "EVENTS_S": EVENTS_S}
 
 
 def _tables() -> dict[str, FieldTable]:
@@ -184,8 +163,7 @@ def _field(table: str, key: str, row: Sequence[Any], known: Mapping[str, FieldTa
     cells: list[Any] = [_FAULTS if cell == "one of FAULTS" else cell for cell in row]
     more: dict[str, Any] = cells.pop() if isinstance(cells[-1], dict) else {}
     if isinstance(ends := more.get("range"), str):
-        found = _RANGES[ends]
-        more["range"] = found[key] if isinstance(found, dict) else found
+        more["range"] = RANGES_S[key] if ends == "RANGES_S" else _RANGES[ends]
     elif ends:
         more["range"] = tuple(ends)
     if more.get("usual") == "default" and table == "scenario" and key in USUAL_SAMPLES:

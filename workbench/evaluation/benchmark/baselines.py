@@ -47,9 +47,7 @@ def run_baselines(cases: Path, out: Path, only: Sequence[str] = ()) -> Iterator[
             if found.fitted is not None or found.prepared.unfit or found.concluded is not None:
                 break
         for name, path in open_.items():
-            given = (
-                answers(found, (name,))[name] if found.fitted is not None else silent("data_unfit")
-            )
+            given = answers(found, (name,))[name] if found.fitted else silent("data_unfit")
             keep(path, given)
             yield f"{folder.name} {name:<16} {given['verdict']:<16} {_said(given)}"
 

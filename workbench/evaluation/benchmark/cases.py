@@ -106,17 +106,11 @@ def compared(cases: Path, verdicts: Sequence[Path]) -> tuple[Scored, ...]:
     scores = []
     for folder in verdicts:
         score = score_verdicts(folder, key, names=names)
-        said = {line.case: _verdict(folder, line.case) for line in score.lines}
-        unknown = {n for verdict in said.values() for n in names_of(verdict) if n not in known}
-        scores.append(
-            Scored(folder.resolve().name, score, _over(said, limits), tuple(sorted(unknown)))
-        )
+        files = {line.case: verdict_file(folder, line.case) for line in score.lines}
+        said = {case: json.loads(file.read_text(encoding="utf-8")) for case, file in files.items()}
+        unknown = sorted({n for v in said.values() for n in names_of(v) if n not in known})
+        scores.append(Scored(folder.resolve().name, score, _over(said, limits), tuple(unknown)))
     return tuple(scores)
-
-
-def _verdict(folder: Path, case: str) -> dict[str, Any]:
-    verdict: dict[str, Any] = json.loads(verdict_file(folder, case).read_text(encoding="utf-8"))
-    return verdict
 
 
 def _over(verdicts: Mapping[str, Mapping[str, Any]], limits: Mapping[str, Any]) -> float:

@@ -114,17 +114,17 @@ def sindy(model: Model, recordings: Sequence[Observed], share: float) -> list[di
     parts = [_terms_and_residuals(model, observed, share) for observed in recordings]
     findings: list[dict[str, Any]] = []
     sparse = []
-    for name in ("joint", "chamber_1", "chamber_2"):
-        terms = {t: np.concatenate([p[name][0][t] for p in parts]) for t in parts[0][name][0]}
-        sparse.append(_regress(name, terms, np.concatenate([p[name][1] for p in parts])))
+    for equation in ("joint", "chamber_1", "chamber_2"):
+        terms, left = zip(*(part[equation] for part in parts), strict=True)
+        joined = {t: np.concatenate([own[t] for own in terms]) for t in terms[0]}
+        sparse.append(_regress(equation, joined, np.concatenate(left)))
     for one in sorted(sparse, key=lambda s: -s.r2):
         if one.r2 < LEAST_R2 or not one.coefficients:
             continue
         table = JOINT if one.equation == "joint" else CHAMBER
-        effect, _ = table[one.dominant]
-        if effect is None or effect.format(k=one.equation[-1]) in [f["effect"] for f in findings]:
+        name = (table[one.dominant][0] or "").format(k=one.equation[-1])
+        if not name or name in [f["effect"] for f in findings]:
             continue
-        name = effect.format(k=one.equation[-1])
         findings.append(
             {
                 "effect": name,

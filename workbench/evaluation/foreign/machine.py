@@ -150,15 +150,12 @@ class Machine:
         replayed: bool = False,
         start: State | None = None,
     ) -> tuple[Array, Array]:
-        """Run the machine along an excitation.
+        """Run the machine along an excitation: commands (n, inputs), measurements (n, channels).
 
         Args:
             excitation: Commands, or references if there is a loop, shape (n, inputs).
             rng: Source of the sensors' noise; without it they are exact.
             replayed: Whether the excitation holds commands although there is a loop.
-
-        Returns:
-            Commands, shape (n, inputs), and measurements, shape (n, channels).
         """
         x = list(start if start is not None else self.initial(p))
         h = self.sample_time / self.steps

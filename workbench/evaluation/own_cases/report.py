@@ -52,13 +52,12 @@ def tables(rows: Sequence[Mapping[str, Any]]) -> str:
         for pair in told(row["verdict"], [name for t in truths_of(row) for name in t.library])
     ]
     parts += ["\n".join(lines)] if (lines := reliability_lines(weighed)) else []
-    failures = [
-        f"{r['case']} {r['title']}: {failure}"
-        for r in rows
-        if (failure := r["verdict"].get("failure"))
+    failed = [
+        f"  {row['case']} {row['title']}: {failure}"
+        for row in rows
+        if (failure := row["verdict"].get("failure"))
     ]
-    if failures:
-        parts.append("\n".join(["diagnoses that failed", *(f"  {line}" for line in failures)]))
+    parts += ["\n".join(["diagnoses that failed", *failed])] if failed else []
     return "\n\n".join(parts)
 
 
@@ -80,11 +79,11 @@ def _bars(tool: Score) -> str:
 
 
 def _answerers(scored: Sequence[Score]) -> str:
-    rates = [score.rates() for score in scored]
+    rates, rounds = [s.rates() for s in scored], [s.round for s in scored]
     rows = [
         ("cases", *(len(s.judged) for s in scored)),
-        ("points", *(f"{s.points} of {s.most}" for s in scored)),
-        ("points by random answers", *(f"{s.chance:.0f}, p {s.p_value:.2g}" for s in scored)),
+        ("points", *(f"{r.points} of {r.most}" for r in rounds)),
+        ("points by random answers", *(f"{r.chance:.0f}, p {r.p_value:.2g}" for r in rounds)),
         *((name, *(r[name] for r in rates)) for name in rates[0]),
         ("held-out error over the limit", *(_three(s.ratio) for s in scored)),
         ("size error, median", *(_percent(s.sizes.median) for s in scored)),
@@ -170,10 +169,10 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "answerers": {
             s.who: {
                 "cases": len(s.judged),
-                "points": s.points,
-                "most": s.most,
-                "points_by_chance": s.chance,
-                "p_value": s.p_value,
+                "points": s.round.points,
+                "most": s.round.most,
+                "points_by_chance": s.round.chance,
+                "p_value": s.round.p_value,
                 "rates": {name: rate.as_data() for name, rate in s.rates().items()},
                 "median_held_out_error_over_limit": s.ratio,
                 "median_size_error": s.sizes.median,
@@ -242,7 +241,7 @@ def figure(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
     names = [s.who for s in scored]
     top.bar(
         names,
-        [100 * s.points / s.most if s.most else 0.0 for s in scored],
+        [100 * s.round.points / s.round.most if s.round.most else 0.0 for s in scored],
         color=[ANSWERERS[n] for n in names],
     )
     top.axhline(0.0, color="black", lw=0.8)

@@ -13,7 +13,14 @@ from typing import Any
 import numpy as np
 
 from workbench.evaluation.answer_key import Truth
-from workbench.evaluation.blind_round import Line, answer_of, over_limit, score_case, score_round
+from workbench.evaluation.blind_round import (
+    Line,
+    RoundScore,
+    answer_of,
+    over_limit,
+    score_case,
+    score_round,
+)
 from workbench.evaluation.own_cases.plan import COUNTERPARTS, FACTORS, OUTSIDE, SINGLE, SIZES, names
 from workbench.evaluation.rates import Rate
 from workbench.evaluation.rig.parameters import nominal
@@ -21,13 +28,7 @@ from workbench.evaluation.rig.parameters import nominal
 ANSWERERS = {"tool": "#35618f", "refit only": "#b0b0b0", "greedy": "#e08214", "sindy": "#8073ac"}
 """Who answers on each case, the diagnosis and the baselines, and its colour."""
 
-REGIONS: dict[str, str] = {
-    "motion": "motion",
-    "chamber 1": "air",
-    "chamber 2": "air",
-    "valve": "air",
-    "supply": "air",
-}
+REGIONS = {"motion": "motion"} | dict.fromkeys(("chamber 1", "chamber 2", "valve", "supply"), "air")
 """Coarser places: the joint with the muscle forces, and all that moves air. Sensors are their own
 place."""
 
@@ -96,8 +97,8 @@ def verdict_of(row: Mapping[str, Any], who: str) -> Mapping[str, Any] | None:
 
     A baseline that failed has answered nothing, which scores as an abstention.
     """
-    found: Mapping[str, Any] | None = row["verdict"] if who == "tool" else row["baselines"].get(who)
-    return found
+    answers: Mapping[str, Any] = {"tool": row["verdict"], **row["baselines"]}
+    return answers.get(who)
 
 
 def truths_of(row: Mapping[str, Any]) -> tuple[Truth, ...]:
@@ -227,19 +228,11 @@ def _quantile(values: Sequence[float], at: float) -> float:
 
 @dataclass(frozen=True)
 class Score:
-    """How one answerer did.
-
-    Args:
-        chance: Mean points of the same answers dealt out at random.
-        p_value: Probability that those score as much.
-    """
+    """How one answerer did, case by case and as a blind round."""
 
     who: str
     judged: tuple[Judged, ...]
-    points: int
-    most: int
-    chance: float
-    p_value: float
+    round: RoundScore
 
     def rates(self) -> dict[str, Rate]:
         """Return the rates that the bars are about, and others beside them."""
@@ -311,8 +304,7 @@ def score_of(who: str, rows: Sequence[Mapping[str, Any]]) -> Score:
     """Score one answerer."""
     judged = tuple(judge(row, who) for row in rows)
     given = [answer_of(verdict_of(row, who) or {}, row["case"], names()) for row in rows]
-    round_ = score_round(given, [truths_of(row) for row in rows])
-    return Score(who, judged, round_.points, round_.most, round_.chance, round_.p_value)
+    return Score(who, judged, score_round(given, [truths_of(row) for row in rows]))
 
 
 @dataclass(frozen=True)

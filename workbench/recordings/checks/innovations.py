@@ -51,15 +51,12 @@ _known: WeakKeyDictionary[Recording, dict[tuple[str, ...], Vector]] = WeakKeyDic
 def surprises(
     recording: Recording, name: str, *, given: tuple[str, ...] = (), now: tuple[str, ...] = ()
 ) -> Vector:
-    """Return what is new in a signal of a recording, given its own past and that of others.
+    """Return what is new in a signal, in its unit, given its own past and that of others.
 
     Several checks need the same, so it is kept as long as the recording is.
 
     Args:
         now: Names of other signals whose past and present sample may be used.
-
-    Returns:
-        Prediction errors in the unit of the signal, shape (at most 50000 - 12,).
     """
     kept = _known.setdefault(recording, {})
     key = (name, *given, "now", *now)

@@ -156,14 +156,11 @@ def usual_rms(values: npt.ArrayLike) -> float:
     """Return the rms, in the unit of ``values``, of the noise from the median of the differences.
 
     What happens at less than half of the differences does not count: steps of an input that reach
-    the signal at once, at most one in twice the order of samples.
+    the signal at once, at most one in twice the order of samples. NaN where most differences are
+    zero, as between the steps of a converter.
 
     Args:
         values: Uniformly sampled values, shape (n,), any unit.
-
-    Returns:
-        The rms, in the unit of ``values``; NaN where most differences are zero, as between the
-        steps of a converter.
 
     Source:
         F. R. Hampel, J. Amer. Statist. Assoc. 69 (1974): the median is 0.6745 of the deviation.

@@ -13,17 +13,15 @@ _MIN_LEVELS = 8
 
 
 def quantum(values: npt.ArrayLike) -> float:
-    """Return the step of which all differences of a signal are multiples.
+    """Return the step, in the unit of ``values``, of which all its differences are multiples.
 
     The distances of neighbouring levels are compared with whole multiples of the smallest one (or
     a half, a third, ... of it, for a signal that visits few levels). The step counts if what is
-    left over is small against the 0.29 steps rms that unrelated numbers leave.
+    left over is small against the 0.29 steps rms that unrelated numbers leave; else, or if too few
+    levels are visited, it is 0.
 
     Args:
         values: Samples, shape (n,), any unit.
-
-    Returns:
-        The step, in the unit of ``values``; 0 if none shows, or too few levels are visited.
 
     Example:
         >>> round(quantum(0.25 * np.round(4 * np.sin(np.arange(500.0)) * 3)), 6)
