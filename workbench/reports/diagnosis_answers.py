@@ -66,10 +66,10 @@ def _named(finding: Finding) -> str:
 
 
 def _where(verdict: Verdict) -> str:
-    said = []
-    for name, ports, seen in _occurrences(verdict):
-        words = [name + ", ".join(ports), *([seen.where] if seen else [])]
-        said.append(", ".join(word for word in words if word))
+    said = (
+        ", ".join(filter(None, (name + ", ".join(ports), seen.where if seen else "")))
+        for name, ports, seen in _occurrences(verdict)
+    )
     return plain("; ".join(said))
 
 

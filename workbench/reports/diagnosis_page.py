@@ -14,37 +14,17 @@ from workbench.diagnosis.location.missing_signal import MissingSignal
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Verdict
+from workbench.reports import diagnosis_tables as tables
 from workbench.reports.diagnosis_answers import (
     KINDS,
     accepted_term,
     diagnosis_answers,
     worst_run,
 )
-from workbench.reports.diagnosis_tables import (
-    arguments_table,
-    checks_table,
-    errors_table,
-    isolability_table,
-    likenesses_table,
-    parameters_table,
-    scores_table,
-    unfit_sentences,
-    unseen_table,
-    weights_table,
-)
 from workbench.reports.figure import figures_of
 from workbench.reports.figure import sections as own_sections
-from workbench.reports.figures.diagnosis import (
-    as_read,
-    diagnosis_answer,
-    diagnosis_law,
-    diagnosis_location,
-    diagnosis_nonparametric,
-    diagnosis_residuals,
-    diagnosis_runs,
-    diagnosis_signal,
-    sizes_as_read,
-)
+from workbench.reports.figures import diagnosis as figures
+from workbench.reports.figures.diagnosis import as_read, sizes_as_read
 from workbench.reports.page import Block, Commands, Method, Page, Section, Words, methods
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import plain
@@ -89,7 +69,7 @@ def _first(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> tuple[Block,
     after = diagnosis.runs.get("extended", {}).get(title) if diagnosis.improved else None
     located = proof.located[0] if proof.located else None
     noise = verdict.fit.get("noise_floor", {})
-    drawn = diagnosis_answer(diagnosis.nominal, before, after, noise, located)
+    drawn = figures.diagnosis_answer(diagnosis.nominal, before, after, noise, located)
     caption = f"{_plain_title(title)}, held out: {plain(before.used[0])}, and its error"
     caption += " (green: no larger than the sensor's noise)"
     caption += f"; the signal that is missing at {located.port}." if located else "."
@@ -101,12 +81,12 @@ def _plain_title(title: str) -> str:
 
 
 def _facts(diagnosis: Diagnosis, verdict: Verdict) -> tuple[tuple[str, str], ...]:
-    facts = [("verdict", KINDS[verdict.kind]), ("model", diagnosis.nominal.name)]
-    if math.isfinite(verdict.seconds):
-        facts.append(("computed in", f"{verdict.seconds:.0f} s"))
-    if verdict.work:
-        facts.append(("work", in_words(verdict.work)))
-    return tuple(facts)
+    return (
+        ("verdict", KINDS[verdict.kind]),
+        ("model", diagnosis.nominal.name),
+        *([("computed in", f"{verdict.seconds:.0f} s")] if math.isfinite(verdict.seconds) else []),
+        *([("work", in_words(verdict.work))] if verdict.work else []),
+    )
 
 
 def _held_out(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
@@ -132,25 +112,22 @@ def _held_out(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
         blocks += [
             Picture(
                 f"runs-{i + 1}",
-                diagnosis_runs(run, after),
-                f"{name}: measured, and simulated by {_models(after)}.{_failed(run, after)}",
+                figures.diagnosis_runs(run, after),
+                f"{name}: measured, and simulated by the refitted nominal model"
+                f"{' and by the extended one' if after else ''}.{_failed(run, after)}",
                 f"measurements and free runs of {name} over time",
             ),
             Picture(
                 f"residuals-{i + 1}",
-                diagnosis_residuals(error, noise, less),
+                figures.diagnosis_residuals(error, noise, less),
                 f"{name}: error of the free run, root mean square over a sixtieth of it, on a"
                 " logarithmic axis. In the green band it is no larger than the noise of the"
                 " sensor.",
                 f"errors of the free runs of {name} over time",
             ),
         ]
-    blocks.append(errors_table(proof.errors, bool(extended)))
+    blocks.append(tables.errors_table(proof.errors, bool(extended)))
     return Section("held-out", "On recordings that were held out", tuple(blocks))
-
-
-def _models(after: FreeRun | None) -> str:
-    return "the refitted nominal model" + ("" if after is None else " and by the extended one")
 
 
 def _failed(before: FreeRun, after: FreeRun | None) -> str:
@@ -178,7 +155,7 @@ def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
         blocks.append(
             Picture(
                 "location",
-                diagnosis_location(before, after or None),
+                figures.diagnosis_location(before, after or None),
                 "How much likelier the recordings become when an unknown signal may act on one"
                 " group of equations. Long bars: the equations there leave something out."
                 + (" After the extension nothing may be left." if after else ""),
@@ -197,16 +174,13 @@ def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
     if term is not None:
         blocks += _nonparametric_blocks(term)
     if proof.located:
+        what, law = ("term", "curve that") if term else ("effect", "effect, whose law")
         blocks.append(
             Words(
-                "Below, the term is taken out of the extended model again, and the held-out"
+                f"Below, the {what} is taken out of the extended model again, and the held-out"
                 " recordings tell what signal is then missing at its place; no law is assumed for"
-                " that. Beside it stands the curve that was fitted to the other recordings."
-                if term is not None
-                else "Below, the effect is taken out of the extended model again, and the held-out"
-                " recordings tell what signal is then missing at its place; no law is assumed for"
-                " that. Beside it stands the effect, whose law was fitted to the other recordings."
-                if diagnosis.accepted
+                f" that. Beside it stands the {law} was fitted to the other recordings."
+                if term is not None or diagnosis.accepted
                 else "Below is what the refitted nominal model lacks at that place: a signal"
                 " estimated from all recordings, without assuming any law."
             )
@@ -215,13 +189,13 @@ def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
         blocks += [
             Picture(
                 f"law-{i + 1}",
-                diagnosis_law(located),
+                figures.diagnosis_law(located),
                 _law_caption(located) + (_outside_sentence(term, located) if term else ""),
                 f"located signal at {located.port} against {located.argument}",
             ),
             Picture(
                 f"signal-{i + 1}",
-                diagnosis_signal(located),
+                figures.diagnosis_signal(located),
                 f"The same signal at {located.port} over time, with twice its standard deviation"
                 " in grey: where the grey is wide, the measurements do not tell.",
                 f"located signal at {located.port} over time",
@@ -230,11 +204,9 @@ def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
     if proof.note and not proof.located and proof.ports:
         blocks.append(Words(f"The located signal cannot be shown: {proof.note}.", "note"))
     if proof.isolability is not None:
-        if verdict.kind in ("located_unnamed", "unexplained"):
-            blocks += [
-                Words(text) for text in [_group_sentence(proof.isolability, proof.ports)] if text
-            ]
-        blocks.append(isolability_table(proof.isolability, proof.ports))
+        if verdict.kind in ("located_unnamed", "unexplained") and proof.ports:
+            blocks.append(Words(_group_sentence(proof.isolability, proof.ports)))
+        blocks.append(tables.isolability_table(proof.isolability, proof.ports))
     title = "Where it acts and what it looks like" if diagnosis.accepted else "Is anything left?"
     if verdict.kind in ("located_unnamed", "unexplained"):
         title = "Where something is missing"
@@ -264,7 +236,7 @@ def _nonparametric_blocks(term: NonparametricTerm) -> list[Block]:
         blocks.append(
             Picture(
                 f"nonparametric-{i + 1}",
-                diagnosis_nonparametric(
+                figures.diagnosis_nonparametric(
                     argument,
                     place=", ".join(term.ports),
                     unit=term.unit,
@@ -276,9 +248,9 @@ def _nonparametric_blocks(term: NonparametricTerm) -> list[Block]:
                 f"missing signal at {place} over {plain(argument.name)} with the fitted curve",
             )
         )
-    blocks.append(arguments_table(term))
+    blocks.append(tables.arguments_table(term))
     if term.likenesses:
-        blocks.append(likenesses_table(term))
+        blocks.append(tables.likenesses_table(term))
     return blocks
 
 
@@ -287,33 +259,20 @@ def _outside_sentence(term: NonparametricTerm, located: MissingSignal) -> str:
 
     It is empty if all of them lie inside, or another quantity was drawn.
     """
-    own = [a for a in term.arguments if located.argument.startswith(a.name)]
-    if not own:
+    own = next((a for a in term.arguments if located.argument.startswith(a.name)), None)
+    if own is None:
         return ""
-    low, high = own[0].hull
     x = located.argument_values
-    share = float(np.mean((x < low) | (x > high)))
-    if share < 0.01:
-        return ""
-    return (
-        f" {100 * share:.0f} % of these samples lie outside the data hull, where the curve is only"
-        " continued."
-    )
+    share = 100.0 * np.mean((x < own.hull[0]) | (x > own.hull[1]))
+    outside = "of these samples lie outside the data hull, where the curve is only continued."
+    return f" {share:.0f} % {outside}" if share >= 1.0 else ""
 
 
-def _group_sentence(told: Isolability | None, ports: tuple[str, ...]) -> str:
-    """Say with which other ports the located ones could be confused.
-
-    Args:
-        told: What the recorded outputs can tell apart; None if that is not known.
-    """
-    if told is None or not ports:
-        return ""
+def _group_sentence(told: Isolability, ports: tuple[str, ...]) -> str:
+    """Say with which other ports the located ones could be confused."""
     alike = [p for group in told.groups if set(group) & set(ports) for p in group]
-    others = ", ".join(p for p in alike if p not in ports)
+    others = ", ".join(p for p in alike if p not in ports) or "no other place"
     here = ", ".join(ports)
-    if not others:
-        return f"With these sensors, a signal at {plain(here)} looks like one at no other place."
     return f"With these sensors, a signal at {plain(here)} looks like one at {plain(others)}."
 
 
@@ -322,14 +281,10 @@ def _law_caption(located: MissingSignal) -> str:
         f"The signal at {located.port} against {located.argument.replace('_', ' ')}, at times at"
         " which the measurements tell it to half its size or better"
     )
-    if located.law is None:
-        return f"{what}."
-    if not located.explained > 0:
-        return f"{what}; and {located.law_name}."
-    return (
-        f"{what}; and {located.law_name}, which takes away"
-        f" {100 * located.explained:.0f} % of the signal's mean square."
-    )
+    law = f"; and {located.law_name}" if located.law is not None else ""
+    if law and located.explained > 0:
+        law += f", which takes away {100 * located.explained:.0f} % of the signal's mean square"
+    return f"{what}{law}."
 
 
 def _numbers(diagnosis: Diagnosis, verdict: Verdict) -> Section:
@@ -343,7 +298,7 @@ def _numbers(diagnosis: Diagnosis, verdict: Verdict) -> Section:
                 "note",
             )
         )
-    blocks.append(parameters_table(diagnosis))
+    blocks.append(tables.parameters_table(diagnosis))
     title = "The value that is wrong" if verdict.kind == "parameter" else "Parameters"
     return Section("parameters", title, tuple(blocks), folded=verdict.kind != "parameter")
 
@@ -353,7 +308,7 @@ def _alternatives(diagnosis: Diagnosis, verdict: Verdict) -> Section:
     gone = taken_back(diagnosis)
     for i, (scores, candidates) in enumerate(diagnosis.rounds):
         title = _round_title(i, len(diagnosis.accepted))
-        blocks.append(scores_table(title, diagnosis.nominal, scores, candidates, gone))
+        blocks.append(tables.scores_table(title, diagnosis.nominal, scores, candidates, gone))
     if blocks:
         count = len(diagnosis.rounds[0][0].scores)
         tried = "effect of the library was" if count == 1 else "effects of the library were"
@@ -363,7 +318,7 @@ def _alternatives(diagnosis: Diagnosis, verdict: Verdict) -> Section:
                 " the size of the library, and to improve the held-out recordings beyond chance."
             ),
             *refusals(diagnosis),
-            *([weights_table(verdict)] if verdict.weights else ()),
+            *([tables.weights_table(verdict)] if verdict.weights else ()),
         ]
     named = bool(diagnosis.accepted) or not diagnosis.rounds
     title = "Alternatives" if named else "What was tried, and why it was refused"
@@ -384,14 +339,8 @@ def refusals(diagnosis: Diagnosis) -> list[Block]:
     ]
     term = diagnosis.nonparametric
     if term is not None and term.reason:
-        reason = plain(term.reason)
-        blocks.append(
-            Words(
-                f"A law without a name at {plain(', '.join(term.ports))} was tried and refused:"
-                f" {reason}.",
-                "note",
-            )
-        )
+        said = f"A law without a name at {', '.join(term.ports)} was tried and refused"
+        blocks.append(Words(plain(f"{said}: {term.reason}."), "note"))
     return blocks
 
 
@@ -406,7 +355,7 @@ def _round_title(number: int, found: int) -> str:
 def _limits(diagnosis: Diagnosis, verdict: Verdict) -> Section:
     blocks: list[Block] = []
     if verdict.not_testable:
-        blocks.append(unseen_table(verdict))
+        blocks.append(tables.unseen_table(verdict))
     elif diagnosis.rounds:
         blocks.append(Words("Every effect of the library would have shown at a plausible size."))
     return Section("limits", "What could not be seen", tuple(blocks), folded=True)
@@ -415,9 +364,9 @@ def _limits(diagnosis: Diagnosis, verdict: Verdict) -> Section:
 def _recordings(verdict: Verdict, commands: Sequence[str]) -> Section:
     blocks: list[Block] = []
     remarks = [row for row in verdict.data if row.get("result") != "pass"]
-    blocks += [Words(text, "note") for text in unfit_sentences(verdict)]
+    blocks += [Words(text, "note") for text in tables.unfit_sentences(verdict)]
     if remarks:
-        blocks.append(checks_table(verdict))
+        blocks.append(tables.checks_table(verdict))
     elif verdict.data:
         blocks.append(Words(f"All {len(verdict.data)} checks of the recordings passed."))
     unfit = verdict.kind == "data_unfit"

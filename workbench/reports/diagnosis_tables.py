@@ -18,7 +18,7 @@ from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Verdict
 from workbench.model import Model
 from workbench.model.units import readable, readably
-from workbench.recordings.checks import CHECKS
+from workbench.recordings.checks.check import CHECKS, USUAL_FIX
 from workbench.reports.tables import Cell, Table, interval, number, plain
 
 _SHOWN_SCORES = 12
@@ -242,16 +242,13 @@ def checks_table(verdict: Verdict) -> Table:
 
 def unfit_sentences(verdict: Verdict) -> tuple[str, ...]:
     """Say which checks found recordings unfit, and what usually helps."""
-    said = []
-    for row in verdict.data:
-        if row.get("result") == "unfit":
-            check = CHECKS.members().get(row["check"])
-            fix = check.fix if check is not None else "correct the file, or record again"
-            note = row["note"].rstrip(".")
-            said.append(
-                f"{row['recording']} fails the check of {row['check']}: {note}. Usual fix: {fix}."
-            )
-    return tuple(said)
+    return tuple(
+        f"{row['recording']} fails the check of {row['check']}: {row['note'].rstrip('.')}."
+        f" Usual fix: {check.fix if check else USUAL_FIX}."
+        for row in verdict.data
+        if row.get("result") == "unfit"
+        for check in (CHECKS.members().get(row["check"]),)
+    )
 
 
 _SENSORS = 3

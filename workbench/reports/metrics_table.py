@@ -83,10 +83,9 @@ def _cell(found: Metrics, name: str, requirement: Requirement | None) -> Cell:
 
 
 def _note(limits: Mapping[str, Requirement], shown: Sequence[str]) -> str:
-    said = []
-    for name in shown:
-        if name in limits:
-            limit = limits[name]
-            kind, most = limit.kind.replace("_", " "), with_unit(f"{limit.limit:g}", limit.unit)
-            said.append(f"{metric_title(name)} {kind} {most}")
+    required = [limits[name] for name in shown if name in limits]
+    said = [
+        f"{metric_title(r.metric)} {r.kind.replace('_', ' ')} {with_unit(f'{r.limit:g}', r.unit)}"
+        for r in required
+    ]
     return f"Required: {', '.join(said)}." if said else ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -128,12 +129,9 @@ class Page:
     @property
     def marks(self) -> dict[str, int]:
         """How many requirements of all tables are met, missed and open."""
-        found: dict[str, int] = {mark: 0 for mark in MARKS if mark}
-        for block in self.blocks:
-            if isinstance(block, Table):
-                for cell in (cell for row in block.cells for cell in row if cell.mark):
-                    found[cell.mark] += 1
-        return found
+        tables = (block for block in self.blocks if isinstance(block, Table))
+        counts = Counter(cell.mark for table in tables for row in table.cells for cell in row)
+        return {mark: counts[mark] for mark in MARKS if mark}
 
 
 LONG_TABLE = 14

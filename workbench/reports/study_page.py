@@ -8,6 +8,7 @@ import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import starmap
 from pathlib import Path
 
 from workbench.errors import WorkbenchError
@@ -113,7 +114,7 @@ def _where(j: Judgement | None) -> str:
 
 
 def _scores(outcome: StudyResult) -> Table:
-    boxes = {r.controller: r for r in outcome.robustness}
+    boxes = {r.controller: score_cell(r.worst_score, capped=True) for r in outcome.robustness}
     judged = {j.controller for j in outcome.judgements}
     columns: dict[str, Callable[[Score], Cell | str]] = {
         "controller": lambda s: s.controller,
@@ -126,11 +127,7 @@ def _scores(outcome: StudyResult) -> Table:
         "plant, in every scenario, with every seed."
     )
     if boxes:
-        columns["score at the worst plant of the box"] = lambda s: (
-            score_cell(boxes[s.controller].worst_score, capped=True)
-            if s.controller in boxes
-            else "–"
-        )
+        columns["score at the worst plant of the box"] = lambda s: boxes.get(s.controller, "–")
         if outcome.study.box is not None and not outcome.study.box.hard:
             note += " The box of plants informs and does not fail this study."
     return Table.of("Scores", outcome.scores, columns, note)
@@ -258,29 +255,21 @@ def _nominal(
     wanted: Sequence[str] = (),
 ) -> Table:
     study, nominal = outcome.study, outcome.study.nominal(case.name)
-    limits = [
+
+    def told(metric: str) -> bool:
+        return any(metric in m and not math.isnan(m[metric].value) for m in measured.values())
+
+    hard = [
         d.requirement
         for d in study.demands
-        if d.requirement.scenario in ("", name)
+        if d.requirement.hard
         and not d.controllers
         and d.applies(next(iter(case.controllers)), nominal, name)
-        and any(d.requirement.metric in m for m in measured.values())
+        and told(d.requirement.metric)
     ]
-    applicable = [
-        r
-        for r in limits
-        if any(not math.isnan(m[r.metric].value) for m in measured.values() if r.metric in m)
-    ]
-    shown = [
-        c
-        for c in labels_of(
-            wanted or (*columns("page"), *(m.name for m in study.metrics)),
-            (label for m in measured.values() for label in m),
-        )
-        if any(c in m and not math.isnan(m[c].value) for m in measured.values())
-    ]
+    asked = wanted or (*columns("page"), *(m.name for m in study.metrics))
+    shown = [c for c in labels_of(asked, (c for m in measured.values() for c in m)) if told(c)]
     title = f"{name}, {case.name}" if case.name else f"{name} on the nominal plant"
-    hard = [r for r in applicable if r.hard]
     return metrics_table(title, ("controller",), measured, shown, hard)
 
 
@@ -293,25 +282,18 @@ def _events(name: str, case: Case, records: Sequence[Record]) -> Table:
         f"{e.what.replace('_', ' ')} at {e.time:g} s"
         for e in next(r.events for r in records if r.events)
     ]
-    rows: list[tuple[Cell | str, ...]] = [
-        (
-            r.controller,
-            *(
-                " / ".join(
-                    with_unit(number(float(from_si(v, unit))), unit) for v in (e.peak, e.left)
-                )
-                for e in r.events
-            ),
-        )
+
+    def shown(error: float) -> str:
+        return with_unit(number(float(from_si(error, unit))), unit)
+
+    rows = tuple(
+        (r.controller, *(f"{shown(e.peak)} / {shown(e.left)}" for e in r.events))
         for r in records
         if r.events
-    ]
-    return Table(
-        f"{name}{', ' if case.name else ''}{case.name}: largest error after each change, and what"
-        " is left at its end",
-        ("controller", *heads),
-        tuple(rows),
     )
+    where = f"{name}, {case.name}" if case.name else name
+    title = f"{where}: largest error after each change, and what is left at its end"
+    return Table(title, ("controller", *heads), rows)
 
 
 def _variations(outcome: StudyResult, scenario: str, case: Case) -> Table:
@@ -350,40 +332,36 @@ def _worst_cell(outcome: StudyResult, controller: str, demand: Demand) -> Cell:
         return Cell("–")
     worst = max(own, key=lambda j: j.score)
     text = with_unit(number(worst.value), demand.requirement.unit) if worst.value else "0"
-    hard = demand.requirement.hard
+    mark: Mark = "met" if worst.met else "missed" if demand.requirement.hard else ""
     place = (
-        ""
-        if worst.value == 0
-        else ", ".join(
-            p for p in ("" if demand.requirement.scenario else worst.scenario, worst.variation) if p
-        )
+        worst.variation if demand.requirement.scenario else f"{worst.scenario}, {worst.variation}"
     )
-    return Cell(text, "met" if worst.met else "missed" if hard else "", place)
+    return Cell(text, mark, place if worst.value else "")
 
 
 def _how(outcome: StudyResult, figures: Sequence[Figure], command: str) -> Section:
     study = outcome.study
-    plants = Table(
+    plants = Table.of(
         "Plants",
-        ("plant", "differs from the nominal one by"),
-        tuple((v.name, _difference(outcome, v)) for v in study.variations.values()),
+        study.variations.values(),
+        {
+            "plant": lambda v: v.name,
+            "differs from the nominal one by": partial(_difference, outcome),
+        },
     )
-    designs = Table(
+
+    def entry(key: str, value: object) -> str:
+        return f"{breakable(key)} = {f'{value:g}' if isinstance(value, float) else value}"
+
+    designs = Table.of(
         "Controllers",
-        ("controller", "design", "designed at", "specification"),
-        tuple(
-            (
-                name,
-                breakable(c.design),
-                point_text(outcome.study, c.at),
-                ", ".join(
-                    f"{breakable(k)} = {v:g}" if isinstance(v, float) else f"{breakable(k)} = {v}"
-                    for k, v in c.specification
-                )
-                or "as it comes",
-            )
-            for name, c in study.controllers.items()
-        ),
+        study.controllers.values(),
+        {
+            "controller": lambda c: c.name,
+            "design": lambda c: breakable(c.design),
+            "designed at": lambda c: point_text(study, c.at),
+            "specification": lambda c: ", ".join(starmap(entry, c.specification)) or "as it comes",
+        },
     )
     runs = [r.metrics for r in outcome.records if r.metrics is not None]
     own = [entry for figure in figures for entry in figure.methods]

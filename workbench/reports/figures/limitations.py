@@ -141,14 +141,8 @@ class Evidence:
         return _most(Value(v.value / limit, v.reason) for v in found)
 
     def _records(self, controller: str, kind: str) -> list[Record]:
-        names = [v.name for v in self.variations if v.kind == kind]
-        return [
-            r
-            for r in self.result.records
-            if r.controller == controller
-            and r.variation in names
-            and r.scenario == self.want.scenario
-        ]
+        own = {(controller, v.name, self.want.scenario) for v in self.variations if v.kind == kind}
+        return [r for r in self.result.records if r.key[:3] in own]
 
     def _steps(self, controller: str, kind: str, step: Step) -> list[StepResponse]:
         return [
@@ -455,12 +449,12 @@ def cause_of_ratio(e: Evidence, controller: str, step: Step) -> str:
 
 def _unknown_words(found: Sequence[Evidence]) -> str:
     """Say what the unknown does to the limit itself, where it grows most."""
-    grown: list[tuple[float, Evidence, Step]] = []
-    for e in found:
-        for step in e.steps:
-            ratio = e.limit(step, e.want.unknown.variation) / e.limit(step)
-            if not math.isnan(ratio):
-                grown.append((ratio, e, step))
+    grown = [
+        (ratio, e, step)
+        for e in found
+        for step in e.steps
+        if (ratio := e.limit(step, e.want.unknown.variation) / e.limit(step)) > 0.0
+    ]
     if not grown:
         return ""
     ratio, e, step = max(grown, key=lambda row: row[0])
@@ -516,16 +510,13 @@ def plan_table(result: StudyResult) -> Table:
         for p in _paced(e):
             ratios = [e.ratio(p.controller, [p.known], s).value for s in e.steps]
             overs = [e.metric(p.controller, p.kinds, "overshoot", _size(s)).value for s in e.steps]
-            oscillation = e.metric(p.controller, p.kinds, "oscillation").value
+            rest = e.metric(p.controller, p.kinds, "oscillation").value
+            allowed = _limit_of(e, p.controller, "oscillation")
             yield (
                 f"× {p.pace:g}",
                 *(_cell(r, e.want.ratio) for r in ratios),
                 *(_cell(o, e.want.overshoot, number(100 * o)) for o in overs),
-                _cell(
-                    oscillation,
-                    _limit_of(e, p.controller, "oscillation"),
-                    number(e.shown(oscillation)),
-                ),
+                _cell(rest, allowed, number(e.shown(rest))),
             )
 
     cases = evidence(result)

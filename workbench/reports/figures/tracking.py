@@ -102,10 +102,8 @@ def tracking(
     handles.append(named_line("reference", REFERENCE, width=1.0))
     if any(trajectory.linear is not None for trajectory in trajectories):
         plain, dashed = lines
-        handles += [
-            named_line(plain, INK, width=1.5),
-            named_line(dashed, INK, width=1.0, style="--"),
-        ]
+        handles.append(named_line(plain, INK, width=1.5))
+        handles.append(named_line(dashed, INK, width=1.0, style="--"))
     label(position, y=f"{quantity} in {unit}")
     label(error, y=f"error in {of_difference(unit)}")
     label(actuator, x="time in s", y=command)
