@@ -102,12 +102,10 @@ def step_responses(
     found = []
     for begin, a, b, part in each_step(time, changes):
         t, y = time[part], trajectory[part]
-        planned = Value(math.nan)
-        if plan is not None:
-            planned = settling_time(t, plan[part], initial=a, final=b)
         settling = settling_time(t, y, initial=a, final=b)
         over = overshoot(y, initial=a, final=b).value
-        found.append(StepResponse(output, begin, a, b, settling, over, planned.value))
+        own = math.nan if plan is None else settling_time(t, plan[part], initial=a, final=b).value
+        found.append(StepResponse(output, begin, a, b, settling, over, own))
     return tuple(found)
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -200,10 +201,8 @@ def _estimator(
         or len(controller.sensors) > MOST_SENSORS
     ):
         return None
-    straight = point
     curves = model.traits.curves if len(model.traits.curves) == len(model.inputs) else ()
-    if curves:
-        straight = straightened_point(point, curves)
+    straight = straightened_point(point, curves) if curves else point
     linear = linearise(straight, verdict=False) if curves or isinstance(plant, Model) else plant
     places = [[q.name for q in model.inputs].index(name) for name in controller.actuators]
     if len(linear.input_names) == len(model.inputs):
@@ -260,15 +259,11 @@ def _trajectory(
     model: Model, x: Vector, u: Vector, h: float
 ) -> Iterator[tuple[dict[str, Vector], Vector]]:
     """Yield what a command does, for as long as the plant stays where its laws hold."""
-    samples = SAMPLES
-    while samples >= 2:
-        try:
+    for samples in (SAMPLES, SAMPLES // 4, SAMPLES // 16, SAMPLES // 64):
+        with suppress(NumericalError):
             run = simulate(model, np.tile(u, (samples, 1)), sample_time=h, start=x, check=False)
-        except NumericalError:
-            samples //= 4
-            continue
-        yield {q.name: run[q.name] for q in model.outputs}, run.states
-        return
+            yield {q.name: run[q.name] for q in model.outputs}, run.states
+            return
 
 
 def _fastest(y: Vector) -> float:

@@ -211,10 +211,8 @@ def _check_step(law: Controller, seen: Any, asked: Any) -> None:
     if type(law).__module__.partition(".")[0] in ("controllers", "workbench"):
         return
     returned: Any = law.step(law.initial_state(seen), seen, asked)
-    parts: Any = (
-        returned if isinstance(returned, tuple) and len(returned) == 3 else ((), None, None)
-    )
-    command, info = parts[0], parts[2]
+    whole = isinstance(returned, tuple) and len(returned) == 3
+    command, _, info = returned if whole else ((), None, None)
     if isinstance(command, (str, bytes)) or not hasattr(command, "__len__"):
         command = ()
     good = len(command) == len(law.actuators) and all(isinstance(c, numbers.Real) for c in command)
@@ -237,13 +235,10 @@ def _with_disturbances(
     ports = {port.name: port for port in model.ports}
     for i, disturbance in enumerate(scenario.disturbances):
         check_choice("port of a disturbance", disturbance.port, ports)
-        own = f"disturbance_{i + 1}"
-        level = Parameter(
-            "level", ports[disturbance.port].unit, abs(disturbance.level) or 1.0, value=0.0
-        )
-        model = model.with_effect(
-            Effect(own, (disturbance.port,), lambda at: at.value + at.p.level, (level,))
-        )
+        own, unit = f"disturbance_{i + 1}", ports[disturbance.port].unit
+        level = Parameter("level", unit, abs(disturbance.level) or 1.0, value=0.0)
+        added = Effect(own, (disturbance.port,), lambda at: at.value + at.p.level, (level,))
+        model = model.with_effect(added)
         events.append((sample(disturbance.time), f"{own}.level", disturbance.level))
         if np.isfinite(disturbance.until):
             events.append((sample(disturbance.until), f"{own}.level", 0.0))
@@ -258,16 +253,12 @@ def _sensors(
 ) -> Callable[[int, Sequence[float]], tuple[float, ...]]:
     """Return a function (sample, measurements of all outputs) -> what the controller reads."""
     rng = np.random.default_rng(seed)
-    # Every sensor draws, noisy or not, so that its noise does not depend on its neighbours.
-    draws = [rng.standard_normal(n) for _ in sensors]
-    noise = [
-        (d * (q.noise_rms if scenario.noise else 0.0)).tolist()
-        for q, d in zip(sensors, draws, strict=True)
-    ]
-    chain = [
-        (column, noise[i], q.resolution if scenario.quantise else 0.0, q.lower, q.upper)
-        for i, (q, column) in enumerate(zip(sensors, columns, strict=True))
-    ]
+    chain = []
+    for q, column in zip(sensors, columns, strict=True):
+        # Every sensor draws, noisy or not, so that its noise does not depend on its neighbours.
+        noise = (rng.standard_normal(n) * (q.noise_rms if scenario.noise else 0.0)).tolist()
+        resolution = q.resolution if scenario.quantise else 0.0
+        chain.append((column, noise, resolution, q.lower, q.upper))
 
     def sense(k: int, measurements: Sequence[float]) -> tuple[float, ...]:
         seen = []
@@ -342,20 +333,16 @@ def _actuators(
     idle = [q for q in inputs if q.name not in controller.actuators]
     sources = [*controller.actuators, *(q.name for q in idle)]
     resting = tuple(q.nominal for q in idle)
-    infinite = float("inf")
     chain = [
-        (
-            sources.index(q.name),
-            q.lower if real else -infinite,
-            q.upper if real else infinite,
-            q.resolution if scenario.quantise and real else 0.0,
-        )
+        (sources.index(q.name), q.lower, q.upper, q.resolution if scenario.quantise else 0.0)
+        if real
+        else (sources.index(q.name), -math.inf, math.inf, 0.0)
         for q in inputs
     ]
 
     # What is slow starts from where the plant rests.
-    paces = [q.slew * scenario.sample_time if real else infinite for q in inputs]
-    slow = [i for i, pace in enumerate(paces) if pace < infinite]
+    paces = [q.slew * scenario.sample_time if real else math.inf for q in inputs]
+    slow = [i for i, pace in enumerate(paces) if pace < math.inf]
     held = {i: float(begin[i]) for i in slow}
 
     def convert(command: tuple[float, ...]) -> tuple[float, ...]:
@@ -385,10 +372,7 @@ def _references(
     time = np.maximum(h * np.arange(-warm, n + preview), 0.0)
     trajectories = [scenario.references[name].sample(time) for name in controller.controlled]
     table = np.column_stack(trajectories) if trajectories else np.empty((len(time), 0))
-    if preview:
-        wide = np.hstack([table[i : i + warm + n] for i in range(preview + 1)])
-    else:
-        wide = table
+    wide = np.hstack([table[i : i + warm + n] for i in range(preview + 1)])
     targets = {
         name: trajectory[warm : warm + n]
         for name, trajectory in zip(controller.controlled, trajectories, strict=True)

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import count
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -379,37 +379,21 @@ def _counted(run: Run) -> slice:
 
 
 def extremes(
-    name: str,
-    signal: Callable[..., Vector],
-    what: str,
-    *,
-    unit: str,
-    tolerance: Tolerance,
-    display_unit: str = "",
-    of: Literal["run", "output", "command"] = "run",
-    fits: Callable[[Mapping[str, str]], bool] = lambda signals: True,
+    name: str, signal: Callable[..., Vector], what: str, **about: Any
 ) -> tuple[Metric, Metric]:
     """Return lowest and highest value of a signal as metrics.
 
     Args:
         name: What stands before ``lowest`` and ``highest`` in their names.
         signal: Returns the signal over time, called as `Metric.measure` is.
+        about: What else a `Metric` states about itself.
     """
-    kind = partial(
-        Metric,
-        unit=unit,
-        tolerance=tolerance,
-        display_unit=display_unit,
-        of=of,
-        fits=fits,
-        level=True,
-    )
 
     def metric(end: str, pick: Callable[[Vector], float]) -> Metric:
         def measure(run: Run, *owner: str) -> float:
             return float(pick(signal(run, *owner)))
 
-        return kind(f"{name}{end}", measure, f"{end} {what}")
+        return Metric(f"{name}{end}", measure, f"{end} {what}", level=True, **about)
 
     return metric("lowest", np.min), metric("highest", np.max)
 

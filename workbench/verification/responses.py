@@ -35,11 +35,9 @@ class Value(NamedTuple):
 
 
 def settling_time(time: Vector, trajectory: Vector, *, initial: float, final: float) -> Value:
-    """Return the time after which a step response stays within the band, `BAND`.
+    """Return the time, from the first one, after which a response stays within the band, `BAND`.
 
-    Returns:
-        Time from the first entry of ``time``, in s; NaN if it is outside the band within the
-        last tenth of the record, for then it was not seen to settle.
+    NaN if it is outside within the last tenth of the record, for then it was not seen to settle.
 
     Example:
         >>> t = np.linspace(0.0, 10.0, 10001)

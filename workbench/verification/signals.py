@@ -228,11 +228,7 @@ def signal_from_table(table: Mapping[str, Any], *, folder: Path | None = None) -
         if any(isinstance(v, bool) for v in (value if isinstance(value, list) else [value])):
             raise WorkbenchError(f"{key} of the {kind.name} reference is {value!r}; give numbers")
         numbers = check_finite(f"{key} of the {kind.name} reference", value)
-        converted = to_si(numbers, unit) if key in kind.valued else numbers
-        arguments[key] = (
-            tuple(float(v) for v in np.ravel(converted))
-            if np.ndim(value)
-            else float(np.asarray(converted))
-        )
+        given = np.asarray(to_si(numbers, unit) if key in kind.valued else numbers)
+        arguments[key] = tuple(np.ravel(given).tolist()) if given.ndim else float(given)
     with user_code(f"reference of kind {kind.name!r}"):
         return kind.build(**arguments)
