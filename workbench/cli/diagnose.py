@@ -155,11 +155,8 @@ class _Asked:
 
         problem = self.loaded.problem
         step = "starting"
-        left = (
-            None
-            if self.limit is None
-            else max(self.limit - (time.perf_counter() - self.begin), 0.01)
-        )
+        passed = time.perf_counter() - self.begin
+        left = None if self.limit is None else max(self.limit - passed, 0.01)
         found: Diagnosis | None = None
         reached: Diagnosis
 
@@ -208,16 +205,8 @@ class _Asked:
             for name in recipe.effects
             if ":" in name
         }
-        return verdict.to_json(
-            saved_plant(
-                recipe.kind,
-                dict(recipe.options),
-                nominal,
-                verdict.model,
-                given=given,
-                own=self.references,
-            )
-        )
+        known = recipe.kind, dict(recipe.options), nominal, verdict.model
+        return verdict.to_json(saved_plant(*known, given=given, own=self.references))
 
     def _write(self, found: Diagnosis, out: Path) -> None:
         from workbench.diagnosis.comparison import proof_of
@@ -229,12 +218,9 @@ class _Asked:
 
         with whole_folder(out) as folder:
             write_whole(folder / "verdict.json", self.text(found.verdict))
-            page = diagnosis_page(
-                found,
-                proof_of(found),
-                name=self.loaded.problem.name,
-                commands=tuple(filter(None, (typed(),))),
-            )
+            name, command = self.loaded.problem.name, typed()
+            commands = (command,) if command else ()
+            page = diagnosis_page(found, proof_of(found), name=name, commands=commands)
             if (term := accepted_term(found)) is not None:
                 write_whole(folder / "law.py", law_file(term, found.nominal.name))
             write_page(page, folder / "report.html", pictures=folder / "figures")

@@ -159,11 +159,8 @@ def machines(campaign: Campaign, *, data: Path | None = None) -> int:
     """
     from workbench.evaluation.machines import real_machine
 
-    return campaign.run(
-        [real_machine.Machine(name, data) for name in real_machine.table()],
-        real_machine.answer,
-        real_machine.line_of,
-    )
+    every = [real_machine.Machine(name, data) for name in real_machine.table()]
+    return campaign.run(every, real_machine.answer, real_machine.line_of)
 
 
 @with_campaign

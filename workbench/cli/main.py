@@ -112,11 +112,8 @@ def run(arguments: Sequence[str]) -> int:
     except (typer.Abort, KeyboardInterrupt):
         _complain("interrupted; what was finished is kept")
         return INTERRUPTED
-    except typer.TyperException as error:
-        _complain(_sentence(error))
-        return WRONG_USE
-    except WorkbenchError as error:
-        _complain(str(error))
+    except (typer.TyperException, WorkbenchError) as error:
+        _complain(_sentence(error) if isinstance(error, typer.TyperException) else str(error))
         return WRONG_USE
     except BaseException as error:
         # A module of the user's own must neither show our insides nor leave with a good status.

@@ -198,11 +198,7 @@ def chosen_plant(
         elif "at" in takes and plain in known["at"]:
             states.append(f"{plain}={value}")
         else:
-            offered = [
-                *own,
-                *kind.effects,
-                *(n for t in ("at", "input") if t in takes for n in known[t]),
-            ]
+            offered = [*own, *kind.effects, *(n for t in takes for n in known.get(t, ()))]
             near = difflib.get_close_matches(word, [n.replace("_", "-") for n in offered], n=1)
             hint = f"; did you mean --{near[0]}?" if near else ""
             raise _UnknownOptionError(f"No such option: --{word}{hint}")

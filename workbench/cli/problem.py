@@ -80,11 +80,7 @@ def _loaded(
         start_samples (N): Samples over which hidden states at the start of a free run are
             estimated.
     """
-    from workbench.diagnosis.problem import (
-        problem_of_case,
-        problem_of_files,
-        sized_by_recordings,
-    )
+    from workbench.diagnosis.problem import problem_of_case, problem_of_files, sized_by_recordings
     from workbench.recordings.case import RefitSettings, read_case
 
     if case is None and not fit and not hold_out:
@@ -163,8 +159,6 @@ def _settings(
         count = check_range("number of start samples", start_samples, 0, 1e6)
         changed["start_samples"] = round(count)
     if stages is not None:
-        changed["stages"] = tuple(
-            check_range("stage", quantity("stage", text, "1"), 1e-9, 1e9)
-            for text in stages.split(",")
-        )
+        scales = (quantity("stage", text, "1") for text in stages.split(","))
+        changed["stages"] = tuple(check_range("stage", scale, 1e-9, 1e9) for scale in scales)
     return replace(base, **changed)

@@ -189,23 +189,12 @@ def diagnosed(
         errors: Tracking error, shape (n,), in rad, by the name of the design.
     """
     figure, (angle, error, tracked) = new_figure([1.7, 1.0, 1.3], share_x=False)
-    angle.plot(
-        before.time,
-        np.degrees(before.measured[:, 0]),
-        color=MEASURED.light,
-        linewidth=3.0,
-        alpha=0.45,
-        label="measured",
-    )
+    look: dict[str, Any] = {"color": MEASURED.light, "linewidth": 3.0, "alpha": 0.45}
+    angle.plot(before.time, np.degrees(before.measured[:, 0]), label="measured", **look)
     for run, colour, name in ((before, BEFORE, "before"), (after, AFTER, "after")):
-        angle.plot(
-            run.time,
-            np.degrees(run.simulated[:, 0]),
-            color=colour.light,
-            linewidth=1.2,
-            linestyle="-" if run is before else (0, (4, 2)),
-            label=name,
-        )
+        dashes = "-" if run is before else (0, (4, 2))
+        look = {"color": colour.light, "linewidth": 1.2, "linestyle": dashes, "label": name}
+        angle.plot(run.time, np.degrees(run.simulated[:, 0]), **look)
         error.plot(run.time, np.degrees(run.error[:, 0]), color=colour.light, linewidth=1.1)
     for (name, values), shade in zip(errors.items(), (REFERENCE, FURTHER[0]), strict=True):
         tracked.plot(time, np.degrees(values), color=shade.light, linewidth=1.3, label=name)

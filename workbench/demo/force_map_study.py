@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -168,10 +168,8 @@ class MapStudy:
     @property
     def need_for_phi(self) -> float:
         """Error of (3) over that of the best (4), on lengths held out, dimensionless."""
-        with_phi = min(
-            law.lengths_held_out_rms_N for law in self.laws if law.name.startswith("paper")
-        )
-        return self.law("petrovic").lengths_held_out_rms_N / with_phi
+        errors = {law.name: law.lengths_held_out_rms_N for law in self.laws}
+        return errors["petrovic"] / min(e for n, e in errors.items() if n.startswith("paper"))
 
     @property
     def headline(self) -> str:
@@ -192,11 +190,7 @@ class MapStudy:
             "largest_force_N": self.largest_force,
             "need_for_phi": self.need_for_phi,
             "laws": {
-                law.name: {
-                    f.name: getattr(law, f.name)
-                    for f in fields(law)
-                    if f.name not in ("name", "law")
-                }
+                law.name: {k: v for k, v in vars(law).items() if k not in ("name", "law")}
                 for law in self.laws
             },
         }

@@ -47,15 +47,9 @@ def check_amplitude(model: Model, amplitude: Mapping[str, float]) -> dict[str, f
     names = {q.name: q for q in model.states}
     result = {}
     for name, value in amplitude.items():
-        check_choice("swinging state", name, names)
-        quantity = names[name]
-        result[name] = check_range(
-            f"amplitude of {name}",
-            value,
-            1e-9 * quantity.scale,
-            1e6 * quantity.scale,
-            quantity.unit,
-        )
+        q = names[check_choice("swinging state", name, names)]
+        ends = 1e-9 * q.scale, 1e6 * q.scale
+        result[name] = check_range(f"amplitude of {name}", value, *ends, q.unit)
     return result
 
 
@@ -324,20 +318,16 @@ def linearise(
         i = places[name]
         if not np.array_equal(matrix[:, i], jacobian[:, i]):
             row = int(np.argmax(np.abs(matrix[: len(names), i] - jacobian[: len(names), i])))
+            of, unit = names[row], rate_unit(model.states[row].unit)
             described.append(
                 DescribingFunction(
                     name,
                     size,
-                    names[row],
+                    of,
                     float(jacobian[row, i]),
                     float(matrix[row, i]),
                     model.reading(both[i].unit, name),
-                    slope_read(
-                        model,
-                        f"rate of {names[row]}",
-                        rate_unit(model.states[row].unit),
-                        both[i],
-                    ),
+                    slope_read(model, f"rate of {of}", unit, both[i]),
                 )
             )
     linear = replace(_model(op, point, matrix, curve), ends=ends)

@@ -267,10 +267,8 @@ class Comparison:
         """
         op = self.model.operating_point
         held = np.tile(op.u, (len(change), 1))
-        i = 0
-        if self.model.inverse is None:
-            names = [q.name for q in op.model.inputs]
-            i = names.index(self.model.input_names[0])
+        names = [q.name for q in op.model.inputs]
+        i = names.index(self.model.input_names[0]) if self.model.inverse is None else 0
         held[:, i] = self.model.to_plant(self.model.u0[0] + change)
         try:
             return self._run("erk", held)
@@ -309,10 +307,10 @@ def _without_drift(op: OperatingPoint) -> Model:
     if not op.drift:
         return op.model
     # Parameters instead of numbers: the compiled plant then serves every operating point.
-    units = {q.name: q.unit for q in op.model.states}
     extra = tuple(
-        Parameter(f"held_rate.{name}", f"{units[name]}/s", value=rate)
-        for name, rate in op.drift.items()
+        Parameter(f"held_rate.{q.name}", f"{q.unit}/s", value=op.drift[q.name])
+        for q in op.model.states
+        if q.name in op.drift
     )
     return replace(
         op.model,
@@ -517,9 +515,7 @@ def amplitude_validity(linear: LinearModel, *, within: float = 0.1) -> Amplitude
     check_range("deviation", within, 1e-6, 10.0)
     trial = Comparison(linear)
     growing = max((m.pole.real for m in linear.modes), default=0.0)
-    length = horizon_of(linear)
-    if growing * length > _GROWN:
-        length = _GROWN / growing
+    length = min(horizon_of(linear), _GROWN / growing if growing > 0.0 else math.inf)
     blocks = max(1, math.ceil(length / (trial.sample_time * BLOCK)))
     counted = min(blocks * BLOCK, max(2, round(length / trial.sample_time)))
 
