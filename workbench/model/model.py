@@ -6,6 +6,7 @@ import copy
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from operator import attrgetter
 from typing import TypeVar
 
 import casadi as ca
@@ -455,23 +456,21 @@ class Model(Shown):
 
     def tables(self) -> tuple[Rows, ...]:
         """Return the quantities, the effects with their ports, and the ports."""
-        named = ("name", "unit", "meaning")
+
+        def named(title: str, own: Iterable[Quantity | Port]) -> Rows:
+            rows = [(q.name, q.unit, q.description) for q in own]
+            return Rows(title, ("name", "unit", "meaning"), rows)
+
+        ports = [(effect.name, ", ".join(effect.ports)) for effect in self.effects]
+        heads = ("name", "value", "unit", "lower", "upper", "meaning", "source")
+        keys = ("name", "value", "unit", "lower", "upper", "description", "source")
         return (
-            Rows("inputs", named, [(q.name, q.unit, q.description) for q in self.inputs]),
-            Rows("outputs", named, [(q.name, q.unit, q.description) for q in self.outputs]),
-            Rows("states", named, [(q.name, q.unit, q.description) for q in self.states]),
-            Rows(
-                "effects", ("name", "ports"), [(e.name, ", ".join(e.ports)) for e in self.effects]
-            ),
-            Rows(
-                "parameters",
-                ("name", "value", "unit", "lower", "upper", "meaning", "source"),
-                [
-                    (q.name, q.value, q.unit, q.lower, q.upper, q.description, q.source)
-                    for q in self.parameters
-                ],
-            ),
-            Rows("ports", named, [(q.name, q.unit, q.description) for q in self.ports]),
+            named("inputs", self.inputs),
+            named("outputs", self.outputs),
+            named("states", self.states),
+            Rows("effects", ("name", "ports"), ports),
+            Rows("parameters", heads, list(map(attrgetter(*keys), self.parameters))),
+            named("ports", self.ports),
         )
 
     def columns(self) -> dict[str, list[object]]:

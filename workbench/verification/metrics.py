@@ -379,21 +379,30 @@ def _counted(run: Run) -> slice:
 
 
 def extremes(
-    name: str, signal: Callable[..., Vector], what: str, **about: Any
+    name: str,
+    signal: Callable[..., Vector],
+    what: str,
+    *,
+    unit: str,
+    tolerance: Tolerance,
+    display_unit: str = "",
+    of: Literal["run", "output", "command"] = "run",
+    fits: Callable[[Mapping[str, str]], bool] = lambda signals: True,
 ) -> tuple[Metric, Metric]:
     """Return lowest and highest value of a signal as metrics.
 
     Args:
         name: What stands before ``lowest`` and ``highest`` in their names.
         signal: Returns the signal over time, called as `Metric.measure` is.
-        about: What else a `Metric` states about itself.
     """
+    about: dict[str, Any] = {"unit": unit, "tolerance": tolerance, "display_unit": display_unit}
 
     def metric(end: str, pick: Callable[[Vector], float]) -> Metric:
         def measure(run: Run, *owner: str) -> float:
             return float(pick(signal(run, *owner)))
 
-        return Metric(f"{name}{end}", measure, f"{end} {what}", level=True, **about)
+        name_, help_ = f"{name}{end}", f"{end} {what}"
+        return Metric(name_, measure, help_, of=of, fits=fits, level=True, **about)
 
     return metric("lowest", np.min), metric("highest", np.max)
 

@@ -53,10 +53,10 @@ def test_rates_of_the_tool_and_of_baselines() -> None:
     assert rates["outside the library: wrong name"].count == 1
     # One of five that hide something of the library, or nothing, is at four times the limit.
     assert rates["held out within 1.3 of the limit"].count == 4
-    assert tool.points == 6 + 6 + 0 + 6 + 6 - 6
-    assert refit.points == 6 + 6
-    assert greedy.points == -36 and greedy.rates()["false alarms"].count == 2
-    assert tool.p_value < refit.p_value
+    assert tool.round.points == 6 + 6 + 0 + 6 + 6 - 6
+    assert refit.round.points == 6 + 6
+    assert greedy.round.points == -36 and greedy.rates()["false alarms"].count == 2
+    assert tool.round.p_value < refit.round.p_value
 
 
 def test_only_cases_with_baselines_are_compared() -> None:
