@@ -110,10 +110,8 @@ def find_time(headers: Sequence[Header], rules: MappingRules) -> int | None:
     named = [i for titles in (headers, last) for i, h in enumerate(titles) if is_time(h)]
     if named:
         return named[0]
-    by_unit = [
-        i for i, h in enumerate(headers) if h.unit and same_dimension(h.unit, "s") and i == 0
-    ]
-    return by_unit[0] if by_unit else None
+    first = headers[0].unit if headers else ""
+    return 0 if first and same_dimension(first, "s") else None
 
 
 def _own_units(
@@ -186,18 +184,8 @@ def _signal(
     role = cast("Role", rule.role or request.role or guess_role(rule.signal))
     display = request.display_unit or (unit if unit and parse_unit(unit).factor != 1 else "")
     signal = Signal(rule.signal, values, kind.unit, name, role, display)
-    row = MappedColumn(
-        header.column,
-        rule.signal,
-        unit_shown,
-        kind.unit,
-        how,
-        rule.sign,
-        rule.factor,
-        rule.offset,
-        note,
-    )
-    return signal, row
+    line = rule.sign, rule.factor, rule.offset, note
+    return signal, MappedColumn(header.column, rule.signal, unit_shown, kind.unit, how, *line)
 
 
 def _since_1970(instants: Vector) -> str:
@@ -238,9 +226,8 @@ def _time(
         raw = rule.sign * rule.factor * columns.values[:, index] + rule.offset
         unit = unit or _since_1970(raw)
         how = "mapping file" if rules.time is not None else "name"
-        row = MappedColumn(
-            header.column, "time", unit, "s", how, rule.sign, rule.factor, rule.offset
-        )
+        line = rule.sign, rule.factor, rule.offset
+        row = MappedColumn(header.column, "time", unit, "s", how, *line)
         return (to_si(raw, unit) if unit else raw), row, index
     step = rules.sample_time_s
     source = "sample_time_s"

@@ -136,11 +136,9 @@ def _suffix(column: str) -> tuple[str, str, str] | None:
         name, tail = "_".join(words[:-count]), words[-count:]
         if any(ends_a_name(w) or not re.search("[A-Za-zµΩ°%]", w) for w in tail):
             continue
-        spellings = (
-            [" ".join(tail)]
-            if count == 1
-            else ["/".join(w for w in tail if w != "per"), " ".join(tail), "_".join(tail)]
-        )
+        spellings = [" ".join(tail)]
+        if count > 1:
+            spellings = ["/".join(w for w in tail if w != "per"), *spellings, "_".join(tail)]
         below = in_symbols(tail[-1]) in _BELOW and not (
             tail[-1] == "h" and tail[0].endswith(("W", "A"))
         )

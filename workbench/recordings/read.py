@@ -43,15 +43,10 @@ class Table:
         )
 
     def __str__(self) -> str:
+        ends = [(np.nanmin(s.values), np.nanmax(s.values)) for s in self.signals]
         rows = [
-            (
-                s.name,
-                s.kind,
-                s.unit or "?",
-                f"{np.nanmin(s.values):.6g}",
-                f"{np.nanmax(s.values):.6g}",
-            )
-            for s in self.signals
+            (s.name, s.kind, s.unit or "?", f"{low:.6g}", f"{high:.6g}")
+            for s, (low, high) in zip(self.signals, ends, strict=True)
         ]
         n = len(self.signals[0].values) if self.signals else 0
         head = f"{self.name}: {n} rows"

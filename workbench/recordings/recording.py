@@ -188,9 +188,8 @@ class Recording(Drawn):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "time", _frozen(self.time, "time"))
-        object.__setattr__(self, "signals", tuple(self.signals))
-        object.__setattr__(self, "notes", tuple(self.notes))
-        object.__setattr__(self, "excluded", tuple(self.excluded))
+        for name in ("signals", "notes", "excluded"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
         if not np.all(np.isfinite(self.time)):
             raise WorkbenchError(
                 f"recording {self.name!r} has instants that are not finite; remove those rows"
@@ -320,11 +319,8 @@ class Recording(Drawn):
 
     def with_signal(self, signal: Signal) -> Recording:
         """Return the recording with a signal replaced or added."""
-        if signal.name not in self:
-            return replace(self, signals=(*self.signals, signal))
-        return replace(
-            self, signals=tuple(signal if s.name == signal.name else s for s in self.signals)
-        )
+        signals = {s.name: s for s in self.signals} | {signal.name: signal}
+        return replace(self, signals=tuple(signals.values()))
 
     def with_roles(self, roles: Mapping[str, Role]) -> Recording:
         """Return the recording with other roles of its signals."""

@@ -64,9 +64,8 @@ def check_loop(recording: Recording, _expected: Expected) -> Finding:
     moving = recording.moving(recording.commands)
     measured = recording.moving(recording.measurements)
     if not moving or not measured or len(recording) < 10 * MEMORY:
-        return Finding(
-            "not checked", "no command that moves among the signals", {"loop": "unknown"}
-        )
+        note = "no command that moves among the signals"
+        return Finding("not checked", note, {"loop": "unknown"})
     strengths = {(c, m): feedback_strength(recording, c, m) for c in moving for m in measured}
     (command, measurement), (strength, lag) = max(strengths.items(), key=lambda kv: kv[1][0])
     values = {"strength": {f"{c}<-{m}": s for (c, m), (s, _) in strengths.items()}}
@@ -82,8 +81,5 @@ def check_loop(recording: Recording, _expected: Expected) -> Finding:
     if all(is_held(recording, c) for c in moving):
         note = f"open: {answer}, and every command stands still while the machine moves"
         return Finding("pass", note, {"loop": "open", **values})
-    return Finding(
-        "not checked",
-        f"{answer}, but the command moves all the time",
-        {"loop": "unknown", **values},
-    )
+    note = f"{answer}, but the command moves all the time"
+    return Finding("not checked", note, {"loop": "unknown", **values})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import comb, sqrt
@@ -222,18 +222,15 @@ def check_noise(recording: Recording, expected: Expected) -> Finding:
         signal = recording.signal(name)
         floors[name] = noise_of(recording, name)
         low, high = np.quantile(signal.values, [0.01, 0.99])
-        if (
-            name in expected.required
-            and not floors[name].upper_bound
-            and (0 < high - low < 6 * floors[name].floor)
-        ):
+        told = name in expected.required and not floors[name].upper_bound
+        if told and 0 < high - low < 6 * floors[name].floor:
             problems.append(
                 f"{name} moves by {_shown(signal, high - low)}, no more than its noise of"
                 f" {_shown(signal, floors[name].floor)} rms"
             )
-    values: Mapping[str, object] = {"floors": floors}
     if problems:
         alone = len(problems) == len(set(recording.measurements) & set(expected.required))
-        return Finding("unfit" if alone else "pass", "; ".join(problems), values, doubt=not alone)
+        note, values = "; ".join(problems), {"floors": floors}
+        return Finding("unfit" if alone else "pass", note, values, doubt=not alone)
     note = "; ".join(_phrase(recording.signal(n), f) for n, f in floors.items())
-    return Finding("pass", note or "nothing was measured", values)
+    return Finding("pass", note or "nothing was measured", {"floors": floors})

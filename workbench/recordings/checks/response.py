@@ -129,14 +129,11 @@ def check_response(recording: Recording, expected: Expected) -> Finding:
         return [n for n in names if n in expected.required] or names
 
     moving = recording.moving(asked(recording.commands))
-    measured = [
-        m
-        for m in asked(recording.measurements)
-        if np.ptp(recording[m]) > 20 * white_rms(recording[m])
-    ]
+    seen = {m: recording[m] for m in asked(recording.measurements)}
+    measured = [m for m, v in seen.items() if np.ptp(v) > 20 * white_rms(v)]
     if not moving or not measured or len(recording) < 10 * MEMORY:
         return Finding("not checked", "no command or no measurement moves, or too short")
-    problems, doubts, seen, doubt = [], [], [], False
+    problems, doubts, answered, doubt = [], [], [], False
     values: dict[str, object] = {}
     for command in moving:
         every = {m: answers(recording, command, m) for m in measured}
@@ -145,7 +142,7 @@ def check_response(recording: Recording, expected: Expected) -> Finding:
         values |= {f"{command}->{m}": [a.near for a in found] for m, found in every.items()}
         for name, found in every.items():
             if any(a.near >= _SEEN for a in found):
-                seen.append(f"{name} answers to {command}")
+                answered.append(f"{name} answers to {command}")
                 continue
             sure = [a for a in found if a.strength >= _SURE and a.near < _NONE]
             early = next((a for a in sure if a.early), None)
@@ -177,6 +174,6 @@ def check_response(recording: Recording, expected: Expected) -> Finding:
             )
     if problems:
         return Finding("unfit", "; ".join(dict.fromkeys(problems)), values)
-    if not seen:
+    if not answered:
         return Finding("not checked", "; ".join(doubts), values)
-    return Finding("pass", "; ".join((*seen, *doubts)), values, doubt=doubt)
+    return Finding("pass", "; ".join((*answered, *doubts)), values, doubt=doubt)

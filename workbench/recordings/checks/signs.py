@@ -25,11 +25,6 @@ Signs = Mapping[tuple[str, str], int]
 Sizes = Mapping[tuple[str, str], float]
 
 
-def _slow(values: Vector, sample_time: float, edge_Hz: float) -> Vector:
-    fraction = min(0.4, edge_Hz * sample_time)
-    return low_pass(values, fraction)
-
-
 def accelerations(
     recording: Recording, causes: list[str], motion: str
 ) -> dict[str, tuple[float, float]]:
@@ -44,11 +39,11 @@ def accelerations(
     """
     dt = recording.sample_time
     edge = min(8.0, 0.1 / dt)
-    position = _slow(recording[motion], dt, edge)
+    position = low_pass(recording[motion], edge * dt)
     speed = np.gradient(position, dt)
     acceleration = np.gradient(speed, dt)
     known = [*dict.fromkeys((*causes, *recording.moving(recording.commands)))]
-    columns = [_slow(recording[c], dt, edge) for c in known] + [position, speed]
+    columns = [low_pass(recording[c], edge * dt) for c in known] + [position, speed]
     every = max(1, round(0.5 / (edge * dt)))
     inner = slice(5 * every, -5 * every, every)
     if len(position[inner]) < 3 * len(columns):
@@ -120,13 +115,10 @@ def _of_another_size(right: Pairs, slopes: Sizes, known: Sizes) -> list[str]:
     for cause, motion in right:
         ratio = slopes.get((cause, motion), math.nan) / known.get((cause, motion), math.nan)
         if ratio > _FAR or ratio < 1 / _FAR:
-            more = (
-                f"{ratio:.2g} times as much as" if ratio > 1 else f"{1 / ratio:.2g} times less than"
-            )
-            said.append(
-                f"{cause} accelerates {motion} {more} the model says: look at the units and gains"
-                " of both"
-            )
+            times = f"{max(ratio, 1 / ratio):.2g} times"
+            more = f"{times} as much as" if ratio > 1 else f"{times} less than"
+            look = "look at the units and gains of both"
+            said.append(f"{cause} accelerates {motion} {more} the model says: {look}")
     return said
 
 

@@ -154,9 +154,8 @@ def check_stuck(recording: Recording, expected: Expected) -> Finding:
             )
             continue
         if share > MAX_EXCLUDED and name in expected.required:
-            return Finding(
-                "unfit", f"{text}; {100 * share:.3g} % of it is lost", {"share": {name: share}}
-            )
+            note = f"{text}; {100 * share:.3g} % of it is lost"
+            return Finding("unfit", note, {"share": {name: share}})
         changed = filled(changed, name, sure, "frozen reading")
         notes.append(text + "; bridged and excluded")
     if notes:

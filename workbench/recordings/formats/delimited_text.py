@@ -156,27 +156,18 @@ def _numeric_share(cells: Sequence[str], decimal: str) -> float:
 
 def _candidates(lines: Sequence[str]) -> list[tuple[str | None, str]]:
     text = "\n".join(lines)
-    out: list[tuple[str | None, str]] = []
-    for separator in ("\t", ";", ",", "|", None):
-        if separator is not None and separator not in text:
-            continue
-        out.append((separator, "."))
-        if separator != ",":
-            out.append((separator, ","))
-    return out
+    found = [sign for sign in ("\t", ";", ",", "|", None) if sign is None or sign in text]
+    return [(sign, decimal) for sign in found for decimal in ".," if sign != decimal]
 
 
 def _first_row(rows: Sequence[list[str]], decimal: str, least: int, numbers: float) -> int | None:
     """Return where rows of equal width begin of which more than a share is numbers."""
-    for i, cells in enumerate(rows):
-        block = rows[i : i + 3]
-        if (
-            len(cells) >= least
-            and all(len(r) == len(cells) for r in block)
-            and all(_numeric_share(r, decimal) > numbers for r in block)
-        ):
-            return i
-    return None
+
+    def begins(i: int) -> bool:
+        alike = len({len(row) for row in rows[i : i + 3]}) == 1 and len(rows[i]) >= least
+        return alike and all(_numeric_share(row, decimal) > numbers for row in rows[i : i + 3])
+
+    return next(filter(begins, range(len(rows))), None)
 
 
 def _metadata(lines: Sequence[str]) -> tuple[dict[str, Scalar], dict[str, Any] | None]:
@@ -208,12 +199,12 @@ def detect_layout(lines: Sequence[str], *, source: str) -> Layout:
     body = [(i, line) for i, line in enumerate(lines) if not is_comment(line)]
     if not body:
         raise WorkbenchError(f"{source} holds no rows of numbers; it is empty or all comments")
-    best: tuple[tuple[float, bool, int], int, str | None, str] | None = None
+    found: list[tuple[tuple[float, bool, int], int, str | None, str]] = []
     # Beside a machine's states in words there may be few numbers.
     for numbers, (separator, decimal) in product(
         (0.5, 0.0), _candidates([line for _, line in body])
     ):
-        if best is not None and numbers == 0.0:
+        if found and numbers == 0.0:
             break
         rows = [split_line(line, separator) for _, line in body]
         start = _first_row(rows, decimal, 2 if separator is not None else 1, numbers)
@@ -224,15 +215,13 @@ def detect_layout(lines: Sequence[str], *, source: str) -> Layout:
         # The share of numbers decides first: "0,5;2" split at its commas is wider, but not numbers.
         share = round(sum(_numeric_share(r, decimal) for r in alike) / len(alike), 1)
         # A blank may also stand between the date and the time of day in a cell.
-        rank = (share, separator is not None, width)
-        if best is None or rank > best[0]:
-            best = (rank, start, separator, decimal)
-    if best is None:
+        found.append(((share, separator is not None, width), start, separator, decimal))
+    if not found:
         raise WorkbenchError(
             f"{source} holds no rows of numbers that share one separator (tab, semicolon, comma or "
             f"blank); its first line is {body[0][1].strip()[:60]!r}"
         )
-    (_, _, width), start, separator, decimal = best
+    (_, _, width), start, separator, decimal = max(found, key=lambda ranked: ranked[0])
     rows = [split_line(line, separator) for _, line in body[start:]]
     other = "." if decimal == "," else ","
     if any(_tells(cell, other) for row in rows for cell in row):

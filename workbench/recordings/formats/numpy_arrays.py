@@ -27,10 +27,6 @@ def _content(path: Path) -> Any:
         ) from None
 
 
-def _fields(array: Any) -> dict[str, Any]:
-    return {name: array[name] for name in array.dtype.names}
-
-
 def read_numpy(path: Path, options: ReadOptions) -> Columns:
     """Read arrays by name, see `columns_of_variables`, or the columns of one array.
 
@@ -47,11 +43,12 @@ def read_numpy(path: Path, options: ReadOptions) -> Columns:
         headers, named = titles((), table.shape[1], options.columns, path.name)
         values = np.where(np.isfinite(table), table, np.nan).astype(float)
         return Columns(headers, ("",) * len(headers), values, named)
-    arrays = _fields(content) if isinstance(content, np.ndarray) else content
+    names = content.dtype.names if isinstance(content, np.ndarray) else content
     variables: dict[str, Any] = {}
-    for name, value in arrays.items():
+    for name in names:
+        value = content[name]
         if value.dtype.names:
-            variables[name] = dict(in_seconds(*pair) for pair in _fields(value).items())
+            variables[name] = dict(in_seconds(n, value[n]) for n in value.dtype.names)
         else:
             title, numbers = in_seconds(name, value)
             variables[title] = str(value) if value.dtype.kind == "U" and not value.ndim else numbers
