@@ -158,14 +158,8 @@ def _box_entry(value: Any, place: Place) -> Any:
 
 TOLERANCE = TableShape(
     {},
-    {
-        "better": one_of("less", "more", "neither"),
-        "absolute": number,
-        "typical": number,
-        "relative": number,
-        "gates": flag,
-        "repeats": flag,
-    },
+    {"better": one_of("less", "more", "neither"), "gates": flag, "repeats": flag}
+    | dict.fromkeys(("absolute", "typical", "relative"), number),
 )
 """Shape of a rule of comparison in a file."""
 
@@ -174,13 +168,8 @@ CONDITIONS = TableShape(
     {
         "requirements": named(
             TableShape(
-                {
-                    "limit": number,
-                    "unit": text,
-                    "kind": one_of("at_most", "at_least"),
-                    "hard": flag,
-                    "weight": number,
-                }
+                {"limit": number, "unit": text, "hard": flag, "weight": number}
+                | {"kind": one_of("at_most", "at_least")}
             )
         ),
         "scenarios": named(named(anything)),

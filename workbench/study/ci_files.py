@@ -24,11 +24,8 @@ def junit(outcome: StudyResult) -> str:
     is worse than the baseline.
     """
     root = ET.Element("testsuites", name=_clean(outcome.study.name))
-    suites = {}
-    for controller in dict.fromkeys(
-        [*outcome.study.controllers, *(c.key[0] for c in outcome.changes)]
-    ):
-        suites[controller] = ET.SubElement(root, "testsuite", name=_clean(controller))
+    names = dict.fromkeys([*outcome.study.controllers, *(c.key[0] for c in outcome.changes)])
+    suites = {name: ET.SubElement(root, "testsuite", name=_clean(name)) for name in names}
 
     def case(controller: str, group: str, name: str, seconds: float = 0.0) -> ET.Element:
         return ET.SubElement(

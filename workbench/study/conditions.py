@@ -52,16 +52,11 @@ def conditions(study: Study) -> dict[str, Any]:
     }
     requirements: dict[str, Any] = {}
     for demand in study.demands:
-        name = _requirement_name(demand)
+        name, own = _requirement_name(demand), demand.requirement
         while name in requirements:
             name += " (another)"
-        requirements[name] = {
-            "limit": _plain(demand.requirement.limit),
-            "unit": demand.requirement.unit or "1",
-            "kind": demand.requirement.kind,
-            "hard": demand.requirement.hard,
-            "weight": _plain(demand.weight),
-        }
+        requirements[name] = {"limit": _plain(own.limit), "unit": own.unit or "1"}
+        requirements[name] |= {"kind": own.kind, "hard": own.hard, "weight": _plain(demand.weight)}
     return {
         "requirements": requirements,
         "scenarios": scenarios,
@@ -163,9 +158,8 @@ def _tolerance(name: str, old: Any, new: Any) -> Said:
     old, new = (usual if rule is None else {**usual, "typical": 0.0, **rule} for rule in (old, new))
     for key in Tolerance._fields:
         if old[key] != new[key]:
-            stricter = (key in ("absolute", "typical", "relative") and new[key] < old[key]) or (
-                key in ("gates", "repeats") and new[key]
-            )
+            closer = key in ("absolute", "typical", "relative") and new[key] < old[key]
+            stricter = closer or (key in ("gates", "repeats") and new[key])
             yield f"{key} {old[key]} -> {new[key]}", not stricter
 
 

@@ -46,12 +46,8 @@ def check_demand(
             f" {what}; name another metric or scenario"
         )
     shortest = min(s.sample_time for s in judged)
-    if (
-        metric.unit == "s"
-        and metric.needs == "step"
-        and required.kind == "at_most"
-        and limit < shortest
-    ):
+    of_time = metric.unit == "s" and metric.needs == "step"
+    if of_time and required.kind == "at_most" and limit < shortest:
         raise WorkbenchError(
             f"{required.metric} at most {limit:g} s is impossible: a sample lasts {shortest:g} s"
         )

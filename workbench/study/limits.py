@@ -233,11 +233,7 @@ def distances(study: Study, records: Sequence[Record], limits: Mapping[Move, Val
             for name, scenario in case.scenarios.items():
                 asked = study.report.physical_limit
                 reason = no_limit(scenario, case.plant.build()) if asked else "not asked for"
-                own = [
-                    r
-                    for r in records
-                    if (r.controller, r.variation, r.scenario) == (controller, nominal.name, name)
-                ]
+                own = [r for r in records if r.key[:3] == (controller, nominal.name, name)]
                 compared = []
                 if not reason:
                     compared = [s for r in own for s in _compared(study, nominal, r, limits)]

@@ -35,6 +35,8 @@ from workbench.linearisation import LinearModel, linear_model
 from workbench.registry import user_code
 from workbench.study.study import Study
 
+_NO_RESPONSE = np.zeros(0), np.zeros(0, dtype=complex)
+
 
 @dataclass(frozen=True)
 class LoopAnalysis:
@@ -163,18 +165,8 @@ def _together(
         max(float(np.max(least_gain(S - share * np.eye(S.shape[1])))) for S in both)
         for share in (0.0, 1.0, 0.5)
     )
-    return LoopAnalysis(
-        name,
-        point,
-        "all at once",
-        np.zeros(0),
-        np.zeros(0, dtype=complex),
-        True,
-        sensitivity=s,
-        complementary=t,
-        disk_margin=1.0 / half,
-        command=True,
-    )
+    found = LoopAnalysis(name, point, "all at once", *_NO_RESPONSE, True, command=True)
+    return replace(found, sensitivity=s, complementary=t, disk_margin=1.0 / half)
 
 
 def _check_linear(
@@ -273,6 +265,6 @@ def analyse_study(study: Study) -> tuple[LoopAnalysis, ...]:
             # Own controllers may have any state; what cannot be linearised is told, not fatal.
             except WorkbenchError as error:
                 reason = " ".join(str(error).removeprefix("linear analysis failed: ").split())
-                nothing = (np.zeros(0), np.zeros(0, dtype=complex), False)
-                found.append(LoopAnalysis(recipe.name, point, "", *nothing, reason=reason))
+                nothing = LoopAnalysis(recipe.name, point, "", *_NO_RESPONSE, False)
+                found.append(replace(nothing, reason=reason))
     return tuple(found)

@@ -32,6 +32,8 @@ from workbench.study.study import Study
 from workbench.study.tasks import Record, tasks
 from workbench.work.counted import Work, done, since
 
+_KEY = ("controller", "variation", "scenario", "seed")
+
 RESULTS_SCHEMA = 1
 """Version of ``results.json``; a change of meaning or a removed entry raises it."""
 
@@ -229,9 +231,7 @@ class StudyResult(Drawn):
             "runs": [r.table() for r in self.records],
             "changes": [
                 {
-                    **dict(
-                        zip(("controller", "variation", "scenario", "seed"), c.key, strict=True)
-                    ),
+                    **dict(zip(_KEY, c.key, strict=True)),
                     "metric": c.metric,
                     "before": c.before,
                     "after": c.after,

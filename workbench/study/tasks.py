@@ -131,12 +131,9 @@ class Record:
 
 RECORD = TableShape(
     {
-        "controller": text,
-        "variation": text,
-        "scenario": text,
+        **dict.fromkeys(("controller", "variation", "scenario", "reason"), text),
         "seed": whole,
         "status": one_of("done", "failed"),
-        "reason": text,
         "metrics": named(
             TableShape(
                 {"value": optional(number), "unit": text}, {"reason": text, "display_unit": text}
@@ -155,13 +152,8 @@ RECORD = TableShape(
         ),
         "events": listed(
             TableShape(
-                {
-                    "output": text,
-                    "time": number,
-                    "what": text,
-                    "peak": optional(number),
-                    "left": optional(number),
-                }
+                {"output": text, "time": number, "what": text}
+                | dict.fromkeys(("peak", "left"), optional(number))
             )
         ),
     },
