@@ -539,18 +539,14 @@ def _felt(model: Written, plain: Named, rates: Named, outputs: Named) -> Named:
     for name, value in outputs.items():
         # The sensor of a mass feels what acts on it through a lever too, in another unit.
         kinds = _ACCELERATIONS if _accelerates(units.get(name, "")) else (units.get(name, ""),)
-        felt = [
-            (before, after)
-            for unit, before, after in moved
-            if any(same_dimension(unit, kind) for kind in kinds)
-        ]
+        felt = [(before, after) for unit, before, after in moved if same_dimension(unit, *kinds)]
         if felt:
             found[name] = behind(_symbolic(value), felt)
     return found
 
 
 def _accelerates(unit: str) -> bool:
-    return any(same_dimension(unit, a) for a in _ACCELERATIONS)
+    return same_dimension(unit, *_ACCELERATIONS)
 
 
 def _default_measurements(

@@ -336,14 +336,15 @@ def from_si(values: Values, unit: str) -> Values:
     return (values - parsed.offset) / parsed.factor
 
 
-def same_dimension(a: str, b: str) -> bool:
-    """Tell whether two units measure the same thing, so that one can be converted to the other.
+def same_dimension(unit: str, *others: str) -> bool:
+    """Tell whether a unit measures what one of others does, so that it can be converted to that.
 
     Example:
-        >>> same_dimension("N m", "kN mm"), same_dimension("rad", "1")
+        >>> same_dimension("N m", "kN mm"), same_dimension("rad", "1", "kg")
         (True, False)
     """
-    return parse_unit(a).dimensions == parse_unit(b).dimensions
+    dimensions = parse_unit(unit).dimensions
+    return any(parse_unit(other).dimensions == dimensions for other in others)
 
 
 def ends_a_name(symbol: str) -> bool:

@@ -282,10 +282,8 @@ def _coupled(at: Place) -> tuple[Own, ...]:
 
 def _counts_leaks(at: Place) -> bool:
     """Tell whether a sensor reads a flow, and the other signal may press it through a leak."""
-    flows, heads = ("m3/s", "kg/s"), ("Pa", "m")
-    return any(same_dimension(at.unit, u) for u in flows) and any(
-        same_dimension(at.other("cause").unit, u) for u in heads
-    )
+    presses = same_dimension(at.other("cause").unit, "Pa", "m")
+    return presses and same_dimension(at.unit, "m3/s", "kg/s")
 
 
 def _read_too(at: PortView) -> Expression:

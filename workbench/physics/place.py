@@ -386,7 +386,7 @@ class Survey:
 
     def arriving(self, place: Place) -> tuple[Local, ...]:
         """Return the levels of other stores that enter what fills a store at once."""
-        value, own = self._port_value(self._port_index[place.name]), place.level.source
+        value, own = self._signal(place), place.level.source
         levels = dict.fromkeys(
             q.level.source for q in self.fitting(*FLOWS, needs=("level",)) if q.level.source != own
         )
@@ -406,7 +406,7 @@ class Survey:
 
         Not the rate of what it reads, nor that of which it reads the rate: those are a delay.
         """
-        value, own = self._port_value(self._port_index[place.name]), self._symbols
+        value, own = self._signal(place), self._symbols
         seen = [n for n in self._state_index if ca.depends_on(value, own[n])]
         near = {*seen, *(self._integral.get(n, n) for n in seen)} | {
             q.name for q in self.model.inputs
@@ -554,7 +554,7 @@ class Survey:
         if "penetration" in port.signals:
             return "stop"
         for role, units in _ROLES.items():
-            if any(same_dimension(port.unit, unit) for unit in units):
+            if same_dimension(port.unit, *units):
                 circuit = role == "voltage" and any(map(self._is_current, self._moved[index]))
                 return "circuit" if circuit else role
         for state in self._moved[index]:
@@ -795,6 +795,12 @@ class Survey:
     def _port_value(self, index: int) -> ca.SX:
         return self.trace.signals[self.trace.signal_names.index(self.trace.ports[index].name)]
 
+    def _signal(self, place: Place) -> ca.SX:
+        return self._port_value(self._port_index[place.name])
+
+    def _own_symbol(self, q: Parameter) -> ca.SX:
+        return self.trace.p[self._parameter_index[q.name]]
+
     @cached_property
     def _commanded(self) -> set[int]:
         """Ports that follow from inputs alone, the first of each input."""
@@ -843,18 +849,16 @@ class Survey:
         machine, each through its inertia, as the damping does. So does what rubs over a speed that
         several signals make, as that of a wheel beside the body that drives it.
         """
-        t, found = self.trace, []
+        found = []
         commanded = {at.speed.source for at in self.places if at.shared}
         for q, places in self.spread:
-            symbol = t.p[self._parameter_index[q.name]]
-            values = [self._port_value(self._port_index[at.name]) for at in places]
-            resisted = [cofactor(value, symbol) for value in values]
-            over = {str(e) for e in resisted}
+            values = [self._signal(at) for at in places]
+            over = {str(cofactor(value, self._own_symbol(q))) for value in values}
             speed = next(iter(over))
             if len(over) == 1 and speed in self._integral and speed not in commanded:
                 found.append((q, places, self._of(speed)))
-            elif any(same_dimension(q.unit, u) for u in _DAMPINGS):
-                made, together = self.driving(q, places), self._multiplied(q.name, values)
+            elif same_dimension(q.unit, *_DAMPINGS):
+                made, together = self.driving(q, places), self._multiplied(q, values)
                 if made and made.unit in _SPEEDS and not _is_difference(ca.SX(together)):
                     found.append((q, places, made))
         return tuple(found)
@@ -868,10 +872,9 @@ class Survey:
         term is, of which the equations make nothing or that multiply a state beside it: a decay
         over the light, a heat transfer over the flow that carries the heat.
         """
-        t, k = self.trace, self._parameter_index[q.name]
-        values = [self._port_value(self._port_index[at.name]) for at in places]
-        slopes = [ca.jacobian(value, t.p[k]) for value in values]
-        found = []
+        t, found = self.trace, []
+        values = [self._signal(at) for at in places]
+        slopes = [ca.jacobian(value, self._own_symbol(q)) for value in values]
         for name in dict.fromkeys(self._measured.values()):
             other = [t.x[i] for n, i in self._state_index.items() if n != name]
             rest = ca.vertcat(*other, t.u)
@@ -879,7 +882,7 @@ class Survey:
                 found.append(self._of(name))
         # As a slip is; of how far two states are apart other laws are curves.
         over = self.driving(q, places)
-        if over and not _is_difference(ca.SX(self._multiplied(q.name, values))):
+        if over and not _is_difference(ca.SX(self._multiplied(q, values))):
             found.append(over)
         read = any(at.output for at in places)
         beside = [t.rates[i] for at in places for i in self._rates_of(self._port_index[at.name])]
@@ -904,79 +907,74 @@ class Survey:
 
         It is what the parameter multiplies there, or divides.
         """
-        t, symbol = self.trace, self.trace.p[self._parameter_index[q.name]]
-        values = [self._port_value(self._port_index[at.name]) for at in places]
-        found = [e for value in values if (e := cofactor(value, symbol)) is not None]
+        own = self._own_symbol(q)
+        parts = (cofactor(self._signal(at), own) for at in places)
+        found = [part for part in parts if part is not None]
         known = (str(e) for e in found if e.is_symbolic())
         passed = [self._of(name) for name in known if name in self._known]
         # A magnet is weaker the warmer the current makes it, which it turns as well as brakes with.
         if current := next((q for q in passed if same_dimension(q.unit, "A")), None):
             return current
-        signals = ca.vertcat(t.x, t.u)
         if (
             len(found) < len(places)
-            or not ca.depends_on(found[0], signals)
+            or not ca.depends_on(found[0], ca.vertcat(self.trace.x, self.trace.u))
             or not all(ca.is_equal(found[0], e, 8) for e in found[1:])
-            or not any(same_dimension(q.unit, u) for u in _RESISTANCES)
+            or not same_dimension(q.unit, *_RESISTANCES)
         ):
             return None
-        seen = self.ranges.get(argument_of(q.name))
-        argument = Local("argument", "1", _largest(seen) or 1.0, seen=seen, multiplied=True)
-        return passed[0] if passed else argument
+        return passed[0] if passed else self._argument(q, "1")
 
     def heating(self, place: Place) -> tuple[Local, ...]:
         """Return the currents, and the voltages and shares of one that are set, that may heat."""
-        states = [q.name for q in self.model.states if same_dimension(q.unit, "A")]
-        given = [
-            q.name
-            for q in self.model.inputs
-            if q.commanded and any(same_dimension(q.unit, u) for u in ("A", "V", "1"))
+        heating = [q for q in self.model.states if same_dimension(q.unit, "A")] + [
+            q for q in self.model.inputs if q.commanded and same_dimension(q.unit, "A", "V", "1")
         ]
-        return tuple(self._of(name) for name in (*states, *given))
+        return tuple(self._of(q.name) for q in heating)
 
     def argument(self, q: Parameter, places: Sequence[Place]) -> Local | None:
         """Return what a parameter multiplies at some ports, if that is made of several signals.
 
         What it divides, as an inertia does, is all that acts there.
         """
-        values = [self._port_value(self._port_index[at.name]) for at in places]
-        symbol = self.trace.p[self._parameter_index[q.name]]
-        first = self._multiplied(q.name, values)
-        if first is None or any(ca.depends_on(ca.jacobian(v, symbol), symbol) for v in values):
+        values, own = [self._signal(at) for at in places], self._own_symbol(q)
+        first = self._multiplied(q, values)
+        if first is None or any(ca.depends_on(ca.jacobian(v, own), own) for v in values):
             return None
-        return self._argument(q, first, values[0], places[0])
+        return self._argument(q, self._argument_unit(q, first, values[0], places[0]))
 
     def driving(self, q: Parameter, places: Sequence[Place]) -> Local | None:
         """Return what a parameter multiplies or divides at some ports, made of several signals."""
         seen = self.ranges.get(argument_of(q.name))
-        values = [self._port_value(self._port_index[at.name]) for at in places]
-        first = self._multiplied(q.name, values)
+        values = [self._signal(at) for at in places]
+        first = self._multiplied(q, values)
         if seen is None or seen[0] == seen[1] or first is None:
             return None
-        return self._argument(q, first, values[0], places[0])
+        return self._argument(q, self._argument_unit(q, first, values[0], places[0]))
 
-    def _argument(self, q: Parameter, first: ca.SX, value: ca.SX, at: Place) -> Local:
-        """Return what a parameter multiplies in the value of a port as a signal of its own.
+    def _argument_unit(self, q: Parameter, first: ca.SX, value: ca.SX, at: Place) -> str:
+        """Return the unit of what a parameter multiplies in the value of a port.
 
         What adds up has one unit, that of a bare signal in it; what is all of the port with the
         parameter has the port's over its own.
         """
         units = {self._known[n].unit for n in _added(first) if n in self._known}
-        unit = units.pop() if len(units) == 1 else "1"
-        if unit == "1" and ca.is_equal(
-            value, first * self.trace.p[self._parameter_index[q.name]], 8
-        ):
-            unit = per(at.unit, q.unit)
+        if len(units) == 1 and units != {"1"}:
+            return units.pop()
+        alone = ca.is_equal(value, first * self._own_symbol(q), 8)
+        return per(at.unit, q.unit) if alone else "1"
+
+    def _argument(self, q: Parameter, unit: str) -> Local:
+        """Return what a parameter multiplies as a signal of its own."""
         seen = self.ranges.get(argument_of(q.name))
         return Local("argument", unit, _largest(seen) or 1.0, seen=seen, multiplied=True)
 
-    def _multiplied(self, name: str, values: Sequence[ca.SX]) -> ca.SX | None:
+    def _multiplied(self, q: Parameter, values: Sequence[ca.SX]) -> ca.SX | None:
         """Return what a parameter multiplies in all values; None unless several signals make it."""
-        t, k = self.trace, self._parameter_index[name]
-        found = [cofactor(value, t.p[k]) for value in values]
+        t, own = self.trace, self._own_symbol(q)
+        found = [cofactor(value, own) for value in values]
         # What weighs a body is also in what an exchange with another one does to it.
-        given = [i for q, i in self._port_index.items() if q.endswith(".exchange")]
-        weighs = any(ca.depends_on(t.rates_by_port[:, i], t.p[k]) for i in given)
+        given = [i for name, i in self._port_index.items() if name.endswith(".exchange")]
+        weighs = any(ca.depends_on(t.rates_by_port[:, i], own) for i in given)
         if not found or weighs or any(e is None for e in found):
             return None
         first = ca.SX(found[0])
@@ -1005,10 +1003,9 @@ class Survey:
 
     def _is_gain(self, q: Parameter, index: int) -> bool:
         """Tell whether a parameter is a mere gain of what is driven, which has laws of its own."""
-        t = self.trace
-        k = [p.name for p in self.model.parameters].index(q.name)
-        part = self._sampled(ca.jacobian(self._port_value(index), t.p[k]) * t.p[k])
-        return any(self._entered[index]) and _same(part, self._sampled(self._port_value(index)))
+        value, own = self._port_value(index), self._own_symbol(q)
+        part = self._sampled(ca.jacobian(value, own) * own)
+        return any(self._entered[index]) and _same(part, self._sampled(value))
 
     def _own(self, index: int) -> dict[str, ca.SX]:
         port, values = self.trace.ports[index], self.trace.local_signals[index]
@@ -1086,8 +1083,8 @@ class Survey:
 
     def _is_current(self, state: State) -> bool:
         # A motor without inductance: its voltage is a torque, which has a port of its own.
-        mechanical = any(same_dimension(state.unit, u) for u in ("m/s", "rad/s"))
-        return not mechanical and (state.name in self._integral or state.unit == "A")
+        moves = same_dimension(state.unit, *_SPEEDS)
+        return not moves and (state.name in self._integral or state.unit == "A")
 
     def _is_speed(self, state: State, unit: str) -> bool:
         return state.name in self._integral or same_dimension(state.unit, f"{unit}/s")
@@ -1175,8 +1172,7 @@ class Survey:
 
     def _fills(self, state: State, index: int) -> bool:
         """Tell whether more of the signal at a port raises a state."""
-        names = [q.name for q in self.model.states]
-        return bool(self._pushed[names.index(state.name), index] > 0.0)
+        return bool(self._pushed[self._state_index[state.name], index] > 0.0)
 
     def _emptied(self, index: int) -> str:
         """Return the level that drives a flow and falls with it; empty if there is none."""
@@ -1232,7 +1228,7 @@ def _bearing_loads(signals: Mapping[str, Local]) -> dict[str, Local]:
 
     def loads(name: str, unit: str) -> bool:
         if unit != "1":
-            return any(same_dimension(unit, u) for u in ("N", "N m", "Pa"))
+            return same_dimension(unit, "N", "N m", "Pa")
         return name.rstrip("_0123456789").endswith(("force", "load", "pressure"))
 
     found = [q for name, q in signals.items() if loads(name, q.unit)]

@@ -357,11 +357,7 @@ def _taken_up(at: PortView) -> Expression:
 lost_motion = Law(
     "lost_motion",
     "v = u - w dz/dt, w z the place of the drive within its slack, -w to w",
-    each(
-        "command",
-        label=by_port,
-        only=lambda at: any(same_dimension(at.unit, speed) for speed in ("m/s", "rad/s")),
-    ),
+    each("command", label=by_port, only=lambda at: same_dimension(at.unit, "m/s", "rad/s")),
     lambda at: (
         size("half_width", at.unit.removesuffix("/s"), 0.01 * at.scale * at.lasting,
              at.scale * at.lasting, "half of the slack"),

@@ -222,8 +222,8 @@ def in_turns(headers: Sequence[Header], requested: Sequence[Requested]) -> list[
     Where something is asked for in 1/s too, such as a rate of growth, they stay what they say.
     """
     asked = [w.unit for w in requested if w.unit]
-    turning = any(same_dimension(unit, "rad/s") for unit in asked)
-    if not turning or any(same_dimension(unit, "1/s") for unit in asked):
+    turning = same_dimension("rad/s", *asked)
+    if not turning or same_dimension("1/s", *asked):
         return list(headers)
 
     def read(header: Header) -> Header:
