@@ -24,6 +24,11 @@ def is_symbolic(*values: Expression) -> bool:
     return any(isinstance(v, (ca.SX, ca.MX, ca.DM)) for v in values)
 
 
+def functions_of(value: Expression) -> Any:
+    """Return the module whose functions take a value, in any unit: CasADi or NumPy."""
+    return ca if is_symbolic(value) else np
+
+
 def maximum(a: Expression, b: Expression) -> Expression:
     """Return the larger of two values of one unit, elementwise: numbers, arrays or expressions."""
     return ca.fmax(a, b) if is_symbolic(a, b) else np.maximum(a, b)
@@ -46,7 +51,7 @@ def where(condition: Expression, yes: Expression, no: Expression) -> Expression:
 
 def sqrt(x: Expression) -> Expression:
     """Return the square root of a number, array or expression x >= 0, in any unit."""
-    return ca.sqrt(x) if is_symbolic(x) else np.sqrt(x)
+    return functions_of(x).sqrt(x)
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,8 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Literal
 
-import casadi as ca
-import numpy as np
-
 from workbench.errors import check_choice
-from workbench.model.regularisation import EXACT, Expression, Form, is_symbolic, sqrt, where
+from workbench.model.regularisation import EXACT, Expression, Form, functions_of, sqrt, where
 
 BAR = 1e5
 """Pascal in one bar."""
@@ -283,8 +280,7 @@ class TonduLopez(ForceLaw):
             gauge_pressure: Gauge pressure p, Pa; any shape.
         """
         scaled = gauge_pressure / BAR
-        decay = ca.exp(-scaled) if is_symbolic(scaled) else np.exp(-scaled)
-        return self.k_constant + self.k_exponential * decay
+        return self.k_constant + self.k_exponential * functions_of(scaled).exp(-scaled)
 
     def tension(
         self, contraction: Expression, gauge_pressure: Expression, *, form: Form = EXACT
@@ -331,6 +327,5 @@ class Sarosi(ForceLaw):
     ) -> Expression:
         kappa = 100 * contraction / self.nominal_length
         p = gauge_pressure / BAR
-        exponent = self.c * kappa
-        decay = ca.exp(exponent) if is_symbolic(exponent) else np.exp(exponent)
+        decay = functions_of(self.c * kappa).exp(self.c * kappa)
         return (self.a * p + self.b) * decay + self.d * kappa * p + self.e * p + self.f

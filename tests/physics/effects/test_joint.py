@@ -41,7 +41,7 @@ def test_an_error_of_one_kilogram_is_an_arm_with_one_more(plane) -> None:
 
 def test_gravity_on_a_mass_beside_the_axis_is_that_of_the_upright_arm() -> None:
     """Its two parameters follow from the arm's torque at two angles and give that at any other."""
-    torque = lambda angle: -ArmBody().gravity_torque(angle, 3.0, plane="vertical")  # noqa: E731
+    torque = lambda angle: -ArmBody().gravity_torque(angle, 3.0)  # noqa: E731
     at_zero, at_right = float(torque(0.0)), float(torque(0.5 * math.pi))
     law = unbalanced_mass(
         "joint.torque",

@@ -27,8 +27,9 @@ def arm_joint(load_kg: float) -> Model:
     geometry, body = ArmGeometry(), ArmBody()
 
     def equations(m: Scope) -> Equations:
-        motion = joint.joint(m, forces=(m.u.force_1, m.u.force_2), geometry=geometry, body=body)
-        return motion.rates, {"angle": m.x.angle, "load_cell": motion.load_cell}
+        forces = (m.u.force_1, m.u.force_2)
+        rates, load_cell = joint.joint(m, forces=forces, geometry=geometry, body=body)
+        return rates, {"angle": m.x.angle, "load_cell": load_cell}
 
     return Model(
         "arm joint",

@@ -129,28 +129,22 @@ class ArmEquations:
             )
             for i, flow in ((1, flows.flow_1), (2, flows.flow_2))
         ]
-        motion = joint(
-            m, forces=(muscles[0].force, muscles[1].force), geometry=self.geometry, body=self.body
+        (force_1, gauge_1, gas_1), (force_2, gauge_2, gas_2) = muscles
+        motion, load_cell = joint(
+            m, forces=(force_1, force_2), geometry=self.geometry, body=self.body
         )
-        measurements = {
-            "angle": (x.angle, "rad", 1.0, {"speed": x.speed}),
-            "pressure_1": (muscles[0].gauge_pressure, "Pa", 1e5, {}),
-            "pressure_2": (muscles[1].gauge_pressure, "Pa", 1e5, {}),
-            "load_cell": (motion.load_cell, "N", 100.0, {}),
-        }
         outputs = {
-            name: m.port(
-                f"{name}.reading",
+            q.name: m.port(
+                f"{q.name}.reading",
                 value,
-                unit=unit,
-                scale=scale,
+                unit=q.unit,
+                scale=q.scale,
                 description="what the sensor reads, before noise and conversion",
-                signals=signals,
+                signals={"speed": x.speed} if q.name == "angle" else {},
             )
-            for name, (value, unit, scale, signals) in measurements.items()
+            for q, value in zip(OUTPUTS, (x.angle, gauge_1, gauge_2, load_cell), strict=True)
         }
-        rates = {**flows.rates, **muscles[0].rates, **muscles[1].rates, **motion.rates}
-        return rates, outputs
+        return {**flows.rates, **gas_1, **gas_2, **motion}, outputs
 
 
 def arm(
@@ -225,7 +219,7 @@ def _built(
         centre_leakage(),
     ]
     if plane == "vertical":
-        effects.append(gravity(plane))
+        effects.append(gravity())
     effects += damper_and_bearing()
     if line_volumes:
         effects += [

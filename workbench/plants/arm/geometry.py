@@ -15,22 +15,11 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-import casadi as ca
-import numpy as np
-
 from workbench.errors import check_choice
-from workbench.model.regularisation import Expression, is_symbolic, sqrt
+from workbench.model.regularisation import Expression, functions_of, sqrt
 
 TRAVEL = math.radians(60.0)
 """Angle between the two stops, rad."""
-
-
-def _cos(x: Expression) -> Expression:
-    return ca.cos(x) if is_symbolic(x) else np.cos(x)
-
-
-def _sin(x: Expression) -> Expression:
-    return ca.sin(x) if is_symbolic(x) else np.sin(x)
 
 
 @dataclass(frozen=True)
@@ -90,14 +79,14 @@ class ArmGeometry:
         The angle ``alpha`` is that of the muscle's own lever, in rad: theta for muscle 1, 60 deg -
         theta for muscle 2; b = 180 deg - a. Source: the paper's equation for L.
         """
-        constant, cosine, sine = self._constants
-        return sqrt(constant + cosine * _cos(alpha) - sine * _sin(self._beta(alpha)))
+        (constant, cosine, sine), known = self._constants, functions_of(alpha)
+        return sqrt(constant + cosine * known.cos(alpha) - sine * known.sin(self._beta(alpha)))
 
     def length_slope(self, alpha: Expression) -> Expression:
         """Return dL/d(alpha) of one muscle, m/rad, at an angle of its own lever, rad."""
-        _, cosine, sine = self._constants
+        (_, cosine, sine), known = self._constants, functions_of(alpha)
         beta_slope = 1.0 if self.printing == "as_printed" else -1.0
-        numerator = -cosine * _sin(alpha) - sine * _cos(self._beta(alpha)) * beta_slope
+        numerator = -cosine * known.sin(alpha) - sine * known.cos(self._beta(alpha)) * beta_slope
         return numerator / (2 * self.length(alpha))
 
     def lengths(self, angle: Expression) -> tuple[Expression, Expression]:

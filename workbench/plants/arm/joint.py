@@ -7,16 +7,12 @@ The arm has 0.987 kg with its centre of gravity at (205, 17.6) mm; each plate of
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-import casadi as ca
-import numpy as np
-
-from workbench.errors import check_choice, check_range
+from workbench.errors import check_range
 from workbench.model import About, Effect, Parameter, PortView, Scope, State
-from workbench.model.regularisation import Expression, is_symbolic, where
+from workbench.model.regularisation import Expression, functions_of, is_symbolic, where
 from workbench.physics.friction import coulomb_friction, viscous_friction
 from workbench.plants.arm.geometry import TRAVEL, ArmGeometry
 
@@ -46,7 +42,7 @@ class ArmBody:
     Example:
         >>> [round(ArmBody().inertia(load), 3) for load in (0, 3, 8)]
         [0.056, 0.466, 1.15]
-        >>> round(float(ArmBody().gravity_torque(0.0, 8, plane="vertical")), 1)
+        >>> round(float(ArmBody().gravity_torque(0.0, 8)), 1)
         30.8
     """
 
@@ -65,27 +61,29 @@ class ArmBody:
         along, above = self.plate_centre
         return self.arm_inertia + check_load(load) * (along**2 + above**2 + self.plate_inertia)
 
-    def gravity_torque(
-        self, angle: Expression, load: Expression, *, plane: Plane = "vertical"
-    ) -> Expression:
+    def gravity_torque(self, angle: Expression, load: Expression) -> Expression:
         """Return the torque in N m with which gravity pulls the arm towards smaller angles.
 
         ``9.81 [0.987 (0.205 cos t - 0.0176 sin t) + n (0.367 cos t + 0.024 sin t)]`` in the
-        vertical plane, where the angle t is the elevation; zero in the horizontal plane.
+        vertical plane, where the angle t is the elevation.
 
         Args:
             angle: Arm angle, rad; any shape.
             load: Mass of the plates n, kg, 0..8; number or expression.
         """
-        check_choice("plane", plane, ("horizontal", "vertical"))
-        load = check_load(load)
-        if plane == "horizontal":
-            return 0.0 * angle
-        cosine = ca.cos(angle) if is_symbolic(angle) else np.cos(angle)
-        sine = ca.sin(angle) if is_symbolic(angle) else np.sin(angle)
-        arm = self.arm_mass * (self.arm_centre[0] * cosine - self.arm_centre[1] * sine)
-        plates = load * (self.plate_centre[0] * cosine - self.plate_centre[1] * sine)
-        return self.gravity * (arm + plates)
+        arm = self.arm_mass * lever(angle, self.arm_centre)
+        return self.gravity * (arm + check_load(load) * lever(angle, self.plate_centre))
+
+
+def lever(angle: Expression, centre: tuple[float, float]) -> Expression:
+    """Return how far a centre of gravity is from the pivot along the level, in m.
+
+    Args:
+        angle: Elevation of the arm, rad; any shape.
+        centre: The centre along and above the arm, m.
+    """
+    known = functions_of(angle)
+    return centre[0] * known.cos(angle) - centre[1] * known.sin(angle)
 
 
 def check_load(load: Expression) -> Expression:
@@ -119,22 +117,9 @@ PARAMETERS = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class JointMotion:
-    """Rates of the joint and the force on the load cell.
-
-    Args:
-        rates: Rates of ``angle``, in rad/s, and ``speed``, in rad/s^2, by name.
-        load_cell: Force on the load cell of the lower stop, in N.
-    """
-
-    rates: Mapping[str, Expression]
-    load_cell: Expression
-
-
 def joint(
     m: Scope, *, forces: tuple[Expression, Expression], geometry: ArmGeometry, body: ArmBody
-) -> JointMotion:
+) -> tuple[dict[str, Expression], Expression]:
     """Write down the equations of the joint.
 
     ``J d2theta/dt2 = -F1 dL1/dtheta - F2 dL2/dtheta + stops``; gravity, damper and friction attach
@@ -142,6 +127,10 @@ def joint(
 
     Args:
         forces: Pulling forces of muscle 1 and 2, in N.
+
+    Returns:
+        Rates of ``angle``, in rad/s, and ``speed``, in rad/s^2, by name; and the force on the load
+        cell of the lower stop, in N.
 
     Source:
         The paper's Figure 4 and its description of arm, plates and stops.
@@ -173,9 +162,8 @@ def joint(
         description="inertia about the joint",
         signals={"load": p.load},
     )
-    return JointMotion(
-        {"angle": x.speed, "speed": (torque + lower - upper) / inertia}, lower / p.load_cell_arm
-    )
+    rates = {"angle": x.speed, "speed": (torque + lower - upper) / inertia}
+    return rates, lower / p.load_cell_arm
 
 
 def _stop(m: Scope, name: str, penetration: Expression, speed: Expression) -> Expression:
@@ -195,16 +183,15 @@ def _stop(m: Scope, name: str, penetration: Expression, speed: Expression) -> Ex
     )
 
 
-def gravity(plane: Plane) -> Effect:
-    """Build the weight of arm and plates.
+def gravity() -> Effect:
+    """Build the weight of arm and plates, for motion in the vertical plane.
 
-    ``T = T - g [m_arm (x cos theta - y sin theta) + load (x_p cos theta + y_p sin theta)]`` in the
-    vertical plane, nothing in the horizontal one.
+    ``T = T - g [m_arm (x cos theta - y sin theta) + load (x_p cos theta + y_p sin theta)]``
     """
     masses = ArmBody()
 
     def transform(at: PortView) -> Expression:
-        return at.value - masses.gravity_torque(at.signals.angle, at.signals.load, plane=plane)
+        return at.value - masses.gravity_torque(at.signals.angle, at.signals.load)
 
     return Effect(
         "gravity",

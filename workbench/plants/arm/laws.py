@@ -15,24 +15,13 @@ from workbench.physics.gas import chambers, wall_heat
 from workbench.physics.law import Fit, Law, each, shape, share, size, twins
 from workbench.physics.muscle_volume import BraidedCylinder
 from workbench.physics.place import Survey
-from workbench.plants.arm.joint import ArmBody
+from workbench.plants.arm.joint import ArmBody, lever
 
 _BODY = ArmBody()
 
 
-def _lever(
-    at: PortView, centre: tuple[float, float], ahead: Expression | float = 0.0
-) -> Expression:
-    """Distance of a centre of gravity from the pivot, m, along the line ``ahead`` of level."""
-    angle = at.signals.angle - ahead
-    return centre[0] * ca.cos(angle) - centre[1] * ca.sin(angle)
-
-
 def _tilted(at: PortView) -> Expression:
-    weight = _BODY.gravity * (
-        _BODY.arm_mass * _lever(at, _BODY.arm_centre, at.p.direction)
-        + at.signals.load * _lever(at, _BODY.plate_centre, at.p.direction)
-    )
+    weight = _BODY.gravity_torque(at.signals.angle - at.p.direction, at.signals.load)
     return at.value - ca.sin(at.p.tilt) * weight
 
 
@@ -68,7 +57,7 @@ def _heavier(at: PortView) -> Expression:
         along, above = _BODY.plate_centre
         return at.value + at.p.mass * (along**2 + above**2 + _BODY.plate_inertia)
     weight = at.p.gravity_share * _BODY.gravity * at.p.mass
-    return at.value - weight * _lever(at, _BODY.plate_centre)
+    return at.value - weight * lever(at.signals.angle, _BODY.plate_centre)
 
 
 load_error = Law(
@@ -131,10 +120,7 @@ loose_load = Law(
         State("speed", "rad/s", 1.0, "speed of the loose load"),
     ),
     rates=lambda e: {"angle": e.x.speed, "speed": _coupling(_torque(e))},
-    start=lambda e: {
-        "angle": _torque(e).signals.angle,
-        "speed": _torque(e).signals.speed,
-    },
+    start=lambda e: {name: _torque(e).signals[name] for name in ("angle", "speed")},
     shapes=lambda at: [{"frequency": f} for f in (40.0, 20.0, 10.0, 100.0, 28.0, 14.0)],
     whole=True,
     usual=True,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -54,21 +53,6 @@ class MuscleLaws:
     printed_work_sign: bool = False
 
 
-@dataclass(frozen=True)
-class MuscleAction:
-    """Force of a muscle and the rates of its gas.
-
-    Args:
-        force: Pulling force, in N.
-        gauge_pressure: Pressure above ambient, in Pa.
-        rates: Rates of the pressure, in Pa/s, and the temperature, in K/s, by name of the state.
-    """
-
-    force: Expression
-    gauge_pressure: Expression
-    rates: Mapping[str, Expression]
-
-
 def muscle(
     m: Scope,
     suffix: str,
@@ -78,7 +62,7 @@ def muscle(
     coordinate_speed: Expression,
     flow: Expression,
     laws: MuscleLaws,
-) -> MuscleAction:
+) -> tuple[Expression, Expression, dict[str, Expression]]:
     """Write down the equations of one muscle.
 
     Args:
@@ -88,6 +72,10 @@ def muscle(
             for the arm's angle, m for a length).
         coordinate_speed: Its rate, in that unit per second.
         flow: Mass flow from the valve, in kg/s.
+
+    Returns:
+        Pulling force, in N; pressure above ambient, in Pa; and the rates of the pressure, in Pa/s,
+        and the temperature, in K/s, by name of the state.
 
     Source:
         The paper's Figure 3, lines [1] to [15], with the corrections of its misprints.
@@ -191,7 +179,7 @@ def muscle(
             "volume_rate": volume_rate,
         },
     )
-    pressure_rate, temperature_rate = chamber_rates(
+    rates = chamber_rates(
         pressure,
         temperature,
         volume,
@@ -201,9 +189,8 @@ def muscle(
         heat,
         printed_work_sign=laws.printed_work_sign,
     )
-    return MuscleAction(
-        force, gauge, {f"pressure{suffix}": pressure_rate, f"temperature{suffix}": temperature_rate}
-    )
+    names = (q.name for q in muscle_states(suffix))
+    return force, gauge, dict(zip(names, rates, strict=True))
 
 
 def muscle_laws(
@@ -213,7 +200,6 @@ def muscle_laws(
 
     The term phi(q) of the paper's force law becomes the effect ``force_correction``, the flattening
     of the ends ``end_flattening``, each on the ports of both muscles.
-
     """
     effects = [end_flattening(volume)]
     base = force_law
@@ -266,7 +252,7 @@ def pneumatic_muscle(force_law: ForceLaw | None = None) -> Model:
     laws, effects = muscle_laws(force_law or PaperLaw(), BraidedCylinder())
 
     def equations(m: Scope) -> Equations:
-        action = muscle(
+        force, gauge, rates = muscle(
             m,
             "",
             fibre_length=m.u.fibre_length,
@@ -275,7 +261,7 @@ def pneumatic_muscle(force_law: ForceLaw | None = None) -> Model:
             flow=m.u.flow,
             laws=laws,
         )
-        return action.rates, {"force": action.force, "pressure": action.gauge_pressure}
+        return rates, {"force": force, "pressure": gauge}
 
     return Model(
         "pneumatic muscle",

@@ -13,6 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
+from numpy.polynomial.polynomial import polyder, polyval, polyvander
 
 from workbench.arrays import Vector
 from workbench.errors import NumericalError, WorkbenchError, check_finite, check_range
@@ -92,13 +93,11 @@ class StaticForceFit:
         q = 1e3 * np.asarray(contraction, dtype=float)
         slopes = np.zeros((*q.shape, len(self.values)))
         switch = 1e3 * float(self.law.phi_switch)
-        slopes[..., 3 : 4 + self.order] = _powers(np.maximum(q, switch), self.order)
+        slopes[..., 3 : 4 + self.order] = polyvander(np.maximum(q, switch), self.order)
         if self.has_switch:
             slope = _slope(np.asarray(self.law.phi_mm, dtype=float), switch)
             slopes[..., -1] = np.where(q < switch, slope, 0.0)
-        return self._around(np.asarray(self.law.phi(1e-3 * q), dtype=float), slopes)
-
-    def _around(self, middle: Vector, slopes: Vector) -> tuple[Vector, Vector]:
+        middle = np.asarray(self.law.phi(1e-3 * q), dtype=float)
         variance = np.einsum("...i,ij,...j->...", slopes, self.covariance, slopes)
         half = self.quantile * np.sqrt(np.maximum(variance, 0.0))
         return middle - half, middle + half
@@ -205,7 +204,7 @@ def identify_static_force(
     law = PaperLaw(
         gain_bar_mm=(float(coefficients[0]), float(coefficients[1]), float(coefficients[2])),
         phi_mm=tuple(coefficients[3:].tolist()),
-        phi_floor=float(_powers(np.array(floor_at), order) @ coefficients[3:]),
+        phi_floor=float(polyval(floor_at, coefficients[3:])),
         phi_switch=1e-3 * floor_at,
     )
     return StaticForceFit(
@@ -290,17 +289,13 @@ def _levels(q: Vector) -> npt.NDArray[np.intp]:
     return level
 
 
-def _powers(q: Vector, order: int) -> Vector:
-    return np.stack([q**i for i in range(order + 1)], axis=-1)
-
-
 def _slope(coefficients: Vector, q: float) -> float:
-    return float(sum(i * c * q ** (i - 1) for i, c in enumerate(coefficients) if i))
+    return float(polyval(q, polyder(coefficients)))
 
 
 def _design(p: Vector, q: Vector, order: int, switch: float | None) -> Vector:
     beyond = q if switch is None else np.maximum(q, switch)
-    return np.column_stack([p[:, None] * _powers(q, 2), _powers(beyond, order)])
+    return np.column_stack([p[:, None] * polyvander(q, 2), polyvander(beyond, order)])
 
 
 def _solve(p: Vector, q: Vector, tension: Vector, order: int, switch: float | None) -> Vector:
