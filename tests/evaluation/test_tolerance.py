@@ -46,7 +46,7 @@ def test_every_kind_is_named_as_both_simulators_name_it() -> None:
         # The rig refuses a name that it does not have; so does the plant.
         assert one.rig != draws(1, BLIND_SEED)[0].rig or one.number == 0
         built = recipe.varied(effects=part.effects).build()
-        for name, value in part.own:
+        for name, value in part.own.items():
             assert built.with_parameters({name: value}).parameter(name).value == value
 
 

@@ -235,16 +235,11 @@ def answer(case: LeftOut, jobs: int) -> dict[str, Any]:
 
     with tempfile.TemporaryDirectory() as folder:
         fit, hold_out = recordings(case, Path(folder))
-        entries = [
-            e
-            for e in library(
-                model, outputs=tuple(q.name for q in model.outputs if q.name in fit[0])
-            )
-            if not case.tried or e.name in case.tried
-        ]
-        return diagnosed(
-            row, model, fit, hold_out, jobs=jobs, entries=entries if case.tried else None, more=more
-        )
+        tried = None
+        if case.tried:
+            read = tuple(q.name for q in model.outputs if q.name in fit[0])
+            tried = [e for e in library(model, outputs=read) if e.name in case.tried]
+        return diagnosed(row, model, fit, hold_out, jobs=jobs, entries=tried, more=more)
 
 
 def line_of(row: Mapping[str, Any]) -> str:

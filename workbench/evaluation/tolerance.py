@@ -109,7 +109,7 @@ def on_own_plant(law: Any, draw: Draw, scenario: Scenario) -> dict[str, Any]:
     """Run a controller on the own plant of a draw along steps and measure it, in SI."""
     recipe = tolerant_study().plant
     rig = recipe.varied(effects=[e for part in draw.parts for e in part.effects]).build()
-    values = dict(pair for part in draw.parts for pair in part.own)
+    values = {name: value for part in draw.parts for name, value in part.own.items()}
     rig = rig.with_parameters(
         {k: min(max(v, rig.parameter(k).lower), rig.parameter(k).upper) for k, v in values.items()}
     )

@@ -9,7 +9,7 @@ Units: SI.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,8 +20,6 @@ from workbench.study.differences import in_turn
 VALVE = 2.9e-8
 """Conductance of the open valve, beside which lines are narrow, in m3/(s Pa)."""
 
-Pairs = tuple[tuple[str, float], ...]
-
 
 @dataclass(frozen=True)
 class Sized:
@@ -29,13 +27,13 @@ class Sized:
 
     Args:
         rig: Parameters of the rig by name, in SI.
+        own: Parameters of the own plant with the effects, by name, in SI.
         effects: Effects of the library that are the same.
-        own: Parameters of the own plant with them, in SI.
     """
 
-    rig: Pairs
+    rig: Mapping[str, float]
+    own: Mapping[str, float]
     effects: tuple[str, ...] = ()
-    own: Pairs = ()
 
 
 @dataclass(frozen=True)
@@ -62,103 +60,89 @@ class Draw:
         given = {"load": self.load, "hyst_force": 10.0, "hyst_slope": 7.0}
         given |= elements(0.2e-3, 4e-3, 8)
         for part in self.parts:
-            given |= dict(part.rig)
+            given |= part.rig
         return nominal(given)
 
 
-def _delay(u: np.random.Generator, _: float) -> Sized:
-    time = u.uniform(0.0, 0.010)
-    return Sized((("valve_delay", time),), ("valve_delay",), (("valve_delay.time", time),))
+def _effect(rig: str, effect: str, size: str, value: float) -> Sized:
+    """Return what one effect is at one size, of the same number in both simulators."""
+    return Sized({rig: value}, {f"{effect}.{size}": value}, (effect,))
 
 
-def _lag(u: np.random.Generator, _: float) -> Sized:
-    time, own = u.uniform(0.0, 0.010), "sensor_lag_pressures"
-    return Sized((("pressure_lag", time),), (own,), ((f"{own}.time", time),))
+def _parameter(name: str, value: float) -> Sized:
+    return Sized({name: value}, {name: value})
 
 
 def _line(u: np.random.Generator, _: float) -> Sized:
     open_, volume = VALVE * 10.0 ** u.uniform(-1.0, 0.0), u.uniform(5e-6, 20e-6)
-    own = (("lines.share", 1.0), ("lines.conductance", open_), ("lines.volume", volume))
-    return Sized((("line_conductance", open_), ("line_volume", volume)), ("lines",), own)
+    own = {"lines.share": 1.0, "lines.conductance": open_, "lines.volume": volume}
+    return Sized({"line_conductance": open_, "line_volume": volume}, own, ("lines",))
 
 
 def _friction(u: np.random.Generator, _: float) -> Sized:
     level, more, viscous = u.uniform(0.1, 1.0), u.uniform(0.0, 1.0), u.uniform(0.1, 0.6)
-    rig = (("coulomb", level), ("stribeck_torque", more), ("viscous", viscous))
-    own = (
-        ("bearing_friction.level", level),
-        ("stribeck_friction.break_away", more),
-        ("damper.coefficient", viscous),
-    )
-    return Sized(rig, ("stribeck_friction",), own)
+    rig = {"coulomb": level, "stribeck_torque": more, "viscous": viscous}
+    own = {"bearing_friction.level": level, "damper.coefficient": viscous}
+    return Sized(rig, own | {"stribeck_friction.break_away": more}, ("stribeck_friction",))
 
 
 def _hysteresis(u: np.random.Generator, _: float) -> Sized:
     size = u.uniform(0.0, 2.0)
-    own = (
-        ("muscle_hysteresis.level", 10.0 * size),
-        ("muscle_hysteresis.level_per_pressure", 7e-5 * size),
-    )
-    return Sized((("hyst_force", 10.0 * size), ("hyst_slope", 7.0 * size)), (), own)
+    own = {"level": 10.0 * size, "level_per_pressure": 7e-5 * size}
+    rig = {"hyst_force": 10.0 * size, "hyst_slope": 7.0 * size}
+    return Sized(rig, {f"muscle_hysteresis.{name}": value for name, value in own.items()})
 
 
 def _creep(u: np.random.Generator, _: float) -> Sized:
     fast, slow = u.uniform(0.0, 0.03), u.uniform(0.0, 0.04)
-    own = (("creep.share", fast + slow), ("creep.slow_part", slow / (fast + slow)))
-    return Sized((("creep_fast", fast), ("creep_slow", slow)), ("creep",), own)
+    own = {"creep.share": fast + slow, "creep.slow_part": slow / (fast + slow)}
+    return Sized({"creep_fast": fast, "creep_slow": slow}, own, ("creep",))
 
 
 def _tendon(u: np.random.Generator, _: float) -> Sized:
     stiffness, viscosity = 10.0 ** u.uniform(5.0, 5.3), u.uniform(200.0, 800.0)
-    rig = (("tendon_stiffness", stiffness), ("muscle_viscosity", viscosity))
-    own = (("series_elasticity.compliance", 1.0 / stiffness),)
-    return Sized(rig, ("series_elasticity",), own)
+    rig = {"tendon_stiffness": stiffness, "muscle_viscosity": viscosity}
+    return Sized(rig, {"series_elasticity.compliance": 1.0 / stiffness}, ("series_elasticity",))
 
 
 def _loose(u: np.random.Generator, load: float) -> Sized:
     stiffness, damping = 150.0 * 4.0 ** u.uniform(0.0, 1.0), u.uniform(0.3, 1.0)
     inertia = load * PARAMETERS["load_inertia_per_kg"][0]
-    own = (
-        ("loose_load.share", 1.0),
-        ("loose_load.frequency", math.sqrt(stiffness / inertia)),
-        ("loose_load.damping", damping / (2.0 * math.sqrt(stiffness * inertia))),
-    )
-    return Sized((("load_stiffness", stiffness), ("load_damping", damping)), ("loose_load",), own)
+    own = {
+        "loose_load.share": 1.0,
+        "loose_load.frequency": math.sqrt(stiffness / inertia),
+        "loose_load.damping": damping / (2.0 * math.sqrt(stiffness * inertia)),
+    }
+    return Sized({"load_stiffness": stiffness, "load_damping": damping}, own, ("loose_load",))
+
+
+_LEAKS = (
+    ("leak_1", "chamber_leakage_1"), ("leak_2", "chamber_leakage_2"),
+    ("leak_between", "cross_leakage"),
+)  # fmt: skip
 
 
 def _leak(u: np.random.Generator, _: float) -> Sized:
-    where = int(u.integers(3))
-    rig = ("leak_1", "leak_2", "leak_between")[where]
-    own = ("chamber_leakage_1", "chamber_leakage_2", "cross_leakage")[where]
-    size = u.uniform(1e-11, 8e-11)
-    return Sized(((rig, size),), (own,), ((f"{own}.conductance", size),))
+    return _effect(*_LEAKS[int(u.integers(3))], "conductance", u.uniform(1e-11, 8e-11))
 
 
 def _valve_offset(u: np.random.Generator, _: float) -> Sized:
     off = u.uniform(-0.25, 0.25)
-    return Sized((("valve_centre", 5.0 - off),), ("valve_offset",), (("valve_offset.amount", off),))
+    return Sized({"valve_centre": 5.0 - off}, {"valve_offset.amount": off}, ("valve_offset",))
 
 
 def _sensor_offset(u: np.random.Generator, _: float) -> Sized:
-    off = u.uniform(-15e3, 15e3, 2).tolist()
-    names = ("sensor_offset_pressure_1", "sensor_offset_pressure_2")
-    rig = tuple(zip(("pressure_offset_1", "pressure_offset_2"), off, strict=True))
-    return Sized(rig, names, tuple((f"{n}.amount", v) for n, v in zip(names, off, strict=True)))
-
-
-def _load(u: np.random.Generator, load: float) -> Sized:
-    pair = ("load", max(0.0, load + u.uniform(-2.0, 2.0)))
-    return Sized((pair,), (), (pair,))
-
-
-def _supply(u: np.random.Generator, _: float) -> Sized:
-    pair = ("supply_pressure", u.uniform(4.5e5, 7e5))
-    return Sized((pair,), (), (pair,))
+    off = dict(zip(("pressure_1", "pressure_2"), u.uniform(-15e3, 15e3, 2).tolist(), strict=True))
+    own = {f"sensor_offset_{name}.amount": value for name, value in off.items()}
+    rig = {name.replace("_", "_offset_"): value for name, value in off.items()}
+    return Sized(rig, own, tuple(f"sensor_offset_{name}" for name in off))
 
 
 KINDS: dict[str, Callable[[np.random.Generator, float], Sized]] = {
-    "delay": _delay,
-    "pressure lag": _lag,
+    "delay": lambda u, _: _effect("valve_delay", "valve_delay", "time", u.uniform(0.0, 0.010)),
+    "pressure lag": lambda u, _: _effect(
+        "pressure_lag", "sensor_lag_pressures", "time", u.uniform(0.0, 0.010)
+    ),
     "lines": _line,
     "friction": _friction,
     "hysteresis": _hysteresis,
@@ -168,8 +152,8 @@ KINDS: dict[str, Callable[[np.random.Generator, float], Sized]] = {
     "leak": _leak,
     "valve offset": _valve_offset,
     "sensor offsets": _sensor_offset,
-    "load": _load,
-    "supply": _supply,
+    "load": lambda u, load: _parameter("load", max(0.0, load + u.uniform(-2.0, 2.0))),
+    "supply": lambda u, _: _parameter("supply_pressure", u.uniform(4.5e5, 7e5)),
 }
 """Every kind of variation: delays of 0 to 10 ms, lags of 0 to 10 ms, lines down to a tenth of the
 valve, 0.1 to 2 N m of friction, hysteresis up to twice the usual, creep, tendons, a load that
