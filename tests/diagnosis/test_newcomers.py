@@ -706,3 +706,48 @@ def test_what_drops_with_the_direction_of_a_current_is_named_without_a_port(
     assert finding.effect == "coulomb_friction"
     # 0.5 V over 8 mH.
     assert finding.parameters["level"].value == pytest.approx(62.5, rel=0.03)
+
+
+def _joint(seed: int) -> Recording:
+    """A robot's joint: 0.8 kg m2 at the motor, 0.9 at the link, whose angle is read; SciPy."""
+    rng, torque = np.random.default_rng(seed), levels(600, seed, 15.0, 15, 50)
+    x, read = np.zeros(4), np.empty(600)
+    for k, drive in enumerate(torque):
+        read[k] = x[2]
+
+        def rate(_: float, s: Any, drive: float = drive) -> list[float]:
+            twist = 2200.0 * (s[0] - s[2]) + 2.0 * (s[1] - s[3])
+            return [s[1], (drive - 4.0 * s[1] - twist) / 0.8, s[3], twist / 0.9]
+
+        x = solve_ivp(rate, (0.0, 0.005), x, rtol=1e-8, atol=1e-10).y[:, -1]
+    signals = (
+        Signal("torque", torque, "N m", role="command"),
+        Signal("angle", read + 2e-4 * rng.normal(size=600), "rad"),
+    )
+    return Recording(f"run {seed}", 0.005 * np.arange(600), signals)
+
+
+def test_a_joint_that_gives_is_two_bodies_and_a_spring(monkeypatch: pytest.MonkeyPatch) -> None:
+    only(monkeypatch, "elastic_drive", "drive_lag", "delay", "sensor_lag", "maxwell_element")
+    joint = Model(
+        "joint",
+        lambda m: (
+            {"angle": m.x.speed, "speed": (m.u.torque - m.p.rub * m.x.speed) / m.p.inertia},
+            {"angle": m.x.angle},
+        ),
+        states=(State("angle", "rad"), State("speed", "rad/s")),
+        inputs=(Input("torque", "N m"),),
+        outputs=(Output("angle", "rad"),),
+        parameters=(
+            Parameter("inertia", "kg m2", value=1.5, lower=0.3, upper=6.0, fitted=True),
+            Parameter("rub", "N m s/rad", value=3.0, lower=0.0, upper=30.0, fitted=True),
+        ),
+    )
+    runs = [_joint(seed) for seed in (1, 2)]
+    verdict = diagnose(joint, runs[:1], runs[1:], jobs=1, advise=False).verdict
+    (finding,) = verdict.findings
+    assert (finding.effect, finding.belief) == ("elastic_drive", "sure"), verdict
+    found = {name: value.value for name, value in finding.parameters.items()}
+    # sqrt(2200 / 0.8 + 2200 / 0.9) = 72.07 rad/s; what is read feels the spring alone.
+    assert found["frequency"] == pytest.approx(72.07, rel=0.01)
+    assert found["share"] == pytest.approx(1.0, abs=0.03)

@@ -10,6 +10,7 @@ import casadi as ca
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression
 from workbench.model.scope import Names
+from workbench.model.units import same_dimension
 from workbench.physics.law import (
     Fit,
     Law,
@@ -23,7 +24,7 @@ from workbench.physics.law import (
     shape,
     size,
 )
-from workbench.physics.place import FLOWS, Place, Survey
+from workbench.physics.place import FLOWS, Place, Survey, per
 
 
 def _constant(p: Names) -> Expression:
@@ -85,6 +86,60 @@ drive_lag = at_inputs_too(
         separated_by="steps of the command: a lag answers at once, a delay waits",
     )
 )
+
+
+def _driving(at: PortView) -> Expression:
+    """Return what acts on the driven body, which runs ahead of the other by the spring's rate."""
+    speed = ca.SX(at.signals.speed)
+    if not speed.is_symbolic():
+        return at.value
+    ahead = at.p.compliance * at.p.frequency * at.x.swing
+    return ca.substitute(ca.SX(at.value), speed, speed + ahead)
+
+
+def _sprung(at: PortView) -> Expression:
+    drive, pull = _driving(at), at.x.stretch + 2.0 * at.p.damping * at.x.swing
+    return drive + at.p.share * (pull - drive)
+
+
+def _swinging(e: EffectView) -> dict[str, Expression]:
+    over = _driving(replace(e.here, x=e.x)) - e.x.stretch - 2.0 * e.p.damping * e.x.swing
+    return {"stretch": e.p.frequency * e.x.swing, "swing": e.p.frequency * over}
+
+
+def _on_bodies(at: Place) -> bool:
+    return not at.between and any(same_dimension(at.speed.unit, u) for u in ("m/s", "rad/s"))
+
+
+# Two bodies m1, driven, and m2, joined by a spring, taken as one of m1 + m2: the second one feels
+# the drive through the spring, share 1; the first one, where that is read, feels -m2 / m1 of it.
+elastic_drive = Law(
+    "elastic_drive",
+    "F = F + share (y - F), y'' / w^2 + 2 d y' / w + y = F + 2 d F' / w",
+    each("force", "acceleration", needs=("speed",), only=_on_bodies),
+    lambda at: (
+        size("share", "1", 0.5, 5.0, "part that a spring passes on", signed=True),
+        shape("frequency", "rad/s", 0.1 / at.interval, "at which the two swing",
+              around=(0.01, 10.0)),
+        shape("damping", "1", 0.1, "damping ratio of that", around=(0.01, 10.0)),
+        shape("compliance", per(at.speed.unit, per(at.unit, "s")), 0.0,
+              "how far the driven body runs ahead of the read one", around=None,
+              between=(0.0, 100.0 * at.interval * at.speed.scale / at.scale),
+              scale=at.interval * at.speed.scale / at.scale, refined=True),
+    ),
+    _sprung,
+    states=lambda at: (
+        State("stretch", at.unit, at.scale, "pull of the spring", start_rms=0.05 * at.scale),
+        State("swing", at.unit, at.scale, "rate of that over the frequency",
+              start_rms=0.05 * at.scale),
+    ),
+    rates=_swinging,
+    start=lambda e: {"stretch": e.here.value},
+    shapes=lambda at: [{"frequency": part / at.interval} for part in (0.02, 0.06, 0.2, 0.5)],
+    source="two bodies and a spring: a belt, a shaft, a rope",
+    look_alikes=("drive_lag", "delay"),
+    separated_by="a step of the drive: what is elastic swings",
+)  # fmt: skip
 
 
 def _ahead(at: PortView) -> Expression:

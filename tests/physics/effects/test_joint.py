@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from tests.physics.effects.bench import bench, read, response, run
+from workbench.model import Input, Model, Output, State
 from workbench.physics.creep import maxwell_element
+from workbench.physics.delay import elastic_drive
 from workbench.physics.stiffness import (
     cubic_stiffness,
     linear_spring,
@@ -51,6 +53,37 @@ def test_gravity_on_a_mass_beside_the_axis_is_that_of_the_upright_arm() -> None:
     model = bench(law, "N m", "angle")
     for angle in (-0.4, 0.3, 2.0):
         assert read(model, angle=angle) == pytest.approx(float(torque(angle)), rel=1e-9)
+
+
+@pytest.mark.parametrize("motor", [False, True], ids=["the load is read", "the motor is read"])
+def test_two_bodies_and_a_spring_are_one_body_behind_an_elastic_drive(motor: bool) -> None:
+    """Motor 0.8 kg in a bearing of 4 N s/m, load 0.9 kg, between them 2200 N/m and 2 N s/m."""
+    m1, m2, k, d, b = 0.8, 0.9, 2200.0, 2.0, 4.0
+    whole, frequency = m1 + m2, math.sqrt(k / m1 + k / m2)
+
+    def equations(m):
+        force = m.port("body.force", m.u.drive - b * m.x.v, unit="N", signals={"speed": m.x.v})
+        return {"v": force / whole}, {"v": m.x.v}
+
+    body = Model(
+        "body", equations, (State("v", "m/s"),), (Input("drive", "N"),), (Output("v", "m/s"),)
+    )
+    law = elastic_drive(
+        "body.force",
+        share=-m2 / m1 if motor else 1.0,
+        frequency=frequency,
+        damping=0.5 * d / k * frequency,
+        compliance=0.0 if motor else m2 / (k * whole),
+    )
+    sprung = body.with_effect(law)
+    found = sprung.exact.jacobian_function(np.zeros(3), [0.0], sprung.values)
+    a, by_drive, *_ = map(np.asarray, found)
+    # Speeds of motor and load, and how far the one is ahead.
+    two = np.array([[-(b + d) / m1, d / m1, -k / m1], [d / m2, -d / m2, k / m2], [1.0, -1.0, 0.0]])
+    for s in (0.3j, 30j, 1.02j * frequency, 2000j):
+        read = np.linalg.solve(s * np.eye(3) - a, by_drive)[0, 0]
+        true = np.linalg.solve(s * np.eye(3) - two, [1.0 / m1, 0.0, 0.0])[0 if motor else 1]
+        assert read == pytest.approx(true, rel=1e-9)
 
 
 def test_tilt_by_a_right_angle_is_the_vertical_plane() -> None:
