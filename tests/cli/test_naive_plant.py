@@ -6,6 +6,7 @@ import json
 import re
 from pathlib import Path
 
+import control as ct
 import numpy as np
 import pytest
 
@@ -13,6 +14,8 @@ from tests.shell import Shell
 from workbench.cli.main import WRONG_USE
 from workbench.model import Model, State
 from workbench.plants.plant import adopt
+from workbench.plants.registry import PLANTS
+from workbench.simulation import simulate
 
 PLANT = """
 from workbench.model import Input, Model, Output, Parameter, State
@@ -206,6 +209,27 @@ def test_the_last_word_of_an_option_is_a_unit_only_where_it_is_one() -> None:
     assert [(q.name, q.unit) for q in options] == [
         ("T_in", ""), ("x_d", ""), ("p_C", ""), ("wall", "mm"),
     ]  # fmt: skip
+
+
+def test_coefficients_of_a_linear_system_are_refitted_and_kept(here: Path, shell: Shell) -> None:
+    names = "inputs=['u'], outputs=['y']"
+    (here / "lines.py").write_text(
+        f"import control\nG = control.tf([12.0, 3.0], [1.0, 0.7, 4.0], {names})\n"
+    )
+    plant = adopt(ct.tf([13.75, 2.0], [1.0, 0.5, 5.0]), "machine").model()
+    for name, seed in (("a", 1), ("b", 2)):
+        rng = np.random.default_rng(seed)
+        drive = np.repeat(rng.uniform(-6.0, 6.0, 20), 20)
+        read = simulate(plant, drive, sample_time=0.05)["y_0"] + rng.normal(0.0, 0.05, 400)
+        table = np.c_[0.05 * np.arange(400), drive, read]
+        np.savetxt(f"{name}.csv", table, delimiter=",", header="t [s],u,y", comments="")
+    said = shell("diagnose --plant lines:G --fit a.csv --hold-out b.csv --out found")
+    # Two poles and a zero with a gain: ones scale the states.
+    assert "coefficients of the system are refitted: C_0_0, C_0_1, A_0_0, A_0_1" in said.err
+    assert "nothing_missing" in said.out
+    kept = PLANTS.get("found/verdict.json").model()
+    assert kept.parameter("A_0_0").value == pytest.approx(-0.5, rel=0.05)
+    assert abs(kept.parameter("A_0_1").value) == pytest.approx(5.0, rel=0.01)
 
 
 def test_a_number_that_is_whole_stays_one_where_nobody_says_its_type() -> None:

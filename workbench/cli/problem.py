@@ -81,6 +81,7 @@ def _loaded(
             estimated.
     """
     from workbench.diagnosis.problem import problem_of_case, problem_of_files, sized_by_recordings
+    from workbench.model.linear_system import with_free_coefficients
     from workbench.recordings.case import RefitSettings, read_case
 
     if case is None and not fit and not hold_out:
@@ -123,7 +124,12 @@ def _loaded(
     attached = {effect.name for effect in problem.model.effects}
     named = [n for n in chosen.recipe.effects if n in attached and n not in chosen.plant.effects]
     problem = sized_by_recordings(problem, named) if named else problem
-    if not any(q.fitted for q in problem.model.parameters):
+    opened = with_free_coefficients(problem.model)
+    if opened is not problem.model:
+        names = [q.name for q in opened.parameters]
+        typer.echo(f"note: coefficients of the system are refitted: {', '.join(names)}", err=True)
+        problem = replace(problem, model=opened)
+    elif not any(q.fitted for q in problem.model.parameters):
         typer.echo(
             f"note: no parameter of {problem.model.name!r} is declared fitted=True, so all keep"
             " their values",

@@ -13,11 +13,12 @@ import numpy as np
 from workbench.arrays import Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 from workbench.model.model import Model
-from workbench.model.quantities import Input, Output, State
+from workbench.model.quantities import Input, Output, Parameter, State
 from workbench.model.scope import Scope
 from workbench.model.trace import Equations
 
 Rows = tuple[tuple[float, ...], ...]
+Entry = tuple[str, int, int]
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,8 @@ class LinearEquations:
         C: Output matrix, in SI.
         D: Feedthrough, in SI.
         sample_time: Time between the samples that the system was given by, in s; 0 if continuous.
+        late: Whether states stand for a delay.
+        free: Coefficients that are parameters of the model: matrix, row and column, from 0 on.
     """
 
     A: Rows
@@ -38,20 +41,80 @@ class LinearEquations:
     D: Rows
     names: tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]
     sample_time: float = 0.0
+    late: bool = False
+    free: tuple[Entry, ...] = ()
 
     def __call__(self, m: Scope) -> Equations:
         """Write down ``dx/dt = A x + B u``, ``y = C x + D u``."""
         states, inputs, outputs = self.names
         x = [getattr(m.x, name) for name in states]
         u = [getattr(m.u, name) for name in inputs]
+        free = {entry: getattr(m.p, _coefficient(entry)) for entry in self.free}
 
-        def row(by_state: tuple[float, ...], by_input: tuple[float, ...]) -> Any:
-            terms = [a * v for a, v in zip((*by_state, *by_input), (*x, *u), strict=True) if a]
+        def row(i: int, *matrices: str) -> Any:
+            terms = [
+                free.get((name, i, j), a) * v
+                for name, signals in zip(matrices, (x, u), strict=True)
+                for j, (a, v) in enumerate(zip(getattr(self, name)[i], signals, strict=True))
+                if a
+            ]
             return sum(terms[1:], start=terms[0]) if terms else 0.0 * u[0]
 
-        rates = [row(a, b) for a, b in zip(self.A, self.B, strict=True)]
-        read = [row(c, d) for c, d in zip(self.C, self.D, strict=True)]
-        return dict(zip(states, rates, strict=True)), dict(zip(outputs, read, strict=True))
+        rates = {name: row(i, "A", "B") for i, name in enumerate(states)}
+        return rates, {name: row(i, "C", "D") for i, name in enumerate(outputs)}
+
+
+def _coefficient(entry: Entry) -> str:
+    return "{}_{}_{}".format(*entry)
+
+
+_MOST_FREE = 24
+"""Coefficients beyond which a system is a black box: none of them says anything of the machine."""
+
+
+def with_free_coefficients(model: Model) -> Model:
+    """Return a linear system with those of its coefficients as parameters that responses tell.
+
+    What scales a state shows in no response: a coefficient for each state stays as it is, of ones
+    rather than others, those that read it rather than those between states. So does a rate that is
+    a state, as that of a position. Each may be anything from 0 to twice its value. A model that is
+    no linear system or has parameters, a system with a delay and one of many coefficients are
+    returned as they are.
+    """
+    equations = model.equations
+    if not isinstance(equations, LinearEquations) or model.parameters or equations.late:
+        return model
+    entries: dict[Entry, float] = {
+        (name, i, j): a
+        for name in "CABD"
+        for i, row in enumerate(getattr(equations, name))
+        for j, a in enumerate(row)
+        if abs(a) > _NOTHING * max(map(abs, row))
+    }
+    ones = {e for e, a in entries.items() if math.isclose(abs(a), 1.0)}
+    # Kruskal's tree of the states and what is outside: what it holds cannot be told.
+    group = list(range(len(model.states) + 1))
+    kept = set[Entry]()
+    for entry in sorted(entries, key=lambda e: e not in ones):
+        name, i, j = entry
+        ends = {"A": (i, j), "B": (i, -1), "C": (-1, j), "D": (-1, -1)}[name]
+        one, other = group[ends[0]], group[ends[1]]
+        if one != other:
+            group = [one if g == other else g for g in group]
+            kept.add(entry)
+        elif name == "A" and i != j and entry in ones:
+            kept.add(entry)
+    free = tuple(e for e in entries if e not in kept)
+    if len(free) > _MOST_FREE:
+        return model
+    parameters = tuple(
+        Parameter(
+            _coefficient(e), "1/s" if e[0] in "AB" else "1", value=entries[e],
+            lower=min(0.0, 2.0 * entries[e]), upper=max(0.0, 2.0 * entries[e]), fitted=True,
+        )
+        for e in free
+    )  # fmt: skip
+    return replace(model, equations=replace(equations, free=free), parameters=parameters)
 
 
 def is_system(found: object) -> bool:
@@ -108,7 +171,13 @@ def model_of_system(
     model = Model(
         _plain(title),
         LinearEquations(
-            _rows(A), _rows(B), _rows(C), _rows(D), (states, inputs, outputs), float(sampled)
+            _rows(A),
+            _rows(B),
+            _rows(C),
+            _rows(D),
+            (states, inputs, outputs),
+            float(sampled),
+            late=len(A) > len(given.A),
         ),
         states=tuple(State(name, "1") for name in states),
         inputs=tuple(

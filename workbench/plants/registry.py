@@ -10,6 +10,7 @@ from typing import Any
 from workbench.checked_json import TableShape, listed, named, number, read_json, scalar, text
 from workbench.errors import WorkbenchError
 from workbench.model import Model
+from workbench.model.linear_system import with_free_coefficients
 from workbench.plants.plant import Plant, Value, adopt
 from workbench.registry import Registry
 
@@ -111,7 +112,11 @@ def plant_of_file(path: Path, find: Any, *, folder: Path | None = None) -> Plant
             folder=folder,
             own=kept.get("own", ()),
         )
-        return _with_found(model, kept.get("parameters", {}))
+        values = kept.get("parameters", {})
+        if not values.keys() <= {q.name for q in model.parameters}:
+            # A refit opened the coefficients of a linear system.
+            model = with_free_coefficients(model)
+        return _with_found(model, values)
 
     return replace(
         base,
