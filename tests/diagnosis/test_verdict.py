@@ -334,3 +334,9 @@ def test_it_is_said_where_held_out_recordings_go_further_than_fitted_ones() -> N
         said = _beyond(replace(found, prepared=prepared), "unexplained")
         assert f"position goes to {1e3 * factor:.0f} mm, where it was fitted to" in said
         assert _beyond(replace(found, prepared=prepared), "named") == ""
+    # A command that goes a little further may meet the end of what a drive can do.
+    fitted = found.prepared.fitting[0]
+    for factor, told in ((1.02, False), (1.5, True)):
+        judging = (replace(fitted, inputs=factor * fitted.inputs),)
+        said = _beyond(replace(found, prepared=replace(near, judging=judging)), "likely")
+        assert ("force goes to" in said) is told, said

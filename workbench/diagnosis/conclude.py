@@ -44,6 +44,9 @@ _MOST_SAID = 5
 _LEAST_ALIKE = 0.1
 """Weight from which what stands for an effect in a set of effects cannot be told from it."""
 
+_FURTHER = 0.1
+"""Part of its range by which an input goes further than where it was fitted to be told."""
+
 _LEAST_WEIGHT = 0.005
 """Weight below which a set of effects is not worth a line."""
 
@@ -99,27 +102,30 @@ def conclude(diagnosis: Diagnosis) -> Verdict:
 
 
 def _beyond(diagnosis: Diagnosis, kind: Kind) -> str:
-    """Say which measurement goes much further on the held-out recordings than where it was fitted.
+    """Say what goes much further on the held-out recordings than where it was fitted.
 
-    What acts there need not show in what was fitted.
+    What acts there need not show in what was fitted. An input need not go far to meet an end of
+    what a drive can do.
     """
     if kind not in ("unexplained", "likely"):
         return ""
     fitted, judged = diagnosis.prepared.fitting, diagnosis.prepared.judging
-    low, lowest = (
-        np.min([np.nanmin(r.outputs, axis=0) for r in g], axis=0) for g in (fitted, judged)
-    )
-    high, highest = (
-        np.max([np.nanmax(r.outputs, axis=0) for r in g], axis=0) for g in (fitted, judged)
-    )
-    span = np.where(high > low, high - low, np.inf)
+    known = {q.name: q for q in (*diagnosis.nominal.inputs, *diagnosis.nominal.outputs)}
+    names = (*(q.name for q in diagnosis.nominal.inputs), *fitted[0].used)
+    (low, high), (lowest, highest) = (
+        [end([end([*r.inputs.T, *r.outputs.T], axis=1) for r in group], axis=0)
+         for end in (np.nanmin, np.nanmax)]
+        for group in (fitted, judged)
+    )  # fmt: skip
+    enough = np.where(np.arange(len(names)) < len(diagnosis.nominal.inputs), _FURTHER, 1.0)
+    span = np.where(high > low, enough * (high - low), np.inf)
     worst = int(np.argmax(np.maximum(highest - high, low - lowest) / span))
     up = highest[worst] - high[worst] > low[worst] - lowest[worst]
     further = highest[worst] - high[worst] if up else low[worst] - lowest[worst]
     if not further > span[worst]:
         return ""
-    name = fitted[0].used[worst]
-    unit = next(q.display_unit for q in diagnosis.nominal.outputs if q.name == name)
+    name = names[worst]
+    unit = known[name].display_unit
     ends = (highest, high) if up else (lowest, low)
     there, here = (with_unit(f"{from_si(end[worst], unit):.4g}", unit) for end in ends)
     return (
