@@ -204,3 +204,19 @@ def test_what_an_unstable_plant_leaves_at_best_needs_no_right_parameters() -> No
     fit, started = fit_with_likely_starts(ball, [observe(ball, runs[0])], default_priors(ball))
     assert fit.noise_scale <= PERFECT
     assert perfect_cost(ball, started) == pytest.approx(fit.cost, rel=0.02)
+
+
+def test_a_refit_begins_at_the_likeliest_scale_beyond_one_that_is_less_likely(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # As along a cycle of hares and lynxes that the equations run through out of phase.
+    costs = {3.0: 11792.0, 30.0: 11800.0, 300.0: 11087.0, 3000.0: 5093.0}
+
+    def run(*_: object) -> object:
+        return SimpleNamespace(cost=costs[scale[-1]])
+
+    scale: list[float] = []
+    monkeypatch.setattr(
+        process_noise, "filter_of", lambda *at: scale.append(at[2]) or SimpleNamespace(run=run)
+    )
+    assert process_noise.likely_scale(servo_axis(), [observed(1, hidden=False)], {}) == 3000.0

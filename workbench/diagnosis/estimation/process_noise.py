@@ -7,6 +7,7 @@ A model that lacks physics stops early, the right one goes down to the noise of 
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -214,14 +215,12 @@ def likely_scale(
     first = recordings[0]
     p = model.with_parameters(values).values
     least, best = np.inf, _USUAL
+    # Of equations that are far off, a little more noise may be less likely than none.
     for scale in (s for s in reversed(LADDER) if s >= _USUAL):
-        try:
+        with contextlib.suppress(NumericalError):
             cost = filter_of(model, first, scale).run(first, p).cost
-        except NumericalError:
-            continue
-        if cost > least:
-            break
-        least, best = cost, scale
+            if cost <= least:
+                least, best = cost, scale
     return best
 
 
