@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -95,7 +96,14 @@ def test_speed_and_coordinate_follow_from_structure() -> None:
 def test_a_store_may_lose_what_it_holds() -> None:
     laws = {h.law: h for h in library(heated_tank())}
     assert laws.keys() >= {"heat_loss", "radiation", "second_store", "gain", "drive_lag"}
-    assert laws.keys().isdisjoint({"orifice_outflow", "linear_outflow", "overflow"})
+    empties = {"orifice_outflow", "linear_outflow", "quadratic_outflow", "saturating_outflow"}
+    assert laws.keys().isdisjoint({*empties, "overflow"})
+    tank = heated_tank()
+    # Nor does a temperature run out whose rate the equations give without a port.
+    bare = replace(
+        tank, equations=lambda m: ({"warmth": m.u.heater / 1e4}, {"reading": m.x.warmth})
+    )
+    assert empties.isdisjoint(h.law for h in library(bare.opened()))
     loss = laws["heat_loss"]
     assert loss.unit == "W/K"
     model = heated_tank().with_effect(loss.at_size(3.0, {"ambient": 280.0}))

@@ -277,8 +277,10 @@ overflow = Law(
 
 
 def _each_store(survey: Survey) -> Iterator[Fit]:
+    """Yield the stores that may run empty, as one of heat does not."""
     for place in _stores(survey):
-        yield f"_{place.port.group}", ((place,),)
+        if not same_dimension(place.level.unit, "K"):
+            yield f"_{place.port.group}", ((place,),)
 
 
 def _above(at: PortView) -> Expression:
@@ -325,6 +327,21 @@ linear_outflow = Law(
     source="laminar leak, G. Hagen 1839; leak resistance",
     look_alikes=("orifice_outflow", "saturating_outflow", "overflow", "offset"),
     separated_by="let the store run empty: the level falls along an exponential",
+)  # fmt: skip
+
+quadratic_outflow = replace(
+    linear_outflow,
+    name="quadratic_outflow",
+    equation="flow = flow - coefficient (level - outlet)^2",
+    parameters=lambda at: (
+        size("coefficient", per(at.unit, at.level.unit, 2), 0.1 * at.scale / at.level.scale**2,
+             2.0 * at.scale / at.level.scale**2, "outflow over squared level", signed=True),
+        *_outlet(at),
+    ),
+    transform=lambda at: at.value - at.p.sense * at.p.coefficient * _above(at) ** 2,
+    source="P.-F. Verhulst 1845: what crowds; reactions of second order, recombination",
+    look_alikes=("linear_outflow", "saturating_outflow", "overflow"),
+    separated_by="two levels far apart: what is lost grows faster than the level",
 )  # fmt: skip
 
 saturating_outflow = Law(

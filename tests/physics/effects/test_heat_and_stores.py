@@ -260,6 +260,21 @@ def test_an_outflow_saturates_and_is_half_at_the_half_level() -> None:
     assert lost(-0.1) == pytest.approx(0.0, abs=1e-3 * lost(50.0))
 
 
+def test_what_crowds_is_lost_with_the_square_of_its_level() -> None:
+    """Verhulst's growth r h (1 - h / K) is exponential growth beside a loss of r / K h^2."""
+    hares = Model(
+        "hares",
+        lambda m: ({"hares": 0.065 * m.x.hares}, {"hares": m.x.hares}),
+        (State("hares", "1", 30.0),),
+        (),
+        (Output("hares", "1"),),
+    ).opened()
+    crowded = hares.with_effect(offered(hares, "quadratic_outflow_hares").at_size(0.065 / 140.0))
+    for count in (20.0, 70.0, 140.0):
+        rate = crowded.rates([count], [])[0]
+        assert rate == pytest.approx(0.065 * count * (1.0 - count / 140.0), abs=1e-3)
+
+
 def test_limits_are_looked_for_where_the_recordings_have_their_ends() -> None:
     seen = {"level.reading": (0.1, 0.377), "pump.voltage": (0.0, 7.0), "level": (0.1, 0.5)}
     found = {h.name: h for h in library(tank(), ranges=seen)}
@@ -270,7 +285,13 @@ def test_limits_are_looked_for_where_the_recordings_have_their_ends() -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["overflow_tank", "orifice_outflow_tank", "linear_outflow_tank", "saturating_outflow_tank"],
+    [
+        "overflow_tank",
+        "orifice_outflow_tank",
+        "linear_outflow_tank",
+        "saturating_outflow_tank",
+        "quadratic_outflow_tank",
+    ],
 )
 def test_what_a_tank_loses_leaves_as_warm_as_the_tank(name: str) -> None:
     law = offered(tank(), name)
