@@ -139,3 +139,10 @@ def test_runs_that_leave_everything_are_lost_and_no_more(monkeypatch: pytest.Mon
     # Warnings are errors here.
     found = simulation_error._refitted(case.fit, list(case.fitting), "linear")
     assert np.isfinite(found.model.values).all()
+
+
+def test_equations_without_anything_to_refit_run_as_they_are() -> None:
+    case = lacking()
+    given = replace(case.fit, refit=replace(case.fit.refit, estimates=()))
+    # Warnings are errors here.
+    assert simulation_error._refitted(given, list(case.fitting), "linear") is given

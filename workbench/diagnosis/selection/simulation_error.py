@@ -89,6 +89,8 @@ def closest_runs(
 def _refitted(fit: ProcessNoiseFit, begun: Sequence[Observed], loss: str) -> ProcessNoiseFit:
     model = fit.model
     priors = [*(e.prior for e in fit.refit.estimates), *_guesses(model)]
+    if not priors:
+        return fit
     names = [q.name for q in priors]
     columns = [index_of("parameter", name, model.parameters) for name in names]
     values = model.values
