@@ -751,3 +751,47 @@ def test_a_joint_that_gives_is_two_bodies_and_a_spring(monkeypatch: pytest.Monke
     # sqrt(2200 / 0.8 + 2200 / 0.9) = 72.07 rad/s; what is read feels the spring alone.
     assert found["frequency"] == pytest.approx(72.07, rel=0.01)
     assert found["share"] == pytest.approx(1.0, abs=0.03)
+
+
+def _charged(seed: int) -> Recording:
+    """An accumulator whose gas gets hot: its pressure rises with the power 1.3; beside SciPy."""
+    rng = np.random.default_rng(seed)
+    pump, valve = levels(400, seed, 2.5e-4, 10, 40) + 3e-4, levels(400, seed + 9, 0.3, 15, 50) + 0.5
+    oil, read = 1e-3, np.empty(400)
+    for k, (given, opening) in enumerate(zip(pump, valve, strict=True)):
+        gas = 55e5 * (5e-3 / (5e-3 - oil)) ** 1.3
+        read[k] = gas + rng.normal(0.0, 1e4)
+        oil += 0.05 * (given - 2.4e-7 * opening * math.sqrt(gas))
+    signals = (
+        Signal("pump", pump, "m3/s", role="command"),
+        Signal("valve", valve, "1", role="command"),
+        Signal("p", read, "Pa"),
+    )
+    return Recording(f"run {seed}", 0.05 * np.arange(400), signals)
+
+
+def test_a_formula_may_be_wrong_as_well_as_what_reads_its_value(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    only(monkeypatch, "sensor_bend", "sensor_lag")
+
+    def equations(m: Scope) -> Equations:
+        gas = m.p.filled * 5e-3 / (5e-3 - m.x.oil)
+        return {"oil": m.u.pump - m.p.throttle * m.u.valve * np.sqrt(gas)}, {"p": gas}
+
+    accumulator = Model(
+        "accumulator",
+        equations,
+        states=(State("oil", "m3", initial=1e-3),),
+        inputs=(Input("pump", "m3/s", lower=0.0), Input("valve", "1", lower=0.0, upper=1.0)),
+        outputs=(Output("p", "Pa"),),
+        parameters=(
+            Parameter("filled", "Pa", value=50e5, lower=20e5, upper=100e5, fitted=True),
+            Parameter("throttle", "m3/(s Pa^0.5)", value=2e-7, lower=1e-8, upper=1e-6, fitted=True),
+        ),
+    )
+    runs = [_charged(seed) for seed in (1, 2)]
+    verdict = diagnose(accumulator, runs[:1], runs[1:], jobs=1, advise=False).verdict
+    assert verdict.findings[0].effect == "sensor_bend_p"
+    assert "so would another formula for p" in verdict.sentence
+    assert verdict.kind in ("named_class", "likely"), "the sensor is not to blame alone"

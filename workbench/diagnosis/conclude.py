@@ -365,7 +365,7 @@ def _finding(
     together: tuple[str, ...],
 ) -> Finding:
     candidate, alike = diagnosis.accepted[index]
-    entry = candidate.entry
+    entry, nominal = candidate.entry, diagnosis.nominal
     alike = (*alike, *(n for n in _instead(diagnosis, entry.effect.name) if n not in alike))
     parameters = _own(diagnosis.extended, entry.effect.name)
     size = parameters.get(entry.size_parameter)
@@ -391,6 +391,11 @@ def _finding(
         + (f"; cannot be told from {', '.join(alike[1:])}" if len(alike) > 1 else "")
         + (f"; {' or '.join(deciding)} would decide" if len(alike) > 1 and deciding else "")
         + _instead_of(diagnosis, entry)
+        + (
+            f"; so would another formula for {computed}"
+            if (computed := _computed(entry, nominal))
+            else ""
+        )
         + "."
         + (f" Only likely: {'; '.join(doubts)}." if doubts else "")
     )
@@ -412,6 +417,22 @@ def _finding(
         doubts=doubts,
         occurrence=occurrence,
     )
+
+
+def _computed(entry: Hypothesis, nominal: Model) -> str:
+    """Return the output whose formula would do the same as what a sensor does; empty if none.
+
+    What the model computes of its states, such as the pressure of a gas of a volume, may be wrong
+    as well as what reads it.
+    """
+    (port, *more) = entry.ports
+    name = port.removesuffix(".reading")
+    rows = [i for i, q in enumerate(nominal.outputs) if q.name == name]
+    if entry.group != "sensor" or entry.effect.states or more or not rows:
+        return ""
+    trace = nominal.exact
+    slopes = ca.jacobian(trace.outputs[rows[0]], trace.x)
+    return name.replace("_", " ") if ca.depends_on(slopes, trace.x) else ""
 
 
 def _instead_of(diagnosis: Diagnosis, entry: Hypothesis) -> str:
@@ -647,9 +668,12 @@ def _kind(diagnosis: Diagnosis, findings: Sequence[Finding], rest: str) -> tuple
         sentence += rest
         if all(f.belief == "likely" for f in findings):
             return "likely", sentence
-        if any(len(f.alike) > 1 for f in findings):
+        entries = [c.entry for c, _ in diagnosis.accepted]
+        if any(len(f.alike) > 1 for f in findings) or any(
+            _computed(e, diagnosis.nominal) for e in entries
+        ):
             return "named_class", sentence
-        sensor = all(c.entry.group == "sensor" for c, _ in diagnosis.accepted)
+        sensor = all(e.group == "sensor" for e in entries)
         return ("sensor" if sensor else "named"), sentence
     bound = _wrong_values(diagnosis)
     if bound:
