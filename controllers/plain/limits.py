@@ -391,11 +391,13 @@ class LoopLimits:
         places: Sequence[tuple[tuple[int, ...], D]],
         family: str,
         count: int,
+        apart: Sequence[int] = (),
     ) -> tuple[C, tuple[tuple[int, ...], D]]:
         """Return the best law of a grid, and its place.
 
         A law is designed for a step of the grid for each output, ``count`` being the number of
-        steps, and something else. The step of each output is then changed by itself as long as that
+        steps, and something else. Those of several outputs that are alike are then tried with one
+        of them some steps apart, and the step of each output is changed by itself as long as that
         makes the law better, but not of a single one of a plant that is unstable.
 
         Raises:
@@ -412,14 +414,30 @@ class LoopLimits:
             laws = stacked([law.around_rest() for law, _ in found])
             return found, self.judge(laws), laws
 
-        found, judged, laws = answers(places)
-        held = self.held(judged, family)
-        reached = self.answered(chosen(laws, held))
-        least = reached.errors.min(axis=0)
-        errors = cost(reached, least, self.want.overshoot)
-        k = int(np.argmin(errors))
-        best, error = found[held[k]], errors[k]
-        top = max(1.0, float(judged.excess[held].max()))
+        def best_among(
+            places: Iterable[tuple[tuple[int, ...], D]],
+        ) -> tuple[tuple[C, tuple[tuple[int, ...], D]], float, Vector, float]:
+            found, judged, laws = answers(places)
+            held = self.held(judged, family)
+            reached = self.answered(chosen(laws, held))
+            least = reached.errors.min(axis=0)
+            errors = cost(reached, least, self.want.overshoot)
+            k = int(np.argmin(errors))
+            top = max(1.0, float(judged.excess[held].max()))
+            return found[held[k]], float(errors[k]), least, top
+
+        best, error, least, top = best_among(places)
+        if apart and self.outputs > 1:
+            alike = sorted({steps for steps, _ in places})[:: apart[0]]
+            moved = [
+                tuple(s + by * (i == j) for j, s in enumerate(steps))
+                for steps in alike
+                for i in range(self.outputs)
+                for far in apart
+                for by in (-far, far)
+            ]
+            moved = [one for one in moved if all(0 <= s < count for s in one)]
+            best, error, least, top = best_among([best[1], *((one, best[1][1]) for one in moved)])
         # A loop of one output that holds what grows keeps the margins that it has.
         changed = count and (self.outputs > 1 or not self.growing)
         for stride in STRIDES if changed else ():

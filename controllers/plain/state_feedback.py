@@ -364,7 +364,7 @@ def _fastest(
     def best(calm: Sequence[float]) -> tuple[ObserverLaw, tuple[int, ...]]:
         filters = list(itertools.product(disturbances, doubts(loop), calm))
         start = [((k,) * outputs, at) for k in all_alike for at in filters]
-        law, (chosen, _) = limits.best_of(designed, start, FEEDBACK, len(tried))
+        law, (chosen, _) = limits.best_of(designed, start, FEEDBACK, len(tried), APART)
         return law, chosen
 
     def excess(law: ObserverLaw) -> float:
@@ -386,6 +386,9 @@ FEEDBACK = "a state feedback"
 CALM = (1.0, 3.0, 10.0, 30.0, 100.0)
 """Errors that weigh as much as all of the command, over those that it makes at the speed: where no
 loop is within its limits with the first, the others are tried."""
+
+APART = (4, 8, 12)
+"""Steps between speeds that are tried by which one output is slower or faster than all others."""
 
 RISEN = 0.63
 """Part of a step after which a loop's time constant is over."""

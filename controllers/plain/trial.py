@@ -34,7 +34,7 @@ class Stepped(NamedTuple):
             plant is lost.
         error: Integral of time by absolute error, in samples squared, of unit steps.
         rise: Samples after which 63 % of the step is reached.
-        left: How far away it still is in the end, the larger, as a fraction of the step.
+        left: How far away it stays in the end, the larger, as a fraction of the step.
     """
 
     overshoot: float
@@ -123,7 +123,9 @@ class _Run:
             overshoot = max(overshoot, float(away.max()))
             error += float(np.arange(len(away)) @ np.abs(away))
             rise = rise or max(int(np.argmax(away > -0.37)), 1)
-            left = max(left, float(np.abs(away[-BLOCK:]).max()))
+            last, before = (np.abs(part[:BLOCK]).max() for part in (away[-BLOCK:], away[k // 2 :]))
+            # What still gets nearer only takes longer.
+            left = max(left, float(last)) if last > 0.5 * before else left
         return Stepped(overshoot - self.want.overshoot, error, rise, left)
 
 
@@ -143,7 +145,7 @@ def slower(law: P, i: int, size: float, samples: float) -> P:
 SLOWER = (0.75, 1.1, 1.6, 2.5, 4.0, 8.0)
 """Times of a reference that are tried, over the rise of a step."""
 
-MORE = 0.03
+MORE = 0.01
 """Overshoot beyond what is allowed from which on slower references are tried, as a fraction."""
 
 POOR = 0.06

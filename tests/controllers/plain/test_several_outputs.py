@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 
 from controllers.guard import Guarded
 from controllers.h_infinity.synthesis import has_slycot
-from controllers.plain.limits import LoopLimits
+from controllers.plain.limits import LoopLimits, settled_after
 from controllers.plain.loop import loop_of
 from controllers.plain.pairing import best_pairing, interaction, relative_gains, zeros
 from controllers.plain.state_feedback import LQISpecification, design_lqi, reachable_speed
@@ -465,3 +465,23 @@ def test_late_outputs_of_unlike_size_are_led_as_fast_as_they_can_be() -> None:
     want = LQISpecification(linear.output_names, sample_time=0.25)
     # No state feedback that asks for what the plant does by itself is within its limits.
     assert reachable_speed(LoopLimits(want.loop(linear), want)) > 0.03
+
+
+def airliner() -> LinearModel:
+    """Roll and yaw of an airliner by ailerons, behind their actuator, and by its rudder."""
+    A = [
+        [-0.0558, 0.0802, -0.9968, 0.0415, 0.0],
+        [-3.05, -0.465, 0.388, 0.0, 0.143],
+        [0.598, -0.0318, -0.115, 0.0, 0.00775],
+        [0.0, 1.0, 0.0805, 0.0, 0.0],
+        [0.0, 0.0, 0.0, 0.0, -10.0],
+    ]
+    B = [[0.0, 0.0073], [0.0, 0.153], [0.0, -0.475], [0.0, 0.0], [10.0, 0.0]]
+    system = ct.ss(A, B, [[0, 0, 0, 1, 0], [1, 0, 0, 0, 0]], 0, inputs=["ail", "rud"])
+    return linear_model(system, limits={"ail": (-0.4, 0.4), "rud": (-0.3, 0.3)})
+
+
+def test_an_output_may_be_much_faster_than_another() -> None:
+    want = LQISpecification(measured="y_0, y_1", sample_time=0.05)
+    law = design_lqi(airliner(), want)
+    assert settled_after(law, airliner(), {"y_0": 1.0}) < 100.0

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from controllers.design import DESIGNS
+from controllers.plain import trial
+from controllers.plain.limits import settled_after
 from controllers.plain.loop import loop_of
 from controllers.plain.pairing import interaction
 from controllers.plain.state_feedback import LQISpecification, design_lqi
@@ -231,6 +233,22 @@ def test_a_loop_that_swings_on_is_designed_slower() -> None:
     # The gear swung by 1 % of the step for ever.
     assert found["settling_time"] < 0.35
     assert found["oscillation"] < 1e-3
+
+
+def test_a_loop_that_still_gets_nearer_is_designed_no_slower() -> None:
+    tank = Model(
+        "tank",
+        lambda m: ({"h": 0.02 * (m.u.inflow - np.sqrt(m.x.h))}, {"level": m.x.h}),
+        states=(State("h", "m", initial=1.0),),
+        inputs=(Input("inflow", "1", lower=0.0, upper=2.0),),
+        outputs=(Output("level", "m"),),
+    )
+    linear = linearise(operating_point(tank))
+    want = LQISpecification("level", sample_time=0.1, trusted_frequency=0.02)
+    law = design_lqi(linear, want)
+    # 200 s are looked at.
+    assert settled_after(law, linear, {"level": 0.1}) > 200.0
+    assert not trial.borne(law, linear, want).poor
 
 
 def lander() -> Model:
