@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import re
 import shlex
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,6 +16,7 @@ from workbench.cli.main import WRONG_USE
 from workbench.data_folder import shipped_folder
 from workbench.study.fields_page import study_fields, tables
 from workbench.study.shapes import TABLES, Field
+from workbench.study.step_trial import StepTrial
 
 NEW = {"new-study": "mine.toml", "new-controller": "mine.py", "new-plant": "mine.py"}
 
@@ -115,6 +118,27 @@ def test_a_study_asks_a_noisy_sensor_for_no_more_than_it_shows(here: Path, shell
         shell("new-study", f"{module}.toml", "--plant", f"{module}_oven:oven")
         # A step that noise leaves nowhere within 2 % of its end had failed the study as written.
         assert f'metric = "{asked}"' in Path(f"{module}.toml").read_text()
+
+
+def test_a_study_takes_a_design_that_meets_it(
+    here: Path, shell: Shell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepared = StepTrial.prepared
+
+    def slow_first(trial: StepTrial) -> Any:
+        recipes, scenarios = prepared(trial)
+        slow = (("trusted_frequency", 0.1 / scenarios[0].duration),)
+        each = [replace(one, specification=(*one.specification, *slow)) for one in recipes]
+        return (each[:1] if alone else [each[0], *recipes[1:]]), scenarios
+
+    monkeypatch.setattr(StepTrial, "prepared", slow_first)
+    alone = False
+    shell("new-study", "mine.toml", "--plant", "servo-axis")
+    assert 'design = "lqi"' not in Path("mine.toml").read_text()
+    alone = True
+    assert "no design of the workbench brings position there" in (
+        shell("new-study", "other.toml", "--plant", "servo-axis").err
+    )
 
 
 def test_a_name_with_blanks_stands_in_quotes(tmp_path: Path, shell: Shell) -> None:

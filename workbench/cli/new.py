@@ -5,12 +5,16 @@ from __future__ import annotations
 import json
 import re
 import shlex
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from workbench.errors import WorkbenchError
+
+if TYPE_CHECKING:
+    from workbench.study.designs import ControllerRecipe
 
 
 def new_study(file: Path, *, plant: str | None = None) -> int:
@@ -61,18 +65,18 @@ def study_fields() -> int:
 
 
 def _of_plant(plant: str) -> dict[str, Any]:
-    """Return what a study of a plant says: its first design that fits, step and parameters."""
+    """Return what a study of a plant says: the first design that meets it, step and parameters."""
     from workbench.cli.plant import chosen_plant
     from workbench.cli.running import note
     from workbench.cli.verify import nominal_design
     from workbench.linearisation.pace import noise_of
-    from workbench.model.units import from_si, of_difference
+    from workbench.model.units import from_si, in_time, of_difference
     from workbench.study.step_trial import StepTrial
-    from workbench.verification import Steps
+    from workbench.verification import Steps, metrics, verify
 
     chosen = chosen_plant(plant)
     trial = StepTrial(chosen.recipe, nominal_design(chosen), say=note)
-    (design, *_), (scenario, *_) = trial.prepared()
+    recipes, (scenario, *_) = trial.prepared()
     outputs = {q.name: q for q in chosen.model.outputs}
     stepped = next(name for name, own in scenario.references.items() if own.changes)
     about, reference = outputs[stepped], scenario.references[stepped]
@@ -84,6 +88,28 @@ def _of_plant(plant: str) -> dict[str, Any]:
             held.append((name, json.dumps(q.display_unit), f"{value:.6g}"))
     assert isinstance(reference, Steps)
     levels = [float(f"{float(from_si(v, unit)):.6g}") for v in reference.values]
+    prefix = f"{stepped}." if held else ""
+    # Nobody sees a step settle within 2 % of less than fifty times the noise.
+    shows = 0.02 * abs(reference.values[1] - reference.values[0]) >= noise_of(about)
+    arrives, settling = "settling_time" if shows else "rise_time", 0.4 * scenario.duration
+    error = 0.1 * abs(levels[1] - levels[0])
+
+    def met(recipe: ControllerRecipe) -> bool:
+        with suppress(WorkbenchError):
+            found = metrics(verify(recipe.build(), chosen.model, scenario))
+            late, left = (found[prefix + name] for name in (arrives, "steady_error"))
+            return (
+                late.value <= settling and float(from_si(left.value, of_difference(unit))) <= error
+            )
+        return False
+
+    design = next(filter(met, recipes), None)
+    if design is None:
+        note(
+            f"no design of the workbench brings {stepped} there within {in_time(settling)}; the"
+            " study asks for it all the same: step less far, or give a design of your own"
+        )
+    design = design or recipes[0]
     told = {
         "model": chosen.model.name,
         "name": plant,
@@ -95,16 +121,13 @@ def _of_plant(plant: str) -> dict[str, Any]:
         "sample_time": f"{scenario.sample_time:.6g}",
         "output": stepped,
         "held": held,
-        "prefix": f"{stepped}." if held else "",
+        "prefix": prefix,
         "unit": json.dumps(unit),
         "times": list(reference.times),
         "levels": levels,
-        # Nobody sees a step settle within 2 % of less than fifty times the noise.
-        "arrives": "settling_time"
-        if 0.02 * abs(reference.values[1] - reference.values[0]) >= noise_of(about)
-        else "rise_time",
-        "settling": f"{0.4 * scenario.duration:.6g}",
-        "error": f"{0.1 * abs(levels[1] - levels[0]):.3g}",
+        "arrives": arrives,
+        "settling": f"{settling:.6g}",
+        "error": f"{error:.3g}",
         "difference": json.dumps(of_difference(unit)),
         "varied": "",
     }
