@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from tests.simulation.plants import integrator, oscillator
+from workbench.model import Input, Model, Output, State
 from workbench.simulation import Stepper, simulate
 
 STEP = 0.002
@@ -98,3 +99,24 @@ def test_other_parameter_values_need_no_other_model() -> None:
     other = simulate(model.with_parameters({"frequency": 60.0}), force, sample_time=STEP)
     assert np.array_equal(stiff.states, other.states)
     assert stiff.values == pytest.approx([60.0, 0.1])
+
+
+def sled() -> Model:
+    """A sled whose dry friction is written as a sign."""
+    return Model(
+        "sled",
+        lambda m: ({"x": m.x.v, "v": m.u.f - 0.5 * np.sign(m.x.v) - 0.1 * m.x.v}, {"x": m.x.x}),
+        states=(State("x", "m"), State("v", "m/s")),
+        inputs=(Input("f", "N", lower=-10.0, upper=10.0),),
+        outputs=(Output("x", "m"),),
+    )
+
+
+def test_what_sticks_by_a_sign_is_held() -> None:
+    push = np.repeat([0.3, 5.0, 0.2, -0.4], [10, 10, 180, 100])
+    run = simulate(sled(), push, sample_time=0.1)
+    # Pushed for 1 s by 4.5 N more than holds it, it is slowed down by 0.3 N more than 0.1 v.
+    fast = 45.0 * -np.expm1(-0.1)
+    gone = 45.0 - 3.0 * 10.0 * np.log1p(fast / 3.0)
+    assert run["x"][9] == pytest.approx(0.0, abs=1e-3)
+    assert run["x"][200:] == pytest.approx(gone, abs=2e-3)

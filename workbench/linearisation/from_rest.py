@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -60,7 +61,11 @@ class FromRest:
         try:
             self._x = self._stepper.step(self._x, self._u)
         except NumericalError:
-            return False
+            if self._stepper.method == "rosenbrock":
+                return False
+            # What is stiff, or sticks, is left to the other method from there on.
+            self._stepper = replace(self._stepper, method="rosenbrock")
+            return self.hold(command)
         return math.isfinite(float(np.sum(self._x)))
 
 

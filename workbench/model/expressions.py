@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import casadi as ca
 import numpy as np
@@ -132,6 +132,42 @@ def with_real_roots(expressions: Sequence[ca.SX]) -> list[ca.SX]:
         >>> [float(q) for q in (*f(4.0), *f(-4.0))]
         [6.0, 0.75, 0.0, 0.0]
     """
+
+    def real(op: int, of: Sequence[ca.SX], value: ca.SX) -> ca.SX:
+        power = of[1] if len(of) > 1 else None
+        whole = power is not None and power.is_constant() and float(power) % 1.0 == 0.0
+        root = op == ca.OP_SQRT or (op in (ca.OP_POW, ca.OP_CONSTPOW) and not whole)
+        return ca.if_else(of[0] > 0.0, value, 0.0) if root else value
+
+    return _rewritten(expressions, real)
+
+
+def with_rounded_signs(expression: ca.SX, x: ca.SX, width: float) -> ca.SX:
+    """Return an expression, in any unit, in which no sign of what states move jumps.
+
+    Args:
+        x: States, a column vector, each over its scale.
+        width: Changes of the states within which a sign goes over, dimensionless.
+
+    Example:
+        >>> v = ca.SX.sym("v")
+        >>> f = ca.Function("f", [v], [with_rounded_signs(ca.sign(v), v, 1e-3)])
+        >>> [round(float(f(q)), 3) for q in (-0.1, 0.0, 0.001, 0.1)]
+        [-1.0, 0.0, 0.762, 1.0]
+    """
+
+    def rounded(op: int, of: Sequence[ca.SX], value: ca.SX) -> ca.SX:
+        if op != ca.OP_SIGN or not ca.depends_on(of[0], x):
+            return value
+        return ca.tanh(of[0] / (width * ca.sum2(ca.fabs(ca.jacobian(of[0], x))) + 1e-300))
+
+    return _rewritten([expression], rounded)[0]
+
+
+def _rewritten(
+    expressions: Sequence[ca.SX], written: Callable[[int, Sequence[ca.SX], ca.SX], ca.SX]
+) -> list[ca.SX]:
+    """Return expressions whose operations, their arguments and values are written anew."""
     symbols = _others(expressions, ())
     f = ca.Function("written", [symbols], expressions)
     work: dict[int, ca.SX] = {}
@@ -147,11 +183,7 @@ def with_real_roots(expressions: Sequence[ca.SX]) -> list[ca.SX]:
         else:
             of = [work[i] for i in given]
             value = ca.SX.unary(op, of[0]) if len(of) == 1 else ca.SX.binary(op, *of)
-            power = of[1] if len(of) > 1 else None
-            whole = power is not None and power.is_constant() and float(power) % 1.0 == 0.0
-            if op == ca.OP_SQRT or (op in (ca.OP_POW, ca.OP_CONSTPOW) and not whole):
-                value = ca.if_else(of[0] > 0.0, value, 0.0)
-            work[to[0]] = value
+            work[to[0]] = written(op, of, value)
     return [
         ca.SX(e.sparsity(), ca.vertcat(*nonzeros)) if nonzeros else e
         for e, nonzeros in zip(expressions, found, strict=True)
