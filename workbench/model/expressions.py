@@ -143,11 +143,15 @@ def with_real_roots(expressions: Sequence[ca.SX]) -> list[ca.SX]:
 
 
 def with_rounded_signs(expression: ca.SX, x: ca.SX, width: float) -> ca.SX:
-    """Return an expression, in any unit, in which no sign of what states move jumps.
+    """Return an expression in which no sign of what states move jumps.
 
     Args:
-        x: States, a column vector, each over its scale.
+        expression: Rates, any shape, dimensionless over the scales of the states, per s.
+        x: States, a column vector, dimensionless over their scales.
         width: Changes of the states within which a sign goes over, dimensionless.
+
+    Returns:
+        The same, per s.
 
     Example:
         >>> v = ca.SX.sym("v")
