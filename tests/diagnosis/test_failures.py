@@ -117,10 +117,11 @@ def test_a_stage_that_fails_leaves_the_others(
     assert finding.effect == "coulomb_friction"
 
 
-def test_a_nominal_model_that_cannot_be_refitted_is_a_verdict(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize("name", ["fit_with_likely_starts", "blocks_as_trusted"])
+def test_a_nominal_model_that_cannot_be_refitted_or_judged_is_a_verdict(
+    name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(engine, "fit_with_likely_starts", _never)
+    monkeypatch.setattr(engine, name, _never)
     verdict = _diagnosed()
     assert verdict.kind == "unexplained" and "left the finite numbers" in verdict.sentence
 

@@ -219,6 +219,20 @@ def test_a_header_may_begin_with_the_letter_of_its_quantity(
     assert ("temp" in read_recording(two, signals=driven_by(_Stack()))) is False
 
 
+class _Cylinder:
+    inputs = (Input("valve", "1"),)
+    outputs = (Output("s", "m"), Output("p", "Pa"))
+
+
+@pytest.mark.parametrize(("header", "taken"), [("travel s [mm]", True), ("gap [mm]", False)])
+def test_a_letter_or_a_number_without_a_unit_is_a_word_of_a_header(
+    tmp_path: Path, header: str, taken: bool
+) -> None:
+    path = _file(tmp_path, "t [s]", "air valve", "p [bar]", header)
+    recording = read_recording(path, signals=driven_by(_Cylinder()))
+    assert "valve" in recording and ("s" in recording) is taken
+
+
 @pytest.mark.parametrize("headers", [("q1_deg", "u_V"), ("t [s]", "q1_deg")])
 def test_what_to_write_into_a_mapping_file_is_what_such_a_file_may_hold(
     tmp_path: Path, headers: tuple[str, ...]

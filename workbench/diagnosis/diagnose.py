@@ -21,7 +21,7 @@ from workbench.diagnosis.estimation.growth import growth_along
 from workbench.diagnosis.estimation.noise_colour import with_correlated_noise
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import Prior, default_priors
-from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, blocks_as_trusted
 from workbench.diagnosis.estimation.start import fit_with_likely_starts, likely_start
 from workbench.diagnosis.experiment.next_experiment import Advice, next_experiment
 from workbench.diagnosis.late_commands import with_commands_in_time
@@ -220,6 +220,8 @@ def _stages(
     say("refitting the nominal model")
     try:
         fitted = files.reached(Fitted, lambda: fit(model, prepared))
+        # What cannot be run along the held-out recordings is judged on nothing.
+        blocks_as_trusted(fitted.base, fitted.prepared.judging)
     except NumericalError as error:
         why = f"The nominal model cannot follow the recordings at all: {error}."
         yield replace(

@@ -167,7 +167,7 @@ def _partly(requested: Requested, header: Header) -> bool:
         len("".join(own)) > 2
         and all(w in words or (len(w) > 2 and any(v.startswith(w) for v in words)) for w in own)
         and not words & _REFERENCES
-        and bool(header.unit)
+        and bool(header.unit or requested.unit == "1")
         and _units_agree(requested, header)
     )
 
@@ -178,9 +178,15 @@ def _shortened(requested: Requested, header: Header) -> bool:
     return len(plain) > 3 and plain in _plain(requested.name)
 
 
-def _lettered(header: Header) -> bool:
-    """Tell whether a header begins with the letter of what it measures, as ``T_stack`` does."""
+def _told(requested: Requested, header: Header) -> bool:
+    """Tell whether something beside its unit speaks for a header.
+
+    It is part of the name, the name is one of its words, as of ``travel s``, or it begins with the
+    letter of what it measures, as ``T_stack`` does.
+    """
     first, *rest = re.split(r"[\W_]+", header.name)
+    if requested.name in rest or _shortened(requested, header):
+        return True
     return bool(rest) and first in _letters(header.unit) and not _words(header.name) & _REFERENCES
 
 
@@ -333,9 +339,7 @@ def match_requested(
         # Where other sensors are found, a unit alone is no reason to take one more for this one.
         beside = signal.optional and any(w.optional and w.name in found for w in requested)
         sure = len(left) == len(rivals) == 1
-        if sure and (
-            not beside or _shortened(signal, headers[left[0]]) or _lettered(headers[left[0]])
-        ):
+        if sure and (not beside or _told(signal, headers[left[0]])):
             found[signal.name] = (left[0], "unit")
             used.add(left[0])
     for signal in requested:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -27,6 +28,7 @@ from workbench.diagnosis.estimation.process_noise import (
 )
 from workbench.diagnosis.estimation.start import fit_with_likely_starts
 from workbench.diagnosis.undeclared import with_undeclared
+from workbench.errors import NumericalError
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.hysteresis import muscle_hysteresis
@@ -220,3 +222,17 @@ def test_a_refit_begins_at_the_likeliest_scale_beyond_one_that_is_less_likely(
         process_noise, "filter_of", lambda *at: scale.append(at[2]) or SimpleNamespace(run=run)
     )
     assert process_noise.likely_scale(servo_axis(), [observed(1, hidden=False)], {}) == 3000.0
+
+
+def test_a_model_that_recordings_throw_off_is_trusted_less(monkeypatch: pytest.MonkeyPatch) -> None:
+    base, tried = diagnosed(False).base, list[float]()
+
+    def blocks(fit: process_noise.ProcessNoiseFit, _: object) -> np.ndarray:
+        tried.append(fit.noise_scale)
+        if fit.noise_scale < 30.0:
+            raise NumericalError("the filter left the finite numbers")
+        return np.ones(2)
+
+    monkeypatch.setattr(process_noise, "blocks_of_cost", blocks)
+    found = process_noise.blocks_as_trusted(replace(base, noise_scale=1.0), [])
+    assert tried == [1.0, 3.0, 30.0] and found.tolist() == [1.0, 1.0]

@@ -238,6 +238,20 @@ def blocks_of_cost(fit: ProcessNoiseFit, recordings: Sequence[Observed]) -> Vect
     return np.concatenate([summed_over_blocks(c) for c in costs])
 
 
+def blocks_as_trusted(fit: ProcessNoiseFit, recordings: Sequence[Observed]) -> Vector:
+    """Return `blocks_of_cost` of a fit, trusted less where recordings throw its filter off.
+
+    A model that leaves something out may follow those that it was fitted to, and no others.
+
+    Raises:
+        NumericalError: If the filter leaves the finite numbers however little it is trusted.
+    """
+    for scale in (fit.noise_scale, *(s for s in reversed(LADDER) if s > fit.noise_scale)):
+        with contextlib.suppress(NumericalError):
+            return blocks_of_cost(replace(fit, noise_scale=scale), recordings)
+    return blocks_of_cost(fit, recordings)
+
+
 def ranges_along(
     fit: ProcessNoiseFit, recordings: Sequence[Observed]
 ) -> dict[str, tuple[float, float]]:

@@ -19,6 +19,7 @@ from workbench.diagnosis.estimation.priors import Prior, is_guess
 from workbench.diagnosis.estimation.process_noise import (
     PERFECT,
     ProcessNoiseFit,
+    blocks_as_trusted,
     blocks_of_cost,
     extended_start,
     fit_with_process_noise,
@@ -168,7 +169,7 @@ def refit_candidates(
             least = _RIVALS * top.gain
             weaker = [i for i, c in zip(leaders, trusted, strict=True) if not c.gain > least]
             leaders = [i for i in leaders if i not in weaker]
-    before = blocks_of_cost(base, hold_out) if leaders and hold_out else None
+    before = blocks_as_trusted(base, hold_out) if leaders and hold_out else None
     known = given, tuple(fit_on), tuple(hold_out), before
     plain: list[Call[Any]] = [(_closest_errors, (base, base.model, tuple(fit_on), tuple(hold_out)))]
     runs, found, at_first = NO_RUNS, decided((*first, *lost), NO_RUNS, limits), tuple(first)

@@ -18,7 +18,7 @@ import numpy as np
 from workbench.diagnosis.estimation.process_noise import (
     PERFECT,
     ProcessNoiseFit,
-    blocks_of_cost,
+    blocks_as_trusted,
     perfect_cost,
 )
 from workbench.diagnosis.selection.additions import (
@@ -139,7 +139,7 @@ def search(task: Task, scored: Scored, begun: Selected | None = None) -> Iterato
 
 def _without_any(task: Task) -> tuple[Compared, ...]:
     try:
-        blocks = tuple(blocks_of_cost(task.base, some) for some in (task.fitting, task.judging))
+        blocks = tuple(blocks_as_trusted(task.base, x) for x in (task.fitting, task.judging))
     except NumericalError:
         return ()
     return (Compared((), blocks),)
