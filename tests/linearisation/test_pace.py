@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import control as ct
 import numpy as np
 import pytest
@@ -49,10 +51,52 @@ def test_a_slow_plant_is_tried_over_its_own_time() -> None:
 def test_what_integrates_goes_as_far_whatever_slows_it_down() -> None:
     def reach(damping: float) -> float:
         body, swing = ct.tf([1.0], [1.0, damping, 0.0]), ct.tf([900.0], [1.0, 2.0, 900.0])
-        return reach_of(linear_model(body * swing, limits={"u_0": (-1.0, 1.0)}), "y_0")
+        known = linear_model(body * swing, limits={"u_0": (-1.0, 1.0)}).operating_point.model
+        # Equations of which nobody knows that they are linear.
+        plant = replace(known, equations=lambda m: known.equations(m))
+        return reach_of(linearise(operating_point(plant), verdict=False), "y_0")
 
     # A body on a spring that swings far faster than it is slowed down.
     assert 0.5 < reach(0.001) / reach(0.1) < 2.0
+
+
+def test_a_fast_valve_does_not_set_the_pace_of_a_furnace() -> None:
+    """Two periods of its spool, 0.13 s, are not the time in which anything gets warm."""
+    valve = linear_model("3 / ((10 s + 1) (1e-4 s^2 + 0.01 s + 1))", limits={"u": (-1.0, 1.0)})
+    # All of the command warms by 0.3 a second: by a quarter of a unit in 0.83 s.
+    assert 0.83 < horizon_of(valve) < 1.3 * 0.83
+    late = linear_model("2 exp(-0.001 s) / (s (0.5 s + 1))", limits={"u": (-5.0, 5.0)})
+    assert 0.1 < horizon_of(late) < 1.5
+
+
+@pytest.mark.parametrize("late", [0.0, 0.001, 0.1, 10.0])
+def test_a_delay_does_not_make_a_step_tiny(late: float) -> None:
+    behind = f"exp(-{late} s)" if late else "1"
+    ended = linear_model(f"2 {behind} / (s (0.5 s + 1))", limits={"u": (-5.0, 5.0)})
+    assert reach_of(ended, "y") == 1.0
+    assert reach_of(linear_model(f"2 {behind} / (s (0.5 s + 1))"), "y") == 1.0
+
+
+def pipe(late: float) -> Model:
+    """A tank that fills at the end of a pipe, its delay by a Pade function of first order."""
+    return Model(
+        "pipe",
+        lambda m: (
+            {"on_the_way": 2.0 / late * (m.u.u - m.x.on_the_way),
+             "level": 2.0 * m.x.on_the_way - m.u.u},
+            {"level": m.x.level},
+        ),
+        states=(State("on_the_way", "m/s"), State("level", "m")),
+        inputs=(Input("u", "m/s", lower=-1.0, upper=1.0),),
+        outputs=(Output("level", "m"),),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("late", [0.01, 1.0, 100.0])
+def test_what_goes_the_wrong_way_first_is_given_time(late: float) -> None:
+    filled = linearise(operating_point(pipe(late)), verdict=False)
+    # Five times the time in which the level is back where it was, at 1 m/s.
+    assert 2.0 * late < reach_of(filled, "level") < 10.0 * late
 
 
 def test_an_unstable_plant_is_sampled_before_it_grows() -> None:

@@ -52,7 +52,7 @@ class PlantCommand(VerbCommand):
         from workbench.plants.registry import PLANTS
 
         self.epilog = (
-            f"Plants: {', '.join(PLANTS.names())}, or module:object of your own."
+            f"Plants: {', '.join(PLANTS.names())}, '1/(s + 1)', or module:object of your own."
             " 'workbench plants NAME' lists what each of them takes."
         )
         super().format_help(ctx, formatter)
@@ -144,9 +144,10 @@ def chosen_plant(
     """Build the plant that the options of a verb describe.
 
     Args:
-        plant (--plant NAME): Plant: a name of 'workbench plants', a function, model or
-            python-control system of your own as module:object, looked up in the current folder, or
-            the verdict.json of a diagnosis.
+        plant (--plant NAME): Plant: a name of 'workbench plants', a transfer function such as
+            '2 exp(-0.1 s) / (s + 1)', a function, model or python-control system of your own as
+            module:object, looked up in the current folder, the .mat file of a system, or the
+            verdict.json of a diagnosis.
         inputs (--input NAME=TIME:VALUE,...): Values of an input from times on, such as
             valve=0:5.5,1.5:4.6, a number alone in the input's display unit; the short form is
             --valve 0:5.5.

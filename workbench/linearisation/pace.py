@@ -21,14 +21,28 @@ def horizon_of(linear: LinearModel) -> float:
     """Return how long the response of a linear model takes to show, in s; see `horizon`.
 
     Of integrators alone it is how long all of the commands take to move an output as far as it
-    shows, the longest.
+    shows, the longest. An oscillation in which they move none by `SHARE` of that is none of the
+    plant's own pace, as that of a valve behind which a furnace gets warm: it is as long as they
+    take for the first output that they do, up to the slowest lag.
     """
+    poles = np.array([m.pole for m in linear.modes])
+    outputs = linear.operating_point.model.outputs
     if len(linear.A) and np.all(linear.poles == 0.0):
-        outputs = linear.operating_point.model.outputs
         times = [_time_for(_mover(linear, q.name), _shows(q)) for q in outputs]
         if moved := [time for time in times if time < math.inf]:
             return max(moved)
-    return horizon(np.array([m.pole for m in linear.modes]))
+    usual, slowest = horizon(poles), horizon(poles[np.isreal(poles)])
+    if not usual < slowest:
+        return usual
+    movers = [(_mover(linear, q.name), SHARE * _shows(q)) for q in outputs]
+    time = usual
+    while time < slowest and all(moved(time) < far for moved, far in movers):
+        time *= 1.25
+    return min(time, slowest)
+
+
+SHARE = 0.25
+"""Part of its size by which an output moves in the time of a plant's own oscillation."""
 
 
 SHOWS = 200.0
@@ -101,25 +115,49 @@ def reach_of(linear: LinearModel, name: str) -> float:
     It is its size. Where nobody declares one and it integrates, it is how far all of the commands
     move it in a tenth of `step_time`, in the middle between that and the same of its fastest mode,
     before anything grows or an angle on the way turns so far that the equations bend; and what
-    shows over its noise at least.
+    shows over its noise at least. The time counts from when the output answers: a delay passes
+    before, and what goes the wrong way first; a loop takes some of those. A linear system, alike at
+    any size, goes by a unit where its commands do that before its slowest mode shows.
     """
-    output = next(q for q in linear.operating_point.model.outputs if q.name == name)
+    model = linear.operating_point.model
+    output = next(q for q in model.outputs if q.name == name)
     far = _shows(output)
     own = linear.select(outputs=[name]).without_unseen().poles
     rates = np.abs(own[own != 0.0])
     if output.sized or len(rates) == len(own) or not len(rates):
         return far
+    moved, whole = _moves(linear, name), max(step_time(linear), 6.0 / rates.min())
+    if isinstance(model.equations, LinearEquations):
+        ends = not all(map(_endless, model.commands))
+        return min(1.0, float(np.abs(moved(whole)).sum())) if ends else 1.0
+    begun = _answered(moved, whole)
     # The time of a step is that of the slowest oscillation, if there is one.
     swinging = np.abs(own[np.iscomplex(own)])
     slowest = (swinging if len(swinging) else rates).min()
     within = 0.1 * step_time(linear) * math.sqrt(slowest / rates.max())
+    within = max(within, LATE * max(begun))
     within = min(within, 2.0 / max(float(own.real.max()), 1e-300))
     for turned in _turned(linear, name):
         # A move turns it there, back, to the other side and back.
         while turned(0.25 * within) > 1.0:
             within *= 0.9
-    shown = SHOWS * noise_of(output)
-    return max(shown, _mover(linear, name)(within)) or far
+    reached = sum(abs(moved(within + t)[k]) for k, t in enumerate(begun))
+    return max(SHOWS * noise_of(output), float(reached)) or far
+
+
+LATE = 5.0
+"""Time in which a loop settles over that by which its plant is late."""
+
+_TRIED = 60
+"""Times, at equal ratios over three decades, at which a response is looked at."""
+
+
+def _answered(moved: Callable[[float], Vector], whole: float) -> Vector:
+    """Return when an output last stood where it was, or beyond, after each command, in s."""
+    times = whole * np.geomspace(1e-3, 1.0, _TRIED)
+    signs = np.sign([moved(t) for t in times])
+    wrong = np.where(signs != signs[-1], times[:, None], 0.0)
+    return np.asarray(wrong.max(axis=0))
 
 
 def _turned(linear: LinearModel, name: str) -> list[Callable[[float], float]]:
@@ -162,6 +200,12 @@ def _endless(command: Input) -> bool:
 
 def _mover(linear: LinearModel, name: str) -> Callable[[float], float]:
     """Return what tells how far all commands move an output, in SI, within a time in s."""
+    moved = _moves(linear, name)
+    return lambda time: float(np.abs(moved(time)).sum())
+
+
+def _moves(linear: LinearModel, name: str) -> Callable[[float], Vector]:
+    """Return what tells how far each command moves an output, in SI, within a time in s."""
     inputs = {q.name: q for q in linear.operating_point.model.inputs}
     commands = [n for n in linear.input_names if n not in inputs or inputs[n].commanded]
     own = linear.select(inputs=commands, outputs=[name]).without_unseen().without_unreached()
@@ -170,7 +214,7 @@ def _mover(linear: LinearModel, name: str) -> Callable[[float], float]:
     rooms = [_room(inputs[n], u) if n in inputs else 1.0 for n, u in rests]
     size = own.state_scales
     a, b = own.A * size / size[:, None], own.B * np.array(rooms) / size[:, None]
-    return lambda time: float(np.abs(own.C * size @ zero_order_hold(a, b, time)[1]).sum())
+    return lambda time: np.asarray((own.C[0] * size) @ zero_order_hold(a, b, time)[1])
 
 
 def has_room(linear: LinearModel, actuators: Sequence[str], steps: Mapping[str, float]) -> bool:

@@ -11,6 +11,7 @@ from workbench.arrays import Vector
 from workbench.linearisation.linear_model import LinearModel
 from workbench.model import EXACT, Model
 from workbench.model.linear_system import LinearEquations, model_of_system
+from workbench.model.transfer_text import system_of_text
 from workbench.operating_point import Derivatives, OperatingPoint
 
 
@@ -20,7 +21,7 @@ def linear_model(
     limits: Mapping[str, tuple[float, float]] | None = None,
     delay: float = 0.0,
 ) -> LinearModel:
-    """Take a python-control system as a linear model; a `LinearModel` is one already.
+    """Take a system of python-control, or one written as text, as a linear model.
 
     The names are those of its signals; ``u[0]`` becomes ``u_0``. Its units are SI. Where no limits
     are given, the scale of an input is 1, and that of an output what the inputs make of it, or 1 if
@@ -30,7 +31,8 @@ def linear_model(
     Args:
         system: A ``control.StateSpace`` or ``control.TransferFunction``, or one of
             ``scipy.signal``, proper, in continuous time or with a sample time over which its inputs
-            are held; or a `LinearModel`, which is returned.
+            are held; a text such as ``"2 exp(-0.1 s) / (s + 1)"``; or a `LinearModel`, which is
+            returned.
         limits: Lower and upper end of inputs and outputs by name, in SI; infinite if not given. A
             lone ``u[0]`` or ``u_0`` may be called ``u``.
         delay: Time by which every input acts late, in s, by a Pade function of second over third
@@ -40,7 +42,11 @@ def linear_model(
         >>> import control
         >>> linear_model(control.tf([1.0], [0.1, 1.0, 0.0])).output_names
         ('y_0',)
+        >>> linear_model("1 / (s (0.1 s + 1))", limits={"u": (-1.0, 1.0)}).output_names
+        ('y',)
     """
+    if isinstance(system, str):
+        system = system_of_text(system)
     if isinstance(system, LinearModel) or hasattr(system, "output_names"):
         # What has the names of a linear model is one to a design.
         return cast(LinearModel, system)

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -232,6 +232,57 @@ def proper_system(system: Any, what: str) -> Any:
 
 
 Parts = tuple[Matrix, Matrix, Matrix, Matrix]
+
+
+class Late(NamedTuple):
+    """A transfer function behind a delay.
+
+    Args:
+        num: Coefficients, highest powers of s (in rad/s) first, shape (m,).
+        den: The same of the denominator, shape (n,).
+        delay: How late it is, in s.
+    """
+
+    num: Vector
+    den: Vector
+    delay: float = 0.0
+
+
+def late_system(rows: Sequence[Sequence[Sequence[Late]]], what: str) -> Any:
+    """Return a matrix of sums of transfer functions as a ``control.StateSpace``.
+
+    Common factors are taken out of each; delays are by Pade functions, that by which all that a
+    command does is late once for all outputs.
+
+    Args:
+        rows: For each output, for each command, the terms of the sum.
+        what: What it is, as the user knows it.
+
+    Raises:
+        WorkbenchError: If one differentiates.
+
+    Example:
+        >>> lag = np.array([1.0]), np.array([2.0, 1.0])
+        >>> late_system([[[Late(*lag), Late(*lag, delay=0.1)]]], "the plant").nstates
+        5
+    """
+    import control as ct
+
+    common = [min(t.delay for entry in column for t in entry) for column in zip(*rows, strict=True)]
+    table: list[Parts] = []
+    for row in rows:
+        entries = []
+        for entry, least in zip(row, common, strict=True):
+            whole: Parts | None = None
+            for term in entry:
+                quotient = ct.minreal(ct.tf(term.num, term.den), verbose=False)
+                late = _late((term.delay - least,))
+                one = _in_series(_parts(proper_system(quotient, what)), late)
+                whole = _beside(whole, one) if whole is not None else one
+            assert whole is not None
+            entries.append(whole)
+        table.append(_block(entries, stacked=False))
+    return ct.ss(*_in_series(_block(table, stacked=True), _late(common)), name="linear system")
 
 
 def _parts(system: Any) -> Parts:

@@ -12,6 +12,7 @@ from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.model.linear_system import with_free_coefficients
 from workbench.plants.plant import Plant, Value, adopt
+from workbench.plants.written import is_written, plant_of_matlab, plant_of_text
 from workbench.registry import Registry
 
 
@@ -128,14 +129,19 @@ def plant_of_file(path: Path, find: Any, *, folder: Path | None = None) -> Plant
 
 
 class Plants(Registry[Plant]):
-    """Plants by name, as ``module:object``, or as a file that keeps one, such as verdict.json."""
+    """Plants by name, as ``module:object``, as a transfer function, or as a file that keeps one.
+
+    Such a file is a verdict.json, or one of MATLAB.
+    """
 
     def get(self, name: str, *, folder: Path | None = None) -> Plant:
         """Return a plant."""
         if name.endswith(".json"):
             path = Path(name) if folder is None else folder / name
             return plant_of_file(path, lambda other: self.get(other, folder=folder), folder=folder)
-        return super().get(name, folder=folder)
+        if name.lower().endswith(".mat"):
+            return plant_of_matlab(Path(name) if folder is None else folder / name)
+        return plant_of_text(name) if is_written(name) else super().get(name, folder=folder)
 
 
 PLANTS = Plants("plant", Plant, package="workbench.plants", group="workbench.plants", adopt=adopt)

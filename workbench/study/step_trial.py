@@ -152,7 +152,8 @@ class StepTrial:
     def scenario(self, stepped: Sequence[str]) -> Scenario:
         """Return a step of some controlled outputs and back, the others staying where they are."""
         linear, shown = self.linear, step_time(self.linear)
-        y0 = {n: float(y) for n, y in zip(linear.output_names, linear.y0, strict=True)}
+        # Zero plus zero has no sign.
+        y0 = {n: float(y) + 0.0 for n, y in zip(linear.output_names, linear.y0, strict=True)}
         moved = {name: self._levels(name, y0) for name in stepped}
         held = shown if self.hold is None else self.hold
         check_range("time between the steps", held, *TIMES_S, "s")
@@ -415,7 +416,8 @@ def settling(
         return Needed(0.0, slow)
     # A step back may have less of the command than the step, as what only cools.
     both = 2.0 * (long + ended)
-    if (least := rounded_up(2.0 * long)) > usual:
+    least = rounded_up(2.0 * long)
+    if least > usual or (room and usual < both < math.inf):
         return Needed(rounded_up(both) if both < math.inf else least, slow)
     enough = max(5.0 * long, both)
     if not room:

@@ -1,0 +1,124 @@
+"""Plants that need no file of Python: a transfer function in one line, matrices of MATLAB."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from tests.shell import Shell
+from workbench.errors import WorkbenchError
+from workbench.linearisation import linearise
+from workbench.linearisation.transfer import transfer_function
+from workbench.operating_point import operating_point
+from workbench.plants.registry import PLANTS
+
+
+def answer(plant: str, s: complex) -> np.ndarray:
+    model = PLANTS.get(plant).model({})
+    linear = linearise(operating_point(model), verdict=False)
+    return transfer_function(linear.A, linear.B, linear.C, linear.D, s)
+
+
+def late(time: float, s: complex) -> complex:
+    return complex(np.exp(-time * s))
+
+
+@pytest.mark.parametrize(
+    ("text", "exact"),
+    [
+        ("1/(s+1)", lambda s: 1 / (s + 1)),
+        ("2 exp(-0.1 s) / (s (0.5 s + 1))", lambda s: 2 * late(0.1, s) / (s * (0.5 * s + 1))),
+        ("2e^(-0.5s)/(3s+1)^2", lambda s: 2 * late(0.5, s) / (3 * s + 1) ** 2),
+        ("-3.5E-1*(1 - 2s)/(s**2+.2s+1)", lambda s: -0.35 * (1 - 2 * s) / (s**2 + 0.2 * s + 1)),
+        ("1/s + 1/s^2", lambda s: 1 / s + 1 / s**2),
+        ("(1/2) s/(s+1) - exp(-s)/(s+2)", lambda s: 0.5 * s / (s + 1) - late(1.0, s) / (s + 2)),
+    ],
+)
+def test_a_line_means_what_it_says(text: str, exact: object) -> None:
+    s = 0.3j
+    assert callable(exact)
+    assert answer(text, s)[0, 0] == pytest.approx(exact(s), abs=1e-6)
+
+
+def test_common_factors_and_delays_have_states_once() -> None:
+    assert len(PLANTS.get("1/s + 1/s^2").model({}).states) == 2
+    # Both answers of a command come after the second that they have in common.
+    one = PLANTS.get("[exp(-s)/(s + 1); exp(-s)/(s + 2)]").model({})
+    assert len(one.states) == 5 and [q.name for q in one.outputs] == ["y_1", "y_2"]
+
+
+def test_a_column_of_a_distillation_has_rows_for_outputs() -> None:
+    """R. K. Wood and M. W. Berry, Chem. Eng. Sci. 28 (1973) 1707; times in minutes."""
+    column = (
+        "[12.8e^(-s)/(16.7s+1), -18.9e^(-3s)/(21s+1); 6.6e^(-7s)/(10.9s+1), -19.4e^(-3s)/(14.4s+1)]"
+    )
+    s = 0.05j
+    exact = [
+        [12.8 * late(1, s) / (16.7 * s + 1), -18.9 * late(3, s) / (21 * s + 1)],
+        [6.6 * late(7, s) / (10.9 * s + 1), -19.4 * late(3, s) / (14.4 * s + 1)],
+    ]
+    np.testing.assert_allclose(answer(column, s), exact, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("K/(s+1)", "'K' stands where a number, s, exp"),
+        ("1/2s", "Write 1/(2 s) or (1/2) s"),
+        ("s^2/(s+1)", "add the lag of its filter"),
+        ("1/(1+exp(-s))", "divides by what is late"),
+        ("1/(s+1", "its end stands behind '1/(s+1'"),
+        ("1/(s+1))", "')' stands behind '1/(s+1)'"),
+        ("exp(s)/(s+1)", "T above 0 s"),
+        ("1/(s-s)", "divides by zero"),
+        ("[1/s, 2/s; 3/s]", "have 2, 1 entries"),
+        ("(s+1)^0.5/s", "a whole exponent"),
+        ("1/s $", "'$' stands behind '1/s'"),
+    ],
+)
+def test_what_is_no_transfer_function_is_told_where(text: str, said: str) -> None:
+    with pytest.raises(WorkbenchError) as told:
+        PLANTS.get(text)
+    assert said in str(told.value)
+
+
+def test_matrices_go_to_matlab_and_back(tmp_path: Path, shell: Shell) -> None:
+    file = tmp_path / "axis.mat"
+    shell("linearise --plant servo-axis --out", file)
+    model = PLANTS.get(str(file)).model({"limit": 3.0})
+    assert [q.name for q in model.outputs] == ["position"]
+    assert [(q.name, q.lower, q.upper) for q in model.inputs] == [("force", -3.0, 3.0)]
+    assert [q.name for q in model.states] == ["position", "speed"]
+
+
+def test_a_line_is_designed_for(shell: Shell) -> None:
+    told = shell("verify -c plain-pid --plant 2*exp(-0.1*s)/(s*(0.5*s+1)) --limit 5").out
+    assert "step 0 to 0.25" in told and "nan" not in told
+
+
+def test_a_struct_of_matlab_says_its_delay_and_sample_time(tmp_path: Path) -> None:
+    savemat(tmp_path / "lag.mat", {"G": {"num": [2.0], "den": [3.0, 1.0], "InputDelay": 0.5}})
+    s = 0.4j
+    found = answer(str(tmp_path / "lag.mat"), s)[0, 0]
+    assert found == pytest.approx(2.0 * late(0.5, s) / (3.0 * s + 1.0), abs=1e-6)
+    held = {"a": 0.9, "b": 0.1, "c": [[1.0], [2.0]], "d": 0.0, "Ts": 0.2}
+    savemat(tmp_path / "held.mat", held)
+    sampled = PLANTS.get(str(tmp_path / "held.mat")).model({})
+    assert len(sampled.outputs) == 2
+    # Its pole keeps the time of the samples: 0.9 = exp(a h).
+    linear = linearise(operating_point(sampled), verdict=False)
+    assert linear.poles[0] == pytest.approx(np.log(0.9) / 0.2)
+
+
+def test_a_file_without_a_system_is_told(tmp_path: Path) -> None:
+    savemat(tmp_path / "data.mat", {"time": [0.0, 1.0]})
+    with pytest.raises(WorkbenchError, match="holds time, and no system"):
+        PLANTS.get(str(tmp_path / "data.mat"))
+    with pytest.raises(WorkbenchError, match="cannot read plant"):
+        PLANTS.get(str(tmp_path / "missing.mat"))
+    (tmp_path / "text.mat").write_text("A = 1")
+    with pytest.raises(WorkbenchError, match="and no system|cannot be read"):
+        PLANTS.get(str(tmp_path / "text.mat"))

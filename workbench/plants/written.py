@@ -1,0 +1,128 @@
+"""Linear plants that are written in one line, ``2 exp(-0.1 s) / (s + 1)``, or kept by MATLAB."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import WorkbenchError
+from workbench.model import Model
+from workbench.model.linear_system import model_of_system
+from workbench.model.transfer_text import system_of_text
+from workbench.plants.plant import Option, Plant
+
+_VARIABLE = re.compile(r"(?<![A-Za-z_.])s(?![A-Za-z_])")
+
+_LIMIT = Option(
+    "limit", 0.0, lower=0.0, help="largest magnitude of each command; 0 for one without limits"
+)
+
+
+def is_written(name: str) -> bool:
+    """Tell whether the name of a plant is a transfer function.
+
+    Example:
+        >>> is_written("1/(s + 1)"), is_written("servo-axis"), is_written("my_plants:s")
+        (True, False, False)
+    """
+    return ":" not in name and bool(_VARIABLE.search(name) and re.search(r"[-+*/^(]", name))
+
+
+def plant_of_text(text: str) -> Plant:
+    """Return a transfer function, or a matrix of them, as a plant; see `system_of_text`.
+
+    Raises:
+        WorkbenchError: If it is none, says where; or it differentiates, or runs ahead of time.
+
+    Example:
+        >>> model = plant_of_text("2 / (s (0.5 s + 1))").model({"limit": 5.0})
+        >>> [(q.name, q.upper) for q in model.inputs], [q.name for q in model.outputs]
+        ([('u', 5.0)], ['y'])
+    """
+    return Plant(text, partial(_model, system_of_text(text)), f"G(s) = {text}", (_LIMIT,))
+
+
+def plant_of_matlab(path: Path) -> Plant:
+    """Return the plant that a MATLAB file keeps: ``A, B, C, D`` or ``num, den``.
+
+    They stand in the file as variables or as the fields of one struct, such as that of
+    ``s = get(sys)``, with its sample time, delay and names of signals if it has them;
+    ``workbench linearise --out model.mat`` writes such a file.
+
+    Raises:
+        WorkbenchError: If there is no such file, or no system in it.
+    """
+    import control as ct
+
+    kept = _kept(path)
+    sampled = _number(kept, "Ts")
+    dt = True if sampled < 0.0 else sampled
+    if "A" in kept:
+        A, B, C, D = (np.asarray(kept.get(k, 0.0), dtype=float) for k in "ABCD")
+        # A vector has lost which way it stood.
+        n = math.isqrt(A.size)
+        B, C = B.reshape(n, -1), C.reshape(-1, n)
+        shape = len(C), B.shape[1]
+        system = ct.ss(A.reshape(n, n), B, C, D.reshape(shape) if D.any() else np.zeros(shape), dt)
+    else:
+        num, den = (np.atleast_1d(np.asarray(kept[k], dtype=float)) for k in ("num", "den"))
+        system = ct.ss(ct.tf(num, den, dt))
+    names = {
+        key: [str(v) for v in np.atleast_1d(kept[found]).ravel()]
+        for key, spellings in _NAMES.items()
+        if (found := next((k for k in spellings if k in kept), None)) is not None
+    }
+    counts = {"states": system.nstates, "inputs": system.ninputs, "outputs": system.noutputs}
+    given = {k: v for k, v in names.items() if len(v) == counts[k] and all(v)}
+    system = ct.ss(system, name=path.stem, **given)
+    late = sum(_number(kept, name) for name in ("InputDelay", "OutputDelay", "IODelay"))
+    build = partial(_model, system, delay=late * (sampled or 1.0))
+    return Plant(str(path), build, f"the linear system of {path.name}", (_LIMIT,))
+
+
+def _model(system: Any, limit: float = 0.0, delay: float = 0.0) -> Model:
+    limits = dict.fromkeys(system.input_labels, (-limit, limit)) if limit else None
+    return model_of_system(system, limits=limits, delay=delay)
+
+
+_NAMES = {
+    "states": ("states", "StateName"),
+    "inputs": ("inputs", "InputName"),
+    "outputs": ("outputs", "OutputName"),
+}
+
+
+_SPELLED = {"Numerator": "num", "Denominator": "den", **{name.lower(): name for name in "ABCD"}}
+"""Names of older versions, and those of the properties of a transfer function."""
+
+
+def _number(kept: Mapping[str, Any], name: str) -> float:
+    value = np.asarray(kept.get(name, 0.0), dtype=float).ravel()
+    return float(value[0]) if value.size else 0.0
+
+
+def _kept(path: Path) -> Mapping[str, Any]:
+    """Return what a file keeps of a system, by name."""
+    from scipy.io import loadmat
+
+    found: dict[str, Any]
+    fix = "save A, B, C, D of the system, or num and den, with save('model.mat', ..., '-v7')"
+    try:
+        found = loadmat(str(path), simplify_cells=True)
+    except OSError as error:
+        raise WorkbenchError(f"cannot read plant {str(path)!r}: {error}") from None
+    except Exception as error:  # noqa: BLE001
+        # A damaged file fails anywhere, and in its own way.
+        raise WorkbenchError(f"plant {str(path)!r} cannot be read ({error}); {fix}") from None
+    for own in (found, *(v for v in found.values() if isinstance(v, dict))):
+        kept = {_SPELLED.get(name, name): value for name, value in own.items()}
+        if {"A", "B", "C"} <= kept.keys() or {"num", "den"} <= kept.keys():
+            return kept
+    named = ", ".join(k for k in found if not k.startswith("__")) or "nothing"
+    raise WorkbenchError(f"plant {str(path)!r} holds {named}, and no system; {fix}")
