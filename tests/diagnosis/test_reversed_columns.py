@@ -60,3 +60,34 @@ def test_what_takes_a_coupling_away_is_not_reversed() -> None:
     turned = tuple(replace(s, values=-s.values) if s.name == "torque_V" else s for s in signals)
     wrong = check_recording(replace(trial, signals=turned), model=motor())
     assert with_signs_tried(motor(), wrong) is wrong and not wrong.fit
+
+
+def test_a_heater_that_answers_to_an_opened_door_is_not_reversed() -> None:
+    rng, warmth, rows = np.random.default_rng(321), 310.0, []
+    for k in range(1400):
+        opened = any(begin <= 5 * k < begin + 40 for begin in (1200, 3100, 5450))
+        heat = float(np.clip(44.0 + 60.0 * (310.0 - warmth), 0.0, 120.0))
+        rows.append([heat, warmth + rng.normal(0.0, 0.02)])
+        for _ in range(50):
+            lost = (28.5 if opened else 3.5) * (warmth - 295.0)
+            warmth += 0.1 * (heat - lost) / 9500.0
+    heater, chamber = np.array(rows).T
+    incubator = Model(
+        "incubator",
+        lambda m: (
+            {"warmth": (m.u.heater - m.p.loss * (m.x.warmth - 295.0)) / m.p.capacity},
+            {"chamber": m.x.warmth},
+        ),
+        states=(State("warmth", "K", 10.0, initial=310.0),),
+        inputs=(Input("heater", "W", lower=0.0),),
+        outputs=(Output("chamber", "K"),),
+        parameters=(
+            Parameter("loss", "W/K", value=3.0, lower=0.5, upper=10.0, fitted=True),
+            Parameter("capacity", "J/K", value=8000.0, lower=2000.0, upper=4e4, fitted=True),
+        ),
+    )
+    signals = (Signal("heater", heater, "W", role="command"), Signal("chamber", chamber, "K"))
+    trial = Recording("incubator", 5.0 * np.arange(1400), signals)
+    report = check_recording(trial, model=incubator)
+    assert not report.fit
+    assert with_signs_tried(incubator, report).fit

@@ -10,10 +10,11 @@ from workbench.recordings.checks.report import CheckReport
 
 
 def with_signs_tried(model: Model, report: CheckReport) -> CheckReport:
-    """Doubt a wrong sign with which the refitted model follows a recording better than without.
+    """Doubt a wrong sign without which the refitted model follows a recording no better.
 
-    A command that answers to what it moves, as in a drive that takes the coupling of its axes away,
-    goes with the answer of others: its own may show the other way round.
+    A command that answers to what it moves, as in a drive that takes the coupling of its axes away
+    or a heater when a door was opened, goes with the answer of others: its own may show the other
+    way round.
     """
     wrong = next((c for c in report.checks if c.values.get("turned")), None)
     if wrong is None or wrong.result != "unfit":
@@ -27,8 +28,8 @@ def with_signs_tried(model: Model, report: CheckReport) -> CheckReport:
                 replace(s, values=-s.values) if s.name == name else s for s in seen.signals
             ),
         )
-        if not clearly_likelier(told, told, [seen], [other]):
+        if clearly_likelier(told, told, [other], [seen]):
             return report
-    note = f"{wrong.note.partition(';')[0]}, but reversed the model follows it less well"
+    note = f"{wrong.note.partition(';')[0]}, but reversed the model follows it no better"
     doubt = replace(wrong, result="pass", note=note, doubt=True)
     return replace(report, checks=tuple(doubt if c is wrong else c for c in report.checks))
