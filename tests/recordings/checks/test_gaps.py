@@ -71,6 +71,23 @@ def test_a_slow_sensor_has_numbers_in_some_rows_only() -> None:
     assert report.recording.valid("angle").all()
 
 
+def test_a_command_may_be_written_where_it_changes_only() -> None:
+    held = np.repeat(np.arange(20.0), 100)[: len(TRIAL)] / 4.0
+    changes = np.diff(held, prepend=-1.0) != 0.0
+    valve = replace(TRIAL.signal("valve"), values=np.where(changes, held, np.nan))
+    report = check_recording(TRIAL.with_signal(valve))
+    assert report.check("gaps").result == "corrected"
+    assert "valve is written where it changes only" in report.check("gaps").note
+    np.testing.assert_array_equal(report.recording["valve"], held)
+    assert report.recording.valid("valve").all()
+    # A command that is written twice was lost in between, and one that begins later is unknown.
+    for row, value in ((150, held[150]), (0, np.nan)):
+        values = valve.values.copy()
+        values[row] = value
+        other = check_recording(TRIAL.with_signal(replace(valve, values=values)))
+        assert other.check("gaps").result == "unfit"
+
+
 def test_mostly_missing_signal() -> None:
     values = TRIAL["pressure_1"].copy()
     values[: len(values) // 2] = np.nan

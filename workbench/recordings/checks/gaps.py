@@ -68,6 +68,12 @@ def _longest_piece(recording: Recording) -> tuple[Recording, list[str]]:
     ]
 
 
+def _on_change(values: Vector) -> bool:
+    """Tell whether a signal is written from the first row on, and then where it is another."""
+    written = values[np.isfinite(values)]
+    return bool(np.isfinite(values[0]) and len(written) > 1 and np.all(np.diff(written) != 0.0))
+
+
 def _now_and_then(time: Vector, measured: npt.NDArray[np.bool_]) -> float:
     """Return the usual time between the samples of a slow sensor, in s; 0 if many are missing."""
     if measured.sum() < _FEWEST:
@@ -122,6 +128,11 @@ def check_gaps(recording: Recording, expected: Expected) -> Finding:
         bad = ~np.isfinite(signal.values)
         share = float(np.mean(bad))
         if not share:
+            continue
+        if signal.zero_order_hold and share > 0.5 and _on_change(signal.values):
+            row = np.maximum.accumulate(np.where(bad, 0, np.arange(len(bad))))
+            piece = piece.with_signal(replace(signal, values=signal.values[row]))
+            notes.append(f"{signal.name} is written where it changes only, and held until then")
             continue
         limit = 0.01 if signal.zero_order_hold else MAX_EXCLUDED
         slow = share > limit and not signal.zero_order_hold
