@@ -41,9 +41,10 @@ _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "+inf", "-inf", 
 _WORDS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
 _STAMP = re.compile(
     r"(?P<date>(?P<year>\d{4})([-/.])(?P<month>\d\d?)\3(?P<day>\d\d?)"
-    r"|(?P<d>\d\d?)\.(?P<m>\d\d?)\.(?P<y>\d{4}))?"
+    r"|(?P<d>\d\d?)\.(?P<m>\d\d?)\.(?P<y>\d{4})"
+    r"|(?P<us_m>\d\d?)/(?P<us_d>\d\d?)/(?P<us_y>\d{4})(?=.*[AaPp][Mm]$))?"
     r"(?:(?:(?<=\d)[T ]\s*)?(?P<clock>(?P<h>\d\d?):(?P<min>\d\d)"
-    r"(?::(?P<s>\d\d(?:[.,]\d*)?)|(?P<part>[.,]\d+))?)"
+    r"(?::(?P<s>\d\d(?:[.,]\d*)?)|(?P<part>[.,]\d+))?(?:\s?(?P<half>[AaPp])[Mm])?)"
     r"\s?(?:Z|UTC|(?P<east>[+-]\d\d):?(?P<more>\d\d))?)?"
 )
 Instant = tuple[float | None, float | None]
@@ -113,15 +114,16 @@ def instant(cell: str) -> Instant:
     Example:
         >>> instant("04.01.2000 06:00"), instant("2000-01-04T00:01:30.5Z"), instant("7:00")
         ((259200.0, 21600.0), (259200.0, 90.5), (None, 25200.0))
-        >>> instant("2000-01-04T03:00+02:00"), instant("04:59.5")
-        ((259200.0, 3600.0), (None, 299.5))
+        >>> instant("2000-01-04T03:00+02:00"), instant("04:59.5"), instant("1/4/2000 12:00:30 AM")
+        ((259200.0, 3600.0), (None, 299.5), (259200.0, 30.0))
     """
     found = _STAMP.fullmatch(cell)
     if found is None:
         return NEVER
     day = clock = None
     if found["date"]:
-        numbers = found.group(*(("year", "month", "day") if found["year"] else ("y", "m", "d")))
+        orders = ("year", "month", "day"), ("y", "m", "d"), ("us_y", "us_m", "us_d")
+        numbers = found.group(*next(order for order in orders if found[order[0]]))
         try:
             day = 86400.0 * (date(*map(int, numbers)).toordinal() - _MILLENNIUM)
         except ValueError:
@@ -132,6 +134,9 @@ def instant(cell: str) -> Instant:
             # "04:59.5", as Excel writes what is shorter than an hour.
             numbers = "0", found["h"], found["min"] + found["part"]
         hour, minute, second = (float((n or "0").replace(",", ".")) for n in numbers)
+        if found["half"]:
+            # A clock of twelve hours begins with its twelfth.
+            hour = hour % 12.0 + 12.0 * (found["half"] in "Pp")
         clock = 3600.0 * hour + 60.0 * minute + second
         if found["east"]:
             east = float(found["east"])
