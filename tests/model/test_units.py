@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from workbench.errors import WorkbenchError
-from workbench.model import Input, Output, State
+from workbench.model import Input, Model, Output, Parameter, State
 from workbench.model.units import convert, same_dimension, to_si
 from workbench.simulation.trajectory import what_moved
 
@@ -102,3 +102,16 @@ def test_g_of_an_acceleration_is_told_its_unit() -> None:
     with pytest.raises(WorkbenchError, match="same kind$"):
         Output("acceleration", "m/s2", display_unit="kg")
     assert to_si(1.0, "gn") == 9.80665
+
+
+def test_what_says_no_unit_is_a_plain_number() -> None:
+    plain = Model(
+        "plain",
+        lambda m: ({"x": m.u.u - m.p.k * m.x.x}, {"y": m.x.x}),
+        states=(State("x"),),
+        inputs=(Input("u", lower=-1.0, upper=1.0),),
+        outputs=(Output("y"),),
+        parameters=(Parameter("k", value=2.0),),
+    )
+    every = (*plain.states, *plain.inputs, *plain.outputs, *plain.parameters)
+    assert {q.unit for q in every} == {"1"}

@@ -67,13 +67,14 @@ class Quantity:
 
     Args:
         name: Name by which it is found; letters, digits, underscores and dots.
+        unit: Unit of SI, ``"1"`` of a plain number.
         scale: Typical size, in ``unit``; sets tolerances and conditioning. Where it is left out, 0,
             the model finds it in its equations (`workbench.model.sizes`).
         sized: Whether the author declared the scale.
     """
 
     name: str
-    unit: str
+    unit: str = "1"
     scale: float = 0.0
     description: str = ""
     sized: bool = field(default=True, kw_only=True)
