@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import itertools
 import math
+from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
@@ -187,15 +188,17 @@ def test_every_law_of_the_library_follows_the_units(
         assert other[name] == pytest.approx(values, rel=1e-6, abs=1e-9), name
 
 
-def test_a_bearing_that_sticks_at_the_start_is_sized_where_it_slides() -> None:
-    def equations(m: Scope) -> Equations:
-        import casadi as ca
-
-        return {"v": m.u.force - 0.2 * ca.tanh(m.x.v / 1e-3) - 0.5 * m.x.v}, {"speed": m.x.v}
-
+@pytest.mark.parametrize(
+    "sign",
+    [lambda v: ca.tanh(v / 1e-3), lambda v: v / (ca.fabs(v) + 1e-3)],
+    ids=["at once", "ever less"],
+)
+def test_a_bearing_that_sticks_at_the_start_is_sized_where_it_slides(
+    sign: Callable[[ca.SX], ca.SX],
+) -> None:
     made = Model(
         "bearing",
-        equations,
+        lambda m: ({"v": m.u.force - 0.2 * sign(m.x.v) - 0.5 * m.x.v}, {"speed": m.x.v}),
         states=(State("v", "m/s"),),
         inputs=(Input("force", "N", lower=-1.0, upper=1.0),),
         outputs=(Output("speed", "m/s"),),

@@ -18,7 +18,7 @@ from workbench.model.trace import Trace
 
 Named = TypeVar("Named", State, Input, Output)
 
-_ROUNDS = 4
+_ROUNDS = 6
 """Times that the motion is followed to where the sizes of the last round lead: a bearing that
 sticks at the start slides there."""
 
