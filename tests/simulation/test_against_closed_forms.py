@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -101,20 +104,21 @@ def test_other_parameter_values_need_no_other_model() -> None:
     assert stiff.values == pytest.approx([60.0, 0.1])
 
 
-def sled() -> Model:
+def sled(sign: Callable[[Any], Any]) -> Model:
     """A sled whose dry friction is written as a sign."""
     return Model(
         "sled",
-        lambda m: ({"x": m.x.v, "v": m.u.f - 0.5 * np.sign(m.x.v) - 0.1 * m.x.v}, {"x": m.x.x}),
+        lambda m: ({"x": m.x.v, "v": m.u.f - 0.5 * sign(m.x.v) - 0.1 * m.x.v}, {"x": m.x.x}),
         states=(State("x", "m"), State("v", "m/s")),
         inputs=(Input("f", "N", lower=-10.0, upper=10.0),),
         outputs=(Output("x", "m"),),
     )
 
 
-def test_what_sticks_by_a_sign_is_held() -> None:
+@pytest.mark.parametrize("sign", [np.sign, lambda v: np.copysign(1.0, v)], ids=["sign", "copysign"])
+def test_what_sticks_by_a_sign_is_held(sign: Callable[[Any], Any]) -> None:
     push = np.repeat([0.3, 5.0, 0.2, -0.4], [10, 10, 180, 100])
-    run = simulate(sled(), push, sample_time=0.1)
+    run = simulate(sled(sign), push, sample_time=0.1)
     # Pushed for 1 s by 4.5 N more than holds it, it is slowed down by 0.3 N more than 0.1 v.
     fast = 45.0 * -np.expm1(-0.1)
     gone = 45.0 - 3.0 * 10.0 * np.log1p(fast / 3.0)

@@ -161,9 +161,11 @@ def with_rounded_signs(expression: ca.SX, x: ca.SX, width: float) -> ca.SX:
     """
 
     def rounded(op: int, of: Sequence[ca.SX], value: ca.SX) -> ca.SX:
-        if op != ca.OP_SIGN or not ca.depends_on(of[0], x):
+        at = of[-1]
+        if op not in (ca.OP_SIGN, ca.OP_COPYSIGN) or not ca.depends_on(at, x):
             return value
-        return ca.tanh(of[0] / (width * ca.sum2(ca.fabs(ca.jacobian(of[0], x))) + 1e-300))
+        size = ca.fabs(of[0]) if op == ca.OP_COPYSIGN else 1.0
+        return size * ca.tanh(at / (width * ca.sum2(ca.fabs(ca.jacobian(at, x))) + 1e-300))
 
     return _rewritten([expression], rounded)[0]
 

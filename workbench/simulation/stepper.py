@@ -108,5 +108,6 @@ class Stepper:
         return NumericalError(
             f"the {self.method} integrator of {self.model.name!r} gave up: more than {MOST_STEPS}"
             " steps in a sample, or numbers that are not finite; the states or the parameters have"
-            f" left the range of the model{stiff}"
+            f" left the range of the model{stiff}, or it sticks where a condition jumps, as of"
+            " np.where(v > 0, 1, -1): take np.sign(v)"
         )
