@@ -1,8 +1,8 @@
 """Hysteresis of muscles and at any effort: soft, curved loops with memory.
 
 Spring-and-slip elements are elasto-plastic and slip after ``breakaway spread^(i-1)`` of motion. One
-element is a spring behind a dry contact; five equal ones with a spread of two cover break-aways
-from one to sixteen times the smallest, as the curved loops of muscles need. The loop of Bouc and
+element is a spring behind a dry contact; eight equal ones with a spread of 1.6 cover break-aways
+from one to 27 times the smallest, as the curved loops of muscles need. The loop of Bouc and
 Wen is Dahl's law with the exponent 1; larger exponents turn more sharply.
 """
 
@@ -11,82 +11,83 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from workbench.model import EffectView, PortView, State
-from workbench.model.regularisation import EXACT, Expression, Form, minimum
+from workbench.model.regularisation import EXACT, Expression, Form
 from workbench.physics.law import Law, Own, Rates, each, floor, rounding, shape, size, twins
 from workbench.physics.place import RESISTED, Place
 
-SHARPNESS = 6
-"""Exponent of the turn into slip: the larger, the closer to a spring behind a dry contact."""
-
 FLOOR_S = 1e-3
-"""Time, in s, than which no element is faster at high speed, so that explicit integrators with
-steps of that length stay stable. The break-away is stretched by ``SHARPNESS speed floor``, which
-matters only where the element slips anyway."""
+"""Time, in s, in which a contact that slips lets go of what it was stretched too far, so that
+explicit integrators with steps of that length stay stable."""
 
-_FARTHEST = 1.1
+_CORNER = 0.01
+"""Stretch, over that at which a contact slips, within which its regularised form begins to."""
 
 
-def elastoplastic_rate(
+def stretched(z: Expression, form: Form = EXACT) -> Expression:
+    """Return the force of a spring behind a dry contact over that at which it slips, dimensionless.
+
+    It is clip(z, -1, 1).
+
+    Args:
+        z: Its stretch over that at which the contact slips, dimensionless; see `stretch_rate`.
+    """
+    return z - _beyond(z, form)
+
+
+def stretch_rate(
     v: Expression,
     z: Expression,
     breakaway: Expression,
-    width: float,
     *,
-    floor: Expression = FLOOR_S,
+    time: Expression = FLOOR_S,
     form: Form = EXACT,
 ) -> Expression:
-    """Return the rate, in 1/s, of an elasto-plastic deflection relative to its break-away.
+    """Return the rate, in 1/s, of the stretch of a spring behind a dry contact.
 
-    ``dz/dt = v (1 - max(0, z sign v)^n) / breakaway``: elastic with slope 1 / breakaway when
-    unloading, saturating at 1 when loading. For n to infinity it is the stop operator, a spring in
-    series with a dry contact. It is rate independent up to 1 / floor.
+    ``dz/dt = v / breakaway - (z - clip(z, -1, 1)) / time``; for time to 0 it is the stop operator.
+    A motion that turns slowly against ``time`` is remembered as by that, however fast it was.
 
     Args:
         v: Speed of the motion, in any unit per second.
-        z: Deflection over break-away, -1..1, dimensionless.
-        breakaway: Motion after which the element slips, in the unit of the motion.
-        width: Speed within which the regularised form rounds the reversal, in the unit of ``v``.
-        floor: Time than which the element is not faster, in s.
+        z: Stretch over that at which the contact slips, dimensionless.
+        breakaway: Motion after which it slips, in the unit of the motion.
+        time: Time in which the contact gives way, in s.
 
     Source:
-        P. A. Bliman and M. Sorine 1995; Dupont et al., IEEE TAC 47 (2002).
+        Krasnosel'skii and Pokrovskii 1989, stop operator; P. Perzyna 1966 for the time.
     """
-    forward, backward = form.ramp(v, width), form.ramp(-v, width)
-    # The ramps of z need no rounding: their sixth power is smooth at zero.
-    # A filter may correct z beyond 1; from there it comes back at a limited rate.
-    loaded = minimum(EXACT.ramp(z, 1.0), _FARTHEST) ** SHARPNESS
-    pulled = minimum(EXACT.ramp(-z, 1.0), _FARTHEST) ** SHARPNESS
-    reach = breakaway + (forward + backward) * (SHARPNESS * floor)
-    return (v - forward * loaded + backward * pulled) / reach
+    return v / breakaway - _beyond(z, form) / time
+
+
+def _beyond(z: Expression, form: Form) -> Expression:
+    return form.ramp(z - 1.0, _CORNER) - form.ramp(-z - 1.0, _CORNER)
 
 
 _MUSCLE_WIDTH = 1e-5
 """Speed of a muscle, in m/s, within which the regularised form rounds the reversal."""
 
-_SPREAD = 2.0
-_ELEMENTS = 5
+_SPREAD = 1.6
+_ELEMENTS = 8
 
 
 def _mean_slip(at: PortView, count: int) -> Expression:
     weights = [1.0, *(at.p[f"weight_{i + 1}"] for i in range(1, count))]
-    slips = [at.x[f"slip_{i + 1}"] for i in range(count)]
+    slips = [stretched(at.x[f"slip_{i + 1}"], at.form) for i in range(count)]
     return sum(w * z for w, z in zip(weights, slips, strict=True)) / sum(weights)
 
 
 def _slip_rates(
-    count: int, speed: str, regular: Callable[[EffectView], tuple[Expression, Expression]]
+    count: int, speed: str, time: Callable[[EffectView], Expression] = lambda e: FLOOR_S
 ) -> Rates:
-    """Return the rates of the elements, with the speed and the time that keep them regular."""
+    """Return the rates of the elements, which let go in a time in s."""
 
     def rates(e: EffectView) -> dict[str, Expression]:
-        width, time = regular(e)
         return {
-            f"slip_{i + 1}": elastoplastic_rate(
+            f"slip_{i + 1}": stretch_rate(
                 e.here.signals[speed],
                 e.x[f"slip_{i + 1}"],
                 e.p.breakaway * (e.p.spread**i if i else 1.0),
-                width,
-                floor=time,
+                time=time(e),
                 form=e.form,
             )
             for i in range(count)
@@ -97,7 +98,7 @@ def _slip_rates(
 
 def _states(count: int) -> tuple[State, ...]:
     return tuple(
-        State(f"slip_{i + 1}", "1", 1.0, f"deflection of element {i + 1}", 0.0, -1.05, 1.05, 0.5)
+        State(f"slip_{i + 1}", "1", 1.0, f"stretch of element {i + 1}", start_rms=0.5)
         for i in range(count)
     )
 
@@ -134,7 +135,7 @@ def muscle_slip(elements: int = _ELEMENTS) -> Law:
         ),
         transform,
         states=lambda at: _states(elements),
-        rates=_slip_rates(elements, "contraction_speed", lambda e: (_MUSCLE_WIDTH, FLOOR_S)),
+        rates=_slip_rates(elements, "contraction_speed"),
         dry=True,
         source="W. D. Iwan 1966; Vo-Minh, Tjahjowidodo, Ramon and Van Brussel, Mechatronics 20"
         " (2010)",
@@ -159,12 +160,11 @@ def prandtl_ishlinskii(elements: int = _ELEMENTS) -> Law:
             shape("breakaway", at.coordinate.unit, 2e-3 * at.coordinate.scale,
                   "motion after which the first element slips", around=(0.05, 20.0)),
             *_elements(elements),
-            rounding(at),
             floor(at, 0.5),
         ),
         lambda at: at.value - at.p.level * _mean_slip(at, elements),
         states=lambda at: _states(elements),
-        rates=_slip_rates(elements, "speed", lambda e: (e.p.rounding_speed, e.p.floor)),
+        rates=_slip_rates(elements, "speed", lambda e: e.p.floor),
         shapes=breakaways,
         dry=True,
         usual=True,

@@ -9,7 +9,7 @@ import casadi as ca
 from workbench.model import EffectView, Names, PortView, State
 from workbench.model.regularisation import Expression, maximum
 from workbench.model.units import same_dimension
-from workbench.physics.hysteresis import elastoplastic_rate
+from workbench.physics.hysteresis import stretch_rate, stretched
 from workbench.physics.law import (
     Law,
     Own,
@@ -27,20 +27,17 @@ from workbench.physics.saturation import cut_off, passing, share_of_sign
 
 play = Law(
     "play",
-    "y = u - w z, z elasto-plastic with reach w",
+    "y = u - w clip(z, -1, 1), z the stretch of a spring behind a dry contact that slips at w",
     each("spool", needs=("speed",)),
     lambda at: (
         size("half_width", at.unit, 0.03 * at.scale, 0.5 * at.scale, "half of the slack"),
         shape("floor", at.unit, 0.005 * at.scale, "motion added to the reach", fitted=False),
     ),
-    lambda at: at.value - at.p.half_width * at.x.slack,
-    states=lambda at: (
-        State("slack", "1", 1.0, "slack taken up, -1 to 1", 0.0, -1.05, 1.05, 0.5),
-    ),
+    lambda at: at.value - at.p.half_width * stretched(at.x.slack, at.form),
+    states=lambda at: (State("slack", "1", 1.0, "slack taken up, -1 to 1", start_rms=0.5),),
     rates=lambda e: {
-        "slack": elastoplastic_rate(
-            e.here.signals.speed, e.x.slack, e.p.half_width + e.p.floor, 0.01 * e.p.floor,
-            form=e.form,
+        "slack": stretch_rate(
+            e.here.signals.speed, e.x.slack, e.p.half_width + e.p.floor, form=e.form
         )
     },
     dry=True,
@@ -53,16 +50,14 @@ play = Law(
 spool_hysteresis = replace(
     play,
     name="spool_hysteresis",
-    equation="y = u - w z, z elasto-plastic",
+    equation="y = u - w clip(z, -1, 1), z the stretch of a spring behind a dry contact",
     parameters=lambda at: (
         size("half_width", at.unit, 0.02 * at.scale, 0.5 * at.scale, "half of the loop"),
         shape("reach", at.unit, 0.05 * at.scale, "motion over which the loop turns",
               around=(0.1, 20.0)),
     ),
     rates=lambda e: {
-        "slack": elastoplastic_rate(
-            e.here.signals.speed, e.x.slack, e.p.reach, 0.001 * 0.05 * e.here.scale, form=e.form
-        )
+        "slack": stretch_rate(e.here.signals.speed, e.x.slack, e.p.reach, form=e.form)
     },
     usual=False,
     source="manufacturer: hysteresis at most 0.4 % of stroke",

@@ -142,7 +142,7 @@ def test_play_holds_until_its_slack_is_taken_up() -> None:
     effect = play("valve.spool", half_width=0.1, floor=1e-3)
     model = bench(effect, "V", "speed")
     turns = [0.0, 1.0, 0.0]
-    path, ends, times = triangle(turns, 0.01)
+    path, ends, times = triangle(turns, 1.0)
     u = np.interp(times, ends, turns)
     y = run(model, lambda t: {**path(t), "value": float(np.interp(t, ends, turns))}, times)
     up, down = slice(20, 80), slice(110, 160)
@@ -205,7 +205,7 @@ def test_a_loop_of_a_held_command_remembers_its_turning_points() -> None:
 def test_spool_hysteresis_has_the_width_of_its_loop() -> None:
     model = bench(spool_hysteresis("valve.spool", half_width=0.02, reach=0.05), "V", "speed")
     turns = [0.0, 1.0, -1.0, 1.0]
-    path, ends, times = triangle(turns, 0.05)
+    path, ends, times = triangle(turns, 2.0)
     u = np.interp(times, ends, turns)
     y = run(model, lambda t: {**path(t), "value": float(np.interp(t, ends, turns))}, times)
     falling = np.interp(0.0, -u[80:160], y[80:160])
