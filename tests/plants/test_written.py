@@ -12,6 +12,7 @@ from tests.shell import Shell
 from workbench.errors import WorkbenchError
 from workbench.linearisation import linearise
 from workbench.linearisation.transfer import transfer_function
+from workbench.model.linear_system import with_free_coefficients
 from workbench.operating_point import operating_point
 from workbench.plants.registry import PLANTS
 
@@ -48,6 +49,12 @@ def test_common_factors_and_delays_have_states_once() -> None:
     # Both answers of a command come after the second that they have in common.
     one = PLANTS.get("[exp(-s)/(s + 1); exp(-s)/(s + 2)]").model({})
     assert len(one.states) == 5 and [q.name for q in one.outputs] == ["y_1", "y_2"]
+
+
+def test_what_stands_for_a_delay_is_no_coefficient_to_refit() -> None:
+    late, prompt = (PLANTS.get(text).model({}) for text in ("exp(-s)/(2 s + 1)", "1/(2 s + 1)"))
+    assert with_free_coefficients(late) is late
+    assert with_free_coefficients(prompt).parameters
 
 
 def test_a_column_of_a_distillation_has_rows_for_outputs() -> None:

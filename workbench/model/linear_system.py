@@ -177,7 +177,7 @@ def model_of_system(
             _rows(D),
             (states, inputs, outputs),
             float(sampled),
-            late=len(A) > len(given.A),
+            late=len(A) > len(given.A) or getattr(system, "late", False),
         ),
         states=tuple(State(name, "1") for name in states),
         inputs=tuple(
@@ -282,7 +282,9 @@ def late_system(rows: Sequence[Sequence[Sequence[Late]]], what: str) -> Any:
             assert whole is not None
             entries.append(whole)
         table.append(_block(entries, stacked=False))
-    return ct.ss(*_in_series(_block(table, stacked=True), _late(common)), name="linear system")
+    found = ct.ss(*_in_series(_block(table, stacked=True), _late(common)), name="linear system")
+    found.late = any(term.delay for row in rows for entry in row for term in entry)
+    return found
 
 
 def _parts(system: Any) -> Parts:

@@ -34,7 +34,9 @@ def system_of_text(text: str) -> Any:
 
     found = late_system(_Parser(text).rows(), f"transfer function {text!r}")
     names = {"inputs": _numbered("u", found.ninputs), "outputs": _numbered("y", found.noutputs)}
-    return ct.ss(found, name="linear system", **names)
+    named = ct.ss(found, name="linear system", **names)
+    named.late = found.late
+    return named
 
 
 def _numbered(letter: str, count: int) -> list[str]:
