@@ -19,6 +19,7 @@ from workbench.diagnosis.conclude import (
     _differs,
     _rest,
     _still_off,
+    _too_quick,
     conclude,
 )
 from workbench.diagnosis.selection.held_out import explained
@@ -305,6 +306,26 @@ def test_what_may_be_the_rest_of_a_larger_finding_is_doubted(
     assert _beside_larger(found, 0) == ()
     said = " ".join(_beside_larger(found, 1))
     assert said.startswith("it is 5 % of coulomb friction at") if doubted else said == ""
+
+
+@pytest.mark.parametrize(("samples", "std", "doubted"), [
+    (0.5, 0.01, True),
+    (2.0, 1.0, True),
+    (2.0, 0.1, False),
+    (1e4, 1e4, False),
+])  # fmt: skip
+def test_a_memory_that_may_be_shorter_than_a_sample_is_doubted(
+    samples: float, std: float, doubted: bool
+) -> None:
+    given, _ = example_diagnosis()
+    sample = given.prepared.fitting[0].sample_time
+    own = {
+        "time_constant": Value(samples * sample, "s", std * sample),
+        "time": Value(0.0, "s", 0.0),
+    }
+    said = " ".join(_too_quick(given, own))
+    assert said.startswith("its time constant may be shorter than a sample, ") == doubted
+    assert bool(said) == doubted
 
 
 def test_what_differs_by_recording_is_doubted_where_more_is_left_out() -> None:

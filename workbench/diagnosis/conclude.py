@@ -47,6 +47,9 @@ _LEAST_ALIKE = 0.1
 _FURTHER = 0.1
 """Part of its range by which an input goes further than where it was fitted to be told."""
 
+_SURE_OF = 3.0
+"""Standard deviations within which a time constant must be longer than a sample."""
+
 _LEAST_WEIGHT = 0.005
 """Weight below which a set of effects is not worth a line."""
 
@@ -375,7 +378,8 @@ def _finding(
     texts = (q.effect.about.separated_by.partition(":")[0] for q in members)
     deciding = dict.fromkeys(text for text in texts if text)
     # What was found is doubted alone, and together with all else.
-    doubts = (*candidate.doubts, *_beside_larger(diagnosis, index), *together)
+    own = (*_too_quick(diagnosis, parameters), *_beside_larger(diagnosis, index))
+    doubts = (*candidate.doubts, *own, *together)
     # A law that is either there or not is told by its other numbers.
     told = {entry.size_parameter: size} if size else parameters
     text = (
@@ -459,6 +463,20 @@ def _still_missing(diagnosis: Diagnosis) -> tuple[str, ...]:
         return ()
     place = after.best.replace("_", " ")
     return (f"beside it {100 * share:.0f} % of what was missing is still missing, at {place}",)
+
+
+def _too_quick(diagnosis: Diagnosis, own: Mapping[str, Value]) -> tuple[str, ...]:
+    """Doubt a memory that may last no longer than a sample: without one it is another law.
+
+    A time constant is known by factors, so that one beyond what was recorded is no doubt.
+    """
+    sample = max(seen.sample_time for seen in diagnosis.prepared.fitting)
+    return tuple(
+        f"its {name.replace('_', ' ')} may be shorter than a sample, {in_time(sample)}"
+        for name, q in own.items()
+        if name.endswith("time_constant")
+        and q.value * math.exp(-_SURE_OF * q.std / q.value) < sample
+    )
 
 
 def _beside_larger(diagnosis: Diagnosis, index: int) -> tuple[str, ...]:
