@@ -333,3 +333,20 @@ def test_a_lake_that_seems_empty_is_as_deep_as_its_gauge_says() -> None:
     seen = lake.sized_by({"inflow": 10.0, "gauge": 1.2})
     assert seen.states[0].scale == seen.outputs[0].scale == 1.2
     assert lake.sized_by({"inflow": 10.0, "gauge": 1e-4}) == lake.sized_by({"inflow": 10.0})
+
+
+def test_what_grows_is_not_waited_for_where_drag_slows_its_growth() -> None:
+    """A boat that its own compression sinks, by a pump, against the square of its speed."""
+
+    def equations(m: Scope) -> Equations:
+        drag = 0.05 * m.x.w * np.abs(m.x.w) + 0.002 * m.x.w
+        heavy = 5e-5 * (m.x.ballast + 0.5 * (m.x.depth - 50.0))
+        return {"depth": m.x.w, "w": heavy - drag, "ballast": m.u.pump}, {"depth": m.x.depth}
+
+    states = State("depth", "m", initial=50.0), State("w", "m/s"), State("ballast", "kg")
+    pump = Input("pump", "kg/s", lower=-20.0, upper=20.0)
+    boat = Model("boat", equations, states, (pump,), (Output("depth", "m"),))
+    # 20 kg/s in the time of its growth, 250 s, sink it at about 2 m/s: (0.25 / 0.05)^0.5.
+    depth, speed, _ = boat.states
+    assert 1.0 < speed.scale < 4.0
+    assert 100.0 < depth.scale < 1000.0

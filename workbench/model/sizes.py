@@ -98,6 +98,7 @@ def sizes(
     of_x = declared.copy()
     at_rest: list[Vector] = []
     found: list[list[Vector]] = []
+    growth = 0.0
     for _ in range(_ROUNDS):
         responses, measured, passed, answering = [], [], [], np.zeros(len(u), dtype=bool)
         for sign in (0.0, 1.0, -1.0):
@@ -109,7 +110,9 @@ def sizes(
             if not np.isfinite(rates).all() or np.any(answering & ~answers):
                 continue
             answering = answering | answers
-            responses.append(response(rates[:, :n_x], rates[:, n_x:], of_u, known))
+            if not found and not sign:
+                growth = float(poles_of(rates[:, :n_x]).real.max(initial=0.0))
+            responses.append(response(rates[:, :n_x], rates[:, n_x:], of_u, known, growth))
             moved = np.concatenate([np.where(declared > 0.0, declared, responses[-1]), of_u])
             measured.append(seen(outputs, sign * moved) if sign else np.abs(outputs) @ moved)
             passed.append(np.abs(ports) @ moved)
@@ -205,14 +208,18 @@ _NULL = 1e-13
 """Singular value, as a share of the largest, that rounding leaves of zero."""
 
 
-def response(a: Vector, b: Vector, of_u: Vector, known: Vector) -> Vector:
+def response(a: Vector, b: Vector, of_u: Vector, known: Vector, growth: float = 0.0) -> Vector:
     """Return the largest response over the paces of a linear model, shape (n_states,), in SI.
 
     Integrators alone have the pace at which inputs move them as far as is known of one of them, in
     SI, 0 of those of which nothing is; 1 rad/s if of none.
+
+    Args:
+        growth: Rate, in 1/s, at which the plant grows where it starts: by what grows more slowly
+            where it would get to, nobody waits for it.
     """
     poles = poles_of(a)
-    paces = np.abs(poles)
+    paces = np.where(poles.real > 0.0, np.maximum(np.abs(poles), growth), np.abs(poles))
 
     def at(pace: float) -> Vector:
         shown = np.linalg.solve(_beside(pace, poles) * np.eye(len(a)) - a, b)
