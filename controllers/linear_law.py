@@ -48,6 +48,10 @@ def linear_law(
     Its law must be smooth there.
     """
     controller = unguarded(controller)
+    if rest := getattr(controller, "rest_output", ()):
+        # What is linear between the ends of its commands may rest at one of them elsewhere.
+        measurement = rest
+        reference = rest[: len(controller.controlled)] * (1 + controller.preview)
     if hasattr(controller, "linear_law"):
         return _differentiated(controller, measurement, reference)
     return _differenced(controller, measurement, reference)

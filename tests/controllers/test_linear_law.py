@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
+import control as ct
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from controllers import cascade_pid
 from controllers.joint.schedule import JointSchedule
 from controllers.linear_law import linear_law
 from controllers.named_state import flat, restored
+from controllers.plain.state_feedback import LQISpecification, design_lqi
 from tests.controllers.families import family
 from workbench.linearisation import LinearModel
 
@@ -79,3 +82,12 @@ def test_states_keep_their_form() -> None:
     pid = cascade_pid(6e5, 2e6, 1e5, inner=2e-6)
     state = pid.initial_state((0.5, 4e5, 3e5))
     assert restored(state, flat(state)) == state
+
+
+def test_a_law_that_ends_elsewhere_is_the_same_between_its_ends() -> None:
+    # What feeds the level 2 asks for is twice what the command has.
+    law = design_lqi(ct.ss(-1.0, 1.0, 1.0, 0.0), LQISpecification(sample_time=0.01))
+    law = replace(law, upper=(1.0,))
+    two = linear_law(law, (0.0,), (0.0,)), linear_law(law, (2.0,), (2.0,))
+    for here, elsewhere in zip(*two, strict=True):
+        np.testing.assert_array_equal(here, elsewhere)
