@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -127,6 +129,14 @@ def test_a_command_that_is_stamped_a_little_late_is_not_a_sample_late() -> None:
     recording = Recording("loop", late, (Signal("u", rng.normal(size=400), role="command"),))
     even = resample(recording, times=np.linspace(late[0], late[-1], 400))
     assert np.allclose(even["u"], recording["u"], atol=0.2)
+
+
+def test_a_clock_that_counts_since_1970_moves_no_command() -> None:
+    time = 0.25 * np.arange(80)
+    recording = Recording("robot", time, (Signal("u", time // 2.0, role="command"),))
+    there = resample(recording, rate_Hz=3.0)
+    later = resample(replace(recording, time=time + 2.0**31), rate_Hz=3.0)
+    assert np.allclose(later["u"], there["u"], atol=1e-5)
 
 
 @pytest.mark.parametrize(

@@ -162,8 +162,9 @@ def _pace(recording: Recording) -> float:
 
 def _held(values: Vector, time: Vector, times: Vector) -> Vector:
     """Return what is held between instants: the mean, where it changes before the next one."""
-    # The small allowance keeps a sample that rounding moved just behind its own instant.
-    slack = 1e-9 * float(np.max(np.abs(time)))
+    # The small allowance keeps a sample that rounding moved just behind its own instant. A part of
+    # instants since 1970 would be seconds.
+    slack = max(1e-9 * float(np.ptp(time)), 4.0 * float(np.spacing(np.max(np.abs(time)))))
     index = np.clip(np.searchsorted(time, times + slack, side="right") - 1, 0, None)
     held: Vector = values[index]
     last = np.append(np.searchsorted(time, times[1:] - slack, side="left") - 1, index[-1])
