@@ -72,7 +72,7 @@ def test_a_slow_sensor_has_numbers_in_some_rows_only() -> None:
 
 
 def test_a_command_may_be_written_where_it_changes_only() -> None:
-    held = np.repeat(np.arange(20.0), 100)[: len(TRIAL)] / 4.0
+    held = np.repeat(np.arange(20.0), 10 * [60, 140])[: len(TRIAL)] / 4.0
     changes = np.diff(held, prepend=-1.0) != 0.0
     valve = replace(TRIAL.signal("valve"), values=np.where(changes, held, np.nan))
     report = check_recording(TRIAL.with_signal(valve))
@@ -86,6 +86,19 @@ def test_a_command_may_be_written_where_it_changes_only() -> None:
         values[row] = value
         other = check_recording(TRIAL.with_signal(replace(valve, values=values)))
         assert other.check("gaps").result == "unfit"
+
+
+def test_a_command_may_have_messages_of_its_own() -> None:
+    """A log that joins topics holds in each row what one of them said."""
+    held = np.repeat(np.arange(len(TRIAL) // 4 + 1.0) % 3, 4)[: len(TRIAL)]
+    written = np.arange(len(TRIAL)) % 4 == 0
+    written[0] = False
+    valve = replace(TRIAL.signal("valve"), values=np.where(written, held, np.nan))
+    report = check_recording(TRIAL.with_signal(valve))
+    assert "valve is written every" in report.check("gaps").note
+    # What was commanded before the first message nobody knows.
+    np.testing.assert_array_equal(report.recording["valve"], held[4:])
+    assert report.recording.valid("valve").all()
 
 
 def test_mostly_missing_signal() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -14,6 +15,7 @@ from workbench.recordings.checks.check import MAX_EXCLUDED, Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.noise import white_rms
 from workbench.recordings.recording import Recording, Span
+from workbench.recordings.resampling import resample
 
 FILLED_ROWS = 5
 """Missing rows in a row that are interpolated; a longer gap splits the recording."""
@@ -47,9 +49,13 @@ def gap_limit(time: Vector) -> float:
         time: Increasing instants, shape (n,), in s.
     """
     steps = np.diff(time)
-    usual = float(np.median(steps))
-    low, high = np.quantile(steps, [0.05, 0.95])
-    return usual * (1.5 if high - low < 0.2 * usual else max(3.0, 1.5 * high / usual))
+    usual, high = (float(q) for q in np.quantile(steps, [0.5, 0.95]))
+    return usual * (1.5 if _regular(steps) else max(3.0, 1.5 * high / usual))
+
+
+def _regular(steps: Vector) -> bool:
+    low, usual, high = np.quantile(steps, [0.05, 0.5, 0.95])
+    return bool(high - low < 0.2 * usual)
 
 
 def _longest_piece(recording: Recording) -> tuple[Recording, list[str]]:
@@ -72,6 +78,23 @@ def _on_change(values: Vector) -> bool:
     """Tell whether a signal is written from the first row on, and then where it is another."""
     written = values[np.isfinite(values)]
     return bool(np.isfinite(values[0]) and len(written) > 1 and np.all(np.diff(written) != 0.0))
+
+
+def _held(values: Vector) -> Vector:
+    rows = np.where(np.isfinite(values), np.arange(len(values)), 0)
+    return np.asarray(values[np.maximum.accumulate(rows)])
+
+
+def _where_measured(
+    recording: Recording, commands: Sequence[str], measured: npt.NDArray[np.bool_]
+) -> Recording:
+    """Keep the rows that hold a measurement and follow a first message of each command."""
+    rows = measured & np.all([np.isfinite(recording[c]) for c in commands], axis=0)
+    there = resample(recording.select(commands), times=recording.time[rows])
+    kept = recording.take(rows)
+    for name in commands:
+        kept = kept.with_signal(there.signal(name))
+    return kept
 
 
 def _now_and_then(time: Vector, measured: npt.NDArray[np.bool_]) -> float:
@@ -124,19 +147,25 @@ def check_gaps(recording: Recording, expected: Expected) -> Finding:
         return Finding("unfit", notes[0] + "; less than half is left, split the file")
     piece, more = _missing_rows(piece)
     notes += more
+    measured = np.any([np.isfinite(piece[m]) for m in piece.measurements], axis=0)
+    messages: list[str] = []
     for signal in piece.signals:
         bad = ~np.isfinite(signal.values)
         share = float(np.mean(bad))
         if not share:
             continue
         if signal.zero_order_hold and share > 0.5 and _on_change(signal.values):
-            row = np.maximum.accumulate(np.where(bad, 0, np.arange(len(bad))))
-            piece = piece.with_signal(replace(signal, values=signal.values[row]))
+            piece = piece.with_signal(replace(signal, values=_held(signal.values)))
             notes.append(f"{signal.name} is written where it changes only, and held until then")
             continue
         limit = 0.01 if signal.zero_order_hold else MAX_EXCLUDED
-        slow = share > limit and not signal.zero_order_hold
-        if slow and (every := _now_and_then(piece.time, ~bad)):
+        every = _now_and_then(piece.time, ~bad) if share > limit else 0.0
+        if every and signal.zero_order_hold and _regular(np.diff(piece.time[~bad])):
+            piece = piece.with_signal(replace(signal, values=_held(signal.values)))
+            messages.append(signal.name)
+            notes.append(f"{signal.name} is written every {in_time(every)}, and held until then")
+            continue
+        if every and not signal.zero_order_hold:
             piece = filled(piece, signal.name, bad, "not recorded")
             notes.append(f"{signal.name} is measured every {in_time(every)} only")
             continue
@@ -158,6 +187,8 @@ def check_gaps(recording: Recording, expected: Expected) -> Finding:
             f"longest stretch at {piece.time[longest[0]]:.6g} s "
             f"({longest[1] - longest[0] + 1} samples)"
         )
+    if messages:
+        piece = _where_measured(piece, messages, measured)
     if not piece.signals:
         return Finding("unfit", f"no signal is left: {'; '.join(notes)}")
     if notes:
