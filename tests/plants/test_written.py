@@ -120,6 +120,19 @@ def test_a_struct_of_matlab_says_its_delay_and_sample_time(tmp_path: Path) -> No
     assert linear.poles[0] == pytest.approx(np.log(0.9) / 0.2)
 
 
+def test_a_text_of_octave_holds_matrices(tmp_path: Path) -> None:
+    sizes = "# rows: 2\n# columns: 2\n"
+    (tmp_path / "lag.mat").write_text(
+        "# Created by Octave 8.4.0\n"
+        f"# name: A\n# type: matrix\n{sizes} -1 3\n 0 -2\n\n\n"
+        f"# name: B\n# type: diagonal matrix\n{sizes}1\n4\n\n\n"
+        "# name: C\n# type: matrix\n# rows: 1\n# columns: 2\n 1 0\n\n\n"
+    )
+    s = 0.4j
+    found = answer(str(tmp_path / "lag.mat"), s)
+    assert found == pytest.approx(np.array([[1.0, 12.0 / (s + 2.0)]]) / (s + 1.0))
+
+
 def test_a_file_without_a_system_is_told(tmp_path: Path) -> None:
     savemat(tmp_path / "data.mat", {"time": [0.0, 1.0]})
     with pytest.raises(WorkbenchError, match="holds time, and no system"):

@@ -426,3 +426,57 @@ def test_a_sampling_rate_above_the_table_gives_its_instants(tmp_path: Path, line
     path = tmp_path / "trial.csv"
     path.write_text("\n".join([line, "qm,vir", *(f"{q},0" for q in POSITION)]))
     assert read_recording(path).time == pytest.approx(TIME)
+
+
+def test_a_stamp_of_seconds_and_nanoseconds_is_one_time(tmp_path: Path) -> None:
+    path = tmp_path / "trial.csv"
+    rows = (f"{1_700_000_000 + k // 4},{k % 4 * 250_000_000},{k}" for k in range(60))
+    path.write_text("header.stamp.sec,header.stamp.nanosec,qm\n" + "\n".join(rows))
+    recording = read_recording(path)
+    assert recording.names == ("qm",)
+    assert np.diff(recording.time) == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize("first", ["2024-03-01 12:00:{:06.3f}", "{:.3f}"])
+def test_an_index_without_a_name_is_the_time(tmp_path: Path, first: str) -> None:
+    path = tmp_path / "trial.csv"
+    path.write_text("\n".join([",qm", *(f"{first.format(t)},{t}" for t in TIME)]))
+    recording = read_recording(path)
+    assert recording.time - recording.time[0] == pytest.approx(TIME, abs=1e-6)
+    assert recording.names == ("qm",)
+
+
+def test_numbers_of_rows_are_no_signal_and_no_time(tmp_path: Path) -> None:
+    path = tmp_path / "trial.csv"
+    path.write_text("\n".join([",t,qm", *(f"{k},{t},{t}" for k, t in enumerate(TIME))]))
+    recording = read_recording(path)
+    assert np.array_equal(recording.time, TIME) and recording.names == ("qm",)
+    path.write_text("\n".join([",qm", *(f"{k},{t}" for k, t in enumerate(TIME))]))
+    with pytest.raises(WorkbenchError, match="no time column"):
+        read_recording(path)
+
+
+def test_settings_of_an_oscilloscope_are_no_rows(tmp_path: Path) -> None:
+    settings = ["Model,MSO", "Sample Interval,0.001,", "Record Length,60,", "Zero Index,0,"]
+    rows = (f"{t:.6e},{q:.9e},{v:.4e}" for t, q, v in zip(TIME, POSITION, VOLTAGE, strict=True))
+    path = tmp_path / "scope.csv"
+    path.write_text("\n".join([*settings, "TIME,CH1,CH2", *rows]))
+    recording = read_recording(path)
+    assert recording.names == ("CH1", "CH2") and recording["CH1"] == pytest.approx(POSITION)
+
+
+@pytest.mark.parametrize("around", ["", "# name: run\n# type: scalar struct\n# ndims: 2\n 1 1\n"])
+def test_octave_saves_a_text(tmp_path: Path, around: str) -> None:
+    column = "# type: matrix\n# rows: 60\n# columns: 1\n"
+    path = tmp_path / "trial.mat"
+    path.write_text(
+        f"# Created by Octave 8.4.0, Mon Mar 04 10:00:00 2024 UTC <me@lab>\n{around}"
+        "# name: t\n# type: double_range\n# base, limit, increment\n0 0.059 0.001\n\n\n"
+        f"# name: qm\n{column}" + "".join(f" {q!r}\n" for q in POSITION.tolist()) + "\n\n"
+        "# name: kp\n# type: scalar\n160.18\n\n\n"
+        f"# name: vir\n{column}" + "".join(f" {v!r}\n" for v in VOLTAGE.tolist())
+    )
+    assert_same(read_recording(path))
+    path.write_text(path.read_text()[:-200])
+    with pytest.raises(WorkbenchError, match="not a text of Octave"):
+        read_recording(path)

@@ -82,6 +82,21 @@ def test_automatic_mapping_to_a_model(trial: Path) -> None:
     }
 
 
+class _Heater:
+    inputs = (Input("power", "W"),)
+    outputs = (Output("oven", "K"),)
+
+
+def test_the_only_command_and_the_only_output_may_be_called_u_and_y(tmp_path: Path) -> None:
+    recording = read_recording(_file(tmp_path, "t", "u", "y"), signals=_Heater())
+    assert recording.names == ("power", "oven")
+    # Of several nobody knows which, and volts are no watts.
+    with pytest.raises(WorkbenchError, match="no column for signal 'current'"):
+        read_recording(_file(tmp_path, "t", "u", "y"), signals=_Cooler())
+    with pytest.raises(WorkbenchError, match="no column for signal 'power'"):
+        read_recording(_file(tmp_path, "t", "u [V]", "y"), signals=_Heater())
+
+
 class _Cooler:
     inputs = (Input("current", "A"), Input("room", "K"))
     outputs = (Output("cold", "K"), Output("hot", "K"))

@@ -15,6 +15,7 @@ from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.model.linear_system import model_of_system
 from workbench.model.transfer_text import system_of_text
+from workbench.octave import MARK, parse_octave_text
 from workbench.plants.plant import Option, Plant
 
 _VARIABLE = re.compile(r"(?<![A-Za-z_.])s(?![A-Za-z_])")
@@ -114,9 +115,14 @@ def _kept(path: Path) -> Mapping[str, Any]:
     found: dict[str, Any]
     fix = "save A, B, C, D of the system, or num and den, with save('model.mat', ..., '-v7')"
     try:
-        found = loadmat(str(path), simplify_cells=True)
+        text = path.read_bytes()
+        found = (
+            parse_octave_text(text.decode(errors="replace"))
+            if text.startswith(MARK)
+            else loadmat(str(path), simplify_cells=True)
+        )
     except OSError as error:
-        raise WorkbenchError(f"cannot read plant {str(path)!r}: {error}") from None
+        raise WorkbenchError(f"cannot read plant {str(path)!r}: {error.strerror}") from None
     except Exception as error:  # noqa: BLE001
         # A damaged file fails anywhere, and in its own way.
         raise WorkbenchError(f"plant {str(path)!r} cannot be read ({error}); {fix}") from None

@@ -85,6 +85,32 @@ def header_list(columns: Columns) -> list[Header]:
     return headers
 
 
+_SECONDS = re.compile(r"(?P<of>(?:.*[._])?)(?P<small>n|nano)?secs?")
+
+
+def with_whole_stamps(columns: Columns) -> Columns:
+    """Put the seconds and nanoseconds of a stamp together, two columns of a robot's messages.
+
+    Example:
+        >>> with_whole_stamps(Columns(("sec", "nanosec"), ("",) * 2, np.array([[1, 5e8]]))).values
+        array([[1.5]])
+    """
+    found = [_SECONDS.fullmatch(h) for h in columns.headers]
+    at = {(m["of"], bool(m["small"])): i for i, m in enumerate(found) if m}
+    pairs = {i: at[of, True] for (of, small), i in at.items() if not small and (of, True) in at}
+    values = columns.values.copy()
+    for whole, part in pairs.items():
+        values[:, whole] += 1e-9 * values[:, part]
+    kept = [i for i in range(len(columns.headers)) if i not in pairs.values()]
+    named = {i: m["of"].rstrip("._") or "time" for i, m in enumerate(found) if m and i in pairs}
+    return replace(
+        columns,
+        headers=tuple(named.get(i, columns.headers[i]) for i in kept),
+        units=tuple(columns.units[i] for i in kept),
+        values=values[:, kept],
+    )
+
+
 def find_column(headers: Sequence[Header], rule: ColumnRule) -> int:
     """Return the index of the column that a rule names."""
     wanted = rule.column.strip()
@@ -110,8 +136,10 @@ def find_time(headers: Sequence[Header], rules: MappingRules) -> int | None:
     named = [i for titles in (headers, last) for i, h in enumerate(titles) if is_time(h)]
     if named:
         return named[0]
-    first = headers[0].unit if headers else ""
-    return 0 if first and same_dimension(first, "s") else None
+    first = headers[0] if headers else Header("time", "time")
+    # A table of pandas begins with its index, which has no name.
+    unnamed = not first.column.strip() and len(headers) > 1
+    return 0 if unnamed or (first.unit and same_dimension(first.unit, "s")) else None
 
 
 def _own_units(
@@ -211,6 +239,10 @@ def _time(
     columns: Columns, headers: Sequence[Header], rules: MappingRules
 ) -> tuple[Vector | None, MappedColumn | None, int | None]:
     index = find_time(headers, rules)
+    if index is not None and not headers[index].column.strip():
+        rows = columns.values[:, index]
+        # Numbers of rows are no instants.
+        index = None if np.array_equal(rows, rows[:1] + np.arange(len(rows))) else index
     if index is not None:
         header = headers[index]
         rule = rules.time or ColumnRule("time", header.column)
@@ -262,7 +294,7 @@ def assign(
         (array([0.   , 0.002]), array([0.        , 3.14159265]))
     """
     rules = rules or MappingRules()
-    columns = without_giants(columns)
+    columns = with_whole_stamps(without_giants(columns))
     columns, headers = _own_units(columns, header_list(columns), rules)
     metadata: dict[str, Scalar] = {**columns.metadata, **rules.metadata}
     headers = in_nm(in_turns(in_degrees(headers, requested), requested), requested)
@@ -292,7 +324,7 @@ def assign(
     for index, header in enumerate(headers):
         if index in taken:
             continue
-        why = _readable(columns, index, header.name) or header.problem
+        why = _readable(columns, index, header.column.strip()) or header.problem
         if rules.signals:
             why = why or "not in the mapping"
         elif header.name in {s.name for s in signals}:

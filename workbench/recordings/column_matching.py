@@ -26,6 +26,9 @@ _SYNONYMS = (
 _COMMANDS = {
     "command", "cmd", "valve", "u", "control", "vir", "pump", "pwm", "duty", "ventil", "pulses",
 }  # fmt: skip
+_ALONE = {"command": {"u", "input"}, "measurement": {"y", "output"}}
+"""What the only command and the only measurement of a plant are called whatever they are."""
+
 _LETTERS = (
     ("K", "T"), ("Pa", "pP"), ("V", "UV"), ("A", "I"), ("N", "F"), ("m3/s", "Q"), ("kg/s", "m"),
     ("W", "P"), ("N m", "MT"), ("rad/s", "nw"),
@@ -310,6 +313,14 @@ def match_requested(
             if len(fitting) == 1 or (fitting and quality == 2):
                 found[signal.name] = (fitting[0], how)
                 used.add(fitting[0])
+    for role, letters in _ALONE.items():
+        asked = [w for w in requested if w.role == role]
+        named = [i for i, h in enumerate(headers) if i not in used and h.name.lower() in letters]
+        if len(asked) == len(named) == 1 and asked[0].name not in found:
+            (signal,), (index,) = asked, named
+            if _units_agree(signal, headers[index]):
+                found[signal.name] = (index, "synonym")
+                used.add(index)
     open_ = [w for w in requested if w.name not in found and w.unit]
     parts = {
         w.name: [i for i, h in enumerate(headers) if i not in used and _partly(w, h)] for w in open_

@@ -56,8 +56,6 @@ class ColumnRule:
             _COLUMN({key: value for key, value in given.items() if value != ""}, (self.signal,))
         except ShapeError as error:
             raise WorkbenchError(f"the mapping: {error}") from None
-        if not self.column:
-            raise WorkbenchError(f"the mapping names no column for signal {self.signal!r}")
         if self.factor == 0.0:
             raise WorkbenchError(
                 f"factor of signal {self.signal!r} in the mapping is 0; it must not be"
@@ -170,6 +168,8 @@ def _rule(
     signal: str, entry: Mapping[str, Any], units: Mapping[str, tuple[float, str]]
 ) -> ColumnRule:
     values = {"column": signal, **entry}
+    if not values["column"]:
+        raise WorkbenchError(f"the mapping names no column for signal {signal!r}")
     size, values["unit"] = units.get(values.get("unit", ""), (1.0, values.get("unit", "")))
     for key, usual in (("factor", 1.0), ("offset", 0.0)):
         values[key] = size * values.get(key, usual)

@@ -152,11 +152,13 @@ def is_missing(cell: str) -> bool:
 def _numeric_share(cells: Sequence[str], decimal: str) -> float:
     if not any(is_number(c, decimal) for c in cells):
         return 0.0
+    # "Sample Interval,0.02,,," above a table is no row of it.
     held = [
-        is_number(c, decimal) or is_missing(c) or c.lower() in _WORDS or instant(c) != NEVER
+        is_number(c, decimal) or c.lower() in _WORDS or instant(c) != NEVER
         for c in cells
+        if not is_missing(c)
     ]
-    return sum(held) / len(cells)
+    return sum(held) / len(held)
 
 
 def _candidates(lines: Sequence[str]) -> list[tuple[str | None, str]]:

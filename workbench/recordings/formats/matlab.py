@@ -1,4 +1,4 @@
-"""MATLAB files of version 5.
+"""MATLAB files of version 5, and the texts of Octave that end as they do.
 
 They are taken apart here rather than by SciPy because a damaged file must end in a sentence: every
 size is compared with what is there before anything is read, while compiled readers trust it.
@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from workbench.octave import MARK, parse_octave_text
 from workbench.recordings.columns import Columns
 from workbench.recordings.formats.format import Format, ReadOptions
 from workbench.recordings.formats.hdf5 import is_hdf5
@@ -202,6 +203,20 @@ def read_mat_5(path: Path, options: ReadOptions) -> Columns:
     return columns_of_variables(path, variables, options)
 
 
-MAT_5 = Format(
-    "mat-5", "MATLAB 5", (".mat",), read_mat_5, recognises=lambda start: not is_hdf5(start)
+def read_octave_text(path: Path, options: ReadOptions) -> Columns:
+    """Read a text that Octave saved, see `columns_of_variables`."""
+    try:
+        variables = parse_octave_text(path.read_text(encoding="utf-8", errors="replace"))
+    except ValueError as error:
+        raise unreadable(path, error, "a text of Octave") from None
+    return columns_of_variables(path, variables, options)
+
+
+def _is_mat_5(start: bytes) -> bool:
+    return not is_hdf5(start) and not start.startswith(MARK)
+
+
+MAT_5 = Format("mat-5", "MATLAB 5", (".mat",), read_mat_5, recognises=_is_mat_5)
+OCTAVE_TEXT = Format(
+    "octave-text", "Octave", (".mat",), read_octave_text, lambda start: start.startswith(MARK)
 )
