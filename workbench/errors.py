@@ -54,7 +54,7 @@ def check_range(
         >>> check_range("load", 3, 0, 8, "kg")
         3.0
     """
-    suffix = f" {unit}" if unit else ""
+    suffix = f" {unit}" if unit not in ("", "1") else ""
     tail = f"; {fix}" if fix else ""
     try:
         number = float(value)

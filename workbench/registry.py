@@ -98,7 +98,10 @@ class Registry(Generic[Member]):
         try:
             check_choice(self.kind, name, members)
         except WorkbenchError as error:
-            raise WorkbenchError(f"{error}; write one of your own as module:object") from None
+            stem, _, rest = name.rpartition(".")
+            own = f"{stem}:{rest}" if ((folder or Path()) / f"{stem}.py").is_file() else ""
+            own = f"{stem}:NAME" if rest == "py" else own or "module:object"
+            raise WorkbenchError(f"{error}; write one of your own as {own}") from None
         raise AssertionError("unreachable")
 
     def taken(self, found: object, reference: str) -> Member:

@@ -34,6 +34,10 @@ def late(time: float, s: complex) -> complex:
         ("2 exp(-0.1 s) / (s (0.5 s + 1))", lambda s: 2 * late(0.1, s) / (s * (0.5 * s + 1))),
         ("2e^(-0.5s)/(3s+1)^2", lambda s: 2 * late(0.5, s) / (3 * s + 1) ** 2),
         ("-3.5E-1*(1 - 2s)/(s**2+.2s+1)", lambda s: -0.35 * (1 - 2 * s) / (s**2 + 0.2 * s + 1)),
+        (
+            "exp(-0.5s) tf([1 3], [2, 1 5e-1])",
+            lambda s: late(0.5, s) * (s + 3) / (2 * s * s + s + 0.5),
+        ),
         ("1/s + 1/s^2", lambda s: 1 / s + 1 / s**2),
         ("(1/2) s/(s+1) - exp(-s)/(s+2)", lambda s: 0.5 * s / (s + 1) - late(1.0, s) / (s + 2)),
     ],
@@ -84,6 +88,9 @@ def test_a_column_of_a_distillation_has_rows_for_outputs() -> None:
         ("[1/s, 2/s; 3/s]", "have 2, 1 entries"),
         ("(s+1)^0.5/s", "a whole exponent"),
         ("1/s $", "'$' stands behind '1/s'"),
+        ("1/(2p + 1)", "'p' stands behind '1/(2'"),
+        ("tf(1, [1 1], 'InputDelay', 2)", "'tf' stands where a number"),
+        ("arm.slx", "linmod('arm'); save arm.mat A B C D"),
     ],
 )
 def test_what_is_no_transfer_function_is_told_where(text: str, said: str) -> None:

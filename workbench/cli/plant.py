@@ -145,9 +145,9 @@ def chosen_plant(
 
     Args:
         plant (--plant NAME): Plant: a name of 'workbench plants', a transfer function such as
-            '2 exp(-0.1 s) / (s + 1)', a function, model or python-control system of your own as
-            module:object, looked up in the current folder, the .mat file of a system, or the
-            verdict.json of a diagnosis.
+            '2 exp(-0.1 s) / (s + 1)', a function, model or system of python-control, SciPy or
+            CasADi of your own as module:object, looked up in the current folder, the .mat file of a
+            system, or the verdict.json of a diagnosis.
         inputs (--input NAME=TIME:VALUE,...): Values of an input from times on, such as
             valve=0:5.5,1.5:4.6, a number alone in the input's display unit; the short form is
             --valve 0:5.5.

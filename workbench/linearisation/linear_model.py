@@ -294,9 +294,9 @@ class LinearModel(Drawn):
         point = self.operating_point
         shown = {q.name: q.display_unit for q in point.model.outputs if q.display_unit != "1"}
         held = ", ".join(
-            f"{name} {float(from_si(value, shown[name])):.4g} {shown[name]}"
+            f"{name} {float(from_si(value, shown[name])):z.4g} {shown[name]}"
             if name in shown
-            else f"{name} {value:.4g}"
+            else f"{name} {value:z.4g}"
             for name, value in zip(self.output_names, self.y0, strict=True)
         )
         lines = [

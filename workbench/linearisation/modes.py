@@ -62,7 +62,7 @@ class Mode:
         """Return one line: frequency and damping, time constant or unstable pole; main states."""
         frequency, damping, time = self.figures
         if math.isnan(time):
-            what = f"{frequency:9.4g} Hz  damping {damping:7.3f}"
+            what = f"{frequency:9.4g} Hz  damping {damping:z7.3f}"
         else:
             decays = f"time constant {in_time(time, 4):>11}"
             grows = f"unstable pole {self.pole.real:9.4g} rad/s"

@@ -145,8 +145,8 @@ def model_of_system(
         )
     late = check_range("delay", delay, 0.0, TIMES_S[1], "s")
     given = proper_system(system, "the plant of a design")
-    labels: Any = system if hasattr(system, "input_labels") else given
-    inputs, outputs = _labels(labels.input_labels), _labels(labels.output_labels)
+    named: Any = system if hasattr(system, "input_labels") else given
+    inputs, outputs = labels(named.input_labels), labels(named.output_labels)
     # Of one signal that python-control has numbered, the letter says which.
     alone = [names[0] for names in (inputs, outputs) if len(names) == 1]
     called = {name.removesuffix("_0"): name for name in alone}
@@ -164,7 +164,7 @@ def model_of_system(
     if late:
         parts = _in_series(parts, _late((late,) * len(inputs)))
     A, B, C, D = parts
-    states = _labels(given.state_labels)
+    states = labels(given.state_labels)
     if len(states) != len(A):
         states = tuple(f"x_{i}" for i in range(len(A)))
     infinite = (-math.inf, math.inf)
@@ -465,8 +465,9 @@ def _rows(matrix: Vector) -> Rows:
     return tuple(tuple(row) for row in matrix.tolist())
 
 
-def _labels(labels: Sequence[str]) -> tuple[str, ...]:
-    return tuple(_plain(label) for label in labels)
+def labels(names: Sequence[str]) -> tuple[str, ...]:
+    """Return names of signals as those of a plant: ``x[0]`` is ``x_0``."""
+    return tuple(_plain(name) for name in names)
 
 
 def _plain(label: str) -> str:

@@ -305,9 +305,10 @@ class Parameter(Quantity):
             object.__setattr__(self, "scale", abs(self.value) or 1.0)
         super().__post_init__()
         if not (math.isfinite(self.value) and self.lower <= self.value <= self.upper):
+            suffix = "" if self.unit == "1" else f" {self.unit}"
             raise WorkbenchError(
-                f"{self.name} is {self.value:g} {self.unit}; the valid range is {self.lower:g} to"
-                f" {self.upper:g} {self.unit}"
+                f"{self.name} is {self.value:g}{suffix}; the valid range is {self.lower:g} to"
+                f" {self.upper:g}{suffix}"
             )
 
     def with_value(self, value: float) -> Parameter:

@@ -13,6 +13,18 @@ from workbench.model.linear_system import Late, late_system
 _TOKEN = re.compile(r"\s*(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?|[A-Za-z_]+|\*\*|\S)")
 
 
+_TF = re.compile(r"\btf\s*\(\s*(\[[^]]*\]|[^][(),]+),\s*(\[[^]]*\]|[^][(),]+)\)")
+
+
+def _quotient(found: re.Match[str]) -> str:
+    """Write MATLAB's ``tf([1 3], [1 2 1])`` as a quotient of polynomials."""
+    both = (re.split(r"[\s,]+", part.strip("[] ")) for part in found.groups())
+    sums = (
+        "+".join(f"({c})" + "*s" * (len(part) - i) for i, c in enumerate(part, 1)) for part in both
+    )
+    return "(({})/({}))".format(*sums)
+
+
 def system_of_text(text: str) -> Any:
     """Return a transfer function, or a matrix of them, as a ``control.StateSpace``.
 
@@ -20,7 +32,8 @@ def system_of_text(text: str) -> Any:
 
     Args:
         text: Numbers, ``s`` in rad/s, ``+ - * / ^``, brackets and ``exp(-T s)`` for a delay of T
-            seconds; a product needs no sign. ``[a, b; c, d]`` has a row for each output.
+            seconds; a product needs no sign; ``tf([1 3], [1 2 1])`` as in MATLAB. ``[a, b; c, d]``
+            has a row for each output.
 
     Raises:
         WorkbenchError: If it is none, says where; or it differentiates, or runs ahead of time.
@@ -50,7 +63,7 @@ class _Parser:
     """Reads a transfer function from left to right, each level of precedence by one method."""
 
     def __init__(self, text: str) -> None:
-        self._text = text
+        self._text = text = _TF.sub(_quotient, text)
         plain = text.replace("·", "*").replace("−", "-")
         self._tokens = [(m.group(1), m.end()) for m in _TOKEN.finditer(plain)]
         self._place = 0

@@ -493,12 +493,14 @@ def in_time(seconds: float, digits: int = 3) -> str:
     """Write a time, in s, in the unit that suits it, from nanoseconds to days.
 
     Example:
-        >>> [in_time(t) for t in (2e-7, 0.0123, 520.0, 7200.0, -4e5, math.inf)]
-        ['200 ns', '12.3 ms', '520 s', '2 h', '-4.63 d', 'inf s']
+        >>> [in_time(t) for t in (2e-7, 0.0123, 0.9999, 520.0, 7200.0, -4e5, math.inf)]
+        ['200 ns', '12.3 ms', '1 s', '520 s', '2 h', '-4.63 d', 'inf s']
     """
-    size = abs(seconds)
-    if not size or not math.isfinite(size):
+    if not seconds or not math.isfinite(seconds):
         return f"{seconds:g} s"
+    # Rounded first: 0.9999 s is 1 s rather than 1000 ms.
+    seconds = float(f"{seconds:.{digits}g}")
+    size = abs(seconds)
     unit, factor = next((unit, s) for unit, s, least, _ in _TIMES if size >= least)
     return f"{float(f'{seconds / factor:.{digits}g}'):.10g} {unit}"
 

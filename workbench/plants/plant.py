@@ -19,6 +19,7 @@ from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.model import Effect, Model
 from workbench.model.linear_system import is_system, model_of_system
 from workbench.model.quantities import units_together
+from workbench.model.rate_functions import is_rates, model_of_rates
 from workbench.model.units import (
     ends_a_name,
     named_value,
@@ -260,8 +261,7 @@ class Plant:
         model = _as_model(found)
         if model is None:
             raise WorkbenchError(
-                f"plant {self.name!r} returned {type(found).__name__}, not a model; return a"
-                " workbench.model.Model"
+                f"plant {self.name!r} returned {type(found).__name__}, not a model; {_WANTED}"
             )
         for effect in effects:
             # One may change a parameter of another that stands before it.
@@ -367,10 +367,22 @@ def _as_model(found: Any) -> Model | None:
     """Return what is a plant, or a linear one, as its model."""
     # A linear model is one of a plant.
     found = getattr(getattr(found, "operating_point", None), "model", found)
-    if not isinstance(found, Model):
-        return model_of_system(found) if is_system(found) else None
-    return found
+    if isinstance(found, Model):
+        return found
+    if is_rates(found):
+        return model_of_rates(found)
+    if isinstance(found, tuple) and len(found) in (2, 3, 4):
+        # What SciPy's functions take for a system: num, den; zeros, poles, gain; A, B, C, D.
+        import scipy.signal
 
+        found = scipy.signal.lti(*found)
+    return model_of_system(found) if is_system(found) else None
+
+
+_WANTED = (
+    "a plant is a function that returns a Model ('workbench new-plant FILE' writes one), or a"
+    " system of python-control, SciPy or CasADi"
+)
 
 _TYPED = (bool, int, float, str)
 """What somebody can type as the value of an option."""
@@ -388,10 +400,7 @@ def adopt(found: object, reference: str) -> Plant:
     if model is not None:
         return Plant(reference, lambda: model, model.description)
     if not callable(found):
-        raise WorkbenchError(
-            f"plant {reference!r} is a {type(found).__name__}; it must be a model, a Plant, or a"
-            " function that returns a model"
-        )
+        raise WorkbenchError(f"plant {reference!r} is a {type(found).__name__}; {_WANTED}")
     try:
         parameters = inspect.signature(found).parameters.values()
     except (TypeError, ValueError):
@@ -415,7 +424,7 @@ def _adopted(reference: str, parameter: inspect.Parameter, hint: Any) -> Option:
     if default is parameter.empty:
         raise WorkbenchError(
             f"parameter {parameter.name!r} of plant {reference!r} has no default; give it one, such"
-            " as mass_kg=3.0"
+            f" as mass_kg=3.0: {_WANTED}"
         )
     choices = get_args(hint) if get_origin(hint) is Literal else ()
     name, _, suffix = parameter.name.rpartition("_")

@@ -32,7 +32,8 @@ def is_written(name: str) -> bool:
         >>> is_written("1/(s + 1)"), is_written("servo-axis"), is_written("my_plants:s")
         (True, False, False)
     """
-    return ":" not in name and bool(_VARIABLE.search(name) and re.search(r"[-+*/^(]", name))
+    said = _VARIABLE.search(name) and re.search(r"[-+*/^]", name)
+    return ":" not in name and bool(said or re.search(r"[(^]", name))
 
 
 def plant_of_text(text: str) -> Plant:
