@@ -17,8 +17,12 @@ from workbench.arrays import Vector
 from workbench.diagnosis import undeclared
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.priors import default_priors
+from workbench.diagnosis.estimation.process_noise import PERFECT
+from workbench.diagnosis.estimation.start import fit_with_likely_starts
 from workbench.diagnosis.problem import problem_of_files
 from workbench.diagnosis.second_search import View, where_none_is_declared
+from workbench.diagnosis.selection.held_out import over_floor
 from workbench.diagnosis.undeclared import as_coarse_as_recorded, opened, with_undeclared
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
@@ -498,3 +502,59 @@ def test_a_plant_in_waves_lacks_nothing_where_they_run_straight(tmp_path: Path) 
     assert np.count_nonzero(np.isfinite(problem.fit[0]["position"])) == 600
     found = diagnose(problem.model, problem.fit, problem.hold_out, entries=[], advise=False)
     assert found.verdict.kind == "nothing_missing"
+
+
+def _lung() -> Model:
+    def equations(m: Scope) -> Equations:
+        flow = (m.u.pressure - m.p.stiffness * m.x.volume) / m.p.resistance
+        return {"volume": flow}, {"flow": flow, "vol": m.x.volume}
+
+    return Model(
+        "lung",
+        equations,
+        states=(State("volume", "m3"),),
+        inputs=(Input("pressure", "Pa"),),
+        outputs=(Output("flow", "m3/s"), Output("vol", "m3")),
+        parameters=(
+            Parameter("stiffness", "Pa/m3", value=2e6, lower=5e5, upper=8e6, fitted=True),
+            Parameter("resistance", "Pa s/m3", value=1e6, lower=2e5, upper=5e6, fitted=True),
+        ),
+    )
+
+
+@pytest.mark.parametrize("followed", [False, True])
+def test_what_a_meter_reads_wrong_moves_the_model_and_not_the_machine(
+    tmp_path: Path, *, followed: bool
+) -> None:
+    step, parts, files = 0.005, 10, []
+    for name in "ab":
+        random = np.random.default_rng(ord(name))
+        rows, volume, pressure = [], 2e-4, 500.0
+        for k, asked in enumerate(np.repeat(random.uniform(500.0, 1400.0, 10), 150)):
+            wrong = random.normal(0.0, 15.0)
+            for part in range(parts):
+                flow = (pressure + followed * wrong - 2.4e6 * volume) / 1.15e6
+                if not part:
+                    read = flow + random.normal(0.0, 2e-6), volume + random.normal(0.0, 8e-7)
+                    rows.append((step * k, pressure + wrong, *read))
+                volume += flow * step / parts
+                pressure += 0.01 * (asked - pressure)
+        files.append(tmp_path / f"{name}.csv")
+        header = "t [s],pressure [Pa],flow [m3/s],vol [m3]"
+        np.savetxt(files[-1], rows, "%.8g", ",", header=header, comments="")
+    problem = problem_of_files(_lung(), files[:1], files[1:])
+    noise = dict(problem.model.traits.misread)
+    said = [n for n in problem.notes if "which the machine does not follow" in n]
+    assert problem.model.inputs[0].commanded == followed
+    if followed:
+        assert not noise and not said
+        return
+    assert noise == {"pressure": pytest.approx(15.0, rel=0.1)} and len(said) == 1
+    seen = [problem.observed(r) for r in (*problem.fit, *problem.hold_out)]
+    fit, seen = fit_with_likely_starts(problem.model, seen, default_priors(problem.model))
+    assert fit.noise_scale <= PERFECT
+    over = over_floor(fit, problem.model, seen[1:])
+    assert max(over.values()) < 1.3
+    # A run along the pressure that was read goes off by more than the noise of the sensors.
+    sure = [replace(one, input_noise=np.zeros(0)) for one in seen[1:]]
+    assert over_floor(fit, problem.model, sure)["vol"] > 1.1 * over["vol"]

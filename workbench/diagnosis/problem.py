@@ -12,7 +12,7 @@ import numpy as np
 from workbench.diagnosis.averaging import averaged
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
-from workbench.diagnosis.undeclared import more_finely, with_undeclared
+from workbench.diagnosis.undeclared import misread, more_finely, with_undeclared
 from workbench.errors import WorkbenchError
 from workbench.model import Input, Model, Output
 from workbench.model.units import to_si
@@ -132,6 +132,11 @@ def problem_of_files(
     ordered = [_ordered(r) for r in read.values()]
     whole = [(check_gaps(r).recording if r.increasing else None) or r for r in ordered]
     model, notes = with_undeclared(model, whole)
+    noisy = misread(model, whole)
+    if noisy:
+        declared = _as_read(declared, noisy.inputs)
+        model, again = with_undeclared(declared, whole, noisy.outputs)
+        notes = (*noisy.notes, *again)
     # Within a step, too, what goes straight pushes a plant otherwise than its mean does.
     finer = more_finely(model, list(read.values()))
     if finer:
@@ -185,6 +190,13 @@ def _read_as_recorded(model: Model, recordings: Sequence[Recording]) -> Model:
         )
 
     return replace(model, inputs=read(model.inputs), outputs=read(model.outputs))
+
+
+def _as_read(model: Model, noise: tuple[tuple[str, float], ...]) -> Model:
+    """Return a model of which some inputs are read with noise, and so set by nobody."""
+    read = dict(noise)
+    inputs = (replace(q, commanded=q.commanded and q.name not in read) for q in model.inputs)
+    return replace(model, inputs=tuple(inputs), traits=replace(model.traits, misread=noise))
 
 
 def _taken_as_si(model: Model, recordings: Sequence[Recording]) -> list[str]:

@@ -6,6 +6,7 @@ import contextlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -20,11 +21,17 @@ from workbench.diagnosis.estimation.start import fit_with_likely_starts
 from workbench.diagnosis.estimation.windows import settled, windowed_run
 from workbench.diagnosis.selection.rules import SAME
 from workbench.errors import NumericalError, WorkbenchError
-from workbench.model import Model, Output
+from workbench.model import Input, Model, Output
 from workbench.model.traits import LEFT_OUT
 from workbench.model.units import from_si, of_difference, with_unit
 from workbench.recordings.checks.expected import reached
-from workbench.recordings.checks.noise import all_white_rms, growing_rms, usual_rms, white_rms
+from workbench.recordings.checks.noise import (
+    all_white_rms,
+    growing_rms,
+    noise_of,
+    usual_rms,
+    white_rms,
+)
 from workbench.recordings.checks.quantisation import recorded_quantum
 from workbench.recordings.checks.units import beyond_range
 from workbench.recordings.recording import Recording
@@ -49,6 +56,9 @@ _MOVING = 0.5
 _LEVELS = 8
 """Values of an input that goes through a coarse converter rather than in steps of its own."""
 
+_AROUND = ((-1, 0, 1), (0,), (-2, -1, 0))
+"""Rows of an input around one of which means are compared."""
+
 _PARTS, _MOST_SAMPLES = 4, 20_000
 """Parts into which a step is divided for an input that goes straight, and samples that may come."""
 
@@ -57,6 +67,20 @@ _INDEPENDENT = 1e-6
 
 _COARSE = 2.0
 """Multiple of the declared noise and resolution beyond which a recorded step counts."""
+
+
+class Misread(NamedTuple):
+    """Noise of inputs that a meter read, which moves the model and not the machine.
+
+    Args:
+        inputs: Root mean square in SI, by input.
+        outputs: What of it the measurements get at once, root mean square in SI, by output.
+        notes: What is said of each input.
+    """
+
+    inputs: tuple[tuple[str, float], ...]
+    outputs: dict[str, float]
+    notes: tuple[str, ...]
 
 
 def as_coarse_as_recorded(
@@ -88,7 +112,9 @@ def as_coarse_as_recorded(
     return replace(model, outputs=tuple(outputs)), tuple(rows)
 
 
-def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Model, tuple[str, ...]]:
+def with_undeclared(
+    model: Model, recordings: Sequence[Recording], read_too: Mapping[str, float] | None = None
+) -> tuple[Model, tuple[str, ...]]:
     """Take what a plant does not declare from its recordings, and say so.
 
     The noise of a sensor comes from what successive samples do not share, its resolution from the
@@ -99,7 +125,12 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
     go as far as they were recorded, and so do those that leave their range, unless the measurements
     do not follow. What nobody sets, such as a wave or a wind, goes straight from sample to sample
     where that is clearly likelier than that it is held.
+
+    Args:
+        read_too: Noise that measurements get through inputs of the model that are read with noise,
+            in SI, by output.
     """
+    read_too = read_too or {}
     model = model.sized_by(reached(model, recordings) | _ranged(model, recordings))
     told, sizes = _with_data(model, recordings)
     wider = _wider(told, recordings)
@@ -112,8 +143,12 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
         model = replace(model, traits=replace(model.traits, straight=known))
         told, sizes = _with_data(model, recordings)
     undeclared = [q for q, own in zip(told.outputs, model.outputs, strict=True) if q != own]
+    all_noise = {q.name: math.hypot(q.noise_rms, read_too.get(q.name, 0.0)) for q in told.outputs}
+    told = replace(
+        told, outputs=tuple(replace(q, noise_rms=all_noise[q.name]) for q in told.outputs)
+    )
     if undeclared:
-        even = [q.name for q in undeclared if not q.relative_noise_rms]
+        even = [q.name for q in undeclared if not q.relative_noise_rms and q.name not in read_too]
         noise = _unforetold(told, _as_taken(recordings), even)
         if noise:
             outputs = tuple(
@@ -172,16 +207,17 @@ def _carried(model: Model) -> set[str]:
     return {f"{q.name}.rate" for q, part in found if part > 1.0 - _INDEPENDENT}
 
 
+def _shown(q: Input | Output, size: float) -> str:
+    unit = of_difference(q.display_unit)
+    return with_unit(f"{from_si(size, unit):.3g}", unit)
+
+
 def _noise_text(q: Output) -> str:
-    unit, part = of_difference(q.display_unit), q.relative_noise_rms
-
-    def shown(size: float) -> str:
-        return with_unit(f"{from_si(size, unit):.3g}", unit)
-
+    part = q.relative_noise_rms
     if not q.noise_rms and q.resolution:
-        return f"the recordings' steps of {shown(q.resolution)} are taken for it"
+        return f"the recordings' steps of {_shown(q, q.resolution)} are taken for it"
     growing = f", and {100.0 * part:.2g} % of what it reads" if part else ""
-    return f"{shown(q.noise_rms)} is taken from the recordings{growing}"
+    return f"{_shown(q, q.noise_rms)} is taken from the recordings{growing}"
 
 
 def _ranged(model: Model, recordings: Sequence[Recording]) -> dict[str, float]:
@@ -214,7 +250,7 @@ def _wider(model: Model, recordings: Sequence[Recording]) -> Model:
 
 
 def _straight(model: Model, recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """Return inputs that nobody sets and that move from sample to sample rather than in steps."""
+    """Return inputs that are read and that move from sample to sample rather than in steps."""
     moving = tuple(
         q.name
         for q in model.inputs
@@ -261,16 +297,75 @@ def clearly_likelier(
     return costs[0] < costs[1] - SAME.value
 
 
+def misread(model: Model, recordings: Sequence[Recording]) -> Misread | None:
+    """Return the noise of inputs that a meter read, where there are any.
+
+    The machine follows the noise that a controller passes on: means of three rows foretell it worse
+    then. What follows the rows before better than those around is slow itself.
+    """
+    given = [r for r in recordings[:_FEW] if not r.resampled]
+    noise = {}
+    for q in model.inputs:
+        floors = [noise_of(r, q.name) for r in given if q.name in r and _moves(r, q.name)]
+        if floors and all(f.noise_rms > 0.0 and not f.upper_bound for f in floors):
+            noise[q.name] = min(f.noise_rms for f in floors)
+    if not noise:
+        return None
+    columns = {q.name: k for k, q in enumerate(model.inputs)}
+    try:
+        observed = [observe(model, r) for r in given]
+        fit, seen = fit_with_likely_starts(model, observed, default_priors(model))
+        filter_ = filter_of(fit.model, seen[0], fit.noise_scale)
+
+        def cost(name: str, around: Sequence[int]) -> float:
+            column, total = columns[name], 0.0
+            for one in seen:
+                inputs, every = one.inputs.copy(), np.arange(len(one.inputs))
+                rows = np.clip(every[:, None] + around, 0, every[-1])
+                inputs[:, column] = np.mean(one.inputs[rows, column], axis=1)
+                total += filter_.run(replace(one, inputs=inputs), fit.model.values).cost
+            return total
+
+        costs = {name: [cost(name, around) for around in _AROUND] for name in noise}
+        states = filter_.run(seen[0], fit.model.values).states
+    except (WorkbenchError, np.linalg.LinAlgError):
+        return None
+    found = [
+        q
+        for q in model.inputs
+        if q.name in costs
+        and costs[q.name][0] < min(costs[q.name][1] - SAME.value, costs[q.name][2])
+    ]
+    if not found:
+        return None
+    trace = fit.model.exact
+    through = ca.jacobian(trace.outputs, trace.u)[:, [columns[q.name] for q in found]]
+    slopes = trace.along(states, seen[0].inputs, fit.model.values, through)[0]
+    each = [noise[q.name] for q in found]
+    # Half-way between two samples a mean of both is taken.
+    passed = np.sqrt(0.5 * np.mean(np.sum((slopes * each) ** 2, axis=2), axis=0)).tolist()
+    return Misread(
+        tuple((q.name, noise[q.name]) for q in found),
+        dict(zip((q.name for q in model.outputs), passed, strict=True)),
+        tuple(
+            f"{q.name} was read with {_shown(q, noise[q.name])} rms of noise, which the machine"
+            " does not follow"
+            for q in found
+        ),
+    )
+
+
 def more_finely(model: Model, recordings: Sequence[Recording]) -> list[Recording]:
     """Return recordings with divided steps, where inputs that go straight are better followed so.
 
-    The mean of a step gives a plant the right momentum, but not quite the right place.
+    The mean of a step gives a plant the right momentum, but not quite the right place. Lines
+    between what a meter read have no white noise.
 
     Returns:
         The recordings; none where the steps are short enough, or where too many samples would come.
     """
     parts = min(_PARTS, _MOST_SAMPLES // max(len(r.time) for r in recordings))
-    if not model.traits.straight or parts < 2:
+    if not model.traits.straight or model.traits.misread or parts < 2:
         return []
     finer = [refined(r, parts, model.traits.straight) for r in recordings]
     return finer if clearly_likelier(model, model, finer, recordings) else []

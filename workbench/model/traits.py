@@ -84,6 +84,8 @@ class Traits:
         scales: Typical sizes of ports that declare none (`workbench.model.sizes`), in SI by name.
         opened: Whether inputs and rates have ports beside those that its author opened.
         straight: Inputs that go straight from sample to sample of a recording; others are held.
+        misread: Inputs that were read by a meter, with its noise, root mean square in SI: it moves
+            the model and not the machine.
     """
 
     sums: tuple[DriftingSum, ...] = ()
@@ -95,6 +97,7 @@ class Traits:
     scales: tuple[tuple[str, float], ...] = ()
     opened: bool = False
     straight: tuple[str, ...] = ()
+    misread: tuple[tuple[str, float], ...] = ()
 
     def curve(self, name: str) -> ActuatorCurve:
         """Return a curve by the name of its input."""

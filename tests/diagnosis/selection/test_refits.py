@@ -178,13 +178,17 @@ def _estimated(value: float, std: float) -> SimpleNamespace:
     return SimpleNamespace(value=value, std=std, unit="s", prior=SimpleNamespace(upper=0.0))
 
 
+def _model(*misread: tuple[str, float]) -> SimpleNamespace:
+    return SimpleNamespace(traits=SimpleNamespace(misread=misread))
+
+
 def _candidate(entry: Hypothesis, gain: float, error: float) -> Candidate:
     """Return a candidate whose free runs have an error; that without any is 1."""
     estimate = _estimated(entry.typical_size, 1e-3 * entry.typical_size)
     own = [q.name for q in entry.effect.parameters if q.fitted]
     estimates = [SimpleNamespace(name=f"{entry.name}.{name}", on_bound=False) for name in own]
     refit = SimpleNamespace(converged=True, estimate=lambda name: estimate, estimates=estimates)
-    fit = cast(Any, SimpleNamespace(name=entry.name, refit=refit, noise_scale=1.0))
+    fit = cast(Any, SimpleNamespace(name=entry.name, refit=refit, noise_scale=1.0, model=_model()))
     blocks = (np.full(40, -gain / 40), np.full(40, -gain / 40))
     held_out = (gain, 0.8 * gain, 1.2 * gain)
     return Candidate(entry, fit, gain, held_out, shift=5.0, blocks=blocks, run=_run(error))
@@ -372,6 +376,20 @@ def test_a_jump_at_time_zero_is_the_offset_that_it_degenerates_to() -> None:
     assert degenerates_to(refitted(jump, 30.05e3, uneven=0.5), large)
     assert not degenerates_to(refitted(jump, 30.5e3, uneven=0.5), large)
     assert not degenerates_to(refitted(jump, 30.05e3, uneven=9.0), large)
+
+
+def test_what_may_only_even_out_the_noise_of_an_input_is_doubted(
+    entries: dict[str, Hypothesis],
+) -> None:
+    def told(name: str, *misread: tuple[str, float]) -> tuple[str, ...]:
+        given = _candidate(entries[name], 900.0, 0.1)
+        fit = cast(Any, SimpleNamespace(**vars(cast(Any, given.fit)) | {"model": _model(*misread)}))
+        return judged(replace(given, fit=fit), Limits(20.0, 100.0)).doubts
+
+    read = ("pressure", 15.0)
+    (said,) = told("sensor_lag_angle", read)
+    assert said == "it may only even out the noise with which pressure was read"
+    assert told("sensor_lag_angle") == told("valve_offset", read) == ()
 
 
 def test_doubts_are_those_of_the_fit_that_is_told(entries: dict[str, Hypothesis]) -> None:

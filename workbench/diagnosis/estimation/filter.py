@@ -214,6 +214,7 @@ class Asked(NamedTuple):
         coloured: Noise of measurements that is correlated: the place among ``rows``, its root mean
             square over the output's scale, and the time of its correlation, in s, of each. It is a
             state of the filter behind those of the plant.
+        misread: Places of the inputs whose noise moves the model, but not the machine.
     """
 
     traced: Trace
@@ -225,6 +226,7 @@ class Asked(NamedTuple):
     free_scale: tuple[float, ...]
     ports: tuple[int, ...]
     coloured: tuple[tuple[int, float, float], ...] = ()
+    misread: tuple[int, ...] = ()
 
 
 class Filter:
@@ -293,8 +295,9 @@ class Filter:
             r: Variances of their noise over the scales squared (dimensionless), shape
                 (n, n_used).
             p: Parameters, shape (n_parameters,), in SI.
-            d: Variance that one sample adds to the signal of each port: a part that is constant
-                and a part relative to its square, shape (n_ports, 2), in the ports' SI units.
+            d: Variance that one sample adds to the signal of each port, and to each input that is
+                misread: a part that is constant and a part relative to its square, shape
+                (n_ports + n_misread, 2), in their SI units.
         """
         # Copies: they are overwritten.
         x, covariance = np.array(x, dtype=float), np.array(covariance, dtype=float)
@@ -570,8 +573,8 @@ def _functions(asked: Asked, sample_time: float) -> tuple[ca.Function, ...]:
     reads = ca.SX(traced.outputs[list(asked.rows)])
     for k, (row, _, _) in enumerate(asked.coloured):
         reads[row] += noise[k] * sy[row]
-    d = ca.SX.sym("d", len(ports), 2)
-    process = _process_noise(traced, np.array(asked.state_scale), ports, d)
+    d = ca.SX.sym("d", len(ports) + len(asked.misread), 2)
+    process = _process_noise(traced, np.array(asked.state_scale), ports, asked.misread, d)
     added = [rms**2 * -math.expm1(-2.0 * sample_time / time) for _, rms, time in asked.coloured]
     process = ca.densify(ca.diagcat(process, *map(ca.SX, added)))
     arguments, cse = [x, traced.u, traced.p], {"cse": True}
@@ -583,12 +586,16 @@ def _functions(asked: Asked, sample_time: float) -> tuple[ca.Function, ...]:
     )
 
 
-def _process_noise(traced: Trace, scale: Vector, ports: tuple[int, ...], d: ca.SX) -> ca.SX:
-    """Covariance that the unmodelled signals at the ports add in one sample."""
-    if not ports:
+def _process_noise(
+    traced: Trace, scale: Vector, ports: tuple[int, ...], misread: tuple[int, ...], d: ca.SX
+) -> ca.SX:
+    """Covariance that unmodelled signals at ports and noise of inputs add in one sample."""
+    if not d.numel():
         return ca.SX.zeros(len(scale), len(scale))
     names = [traced.signal_names.index(traced.ports[i].name) for i in ports]
-    variances = d[:, 0] + d[:, 1] * traced.signals[names] ** 2
-    slope = traced.rates_by_port[:, list(ports)]
+    signals = ca.vertcat(*(traced.signals[i] for i in names), *(traced.u[i] for i in misread))
+    variances = d[:, 0] + d[:, 1] * signals**2
+    by_input = ca.jacobian(traced.rates, traced.u)[:, list(misread)]
+    slope = ca.horzcat(traced.rates_by_port[:, list(ports)], by_input)
     covariance = ca.mtimes(ca.mtimes(slope, ca.diag(variances)), slope.T)
     return ca.densify(covariance / ca.mtimes(ca.SX(scale), ca.SX(scale).T))

@@ -91,6 +91,7 @@ def observe(model: Model, recording: Recording) -> Observed:
         correlated_noise=_correlated(outputs, sample_time),
         relative_noise=_relative(outputs),
         coarse=_coarse(outputs, read),
+        input_noise=_misread(model),
     )
 
 
@@ -115,6 +116,11 @@ def _correlated(outputs: Sequence[Output], sample_time: float) -> Vector:
 def _relative(outputs: Sequence[Output]) -> Vector:
     told = np.array([q.relative_noise_rms for q in outputs])
     return told if told.any() else np.zeros(0)
+
+
+def _misread(model: Model) -> Vector:
+    known = dict(model.traits.misread)
+    return np.array([known.get(q.name, 0.0) for q in model.inputs]) if known else np.zeros(0)
 
 
 def _growth(model: Model, x: Vector, u: Vector) -> float:

@@ -64,6 +64,8 @@ class Observed:
             (n_used,); empty if there is none.
         coarse: Steps of those measurements that are coarse beside their noise, 0 for the others,
             shape (n_used,), in SI; empty if there is none.
+        input_noise: Root mean square of what the inputs were misread by at each sample, shape
+            (n_inputs,), in SI; empty if there is none.
     """
 
     name: str
@@ -79,6 +81,7 @@ class Observed:
     correlated_noise: Vector = field(default_factory=lambda: np.zeros((0, 2)))
     relative_noise: Vector = field(default_factory=lambda: np.zeros(0))
     coarse: Vector = field(default_factory=lambda: np.zeros(0))
+    input_noise: Vector = field(default_factory=lambda: np.zeros(0))
 
     @cached_property
     def told(self) -> Vector:
@@ -214,7 +217,10 @@ class PredictionError:
             check_choice("port", name, names)
             variances.setdefault(names.index(name), [0.0, 0.0])[0] = rms**2 * white
         self._ports = tuple(sorted(variances))
-        self._variances = np.array([variances[i] for i in self._ports]).reshape(-1, 2)
+        self._misread = tuple(np.flatnonzero(self.like.input_noise).tolist())
+        held = (self.like.input_noise[list(self._misread)] * self.like.sample_time) ** 2
+        told = [*(variances[i] for i in self._ports), *([v, 0.0] for v in held)]
+        self._variances = np.array(told).reshape(-1, 2)
         self._output_scale = np.array([model.outputs[i].scale for i in self._rows])
         self._steps = steps_along(model, self.like)
         certain = {index_of("state", name, model.states) for name in self.certain}
@@ -297,6 +303,7 @@ class PredictionError:
             tuple(self.free_scale),
             self._ports,
             tuple(coloured),
+            self._misread,
         )
         self._filters.append(Filter(asked, self.like.sample_time, self._steps))
         return self._filters[-1]

@@ -82,3 +82,15 @@ class Candidate:
             f" {self.held_out[0]:>10.1f} [{self.held_out[1]:.0f}, {self.held_out[2]:.0f}]"
             f"  {text}  {self.refused or 'accepted'}"
         )
+
+
+def is_sensor(candidate: Candidate) -> bool:
+    """Whether an effect stands between process and measurement."""
+    return candidate.entry.group == "sensor"
+
+
+def colours_noise(candidate: Candidate) -> bool:
+    """Whether something of what a sensor reads is left in it: a clock takes nothing."""
+    effect = candidate.entry.effect
+    remembers = not effect.about.level and any(q.unit != "s" for q in effect.states)
+    return is_sensor(candidate) and remembers

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.diagnosis.estimation.process_noise import gain_interval
-from workbench.diagnosis.selection.candidate import Candidate
+from workbench.diagnosis.selection.candidate import Candidate, colours_noise, is_sensor
 from workbench.diagnosis.selection.held_out import RunErrors, told_apart
 from workbench.diagnosis.selection.rules import (
     FREE_RUN,
@@ -201,18 +201,6 @@ def _runs_closer(candidate: Candidate, without: RunErrors) -> bool:
     # The wrong shape of what was found leaves a rest too, of which another name takes a little.
     by = LEAST_EXPLAINED.value if candidate.rule == SHARE.name else 0.0
     return candidate.run.closer_than(without, by=by)
-
-
-def is_sensor(candidate: Candidate) -> bool:
-    """Whether an effect stands between process and measurement."""
-    return candidate.entry.group == "sensor"
-
-
-def colours_noise(candidate: Candidate) -> bool:
-    """Whether something of what a sensor reads is left in it: a clock takes nothing."""
-    effect = candidate.entry.effect
-    remembers = not effect.about.level and any(q.unit != "s" for q in effect.states)
-    return is_sensor(candidate) and remembers
 
 
 def _outrun(candidate: Candidate, by: Candidate) -> Candidate:

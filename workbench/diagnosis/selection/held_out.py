@@ -131,7 +131,10 @@ def floor_of(fit: ProcessNoiseFit, nominal: Model, observed: Observed, *, seed: 
         noise = observed.noise(rng)
         values = dict(zip((e.name for e in estimates), drawn.tolist(), strict=True))
         other = replace(fit, refit=replace(fit.refit, model=fit.model.with_parameters(values)))
-        run = judged_run(other, nominal, replace(observed, outputs=read + noise))
+        given = observed.inputs
+        if len(observed.input_noise):
+            given = given + observed.input_noise * rng.normal(size=given.shape)
+        run = judged_run(other, nominal, replace(observed, inputs=given, outputs=read + noise))
         if run.finite:
             squares.append(np.mean((own.simulated + noise - run.simulated) ** 2, axis=0))
     return np.asarray(np.mean(squares, axis=0) if squares else observed.all_noise_rms**2)

@@ -17,8 +17,8 @@ from workbench.diagnosis.estimation.process_noise import (
     gain_interval,
 )
 from workbench.diagnosis.selection.additions import refits_beside, remembered, with_candidate
-from workbench.diagnosis.selection.candidate import Candidate
-from workbench.diagnosis.selection.decision import decided, is_sensor
+from workbench.diagnosis.selection.candidate import Candidate, is_sensor
+from workbench.diagnosis.selection.decision import decided
 from workbench.diagnosis.selection.held_out import RunErrors, run_errors, told_apart
 from workbench.diagnosis.selection.rules import (
     FREE_RUN,

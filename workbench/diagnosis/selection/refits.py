@@ -26,8 +26,8 @@ from workbench.diagnosis.estimation.process_noise import (
     start_values,
 )
 from workbench.diagnosis.estimation.windows import windows
-from workbench.diagnosis.selection.candidate import Candidate
-from workbench.diagnosis.selection.decision import colours_noise, decided
+from workbench.diagnosis.selection.candidate import Candidate, colours_noise
+from workbench.diagnosis.selection.decision import decided
 from workbench.diagnosis.selection.held_out import NO_RUNS, RunErrors, held_out_gain, run_errors
 from workbench.diagnosis.selection.moments import (
     changed_values,

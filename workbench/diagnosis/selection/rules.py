@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
-from workbench.diagnosis.selection.candidate import Candidate
+from workbench.diagnosis.selection.candidate import Candidate, colours_noise
 
 UNTRIED = "could not be tried"
 """Name of the rule that a candidate breaks whose refit failed."""
@@ -144,6 +144,14 @@ def _bound(q: Question) -> str:
     return f"its size is on its bound, {entry.largest_size:g} {size.unit}, however wide"
 
 
+def _noise_apart(q: Question) -> str:
+    fit = q.candidate.fit
+    if fit is None or not colours_noise(q.candidate) or not fit.model.traits.misread:
+        return ""
+    read = ", ".join(name for name, _ in fit.model.traits.misread)
+    return f"it may only even out the noise with which {read} was read"
+
+
 def _penalty(q: Question) -> str:
     if q.candidate.gain >= q.threshold * q.limits.penalty:
         return ""
@@ -187,6 +195,13 @@ DOUBTS = (
         _sigma,
     ),
     Rule("seen in the measurements", 0.3, "What moves nothing is not worth naming.", _seen),
+    Rule(
+        "noise apart",
+        0.0,
+        "Noise of a meter that read an input moves the model and not the machine: whatever evens it"
+        " out runs closer.",
+        _noise_apart,
+    ),
     Rule("size off its bound", 0.999, "A solution on a bound is not a solution.", _bound),
 )
 """What lowers the belief in an effect. Where the model without it predicts to the noise, nothing

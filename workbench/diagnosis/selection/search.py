@@ -30,8 +30,7 @@ from workbench.diagnosis.selection.additions import (
     retimed,
     with_candidate,
 )
-from workbench.diagnosis.selection.candidate import Candidate
-from workbench.diagnosis.selection.decision import is_sensor
+from workbench.diagnosis.selection.candidate import Candidate, is_sensor
 from workbench.diagnosis.selection.held_out import over_floor
 from workbench.diagnosis.selection.pairs import as_told, with_pair
 from workbench.diagnosis.selection.refits import entry_priors, untried

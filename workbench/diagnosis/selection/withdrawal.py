@@ -9,8 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
-from workbench.diagnosis.selection.candidate import Candidate
-from workbench.diagnosis.selection.decision import is_sensor
+from workbench.diagnosis.selection.candidate import Candidate, is_sensor
 from workbench.diagnosis.selection.held_out import (
     explained,
     held_out_errors,
