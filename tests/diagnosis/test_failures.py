@@ -102,7 +102,6 @@ def _never(*_: Any, **__: Any) -> Any:
     [
         (engine, "locate"),
         (engine, "next_experiment"),
-        (search, "perfect_cost"),
         (search, "over_floor"),
         (withdrawal, "judged_run"),
         (simulation_error, "least_squares"),

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from types import SimpleNamespace
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -206,6 +207,27 @@ def test_what_an_unstable_plant_leaves_at_best_needs_no_right_parameters() -> No
     fit, started = fit_with_likely_starts(ball, [observe(ball, runs[0])], default_priors(ball))
     assert fit.noise_scale <= PERFECT
     assert perfect_cost(ball, started) == pytest.approx(fit.cost, rel=0.02)
+
+
+def test_what_a_plant_leaves_at_best_whose_run_leaves_its_range() -> None:
+    def rates(m: Scope) -> Equations:
+        return {"x": m.u.speed + m.p.drift + 1e-9 * ca.log(1.0 - m.x.x)}, {"x": m.x.x}
+
+    plant = Model(
+        "slide",
+        rates,
+        states=(State("x", "m", 0.5),),
+        inputs=(Input("speed", "m/s", 0.4),),
+        outputs=(Output("x", "m", 0.5, noise_rms=1e-3),),
+        parameters=(Parameter("drift", "m/s", value=0.0, lower=-1.0, upper=1.0, fitted=True),),
+    )
+    time, random = 0.01 * np.arange(2000), np.random.default_rng(1)
+    middle = np.cos(time + 0.005)
+    x = 0.5 + 0.4 * np.sin(time) + random.normal(0.0, 1e-3, len(time))
+    signals = Signal("speed", 0.4 * middle, "m/s", role="command"), Signal("x", x, "m")
+    seen = [observe(plant, Recording("slide", time, signals))]
+    wrong = plant.with_parameters({"drift": 0.1})
+    assert perfect_cost(wrong, seen) == pytest.approx(perfect_cost(plant, seen), rel=0.02)
 
 
 def test_a_refit_begins_at_the_likeliest_scale_beyond_one_that_is_less_likely(

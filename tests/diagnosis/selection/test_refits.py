@@ -26,15 +26,18 @@ from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.decision import decided, degenerates_to, preferred
 from workbench.diagnosis.selection.held_out import NO_RUNS, RunErrors
 from workbench.diagnosis.selection.moments import is_event
+from workbench.diagnosis.selection.pairs import as_told
 from workbench.diagnosis.selection.rules import (
     LEAST_GAIN,
     SURPASSED,
+    TOO_LITTLE,
     Limits,
     doubted_in,
     judged,
     selection_penalty,
 )
 from workbench.diagnosis.selection.score import Score, Scores, by_name, score_library
+from workbench.diagnosis.selection.selected import Accepted
 from workbench.diagnosis.selection.shortlist import shortlist, where
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
@@ -409,6 +412,16 @@ def test_doubts_are_those_of_the_fit_that_is_told(entries: dict[str, Hypothesis]
     assert told.doubts == ("it is small",)
     assert doubted_in(told, of(size)).doubts == (*vague.doubts, "it is small")
     assert doubted_in(candidate, candidate.fit) is candidate
+
+
+@pytest.mark.parametrize("together", [False, True])
+def test_what_explains_little_alone_is_no_doubt_where_all_together_explain_most(
+    entries: dict[str, Hypothesis], *, together: bool
+) -> None:
+    candidate = replace(_candidate(entries["valve_offset"], 900.0, 0.1), doubts=(TOO_LITTLE, "odd"))
+    assert candidate.fit is not None
+    told = as_told(Accepted(candidate, ()), candidate.fit, together=together).candidate
+    assert told.doubts == (("odd",) if together else (TOO_LITTLE, "odd"))
 
 
 def test_what_is_lost_on_unseen_recordings_was_overfitted(entries: dict[str, Hypothesis]) -> None:

@@ -331,30 +331,26 @@ def perfect_cost(model: Model, recordings: Sequence[Observed]) -> float:
 
     The filter runs along measurements that the model itself gives for the inputs, with the noise
     and the smallest scale of the ladder: ``sum (1/2 + log s)``, s the standard deviations of its
-    prediction errors. The model has parameters near those of the recordings. An unstable one would
-    run away: its errors have the covariance of the noise, times the square of what a deviation
-    grows by from sample to sample.
-
-    Raises:
-        NumericalError: If the model leaves the finite numbers.
+    prediction errors. The model has parameters near those of the recordings. One that runs away or
+    leaves its range, as an integrator without its controller, tells none: its errors have the
+    covariance of the noise, times the square of what a deviation grows by from sample to sample.
     """
     first = recordings[0]
     tight, blind = (filter_of(model, first, noise_scale) for noise_scale in (LADDER[-1], 1e-9))
     total = 0.0
     for observed in recordings:
-        if observed.diverges:
-            scale = [
-                model.outputs[index_of("output", k, model.outputs)].scale for k in observed.used
-            ]
-            logs = 0.5 + np.log(np.maximum(observed.white_noise_rms, 1e-12) / scale)
-            total += float(np.sum(logs[np.isfinite(observed.told)]))
-            total += observed.growth * observed.sample_time * len(logs)
-            continue
-        # A filter that trusts no measurement simulates.
-        own = blind.expected(observed, blind.run(observed.unread(), model.values))
-        part = tight.run(replace(observed, outputs=own), model.values)
-        used = np.isfinite(part.log_deviation)
-        total += float(np.sum(0.5 + part.log_deviation[used]))
+        if not observed.diverges:
+            with contextlib.suppress(NumericalError):
+                # A filter that trusts no measurement simulates.
+                own = blind.expected(observed, blind.run(observed.unread(), model.values))
+                part = tight.run(replace(observed, outputs=own), model.values)
+                used = np.isfinite(part.log_deviation)
+                total += float(np.sum(0.5 + part.log_deviation[used]))
+                continue
+        scale = [model.outputs[index_of("output", k, model.outputs)].scale for k in observed.used]
+        logs = 0.5 + np.log(np.maximum(observed.white_noise_rms, 1e-12) / scale)
+        total += float(np.sum(logs[np.isfinite(observed.told)]))
+        total += max(observed.growth, 0.0) * observed.sample_time * len(logs)
     return total
 
 

@@ -26,6 +26,7 @@ from workbench.diagnosis.selection.rules import (
     IMPERFECT,
     LEAST_LEFT,
     SHARE,
+    TOO_LITTLE,
     Limits,
     doubted_in,
 )
@@ -107,8 +108,9 @@ def as_told(found: Accepted, fit: ProcessNoiseFit, *, together: bool) -> Accepte
             lacks without the others is then no doubt.
     """
     candidate = doubted_in(found.candidate, fit)
-    if together and any(d.startswith(_TOGETHER) for d in candidate.doubts):
-        left = tuple(d for d in candidate.doubts if not d.startswith(_TOGETHER))
+    if together:
+        alone = (_TOGETHER, TOO_LITTLE)
+        left = tuple(d for d in candidate.doubts if not d.startswith(alone))
         candidate = replace(candidate, doubts=left)
     return found._replace(candidate=candidate)
 

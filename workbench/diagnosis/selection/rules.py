@@ -19,6 +19,9 @@ FREE_RUN = "free run"
 SAME_LEVELS = "levels that differ"
 """Name of the rule that what differs from recording to recording breaks where it does not."""
 
+TOO_LITTLE = "it explains too little of what the model leaves out"
+"""What breaks the rule that an effect explains a share of the excess."""
+
 SURPASSED = "another effect explains the recordings better"
 """Why an effect that passed every rule, or was not followed, is not taken."""
 
@@ -163,7 +166,7 @@ def _share(q: Question) -> str:
     least = max(q.limits.least_gain, q.limits.least_level if level else 0.0)
     if q.candidate.gain >= q.threshold * least:
         return ""
-    return "it explains too little of what the model leaves out"
+    return TOO_LITTLE
 
 
 def _held_out(q: Question) -> str:

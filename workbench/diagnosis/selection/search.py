@@ -84,7 +84,7 @@ one was found."""
 def score(task: Task) -> Scored:
     """Score the library at the refitted nominal model, with parameters off their bounds."""
     base = task.base
-    perfect = _perfect(task)
+    perfect = perfect_cost(base.model, task.fitting)
     tried = task.tried(base.model)
     task.say(f"scoring {len(tried)} effects")
     scores = score_library(
@@ -106,16 +106,6 @@ def score(task: Task) -> Scored:
         # A model that cannot be run is not near the noise.
         floor = dict.fromkeys(task.judging[0].used, math.inf)
     return Scored(scores, perfect, max(base.cost - perfect, 0.0), floor)
-
-
-def _perfect(task: Task) -> float:
-    for model in (task.base.model, task.nominal):
-        try:
-            return perfect_cost(model, task.fitting)
-        except NumericalError:
-            # Refitted values that stand for something else may not be fit for a simulation.
-            continue
-    return task.base.cost
 
 
 def search(task: Task, scored: Scored, begun: Selected | None = None) -> Iterator[Selected]:
