@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -23,6 +23,7 @@ from workbench.reports.style import (
     SIMULATED,
     colours,
     controller_colours,
+    decades,
     key,
     label,
     named_line,
@@ -186,3 +187,16 @@ def test_a_name_with_dollar_signs_is_no_formula_and_powers_of_ten_are_words() ->
     drawn = Picture("dollars", figure, "").document
     assert ">costs 2$ or 3$<" in drawn
     assert ">10⁶<" in drawn
+
+
+@pytest.mark.parametrize("span", [3.0, 12.0, 50.0, 90.0, 1e3, 1e5])
+@pytest.mark.parametrize("low", [0.15, 0.4, 1.5, 8.0])
+def test_numbers_of_a_logarithmic_axis_stand_apart(low: float, span: float) -> None:
+    figure, (axes,) = new_figure([1.8])
+    axes.semilogy([0.0, 1.0], [low, span * low])
+    decades(axes)
+    figure.draw_without_rendering()
+    boxes = [t.get_window_extent() for t in axes.get_yticklabels(which="both") if t.get_text()]
+    ends = sorted((box.y0, box.y1) for box in boxes if axes.bbox.y0 <= box.y0 <= axes.bbox.y1)
+    assert len(ends) >= 2 or span < 5.0
+    assert all(above[0] > below[1] for below, above in pairwise(ends))

@@ -223,6 +223,18 @@ def label(axes: Axes, *, x: str | None = None, y: str | None = None) -> None:
         axes.set_ylabel(_broken(y, axes), fontsize=FONT_POINTS, color=INK.light)
 
 
+def decades(axes: Axes) -> None:
+    """Write plain numbers on a logarithmic axis, three per decade where it spans few of them."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axes.get_ylim()
+    within = (1.0, 2.0, 5.0) if high < 100 * low else (1.0,)
+    axes.yaxis.set_major_locator(LogLocator(subs=within, numticks=6))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.tick_params(which="minor", left=False)
+
+
 def bars(
     axes: Axes,
     places: npt.ArrayLike,

@@ -24,6 +24,7 @@ from workbench.reports.style import (
     REFERENCE,
     SIMULATED,
     bars,
+    decades,
     key,
     label,
     named_line,
@@ -222,20 +223,8 @@ def draw_error(
     axes.set_ylim(0.5 * max(smallest, 1e-3 * level), 2 * largest)
     axes.axhspan(1e-12, 2 * level, color=BAND.light, zorder=0)
     axes.axhline(level, color=REFERENCE.light, linewidth=0.9, linestyle=":")
-    _decades(axes)
+    decades(axes)
     label(axes, y=titled(f"error of {before.used[i]}", before.units[i]))
-
-
-def _decades(axes: Axes) -> None:
-    """Write plain numbers on a logarithmic axis, three per decade where it spans few of them."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    low, high = axes.get_ylim()
-    within = (1.0, 2.0, 5.0) if high < 100 * low else (1.0,)
-    axes.yaxis.set_major_locator(LogLocator(subs=within, numticks=6))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.tick_params(which="minor", left=False)
 
 
 def moving_rms(time: Vector, error: Vector) -> tuple[Vector, Vector]:

@@ -10,7 +10,7 @@ from workbench.reports.figure import Figure
 from workbench.reports.figures.study_traces import Part, breakable, nominal_runs, parts, vector
 from workbench.reports.page import Block
 from workbench.reports.pictures import Picture
-from workbench.reports.style import REFERENCE, key, label, new_figure
+from workbench.reports.style import REFERENCE, decades, key, label, new_figure
 from workbench.reports.tables import Table, number
 from workbench.study.result import StudyResult
 from workbench.study.study import NOMINAL
@@ -31,6 +31,7 @@ def _times(result: StudyResult, scenario: str, part: Part) -> Picture:
     limit = 1e3 * result.study.scenarios[scenario].sample_time
     dashes = {"color": REFERENCE.light, "linewidth": 1.0, "linestyle": "--"}
     panels[0].axhline(limit, label="sample time", **dashes)  # type: ignore[arg-type]
+    decades(panels[0])
     label(panels[0], y="solve time in ms")
     if counted:
         label(panels[1], y="iterations")
