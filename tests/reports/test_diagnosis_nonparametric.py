@@ -103,8 +103,8 @@ def test_what_was_taken_back_stands_with_the_reason() -> None:
     assert found.verdict.kind == "unexplained"
     assert "too little" in taken_back(found)["coulomb_friction"]
     page = diagnosis_page(found, Proof((), ()), name="axis")
-    assert "Taken back: coulomb friction" in _words(page)
-    row = next(r for r in _table(page, "What the library").cells if r[0].text.startswith("coulomb"))
+    assert "Taken back: Coulomb friction" in _words(page)
+    row = next(r for r in _table(page, "What the library").cells if r[0].text.startswith("Coulomb"))
     assert row[-1].text == "taken back" and "held-out" in row[-1].reason
 
 

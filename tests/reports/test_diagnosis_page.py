@@ -41,7 +41,7 @@ def _answers(page: Page) -> dict[str, str]:
 
 def test_the_first_screen_answers_what_a_reader_asks() -> None:
     said = _answers(_page(True))
-    assert said["what"].startswith("stribeck friction, break away ")
+    assert said["what"].startswith("Stribeck friction, break away ")
     assert re.match(r"axis.force, with speed \(\d+ % of its variance\), most at", said["where"])
     assert said["how sure"].startswith("named: gains")
     assert re.match(r"from [\d.]+ to [\d.]+.* s of axis-3.*up to [\d.]+ N rms", said["when"])
@@ -127,7 +127,7 @@ def test_parameters_stand_with_their_intervals() -> None:
     rows = {row[0].text: row for row in table.cells}
     found = diagnosed(True)
     size = found.extended.refit.estimate("stribeck_friction.break_away")
-    text = rows["stribeck friction, break away in N (new)"][3].text
+    text = rows["Stribeck friction, break away in N (new)"][3].text
     assert float(text.split("±")[0]) == pytest.approx(size.value, rel=0.01)
     assert float(text.split("±")[1]) == pytest.approx(size.std, rel=0.1)
 

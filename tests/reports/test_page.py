@@ -102,7 +102,7 @@ def test_identifiers_are_unique_and_every_reference_finds_one() -> None:
 
 
 def test_words_are_escaped() -> None:
-    assert "Less than 5 % &amp; more than &lt;b&gt;." in html(page())
+    assert "Less than 5\xa0% &amp; more than &lt;b&gt;." in html(page())
 
 
 def test_neighbouring_pictures_stand_side_by_side() -> None:

@@ -23,8 +23,8 @@ addEventListener("load", () => {
   const width = inner.documentElement.clientWidth;
   const outside = [...inner.querySelectorAll("body *")].filter(e => {
     const box = e.getBoundingClientRect();
-    // A table scrolls in its own box.
-    return !e.closest("svg *, .table *") && box.width > 0
+    // A table scrolls in its own box, under its title.
+    return (e.matches("caption *") || !e.closest("svg *, .table *")) && box.width > 0
       && (box.right > width + 1 || box.left < -1);
   }).map(e => e.tagName + ": " + e.textContent.trim().slice(0, 40));
   // Of an overflowing cell the box fits but its content does not.
@@ -47,7 +47,7 @@ def page() -> Page:
     axes.set_xlabel("time in s")
     picture = Picture("steps", figure, "A step. " * 8)
     wide = Table(
-        "Steps between 15° and 45°",
+        "Steps between 15° and 45° on the full plant, with what each of them costs",
         (
             "controller",
             "plant",

@@ -61,7 +61,7 @@ def closed_loop_part() -> Part:
                 columns("page"),
                 [d.requirement for d in study.demands],
             ),
-            Method(metric_methods()),
+            Method(metric_methods(measured.values())),
             Commands(("workbench compare steps --out steps",)),
         ),
     )

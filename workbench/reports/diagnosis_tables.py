@@ -67,7 +67,7 @@ def parameters_table(diagnosis: Diagnosis) -> Table:
         one = before.get(name) or after[name]
         new = name not in before
         factor, unit = readably(1.0, one.unit, model.read_in(name))
-        words = ordinates.get(name) or plain(name).replace(".", ", ")
+        words = ordinates.get(name) or plain(name.replace(".", ", "))
         shown = words if unit == "1" else f"{words} in {unit}"
         known = f"{_value(factor * one.prior.mean)} ± {_value(factor * one.prior.std, 2)}"
         cells: list[Cell | str] = [

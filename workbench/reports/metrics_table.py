@@ -14,7 +14,7 @@ from workbench.verification.metrics import known_metrics, metric_of
 
 def metric_methods(runs: Iterable[Metrics] = ()) -> tuple[tuple[str, str], ...]:
     """Say how each metric of a page is computed: of some runs, or of all that may be columns."""
-    had = {metric_of(name) for metrics in runs for name in metrics}
+    had = {metric_of(n) for metrics in runs for n, found in metrics.items() if not found.reason}
     shown = [m for m in known_metrics() if m.table and m.help]
     return tuple((m.words, m.help) for m in shown if not had or m in had)
 

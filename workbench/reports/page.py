@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections import Counter
 from collections.abc import Sequence
@@ -159,13 +160,28 @@ def template(package: str, name: str) -> Template:
     """Return a template of HTML from the folder ``templates`` of a package."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    return Environment(
+    environment = Environment(
         loader=PackageLoader(package, "templates"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-    ).get_template(name)
+    )
+    environment.filters["joined"] = joined
+    return environment.get_template(name)
+
+
+_NUMBER = re.compile(r"(?<=[\d±…]) (?=[\d±…]|[^\W\d_]{1,3}\b|[%°/])|(?<=\b[^\W\d_]) (?=\d)")
+
+
+def joined(text: str) -> str:
+    r"""Keep a number in one line with its unit, its symbol and the other end of its interval.
+
+    Example:
+        >>> joined("ζ 0.1, 5 ± 0.9 V of 10 pulses").split(" ")
+        ['ζ\xa00.1,', '5\xa0±\xa00.9\xa0V', 'of', '10', 'pulses']
+    """
+    return _NUMBER.sub("\xa0", text)
 
 
 def _grouped(blocks: Sequence[Block]) -> list[tuple[Block, ...]]:

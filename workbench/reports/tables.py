@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, TypeVar
@@ -106,13 +107,20 @@ class Table:
 
 
 def plain(text: str) -> str:
-    """Write names and signs as people read them.
+    """Write names and signs as people read them; a port keeps its name.
 
     Example:
-        >>> plain("arm_inertia +- 0.01")
-        'arm inertia ± 0.01'
+        >>> plain("arm_inertia +- 0.01"), plain("coulomb_friction at muscle_1.force")
+        ('arm inertia ± 0.01', 'Coulomb friction at muscle_1.force')
     """
-    return text.replace("+-", "±").replace("_", " ")
+    words = re.sub(r"(?<![\w.])\w+(?![\w.]*\.\w)", lambda w: w[0].replace("_", " "), text)
+    return _PEOPLE.sub(lambda name: _SPELLED[name[0]], words.replace("+-", "±"))
+
+
+_SPELLED = {
+    name.lower(): name for name in ("Bouc Wen", "Coulomb", "Dahl", "LuGre", "Maxwell", "Stribeck")
+}
+_PEOPLE = re.compile(rf"\b({'|'.join(_SPELLED)})\b")
 
 
 def number(value: float, digits: int = 3, *, unit: str = "") -> str:

@@ -527,7 +527,8 @@ SOLVE_TIME_MEDIAN = _of_solver(
 SOLVE_TIME_P99 = _of_solver(
     "solve_time_p99",
     lambda run: float(np.nanpercentile(run.info("solve_time"), 99)),
-    "the same, exceeded by one sample in a hundred; whatever else the machine does adds to it",
+    "time of one optimisation on this machine, exceeded by one sample in a hundred; whatever else"
+    " the machine does adds to it",
     unit="s",
     display_unit="ms",
     tolerance=_COMPUTING,
