@@ -25,6 +25,8 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
 help:
 	@echo "make demo       run the demonstration and write its page to $(OUT)/"
 	@echo "make test       lint, check types, run every test, doctest and notebook"
+	@echo "make test-long  whole diagnoses, redesigns, the site, other tools; an hour or more"
+	@echo "make test-kernel  what rests on linear algebra, with the instructions of an older processor"
 	@echo "make docs       build the documentation site into build/site, with executed notebooks"
 	@echo "make benchmark  measure speed beside other tools, page in build/benchmark, some minutes"
 	@echo "make campaign   kill and starve the commands at random, minutes"

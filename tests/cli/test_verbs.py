@@ -15,6 +15,8 @@ import pytest
 from tests.shell import Shell
 from tests.study.small_study import small_study
 from workbench.cli.main import INTERRUPTED, run
+from workbench.cli.options import summary
+from workbench.cli.simulate import simulate
 from workbench.data_folder import shipped_folder
 from workbench.model.units import quantity
 from workbench.operating_point import operating_point
@@ -27,6 +29,11 @@ from workbench.study.result import installed_version
 def test_help_says_what_a_verb_does(verb: str, shell: Shell) -> None:
     text = shell(verb, "--help").out
     assert "--out" in text and "--help" in text and "Usage" in text
+
+
+def test_a_paragraph_of_help_breaks_where_the_screen_ends() -> None:
+    said = summary(simulate).split("\n\n")
+    assert len(said) > 2 and not any("\n" in paragraph for paragraph in said)
 
 
 def test_help_lists_the_verbs_and_where_to_start(shell: Shell) -> None:

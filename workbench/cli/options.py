@@ -63,8 +63,9 @@ class VerbCommand(TyperCommand):
 
 
 def summary(function: Callable[..., Any]) -> str:
-    """Return what a docstring says before its ``Args``."""
-    return inspect.cleandoc(function.__doc__ or "").partition("\n\nArgs:\n")[0]
+    """Return what a docstring says before its ``Args``, each paragraph in one line."""
+    said = inspect.cleandoc(function.__doc__ or "").partition("\n\nArgs:\n")[0]
+    return "\n\n".join(" ".join(paragraph.split()) for paragraph in said.split("\n\n"))
 
 
 def parameters_of(function: Callable[..., Any]) -> list[inspect.Parameter]:

@@ -171,15 +171,18 @@ def template(package: str, name: str) -> Template:
     return environment.get_template(name)
 
 
-_NUMBER = re.compile(r"(?<=[\d±…]) (?=[\d±…]|[^\W\d_]{1,3}\b|[%°/])|(?<=\b[^\W\d_]) (?=\d)")
+_NUMBER = re.compile(
+    r"(?<=[\d±…]) (?=[\d±…]|[^\W\d_]{1,3}\b|[%°/])|(?<=\b[^\W\d_]) (?=\d)"
+    r"|(?<=\b[ANWms]) (?=[hms]\b)"
+)
 
 
 def joined(text: str) -> str:
     r"""Keep a number in one line with its unit, its symbol and the other end of its interval.
 
     Example:
-        >>> joined("ζ 0.1, 5 ± 0.9 V of 10 pulses").split(" ")
-        ['ζ\xa00.1,', '5\xa0±\xa00.9\xa0V', 'of', '10', 'pulses']
+        >>> joined("ζ 0.1, 5 ± 0.9 N m of 10 pulses").split(" ")
+        ['ζ\xa00.1,', '5\xa0±\xa00.9\xa0N\xa0m', 'of', '10', 'pulses']
     """
     return _NUMBER.sub("\xa0", text)
 

@@ -63,14 +63,14 @@ def linear_blocks(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Block]:
                 f"bode-{index}",
                 loop_gain,
                 f"{name}: loop gain, opened at {' or '.join(places)}. Marked: the gain"
-                " margin, from the dot to 1, and the phase margin, from the dot to -180° or its"
-                " like.",
+                " margin, from the dot to 1, and the phase margin, from the dot to −180° or an"
+                " odd multiple of it.",
                 f"Bode plot of the loop gain of {name}",
             ),
             Picture(
                 f"nyquist-{index}",
                 nyquist(curves, disk_margin=min(margins, default=None)),
-                f"{name}: the same in the complex plane; dotted the unit circle, + the point -1,"
+                f"{name}: the same in the complex plane; dotted the unit circle, + the point −1,"
                 " dots where the margins are.",
                 f"Nyquist plot of the loop gain of {name}",
             ),
