@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 
 from tests.diagnosis.newcomers import (
     DAY,
+    Vector,
     car,
     carriage,
     cornering,
@@ -795,3 +796,52 @@ def test_a_formula_may_be_wrong_as_well_as_what_reads_its_value(
     assert verdict.findings[0].effect == "sensor_bend_p"
     assert "so would another formula for p" in verdict.sentence
     assert verdict.kind in ("named_class", "likely"), "the sensor is not to blame alone"
+
+
+def _two_tanks(seed: int, end: float, above: bool) -> Recording:
+    """Two tanks one below the other; the sensor of the upper one reads nothing beyond an end."""
+    rng = np.random.default_rng(seed)
+    time, pump = 2.0 * np.arange(600), 2e-4 * np.repeat(rng.uniform(0.3, 1.3, 20), 30)
+
+    def rates(now: float, level: Vector) -> list[float]:
+        upper, lower = np.sqrt(np.maximum(level, 0.0))
+        given = pump[min(int(now / 2.0), 599)]
+        return [(given - 3e-4 * upper) / 0.02, (3e-4 * upper - 4e-4 * lower) / 0.02]
+
+    level = solve_ivp(rates, (0.0, time[-1]), [0.3, 0.2], t_eval=time, max_step=1.0, rtol=1e-8).y
+    read = np.round((level + rng.normal(0.0, 2e-4, level.shape)) / 1e-4) * 1e-4
+    upper = np.minimum(read[0], end) if above else np.maximum(read[0], end)
+    signals = (
+        Signal("pump", pump, "m3/s", role="command"),
+        Signal("upper", upper, "m"),
+        Signal("lower", read[1], "m"),
+    )
+    return Recording(f"run {seed}", time, signals)
+
+
+@pytest.mark.parametrize("above", [True, False])
+def test_a_sensor_that_stands_at_its_end_most_of_the_time_is_told(above: bool) -> None:
+    def equations(m: Scope) -> Equations:
+        through = m.p.upper_outlet * ca.sqrt(ca.fmax(m.x.upper, 1e-6))
+        out = m.p.lower_outlet * ca.sqrt(ca.fmax(m.x.lower, 1e-6))
+        rates = {"upper": (m.u.pump - through) / 0.02, "lower": (through - out) / 0.02}
+        return rates, {"upper": m.x.upper, "lower": m.x.lower}
+
+    outlet = Parameter("upper_outlet", "m2.5/s", value=3.4e-4, lower=1e-4, upper=8e-4, fitted=True)
+    tanks = Model(
+        "tanks",
+        equations,
+        states=(State("upper", "m", 0.3), State("lower", "m", 0.3)),
+        inputs=(Input("pump", "m3/s", 2e-4),),
+        outputs=(
+            Output("upper", "m", 0.3, noise_rms=2e-4),
+            Output("lower", "m", 0.3, noise_rms=2e-4),
+        ),
+        parameters=(outlet, replace(outlet, name="lower_outlet")),
+    )
+    runs = [_two_tanks(seed, 0.3, above) for seed in (1, 2, 3)]
+    found = diagnose(tanks, runs[:2], runs[2:], jobs=1, advise=False)
+    (finding,) = found.verdict.findings
+    assert [c.name for c in found.selected.rounds[0].candidates] == [finding.effect]
+    assert finding.effect == ("sensor_clipping_upper" if above else "lower_sensor_clipping_upper")
+    assert finding.parameters["limit"].value == pytest.approx(0.3, abs=1e-4)

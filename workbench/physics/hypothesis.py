@@ -31,6 +31,8 @@ class Hypothesis:
             not a bound of plausibility.
         far: Whether its usual sizes are beyond where the derivative at size zero tells of them, as
             with delays: a refit then begins at the priors too, not only where the last one ended.
+        evident: Whether the recordings themselves show it, such as a sensor that stands at an end:
+            a score is not asked.
         same_as: Names of entries that give the very same measurements, whatever is recorded.
         usual: Whether machines usually have some of it that nobody tells a controller of.
         alone: The same law at each of its places alone, where several share its parameters.
@@ -56,6 +58,7 @@ class Hypothesis:
     same_as: tuple[str, ...] = ()
     alone: tuple[Hypothesis, ...] = ()
     usual: bool = False
+    evident: bool = False
 
     def __post_init__(self) -> None:
         """Check the names and fall back to the effect's name for the law."""

@@ -233,6 +233,7 @@ class Law:
         far: Whether its usual sizes are beyond where the derivative at size zero tells of them.
         whole: Whether the largest size is all that there can be.
         usual: Whether machines usually have some of it that nobody tells a controller of.
+        evident: Whether the recordings themselves show it at a place.
         of_parameter: Whether it changes a parameter of the model.
         moment: Name of the parameter that is the time of an event, on a clock that is a state.
         period: Name of the parameter with which that event repeats, in s.
@@ -273,6 +274,7 @@ class Law:
     far: bool = False
     whole: bool = False
     usual: bool = False
+    evident: Callable[[Place], bool] = lambda at: False
     of_parameter: bool = False
     moment: str = ""
     period: str = ""
@@ -369,6 +371,7 @@ class Law:
             self.far,
             self.same_as(survey, first),
             usual=self.usual,
+            evident=self.evident(first),
         )
 
     def _size(self, at: Place) -> Own:

@@ -76,6 +76,11 @@ def term_of(port: str, number: int) -> str:
     return f"term {number} of {port}"
 
 
+def end_of(port: str) -> str:
+    """Return the name under which the end is kept at which a sensor was seen to stand."""
+    return f"end of {port}"
+
+
 def per(unit: str, divisor: str, power: float = 1) -> str:
     """Return the unit of a quantity per power of another one.
 
@@ -203,6 +208,8 @@ class Place:
         duration: Length of the recordings, in s; 0 if it is not known.
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
         seen: Smallest and largest value along the recordings, in its unit; None if not known.
+        stands: Value at which a sensor stands as only one does that goes no further, in its unit;
+            None if it does not.
         period: Period with which something repeats that nobody read, in s; 0 if nothing does.
         episode: From when to when most of what nobody read acts, in s; None if it always may.
         stride: How much of the signal passes, in its unit times s, or how far goes what it moves,
@@ -240,6 +247,7 @@ class Place:
     episode: tuple[float, float] | None = None
     stride: float = 0.0
     seen: tuple[float, float] | None = None
+    stands: float | None = None
     terms: float = 0.0
     usual: Mapping[str, float] = field(default_factory=dict)
     carried: Mapping[str, Local] = field(default_factory=dict)
@@ -321,7 +329,7 @@ class Survey:
         strides: The same by commands: how much of one passes meanwhile, in its unit times s, by
             port; and by what is moved: how far it goes, by state.
         ranges: Smallest and largest value along the recordings of ports and states, by name, and
-            of differences of two states, in SI.
+            of differences of two states, in SI; twice the value at which a sensor stands.
         found: Names of attached effects whose parameters are not offered a change with time.
 
     Example:
@@ -515,7 +523,7 @@ class Survey:
             between=role in EFFORTS and self._between_bodies(index),
             directed=directed, output=output, horizon=self.model.horizon, duration=self.duration,
             sample_time=self.sample_time, period=self.period, episode=self.episode,
-            seen=self.ranges.get(name),
+            seen=self.ranges.get(name), stands=self.ranges.get(end_of(name), (None,))[0],
             stride=self._stride(name, signals), terms=self._terms(port), carried=carried,
             usual=self._weighing(index) if role in (*EFFORTS, *FLOWS) else {},
         )  # fmt: skip

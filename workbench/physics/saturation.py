@@ -46,7 +46,15 @@ def _limit(at: Place, usual: float) -> tuple[Own, ...]:
         share("share of the excess that is cut"),
         shape("limit", at.unit, usual, "the limit", around=(0.05, 20.0), scale=at.scale)
         if usual > 0.0
-        else shape("limit", at.unit, usual, "the limit", around=None, scale=at.scale),
+        else shape(
+            "limit",
+            at.unit,
+            usual,
+            "the limit",
+            around=None,
+            between=(usual - 20.0 * at.scale, usual + 20.0 * at.scale),
+            scale=at.scale,
+        ),
     )
 
 
@@ -103,10 +111,20 @@ lower_saturation = replace(
 )
 
 
+def _stands_high(at: Place) -> bool:
+    return at.stands is not None and at.seen is not None and at.stands > sum(at.seen) / 2
+
+
+def _stands_low(at: Place) -> bool:
+    return at.stands is not None and not _stands_high(at)
+
+
 def _ends(at: Place) -> tuple[float, ...]:
     """Limits worth trying for a sensor: at the end of what it reads, or within its range."""
     if at.seen is not None:
         low, high = at.seen
+        if _stands_high(at):
+            return (at.stands or 0.0,)
         return high, high - 0.1 * (high - low), high - 0.3 * (high - low)
     if at.unit == "Pa":
         return tuple(k * at.scale for k in (4.0, 3.0, 5.0))
@@ -126,6 +144,19 @@ sensor_clipping = replace(
     transform=_above,
     shapes=lambda at: [{"limit": limit} for limit in _ends(at)],
     group="sensor",
+    evident=_stands_high,
+    look_alikes=("sensor_gain",),
+)
+
+# A sensor that reads nothing below its end: only recordings tell of it, by standing there.
+lower_sensor_clipping = replace(
+    lower_saturation,
+    name="lower_sensor_clipping",
+    where=sensors(together=False, only=lambda at: at.seen is None or _stands_low(at)),
+    parameters=lambda at: _limit(at, at.stands or 0.0),
+    shapes=lambda at: ({},),
+    group="sensor",
+    evident=_stands_low,
     look_alikes=("sensor_gain",),
 )
 
@@ -230,7 +261,11 @@ def _follow(e: EffectView) -> dict[str, Expression]:
 slew_limit = at_inputs_too(Law(
     "slew_limit",
     "dy/dt = r tanh((u - y) / (r tau))",
-    first_of(each("valve_command"), each("command", "voltage", "circuit", label=by_port)),
+    first_of(
+        each("spool"),
+        each("valve_command"),
+        each("command", "voltage", "circuit", label=by_port),
+    ),
     lambda at: (
         share("share of the limited signal"),
         shape("largest_rate", per(at.unit, "s"), 2.0 * at.scale / at.interval, "largest speed",

@@ -36,6 +36,7 @@ from workbench.physics.saturation import (
     slew_limit,
 )
 from workbench.physics.stiffness import sensor_ripple
+from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
 from workbench.simulation.simulate import simulate
 
@@ -129,6 +130,27 @@ def test_slew_limit_bounds_the_speed_and_settles() -> None:
     # 5 V at 1000 V/s take 5 ms but for the last volt, which is a lag of 1 ms.
     assert np.interp(2.5, step, times) == pytest.approx(2.5e-3, rel=0.05)
     assert step[-1] == pytest.approx(5.0, abs=1e-4)
+
+
+def test_a_spool_with_a_top_speed_is_slowed_behind_its_own_dynamics() -> None:
+    """Against a spool of second order that is stopped at its top speed, in small steps."""
+    frequency, damping, top, h = 2 * np.pi * 95.0, 0.7, 120.0, 1e-5
+    free, held = [], []
+    for speed_limit, kept in ((np.inf, free), (top, held)):
+        x = v = 0.0
+        for _ in range(4000):
+            kept.append(x)
+            x += h * v
+            v += h * (frequency**2 * (1.2 - x) - 2 * damping * frequency * v)
+            v = min(max(v, -speed_limit), speed_limit)
+    times = h * np.arange(4000)
+    (offered,) = (e for e in library(arm()) if e.law == "slew_limit")
+    assert offered.ports == ("valve.spool",)
+    model = bench(slew_limit("valve.spool", largest_rate=top), "V")
+    slowed = run(model, lambda t: {"value": float(np.interp(t, times, free))}, times[::20])
+    late = np.trapezoid(np.array(held)[::20] - slowed, times[::20]) / 1.2
+    # At the command it would be slowed before the spool, whose own lag is 2.3 ms.
+    assert abs(late) < 1e-3
 
 
 def test_dead_band_is_flat_inside_and_shifted_outside() -> None:

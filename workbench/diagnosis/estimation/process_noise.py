@@ -27,7 +27,8 @@ from workbench.errors import NumericalError
 from workbench.model import Model
 from workbench.model.expressions import cofactor, terms
 from workbench.model.model import index_of
-from workbench.physics.place import Survey, argument_of, term_of
+from workbench.physics.place import Survey, argument_of, end_of, term_of
+from workbench.recordings.checks.clipping import clipped_samples
 
 LADDER = (3000.0, 300.0, 30.0, 3.0, 1.0, 0.3, 0.03, 0.003)
 """Process-noise scales that are tried, from a poor model to a perfect one."""
@@ -297,6 +298,10 @@ def ranges_along(
             f"{name}.reading": column
             for name, column in zip(observed.used, observed.outputs.T, strict=True)
         }
+        for name, column in zip(observed.used, observed.outputs.T, strict=True):
+            clipped, limit = clipped_samples(column[np.isfinite(column)])
+            if clipped.any():
+                named[end_of(f"{name}.reading")] = np.array([limit])
         for name, values in named.items():
             seen.setdefault(name, []).append(values[np.isfinite(values)])
     return {

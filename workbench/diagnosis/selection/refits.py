@@ -269,7 +269,7 @@ def _first_refits(
     ends = [_BY_SCORE * (2**k - 1) for k in range(len(order).bit_length() + 1)]
     for some in (order[i:j] for i, j in pairwise(ends) if i < len(order)):
         # Beside what leaves nothing out nobody waits for the others to be tried in every way.
-        complete = {k: c.gain for k, c in found.items() if _leaves_nothing(base, c)}
+        complete = {k: c.gain for k, c in found.items() if leaves_nothing(base, c)}
         ways = short and not complete
         # Nor for what explains much less, by sample: what comes late is refitted on more of them.
         clear = max((gain / seen[k] for k, gain in complete.items()), default=0.0)
@@ -362,7 +362,7 @@ def _with_trust(
     return replace(first, fit=fit, gain=cost - fit.cost)
 
 
-def _leaves_nothing(base: ProcessNoiseFit, candidate: Candidate) -> bool:
+def leaves_nothing(base: ProcessNoiseFit, candidate: Candidate) -> bool:
     """Whether the equations that left something out are complete with an effect."""
     return base.noise_scale > PERFECT and _explains(candidate) and not colours_noise(candidate)
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -33,7 +34,7 @@ from workbench.diagnosis.selection.additions import (
 from workbench.diagnosis.selection.candidate import Candidate, is_sensor
 from workbench.diagnosis.selection.held_out import over_floor
 from workbench.diagnosis.selection.pairs import as_told, with_pair
-from workbench.diagnosis.selection.refits import entry_priors, untried
+from workbench.diagnosis.selection.refits import entry_priors, leaves_nothing, untried
 from workbench.diagnosis.selection.rules import (
     AT_NOISE,
     LEAST_AT_FIRST,
@@ -210,9 +211,13 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
             perfect=current.noise_scale <= PERFECT and bool(number),
         )
 
-        candidates = refits_beside(task, current, state.free, chosen, limits, thorough=first)
+        refits = partial(refits_beside, task, current, state.free, limits=limits, thorough=first)
+        evident = [s for s in chosen if s.entry.evident]
+        candidates = refits(evident) if evident else ()
+        if not any(leaves_nothing(current, c) and not c.refused for c in candidates):
+            candidates = refits(chosen)
         if later and all(c.refused for c in candidates):
-            more = refits_beside(task, current, state.free, later, limits, thorough=first)
+            more = refits(later)
             candidates = tuple(sorted((*more, *candidates), key=lambda c: -c.gain))
         candidates = _with_twins(task, state, scores, candidates, chosen, limits)
         scored_names = {s.entry.name for s in scores.scores}

@@ -78,9 +78,11 @@ def to_refit(
             tell.
 
     Returns:
-        What to refit, and what is left for the case that nothing of it explains the recordings.
+        What to refit, first what the recordings themselves show, and what is left for the case
+        that nothing of it explains the recordings.
     """
-    chosen = list(shortlist(scores, most=most))
+    evident = [s for s in scores.scores if s.entry.evident]
+    chosen = [*evident, *(s for s in shortlist(scores, most=most) if s not in evident)]
     groups = {port.name: port.group for port in task.base.model.ports}
     alone = task.location.alone if task.location else {}
     best = max(alone.values(), default=0.0)
