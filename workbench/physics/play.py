@@ -76,7 +76,8 @@ def _kept_back(at: PortView) -> Expression:
 
 
 def _follow(view: EffectView) -> dict[str, Expression]:
-    e, w = view.here.value - view.x.follower, view.p.half_width + view.p.floor
+    w, floor = view.p.half_width, view.p.floor
+    e, w = view.here.value - view.x.follower, w + floor * floor / (floor + w)
     return {"follower": (maximum(e - w, 0.0) - maximum(-e - w, 0.0)) / view.p.time}
 
 
@@ -90,7 +91,7 @@ command_play = Law(
     lambda at: (
         size("half_width", at.unit, _SLACK * at.scale, 0.5 * at.scale, "half of the slack"),
         shape("floor", at.unit, 0.001 * at.scale, "slack added to the follower's", fitted=False),
-        shape("time", "s", at.interval, "time in which the follower comes near",
+        shape("time", "s", 0.4 * at.interval, "time in which the follower comes near",
               around=(1.0, 1.0), source="", fitted=False),
     ),
     _kept_back,

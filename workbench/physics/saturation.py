@@ -153,7 +153,7 @@ lower_sensor_clipping = replace(
     lower_saturation,
     name="lower_sensor_clipping",
     where=sensors(together=False, only=lambda at: at.seen is None or _stands_low(at)),
-    parameters=lambda at: _limit(at, at.scale if at.stands is None else at.stands),
+    parameters=lambda at: _limit(at, _ends(at)[1] if at.stands is None else at.stands),
     shapes=lambda at: ({},),
     group="sensor",
     evident=_stands_low,

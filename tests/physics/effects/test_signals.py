@@ -191,6 +191,21 @@ def test_play_of_a_held_command_follows_jumps_at_once_and_keeps_small_ones_back(
     assert just_after == pytest.approx(1.9, abs=2e-3)
 
 
+def test_play_is_as_wide_as_it_is_told_where_commands_turn_at_every_sample() -> None:
+    model = bench(command_play("valve.command", half_width=0.03), "V")
+    interval = next(q.value for q in model.parameters if q.name == "command_play.time") / 0.4
+    told = np.cumsum(np.random.default_rng(3).normal(0.0, 0.03, 60)).round(4)
+    told[0], expected, place = 0.0, [], 0.0
+    for u in told:
+        place = min(max(place, u - 0.03), u + 0.03)
+        expected.append(place)
+    times = np.arange(0.0, interval * len(told), interval / 20)
+    at = np.minimum((times / interval + 1e-6).astype(int), len(told) - 1)
+    y = run(model, lambda t: {"value": float(told[min(int(t / interval + 1e-6), 59)])}, times)
+    ends = np.array([y[at == i][-1] for i in range(len(told))])
+    assert np.sqrt(np.mean((ends - expected) ** 2)) < 2.5e-3
+
+
 def test_what_sticks_stays_and_then_goes_all_the_way_at_once() -> None:
     known = {"share": 1.0, "band": 0.3, "interval": 0.1}
     model = bench(command_stiction("valve.command", **known), "V")
