@@ -17,6 +17,7 @@ from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import extended_start, fit_with_process_noise
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
+from workbench.physics.friction import quadratic_drag
 from workbench.physics.library import library
 from workbench.physics.offset_gain import gain
 from workbench.plants.servo_axis import servo_axis
@@ -91,3 +92,33 @@ def test_a_value_that_nobody_refits_is_told_where_an_effect_stands_for_it(fitted
     found = value_instead(fit, law.effect, "excess", seen)
     # U / (0.024 H) is a sixth less than U / (0.02 H).
     assert found is None if fitted else found == ("L", pytest.approx(0.024, rel=2e-3))
+
+
+def test_what_all_else_scales_with_is_no_value_instead() -> None:
+    def equations(m: Scope) -> Equations:
+        force = m.port("body.force", m.p.gain * m.u.drive - m.p.damping * m.x.speed, unit="N",
+                       signals={"speed": m.x.speed})  # fmt: skip
+        return {"speed": force / m.p.mass}, {"speed": m.x.speed}
+
+    body = Model(
+        "body",
+        equations,
+        states=(State("speed", "m/s", 1.0),),
+        inputs=(Input("drive", "V", 1.0),),
+        outputs=(Output("speed", "m/s", 1.0, noise_rms=1e-3),),
+        parameters=(
+            Parameter("gain", "N/V", value=1.0, lower=0.1, upper=9.0, fitted=True),
+            Parameter("damping", "N s/m", value=0.5, lower=0.01, upper=5.0, fitted=True),
+            Parameter("mass", "kg", value=0.1),
+        ),
+    )
+    # Its sign would be chance.
+    for size in (0.1, 0.2, 0.3, 0.4, 0.5, 0.6):
+        model = body.with_effect(quadratic_drag("body.force", coefficient=size))
+        seen = made_up(model, pushes(600, largest=3.0, seed=1), sample_time=0.02)
+        priors = default_priors(model, ["gain", "damping", "quadratic_drag.coefficient"])
+        fit = fit_with_process_noise(model, [seen], priors)
+        assert fit.refit.estimate("quadratic_drag.coefficient").value == pytest.approx(
+            size, rel=0.1
+        )
+        assert value_instead(fit, model.effects[0], "coefficient", seen) is None

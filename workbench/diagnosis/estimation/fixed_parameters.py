@@ -138,7 +138,8 @@ def value_instead(
         if length < _SEEN * float(whole @ whole) or shared**2 < _TWIN * length * float(own @ own):
             continue
         value = q.value + fit.refit.estimates[k].value * shared / length
-        if q.lower <= value <= q.upper and value * q.value > 0.0:
+        # A mass that every force scales with would vanish with them.
+        if q.lower <= value <= q.upper and value / q.value > _SEEN:
             return q.name, value
     return None
 
