@@ -93,6 +93,30 @@ def test_speed_and_coordinate_follow_from_structure() -> None:
     np.testing.assert_allclose(damped.rates([0.0, 0.1], [0.0])[1], more)
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_the_depth_of_a_cage_tells_the_angle_of_its_drum(way: float) -> None:
+    def equations(m):
+        torque = m.u.motor - m.p.damping * m.x.spin
+        return {"depth": way * 2.0 * m.x.spin, "spin": torque / 3.0}, {"depth": m.x.depth}
+
+    hoist = Model(
+        "hoist",
+        equations,
+        states=(State("depth", "m", 80.0, initial=10.0), State("spin", "rad/s", 5.0)),
+        inputs=(Input("motor", "N m", 10.0),),
+        outputs=(Output("depth", "m", 80.0),),
+        parameters=(Parameter("damping", "N m s/rad", value=1.0),),
+    ).opened()
+    place = Survey(hoist).place("spin.rate")
+    at = place.coordinate
+    assert (at.source, at.unit, at.scale, at.start) == ("depth", "rad", 40.0, way * 5.0)
+    rope = next(h for h in library(hoist) if h.name == "linear_spring").at_size(0.2, {"rest": 0.0})
+    model = hoist.with_effect(rope)
+    # An angle of 20 rad, turned back by 0.2 of it.
+    change = model.rates([40.0, 0.0], [0.0]) - hoist.rates([40.0, 0.0], [0.0])
+    assert change[1] == pytest.approx(-way * 0.2 * 20.0)
+
+
 def test_a_store_may_lose_what_it_holds() -> None:
     laws = {h.law: h for h in library(heated_tank())}
     assert laws.keys() >= {"heat_loss", "radiation", "second_store", "gain", "drive_lag"}

@@ -123,8 +123,8 @@ class Local:
         start: Usual value at the start of a run, in ``unit``.
         seen: Smallest and largest value along the recordings, in ``unit``; None if not known.
         minus: Name of a state that is subtracted: the place or speed of one body over another.
-        ratio: Factor of the source before that, in ``unit`` per unit of the source: of a gear or
-            lever.
+        ratio: Factor of the source before that, in ``unit`` per unit of the source: of a gear,
+            lever or drum.
         sign: 1, or -1 where the signal of the port counts the other way, dimensionless.
         multiplied: Whether it is what the parameter that changes multiplies, of which there is no
             other name.
@@ -147,6 +147,14 @@ class Local:
         """Name under which the range of a difference of two states is kept."""
         return f"{self.ratio:.9g} {self.source} - {self.minus}"
 
+    def geared(self, ratio: float, unit: str) -> Local:
+        """Return the signal times a positive ratio, in another unit."""
+        seen = self.seen and (ratio * self.seen[0], ratio * self.seen[1])
+        return replace(
+            self, unit=unit, scale=ratio * self.scale, lower=ratio * self.lower,
+            upper=ratio * self.upper, start=ratio * self.start, seen=seen, ratio=ratio,
+        )  # fmt: skip
+
     def turned(self, sign: float) -> Local:
         """Return the signal as it is counted the other way, if the sign (a factor) is negative."""
         if sign >= 0.0:
@@ -165,7 +173,10 @@ class Local:
             known: States and inputs of the model, by name, in SI.
         """
         value = own[self.source] if self.source in own else known[self.source]
-        value = self.ratio * value - known[self.minus] if self.minus else value
+        if self.ratio != 1.0:
+            value = self.ratio * value
+        if self.minus:
+            value = value - known[self.minus]
         return value if self.sign == 1.0 else self.sign * value
 
 
@@ -717,7 +728,10 @@ class Survey:
         return same_dimension(unit, per(of, "s"))
 
     def _integral_of(self, index: int, speed: Local, own: Mapping[str, Local]) -> Local | None:
-        """Find the signal, state or difference of two states whose rate is a speed."""
+        """Find the signal, state or difference of two states whose rate is a speed.
+
+        Or times a speed: of the depth of a cage the angle of its drum.
+        """
         moving = self._values(index, speed)
         if not np.any(np.nan_to_num(moving)):
             return None
@@ -737,6 +751,11 @@ class Survey:
             for sign in (1.0, -1.0):
                 if _same(sign * rate, moving):
                     return local.turned(sign)
+        for state in (self._of(q.name) for q in states) if speed.unit.endswith("/s") else ():
+            with np.errstate(divide="ignore", invalid="ignore"):
+                ratio = float(np.nanmedian(moving / self._rate(index, state)))
+            if math.isfinite(ratio) and _same(ratio * self._rate(index, state), moving):
+                return state.geared(abs(ratio), speed.unit.removesuffix("/s")).turned(ratio)
         return next((q for q in single if self._follows(index, q, speed)), None)
 
     def _follows(self, index: int, place: Local, speed: Local) -> bool:
