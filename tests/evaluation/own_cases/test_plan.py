@@ -31,7 +31,7 @@ WHOLE = plan()
 
 
 def test_every_effect_of_the_rig_is_planned_and_has_a_meaning() -> None:
-    known = {e.name for entry in library(arm(3)) for e in (entry, *entry.alone)}
+    known = {e.name for entry in library(arm(3), period=0.3) for e in (entry, *entry.alone)}
     for name in EFFECTS:
         assert set(names().effects[name].library) <= known
     assert NOTHING not in SINGLE

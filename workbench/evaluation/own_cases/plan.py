@@ -98,7 +98,8 @@ FIRST_SEED = 2000
 """Seed of the first case of the plan. Other thousands give other cases of the same kinds: other
 background parameters, loads, excitations and noise."""
 
-_STRIDES = (13, 11, 17, 7, 5, 1)
+_GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+"""Multiples of it, less their whole parts, lie evenly however many there are (H. Weyl 1916)."""
 
 
 @dataclass(frozen=True)
@@ -190,9 +191,8 @@ def plan(first_seed: int = FIRST_SEED) -> tuple[Planned, ...]:
 
 
 def _strided(items: list[_Item]) -> list[_Item]:
-    """Visit muscles, joint, valve, air and sensors in turn."""
-    stride = next(s for s in _STRIDES if math.gcd(s, len(items)) == 1)
-    return [items[stride * i % len(items)] for i in range(len(items))]
+    """Visit muscles, joint, valve, air and sensors in turn, evenly from any beginning on."""
+    return [items[i] for i in sorted(range(len(items)), key=lambda i: i * _GOLDEN % 1.0)]
 
 
 def _planned(
