@@ -19,6 +19,7 @@ import numpy as np
 from controllers.plain.loop import LoopSpecification, PlainLaw
 from workbench.linearisation.first_step import command_of_loop, step_of
 from workbench.linearisation.from_rest import FromRest, bends
+from workbench.linearisation.pace import noise_of
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -32,7 +33,8 @@ class Stepped(NamedTuple):
     Args:
         overshoot: The larger, beyond what is allowed, as a fraction of the step; infinite where the
             plant is lost.
-        error: Integral of time by absolute error, in samples squared, of unit steps.
+        error: Integral of time by absolute error, in samples squared, of unit steps, with half the
+            square of the time that each takes to settle.
         rise: Samples after which 63 % of the step is reached.
         left: How far away it stays in the end, the larger, as a fraction of the step.
     """
@@ -83,6 +85,8 @@ class _Run:
     def __init__(self, law: Any, linear: LinearModel, want: LoopSpecification) -> None:
         self.linear, self.want = linear, want
         self.plant = FromRest(linear, want.sample_time, law.actuators, law.sensors)
+        outputs = {q.name: q for q in linear.operating_point.model.outputs}
+        self.noise = np.array([noise_of(outputs[name]) for name in law.sensors])
 
     def led(self, law: Any, i: int) -> tuple[Any, Stepped]:
         """Return the law with the best references of an output, and what its step comes to."""
@@ -90,7 +94,7 @@ class _Run:
         command = command_of_loop(self.linear, names[i]) if len(names) == 1 else ""
         size = step_of(model, self.linear, names[i], names, command)
         first = self.stepped(law, i, size)
-        if first.overshoot < MORE:
+        if first.overshoot < POOR and (not first.overshoot or first.poor):
             return law, first
         laws = [law, *(slower(law, i, abs(size), by * first.rise) for by in SLOWER)]
         found = [first, *(self.stepped(one, i, size) for one in laws[1:])]
@@ -104,6 +108,7 @@ class _Run:
         coming = [plant.command] * round(self.want.delay / self.want.sample_time)
         at, asked = law.sensors.index(law.controlled[i]), plant.rest[: len(law.controlled)]
         overshoot, error, rise, left = self.want.overshoot, 0.0, 0, 0.0
+        random = np.random.default_rng(0)
         for sign in (1.0, -1.0):
             asked[i] += sign * size
             away = np.zeros(SAMPLES)
@@ -115,6 +120,7 @@ class _Run:
                 if k % BLOCK == BLOCK - 1 and np.all(np.abs(away[k + 1 - BLOCK : k + 1]) < SETTLED):
                     break
                 reference = tuple(asked) * (1 + law.preview)
+                y = y + self.noise * random.standard_normal(len(y))
                 command, state, _ = law.step(state, tuple(y.tolist()), reference)
                 coming.append(command)
                 if not plant.hold(coming.pop(0)):
@@ -122,6 +128,8 @@ class _Run:
             away = away[: k + 1]
             overshoot = max(overshoot, float(away.max()))
             error += float(np.arange(len(away)) @ np.abs(away))
+            unsettled = np.flatnonzero(np.abs(away) > WITHIN)
+            error += 0.5 * float(unsettled.max(initial=0)) ** 2
             rise = rise or max(int(np.argmax(away > -0.37)), 1)
             last, before = (np.abs(part[:BLOCK]).max() for part in (away[-BLOCK:], away[k // 2 :]))
             # What still gets nearer only takes longer.
@@ -145,8 +153,8 @@ def slower(law: P, i: int, size: float, samples: float) -> P:
 SLOWER = (0.75, 1.1, 1.6, 2.5, 4.0, 8.0)
 """Times of a reference that are tried, over the rise of a step."""
 
-MORE = 0.01
-"""Overshoot beyond what is allowed from which on slower references are tried, as a fraction."""
+WITHIN = 0.02
+"""How near a step is to where it goes when it has settled, as a fraction of it."""
 
 POOR = 0.06
 """Overshoot beyond what is allowed of a step that asks for another loop, as a fraction of it."""

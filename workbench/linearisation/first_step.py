@@ -69,6 +69,7 @@ def _reached(
         command: What a single loop commands; all else rests.
     """
     rests: list[float] = []
+    own = linear.operating_point.model
     # Where there is nothing above, or next to nothing, as of a pump that stands, it goes down.
     shares = [0.5**k for k in range(21)]
     both = [sign * np.array(shares[k : k + 3]) for k in range(0, 21, 3) for sign in (1.0, -1.0)]
@@ -77,10 +78,11 @@ def _reached(
             continue
         at = tuple((n, y + part if n == name else y) for n, y in start.items())
         with suppress(WorkbenchError):
-            point = operating_point(
-                model, dict(as_the_loop_rests(model, at, command) if command else at)
-            )
+            given = dict(as_the_loop_rests(model, at, command) if command else at)
+            point = operating_point(model, given)
             rests.append(part)
+            # What the linear model leaves out, as dry friction, is no reason to step less far.
+            point = point if own is model else operating_point(own, given)
             after = linearise(point, verdict=False)
             if after.inverse is not linear.inverse or _alike(linear, after, tuple(start), command):
                 return part

@@ -23,6 +23,7 @@ from workbench.linearisation.pace import reach_of, usual_sample_time
 from workbench.model import Input, Model, Output, State
 from workbench.operating_point import operating_point
 from workbench.plants.plant import Plant
+from workbench.plants.servo_axis import servo_axis
 from workbench.study.designs import followed_by_default
 from workbench.verification import metrics, step_scenario, verify
 
@@ -66,6 +67,39 @@ def plates() -> Model:
 def test_references_are_led_where_a_plant_answers_more_the_farther_it_goes() -> None:
     # As by its linear model alone, it overshoots by 79 %.
     assert _stepped(plates(), "plain-mpc", 4e-4)["overshoot"] < 0.05
+
+
+def knee() -> Model:
+    """A knee of an exoskeleton, which a motor moves over a spring."""
+
+    def equations(m: Any) -> Any:
+        torque = 250.0 * (m.x.motor - m.x.knee)
+        turned = torque - 12.0 * np.sin(m.x.knee) - 0.8 * m.x.rate
+        dry = 1.5 * np.tanh(m.x.motor_rate / 0.02) + 3.0 * m.x.motor_rate
+        driven = 3.0 * m.u.current - torque - dry
+        rates = {"knee": m.x.rate, "motor": m.x.motor_rate}
+        return rates | {"rate": turned / 0.35, "motor_rate": driven / 0.9}, {"knee": m.x.knee}
+
+    angles = State("knee", "rad", initial=0.3), State("motor", "rad", initial=0.31)
+    return Model(
+        "knee",
+        equations,
+        states=(*angles, State("rate", "rad/s"), State("motor_rate", "rad/s")),
+        inputs=(Input("current", "A", lower=-15.0, upper=15.0),),
+        outputs=(Output("knee", "rad", noise_rms=5e-4),),
+    )
+
+
+def test_a_step_that_overshoots_a_little_too_far_is_led_more_slowly_than_it_settles() -> None:
+    # It went 2.8 % too far for 0.9 s.
+    assert _stepped(knee(), "lqi", 4.0)["settling_time"] < 0.7
+
+
+def test_what_a_linear_model_leaves_out_shortens_no_step() -> None:
+    # Friction made the model behind each step another: 3 mm were stepped, which it holds back.
+    machine = servo_axis()
+    linear = linearise(operating_point(machine.without(*machine.dry_effects)))
+    assert step_of(machine, linear, "position", ("position",)) == pytest.approx(0.1)
 
 
 def gimbal() -> Model:
