@@ -124,7 +124,8 @@ def test_verify_scores_a_controller(tmp_path: Path, shell: Shell) -> None:
 def test_what_no_design_commands_rests(shell: Shell) -> None:
     said = shell("verify --plant pendulum --hold 1s")
     assert "rests, such as gain, supply, enabled" in said.err
-    assert "plain-pid on servo pendulum" in said.out
+    title, _, *rows = said.out.splitlines()
+    assert title.startswith("servo pendulum, step") and any(r.startswith("plain-pid") for r in rows)
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -134,7 +135,9 @@ def test_redesign_of_a_machine_that_is_no_arm(tmp_path: Path, shell: Shell) -> N
     (tmp_path / "verdict.json").write_text(json.dumps({"plant": found}))
     arguments = ["redesign", str(tmp_path / "verdict.json"), "-f", "lqi", "--out"]
     said = shell(*arguments, tmp_path / "out").out
-    assert "lqi, nominal on servo axis" in said and "lqi, redesigned on servo axis" in said
+    title, _, *rows = said.splitlines()
+    assert title == "servo axis, step 0 to 100 mm and back"
+    assert rows[0].startswith("lqi, nominal") and rows[1].startswith("lqi, redesigned")
     assert (tmp_path / "out" / "lqi.c").exists()
     # Both have the colour of their family, each in a picture of its own.
     page = (tmp_path / "out" / "report.html").read_text()
@@ -146,7 +149,7 @@ def test_redesign_of_a_machine_that_is_no_arm(tmp_path: Path, shell: Shell) -> N
     assert rmse["lqi, nominal"] != rmse["lqi, redesigned"]
     more = "--at position=100mm -f plain-pid"
     told = shell(*arguments, tmp_path / "there", more)
-    assert "on servo axis, step 100 to" in told.out
+    assert "servo axis, step 100 to" in told.out
     # What takes time is told, for the nominal plant and for the machine.
     assert told.err.count("designs:   0%") == 2 and "writing the report" in told.err
 
@@ -157,10 +160,13 @@ def test_a_redesign_is_run_until_its_loops_have_settled(
 ) -> None:
     from workbench.study import step_trial
 
-    (tmp_path / "verdict.json").write_text(json.dumps({"plant": {"name": "servo-axis"}}))
+    found = {"name": "servo-axis", "effects": ["stribeck_friction"]}
+    (tmp_path / "verdict.json").write_text(json.dumps({"plant": found}))
     monkeypatch.setattr(step_trial, "settling", lambda *_: step_trial.Needed(4.0, {}))
     out = tmp_path / "out"
-    shell("redesign", tmp_path / "verdict.json", "-f lqi --out", out)
+    said = shell("redesign", tmp_path / "verdict.json", "-f lqi --out", out)
+    # What was found is dry, and in no linear model.
+    assert "stribeck_friction has no slope at rest" in said.err
     conditions = json.loads((out / "results.json").read_text())["conditions"]
     (scenario,) = conditions["scenarios"].values()
     (signal,) = scenario["references"].values()

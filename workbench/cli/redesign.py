@@ -42,7 +42,7 @@ def redesign(
     """
     from controllers.c_export import export_c
     from workbench.cli.plant import chosen_plant
-    from workbench.cli.running import counting, write_study
+    from workbench.cli.running import counting, tell_runs, write_study
     from workbench.study.result import run_study
     from workbench.study.summary import plain_summary
 
@@ -60,10 +60,7 @@ def redesign(
         design, which = name.rsplit(", ", 1)
         if which == "redesigned":
             export_c(recipe.build(), out, name=re.sub(r"\W+", "_", design.lower()), units=units)
-    for record in result.records:
-        if record.metrics is not None:
-            plant = study.variations[record.variation].case or found.model.name
-            typer.echo(str(replace(record.metrics, plant=plant)))
+    tell_runs(result, found.model.name)
     if result.judgements or result.failed:
         typer.echo(plain_summary(result))
     write_study(result, out, more=", and the redesigned in C")
@@ -109,6 +106,12 @@ def _nominal_and_redesigned(
     kind, options = nominal_of_file(verdict)
     base = nominal_design(found, at)
     nominal = replace(base, plant=PlantRecipe(kind, options, folder=base.plant.folder))
+    known = {effect.name for effect in nominal.plant.build().effects}
+    if dry := [name for name in found.model.dry_effects if name not in known]:
+        note(
+            f"{', '.join(dry)} has no slope at rest, so that linear models leave it out: what is"
+            " designed anew knows the refitted parameters and other laws alone"
+        )
     trial = StepTrial(found.recipe, base, tuple(designs), say=note)
     with counting() as counter:
         after, scenarios = replace(trial, progress=counter).prepared()

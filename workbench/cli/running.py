@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -153,6 +154,15 @@ def telling(begin: float, said: str = "starting") -> Iterator[Callable[[str], No
         over = True
         heard.set()
         thread.join()
+
+
+def tell_runs(outcome: StudyResult, plant: str, *, as_json: bool = False) -> None:
+    """Print all metrics of a run; of several runs a table of each step to compare them by."""
+    from workbench.study.summary import step_tables
+
+    done = [record.metrics for record in outcome.records if record.metrics is not None]
+    text = step_tables(outcome, plant) if len(done) > 1 else str(replace(done[0], plant=plant))
+    typer.echo(text, err=as_json)
 
 
 def write_study(outcome: StudyResult, out: Path, *, more: str = "", as_json: bool = False) -> None:

@@ -12,7 +12,7 @@ import typer
 
 from workbench.cli.options import AsJson
 from workbench.cli.plant import Chosen, value_at_rest, with_plant
-from workbench.cli.running import counting, note, tell, write_study
+from workbench.cli.running import counting, note, tell, tell_runs, write_study
 from workbench.errors import WorkbenchError, check_choice, check_range
 
 if TYPE_CHECKING:
@@ -108,10 +108,7 @@ def verify(
         result = run_study(study, kept, traces=out is not None, progress=counter)
     if len(result.failed) == len(result.records):
         raise WorkbenchError(result.records[0].reason)
-    for record in result.records:
-        if record.metrics is not None:
-            shown = replace(record.metrics, plant=chosen.model.name)
-            typer.echo(str(shown), err=as_json)
+    tell_runs(result, chosen.model.name, as_json=as_json)
     if result.judgements or result.failed:
         typer.echo(plain_summary(result), err=as_json)
     if out is not None:

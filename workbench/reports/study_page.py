@@ -116,6 +116,8 @@ def _where(j: Judgement | None) -> str:
 def _scores(outcome: StudyResult) -> Table:
     boxes = {r.controller: score_cell(r.worst_score, capped=True) for r in outcome.robustness}
     judged = {j.controller for j in outcome.judgements}
+    if not boxes and not any(s.judgement for s in outcome.scores):
+        return _softly(outcome)
     columns: dict[str, Callable[[Score], Cell | str]] = {
         "controller": lambda s: s.controller,
         "score": lambda s: score_cell(s.worst) if s.judgement else "–",
@@ -131,6 +133,22 @@ def _scores(outcome: StudyResult) -> Table:
         if outcome.study.box is not None and not outcome.study.box.hard:
             note += " The box of plants informs and does not fail this study."
     return Table.of("Scores", outcome.scores, columns, note)
+
+
+def _softly(outcome: StudyResult) -> Table:
+    """Return on how many plants and steps each controller holds limits of which none is hard."""
+    missed: dict[str, dict[tuple[str, str], bool]] = {}
+    for j in outcome.judgements:
+        own = missed.setdefault(j.controller, {})
+        own[j.variation, j.scenario] = own.get((j.variation, j.scenario), False) or j.score > 1.0
+    columns: dict[str, Callable[[str], Cell | str]] = {
+        "controller": lambda name: name,
+        "limits held": lambda name: (
+            f"{list(missed[name].values()).count(False)} of {len(missed[name])}"
+        ),
+    }
+    note = "Plants and steps in which every limit is held. None is hard, so that there is no score."
+    return Table.of("Limits", list(missed), columns, note)
 
 
 def _unjudged(outcome: StudyResult) -> Table:

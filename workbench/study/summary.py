@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from workbench.display import aligned_table
 from workbench.errors import WorkbenchError
 from workbench.model.units import from_si, shown_unit, with_unit
 from workbench.study.baseline import IN_BOX, Change
@@ -125,6 +126,57 @@ def plain_summary(outcome: StudyResult) -> str:
     return "\n".join([*lines, f"{outcome.study.name} {word}: {outcome.headline()}"])
 
 
+def step_tables(outcome: StudyResult, plant: str) -> str:
+    """Write a table of each scenario for a terminal, a row for each controller.
+
+    Of several outputs, it holds those that step; of what a step does to others, the most, over the
+    output's scale.
+
+    Args:
+        plant: Name of the plant, for the titles.
+    """
+    study = outcome.study
+    parts: list[str] = []
+    scales = {q.name: q.scale for q in study.plant.build().outputs}
+    for scenario in study.scenarios:
+        done = [
+            (f"{r.controller} on {study.variations[r.variation].case}", r.metrics)
+            for r in outcome.records
+            if r.scenario == scenario and r.metrics is not None
+        ]
+        labels = labels_of(columns("summary"), (n for _, m in done for n in m))
+        stepped = {n.removesuffix("settling_time") for n in labels if n.endswith("settling_time")}
+        shown = [n for n in labels if n.rpartition(".")[0] in {p.rstrip(".") for p in stepped}]
+        rows: list[list[str]] = []
+        reasons: dict[str, list[str]] = {}
+        for controller, found in done:
+            name = controller.removesuffix(" on ")
+            row, own = [name], {m.name: m for m in found.values}
+            for label in shown:
+                m = own.get(label)
+                row.append(_terse(m) if m is not None else "")
+                if m is not None and m.reason and math.isnan(m.value):
+                    why = f"{label.replace('_', ' ')}: {m.reason}"
+                    reasons.setdefault(why, []).append(name)
+            moved = [found[n] for n in found if n.endswith(".interaction")]
+            if moved:
+                most = max(moved, key=lambda m: m.value / scales[m.name.partition(".")[0]])
+                row.append(f"{most.name.partition('.')[0]} {_terse(most)}")
+            rows.append(row)
+        if rows:
+            heads = [n.removeprefix(next(iter(stepped))) if len(stepped) == 1 else n for n in shown]
+            more = ["interaction"] if len(rows[0]) > 1 + len(heads) else []
+            heads = ["controller", *(n.replace("_", " ") for n in heads), *more]
+            parts += [f"{plant}, {scenario}", aligned_table(heads, rows, width=None)]
+            parts += [f"no {why} ({', '.join(who)})" for why, who in reasons.items()]
+    return "\n".join(parts)
+
+
+def _terse(metric: MetricValue) -> str:
+    value, unit = metric.shown()
+    return "none" if math.isnan(value) else with_unit(f"{value:.3g}", unit)
+
+
 _BOLD = "\ue000"
 """Where bold text begins and ends: a private character, so that names may hold asterisks."""
 
@@ -149,6 +201,8 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def _scores(outcome: StudyResult) -> list[str]:
+    if not any(s.judgement for s in outcome.scores) and not outcome.robustness:
+        return []
     rows = []
     before = _before(outcome)
     for s in outcome.scores:
