@@ -470,6 +470,12 @@ def test_a_step_is_more_than_the_noise_of_its_sensor(balls: None, shell: Shell) 
     assert found["metrics"]["settling_time"]["value"] < 3.0
 
 
+def test_a_step_that_noise_drowns_is_told(balls: None, shell: Shell) -> None:
+    step = "verify --plant balls:ball -c plain-pid --from 0cm --to"
+    told = "the sensor of ball has noise of 10 % of its step"
+    assert told in shell(step, "1cm").err and told[:18] not in shell(step, "5cm").err
+
+
 def test_a_linear_model_is_a_plant(balls: None, shell: Shell) -> None:
     (found,) = shell("verify --plant balls:hydro -c lqi --json").result["runs"]
     assert "-0" not in found["scenario"] and found["metrics"]["settling_time"]["value"] < 20.0

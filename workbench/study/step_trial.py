@@ -27,6 +27,7 @@ from workbench.linearisation.first_step import as_the_loop_rests, command_of_loo
 from workbench.linearisation.pace import (
     has_room,
     least_time,
+    noise_of,
     rounded_up,
     step_time,
     usual_sample_time,
@@ -147,7 +148,23 @@ class StepTrial:
                     f"{name} settles in {in_time(settled)}, later than the step is run for by"
                     f" default; --hold {whole} runs all of it"
                 )
-        return recipes, scenarios()
+        found = scenarios()
+        self._tell_noise(found)
+        return recipes, found
+
+    def _tell_noise(self, scenarios: Sequence[Scenario]) -> None:
+        """Say which steps are so small that noise may keep them from settling."""
+        outputs = {q.name: q for q in self.model.outputs}
+        for scenario in scenarios:
+            for name, asked in scenario.references.items():
+                size = max((abs(last - first) for _, first, last in asked.changes), default=0.0)
+                share = noise_of(outputs[name]) / size if size else 0.0
+                if share > LOUD:
+                    self.say(
+                        f"the sensor of {name} has noise of {100.0 * share:.2g} % of its step, rms:"
+                        " what loops make of it may keep them from settling; step farther if the"
+                        " plant lets you (--to), or take a quieter sensor"
+                    )
 
     def scenario(self, stepped: Sequence[str]) -> Scenario:
         """Return a step of some controlled outputs and back, the others staying where they are."""
@@ -363,6 +380,10 @@ def _follows(recipe: ControllerRecipe) -> tuple[str, ...]:
         return recipe.build().controlled
     return ()
 
+
+LOUD = 0.05
+"""Noise of a sensor over a step, rms, from which on a loop must let less than a tenth of it through
+to settle within 2 %: four times that is outside once in thousands of samples."""
 
 LONGEST = 20_000
 """Most samples between steps that a loop that is slower than its plant is given by default."""
