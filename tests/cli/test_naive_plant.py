@@ -480,7 +480,7 @@ def test_a_linear_model_is_a_plant(balls: None, shell: Shell) -> None:
     (found,) = shell("verify --plant balls:hydro -c lqi --json").result["runs"]
     assert "-0" not in found["scenario"] and found["metrics"]["settling_time"]["value"] < 20.0
     assert (
-        "return a workbench.model.Model"
+        "returned float, not a model"
         in shell("verify --plant balls:forgotten", status=WRONG_USE).err
     )
 
