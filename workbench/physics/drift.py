@@ -38,7 +38,9 @@ _FRACTIONS = (0.5, 0.3, 0.7, 0.15, 0.85)
 """Times of a jump that are worth trying, as fractions of the recording."""
 
 
-def _warming(typical: Callable[[Place], float]) -> Callable[[Place], tuple[Own, ...]]:
+def warming(typical: Callable[[Place], float]) -> Callable[[Place], tuple[Own, ...]]:
+    """State by how much, over the scale of a place, something usually drifts, and how fast."""
+
     def parameters(at: Place) -> tuple[Own, ...]:
         s = typical(at) * at.scale
         return (
@@ -75,7 +77,7 @@ sensor_drift = Law(
     "sensor_drift",
     "y = u + amount w, w = (1 - exp(-t / tau)) / (1 - exp(-lasting / tau))",
     sensors(together=False),
-    _warming(sensor_error),
+    warming(sensor_error),
     lambda at: at.value + at.p.amount * at.x.warm,
     states=lambda at: (_WARM,),
     rates=_warming_up,

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression
-from workbench.physics.drift import offset_jump
+from workbench.physics.drift import offset_jump, sensor_drift, warming
 from workbench.physics.flow import orifice_flow
 from workbench.physics.gas import AIR
 from workbench.physics.law import Fit, Law, Own, Site, by_number, each, shape, share, size
@@ -254,4 +254,15 @@ supply_jump = replace(
     where=each("supply_pressure"),
     source="a regulator that sticks, another consumer that is switched on",
     look_alikes=("supply_droop", "reservoir_droop", "regulator_droop"),
+)
+
+supply_drift = replace(
+    sensor_drift,
+    name="supply_drift",
+    where=each("supply_pressure"),
+    parameters=warming(lambda at: 0.3),
+    group="process",
+    source="a bottle that runs empty, a regulator that creeps",
+    look_alikes=("supply_jump", "reservoir_droop", "supply_droop"),
+    separated_by="the same motion at the start and at the end of a recording",
 )
