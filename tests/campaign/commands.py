@@ -158,8 +158,8 @@ def recordings(folder: Path) -> tuple[str, ...]:
 _SMALLER = """
 import sys
 from pathlib import Path
-from workbench.study import shipped
-shipped.shipped_study = lambda name: Path({study!r})
+from workbench.study import schema
+schema.shipped_study = lambda name: Path({study!r})
 from workbench.cli.main import main
 main()
 """

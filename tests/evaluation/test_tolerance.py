@@ -151,7 +151,7 @@ def test_a_design_for_an_identified_machine_is_as_fast_as_one_without_latency(na
     law = replace(
         recipe, fastest=known, inertia_margin=(), specification=tuple(given.items())
     ).build()
-    late = Sized((("valve_delay", 0.008), ("line_conductance", 1e-8), ("line_volume", 15e-6)))
+    late = Sized({"valve_delay": 0.008, "line_conductance": 1e-8, "line_volume": 15e-6}, {})
     told = on_rig(law, Draw(0, ("late",), 3.0, (late,)), study.scenarios["steps"])
     assert max(told["settling_time"]) <= 0.27 and told["overshoot"] <= 0.05
     assert told["oscillation"] <= math.radians(0.1)
