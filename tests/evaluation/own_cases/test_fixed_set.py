@@ -19,12 +19,12 @@ PLANNED = {case.name: case for case in plan()}
 SILENT = {
     # The background at its nominal values, and twice as far from them as usual.
     "own-2051": "nothing",
-    "own-2046": "nothing",
-    "own-2059": "nothing (narrow)",
+    "own-2059": "nothing",
+    "own-2130": "nothing (narrow)",
     # A load that the inertia of the arm can stand for, within its bounds.
-    "own-2067": "wrong_load",
+    "own-2064": "wrong_load",
 }
-NAMED = {"own-2053": "valve_deadband x1"}
+NAMED = {"own-2035": "valve_deadband x1"}
 
 
 def diagnosed(name: str, folder: Path) -> Verdict:
