@@ -47,6 +47,20 @@ def heat_stores(survey: Survey) -> Iterator[Fit]:
         yield f"_{place.port.group}", ((place,),)
 
 
+def _heat_stores_and_all(survey: Survey) -> Iterator[Fit]:
+    """Yield each heat store, and all pieces of one thing, such as the sections of a kiln, at once.
+
+    Pieces are three or more that one refitted parameter describes.
+    """
+    fits = list(heat_stores(survey))
+    yield from fits
+    pieces = [place for _, ((place,),) in fits]
+    names, kinds = {at.name for at in pieces}, {(at.unit, at.fills) for at in pieces}
+    shared = any(names <= {at.name for at in places} for _, places in survey.spread)
+    if len(pieces) > 2 and len(kinds) == 1 and shared:
+        yield "", tuple((at,) for at in pieces)
+
+
 def sense(at: Place) -> Own:
     """State whether what flows at a place fills a store, 1, or empties it, -1; dimensionless."""
     return shape("sense", "1", at.fills, "whether the port's flow fills or empties the store",
@@ -69,7 +83,7 @@ def _conductance(at: Place, text: str, *, signed: bool = False) -> Own:
 heat_loss = Law(
     "heat_loss",
     "Q = Q - conductance (T - ambient)",
-    heat_stores,
+    _heat_stores_and_all,
     lambda at: (_conductance(at, "heat lost over difference", signed=True), _around(at), sense(at)),
     lambda at: at.value - at.p.sense * at.p.conductance * (at.signals.level - at.p.ambient),
     usual=True,
@@ -96,7 +110,7 @@ def _radiated(at: PortView) -> Expression:
 radiation = Law(
     "radiation",
     "Q = Q - conductance T_a / 4 [(T / T_a)^4 - 1]",
-    heat_stores,
+    _heat_stores_and_all,
     lambda at: (
         _conductance(at, "heat radiated over a small difference"),
         _around(at),

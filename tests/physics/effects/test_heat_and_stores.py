@@ -48,6 +48,36 @@ def test_evaporation_goes_with_the_pressure_of_saturated_vapour() -> None:
     assert "evaporation" not in {e.law for e in boiling}
 
 
+@pytest.mark.parametrize(("sections", "shared"), [(3, True), (3, False), (2, True)])
+def test_what_the_sections_of_a_kiln_radiate_is_one_effect(sections: int, shared: bool) -> None:
+    def equations(m: Scope) -> Equations:
+        names = [f"T{k}" for k in range(sections)]
+        before = [m.u.feed, *(m.x[name] for name in names)]
+        paces = [m.p.pace if shared or not k else 0.1 for k in range(sections)]
+        rates = {n: a * (b - m.x[n]) for n, a, b in zip(names, paces, before, strict=False)}
+        return rates, {"end": m.x[names[-1]]}
+
+    kiln = Model(
+        "kiln",
+        equations,
+        states=tuple(State(f"T{k}", "K", 300.0, initial=400.0) for k in range(sections)),
+        inputs=(Input("feed", "K", 300.0),),
+        outputs=(Output("end", "K", 300.0),),
+        parameters=(Parameter("pace", "1/s", value=0.1, lower=0.01, upper=1.0, fitted=True),),
+    ).opened()
+    found = {h.name: h for h in library(kiln) if h.law == "radiation"}
+    one_by_one = {f"radiation_T{k}" for k in range(sections)}
+    together = {"radiation"} if sections > 2 and shared else set()
+    assert found.keys() == one_by_one | together
+    if not together:
+        return
+    model = kiln.with_effect(found["radiation"].at_size(0.02, {"ambient": 300.0}))
+    x, u = [400.0, 600.0, 900.0], [400.0]
+    lost = kiln.rates(x, u) - model.rates(x, u)
+    expected = 0.02 * 75.0 * ((np.array(x) / 300.0) ** 4 - 1.0)
+    np.testing.assert_allclose(lost, expected)
+
+
 def test_heat_loss_is_linear() -> None:
     leaky = tank().with_effect(offered(tank(), "heat_loss_water").at_size(3.0, {"ambient": ROOM}))
     assert heat(leaky, ROOM + 20.0) == pytest.approx(heat(tank(), ROOM + 20.0) - 60.0)
