@@ -248,6 +248,17 @@ def test_a_letter_or_a_number_without_a_unit_is_a_word_of_a_header(
     assert "valve" in recording and ("s" in recording) is taken
 
 
+class _Wheel:
+    inputs = (Input("brake", "Pa"),)
+    outputs = (Output("v_car", "m/s"), Output("w_wheel", "rad/s"))
+
+
+@pytest.mark.parametrize(("header", "taken"), [("v [km/h]", True), ("wind [km/h]", False)])
+def test_a_header_may_say_one_word_of_a_name(tmp_path: Path, header: str, taken: bool) -> None:
+    path = _file(tmp_path, "t [s]", "brake [bar]", "w_wheel [rad/s]", header)
+    assert ("v_car" in read_recording(path, signals=driven_by(_Wheel()))) is taken
+
+
 @pytest.mark.parametrize("headers", [("q1_deg", "u_V"), ("t [s]", "q1_deg")])
 def test_what_to_write_into_a_mapping_file_is_what_such_a_file_may_hold(
     tmp_path: Path, headers: tuple[str, ...]

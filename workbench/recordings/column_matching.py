@@ -184,11 +184,13 @@ def _shortened(requested: Requested, header: Header) -> bool:
 def _told(requested: Requested, header: Header) -> bool:
     """Tell whether something beside its unit speaks for a header.
 
-    It is part of the name, the name is one of its words, as of ``travel s``, or it begins with the
-    letter of what it measures, as ``T_stack`` does.
+    It is part of the name, or a word of it, as ``v`` is of ``v_car``, the name is one of its words,
+    as of ``travel s``, or it begins with the letter of what it measures, as ``T_stack`` does.
     """
     first, *rest = re.split(r"[\W_]+", header.name)
     if requested.name in rest or _shortened(requested, header):
+        return True
+    if _words(header.name) <= _words(requested.name):
         return True
     return bool(rest) and first in _letters(header.unit) and not _words(header.name) & _REFERENCES
 
