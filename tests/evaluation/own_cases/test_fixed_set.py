@@ -8,8 +8,8 @@ import pytest
 
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.verdict import Verdict
-from workbench.evaluation.own_cases.own_case import OwnCase, made
-from workbench.evaluation.own_cases.plan import names, plan
+from workbench.evaluation.own_cases.own_case import made
+from workbench.evaluation.own_cases.plan import Planned, names, plan
 from workbench.recordings import read_case
 
 pytestmark = pytest.mark.long
@@ -17,12 +17,12 @@ pytestmark = pytest.mark.long
 PLANNED = plan()
 
 
-def first(title: str, spread: float) -> OwnCase:
+def first(title: str, spread: float) -> Planned:
     """Return the first case of the plan that hides this, its background as far from nominal."""
     return next(case for case in PLANNED if (case.title, case.spread) == (title, spread))
 
 
-def diagnosed(case: OwnCase, folder: Path) -> Verdict:
+def diagnosed(case: Planned, folder: Path) -> Verdict:
     found = read_case(made(case, folder))
     fit_on, hold_out = list(found.fit.values()), list(found.hold_out.values())
     return diagnose(found.model(), fit_on, hold_out, jobs=1).verdict
