@@ -558,3 +558,32 @@ def test_what_a_meter_reads_wrong_moves_the_model_and_not_the_machine(
     # A run along the pressure that was read goes off by more than the noise of the sensors.
     sure = [replace(one, input_noise=np.zeros(0)) for one in seen[1:]]
     assert over_floor(fit, problem.model, sure)["vol"] > 1.1 * over["vol"]
+
+
+@pytest.mark.parametrize("followed", [False, True])
+def test_a_slow_machine_lacks_nothing_beside_the_noise_of_what_it_is_given(followed: bool) -> None:
+    def equations(m: Scope) -> Equations:
+        return {"T": (m.u.inlet - m.x.T) / m.p.time}, {"T": m.x.T}
+
+    tank = Model(
+        "tank",
+        equations,
+        states=(State("T", "K", initial=340.0),),
+        inputs=(Input("inlet", "K"),),
+        outputs=(Output("T", "K"),),
+        parameters=(Parameter("time", "s", value=80.0, lower=10.0, upper=900.0, fitted=True),),
+    )
+    random, time = np.random.default_rng(1), np.arange(1500.0)
+    smooth, wrong = 350.0 + 8.0 * np.sin(time / 150.0), random.normal(0.0, 0.5, 1500)
+    given, warm = smooth + followed * wrong, [340.0]
+    for k in range(1499):
+        # Commands are held, what is only measured goes straight.
+        mean = given[k] if followed else 0.5 * (given[k] + given[k + 1])
+        warm.append(mean + (warm[-1] - mean) * np.exp(-0.01))
+    read = np.array(warm) + random.normal(0.0, 0.05, 1500)
+    signals = Signal("inlet", smooth + wrong, "K", role="command"), Signal("T", read, "K")
+    recordings = [Recording("tank", time, signals)]
+    found = undeclared.misread(with_undeclared(tank, recordings)[0], recordings)
+    assert (found is None) == followed
+    if found:
+        assert dict(found.inputs) == {"inlet": pytest.approx(0.5, rel=0.1)}

@@ -16,7 +16,7 @@ from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.priors import default_priors
-from workbench.diagnosis.estimation.process_noise import likely_scale
+from workbench.diagnosis.estimation.process_noise import PERFECT, likely_scale
 from workbench.diagnosis.estimation.start import fit_with_likely_starts
 from workbench.diagnosis.estimation.windows import settled, windowed_run
 from workbench.diagnosis.selection.rules import SAME
@@ -301,7 +301,9 @@ def misread(model: Model, recordings: Sequence[Recording]) -> Misread | None:
     """Return the noise of inputs that a meter read, where there are any.
 
     The machine follows the noise that a controller passes on: means of three rows foretell it worse
-    then. What follows the rows before better than those around is slow itself.
+    then. What follows the rows before better than those around is slow itself. A machine that is
+    slow beside a row shows no difference: there it is enough that the equations lack nothing else
+    beside that noise.
     """
     given = [r for r in recordings[:_FEW] if not r.resampled]
     noise = {}
@@ -336,6 +338,14 @@ def misread(model: Model, recordings: Sequence[Recording]) -> Misread | None:
         if q.name in costs
         and costs[q.name][0] < min(costs[q.name][1] - SAME.value, costs[q.name][2])
     ]
+    if not found and fit.noise_scale > PERFECT:
+        read = tuple(noise.items())
+        trial = replace(model, traits=replace(model.traits, misread=read, straight=tuple(noise)))
+        with contextlib.suppress(WorkbenchError, np.linalg.LinAlgError):
+            observed = [observe(trial, r) for r in given]
+            other = fit_with_likely_starts(trial, observed, default_priors(trial))[0]
+            if other.noise_scale <= PERFECT and other.cost < fit.cost + SAME.value:
+                found = [q for q in model.inputs if q.name in noise]
     if not found:
         return None
     trace = fit.model.exact
