@@ -69,7 +69,7 @@ def test_diagnose_writes_verdict_page_and_pictures(
     assert data["findings"][0]["effect"] == "stribeck_friction"
     assert "interrupted" not in data
     page = (out / "report.html").read_text()
-    assert "stribeck friction" in page and f"workbench diagnose {shlex.join(axis_options)}" in page
+    assert "Stribeck friction" in page and f"workbench diagnose {shlex.join(axis_options)}" in page
     assert {path.name for path in (out / "figures").glob("law-1.*")} == {"law-1.png", "law-1.svg"}
     # The verdict scores as it should.
     key = tmp_path / "key.json"
