@@ -36,6 +36,7 @@ from workbench.physics.saturation import (
     slew_limit,
 )
 from workbench.physics.stiffness import sensor_ripple
+from workbench.physics.supply import supply_drift
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
 from workbench.simulation.simulate import simulate
@@ -204,6 +205,18 @@ def test_play_is_as_wide_as_it_is_told_where_commands_turn_at_every_sample() -> 
     y = run(model, lambda t: {"value": float(told[min(int(t / interval + 1e-6), 59)])}, times)
     ends = np.array([y[at == i][-1] for i in range(len(told))])
     assert np.sqrt(np.mean((ends - expected) ** 2)) < 2.5e-3
+
+
+def test_a_supply_that_runs_down_has_lost_its_amount_by_the_end() -> None:
+    ramp = {"amount": -0.4e5, "time_constant": 2000.0, "lasting": 20.0}
+    model = bench(supply_drift("supply.pressure", **ramp), "Pa")
+    times = np.linspace(0.0, 20.0, 401)
+    pressure = run(model, lambda t: {"value": 7e5}, times)
+    # 2 kPa/s; a time constant of a hundred times as long bends it by half a per cent.
+    np.testing.assert_allclose(pressure, 7e5 - 2e3 * times, atol=0.005 * 0.4e5)
+    assert pressure[-1] == pytest.approx(6.6e5, rel=1e-6)
+    (offered,) = (e for e in library(arm()) if e.law == "supply_drift")
+    assert offered.ports == ("supply.pressure",)
 
 
 def test_what_sticks_stays_and_then_goes_all_the_way_at_once() -> None:
