@@ -98,12 +98,13 @@ def to_refit(
         return group in located or (group not in alone and bool(moved.get(port, set()) & reach))
 
     here = [s for s in rest if any(map(acts_here, s.entry.ports))]
-    # A law whose derivative at size zero tells nothing is tried wherever it may be.
-    far = [s for s in here if s.entry.far]
+    # A law whose derivative at size zero tells nothing is tried wherever it may be; that a sensor
+    # is late is located nowhere.
+    far = [s for s in rest if s.entry.far and (s in here or s.entry.group == "sensor")]
     if quiet:
         return (*chosen, *far), ()
     taken = [*far, *within([s for s in here if s not in far], room)]
-    elsewhere = [s for s in rest if s not in here]
+    elsewhere = [s for s in rest if s not in here and s not in far]
     # A small plant has room for the whole library, wherever the mismatch was located.
     later = tuple(elsewhere) if within(rest, room) == rest else ()
     return (*chosen, *taken), later
