@@ -3,6 +3,8 @@
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -47,3 +49,9 @@ def test_reading_a_long_file_is_said_to_go_on(
 def test_a_warning_of_ours_is_a_sentence() -> None:
     told = [_as_sentence("it is slow", RuntimeWarning, f, 3) for f in (running.__file__, "mine.py")]
     assert told == ["workbench: it is slow\n", "mine.py:3: RuntimeWarning: it is slow\n"]
+
+
+def test_runs_that_all_failed_have_no_table(capsys: pytest.CaptureFixture[str]) -> None:
+    outcome: Any = SimpleNamespace(records=[SimpleNamespace(metrics=None)])
+    running.tell_runs(outcome, "tank")
+    assert capsys.readouterr().out == ""

@@ -161,8 +161,9 @@ def tell_runs(outcome: StudyResult, plant: str, *, as_json: bool = False) -> Non
     from workbench.study.summary import step_tables
 
     done = [record.metrics for record in outcome.records if record.metrics is not None]
-    text = step_tables(outcome, plant) if len(done) > 1 else str(replace(done[0], plant=plant))
-    typer.echo(text, err=as_json)
+    if done:
+        text = step_tables(outcome, plant) if len(done) > 1 else str(replace(done[0], plant=plant))
+        typer.echo(text, err=as_json)
 
 
 def write_study(outcome: StudyResult, out: Path, *, more: str = "", as_json: bool = False) -> None:
