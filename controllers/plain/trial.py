@@ -94,7 +94,7 @@ class _Run:
         command = command_of_loop(self.linear, names[i]) if len(names) == 1 else ""
         size = step_of(model, self.linear, names[i], names, command)
         first = self.stepped(law, i, size)
-        if first.overshoot < POOR and (not first.overshoot or first.poor):
+        if not first.overshoot or (first.overshoot < POOR and first.left > SETTLED):
             return law, first
         laws = [law, *(slower(law, i, abs(size), by * first.rise) for by in SLOWER)]
         found = [first, *(self.stepped(one, i, size) for one in laws[1:])]

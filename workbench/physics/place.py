@@ -340,7 +340,8 @@ class Survey:
         strides: The same by commands: how much of one passes meanwhile, in its unit times s, by
             port; and by what is moved: how far it goes, by state.
         ranges: Smallest and largest value along the recordings of ports and states, by name, and
-            of differences of two states, in SI; twice the value at which a sensor stands.
+            of differences of two states, in SI; of a sensor that stands at an end, that value
+            twice.
         found: Names of attached effects whose parameters are not offered a change with time.
 
     Example:

@@ -123,8 +123,8 @@ def _ends(at: Place) -> tuple[float, ...]:
     """Limits worth trying for a sensor: at the end of what it reads, or within its range."""
     if at.seen is not None:
         low, high = at.seen
-        if _stands_high(at):
-            return (at.stands or 0.0,)
+        if at.stands is not None and _stands_high(at):
+            return (at.stands,)
         return high, high - 0.1 * (high - low), high - 0.3 * (high - low)
     if at.unit == "Pa":
         return tuple(k * at.scale for k in (4.0, 3.0, 5.0))

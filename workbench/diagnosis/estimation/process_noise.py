@@ -294,11 +294,8 @@ def ranges_along(
         named |= dict(zip((q.name for q in model.inputs), observed.inputs[::every].T, strict=True))
         named |= dict(zip(told, own[:, :, 0].T, strict=True))
         named |= {name: q.ratio * named[q.source] - named[q.minus] for name, q in apart.items()}
-        named |= {
-            f"{name}.reading": column
-            for name, column in zip(observed.used, observed.outputs.T, strict=True)
-        }
         for name, column in zip(observed.used, observed.outputs.T, strict=True):
+            named[f"{name}.reading"] = column
             clipped, limit = clipped_samples(column[np.isfinite(column)])
             if clipped.any():
                 named[end_of(f"{name}.reading")] = np.array([limit])

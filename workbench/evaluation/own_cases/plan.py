@@ -181,7 +181,7 @@ def plan(first_seed: int = FIRST_SEED) -> tuple[Planned, ...]:
         noises = [""] * (_NOTHING - len(NOISES)) + list(NOISES)
         nothing = [_Item((), "nothing", noise=noise) for noise in noises]
         placed = 0
-        for k, item in enumerate(_strided(hidden)):
+        for k, item in enumerate(_spread(hidden)):
             cases.append(_planned(first_seed, len(cases), item, factor))
             if (k + 1) * _NOTHING >= (placed + 1) * len(hidden):
                 even = placed % 2 == 0
@@ -190,7 +190,7 @@ def plan(first_seed: int = FIRST_SEED) -> tuple[Planned, ...]:
     return tuple(cases)
 
 
-def _strided(items: list[_Item]) -> list[_Item]:
+def _spread(items: list[_Item]) -> list[_Item]:
     """Visit muscles, joint, valve, air and sensors in turn, evenly from any beginning on."""
     return [items[i] for i in sorted(range(len(items)), key=lambda i: i * _GOLDEN % 1.0)]
 
