@@ -7,9 +7,11 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from controllers.c_export import ExportedC, export_c
+from controllers.guard import Guarded
 from workbench.work.machine_code import compiler
 
 STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Werror")
@@ -53,3 +55,27 @@ class InC:
         told = (self.report,) if self.is_mpc else ()
         step = self.library.law_step
         return int(step(measured, self.reference, self.state, self.command, *told))
+
+
+def agrees(law: Any, folder: Path, measured: Any, references: Any, near: float) -> None:
+    """Let the exported law see what the law in Python sees: its commands are as near, in SI.
+
+    Args:
+        measured: A row of measurements for each sample, in SI.
+        references: As many rows of references, in SI.
+    """
+    in_c, guard = InC(law, folder), Guarded(law)
+    # What was seen before t = 0 is not in the record: both start anew at the first row.
+    memory = guard.initial_state(tuple(measured[0]))
+    in_c.start(measured[0])
+    for seen, asked in zip(measured, references, strict=True):
+        own, memory, _ = guard.step(memory, tuple(seen), tuple(asked))
+        assert in_c.step(seen, asked) == 0
+        np.testing.assert_allclose(in_c.command, own, rtol=0, atol=near)
+
+
+def agrees_on(run: Any, law: Any, folder: Path, near: float) -> None:
+    """Let the exported law see the measurements of a run; see `agrees`."""
+    asked = np.column_stack(list(run.references.values()))
+    sensors = len(law.sensors)
+    agrees(law, folder, run.measured[:, :sensors].tolist(), asked.tolist(), near)

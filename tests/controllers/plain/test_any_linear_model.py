@@ -14,12 +14,10 @@ import numpy as np
 import pytest
 
 from controllers.design import DESIGNS
-from controllers.guard import Guarded
 from controllers.h_infinity.synthesis import has_slycot
 from controllers.pid import design_pid
 from controllers.plain.limits import settled_after
 from controllers.plain.loop import loop_of
-from controllers.plain.mpc import PlainMPCSpecification, design_plain_mpc
 from controllers.plain.state_feedback import (
     LQISpecification,
     design_lqi,
@@ -27,19 +25,18 @@ from controllers.plain.state_feedback import (
     state_feedback_by_hand,
 )
 from controllers.plain.transfer_law import (
-    PlainPIDSpecification,
     design_plain_pid,
     pid_by_hand,
     transfer_controller,
 )
 from controllers.sensitivity import frequencies, loops_at, peak_sensitivities, peaks_of
 from tests.controllers.families import designed
-from tests.controllers.in_c import InC
+from tests.controllers.in_c import InC, agrees_on
+from tests.machines import at_rest, states, stepped
 from workbench.errors import WorkbenchError
-from workbench.linearisation import LinearModel, linear_model, linearise
+from workbench.linearisation import LinearModel, linear_model
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
-from workbench.operating_point import operating_point
 from workbench.plants.servo_axis import servo_axis
 from workbench.plants.servo_pendulum import servo_pendulum
 from workbench.study.designs import ControllerRecipe
@@ -90,7 +87,7 @@ def test_a_command_that_moves_nothing_at_the_operating_point_is_refused(design: 
         WorkbenchError, match=r"drive does not move pressure.*\(designed where.*0 Pa"
     ):
         recipe.build()
-    assert loop_of(linearise(operating_point(fan(0.5)))).actuators == ("drive",)
+    assert loop_of(at_rest(fan(0.5))).actuators == ("drive",)
 
 
 PLAIN = [name for name, design in DESIGNS.members().items() if not design.sensors]
@@ -107,7 +104,7 @@ def case(request: pytest.FixtureRequest) -> tuple[LinearModel, Model, str, float
         else (motor(), "encoder", 0.5)
     )
     model_without_kinks = model.without(*model.dry_effects)
-    linear = linearise(operating_point(model_without_kinks, {output: 0.0}), verdict=False)
+    linear = at_rest(model_without_kinks, **{output: 0.0})
     return linear, model_without_kinks, output, step
 
 
@@ -133,7 +130,7 @@ def test_every_family_controls_any_plant(
     ms, _ = peak_sensitivities(law, linear)
     assert 1.0 < ms < 2.5
     _check_around_rest(law)
-    _check_c(law, run, tmp_path)
+    agrees_on(run, law, tmp_path, 1e-10 * run.input_quantities[0].upper)
 
 
 def _check_around_rest(law: Any) -> None:
@@ -149,19 +146,6 @@ def _check_around_rest(law: Any) -> None:
         linear.append(float((H @ z + J @ m)[0]))
         z = F @ z + G @ m
     np.testing.assert_allclose(linear, seen, atol=1e-6 * np.max(np.abs(seen)))
-
-
-def _check_c(law: Any, run: Any, folder: Path) -> None:
-    """Let the exported controller see the measurements of a run, beside the one in Python."""
-    in_c, guard = InC(law, folder), Guarded(law)
-    reference = next(iter(run.references.values()))
-    # What the controller saw before t = 0 is not in the record: both start anew at the first row.
-    memory = guard.initial_state(tuple(run.measured[0].tolist()))
-    in_c.start(run.measured[0, :1])
-    for seen, asked in zip(run.measured[:, 0], reference, strict=True):
-        (own,), memory, _ = guard.step(memory, (float(seen),), (float(asked),))
-        assert in_c.step([seen], [asked]) == 0
-        assert in_c.command[0] == pytest.approx(own, abs=1e-10 * run.input_quantities[0].upper)
 
 
 def test_textbook_pid_by_hand() -> None:
@@ -214,7 +198,7 @@ DESIGNED: tuple[Callable[[Any], Any], ...] = (
 @pytest.mark.parametrize("design", DESIGNED, ids=lambda design: design.__name__)
 def test_a_state_space_is_a_linear_model(design: Callable[[Any], Any]) -> None:
     model = motor()
-    linear = linearise(operating_point(model, {"encoder": 0.0}), verdict=False)
+    linear = at_rest(model, encoder=0.0)
     assert design(linear.system) == design(linear)
 
 
@@ -227,23 +211,21 @@ def test_what_cannot_be_designed_is_said(case: tuple[LinearModel, Model, str, fl
     linear = case[0]
     with pytest.raises(WorkbenchError, match="give one entry for each"):
         state_feedback_by_hand(linear, (1.0,))
-    with pytest.raises(WorkbenchError, match="no such|is 'nothing'"):
-        design_lqi(linear, LQISpecification(measured="nothing"))
-    with pytest.raises(WorkbenchError, match="does not say how often"):
-        design_lqi(ct.tf([1.0], [1.0, -0.9], True))
-    with pytest.raises(WorkbenchError, match="give a LinearModel"):
-        design_lqi(3.0)  # type: ignore[arg-type]
+    for source, told, said in (
+        (linear, {"measured": "nothing"}, "no such|is 'nothing'"),
+        (ct.tf([1.0], [1.0, -0.9], True), {}, "does not say how often"),
+        (3.0, {}, "give a LinearModel"),
+    ):
+        with pytest.raises(WorkbenchError, match=said):
+            designed("lqi", source, **told)
 
 
 @pytest.mark.parametrize("design", PLAIN)
 def test_an_output_that_answers_at_once_is_read_as_the_last_command_left_it(design: str) -> None:
     # The current of a resistor into a capacitor that leaks.
     plant = linear_model(ct.tf([0.02, 0.125], [0.04, 1.25], inputs="volts", outputs="amperes"))
-    made = DESIGNS.get(design)
-    law = made.function(plant, made.specification(sample_time=0.002))  # type: ignore[misc]
-    step = step_scenario("amperes", 0, 1, hold=2.0, sample_time=0.002)
-    found = metrics(verify(law, plant, step))
-    assert found["settling_time"].value < 0.5
+    law = designed(design, plant)
+    assert stepped(law, plant, "amperes", 0, 1, hold=2.0)["settling_time"] < 0.5
     assert 1.0 < peak_sensitivities(law, plant)[0] < 2.0
 
 
@@ -286,11 +268,10 @@ def test_an_angle_that_nobody_measures_keeps_no_design_from_its_speed(name: str)
         inputs=(Input("torque", "rad/s2", lower=-10.0, upper=10.0),),
         outputs=(Output("tacho", "rad/s"),),
     )
-    linear = linearise(operating_point(drive, {"tacho": 0.0}))
+    linear = at_rest(drive, tacho=0.0)
     assert linear.without_unseen().state_names == ("speed",)
     law = designed(name, linear, sample_time=0.02)
-    scenario = step_scenario("tacho", 0.0, 1.0, hold=20.0, sample_time=0.02)
-    assert metrics(verify(law, drive, scenario))["steady_error"].value < 0.01
+    assert stepped(law, drive, "tacho", 0.0, 1.0, hold=20.0)["steady_error"] < 0.01
 
 
 @pytest.mark.parametrize("name", REDUCED)
@@ -313,8 +294,8 @@ def test_a_slow_plant_whose_sensor_is_lost_in_a_move_is_stopped_and_not_let_go()
         inputs=(Input("a", "m/s2", 1.0, lower=-1.0, upper=1.0),),
         outputs=(Output("y", "m", 0.1, lower=-2.0, upper=2.0, noise_rms=1e-4),),
     )
-    linear, h = linearise(operating_point(sledge, {"y": 0.0}), verdict=False), 0.001
-    law = guarded(design_plain_pid(linear, PlainPIDSpecification(sample_time=h)), sledge)
+    h = 0.001
+    law = guarded(designed("plain-pid", at_rest(sledge, y=0.0), sample_time=h), sledge)
     lost = SignalFault(0.9, "y", "missing")
     asked = step_scenario("y", 0.0, 1.0, hold=10.0, sample_time=h)
     run = verify(law, sledge, replace(asked, faults=(lost,)))
@@ -333,13 +314,12 @@ def test_a_delay_of_many_samples_is_tolerated(name: str) -> None:
         inputs=(Input("duty", "1", lower=-1.0, upper=1.0),),
         outputs=(Output("T", "K", 50.0, noise_rms=0.05),),
     )
-    linear = linearise(operating_point(model, {"T": 0.0}), verdict=False)
+    linear = at_rest(model, T=0.0)
     law = designed(name, linear, sample_time=1.0, delay=150.0)
     for delay in (0.0, 40.0, 150.0):
         loop = loops_at(law, linear, ((delay, 0.0),))[0]
         assert peaks_of(loop, frequencies()).sensitivity < 1.9
-    scenario = step_scenario("T", 0.0, 10.0, lead=1.0, hold=4000.0, sample_time=1.0)
-    assert metrics(verify(law, linear, scenario))["steady_error"].value < 0.5
+    assert stepped(law, linear, "T", 0.0, 10.0, lead=1.0, hold=4000.0)["steady_error"] < 0.5
 
 
 @pytest.mark.parametrize("name", REDUCED)
@@ -357,12 +337,12 @@ def test_a_tank_that_another_pump_fills_keeps_no_design_from_its_level(name: str
         inputs=(Input("pump", "V", lower=-5.0, upper=5.0), Input("other", "V")),
         outputs=(Output("level", "m", 0.2, noise_rms=1e-4),),
     )
-    linear = linearise(operating_point(model, {"level": 0.0}), verdict=False)
+    linear = at_rest(model, level=0.0)
     assert loop_of(linear).linear.state_names == ("low",)
     assert loop_of(linear, actuators="other").linear.state_names == ("low", "high")
     law = designed(name, linear, sample_time=1.0)
-    scenario = step_scenario("level", 0.0, 0.1, lead=1.0, hold=900.0, sample_time=1.0)
-    assert metrics(verify(law, linear, scenario))["settling_time"].value < 300.0
+    found = stepped(law, linear, "level", 0.0, 0.1, lead=1.0, hold=900.0)
+    assert found["settling_time"] < 300.0
 
 
 @pytest.mark.parametrize("name", ["u", "u[0]", "u_0"])
@@ -383,7 +363,7 @@ def test_a_plant_that_nothing_drives_gets_no_controller() -> None:
         parameters=(),
     )
     with pytest.raises(WorkbenchError, match=r"'decay' has no input.*inputs=\(Input"):
-        loop_of(linearise(operating_point(decay)))
+        loop_of(at_rest(decay))
 
 
 @pytest.mark.parametrize(("growth", "settled"), [(30.0, 8.0), (60.0, 10.0), (150.0, 15.0)])
@@ -400,11 +380,10 @@ def test_an_mpc_looks_no_further_than_an_unstable_plant_can_be_foreseen(
         inputs=(Input("v", "V", 400.0, lower=-600.0, upper=600.0),),
         outputs=(Output("z", "m", 0.01), Output("i", "A", 50.0)),
     )
-    want = PlainMPCSpecification(measured="z", sample_time=0.002)
-    linear = linearise(operating_point(plasma))
-    law = design_plain_mpc(linear, want)
-    step = step_scenario("z", 0, 1, unit="mm", sample_time=0.002, hold=1.0)
-    assert metrics(verify(law, plasma, step))["settling_time"].value < settled / growth
+    linear = at_rest(plasma)
+    law = designed("plain-mpc", linear, measured="z")
+    found = stepped(law, plasma, "z", 0, 1, unit="mm", hold=1.0)
+    assert found["settling_time"] < settled / growth
     # No loop has less than exp(growth times delay), a sample and half of one here.
     least = math.exp(1.5 * 0.002 * growth)
     assert least < peak_sensitivities(law, linear)[0] < 1.5 * least
@@ -467,7 +446,7 @@ SLOWER = {("drum", "lqi"): 2.5, ("drum", "plain-mpc"): 3.0, ("drum", "plain-slid
 )
 def test_a_design_is_as_fast_as_the_plant_lets_it_be(case: str, name: str) -> None:
     model, output, step, h, by_hand = LIMITS[case]
-    linear = linearise(operating_point(model, {output: 0.0}), verdict=False)
+    linear = at_rest(model, **{output: 0.0})
     law = designed(name, linear, sample_time=h)
     assert peak_sensitivities(law, linear)[0] < 1.85
     scenario = step_scenario(output, 0.0, step, lead=by_hand, hold=4.0 * by_hand, sample_time=h)
@@ -479,7 +458,7 @@ def test_a_design_is_as_fast_as_the_plant_lets_it_be(case: str, name: str) -> No
 
 @pytest.mark.parametrize("name", [name for name in PLAIN if "infinity" not in name])
 def test_what_a_design_shall_tolerate_costs_speed(name: str) -> None:
-    linear = linearise(operating_point(motor(), {"encoder": 0.0}), verdict=False)
+    linear = at_rest(motor(), encoder=0.0)
     told = {"measured": "encoder", "delay": 0.02, "trusted_frequency": 60.0}
     plain, tolerant = (designed(name, linear, **given) for given in ({}, told))
     corner = [
@@ -527,7 +506,7 @@ def test_a_command_that_rests_near_one_end_may_be_used_to_the_other(name: str) -
         inputs=(Input("heat", "W", 1000.0, lower=0.0, upper=6000.0),),
         outputs=(Output("probe", "K", 50.0, noise_rms=0.02),),
     )
-    linear = linearise(operating_point(kettle, {"probe": 10.0}), verdict=False)
+    linear = at_rest(kettle, probe=10.0)
     law = designed(name, linear, sample_time=0.5)
 
     def rate(x: Any, u: float) -> Any:
@@ -575,7 +554,7 @@ def test_a_step_that_the_command_can_just_hold_tips_no_pendulum(name: str, tmp_p
         inputs=(Input("torque", "N m", lower=-1.0, upper=1.0),),
         outputs=(Output("angle", "rad", 0.2, resolution=5e-4),),
     )
-    linear = linearise(operating_point(rod, {"angle": 0.0}), verdict=False)
+    linear = at_rest(rod, angle=0.0)
     law = designed(name, linear, sample_time=0.004)
 
     def rate(x: Any, u: float) -> Any:
@@ -589,11 +568,8 @@ def test_a_step_that_the_command_can_just_hold_tips_no_pendulum(name: str, tmp_p
         late = np.flatnonzero(np.abs(seen - step) > 0.02 * step)[-1]
         # An MPC knows of the ends, so that its lags need not be slower than its loop.
         assert 0.004 * late < (0.8 if name == "plain-mpc" else 2.5)
-    _check_c(
-        law,
-        verify(law, rod, step_scenario("angle", 0.0, 0.4, hold=2.0, sample_time=0.004)),
-        tmp_path,
-    )
+    run = verify(law, rod, step_scenario("angle", 0.0, 0.4, hold=2.0, sample_time=0.004))
+    agrees_on(run, law, tmp_path, 1e-10)
 
 
 @pytest.mark.parametrize("name", ["plain-pid", "lqi", "plain-mpc"])
@@ -668,10 +644,9 @@ def test_an_h_infinity_loop_shows_a_reference_no_tail_of_what_it_does_about_load
         ct.ss(np.diag([0.0, -1.0 / 15.0]), [[6.7e-5], [-3.3e-4]], [[1.0, 1.0]], [[0.0]]),
         limits={"u_0": (-20.0, 20.0)},
     )
-    law = DESIGNS.get("plain-h-infinity")
-    found: Any = law.controller(drum, law.specified({"sample_time": 0.2, "noise": 2e-3}))
+    law = designed("plain-h-infinity", drum, sample_time=0.2, noise=2e-3)
     plant = drum.operating_point.model
-    run = verify(found, plant, step_scenario("y_0", 0.0, 0.05, hold=600.0, sample_time=0.2))
+    run = verify(law, plant, step_scenario("y_0", 0.0, 0.05, hold=600.0, sample_time=0.2))
     scores = metrics(run)
     # The command is at its end on the way; within the ends the loop settles in 50 s.
     assert run["u_0"].max() == 20.0
@@ -690,8 +665,8 @@ def test_a_flow_of_nanolitres_behind_a_pressure_has_an_h_infinity_controller() -
         inputs=(Input("piston", "m/s", lower=0.0, upper=1e-3, nominal=1e-4),),
         outputs=(Output("flow", "m3/s", noise_rms=1e-11),),
     )
-    linear = linearise(operating_point(line), verdict=False)
-    law: Any = designed("plain-h-infinity", linear, sample_time=0.1)
+    linear = at_rest(line)
+    law = designed("plain-h-infinity", linear, sample_time=0.1)
     assert settled_after(law, linear, {"flow": 1e-8}) < 10.0
 
 
@@ -709,38 +684,28 @@ def test_a_reference_is_not_held_back_for_steps_that_nobody_takes() -> None:
             },
             {"way": m.x.way, "angle": m.x.angle},
         ),
-        states=(
-            State("way", "m"),
-            State("speed", "m/s"),
-            State("angle", "rad"),
-            State("rate", "rad/s"),
-        ),
+        states=states("way m", "speed m/s", "angle rad", "rate rad/s"),
         inputs=(Input("motor", "rad/s", lower=-2.0, upper=2.0),),
         outputs=(Output("way", "m", noise_rms=5e-4), Output("angle", "rad", noise_rms=1e-3)),
     )
-    linear = linearise(operating_point(beam), verdict=False)
-    law: Any = designed("plain-h-infinity", linear, measured="way", sample_time=0.02)
+    linear = at_rest(beam)
+    law = designed("plain-h-infinity", linear, measured="way", sample_time=0.02)
     assert settled_after(law, linear, {"way": 0.15}) < 4.0
 
 
 def test_an_mpc_asks_for_as_much_of_the_command_as_a_rubbing_axis_takes() -> None:
-    linear = linearise(operating_point(servo_axis()), verdict=False)
-    law = design_plain_mpc(linear, PlainMPCSpecification(sample_time=0.002))
-    step = step_scenario("position", 0.0, 3.0, unit="mm", sample_time=0.002, hold=2.0)
-    scores = metrics(verify(law, servo_axis(), step))
+    law = designed("plain-mpc", at_rest(servo_axis()))
+    found = stepped(law, servo_axis(), "position", 0.0, 3.0, unit="mm", hold=2.0)
     # By hand a PID settles in 0.25 s.
-    assert scores["settling_time"].value < 0.25 and scores["overshoot"].value < 0.03
+    assert found["settling_time"] < 0.25 and found["overshoot"] < 0.03
 
 
-@pytest.mark.parametrize(
-    "design", [design_plain_pid, design_lqi, design_plain_mpc, design_plain_sliding_mode]
-)
-def test_a_servo_whose_own_loop_is_clipped_is_not_wound_up(design: Callable[..., Any]) -> None:
+@pytest.mark.parametrize("name", [name for name in PLAIN if "infinity" not in name])
+def test_a_servo_whose_own_loop_is_clipped_is_not_wound_up(name: str) -> None:
     # What the goal is clipped to moves with the angle.
-    law = design(linearise(operating_point(servo_pendulum()), verdict=False))
-    step = step_scenario("angle", 0.0, 1.0, unit="rad", sample_time=0.002, hold=2.0)
-    scores = metrics(verify(law, servo_pendulum(), step))
-    assert scores["settling_time"].value < 0.65 and scores["overshoot"].value < 0.06
+    law = designed(name, at_rest(servo_pendulum()))
+    found = stepped(law, servo_pendulum(), "angle", 0.0, 1.0, hold=2.0)
+    assert found["settling_time"] < 0.65 and found["overshoot"] < 0.06
 
 
 def test_a_rudder_that_turns_slowly_holds_no_ship_back() -> None:
@@ -753,16 +718,14 @@ def test_a_rudder_that_turns_slowly_holds_no_ship_back() -> None:
     plant = Model(
         "ship",
         ship,
-        states=(State("heading", "rad"), State("turn", "rad/s"), State("rudder", "rad")),
+        states=states("heading rad", "turn rad/s", "rudder rad"),
         inputs=(Input("rudder", "rad"),),
         outputs=(Output("heading", "rad", noise_rms=0.002),),
     )
-    linear = linearise(operating_point(plant), verdict=False)
-    law = design_lqi(linear, LQISpecification(sample_time=0.2))
-    step = step_scenario("heading", 0.0, 0.1, hold=400.0, sample_time=0.2)
-    scores = metrics(verify(law, plant, step))
+    law = designed("lqi", at_rest(plant), sample_time=0.2)
+    found = stepped(law, plant, "heading", 0.0, 0.1, hold=400.0)
     # By hand a PD settles in 100 s.
-    assert scores["settling_time"].value < 60.0 and scores["overshoot"].value < 0.03
+    assert found["settling_time"] < 60.0 and found["overshoot"] < 0.03
 
 
 @pytest.mark.parametrize("name", ["lqi", "plain-h-infinity"])
@@ -779,7 +742,7 @@ def test_references_of_several_outputs_show_no_tail_of_what_loops_do_about_loads
         (ct.ss(both), 0.1, 3.0),
     ):
         linear = linear_model(plant)
-        law: Any = designed(name, linear, sample_time=h)
+        law = designed(name, linear, sample_time=h)
         for output in law.controlled:
             assert settled_after(law, linear, {output: 1.0}) < within
 
@@ -804,23 +767,19 @@ def test_a_pid_whose_command_is_at_its_end_asks_for_no_more_than_there_is() -> N
         inputs=(Input("pump", "m3/s", lower=0.0, upper=0.02, nominal=0.01),),
         outputs=(Output("level", "m", noise_rms=0.005),),
     )
-    linear = linearise(operating_point(tank), verdict=False)
-    law = design_plain_pid(linear, PlainPIDSpecification(sample_time=5.0))
-    step = step_scenario("level", 2.0, 2.8, hold=1500.0, sample_time=5.0)
-    run = metrics(verify(law, tank, step))
+    law = designed("plain-pid", at_rest(tank), sample_time=5.0)
+    found = stepped(law, tank, "level", 2.0, 2.8, hold=1500.0)
     # All of the pump takes 400 s.
-    assert run["overshoot"].value < 0.02 and run["settling_time"].value < 480.0
+    assert found["overshoot"] < 0.02 and found["settling_time"] < 480.0
 
 
 def test_a_reference_brakes_where_a_plant_has_no_more_than_its_commands(tmp_path: Path) -> None:
     # A bath behind the lag of its sensor, without noise: small steps take all of the heater too.
     bath = linear_model(ct.tf([1.0], np.convolve([2700.0, 1.0], [20.0, 1.0])), limits={"u": (0, 9)})
-    law = design_plain_pid(bath, PlainPIDSpecification(sample_time=2.0))
-    step = step_scenario("y_0", 1.0, 3.0, hold=1500.0, sample_time=2.0)
-    run = verify(law, bath.operating_point.model, step)
-    scores = metrics(run)
+    law = designed("plain-pid", bath, sample_time=2.0)
+    found = stepped(law, bath.operating_point.model, "y_0", 1.0, 3.0, hold=1500.0)
     # All of it takes 780 s.
-    assert scores["settling_time"].value < 900.0 and scores["overshoot"].value < 0.02
+    assert found["settling_time"] < 900.0 and found["overshoot"] < 0.02
     in_c, state = InC(law, tmp_path), law.initial_state((0.0,))
     in_c.start(np.zeros(1))
     moves = []

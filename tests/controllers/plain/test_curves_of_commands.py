@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from controllers.design import DESIGNS
-from controllers.plain.mpc import design_plain_mpc
-from controllers.plain.state_feedback import design_plain_sliding_mode
 from controllers.sensitivity import peak_sensitivities
-from tests.controllers.in_c import InC
-from workbench.linearisation import LinearModel, linearise
+from tests.controllers import families
+from tests.controllers.in_c import agrees
+from tests.machines import at_rest, stepped
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
-from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
-from workbench.verification import metrics, step_scenario, verify
 
 
 def filled_tank(lag: float = 3.0) -> Model:
@@ -28,10 +24,8 @@ def filled_tank(lag: float = 3.0) -> Model:
     def equations(m: Scope) -> Equations:
         p, x = m.p, m.x
         flow = 5e-3 * 50.0 ** (x.position - 1.0) - 4e-4 * np.sqrt(2.0 * 9.81 * x.level)
-        return {
-            "position": (m.u.valve - x.position) / p.lag,
-            "level": flow / 0.2,
-        }, {"level": x.level}
+        rates = {"position": (m.u.valve - x.position) / p.lag, "level": flow / 0.2}
+        return rates, {"level": x.level}
 
     return Model(
         "filled tank",
@@ -43,13 +37,7 @@ def filled_tank(lag: float = 3.0) -> Model:
     )
 
 
-def at_rest(model: Model, **at: float) -> LinearModel:
-    return linearise(operating_point(model, at), verdict=False)
-
-
-def designed(name: str, linear: LinearModel) -> Any:
-    design = DESIGNS.get(name)
-    return design.function(linear, design.specification(sample_time=1.0))  # type: ignore[misc]
+designed = partial(families.designed, sample_time=1.0)
 
 
 @pytest.mark.parametrize("lag", [0.2, 3.0])
@@ -57,10 +45,8 @@ def test_a_valve_is_used_for_what_all_of_it_does(lag: float) -> None:
     # By the slope of the valve at rest, 32 and 41 s.
     model = filled_tank(lag)
     law = designed("plain-pid", at_rest(model, level=0.5))
-    step = step_scenario("level", 0.5, 0.75, hold=200.0, sample_time=1.0)
-    found = metrics(verify(law, model, step))
-    assert found["settling_time"].value < 28.0
-    assert found["overshoot"].value < 0.02
+    found = stepped(law, model, "level", 0.5, 0.75, hold=200.0)
+    assert found["settling_time"] < 28.0 and found["overshoot"] < 0.02
 
 
 def test_margins_elsewhere_are_those_of_the_curve_and_its_inverse() -> None:
@@ -73,20 +59,16 @@ def test_margins_elsewhere_are_those_of_the_curve_and_its_inverse() -> None:
 @pytest.mark.parametrize(("name", "lag"), [("plain-pid", 3.0), ("lqi", 0.2), ("plain-mpc", 0.2)])
 def test_in_c_a_curve_is_inverted_alike(name: str, lag: float, tmp_path: Path) -> None:
     law = designed(name, at_rest(filled_tank(lag), level=0.5))
-    exported, state = InC(law, tmp_path), law.initial_state((0.5,))
-    exported.start((0.5,))
-    for k in range(60):
-        seen, asked = (0.5 + 0.1 * math.sin(0.2 * k),), (0.5 + 0.3 * (k > 5) - 0.4 * (k > 30),)
-        command, state, _ = law.step(state, seen, asked)
-        exported.step(seen, asked)
-        assert exported.command[0] == pytest.approx(command[0], abs=1e-12)
+    k = np.arange(60)
+    measured, asked = 0.5 + 0.1 * np.sin(0.2 * k), 0.5 + 0.3 * (k > 5) - 0.4 * (k > 30)
+    agrees(law, tmp_path, measured[:, None].tolist(), asked[:, None].tolist(), 1e-12)
 
 
 def test_the_arm_is_led_through_the_curve_of_its_valve() -> None:
     # By the slope at rest, a tenth of that of all of the valve, neither settled.
     model = arm(3)
     linear = at_rest(model.without("bearing_friction"), angle=math.radians(15))
-    for design in (design_plain_mpc, design_plain_sliding_mode):
-        found = metrics(verify(design(linear), model, step_scenario("angle", 15, 45, unit="deg")))
-        assert found["settling_time"].value < 0.6
-        assert found["overshoot"].value < 0.08
+    for name in ("plain-mpc", "plain-sliding-mode"):
+        law = families.designed(name, linear)
+        found = stepped(law, model, "angle", 15, 45, unit="deg")
+        assert found["settling_time"] < 0.6 and found["overshoot"] < 0.08

@@ -10,26 +10,20 @@ import control as ct
 import numpy as np
 import pytest
 
-from controllers.guard import Guarded
 from controllers.plain.limits import settled_after
 from controllers.plain.loop import loop_of, spare_outputs
-from controllers.plain.state_feedback import LQISpecification, design_lqi
-from controllers.plain.transfer_law import (
-    PlainPIDSpecification,
-    design_plain_pid,
-    pid_by_hand,
-)
+from controllers.plain.transfer_law import pid_by_hand
 from tests.controllers.families import designed
-from tests.controllers.in_c import InC
+from tests.controllers.in_c import agrees_on
+from tests.machines import at_rest, stepped
 from workbench.errors import WorkbenchError
-from workbench.linearisation import linear_model, linearise
+from workbench.linearisation import linear_model
 from workbench.model import Input, Model, Output, Scope, State
 from workbench.model.trace import Equations
-from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
 from workbench.study.linear_loop import analyse_loop
 from workbench.study.step_trial import hardly_stable
-from workbench.verification import metrics, step_scenario, verify
+from workbench.verification import step_scenario, verify
 
 H = 0.01
 
@@ -68,13 +62,7 @@ def test_a_pendulum_on_a_cart_is_held_by_both_its_sensors(
     late = np.abs(run["cart"] - 0.2)[run.time > long]
     assert late.max() < 0.02 * 0.2
     assert settled_after(law, linear, {"cart": 0.2}) < long + 1.0
-    in_c, guard = InC(law, tmp_path), Guarded(law)
-    memory = guard.initial_state(tuple(run.measured[0].tolist()))
-    in_c.start(run.measured[0])
-    for seen, asked in zip(run.measured, run.references["cart"], strict=True):
-        (own,), memory, _ = guard.step(memory, tuple(seen.tolist()), (float(asked),))
-        assert in_c.step(seen, [asked]) == 0
-        assert in_c.command[0] == pytest.approx(own, abs=1e-11)
+    agrees_on(run, law, tmp_path, 1e-11)
 
 
 def test_what_the_followed_output_shows_well_enough_needs_no_other_sensor() -> None:
@@ -82,21 +70,19 @@ def test_what_the_followed_output_shows_well_enough_needs_no_other_sensor() -> N
     both, one = (
         ct.ss(A, B, np.eye(2)[:k], 0, inputs="force", outputs=["way", "speed"][:k]) for k in (2, 1)
     )
-    told = LQISpecification(sample_time=H)
-    assert design_lqi(both, told) == design_lqi(one, told)
-    more = LQISpecification(also_measured="speed", sample_time=H)
-    law = design_lqi(both, more)
+    assert designed("lqi", both, sample_time=H) == designed("lqi", one, sample_time=H)
+    law = designed("lqi", both, also_measured="speed", sample_time=H)
     assert law.sensors == ("way", "speed") and law.controlled == ("way",)
     with pytest.raises(WorkbenchError, match=r"measured output is 'sped'.*did you mean 'speed'"):
-        design_lqi(both, LQISpecification(also_measured="sped"))
+        designed("lqi", both, also_measured="sped")
 
 
 def test_a_pid_around_another_reads_what_it_needs() -> None:
-    whole, h = pendulum(), 0.01
+    whole = pendulum()
     C = np.vstack([whole.C, [[0.0, 1.0, 0.0, 0.0]]])
     three = ct.ss(whole.A, whole.B, C, 0, inputs="force", outputs=["cart", "angle", "speed"])
     linear = linear_model(three, limits={"force": (-20.0, 20.0)})
-    law = design_plain_pid(linear, PlainPIDSpecification(sample_time=h))
+    law = designed("plain-pid", linear, sample_time=H)
     assert law.sensors == ("cart", "angle") and law.name == "PID cascade"
     # An inner loop has no integral, which a pendulum that swings to rest would never empty.
     assert np.array(law.by_output)[1].tolist() == [0.0, 0.0]
@@ -139,9 +125,9 @@ def test_what_makes_a_much_better_loop_is_read_too() -> None:
     names = {"inputs": ["duty"], "outputs": ["voltage", "current"]}
     buck = ct.ss(A, [[24.0 / inductance], [0.0]], [[0.0, 1.0], [1.0, 0.0]], 0, **names)
     linear = linear_model(buck, limits={"duty": (-0.5, 0.5), "voltage": (-3.0, 3.0)})
-    told = LQISpecification(measured="voltage", sample_time=1e-5, noise=0.01)
     both, alone = (
-        design_lqi(plant, told) for plant in (linear, linear.select(outputs=["voltage"]))
+        designed("lqi", plant, measured="voltage", sample_time=1e-5, noise=0.01)
+        for plant in (linear, linear.select(outputs=["voltage"]))
     )
     assert both.sensors == ("voltage", "current") and alone.sensors == ("voltage",)
     after = [settled_after(law, linear, {"voltage": 1.0}) for law in (both, alone)]
@@ -149,10 +135,9 @@ def test_what_makes_a_much_better_loop_is_read_too() -> None:
 
 
 def test_a_cascade_that_reads_one_of_several_outputs_is_judged_by_what_it_reads() -> None:
-    point = operating_point(arm(3.0), {"angle": np.radians(30.0)})
-    linear = linearise(point, verdict=False)
-    law = design_plain_pid(linear, PlainPIDSpecification(sample_time=0.002))
-    assert len(law.sensors) == 2 < len(point.model.outputs)
+    linear = at_rest(arm(3.0), angle=np.radians(30.0))
+    law = designed("plain-pid", linear)
+    assert len(law.sensors) == 2 < len(linear.output_names)
 
 
 def test_what_no_command_moves_is_not_read_too() -> None:
@@ -188,12 +173,11 @@ def test_what_is_read_otherwise_than_the_model_shows_it_leads_no_speed_astray(na
         )
 
     # By the current alone, a shaft that rubs is faster than it is.
-    linear = linearise(operating_point(winder(0.0)), verdict=False)
+    linear = at_rest(winder(0.0))
     told = {"sample_time": 0.001, "also_measured": "current", "measured": "speed"}
     law = designed(name, linear, **told)
-    step = step_scenario("speed", 0.0, 40.0, hold=0.6, sample_time=0.001)
-    scores = metrics(verify(law, winder(0.33), step))
-    assert scores["settling_time"].value < (0.1 if name == "lqi" else 0.25)
+    found = stepped(law, winder(0.33), "speed", 0.0, 40.0, hold=0.6)
+    assert found["settling_time"] < (0.1 if name == "lqi" else 0.25)
 
 
 def test_noise_keeps_no_loop_from_holding_what_grows() -> None:
@@ -212,7 +196,7 @@ def test_noise_keeps_no_loop_from_holding_what_grows() -> None:
         inputs=(Input("rate", "rad/s", lower=-3.0, upper=3.0),),
         outputs=(Output("lean", "rad", noise_rms=2e-3), Output("steer", "rad", noise_rms=1e-3)),
     )
-    linear = linearise(operating_point(bicycle), verdict=False)
-    law = design_plain_pid(linear, PlainPIDSpecification("lean", sample_time=0.002))
+    linear = at_rest(bicycle)
+    law = designed("plain-pid", linear, measured="lean")
     # By hand a PID settles in 1 s.
     assert settled_after(law, linear, {"lean": 0.1}) < 1.5

@@ -14,20 +14,19 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from controllers.guard import Guarded
 from controllers.h_infinity.synthesis import has_slycot
 from controllers.plain.limits import LoopLimits, settled_after
 from controllers.plain.loop import loop_of
 from controllers.plain.pairing import best_pairing, interaction, relative_gains, zeros
-from controllers.plain.state_feedback import LQISpecification, design_lqi, reachable_speed
+from controllers.plain.state_feedback import LQISpecification, reachable_speed
 from controllers.sensitivity import least_gain, loop_matrices
 from tests.controllers import families
-from tests.controllers.in_c import InC
+from tests.controllers.in_c import InC, agrees, agrees_on
+from tests.machines import at_rest, stepped
 from workbench.errors import WorkbenchError
-from workbench.linearisation import LinearModel, linear_model, linearise
+from workbench.linearisation import LinearModel, linear_model
 from workbench.linearisation.pace import usual_sample_time
 from workbench.model import Input, Model, Output, State
-from workbench.operating_point import operating_point
 from workbench.study.linear_loop import analyse_loop
 from workbench.verification import guarded, metrics, step_scenario, verify
 
@@ -74,7 +73,7 @@ def tanks(spread: Any = SPREAD, slew: float = math.inf) -> Model:
 
 @pytest.fixture(scope="module")
 def linear() -> LinearModel:
-    return linearise(operating_point(tanks()), verdict=False)
+    return at_rest(tanks())
 
 
 designed = partial(families.designed, sample_time=H)
@@ -120,26 +119,19 @@ def test_each_output_follows_and_leaves_the_other(
     found = metrics(run)
     assert found["other.interaction"].value < 0.008
     assert "low.interaction" not in found and "other.settling_time" not in found
-    in_c, guard = InC(law, tmp_path), Guarded(law)
-    memory = guard.initial_state(tuple(run.measured[0].tolist()))
-    in_c.start(run.measured[0])
-    for row, *wanted in zip(run.measured, *run.references.values(), strict=True):
-        own, memory, _ = guard.step(memory, tuple(row.tolist()), tuple(wanted))
-        assert in_c.step(row, wanted) == 0
-        np.testing.assert_allclose(in_c.command, own, rtol=0, atol=1e-13)
+    agrees_on(run, law, tmp_path, 1e-13)
 
 
 @pytest.mark.parametrize("name", FAMILIES)
 def test_units_change_no_loop(name: str) -> None:
     A = np.array([[-0.1, 0.02], [0.0, -0.05]])
     B, C = np.array([[0.1, -0.06], [0.04, 0.08]]), np.eye(2)
-    ends = {"u": (-1.0, 1.0), "v": (-1.0, 1.0), "y": (-1.0, 1.0), "z": (-1.0, 1.0)}
     sizes = {"u": 1e5, "v": 1e-3, "y": 1e-6, "z": 300.0}
     found = []
     for factor in (dict.fromkeys(sizes, 1.0), sizes):
         into, out = (np.array([factor[n] for n in names]) for names in (("u", "v"), ("y", "z")))
         system = ct.ss(A, B / into, out[:, None] * C, 0, inputs=["u", "v"], outputs=["y", "z"])
-        limits = {n: (low * factor[n], high * factor[n]) for n, (low, high) in ends.items()}
+        limits = {n: (-size, size) for n, size in factor.items()}
         law = designed(name, linear_model(system, limits=limits), sample_time=0.5)
         F, G, K, J = law.around_rest()
         z = np.exp(1j * np.array([1e-2, 0.1, 1.0]))
@@ -179,7 +171,7 @@ def test_relative_gains_and_pairs_are_those_of_the_book() -> None:
 
 
 def test_a_zero_in_the_right_half_plane_is_said_and_kept_to() -> None:
-    other = linearise(operating_point(tanks(spread=np.array([0.43, 0.34]))), verdict=False)
+    other = at_rest(tanks(spread=np.array([0.43, 0.34])))
     loop = loop_of(other)
     expected = [v.real for v in ct.ss(other.A, other.B, other.C, other.D).zeros() if v.real > 0]
     found = [v.real for v in zeros(loop) if v.real > 0.0]
@@ -310,7 +302,7 @@ def test_pids_that_are_stable_together_alone() -> None:
 def test_a_pump_that_changes_slowly_is_asked_for_no_more(name: str, tmp_path: Path) -> None:
     slow = 0.02
     model = tanks(slew=slow)
-    linear = linearise(operating_point(model), verdict=False)
+    linear = at_rest(model)
     law = designed(name, linear)
     y0 = linear.y0.tolist()
     one = step_scenario("low", y0[0], y0[0] + 0.04, back=True, hold=500.0, sample_time=H)
@@ -321,16 +313,10 @@ def test_a_pump_that_changes_slowly_is_asked_for_no_more(name: str, tmp_path: Pa
     assert steps.max() == pytest.approx(slow * H, rel=1e-6)
     # The law knows: what it asks for is what is applied, so that nothing winds up.
     memory, asked = law.initial_state(tuple(run.measured[0].tolist())), []
-    in_c = InC(law, tmp_path)
-    in_c.start(run.measured[0])
-    guard = Guarded(law)
-    held = guard.initial_state(tuple(run.measured[0].tolist()))
-    for row, *wanted in zip(run.measured, *run.references.values(), strict=True):
-        u, memory, _ = law.step(memory, tuple(row.tolist()), tuple(wanted))
-        own, held, _ = guard.step(held, tuple(row.tolist()), tuple(wanted))
+    for row, *wanted in zip(run.measured.tolist(), *run.references.values(), strict=True):
+        u, memory, _ = law.step(memory, tuple(row), tuple(wanted))
         asked.append(u)
-        in_c.step(row, wanted)
-        np.testing.assert_allclose(in_c.command, own, rtol=0, atol=1e-13)
+    agrees_on(run, law, tmp_path, 1e-13)
     assert np.abs(np.diff(np.array(asked), axis=0)).max() < slow * H * (1.0 + 1e-6)
     found = metrics(run)
     assert found["low.overshoot"].value < 0.12
@@ -348,10 +334,9 @@ def test_noise_takes_no_more_of_a_slew_than_of_a_range() -> None:
         inputs=(Input("pitch", "rad", lower=-0.3, upper=1.2, slew=0.14),),
         outputs=(Output("speed", "rad/s", noise_rms=0.02),),
     )
-    linear = linearise(operating_point(rotor), verdict=False)
-    law = design_lqi(linear, LQISpecification(sample_time=0.02))
-    step = step_scenario("speed", 0.0, 0.4, hold=40.0, sample_time=0.02)
-    assert metrics(verify(law, rotor, step))["settling_time"].value < 15.0
+    linear = at_rest(rotor)
+    law = designed("lqi", linear, sample_time=0.02)
+    assert stepped(law, rotor, "speed", 0.0, 0.4, hold=40.0)["settling_time"] < 15.0
 
 
 def test_a_slew_is_positive() -> None:
@@ -363,15 +348,12 @@ def test_an_mpc_at_a_pace_is_the_same_in_c(
     linear: LinearModel, law_of: Callable[[str], Any], tmp_path: Path
 ) -> None:
     law = replace(law_of("plain-mpc"), pace=(1e-4, 3e-4))
-    in_c, y0 = InC(law, tmp_path), tuple(linear.y0.tolist())
-    state = law.initial_state(y0)
-    in_c.start(y0)
-    for k in range(60):
-        seen = (y0[0] + 1e-3 * math.sin(0.3 * k), y0[1])
-        asked = (y0[0] + 0.03, y0[1] - 0.02)
-        own, state, _ = law.step(state, seen, asked)
-        in_c.step(seen, asked)
-        np.testing.assert_allclose(in_c.command, own, rtol=0, atol=1e-12)
+    y0 = tuple(linear.y0.tolist())
+    state, asked = law.initial_state(y0), (y0[0] + 0.03, y0[1] - 0.02)
+    measured = [(y0[0] + 1e-3 * math.sin(0.3 * k), y0[1]) for k in range(60)]
+    agrees(law, tmp_path, measured, [asked] * 60, 1e-12)
+    for seen in measured:
+        _, state, _ = law.step(state, seen, asked)
     np.testing.assert_allclose(state.paced, np.array(y0) + [6e-3, -0.018], atol=1e-12)
 
 
@@ -482,6 +464,5 @@ def airliner() -> LinearModel:
 
 
 def test_an_output_may_be_much_faster_than_another() -> None:
-    want = LQISpecification(measured="y_0, y_1", sample_time=0.05)
-    law = design_lqi(airliner(), want)
+    law = designed("lqi", airliner(), measured="y_0, y_1", sample_time=0.05)
     assert settled_after(law, airliner(), {"y_0": 1.0}) < 100.0

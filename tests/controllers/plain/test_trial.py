@@ -9,36 +9,33 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from controllers.design import DESIGNS
 from controllers.plain import trial
 from controllers.plain.limits import settled_after
 from controllers.plain.loop import loop_of
 from controllers.plain.pairing import interaction
 from controllers.plain.state_feedback import LQISpecification, design_lqi
 from controllers.sensitivity import peak_sensitivities
+from tests.controllers.families import designed
+from tests.machines import at_rest, states, stepped
 from workbench.errors import WorkbenchError
-from workbench.linearisation import LinearModel, first_step, linearise
+from workbench.linearisation import first_step
 from workbench.linearisation.first_step import step_of
 from workbench.linearisation.pace import reach_of, usual_sample_time
 from workbench.model import Input, Model, Output, State
-from workbench.operating_point import operating_point
 from workbench.plants.plant import Plant
 from workbench.plants.servo_axis import servo_axis
 from workbench.study.designs import followed_by_default
-from workbench.verification import metrics, step_scenario, verify
 
 
 def _stepped(model: Model, name: str, hold: float) -> Mapping[str, float]:
     """Return what a first trial of a plain design of a model's first output comes to."""
-    linear = linearise(operating_point(model))
+    linear = at_rest(model)
     output, command = model.outputs[0].name, model.inputs[0].name
-    design = DESIGNS.get(name)
     h = usual_sample_time(linear, (output,))
-    law = design.function(linear, design.specification(measured=output, sample_time=h))
+    law = designed(name, linear, measured=output, sample_time=h)
     begin = float(linear.y0[0])
     far = begin + step_of(model, linear, output, (output,), command)
-    steps = step_scenario(output, begin, far, back=True, lead=0.1 * hold, hold=hold, sample_time=h)
-    return {key: value.value for key, value in metrics(verify(law, model, steps)).items()}
+    return stepped(law, model, output, begin, far, back=True, lead=0.1 * hold, hold=hold)
 
 
 def plates() -> Model:
@@ -98,7 +95,7 @@ def test_a_step_that_overshoots_a_little_too_far_is_led_more_slowly_than_it_sett
 def test_what_a_linear_model_leaves_out_shortens_no_step() -> None:
     # Friction made the model behind each step another: 3 mm were stepped, which it holds back.
     machine = servo_axis()
-    linear = linearise(operating_point(machine.without(*machine.dry_effects)))
+    linear = at_rest(machine.without(*machine.dry_effects))
     assert step_of(machine, linear, "position", ("position",)) == pytest.approx(0.1)
 
 
@@ -120,7 +117,7 @@ def gimbal() -> Model:
 
 
 def test_what_sticks_at_rest_is_linearised_over_how_far_its_command_moves_it() -> None:
-    linear = linearise(operating_point(gimbal()))
+    linear = at_rest(gimbal())
     # 5e-4 / 8e-4 per s by the drag alone, 250 where it creeps.
     assert -3.0 < linear.A[1, 1] < -5e-4 / 8e-4
 
@@ -177,15 +174,14 @@ def wheel() -> Model:
 
 def test_of_outputs_that_one_command_moves_that_is_followed_which_it_holds() -> None:
     model = wheel()
-    linear = linearise(operating_point(model))
+    linear = at_rest(model)
     assert followed_by_default(Plant("wheel", wheel), linear) == ("wheel",)
-    law = design_lqi(linear, LQISpecification(sample_time=0.002))
+    law = designed("lqi", linear)
     assert law.controlled == ("wheel",)
     with pytest.raises(WorkbenchError, match="and wheel does not show it"):
         loop_of(linear, "wheel")
     assert set(law.sensors) == {"wheel", "tilt"}
-    steps = step_scenario("wheel", 0.0, 80.0, lead=0.2, hold=3.0, sample_time=0.002)
-    assert metrics(verify(law, model, steps))["steady_error"].value < 1.0
+    assert stepped(law, model, "wheel", 0.0, 80.0, lead=0.2, hold=3.0)["steady_error"] < 1.0
 
 
 def finger() -> Model:
@@ -206,8 +202,8 @@ def finger() -> Model:
 
 
 def test_what_hysteresis_remembers_makes_no_loop_unstable() -> None:
-    linear: LinearModel = linearise(operating_point(finger()))
-    law = design_lqi(linear, LQISpecification(sample_time=0.001))
+    linear = at_rest(finger())
+    law = designed("lqi", linear, sample_time=0.001)
     assert 1.0 < peak_sensitivities(law, linear)[0] < 3.0
 
 
@@ -251,12 +247,7 @@ def joint() -> Model:
     return Model(
         "joint",
         equations,
-        states=(
-            State("motor", "rad"),
-            State("turning", "rad/s"),
-            State("link", "rad"),
-            State("rate", "rad/s"),
-        ),
+        states=states("motor rad", "turning rad/s", "link rad", "rate rad/s"),
         inputs=(Input("drive", "N m", lower=-1.5, upper=1.5),),
         outputs=(Output("angle", "rad"),),
     )
@@ -277,7 +268,7 @@ def test_a_loop_that_still_gets_nearer_is_designed_no_slower() -> None:
         inputs=(Input("inflow", "1", lower=0.0, upper=2.0),),
         outputs=(Output("level", "m"),),
     )
-    linear = linearise(operating_point(tank))
+    linear = at_rest(tank)
     want = LQISpecification("level", sample_time=0.1, trusted_frequency=0.02)
     law = design_lqi(linear, want)
     # 200 s are looked at.
@@ -299,14 +290,7 @@ def lander() -> Model:
     return Model(
         "lander",
         equations,
-        states=(
-            State("x", "m"),
-            State("y", "m"),
-            State("angle", "rad"),
-            State("vx", "m/s"),
-            State("vy", "m/s"),
-            State("turning", "rad/s"),
-        ),
+        states=states("x m", "y m", "angle rad", "vx m/s", "vy m/s", "turning rad/s"),
         inputs=(
             Input("thrust", "N", lower=0.0, upper=80.0),
             Input("torque", "N m", lower=-2.0, upper=2.0),
@@ -317,11 +301,11 @@ def lander() -> Model:
 
 def test_a_step_turns_no_angle_on_the_way_over() -> None:
     # By double integrators behind double ones alone, 2,000 km.
-    assert 1.0 < reach_of(linearise(operating_point(lander())), "x") < 20.0
+    assert 1.0 < reach_of(at_rest(lander()), "x") < 20.0
 
 
 def test_outputs_that_integrate_more_and_less_often_are_paired() -> None:
-    said = interaction(loop_of(linearise(operating_point(lander())), ("x", "y")))
+    said = interaction(loop_of(at_rest(lander()), ("x", "y")))
     assert said[0] == "relative gains at rest: x: 0 thrust, 1 torque; y: 1 thrust, 0 torque"
 
 
@@ -330,7 +314,7 @@ def test_how_far_a_step_goes_is_looked_for_once_by_all_designs_of_a_linear_model
 ) -> None:
     reached = Mock(return_value=1e-9)
     monkeypatch.setattr(first_step, "_reached", reached)
-    linear = linearise(operating_point(plates()))
+    linear = at_rest(plates())
     model, output = linear.operating_point.model, linear.output_names[0]
     assert [step_of(model, linear, output, (output,)) for _ in range(2)] == [1e-9, 1e-9]
     assert reached.call_count == 1
