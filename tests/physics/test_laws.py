@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.model.test_sizes import crane
+from tests.physics.effects.bench import offered
 from workbench.errors import WorkbenchError
 from workbench.model import Input, Model, Output, Parameter, State
 from workbench.physics.friction import coulomb_friction, viscous_friction
@@ -110,7 +111,7 @@ def test_the_depth_of_a_cage_tells_the_angle_of_its_drum(way: float) -> None:
     place = Survey(hoist).place("spin.rate")
     at = place.coordinate
     assert (at.source, at.unit, at.scale, at.start) == ("depth", "rad", 40.0, way * 5.0)
-    rope = next(h for h in library(hoist) if h.name == "linear_spring").at_size(0.2, {"rest": 0.0})
+    rope = offered(hoist, "linear_spring").at_size(0.2, {"rest": 0.0})
     model = hoist.with_effect(rope)
     # An angle of 20 rad, turned back by 0.2 of it.
     change = model.rates([40.0, 0.0], [0.0]) - hoist.rates([40.0, 0.0], [0.0])
@@ -162,9 +163,7 @@ def test_place_and_speed_of_one_body_over_another() -> None:
         "speed_2", "speed_1", "angle_1", "angle_2",
     )  # fmt: skip
     assert (at.sign, place.elastic) == (-1.0, True)
-    harder = model.with_effect(
-        next(h for h in library(model) if h.law == "cubic_stiffness").at_size(2.0)
-    )
+    harder = model.with_effect(offered(model, "cubic_stiffness").at_size(2.0))
     assert harder.signals([0.3, -0.2, 0, 0], [0.0])["shaft.torque"] == pytest.approx(2.25)
 
 
@@ -176,7 +175,7 @@ def test_a_follower_begins_within_a_usual_slack() -> None:
         inputs=(Input("valve", "1"),),
         outputs=(Output("level", "m"),),
     )
-    slack = next(h for h in library(model) if h.law == "backlash")
+    slack = offered(model, "backlash")
     # From farther off a filter takes it beyond the slack, where it learns no more of it.
     assert [q.start_rms for q in slack.effect.states] == [slack.typical_size]
 
@@ -334,8 +333,7 @@ def test_a_rotor_lifts_more_above_the_ground_and_a_weight_does_not() -> None:
         inputs=(Input("throttle", "1", lower=0.0, upper=1.0),),
         outputs=(Output("height", "m"),),
     )
-    offered = library(drone, ranges={"height": (0.3, 1.5)})
-    (law,) = (h for h in offered if h.law == "ground_effect")
+    law = offered(drone, "ground_effect", ranges={"height": (0.3, 1.5)})
     # Below and above what was seen: a floor or a ceiling.
     assert {np.sign(shape["surface"] - shape["nearest"]) for shape in law.shapes} == {-1.0, 1.0}
     near = drone.with_effect(law.at_size(0.2, {"surface": 0.0, "nearest": 0.3}))
@@ -347,9 +345,7 @@ def test_a_rotor_lifts_more_above_the_ground_and_a_weight_does_not() -> None:
 
 def test_a_magnet_pulls_with_the_square_of_one_over_its_distance() -> None:
     door = servo_axis()
-    (law,) = (
-        h for h in library(door, ranges={"position": (0.02, 0.9)}) if h.law == "surface_force"
-    )
+    law = offered(door, "surface_force", ranges={"position": (0.02, 0.9)})
     near = door.with_effect(law.at_size(-40.0, {"surface": -0.03, "nearest": 0.02}))
     for place, force in ((0.02, -40.0), (0.07, -10.0), (0.47, -0.4)):
         more = near.rates([place, 0.0], [0.0])[1] - door.rates([place, 0.0], [0.0])[1]
@@ -372,13 +368,13 @@ def test_a_sensor_may_read_what_another_one_reads() -> None:
         inputs=(Input("supply", "V", lower=0.0, upper=30.0),),
         outputs=(Output("current", "A"), Output("pressure", "Pa"), Output("turned", "rad")),
     )
-    offered = {h.name: h for h in library(pump) if h.law == "sensor_cross_talk"}
+    heard = {h.name: h for h in library(pump) if h.law == "sensor_cross_talk"}
     # An angle beside what depends on its speed alone is late, or early.
-    assert {name.removeprefix("sensor_cross_talk_") for name in offered} == {
+    assert {name.removeprefix("sensor_cross_talk_") for name in heard} == {
         "current_supply", "pressure_supply", "turned_supply",
         "current_turned", "pressure_current", "turned_current",
     }  # fmt: skip
-    law = offered["sensor_cross_talk_pressure_current"]
+    law = heard["sensor_cross_talk_pressure_current"]
     shifted = pump.with_effect(law.at_size(600.0, {"zero": 0.0}))
     read = [model.read([5.0, 100.0, 0.0], [12.0])[1] for model in (pump, shifted)]
     assert read == pytest.approx([2e4, 2.3e4])

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from itertools import pairwise
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from workbench.model import Effect, Input, Model, Output, Scope, State
 from workbench.model.trace import Equations
+from workbench.physics.library import Hypothesis, library
 
 Path = Callable[[float], Mapping[str, float]]
 
@@ -35,6 +37,12 @@ def bench(effect: Effect, unit: str = "N", *signals: str) -> Model:
         inputs=tuple(Input(name, "1") for name in ("value", *signals)),
         outputs=tuple(Output(f"out_{i}", unit) for i in range(len(effect.ports))),
     ).with_effect(effect)
+
+
+def offered(model: Model, name: str, **known: Any) -> Hypothesis:
+    """Return what the library offers a model by the name of a hypothesis, or of its law."""
+    found = library(model, **known)
+    return next(h for h in found if name == h.name or name == h.law)
 
 
 def run(
@@ -70,6 +78,17 @@ def run(
     return np.asarray(g.map(len(times))(at_samples, inputs(times), p)).reshape(
         len(model.outputs), len(times)
     )[0]
+
+
+def held(model: Model, levels: np.ndarray, interval: float = 0.1) -> list[np.ndarray]:
+    """Return the output while each of some levels is held for a time, in s, in a hundred steps."""
+    count, fine = len(levels), 100
+    places = (np.arange(fine * count) + 1e-4) * interval / fine
+
+    def path(t: float) -> Mapping[str, float]:
+        return {"value": float(levels[min(int(t / interval), count - 1)])}
+
+    return np.split(run(model, path, places), count)
 
 
 def read(model: Model, **inputs: float) -> float:

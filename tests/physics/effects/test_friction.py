@@ -5,17 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.physics.effects.bench import bench, read, run, triangle
+from tests.physics.effects.bench import bench, offered, read, run, triangle
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.friction import (
     coulomb_friction,
-    direction_dependent_friction,
-    direction_dependent_viscous,
-    load_dependent_friction,
     lugre_friction,
-    muscle_viscosity,
-    quadratic_drag,
     stribeck_friction,
     viscous_friction,
 )
@@ -90,51 +85,6 @@ def test_lugre_dissipates_in_a_cycle() -> None:
     assert np.trapezoid(force[80:], q[80:]) > 0.0
 
 
-def test_load_friction_is_proportional_to_the_load() -> None:
-    model = bench(
-        load_dependent_friction("joint.torque", coefficient=1e-3),
-        "N m",
-        "speed",
-        "force_1",
-        "force_2",
-    )
-    once = read(model, speed=0.5, force_1=300.0, force_2=200.0)
-    twice = read(model, speed=0.5, force_1=600.0, force_2=400.0)
-    assert once == pytest.approx(-0.5, rel=1e-6)
-    assert twice == pytest.approx(2 * once)
-    assert read(model, speed=0.5, force_1=-1.0, force_2=-50.0) == 0.0
-
-
-def test_quadratic_drag_quadruples() -> None:
-    model = bench(quadratic_drag("joint.torque", coefficient=0.1), "N m", "speed")
-    assert read(model, speed=2.0) == pytest.approx(4 * read(model, speed=1.0))
-    assert read(model, speed=-2.0) == pytest.approx(-read(model, speed=2.0))
-
-
-def test_direction_dependent_damper_has_two_slopes() -> None:
-    model = bench(viscous_friction("joint.torque", coefficient=0.5), "N m", "speed").with_effect(
-        direction_dependent_viscous("joint.torque", difference=0.2)
-    )
-    assert read(model, speed=1.0) == pytest.approx(-0.6)
-    assert read(model, speed=-1.0) == pytest.approx(0.4)
-
-
-def test_direction_dependent_friction_is_more_forwards_and_nothing_at_rest() -> None:
-    model = bench(coulomb_friction("joint.torque", level=0.5), "N m", "speed").with_effect(
-        direction_dependent_friction("joint.torque", difference=0.4)
-    )
-    assert read(model, speed=1.0) == pytest.approx(-0.7)
-    assert read(model, speed=-1.0) == pytest.approx(0.3)
-    assert read(model, speed=0.0) == 0.0
-
-
-def test_muscle_viscosity_grows_with_pressure() -> None:
-    effect = muscle_viscosity(("muscle.force",), coefficient=300.0, growth=1e-6)
-    model = bench(effect, "N", "contraction_speed", "gauge_pressure")
-    assert read(model, contraction_speed=0.1) == pytest.approx(-30.0)
-    assert read(model, contraction_speed=0.1, gauge_pressure=5e5) == pytest.approx(-45.0)
-
-
 def carousel() -> Model:
     """A turntable with a mass on a rail, which nothing but a torque moves round; no port."""
 
@@ -156,9 +106,9 @@ def carousel() -> Model:
 def test_friction_is_a_torque_whatever_it_turns() -> None:
     for table in (0.3, 0.6):
         model = carousel().with_parameters({"table": table})
-        law = next(h for h in library(model) if h.law == "quadratic_drag")
+        law = offered(model, "quadratic_drag")
         braked = model.with_effect(law.at_size(0.05))
-        other = next(h for h in library(braked) if h.law == "cubic_drag")
+        other = offered(braked, "cubic_drag")
         twice = braked.with_effect(other.at_size(0.02))
         for radius in (0.1, 0.4):
             x = model.initial_state({"turning": 0.9, "radius": radius})

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
 
+from tests.physics.effects.bench import offered
 from workbench.evaluation.foreign.newcomer import ROOM, circuit, crane, drive, tank
 from workbench.evaluation.machines.plants import muscle
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
-from workbench.physics.library import Hypothesis, library
-
-
-def offered(model: Model, name: str, **known: Any) -> Hypothesis:
-    return next(h for h in library(model, **known) if h.name == name)
+from workbench.physics.library import library
 
 
 def heat(model: Model, temperature: float) -> float:

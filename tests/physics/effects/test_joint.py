@@ -13,12 +13,6 @@ from workbench.model import Input, Model, Output, State
 from workbench.physics.creep import maxwell_element
 from workbench.physics.delay import elastic_drive
 from workbench.physics.stiffness import (
-    cubic_stiffness,
-    linear_spring,
-    local_catch,
-    local_friction,
-    ripple,
-    stop_compliance,
     unbalanced_mass,
 )
 from workbench.plants.arm import arm
@@ -125,47 +119,6 @@ def test_a_loose_load_starts_with_the_arm() -> None:
     model = arm(3.0).with_effect(loose_load())
     x = dict(zip([q.name for q in model.states], model.initial_state(MOVING), strict=True))
     assert (x["loose_load.angle"], x["loose_load.speed"]) == (0.6, 0.7)
-
-
-def test_ripple_has_its_period() -> None:
-    model = bench(ripple("joint.torque", amplitude=0.4, frequency=12.0, phase=0.5), "N m", "angle")
-    for angle in (0.1, 0.7):
-        value = read(model, angle=angle)
-        assert value == pytest.approx(0.4 * math.sin(12 * angle + 0.5))
-        assert read(model, angle=angle + 2 * math.pi / 12) == pytest.approx(value)
-
-
-def test_a_catch_is_local_and_friction_there_changes_sign() -> None:
-    catch = bench(
-        local_catch("joint.torque", height=0.6, centre=0.5, width=0.05), "N m", "angle", "speed"
-    )
-    assert read(catch, angle=0.5) == pytest.approx(0.6)
-    assert read(catch, angle=0.55) == pytest.approx(0.6 * math.exp(-1.0))
-    assert abs(read(catch, angle=0.8)) < 1e-12
-    friction = bench(
-        local_friction("joint.torque", level=0.6, centre=0.5, width=0.05), "N m", "angle", "speed"
-    )
-    assert read(friction, angle=0.5, speed=1.0) == pytest.approx(-0.6)
-    assert read(friction, angle=0.5, speed=-1.0) == pytest.approx(0.6)
-
-
-def test_springs_are_odd_about_their_rest() -> None:
-    linear = bench(linear_spring("joint.torque", stiffness=2.0, rest=0.5), "N m", "angle")
-    cubic = bench(cubic_stiffness("joint.torque", stiffness=2.0, rest=0.5), "N m", "angle")
-    assert read(linear, angle=0.7) == pytest.approx(-0.4)
-    assert read(cubic, angle=0.7) == pytest.approx(-2.0 * 0.2**3)
-    for model in (linear, cubic):
-        assert read(model, angle=0.5) == 0.0
-        assert read(model, angle=0.3) == pytest.approx(-read(model, angle=0.7))
-    assert read(cubic, angle=0.9) == pytest.approx(8 * read(cubic, angle=0.7))
-
-
-def test_a_bumper_pushes_before_the_stop_and_never_pulls() -> None:
-    effect = stop_compliance(("lower_stop.torque",), stiffness=50.0, thickness=0.05)
-    model = bench(effect, "N m", "penetration")
-    assert read(model, penetration=-0.06) == 0.0
-    assert read(model, penetration=-0.03) == pytest.approx(1.0)
-    assert read(model, penetration=0.0) == pytest.approx(2.5)
 
 
 def test_a_maxwell_element_holds_a_step_at_first_and_lets_go_of_it() -> None:

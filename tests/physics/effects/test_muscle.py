@@ -9,19 +9,15 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from tests.physics.effects.bench import bench, read, run
+from tests.physics.effects.bench import bench, offered, run
 from workbench.physics.braided_muscle import series_elasticity
 from workbench.physics.creep import creep
-from workbench.physics.force_laws import PaperLaw, Sarosi
-from workbench.physics.library import library
+from workbench.physics.force_laws import PaperLaw
 from workbench.physics.muscle_volume import BraidedCylinder
 from workbench.physics.offset_gain import gain
 from workbench.plants.arm import arm, pneumatic_muscle
 from workbench.plants.arm.laws import (
-    contraction_force_correction,
-    force_shape,
     phi_term,
-    pressure_force_correction,
 )
 from workbench.simulation import simulate
 
@@ -54,11 +50,7 @@ def test_a_tendon_stretches_until_its_force_is_that_of_the_shorter_muscle() -> N
     """Its gas gives way too: locked at both ends and shut, the muscle keeps its mass of gas."""
     law, braid, length, compliance = PaperLaw(), BraidedCylinder(), 0.188, 7e-6
     ambient, dead = 101325.0, 15e-6
-    model = pneumatic_muscle().with_effect(
-        series_elasticity(
-            [("muscle.length", "chamber.volume_rate", "muscle.force")], compliance=compliance
-        )
-    )
+    model = pneumatic_muscle().with_effect(series_elasticity(SERIES, compliance=compliance))
     shut = np.tile([length, 0.0, 0.0], (3001, 1))
     begin = {"pressure": 4e5 + ambient, "series_elasticity.pull": 0.0}
     run = simulate(model, shut, sample_time=1e-3, start=begin)
@@ -73,8 +65,7 @@ def test_a_tendon_stretches_until_its_force_is_that_of_the_shorter_muscle() -> N
     settled = brentq(excess, 0.0, 2000.0)
     assert run["force"][-1] == pytest.approx(settled, rel=1e-3)
     assert settled < 0.9 * float(law.tension(0.2 - length, 4e5))
-    (offered,) = (e for e in library(pneumatic_muscle()) if e.law == "series_elasticity")
-    assert offered.ports == ("muscle.length", "chamber.volume_rate", "muscle.force")
+    assert offered(pneumatic_muscle(), "series_elasticity").ports == SERIES[0]
 
 
 def test_a_damped_muscle_in_series_with_its_tendon_yields_as_a_book_says() -> None:
@@ -102,22 +93,6 @@ def test_a_damped_muscle_in_series_with_its_tendon_yields_as_a_book_says() -> No
     late = times > 0.1
     error = run["force"][: len(times)][late] - force[late]
     assert np.ptp(force[late]) > 100.0 and np.abs(error).max() < 0.01 * np.ptp(force[late])
-
-
-def test_the_whole_share_is_the_other_law() -> None:
-    model = bench(force_shape(TENSION, share=1.0), "N", "contraction", "gauge_pressure")
-    for q, p in ((0.0, 2e5), (0.02, 5e5)):
-        value = read(model, value=123.0, contraction=q, gauge_pressure=p)
-        assert value == pytest.approx(float(Sarosi().tension(q, p)))
-
-
-def test_corrections_leave_the_middle_and_change_the_ends() -> None:
-    contraction = bench(contraction_force_correction(TENSION, gain=0.2), "N", "contraction")
-    ends = [read(contraction, value=100.0, contraction=q) for q in (0.0, 0.015, 0.03)]
-    assert ends == pytest.approx([80.0, 100.0, 120.0])
-    pressure = bench(pressure_force_correction(TENSION, gain=0.1), "N", "gauge_pressure")
-    ends = [read(pressure, value=100.0, gauge_pressure=p) for p in (0.0, 3e5, 6e5)]
-    assert ends == pytest.approx([90.0, 100.0, 110.0])
 
 
 def test_phi_completes_petrovic_to_the_papers_law() -> None:

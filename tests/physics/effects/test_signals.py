@@ -11,14 +11,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tests.diagnosis.newcomers import oscillator
-from tests.physics.effects.bench import bench, read, response, run, triangle
+from tests.physics.effects.bench import bench, held, offered, read, response, run, triangle
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.model.units import same_dimension
 from workbench.physics.delay import delay, sensor_delay, sensor_lag
 from workbench.physics.drift import sensor_drift, sensor_fade
 from workbench.physics.library import library
-from workbench.physics.offset_gain import asymmetric_gain, gain, offset
 from workbench.physics.place import argument_of
 from workbench.physics.play import (
     command_hysteresis,
@@ -29,10 +28,6 @@ from workbench.physics.play import (
     spool_hysteresis,
 )
 from workbench.physics.saturation import (
-    dead_band,
-    lower_saturation,
-    rectification,
-    saturation,
     slew_limit,
 )
 from workbench.physics.stiffness import sensor_ripple
@@ -145,20 +140,12 @@ def test_a_spool_with_a_top_speed_is_slowed_behind_its_own_dynamics() -> None:
             v += h * (frequency**2 * (1.2 - x) - 2 * damping * frequency * v)
             v = min(max(v, -speed_limit), speed_limit)
     times = h * np.arange(4000)
-    (offered,) = (e for e in library(arm()) if e.law == "slew_limit")
-    assert offered.ports == ("valve.spool",)
+    assert offered(arm(), "slew_limit").ports == ("valve.spool",)
     model = bench(slew_limit("valve.spool", largest_rate=top), "V")
     slowed = run(model, lambda t: {"value": float(np.interp(t, times, free))}, times[::20])
     late = np.trapezoid(np.array(held)[::20] - slowed, times[::20]) / 1.2
     # At the command it would be slowed before the spool, whose own lag is 2.3 ms.
     assert abs(late) < 1e-3
-
-
-def test_dead_band_is_flat_inside_and_shifted_outside() -> None:
-    model = bench(dead_band("valve.spool", half_width=0.2, centre=5.0), "V")
-    assert [read(model, value=v) for v in (4.81, 5.0, 5.19)] == [5.0, 5.0, 5.0]
-    assert read(model, value=6.0) == pytest.approx(5.8)
-    assert read(model, value=4.0) == pytest.approx(4.2)
 
 
 def test_play_holds_until_its_slack_is_taken_up() -> None:
@@ -183,13 +170,9 @@ def test_play_of_a_held_command_follows_jumps_at_once_and_keeps_small_ones_back(
     for u in steps:
         place = min(max(place, u - 0.1), u + 0.1)
         expected.append(place)
-    times = np.arange(0.0, 0.1 * len(steps), 1e-3)
-    at = np.minimum((times / 0.1).astype(int), len(steps) - 1)
-    y = run(model, lambda t: {"value": float(steps[min(int(t / 0.1), len(steps) - 1)])}, times)
-    settled = [y[(at == i)][-1] for i in range(len(steps))]
-    np.testing.assert_allclose(settled, expected, atol=2e-3)
-    just_after = y[at == 6][1]
-    assert just_after == pytest.approx(1.9, abs=2e-3)
+    parts = held(model, steps)
+    np.testing.assert_allclose([part[-1] for part in parts], expected, atol=2e-3)
+    assert parts[6][1] == pytest.approx(1.9, abs=2e-3)
 
 
 def test_play_is_as_wide_as_it_is_told_where_commands_turn_at_every_sample() -> None:
@@ -200,10 +183,7 @@ def test_play_is_as_wide_as_it_is_told_where_commands_turn_at_every_sample() -> 
     for u in told:
         place = min(max(place, u - 0.03), u + 0.03)
         expected.append(place)
-    times = np.arange(0.0, interval * len(told), interval / 20)
-    at = np.minimum((times / interval + 1e-6).astype(int), len(told) - 1)
-    y = run(model, lambda t: {"value": float(told[min(int(t / interval + 1e-6), 59)])}, times)
-    ends = np.array([y[at == i][-1] for i in range(len(told))])
+    ends = np.array([part[-1] for part in held(model, told, interval)])
     assert np.sqrt(np.mean((ends - expected) ** 2)) < 2.5e-3
 
 
@@ -215,8 +195,7 @@ def test_a_supply_that_runs_down_has_lost_its_amount_by_the_end() -> None:
     # 2 kPa/s; a time constant of a hundred times as long bends it by half a per cent.
     np.testing.assert_allclose(pressure, 7e5 - 2e3 * times, atol=0.005 * 0.4e5)
     assert pressure[-1] == pytest.approx(6.6e5, rel=1e-6)
-    (offered,) = (e for e in library(arm()) if e.law == "supply_drift")
-    assert offered.ports == ("supply.pressure",)
+    assert offered(arm(), "supply_drift").ports == ("supply.pressure",)
 
 
 def test_what_sticks_stays_and_then_goes_all_the_way_at_once() -> None:
@@ -228,11 +207,8 @@ def test_what_sticks_stays_and_then_goes_all_the_way_at_once() -> None:
     for u in steps:
         place = u if abs(u - place) > 0.3 else place
         expected.append(place)
-    times = np.arange(0.0, 0.1 * len(steps), 1e-3)
-    at = np.minimum((times / 0.1 + 1e-6).astype(int), len(steps) - 1)
-    y = run(model, lambda t: {"value": float(steps[min(int(t / 0.1), len(steps) - 1)])}, times)
-    for i in range(1, len(steps)):
-        np.testing.assert_allclose(y[at == i][[1, -1]], expected[i], atol=1e-3)
+    for part, place in zip(held(model, steps)[1:], expected[1:], strict=True):
+        np.testing.assert_allclose(part[[1, -1]], place, atol=1e-3)
 
 
 def test_a_loop_of_a_held_command_remembers_its_turning_points() -> None:
@@ -245,10 +221,7 @@ def test_a_loop_of_a_held_command_remembers_its_turning_points() -> None:
     for u in steps:
         places = np.clip(places, u - widths, u + widths)
         expected.append(u - 0.2 * np.sum(u - places) / np.sum(widths))
-    times = np.arange(0.0, 0.1 * len(steps), 1e-3)
-    at = np.minimum((times / 0.1 + 1e-6).astype(int), len(steps) - 1)
-    y = run(model, lambda t: {"value": float(steps[min(int(t / 0.1), len(steps) - 1)])}, times)
-    settled = [y[(at == i)][-1] for i in range(len(steps))]
+    settled = [part[-1] for part in held(model, steps)]
     np.testing.assert_allclose(settled, expected, atol=2e-3)
 
 
@@ -261,20 +234,6 @@ def test_spool_hysteresis_has_the_width_of_its_loop() -> None:
     falling = np.interp(0.0, -u[80:160], y[80:160])
     rising = np.interp(0.0, u[160:240], y[160:240])
     assert falling - rising == pytest.approx(0.04, rel=0.01)
-
-
-def test_saturation_cuts_both_sides_and_its_lower_brother_one() -> None:
-    above = bench(saturation(("p.reading",), limit=4e5), "Pa")
-    assert [read(above, value=v) for v in (3e5, 5e5, -5e5)] == [3e5, 4e5, -4e5]
-    below = bench(lower_saturation(("p.reading",), limit=1e5), "Pa")
-    assert [read(below, value=v) for v in (0.0, 3e5)] == [1e5, 3e5]
-    half = bench(saturation(("p.reading",), limit=4e5, share=0.5), "Pa")
-    assert read(half, value=5e5) == pytest.approx(4.5e5)
-
-
-def test_rectification_passes_one_sign() -> None:
-    model = bench(rectification(("pump.flow",)), "m3/s")
-    assert [read(model, value=v) for v in (-2.0, 3.0)] == [0.0, 3.0]
 
 
 def test_drift_reaches_its_final_value() -> None:
@@ -293,14 +252,6 @@ def test_a_probe_that_fouls_reads_ever_less_of_what_is_there() -> None:
     assert y[0] == 3.0
     assert np.interp(2.0, times, y) == pytest.approx(3.0 - 0.6 * (1 - np.exp(-1.0)), rel=1e-3)
     assert y[-1] == pytest.approx(2.4, rel=1e-3)
-
-
-def test_offset_gain_and_asymmetry() -> None:
-    assert read(bench(offset(("s.reading",), amount=0.2), "V"), value=1.0) == pytest.approx(1.2)
-    assert read(bench(gain(("s.reading",), excess=-0.1), "V"), value=2.0) == pytest.approx(1.8)
-    model = bench(asymmetric_gain("valve.spool", difference=0.2), "V")
-    assert read(model, value=1.0) == pytest.approx(1.1)
-    assert read(model, value=-1.0) == pytest.approx(-0.9)
 
 
 def test_a_code_wheel_beside_its_axis_errs_once_a_turn() -> None:
@@ -328,7 +279,7 @@ def test_times_of_lags_and_delays_follow_the_sampling_interval() -> None:
 
 def test_a_sensor_that_lags_is_not_offered_a_delay_as_well() -> None:
     axis = servo_axis()
-    lag = next(e for e in library(axis) if e.law == "sensor_lag")
+    lag = offered(axis, "sensor_lag")
     laws = {e.law for e in library(axis.with_effect(lag.at_size(0.02))) if e.group == "sensor"}
     assert "sensor_delay" not in laws and {"sensor_offset", "sensor_gain"} <= laws
 
@@ -376,7 +327,7 @@ def test_what_is_wrong_with_an_input_leaves_the_spring_beside_it_alone(
     law: str, values: dict[str, float], held: Callable[[np.ndarray], np.ndarray]
 ) -> None:
     model, step = oscillator(), 0.02
-    entry = next(e for e in library(model, sample_time=step) if e.law == law)
+    entry = offered(model, law, sample_time=step)
     assert entry.name == f"{law}_drive" and entry.ports == ("mass.force",)
     drive = np.sin(2.0 * np.arange(300) * step)
     effect = entry.effect.with_parameters(values)
@@ -422,7 +373,7 @@ def breathing(part: str) -> Model:
 def test_a_turbulent_flow_loses_pressure_with_its_square(part: str) -> None:
     model, quadratic = breathing(part), 6e8
     ranges = {argument_of(part): (-1e3, 2e3)}
-    law = next(h for h in library(model, ranges=ranges) if h.name == f"turbulent_flow_{part}")
+    law = offered(model, f"turbulent_flow_{part}", ranges=ranges)
     turbulent = model.with_effect(law.at_size(quadratic * 2e3 / 2e6**2, {"largest": 2e3}))
     for volume, pressure in ((0.0, 2e3), (4e-4, 3e2), (2e-4, 5e2)):
         drive = pressure - volume / 4e-7
@@ -453,7 +404,7 @@ def test_what_drives_a_flow_between_two_stores_may_be_turbulent() -> None:
 
 def test_a_sensor_reads_something_of_an_input() -> None:
     model = breathing("resistance")
-    law = next(h for h in library(model) if h.name == "sensor_cross_talk_volume_pressure")
+    law = offered(model, "sensor_cross_talk_volume_pressure")
     heard = model.with_effect(law.at_size(1e-9))
     assert heard.read([3e-4], [2e3])[1] == pytest.approx(3e-4 + 2e-6)
     assert heard.rates([3e-4], [2e3]) == pytest.approx(model.rates([3e-4], [2e3]))
@@ -477,12 +428,7 @@ def test_a_drive_that_is_told_a_speed_loses_its_slack_at_each_reversal() -> None
     model = bench(lost_motion("valve.command", half_width=0.1), "m/s")
     times = np.arange(0.0, 8.0, 1e-3)
     speed = np.where(np.sin(np.pi * times / 2.0) >= 0.0, 0.5, -0.5)
-    u = {"value": 0.0}
-
-    def path(t: float) -> dict[str, float]:
-        return {**u, "value": float(speed[min(int(t / 1e-3 + 1e-6), len(speed) - 1)])}
-
-    y = run(model, path, times)
+    y = run(model, lambda t: {"value": float(speed[min(int(t / 1e-3 + 1e-6), 7999)])}, times)
     whole = times > 2.0  # From here on each stroke begins where the slack is taken up.
     place = np.cumsum(y[whole]) * 1e-3
     # Each stroke of 1 loses the slack of 0.2.
@@ -535,17 +481,15 @@ def test_what_a_factor_of_a_whole_port_multiplies_has_a_unit() -> None:
         outputs=(Output("belt", "m/s"),),
         parameters=(Parameter("grip", "N s/m", value=8e3, lower=0.0, upper=5e4, fitted=True),),
     )
-    (law,) = (h for h in library(belt) if h.law == "term_saturation")
+    law = offered(belt, "term_saturation")
     limit = belt.with_effect(law.at_size(1.0)).parameter("term_saturation_grip.limit")
     assert same_dimension(limit.unit, "m/s")
 
 
 def test_an_input_with_a_port_of_its_own_is_interpolated_there_alone() -> None:
-    def offered(model: Model) -> list[str]:
-        return [h.name for h in library(model) if h.law == "input_interpolation"]
-
-    assert offered(breathing("resistance")) == ["input_interpolation_pressure_command"]
-    assert offered(servo_axis()) == ["input_interpolation_axis_force"]
+    for model, at in ((breathing("resistance"), "pressure_command"), (servo_axis(), "axis_force")):
+        found = [h.name for h in library(model) if h.law == "input_interpolation"]
+        assert found == [f"input_interpolation_{at}"]
 
 
 @pytest.mark.parametrize(("low", "offered"), [(-1e3, True), (0.0, False)])
