@@ -177,10 +177,7 @@ def test_a_time_limit_that_nothing_meets_or_that_cannot_be_set_is_a_sentence(
         ("--fit a.csv", "are both needed"),
         ("practice-07 --fit a.csv", "keep one of them"),
         ("--fit a.csv --hold-out b.csv --plant robot", "plant is 'robot'"),
-        (
-            "--fit a.csv --hold-out b.csv --plant emps --load 3",
-            "No such option: --load",
-        ),
+        ("--fit a.csv --hold-out b.csv --plant emps --load 3", "No such option: --load"),
         ("--fit a.csv --hold-out a.csv", "given twice"),
         ("--fit a.csv --hold-out b.csv", "a.csv"),
         ("practice-07 --time-limit 0", "time limit is 0"),

@@ -227,12 +227,7 @@ def test_a_script_gets_json_and_nothing_else(
     small_study(here)
     printed = shell(*JSON[verb], "--json")
     found = json.loads(printed.out)
-    keys = {
-        "linearise": "A",
-        "verify": "runs",
-        "recording": "checks",
-        "compare": "requirements",
-    }
+    keys = {"linearise": "A", "verify": "runs", "recording": "checks", "compare": "requirements"}
     assert found[keys[verb]]
     # What a person reads is still there.
     assert len(printed.err.splitlines()) > 2

@@ -52,11 +52,7 @@ def test_even_steps_leave_the_noise_as_it_is() -> None:
 
 def test_recordings_of_several_rates_come_to_that_of_the_slowest() -> None:
     rng = np.random.default_rng(0)
-    times = [
-        np.arange(200) * 0.1,
-        np.arange(80) * 0.25,
-        np.cumsum(rng.choice([0.1, 0.2], 200)),
-    ]
+    times = [np.arange(200) * 0.1, np.arange(80) * 0.25, np.cumsum(rng.choice([0.1, 0.2], 200))]
     made = [Recording(str(k), t, (Signal("x", np.sin(t)),)) for k, t in enumerate(times)]
     for one in at_one_pace(made):
         assert np.allclose(np.diff(one.time), 0.25, atol=1e-9)

@@ -49,12 +49,7 @@ def test_a_package_that_is_not_there_or_fails_is_a_line() -> None:
 
 def test_the_page_says_what_is_missed_and_why() -> None:
     late = Figure("late", 3.0, "s", 2.0, False, "the compiler takes 2.5 s")
-    found = Benchmark(
-        [late, Figure("ok", 3.0, "x", 2.0)],
-        [_comparison()],
-        12.0,
-        0.5,
-    )
+    found = Benchmark([late, Figure("ok", 3.0, "x", 2.0)], [_comparison()], 12.0, 0.5)
     page = benchmark_page(found, command="make benchmark")
     assert page.marks == {"met": 1, "missed": 1, "open": 0}
     text = html(page).replace("\N{NO-BREAK SPACE}", " ")

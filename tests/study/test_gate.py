@@ -167,10 +167,7 @@ def test_a_controller_that_is_no_longer_judged_is_weaker() -> None:
 STRICTER = {
     "a tighter limit": ("limit = 0.6", "limit = 0.55"),
     "a wider box": ("load = [2, 6]", "load = [2, 6.5]"),
-    "a narrower tolerance": (
-        "[robustness]\n",
-        "[tolerances.air]\nrelative = 1e-3\n[robustness]\n",
-    ),
+    "a narrower tolerance": ("[robustness]\n", "[tolerances.air]\nrelative = 1e-3\n[robustness]\n"),
 }
 
 

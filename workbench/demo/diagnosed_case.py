@@ -23,12 +23,7 @@ from workbench.model.units import readable
 from workbench.plants.plant import Plant
 from workbench.plants.registry import PLANTS
 from workbench.recordings import read_case
-from workbench.reports.figures.diagnosis import (
-    AFTER,
-    BEFORE,
-    diagnosis_residuals,
-    diagnosis_runs,
-)
+from workbench.reports.figures.diagnosis import AFTER, BEFORE, diagnosis_residuals, diagnosis_runs
 from workbench.reports.page import Commands, Section
 from workbench.reports.pictures import Picture
 from workbench.reports.style import FURTHER, MEASURED, REFERENCE, key, label, new_figure

@@ -123,10 +123,7 @@ def _steps(scenario: Scenario) -> Steps:
     return signal
 
 
-SIMULATORS: dict[str, Callable[..., dict[str, Any]]] = {
-    "rig": on_rig,
-    "own plant": on_own_plant,
-}
+SIMULATORS: dict[str, Callable[..., dict[str, Any]]] = {"rig": on_rig, "own plant": on_own_plant}
 """On what drawn machines run."""
 
 

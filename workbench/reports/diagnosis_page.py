@@ -15,12 +15,7 @@ from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Verdict
 from workbench.reports import diagnosis_tables as tables
-from workbench.reports.diagnosis_answers import (
-    KINDS,
-    accepted_term,
-    diagnosis_answers,
-    worst_run,
-)
+from workbench.reports.diagnosis_answers import KINDS, accepted_term, diagnosis_answers, worst_run
 from workbench.reports.figure import figures_of
 from workbench.reports.figure import sections as own_sections
 from workbench.reports.figures import diagnosis as figures

@@ -375,12 +375,7 @@ def _shown(metric: MetricValue, value: float) -> float:
 
 
 _RESULTS = TableShape(
-    {
-        "kind": one_of(RESULTS_KIND),
-        "study": text,
-        "runs": listed(RECORD),
-        "conditions": CONDITIONS,
-    },
+    {"kind": one_of(RESULTS_KIND), "study": text, "runs": listed(RECORD), "conditions": CONDITIONS},
     {
         "tolerances": named(TOLERANCE),
         "robustness": BOX,

@@ -33,14 +33,7 @@ from workbench.linearisation.pace import (
     usual_sample_time,
 )
 from workbench.model import Model
-from workbench.model.units import (
-    convert,
-    from_si,
-    in_time,
-    named_value,
-    of_difference,
-    quantity,
-)
+from workbench.model.units import convert, from_si, in_time, named_value, of_difference, quantity
 from workbench.operating_point import operating_point
 from workbench.plants.plant import Plant
 from workbench.study.designs import ControllerRecipe, followed_by_default

@@ -110,10 +110,7 @@ def piston() -> Model:
     return Model(
         "cylinder",
         _piston,
-        states=(
-            State("position", "m", 0.04),
-            State("cell", "N", 100.0, start_rms=400.0),
-        ),
+        states=(State("position", "m", 0.04), State("cell", "N", 100.0, start_rms=400.0)),
         inputs=(Input("speed", "m/s", 0.01), Input("pressure", "Pa", 5e5)),
         outputs=(Output("force", "N", 100.0, noise_rms=0.03),),
         parameters=(

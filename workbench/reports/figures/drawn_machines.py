@@ -129,8 +129,5 @@ def _draw(outcome: StudyResult) -> list[Block]:
 
 
 DRAWN_MACHINES = Figure(
-    "drawn-machines",
-    _draw,
-    title="Machines that differ from what the designs know",
-    order=5,
+    "drawn-machines", _draw, title="Machines that differ from what the designs know", order=5
 )

@@ -12,15 +12,7 @@ from workbench.reports.figure import Figure
 from workbench.reports.figures.study_traces import output_of, shades_of, value_text
 from workbench.reports.page import Block, Words, methods
 from workbench.reports.pictures import Picture
-from workbench.reports.style import (
-    REFERENCE,
-    Colour,
-    bars,
-    key,
-    label,
-    new_figure,
-    told_apart,
-)
+from workbench.reports.style import REFERENCE, Colour, bars, key, label, new_figure, told_apart
 from workbench.reports.tables import Cell, Table, number
 from workbench.study.limits import Distances, Move, StepDistance
 from workbench.study.result import StudyResult

@@ -19,14 +19,7 @@ from workbench.reports.figures.study_traces import (
 )
 from workbench.reports.page import Block, Words
 from workbench.reports.pictures import Picture
-from workbench.reports.style import (
-    INK,
-    REFERENCE,
-    Colour,
-    key,
-    label,
-    new_figure,
-)
+from workbench.reports.style import INK, REFERENCE, Colour, key, label, new_figure
 from workbench.study.result import StudyResult
 
 if TYPE_CHECKING:
