@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 import numpy as np
+import numpy.typing as npt
 
 from workbench.errors import check_range
 from workbench.recordings.recording import Recording, Signal, Vector
@@ -70,3 +74,27 @@ def example_recording(
         ),
         source="made up",
     )
+
+
+def recorded(
+    time: float | Vector, commands: Mapping[str, Vector], readings: Mapping[str, Vector]
+) -> Recording:
+    """Make a recording of named columns.
+
+    Args:
+        time: Step or instants, in s.
+        commands: Samples by a name and, after a blank, a unit.
+        readings: As the commands, of the measurements.
+    """
+    signals = []
+    for role, columns in (("command", commands), ("measurement", readings)):
+        for head, values in columns.items():
+            name, _, unit = head.partition(" ")
+            signals.append(Signal(name, values, unit, role=role))  # type: ignore[arg-type]
+    instants = time * np.arange(len(signals[0].values)) if isinstance(time, float) else time
+    return Recording("recorded", instants, tuple(signals))
+
+
+def with_values(recording: Recording, name: str, values: npt.ArrayLike) -> Recording:
+    """Return the recording with other samples of one signal."""
+    return recording.with_signal(replace(recording.signal(name), values=np.asarray(values)))

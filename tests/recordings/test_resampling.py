@@ -3,23 +3,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.recordings.example import recorded
 from workbench.errors import WorkbenchError
-from workbench.recordings import Recording, Signal, resample
+from workbench.recordings import resample
 from workbench.recordings.resampling import at_one_pace, low_pass
-
-
-def trial(values: np.ndarray, dt: float, role: str = "measurement") -> Recording:
-    time = dt * np.arange(len(values))
-    return Recording("r", time, (Signal("x", values, role=role),))  # type: ignore[arg-type]
 
 
 def test_commands_are_held_and_measurements_interpolated() -> None:
     steps = np.repeat([1.0, 3.0, 2.0], 4)
-    held = resample(trial(steps, 0.1, "command"), rate_Hz=40.0)
+    held = resample(recorded(0.1, {"x": steps}, {}), rate_Hz=40.0)
     assert set(held["x"]) == {1.0, 3.0, 2.0}
     assert held["x"][held.time < 0.39].max() == 1.0
     assert held["x"][np.searchsorted(held.time, 0.4 - 1e-9)] == 3.0
-    line = resample(trial(np.arange(12.0), 0.1), rate_Hz=40.0)
+    line = resample(recorded(0.1, {}, {"x": np.arange(12.0)}), rate_Hz=40.0)
     assert np.allclose(line["x"], 10 * line.time)
 
 
@@ -30,7 +26,7 @@ def test_a_lower_rate_keeps_slow_and_removes_fast(factor: int) -> None:
     new_rate = 1 / (dt * factor)
     slow = np.sin(0.1 * 2 * np.pi * new_rate * time)
     fast = np.sin(0.8 * 2 * np.pi * new_rate * time)
-    thin = resample(trial(slow + fast, dt), times=time[::factor])
+    thin = resample(recorded(dt, {}, {"x": slow + fast}), times=time[::factor])
     inner = slice(20, -20)
     # Without the filter the fast sine would fold down to 0.2 of the rate with full amplitude; the
     # sinc with Hamming window suppresses it by more than 50 dB.
@@ -42,7 +38,7 @@ def test_even_steps_leave_the_noise_as_it_is() -> None:
     rng = np.random.default_rng(0)
     time = np.cumsum(rng.choice([0.5, 1.0, 1.5], 2000))
     noise = rng.normal(size=2000)
-    recording = Recording("r", time, (Signal("x", 20 * np.sin(time / 10) + noise),))
+    recording = recorded(time, {}, {"x": 20 * np.sin(time / 10) + noise})
     even = resample(recording, times=np.linspace(time[0], time[-1], 2000))
     left = even["x"] - 20 * np.sin(even.time / 10)
     # Straight lines would leave two thirds of its power, and a third of that shared by neighbours.
@@ -53,22 +49,19 @@ def test_even_steps_leave_the_noise_as_it_is() -> None:
 def test_recordings_of_several_rates_come_to_that_of_the_slowest() -> None:
     rng = np.random.default_rng(0)
     times = [np.arange(200) * 0.1, np.arange(80) * 0.25, np.cumsum(rng.choice([0.1, 0.2], 200))]
-    made = [Recording(str(k), t, (Signal("x", np.sin(t)),)) for k, t in enumerate(times)]
+    made = [recorded(t, {}, {"x": np.sin(t)}) for t in times]
     for one in at_one_pace(made):
         assert np.allclose(np.diff(one.time), 0.25, atol=1e-9)
         assert np.allclose(one["x"], np.sin(one.time), atol=0.02)
     # A gap is no other rate.
-    holed = Recording("hole", np.delete(times[0], [50, 51]), (Signal("x", np.zeros(198)),))
+    holed = recorded(np.delete(times[0], [50, 51]), {}, {"x": np.zeros(198)})
     assert at_one_pace([made[0], holed]) == [made[0], holed]
 
 
 def test_clocks_that_hardly_differ_move_no_sample() -> None:
     noise = np.random.default_rng(0).normal(size=(2, 1000))
-    made = [
-        Recording(str(k), t0 + np.arange(1000) * step, (Signal("x", noise[k]),))
-        for k, (t0, step) in enumerate([(300.0, 0.02), (0.0, 0.02 * (1.0 + 1e-5))])
-    ]
-    one, other = at_one_pace(made)
+    times = 300.0 + np.arange(1000) * 0.02, np.arange(1000) * 0.02 * (1.0 + 1e-5)
+    one, other = at_one_pace([recorded(times[k], {}, {"x": noise[k]}) for k in range(2)])
     assert one.sample_time == pytest.approx(other.sample_time, rel=1e-9)
     assert np.array_equal(one["x"], noise[0]) and np.array_equal(other["x"], noise[1])
 
@@ -85,8 +78,7 @@ def test_uneven_time_base_and_missing_samples() -> None:
     time = np.cumsum(rng.uniform(0.5e-2, 1.5e-2, 500))
     values = np.sin(3 * time)
     values[100:103] = np.nan
-    recording = Recording("r", time, (Signal("x", values),))
-    even = resample(recording, times=np.linspace(time[0], time[-1], 500))
+    even = resample(recorded(time, {}, {"x": values}), times=np.linspace(time[0], time[-1], 500))
     # Straight lines over at most 60 ms of a 3 rad/s sine: (w h)^2 / 8.
     assert np.allclose(even["x"], np.sin(3 * even.time), atol=5e-3)
 
@@ -96,8 +88,7 @@ def test_what_was_not_recorded_is_not_judged_at_another_rate(rate: float) -> Non
     time = np.arange(1000) * 0.01
     values, command = np.sin(time), np.sign(np.sin(time))
     values[400:500] = np.nan
-    signals = Signal("x", values), Signal("u", command, role="command")
-    other = resample(Recording("r", time, signals), rate_Hz=rate)
+    other = resample(recorded(time, {"u": command}, {"x": values}), rate_Hz=rate)
     gap = (other.time > 3.99) & (other.time < 5.0)
     away = np.minimum(np.abs(other.time - 3.99), np.abs(other.time - 5.0))
     clear = away > 0.5 / rate
@@ -111,8 +102,7 @@ def test_what_a_command_did_between_uneven_samples_is_kept(step: float) -> None:
     time = np.cumsum(rng.uniform(0.5, 2.0, 400))
     flow = np.repeat(rng.uniform(0.0, 1.0, 80), 5)
     level = np.concatenate([[0.0], np.cumsum(flow[:-1] * np.diff(time))])
-    recording = Recording("tank", time, (Signal("flow", flow, role="command"),))
-    even = resample(recording, times=np.arange(time[0], time[-1], step))
+    even = resample(recorded(time, {"flow": flow}, {}), times=np.arange(time[0], time[-1], step))
     filled = np.concatenate([[0.0], np.cumsum(even["flow"][:-1] * step)])
     assert np.allclose(filled, np.interp(even.time, time, level), atol=1e-9)
     # Where it stands still, it does so to the last digit.
@@ -122,14 +112,14 @@ def test_what_a_command_did_between_uneven_samples_is_kept(step: float) -> None:
 def test_a_command_that_is_stamped_a_little_late_is_not_a_sample_late() -> None:
     rng = np.random.default_rng(0)
     late = 0.1 * np.arange(400) + rng.uniform(0.0, 0.004, 400)
-    recording = Recording("loop", late, (Signal("u", rng.normal(size=400), role="command"),))
+    recording = recorded(late, {"u": rng.normal(size=400)}, {})
     even = resample(recording, times=np.linspace(late[0], late[-1], 400))
     assert np.allclose(even["u"], recording["u"], atol=0.2)
 
 
 def test_a_clock_that_counts_since_1970_moves_no_command() -> None:
     time = 0.25 * np.arange(80)
-    recording = Recording("robot", time, (Signal("u", time // 2.0, role="command"),))
+    recording = recorded(time, {"u": time // 2.0}, {})
     there = resample(recording, rate_Hz=3.0)
     later = resample(replace(recording, time=time + 2.0**31), rate_Hz=3.0)
     assert np.allclose(later["u"], there["u"], atol=1e-5)
@@ -148,4 +138,4 @@ def test_a_clock_that_counts_since_1970_moves_no_command() -> None:
 )
 def test_mistakes(call: object, message: str) -> None:
     with pytest.raises(WorkbenchError, match=message):
-        call(trial(np.arange(100.0), 0.01))  # type: ignore[operator]
+        call(recorded(0.01, {}, {"x": np.arange(100.0)}))  # type: ignore[operator]

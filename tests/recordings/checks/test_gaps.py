@@ -1,9 +1,7 @@
-from dataclasses import replace
-
 import numpy as np
 
-from tests.recordings.example import example_recording
-from workbench.recordings import check_recording
+from tests.recordings.example import example_recording, with_values
+from workbench.recordings import Recording, check_recording
 
 TRIAL = example_recording(seconds=4.0)
 
@@ -12,6 +10,10 @@ def without(first: int, last: int) -> np.ndarray:
     keep = np.ones(len(TRIAL), dtype=bool)
     keep[first:last] = False
     return keep
+
+
+def holed(missing: np.ndarray) -> Recording:
+    return with_values(TRIAL, "pressure_1", np.where(missing, np.nan, TRIAL["pressure_1"]))
 
 
 def test_short_gap_is_filled_and_excluded() -> None:
@@ -41,10 +43,7 @@ def test_gap_in_the_middle_is_unfit() -> None:
 
 
 def test_missing_cells() -> None:
-    values = TRIAL["pressure_1"].copy()
-    values[100:140] = np.nan
-    signal = replace(TRIAL.signal("pressure_1"), values=values)
-    report = check_recording(TRIAL.with_signal(signal))
+    report = check_recording(holed(np.isin(np.arange(len(TRIAL)), range(100, 140))))
     assert report.check("gaps").result == "corrected"
     assert np.isfinite(report.recording["pressure_1"]).all()
     assert int((~report.recording.valid("pressure_1")).sum()) == 40
@@ -52,20 +51,14 @@ def test_missing_cells() -> None:
 
 
 def test_a_slow_sensor_has_numbers_in_some_rows_only() -> None:
-    values = TRIAL["pressure_1"].copy()
-    slow = np.arange(len(values)) % 25 != 0
-    values[slow] = np.nan
-    recording = TRIAL.with_signal(replace(TRIAL.signal("pressure_1"), values=values))
-    report = check_recording(recording)
+    slow = np.arange(len(TRIAL)) % 25 != 0
+    report = check_recording(holed(slow))
     gaps = report.check("gaps")
     assert gaps.result == "corrected" and "pressure_1 is measured every 50 ms only" in gaps.note
     np.testing.assert_array_equal(report.recording.valid("pressure_1"), ~slow)
     # It may fail for a while, as any other.
     slow[800:1000] = True
-    values[slow] = np.nan
-    report = check_recording(
-        recording.with_signal(replace(TRIAL.signal("pressure_1"), values=values))
-    )
+    report = check_recording(holed(slow))
     assert report.fit
     np.testing.assert_array_equal(report.recording.valid("pressure_1"), ~slow)
     assert report.recording.valid("angle").all()
@@ -74,17 +67,17 @@ def test_a_slow_sensor_has_numbers_in_some_rows_only() -> None:
 def test_a_command_may_be_written_where_it_changes_only() -> None:
     held = np.repeat(np.arange(20.0), 10 * [60, 140])[: len(TRIAL)] / 4.0
     changes = np.diff(held, prepend=-1.0) != 0.0
-    valve = replace(TRIAL.signal("valve"), values=np.where(changes, held, np.nan))
-    report = check_recording(TRIAL.with_signal(valve))
+    valve = np.where(changes, held, np.nan)
+    report = check_recording(with_values(TRIAL, "valve", valve))
     assert report.check("gaps").result == "corrected"
     assert "valve is written where it changes only" in report.check("gaps").note
     np.testing.assert_array_equal(report.recording["valve"], held)
     assert report.recording.valid("valve").all()
     # A command that is written twice was lost in between, and one that begins later is unknown.
     for row, value in ((150, held[150]), (0, np.nan)):
-        values = valve.values.copy()
+        values = valve.copy()
         values[row] = value
-        other = check_recording(TRIAL.with_signal(replace(valve, values=values)))
+        other = check_recording(with_values(TRIAL, "valve", values))
         assert other.check("gaps").result == "unfit"
 
 
@@ -93,8 +86,7 @@ def test_a_command_may_have_messages_of_its_own() -> None:
     held = np.repeat(np.arange(len(TRIAL) // 4 + 1.0) % 3, 4)[: len(TRIAL)]
     written = np.arange(len(TRIAL)) % 4 == 0
     written[0] = False
-    valve = replace(TRIAL.signal("valve"), values=np.where(written, held, np.nan))
-    report = check_recording(TRIAL.with_signal(valve))
+    report = check_recording(with_values(TRIAL, "valve", np.where(written, held, np.nan)))
     assert "valve is written every" in report.check("gaps").note
     # What was commanded before the first message nobody knows.
     np.testing.assert_array_equal(report.recording["valve"], held[4:])
@@ -102,9 +94,7 @@ def test_a_command_may_have_messages_of_its_own() -> None:
 
 
 def test_mostly_missing_signal() -> None:
-    values = TRIAL["pressure_1"].copy()
-    values[: len(values) // 2] = np.nan
-    broken = TRIAL.with_signal(replace(TRIAL.signal("pressure_1"), values=values))
+    broken = holed(np.arange(len(TRIAL)) < len(TRIAL) // 2)
     report = check_recording(broken)
     assert "pressure_1 is missing in 50 % of the rows" in report.check("gaps").note
     assert not report.fit

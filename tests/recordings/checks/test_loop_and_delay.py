@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.recordings.example import example_recording
-from workbench.recordings import Recording, Signal, check_recording
+from tests.recordings.example import example_recording, recorded, with_values
+from workbench.recordings import Recording, check_recording
 from workbench.recordings.checks import estimate_delay
 from workbench.recordings.checks.loop import feedback_strength
 
@@ -19,8 +19,7 @@ def loop(gain: float, delay: int, seed: int, n: int = 8000) -> Recording:
         y[k] = state + 0.01 * rng.normal()
         u[k] = goal[k] + (gain * (goal[k] - y[k]) if gain else 0.0)
         state += 0.01 * (u[max(0, k - delay)] - state)
-    time = 0.002 * np.arange(n)
-    return Recording("loop", time, (Signal("u", u, "V", role="command"), Signal("y", y, "m")))
+    return recorded(0.002, {"u V": u}, {"y m": y})
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -37,21 +36,15 @@ def test_noise_in_the_command_shows_feedback(seed: int) -> None:
     filtered = trial["u"].copy()
     for k in range(1, len(filtered)):
         filtered[k] = 0.5 * filtered[k - 1] + 0.5 * trial["u"][k]
-    closed = trial.with_signal(Signal("u", filtered, "V", role="command"))
-    assert check_recording(closed).loop == "closed"
+    assert check_recording(with_values(trial, "u", filtered)).loop == "closed"
 
 
 def test_smooth_command_without_feedback_is_unknown() -> None:
     time = 0.002 * np.arange(6000)
     u = np.sin(3 * time) + np.sin(7.3 * time)
     y = np.sin(3 * time - 0.4) + np.sin(7.3 * time - 0.9)
-    rng = np.random.default_rng(0)
-    trial = Recording(
-        "sines",
-        time,
-        (Signal("u", u, "V", role="command"), Signal("y", y + 1e-3 * rng.normal(size=6000), "m")),
-    )
-    assert check_recording(trial).loop == "unknown"
+    y += 1e-3 * np.random.default_rng(0).normal(size=6000)
+    assert check_recording(recorded(time, {"u V": u}, {"y m": y})).loop == "unknown"
 
 
 @pytest.mark.parametrize("closed", [False, True])

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.recordings.example import recorded, with_values
 from workbench.data_folder import shipped_folder
 from workbench.model import Input, Model, Output, State
 from workbench.plants.arm import arm
@@ -35,12 +36,7 @@ def expected() -> Expected:
 
 def changed(trial: Recording, name: str, change: Callable[[Vector], Vector]) -> Recording:
     """Return the recording with one signal changed."""
-    return replace(
-        trial,
-        signals=tuple(
-            replace(s, values=change(s.values)) if s.name == name else s for s in trial.signals
-        ),
-    )
+    return with_values(trial, name, change(trial[name]))
 
 
 def moved(values: Vector, by: int) -> Vector:
@@ -62,10 +58,8 @@ COLUMNS: dict[str, tuple[Callable[[Vector], Vector], str]] = {
     "early by half a second": (lambda v: moved(v, -250), "which the model does not"),
     "shuffled": (lambda v: np.random.default_rng(0).permutation(v), "nothing that is measured"),
     "of another experiment": (
-        lambda v: 5.0 + np.random.default_rng(1).normal(size=len(v)),
-        "nothing that is measured",
-    ),
-}
+        lambda v: 5.0 + np.random.default_rng(1).normal(size=len(v)), "nothing that is measured"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", COLUMNS)
@@ -114,9 +108,7 @@ def test_beside_the_signals_of_a_model_others_need_no_answer(
     trial: Recording, expected: Expected
 ) -> None:
     oil = 0.1 * np.cumsum(np.random.default_rng(0).normal(size=len(trial)))
-    told = check_response(
-        replace(trial, signals=(*trial.signals, Signal("oil", oil, "K"))), expected
-    )
+    told = check_response(trial.with_signal(Signal("oil", oil, "K")), expected)
     assert not told.doubt and "oil" not in told.note
 
 
@@ -141,8 +133,7 @@ def test_a_store_that_is_filled_moves_long_before_its_time_constant(
     )
     heater = np.where(np.arange(1500) % 300 < 60, 2000.0, 0.0)
     water = 323.0 + np.cumsum(20.0 * (heater - 60.0) / 3.3e5)
-    signals = Signal("heater", heater, "W", role="command"), Signal("water", water, "K")
-    seen = Recording("run", 20.0 * factor * np.arange(1500), signals)
+    seen = recorded(20.0 * factor, {"heater W": heater}, {"water K": water})
     assert check_time_base(seen, expectations(seen, model=boiler)).result == result
 
 
@@ -151,12 +142,8 @@ def test_weather_that_hardly_moves_a_room_is_no_reason_to_doubt() -> None:
     heat = np.repeat(rng.uniform(0.0, 1.0, 200), 20)
     weather = 1e-4 * np.cumsum(np.cumsum(rng.normal(size=4000)))
     room = np.convolve(heat, np.exp(-np.arange(100) / 20.0))[:4000] + 0.01 * rng.normal(size=4000)
-    signals = (
-        Signal("heat", heat, "W", role="command"),
-        Signal("weather", weather, "K", role="command"),
-        Signal("room", room, "K"),
-    )
-    found = check_response(Recording("room", 60.0 * np.arange(4000), signals), Expected())
+    seen = recorded(60.0, {"heat W": heat, "weather K": weather}, {"room K": room})
+    found = check_response(seen, Expected())
     assert "no answer of room to weather is seen" in found.note
     assert found.result == "pass" and not found.doubt
 

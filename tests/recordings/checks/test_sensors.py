@@ -1,6 +1,7 @@
 """Frozen, clipped, constant and wrongly scaled sensors are found; sound ones are not."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,16 +10,16 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from tests.recordings.example import example_recording
+from tests.recordings.example import example_recording, recorded, with_values
 from workbench.evaluation.foreign.foreign_case import plan
 from workbench.model import Input, Model, Output, State
 from workbench.plants.arm.arm import arm
 from workbench.plants.servo_axis import servo_axis
-from workbench.recordings import Recording, Signal, check_recording, read_recording
+from workbench.recordings import Recording, check_recording, read_recording
 from workbench.recordings.checks.expected import Expected, expectations, response_signs
 from workbench.recordings.checks.signs import check_signs
 from workbench.recordings.checks.units import check_units
-from workbench.recordings.recording import ColumnMapping, MappedColumn
+from workbench.recordings.recording import ColumnMapping, MappedColumn, Vector
 
 TRIAL = example_recording(seconds=6.0)
 SIGNS = {
@@ -34,9 +35,67 @@ def test_signs_follow_from_the_model() -> None:
     assert response_signs(servo_axis()) == {("force", "position"): 1}
 
 
-def test_without_a_model_nothing_is_said_about_signs() -> None:
-    assert check_recording(TRIAL).check("signs").result == "not checked"
-    assert check_recording(TRIAL, signs=SIGNS).check("signs").result == "pass"
+def trial_with(name: str, change: Callable[[Vector], Any]) -> Recording:
+    """Return the sound trial with one signal changed."""
+    return with_values(TRIAL, name, change(TRIAL[name]))
+
+
+def turned(closed: bool) -> Recording:
+    """Return a trial whose angle has the wrong sign."""
+    trial = example_recording(seconds=8.0, closed_loop=closed)
+    return with_values(trial, "angle", -trial["angle"])
+
+
+# Dry friction stops a motion within a sample and lets it go on from where it stood.
+STICKING = 0.4 * np.floor(TRIAL.time) + np.interp(TRIAL.time % 1.0, [0.0, 0.4], [0.0, 0.4])
+STILL = trial_with("angle", lambda q: 1e-3 * np.random.default_rng(0).normal(size=len(q)))
+FIXED = {name: trial_with(name, lambda v: 0 * v + v[0]) for name in ("angle", "pressure_1")}
+DEGREES = trial_with("angle", lambda q: np.rad2deg(q) + 40)
+FROM_VACUUM = dict.fromkeys(("pressure_1", "pressure_2"), (100000.0, 700000.0))
+FINDINGS: list[tuple[Recording, dict[str, Any], str, str, str]] = [
+    # what is recorded, what is known, a check, its result or "doubt", words of its note
+    (TRIAL, {}, "signs", "not checked", ""),
+    (TRIAL, {"signs": SIGNS}, "signs", "pass", ""),
+    (turned(closed=False), {"signs": SIGNS}, "signs", "unfit", "angle is probably reversed"),
+    (turned(closed=True), {"signs": SIGNS}, "signs", "unfit", "angle is probably reversed"),
+    (trial_with("pressure_1", lambda p: np.append(p[:1500], 0 * p[1500:] + p[1500])), {},
+     "stuck samples", "unfit", ""),
+    (trial_with("angle", lambda q: 3.5e-5 * np.round(STICKING / 3.5e-5)), {},
+     "stuck samples", "pass", ""),
+    (trial_with("pressure_2", lambda p: np.maximum(p, np.median(p))), {},
+     "clipping", "pass", "wider range"),
+    (trial_with("valve", lambda v: 0 * v + 5), {}, "constant signals", "pass", "valve is 5 V thr"),
+    (trial_with("valve", lambda v: 0 * v + 5), {}, "loop", "not checked", ""),
+    (trial_with("valve", lambda v: 0 * v + 5), {}, "delay", "not checked", ""),
+    *((fixed, {}, "constant signals", "unfit", name) for name, fixed in FIXED.items()),
+    *((fixed, {"required": [n for n in TRIAL.names if n != name]}, "constant signals", "pass", "")
+      for name, fixed in FIXED.items()),
+    (DEGREES, {}, "units", "not checked", ""),
+    (DEGREES, {"ranges": {"angle": (-1.0, 1.5)}}, "units", "unfit", "look like deg, not rad"),
+    (trial_with("pressure_1", lambda p: p / 1e5), {"ranges": {"pressure_1": (0.0, 6e5)}},
+     "units", "unfit", "look like bar, not Pa"),
+    (TRIAL, {"ranges": {"angle": (0.0, 0.2)}}, "units", "doubt", "outside the plausible"),
+    (TRIAL, {"ranges": {"pressure_1": (0.0, 2.5e5)}}, "units", "doubt", ""),
+    (trial_with("pressure_1", lambda p: np.maximum(p, 101325.0)), {"ranges": FROM_VACUUM},
+     "gauge pressure", "pass", ""),
+    (trial_with("angle", lambda q: np.round(q / 0.08) * 0.08), {},
+     "quantisation", "pass", "angle covers"),
+    # The pressures tell of a machine that stands still.
+    (STILL, {}, "noise floor", "doubt", ""),
+    (STILL, {"required": ["angle"]}, "noise floor", "unfit",
+     "no more than its noise of 0.0573 deg rms"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("recording", "known", "name", "result", "said"), FINDINGS)
+def test_what_a_check_finds(
+    recording: Recording, known: dict[str, Any], name: str, result: str, said: str
+) -> None:
+    report = check_recording(recording, **known)
+    check = report.check(name)
+    assert ("doubt" if check.doubt else check.result, said in check.note) == (result, True), check
+    assert report.fit is (result != "unfit")
+    assert not report.fit or all(report.recording.valid(n).all() for n in TRIAL.names)
 
 
 @pytest.mark.parametrize(("most", "doubtful"), [(9.0, False), (10.02, False), (10.6, True)])
@@ -45,14 +104,10 @@ def test_a_command_beyond_the_range_that_the_plant_declares_is_a_doubt(
 ) -> None:
     valve = TRIAL.signal("valve")
     pushed = np.where(np.arange(len(valve.values)) % 200 < 20, most, valve.values)
-    recording = with_values("valve", pushed).select(["valve"])
+    recording = with_values(TRIAL, "valve", pushed).select(["valve"])
     finding = check_units(recording, expectations(recording, model=arm(), required=["valve"]))
     assert finding.result == "pass" and finding.doubt == doubtful, finding
     assert ("the model gets it clipped" in finding.note) == doubtful
-
-
-def with_values(name: str, values: np.ndarray, **changes: str) -> Recording:
-    return TRIAL.with_signal(replace(TRIAL.signal(name), values=values, **changes))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -69,7 +124,7 @@ def test_frozen_measurement(name: str, length: int) -> None:
     # Freeze where the signal moves, or nothing would be lost.
     start = 500 + int(np.argmax(np.abs(values[500 + length : 2500] - values[500 : 2500 - length])))
     values[start : start + length] = values[start]
-    report = check_recording(with_values(name, values))
+    report = check_recording(with_values(TRIAL, name, values))
     check = report.check("stuck samples")
     assert check.result == "corrected", check.note
     bad = np.flatnonzero(~report.recording.valid(name))
@@ -86,7 +141,7 @@ def test_a_machine_that_friction_holds_is_a_doubt_and_no_lost_data() -> None:
     ramp = np.where((time // 2.0) % 2 == 0, ramp, 1.0 + ramp)
     noise = np.random.default_rng(3).normal(0.0, 1e-3, len(time)) * moving
     values = np.round(0.02 * ramp + noise, 4)
-    found = check_recording(with_values("angle", values)).check("stuck samples")
+    found = check_recording(with_values(TRIAL, "angle", values)).check("stuck samples")
     assert found.result == "pass" and found.doubt, found
     assert "goes on without a jump" in found.note and "friction" in found.note
 
@@ -97,25 +152,18 @@ def test_a_machine_that_is_held_to_the_end_is_a_doubt_whatever_its_command_does(
     moving = time < 2.0
     noise = np.random.default_rng(4).normal(0.0, 1e-3, len(time)) * moving
     values = np.round(0.1 * np.sin(np.minimum(time, 2.0)) + noise, 4)
-    held = with_values("angle", values).select(["valve", "angle"])
+    held = with_values(TRIAL, "angle", values).select(["valve", "angle"])
     report = check_recording(held)
     assert np.ptp(held["valve"][time > 3.0]) > 0
     assert report.fit and report.check("stuck samples").doubt, str(report)
     assert report.recording.valid("angle").all()
 
 
-def test_frozen_for_most_of_the_time_is_unfit() -> None:
-    values = TRIAL["pressure_1"].copy()
-    values[1500:] = values[1500]
-    report = check_recording(with_values("pressure_1", values))
-    assert report.check("stuck samples").result == "unfit"
-
-
 @pytest.mark.parametrize("name", ["angle", "pressure_1"])
 @pytest.mark.parametrize("quantile", [0.9, 0.98])
 def test_clipped_sensor(name: str, quantile: float) -> None:
     limit = float(np.quantile(TRIAL[name], quantile))
-    report = check_recording(with_values(name, np.minimum(TRIAL[name], limit)))
+    report = check_recording(with_values(TRIAL, name, np.minimum(TRIAL[name], limit)))
     check = report.check("clipping")
     assert check.result == "corrected", check.note
     assert check.values["limits"][name] == pytest.approx(limit)
@@ -123,58 +171,6 @@ def test_clipped_sensor(name: str, quantile: float) -> None:
     lost = np.mean(~report.recording.valid(name))
     assert lost == pytest.approx(1 - quantile, abs=0.01)
     assert report.recording[name].max() == pytest.approx(limit)
-
-
-def test_clipped_for_long_stays() -> None:
-    limit = float(np.median(TRIAL["pressure_2"]))
-    clipped = with_values("pressure_2", np.maximum(TRIAL["pressure_2"], limit))
-    report = check_recording(clipped)
-    check = report.check("clipping")
-    assert (check.result, "wider range" in check.note) == ("pass", True)
-    assert report.recording.valid("pressure_2").all()
-
-
-def test_constant_input_is_allowed() -> None:
-    report = check_recording(with_values("valve", np.full(len(TRIAL), 5.0)))
-    check = report.check("constant signals")
-    assert (check.result, "valve is 5 V throughout" in check.note) == ("pass", True)
-    assert report.check("loop").result == report.check("delay").result == "not checked"
-
-
-def test_nothing_measured() -> None:
-    check = check_recording(TRIAL.select(["valve"])).check("constant signals")
-    assert (check.result, "holds no measurement" in check.note) == ("unfit", True)
-
-
-def test_a_machine_that_sticks_stands_still() -> None:
-    # Dry friction stops a motion within a sample and lets it go on from where it stood.
-    time = TRIAL.time
-    moved = np.interp(time % 1.0, [0.0, 0.4, 1.0], [0.0, 0.4, 0.4]) + 0.4 * np.floor(time)
-    angle = 3.5e-5 * np.round(moved / 3.5e-5)
-    report = check_recording(with_values("angle", angle))
-    assert report.check("stuck samples").result == "pass"
-
-
-@pytest.mark.parametrize("name", ["angle", "pressure_1"])
-def test_constant_signal(name: str) -> None:
-    report = check_recording(with_values(name, np.full(len(TRIAL), TRIAL[name][0])))
-    check = report.check("constant signals")
-    assert (check.result, name in check.note) == ("unfit", True)
-    others = [n for n in TRIAL.names if n != name]
-    assert (
-        check_recording(with_values(name, np.full(len(TRIAL), TRIAL[name][0])), required=others)
-        .check("constant signals")
-        .result
-        == "pass"
-    )
-
-
-def test_angle_in_degrees_called_radians() -> None:
-    degrees = with_values("angle", np.rad2deg(TRIAL["angle"]) + 40)
-    assert check_recording(degrees).check("units").result == "not checked"
-    check = check_recording(degrees, ranges={"angle": (-1.0, 1.5)}).check("units")
-    assert check.result == "unfit"
-    assert "the numbers look like deg, not rad" in check.note
 
 
 def test_numbers_without_a_unit_that_fit_in_one_of_them_alone(tmp_path: Path) -> None:
@@ -198,22 +194,9 @@ def test_the_size_of_a_state_is_that_of_the_output_which_reads_it() -> None:
     )
     valve = np.random.default_rng(1).uniform(-1.0, 1.0, 40).repeat(20)
     x = 1e3 * np.cumsum(0.1 * 0.01 * valve)
-    signals = (Signal("valve", valve, "V", role="command"), Signal("x", x, "m", role="measurement"))
-    trial = Recording("axis", 0.01 * np.arange(len(x)), signals)
+    trial = recorded(0.01, {"valve V": valve}, {"x m": x})
     found = check_units(trial, expectations(trial, model=model))
     assert found.result == "unfit" and "look like mm, not m" in found.note
-
-
-def test_pressure_in_bar_called_pascal() -> None:
-    bar = with_values("pressure_1", TRIAL["pressure_1"] / 1e5)
-    check = check_recording(bar, ranges={"pressure_1": (0.0, 6e5)}).check("units")
-    assert (check.result, "look like bar, not Pa" in check.note) == ("unfit", True)
-
-
-def test_range_of_the_machine() -> None:
-    ranges = {"angle": (0.0, 0.2)}
-    check = check_recording(TRIAL, ranges=ranges).check("units")
-    assert (check.result, "outside the plausible" in check.note) == ("pass", True)
 
 
 def test_absolute_pressures_become_gauge() -> None:
@@ -221,37 +204,14 @@ def test_absolute_pressures_become_gauge() -> None:
     vented = TRIAL
     for name in ("pressure_1", "pressure_2"):
         gauge = np.maximum(TRIAL[name] - 2.5e5, 0.0) + 600 * np.sin(np.arange(len(TRIAL)))
-        vented = vented.with_signal(replace(TRIAL.signal(name), values=gauge * 2))
+        vented = with_values(vented, name, gauge * 2)
     assert check_recording(vented).check("gauge pressure").result == "pass"
     absolute = vented
     for name in ("pressure_1", "pressure_2"):
-        absolute = absolute.with_signal(
-            replace(vented.signal(name), values=vented[name] + 101325.0)
-        )
+        absolute = with_values(absolute, name, vented[name] + 101325.0)
     report = check_recording(absolute)
     assert report.check("gauge pressure").result == "corrected"
     assert np.allclose(report.recording["pressure_1"], vented["pressure_1"])
-
-
-def test_pressure_above_the_supply_is_a_doubt() -> None:
-    report = check_recording(TRIAL, ranges={"pressure_1": (0.0, 2.5e5)})
-    assert report.fit and report.doubtful == ("units",)
-
-
-def test_pressures_of_a_model_that_counts_from_vacuum_stay() -> None:
-    trial = TRIAL.with_signal(
-        replace(TRIAL.signal("pressure_1"), values=np.maximum(TRIAL["pressure_1"], 101325.0))
-    )
-    ranges = dict.fromkeys(("pressure_1", "pressure_2"), (100000.0, 700000.0))
-    assert check_recording(trial, ranges=ranges).check("gauge pressure").result == "pass"
-
-
-@pytest.mark.parametrize("closed", [False, True])
-def test_reversed_angle(closed: bool) -> None:
-    trial = example_recording(seconds=8.0, closed_loop=closed)
-    turned = trial.with_signal(replace(trial.signal("angle"), values=-trial["angle"]))
-    check = check_recording(turned, signs=SIGNS).check("signs")
-    assert (check.result, "angle is probably reversed" in check.note) == ("unfit", True)
 
 
 @pytest.mark.parametrize("turned", [1.0, -1.0])
@@ -264,35 +224,9 @@ def test_what_swings_both_ways_is_a_doubt_and_not_of_a_wrong_sign(turned: float)
         speed += step * (force[k] / 50.0 - 8100.0 * position[k - 1] - 126.0 * speed)
         position[k] = position[k - 1] + step * speed
     position += 0.01 * np.sin(2.0 * time) + 1e-9 * rng.normal(size=len(time))
-    drive = Signal("force", turned * force, "N", role="command")
-    trial = Recording("loop", time, (drive, Signal("position", position, "m")))
+    trial = recorded(time, {"force N": turned * force}, {"position m": position})
     check = check_recording(trial, model=servo_axis()).check("signs")
     assert check.result == "not checked" and check.doubt and "both ways" in check.note, check
-
-
-def test_exchanged_pressures() -> None:
-    trial = example_recording(seconds=8.0)
-    one, two = trial.signal("pressure_1"), trial.signal("pressure_2")
-    exchanged = trial.with_signal(replace(one, values=two.values)).with_signal(
-        replace(two, values=one.values)
-    )
-    check = check_recording(exchanged, signs=SIGNS).check("signs")
-    assert (check.result, "exchanged" in check.note) == ("unfit", True)
-
-
-def test_few_converter_steps() -> None:
-    coarse = with_values("angle", np.round(TRIAL["angle"] / 0.08) * 0.08)
-    report = check_recording(coarse)
-    assert report.fit
-    assert "angle covers" in report.check("quantisation").note
-
-
-def test_still_machine() -> None:
-    quiet = with_values("angle", 1e-3 * np.random.default_rng(0).normal(size=len(TRIAL)))
-    check = check_recording(quiet).check("noise floor")
-    assert (check.result, check.doubt) == ("pass", True), "the pressures tell of it"
-    check = check_recording(quiet, required=["angle"]).check("noise floor")
-    assert check.result == "unfit" and "no more than its noise of 0.0573 deg rms" in check.note
 
 
 @pytest.mark.parametrize(("strength", "result"), [(-1.0, "unfit"), (-0.5, "unfit"), (-0.05, "not")])
@@ -303,9 +237,7 @@ def test_a_cause_that_hardly_acts_does_not_tell_its_sign(strength: float, result
     time = 0.002 * np.arange(5000)
     push = np.interp(time, time[::250], rng.normal(size=20))
     speed = np.cumsum(strength * push) * 0.002
-    trial = Recording(
-        "slow", time, (Signal("force", push, "N"), Signal("angle", np.cumsum(speed) * 0.002, "rad"))
-    )
+    trial = recorded(time, {}, {"force N": push, "angle rad": np.cumsum(speed) * 0.002})
     pair = ("force", "angle")
     found = check_signs(trial, Expected(signs={pair: 1}, slopes={pair: 1.0}))
     assert found.result.startswith(result)
@@ -322,9 +254,8 @@ def test_what_no_reversed_column_explains_is_a_doubt() -> None:
         force = np.array([30.0 * b - 50.0 * a, -30.0 * a - 50.0 * b])
         v += 0.002 * (force - 8.0 * v + pushes[:, k])
         x[:, k] = x[:, k - 1] + 0.002 * v
-    moved = [Signal(name, y, "m") for name, y in zip("ab", x, strict=True)]
-    given = [Signal(f"push_{i}", u, "N", role="command") for i, u in enumerate(pushes)]
-    trial = Recording("two", time, (*moved, *given))
+    given = {f"push_{i} N": u for i, u in enumerate(pushes)}
+    trial = recorded(time, given, {"a m": x[0], "b m": x[1]})
     pairs = {("a", "b"): 1, ("b", "a"): 1}
     found = check_signs(trial, Expected(signs=pairs, slopes=dict.fromkeys(pairs, 30.0)))
     assert found.result == "pass" and found.doubt
@@ -342,13 +273,9 @@ def test_a_sink_that_warms_with_its_cooler_does_not_turn_a_sign() -> None:
     for k in range(1, 1000):
         rate = 0.02 * (sink[k - 1] - plate[k - 1]) - 0.3 * current[k - 1]
         plate[k] = plate[k - 1] + rate
-    signals = (
-        Signal("current", current, "A", role="command"),
-        Signal("sink", sink, "K", role="command"),
-        Signal("plate", plate + rng.normal(0.0, 0.02, 1000), "K"),
-    )
     signs = {("current", "plate"): -1, ("sink", "plate"): 1}
-    trial = Recording("plate", 2.0 * np.arange(1000), signals)
+    read = plate + rng.normal(0.0, 0.02, 1000)
+    trial = recorded(2.0, {"current A": current, "sink K": sink}, {"plate K": read})
     found = check_signs(trial, Expected(signs=signs))
     assert found.result == "pass" and "wrong" not in found.note
     # Were the current reversed, nothing else would explain its answer.
@@ -372,11 +299,7 @@ def test_a_flow_has_the_sign_that_its_own_warmth_gives_it() -> None:
     t = [310.0]
     for f in flow[:-1]:
         t.append(t[-1] + 0.1 * (1e3 * f * (340.0 - t[-1]) - 0.1 * (t[-1] - 290.0)))
-    columns = {"flow": flow, "t_in": 0 * flow + 340.0, "t": np.array(t)}
-    roles = {"t": "measurement", "t_in": "command", "flow": "command"}
-    units = {"t": "K", "t_in": "K", "flow": "m3/s"}
-    signals = tuple(Signal(n, v, units[n], role=roles[n]) for n, v in columns.items())
-    trial = Recording("heater", 0.1 * np.arange(len(flow)), signals)
+    trial = recorded(0.1, {"flow m3/s": flow, "t_in K": 0 * flow + 340.0}, {"t K": np.array(t)})
     found = check_signs(trial, expectations(trial, model=model))
     assert found.result != "unfit"
 
@@ -403,11 +326,7 @@ def test_what_a_loop_holds_against_what_would_fall_has_its_sign() -> None:
         for _ in range(4):
             speed += 5e-5 * (41.0 * currents[-1] + 2.2e5 * gap + load) / 2.3
             gap += 5e-5 * speed
-    signals = (
-        Signal("current", np.array(currents), "A", role="command"),
-        Signal("gap", np.array(gaps), "m", role="measurement"),
-    )
-    trial = Recording("magnet", 2e-4 * np.arange(len(gaps)), signals)
+    trial = recorded(2e-4, {"current A": np.array(currents)}, {"gap m": np.array(gaps)})
     found = check_signs(trial, expectations(trial, model=model))
     assert found.result != "unfit" and "a loop holds the machine" in found.note
 
@@ -441,13 +360,8 @@ def test_what_a_balancing_command_goes_with_has_no_sign_of_its_own() -> None:
             a, alpha = rates(force - 0.8 * math.tanh(v / 0.01), v, theta)
             v, omega = v + 5e-4 * a, omega + 5e-4 * alpha
             p, theta = p + 5e-4 * v, theta + 5e-4 * omega
-    F, P, T = np.array(rows).T
-    signals = (
-        Signal("force", F, "N", role="command"),
-        Signal("p", P, "m", role="measurement"),
-        Signal("theta", T, "rad", role="measurement"),
-    )
-    trial = Recording("cart", 0.01 * np.arange(len(F)), signals)
+    pushed, place, tilt = np.array(rows).T
+    trial = recorded(0.01, {"force N": pushed}, {"p m": place, "theta rad": tilt})
     found = check_signs(trial, expectations(trial, model=model))
     assert found.result != "unfit" and "theta -> p cannot be told: a loop" in found.note
 
@@ -519,10 +433,10 @@ def trolley(size: float = 0.0) -> Model:
 def test_the_range_of_a_drive_does_not_tell_how_far_a_machine_moves() -> None:
     # Seven metres are little of what the drive could do, and are no metres called millimetres.
     time = np.arange(1000) * 0.04
-    drive = Signal("drive", 300.0 * np.sin(time), "N", "force", "command")
-    place = Signal("place", 3.5 * np.sin(time) + 1e-3 * np.cos(70 * time), "m", "length")
+    place = 3.5 * np.sin(time) + 1e-3 * np.cos(70 * time)
+    recording = recorded(time, {"drive N": 300.0 * np.sin(time)}, {"place m": place})
     row = MappedColumn("place [mm]", "place", "mm", "m", "name")
-    recording = Recording("r", time, (drive, place), mapping=ColumnMapping((row,)))
+    recording = replace(recording, mapping=ColumnMapping((row,)))
     check = check_recording(recording, model=trolley()).check("units")
     assert (check.result, check.doubt) == ("pass", False)
     # Of a size that somebody declared it is one.
@@ -542,9 +456,9 @@ def test_a_measured_temperature_of_the_surroundings_is_plausible() -> None:
         outputs=(Output("air", "K", display_unit="degC"),),
     )
     time = np.arange(500.0)
-    outside = Signal("outside", 278.0 + 5.0 * np.sin(time / 50), "K", role="command")
-    air = Signal("air", 278.0 + 2.0 * np.sin(time / 50 - 1), "K")
-    check = check_recording(Recording("r", time, (outside, air)), model=model).check("units")
+    outside, air = 278.0 + 5.0 * np.sin(time / 50), 278.0 + 2.0 * np.sin(time / 50 - 1)
+    trial = recorded(time, {"outside K": outside}, {"air K": air})
+    check = check_recording(trial, model=model).check("units")
     assert (check.result, check.doubt) == ("pass", False)
 
 
@@ -557,9 +471,8 @@ def test_a_switch_is_no_drive_that_saturates() -> None:
         outputs=(Output("oven", "K"),),
     )
     time = np.arange(500.0)
-    heater = Signal("heater", np.asarray(time % 40 < 20, dtype=float), "1", role="command")
-    oven = Signal("oven", 20.0 + np.sin(time / 6), "K")
-    report = check_recording(Recording("r", time, (heater, oven)), model=model)
+    trial = recorded(time, {"heater 1": time % 40 < 20}, {"oven K": 20.0 + np.sin(time / 6)})
+    report = check_recording(trial, model=model)
     assert report.check("clipping").note == "heater is switched"
     assert "heater 0 to 1;" in report.check("excitation").note
 
