@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +10,8 @@ import numpy.typing as npt
 
 from workbench.errors import check_range
 from workbench.recordings.recording import Recording, Signal, Vector
+
+Read = Callable[..., Recording]
 
 
 def _pulses(rng: np.random.Generator, n: int, hold: int) -> Vector:

@@ -6,13 +6,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
+from tests.recordings.example import Read
 from workbench.errors import WorkbenchError
 from workbench.recordings import Recording, read_recording
 
 TIME = np.arange(60) * 0.001
 POSITION = np.cumsum(np.sin(100 * TIME)) * 1e-4
 VOLTAGE = np.cos(70 * TIME)
+
+
+def saved(folder: Path, **variables: object) -> Path:
+    """Save variables as MATLAB does."""
+    path = folder / "trial.mat"
+    savemat(path, variables)
+    return path
 
 
 def assert_same(recording: Recording) -> None:
@@ -24,21 +33,9 @@ def assert_same(recording: Recording) -> None:
 
 
 def test_mat_5(tmp_path: Path) -> None:
-    from scipy.io import savemat
-
-    path = tmp_path / "trial.mat"
-    savemat(
-        path,
-        {
-            "t": TIME.reshape(-1, 1),
-            "qm": POSITION.reshape(1, -1),
-            "vir": VOLTAGE,
-            "kp": 160.18,
-            "short": np.arange(7.0),
-            "name": "EMPS",
-        },
-    )
-    recording = read_recording(path)
+    columns = {"t": TIME.reshape(-1, 1), "qm": POSITION.reshape(1, -1), "vir": VOLTAGE}
+    others = {"kp": 160.18, "short": np.arange(7.0), "name": "EMPS"}
+    recording = read_recording(saved(tmp_path, **columns, **others))
     assert_same(recording)
     assert recording.metadata["name"] == "EMPS"
     assert "'short' has 7 samples instead of 60 and became a setting" in recording.notes[0]
@@ -47,30 +44,20 @@ def test_mat_5(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("title", "data"), [("Name", "Data"), ("label", "values")])
 def test_mat_5_structs_and_matrices(tmp_path: Path, title: str, data: str) -> None:
-    from scipy.io import savemat
-
-    path = tmp_path / "trial.mat"
     log = np.empty(2, dtype=object)
     log[0] = {title: "angle_deg", data: POSITION}
     log[1] = {title: "valve_V", data: VOLTAGE}
-    savemat(path, {"rec": {"time": TIME, "p": np.column_stack([POSITION, VOLTAGE])}, "Y": log})
-    recording = read_recording(
-        path,
-        mapping={
-            "time": {"column": "rec.time"},
-            "signals": {"angle": "angle_deg", "valve": "valve_V", "p": "rec.p_2"},
-        },
-    )
+    path = saved(tmp_path, rec={"time": TIME, "p": np.c_[POSITION, VOLTAGE]}, Y=log)
+    signals = {"angle": "angle_deg", "valve": "valve_V", "p": "rec.p_2"}
+    rules = {"time": {"column": "rec.time"}, "signals": signals}
+    recording = read_recording(path, mapping=rules)
     assert np.allclose(np.rad2deg(recording["angle"]), POSITION, rtol=1e-14)
     assert np.array_equal(recording["p"], VOLTAGE)
 
 
 def test_arrays_of_other_lengths_than_the_time_are_no_signals(tmp_path: Path) -> None:
-    from scipy.io import savemat
-
-    path = tmp_path / "trial.mat"
     others = {f"map_{k}": np.arange(400.0) for k in range(3)}
-    savemat(path, {"t": TIME, "qm": POSITION, "vir": VOLTAGE, "kp": 160.18, **others})
+    path = saved(tmp_path, t=TIME, qm=POSITION, vir=VOLTAGE, kp=160.18, **others)
     recording = read_recording(path)
     assert_same(recording)
     assert [n for n in recording.notes if "400 samples instead of 60 and was left out" in n]
@@ -111,62 +98,34 @@ def test_parquet(tmp_path: Path) -> None:
     assert len(read_recording(path, max_rows=20)) == 15
 
 
-def test_parquet_without_pyarrow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "trial.parquet"
-    path.write_bytes(b"PAR1")
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(WorkbenchError, match=r"workbench\[parquet\]"):
-        read_recording(path)
-
-
 def rows() -> list[dict[str, float]]:
-    return [
-        {"t": t, "qm": q, "vir": v}
-        for t, q, v in zip(TIME.tolist(), POSITION.tolist(), VOLTAGE.tolist(), strict=True)
-    ]
+    columns = np.c_[TIME, POSITION, VOLTAGE]
+    return [dict(zip(("t", "qm", "vir"), row, strict=True)) for row in columns.tolist()]
 
 
-@pytest.mark.parametrize("form", ["entries", "lists"])
-def test_json(tmp_path: Path, form: str) -> None:
-    path = tmp_path / "log.json"
-    content: object = {"kp": 160.18, "entries": rows()}
-    if form == "lists":
-        content = {
-            "kp": 160.18,
-            "t": TIME.tolist(),
-            "qm": POSITION.tolist(),
-            "vir": VOLTAGE.tolist(),
-        }
-    path.write_text(json.dumps(content))
-    assert_same(read_recording(path))
+def test_json(read: Read) -> None:
+    assert_same(read(json.dumps({"kp": 160.18, "entries": rows()}), "log.json"))
+    lists = {"t": TIME.tolist(), "qm": POSITION.tolist(), "vir": VOLTAGE.tolist()}
+    assert_same(read(json.dumps({"kp": 160.18, **lists}), "log.json"))
+    assert np.array_equal(read(map(json.dumps, rows()), "log.jsonl")["qm"], POSITION)
 
 
-def test_json_lines(tmp_path: Path) -> None:
-    path = tmp_path / "log.jsonl"
-    path.write_text("\n".join(json.dumps(row) for row in rows()))
-    assert np.array_equal(read_recording(path)["qm"], POSITION)
-
-
-def test_json_of_objects_with_instants(tmp_path: Path) -> None:
-    path = tmp_path / "log.jsonl"
+def test_json_of_objects_with_instants(read: Read) -> None:
     entries = [
         {"ts": f"2024-03-04T10:11:{row['t']:09.6f}Z", "axis": {"qm": row["qm"], "ok": True}}
         for row in rows()
     ]
-    path.write_text("\n".join(json.dumps(entry) for entry in entries))
-    recording = read_recording(path, signals={"qm": "m"})
+    recording = read(map(json.dumps, entries), "log.jsonl", signals={"qm": "m"})
     assert np.array_equal(recording["qm"], POSITION)
     assert np.allclose(recording.time, TIME, atol=1e-6)
 
 
-def test_json_with_keys_missing_and_text(tmp_path: Path) -> None:
+def test_json_with_keys_missing_and_text(read: Read) -> None:
     entries: list[dict[str, object]] = [dict(row) for row in rows()]
     del entries[3]["qm"]
     entries[5]["qm"] = "stalled"
     entries[7]["remark"] = "x"
-    path = tmp_path / "log.json"
-    path.write_text(json.dumps(entries))
-    recording = read_recording(path)
+    recording = read(json.dumps(entries), "log.json")
     assert np.flatnonzero(np.isnan(recording["qm"])).tolist() == [3, 5]
     assert "'stalled' in entry 6" in " ".join(recording.notes)
 
@@ -176,9 +135,7 @@ def test_json_with_keys_missing_and_text(tmp_path: Path) -> None:
 def test_truncated_files_are_one_sentence(tmp_path: Path, name: str, share: float) -> None:
     path = tmp_path / name
     if name == "trial.mat":
-        from scipy.io import savemat
-
-        savemat(path, {"t": TIME, "qm": POSITION})
+        saved(tmp_path, t=TIME, qm=POSITION)
     elif name == "hdf.mat":
         write_mat_73(path)
     elif name == "trial.parquet":
@@ -296,10 +253,7 @@ def test_groups_of_which_one_holds_the_time(tmp_path: Path) -> None:
 
 
 def test_one_struct_around_everything_says_nothing(tmp_path: Path) -> None:
-    from scipy.io import savemat
-
-    path = tmp_path / "trial.mat"
-    savemat(path, {"out": {"tout": TIME, "qm": POSITION, "vir": VOLTAGE}})
+    path = saved(tmp_path, out={"tout": TIME, "qm": POSITION, "vir": VOLTAGE})
     recording = read_recording(path)
     assert np.array_equal(recording["qm"], POSITION)
     mapped = read_recording(path, mapping={"time": "out.tout", "signals": {"q": "out.qm"}})
@@ -324,13 +278,12 @@ Delta_X\t0.001\t0.001\t
 
 @pytest.mark.parametrize("end", ["", "\t"])
 @pytest.mark.parametrize("with_time", [True, False])
-def test_labview_measurements(tmp_path: Path, with_time: bool, end: str) -> None:
-    path = tmp_path / "trial.lvm"
+def test_labview_measurements(read: Read, with_time: bool, end: str) -> None:
     rows = np.column_stack([TIME, 1e3 * POSITION, VOLTAGE])[:, 0 if with_time else 1 :].tolist()
     titles = ["X_Value"] * with_time + ["qm", "vir", "Comment"]
     lines = ["\t".join(titles), *("\t".join(map(str, row)) + end for row in rows)]
-    path.write_text(LVM.format(columns="One" if with_time else "No") + "\n".join(lines))
-    recording = read_recording(path)
+    head = LVM.format(columns="One" if with_time else "No")
+    recording = read(head + "\n".join(lines), "trial.lvm")
     assert recording.time == pytest.approx(TIME)
     assert recording["qm"] == pytest.approx(POSITION)
     assert recording.signal("vir").unit == "V"
@@ -340,14 +293,10 @@ def test_tdms(tmp_path: Path) -> None:
     nptdms = pytest.importorskip("nptdms")
     path = tmp_path / "trial.tdms"
     told = {"wf_increment": 0.001}
+    qm = nptdms.ChannelObject("run", "qm", POSITION, told | {"unit_string": "m"})
+    vir = nptdms.ChannelObject("run", "vir", VOLTAGE, told)
     with nptdms.TdmsWriter(path) as file:
-        file.write_segment(
-            [
-                nptdms.RootObject({"kp": 160.18}),
-                nptdms.ChannelObject("run", "qm", POSITION, told | {"unit_string": "m"}),
-                nptdms.ChannelObject("run", "vir", VOLTAGE, told),
-            ]
-        )
+        file.write_segment([nptdms.RootObject({"kp": 160.18}), qm, vir])
     recording = read_recording(path)
     assert recording.time == pytest.approx(TIME)
     assert np.array_equal(recording["qm"], POSITION)
@@ -363,10 +312,12 @@ def test_the_longest_sheet_of_a_workbook(tmp_path: Path) -> None:
     book = openpyxl.Workbook()
     book.active.append(["notes"])
     sheet = book.create_sheet("run")
-    for row in (["t", "qm", "vir"], ["s", "mm", "V"]):
+    for row in (
+        ["t", "qm", "vir"],
+        ["s", "mm", "V"],
+        *np.c_[TIME, 1e3 * POSITION, VOLTAGE].tolist(),
+    ):
         sheet.append(row)
-    for row in zip(TIME, 1e3 * POSITION, VOLTAGE, strict=True):
-        sheet.append([float(v) for v in row])
     book.save(path)
     recording = read_recording(path)
     assert recording["qm"] == pytest.approx(POSITION)
@@ -376,45 +327,45 @@ def test_the_longest_sheet_of_a_workbook(tmp_path: Path) -> None:
         read_recording(path)
 
 
-@pytest.mark.parametrize(("module", "name"), [("nptdms", "a.tdms"), ("openpyxl", "a.xlsx")])
+@pytest.mark.parametrize(
+    ("module", "name", "extra"),
+    [
+        ("nptdms", "a.tdms", "logs"),
+        ("openpyxl", "a.xlsx", "logs"),
+        ("pyarrow", "a.parquet", "parquet"),
+    ],
+)
 def test_what_an_extra_reads_says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, module: str, name: str
+    read: Read, monkeypatch: pytest.MonkeyPatch, module: str, name: str, extra: str
 ) -> None:
-    (tmp_path / name).write_bytes(b"")
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(WorkbenchError, match=r"workbench\[logs\]"):
-        read_recording(tmp_path / name)
+    with pytest.raises(WorkbenchError, match=rf"workbench\[{extra}\]"):
+        read(b"PAR1", name)
 
 
 @pytest.mark.parametrize("unit", [True, False])
-def test_a_row_per_value_becomes_a_row_per_instant(tmp_path: Path, unit: bool) -> None:
-    path = tmp_path / "trial.csv"
+def test_a_row_per_value_becomes_a_row_per_instant(read: Read, unit: bool) -> None:
     lines = ["Timestamp;Tag;Value" + ";Unit" * unit]
     for t, q, v in zip(TIME, POSITION, VOLTAGE, strict=True):
         stamp = f"2024-03-01 12:00:{t:06.3f}"
         lines += [f"{stamp};qm;{1e3 * q:.9f}" + ";mm" * unit, f"{stamp};vir;{v:.9f}" + ";V" * unit]
-    path.write_text("\n".join(lines))
-    recording = read_recording(path)
+    recording = read(lines)
     assert recording.time == pytest.approx(TIME, abs=1e-6)
     assert recording["qm"] == pytest.approx(POSITION * (1 if unit else 1e3))
     assert recording["vir"] == pytest.approx(VOLTAGE)
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
-def test_instants_since_1970_tell_their_unit(tmp_path: Path, unit: str, factor: float) -> None:
-    path = tmp_path / "trial.csv"
-    lines = [f"{round(factor * (1.7e9 + k))},{k}" for k in range(60)]
-    path.write_text("timestamp,qm\n" + "\n".join(lines))
-    recording = read_recording(path)
+def test_instants_since_1970_tell_their_unit(read: Read, unit: str, factor: float) -> None:
+    rows = (f"{round(factor * (1.7e9 + k))},{k}" for k in range(60))
+    recording = read(["timestamp,qm", *rows])
     assert np.diff(recording.time) == pytest.approx(1.0)
     assert unit == "s" or recording.mapping.rows[0].unit == unit
 
 
-def test_a_blank_within_a_cell_separates_no_columns(tmp_path: Path) -> None:
-    path = tmp_path / "trial.tsv"
+def test_a_blank_within_a_cell_separates_no_columns(read: Read) -> None:
     rows = (f"2024-03-01 12:00:{t:06.3f}\t{q}" for t, q in zip(TIME, POSITION, strict=True))
-    path.write_text("Timestamp\tqm\n" + "\n".join(rows))
-    recording = read_recording(path)
+    recording = read(["Timestamp\tqm", *rows], "trial.tsv")
     assert recording.time == pytest.approx(TIME, abs=1e-6)
     assert np.array_equal(recording["qm"], POSITION)
 
@@ -422,61 +373,48 @@ def test_a_blank_within_a_cell_separates_no_columns(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "line", ["# sample rate = 1 kHz", "# Fs [Hz]: 1000", "# dt = 1 ms", "# sample_time_s = 0.001"]
 )
-def test_a_sampling_rate_above_the_table_gives_its_instants(tmp_path: Path, line: str) -> None:
-    path = tmp_path / "trial.csv"
-    path.write_text("\n".join([line, "qm,vir", *(f"{q},0" for q in POSITION)]))
-    assert read_recording(path).time == pytest.approx(TIME)
+def test_a_sampling_rate_above_the_table_gives_its_instants(read: Read, line: str) -> None:
+    assert read([line, "qm,vir", *(f"{q},0" for q in POSITION)]).time == pytest.approx(TIME)
 
 
-def test_a_stamp_of_seconds_and_nanoseconds_is_one_time(tmp_path: Path) -> None:
-    path = tmp_path / "trial.csv"
+def test_a_stamp_of_seconds_and_nanoseconds_is_one_time(read: Read) -> None:
     rows = (f"{1_700_000_000 + k // 4},{k % 4 * 250_000_000},{k}" for k in range(60))
-    path.write_text("header.stamp.sec,header.stamp.nanosec,qm\n" + "\n".join(rows))
-    recording = read_recording(path)
+    recording = read(["header.stamp.sec,header.stamp.nanosec,qm", *rows])
     assert recording.names == ("qm",)
     assert np.diff(recording.time) == pytest.approx(0.25)
 
 
 @pytest.mark.parametrize("first", ["2024-03-01 12:00:{:06.3f}", "{:.3f}"])
-def test_an_index_without_a_name_is_the_time(tmp_path: Path, first: str) -> None:
-    path = tmp_path / "trial.csv"
-    path.write_text("\n".join([",qm", *(f"{first.format(t)},{t}" for t in TIME)]))
-    recording = read_recording(path)
+def test_an_index_without_a_name_is_the_time(read: Read, first: str) -> None:
+    recording = read([",qm", *(f"{first.format(t)},{t}" for t in TIME)])
     assert recording.time - recording.time[0] == pytest.approx(TIME, abs=1e-6)
     assert recording.names == ("qm",)
 
 
-def test_numbers_of_rows_are_no_signal_and_no_time(tmp_path: Path) -> None:
-    path = tmp_path / "trial.csv"
-    path.write_text("\n".join([",t,qm", *(f"{k},{t},{t}" for k, t in enumerate(TIME))]))
-    recording = read_recording(path)
+def test_numbers_of_rows_are_no_signal_and_no_time(read: Read) -> None:
+    recording = read([",t,qm", *(f"{k},{t},{t}" for k, t in enumerate(TIME))])
     assert np.array_equal(recording.time, TIME) and recording.names == ("qm",)
-    path.write_text("\n".join([",qm", *(f"{k},{t}" for k, t in enumerate(TIME))]))
     with pytest.raises(WorkbenchError, match="no time column"):
-        read_recording(path)
+        read([",qm", *(f"{k},{t}" for k, t in enumerate(TIME))])
 
 
-def test_settings_of_an_oscilloscope_are_no_rows(tmp_path: Path) -> None:
+def test_settings_of_an_oscilloscope_are_no_rows(read: Read) -> None:
     settings = ["Model,MSO", "Sample Interval,0.001,", "Record Length,60,", "Zero Index,0,"]
     rows = (f"{t:.6e},{q:.9e},{v:.4e}" for t, q, v in zip(TIME, POSITION, VOLTAGE, strict=True))
-    path = tmp_path / "scope.csv"
-    path.write_text("\n".join([*settings, "TIME,CH1,CH2", *rows]))
-    recording = read_recording(path)
+    recording = read([*settings, "TIME,CH1,CH2", *rows])
     assert recording.names == ("CH1", "CH2") and recording["CH1"] == pytest.approx(POSITION)
 
 
 @pytest.mark.parametrize("around", ["", "# name: run\n# type: scalar struct\n# ndims: 2\n 1 1\n"])
-def test_octave_saves_a_text(tmp_path: Path, around: str) -> None:
+def test_octave_saves_a_text(read: Read, around: str) -> None:
     column = "# type: matrix\n# rows: 60\n# columns: 1\n"
-    path = tmp_path / "trial.mat"
-    path.write_text(
+    text = (
         f"# Created by Octave 8.4.0, Mon Mar 04 10:00:00 2024 UTC <me@lab>\n{around}"
         "# name: t\n# type: double_range\n# base, limit, increment\n0 0.059 0.001\n\n\n"
         f"# name: qm\n{column}" + "".join(f" {q!r}\n" for q in POSITION.tolist()) + "\n\n"
         "# name: kp\n# type: scalar\n160.18\n\n\n"
         f"# name: vir\n{column}" + "".join(f" {v!r}\n" for v in VOLTAGE.tolist())
     )
-    assert_same(read_recording(path))
-    path.write_text(path.read_text()[:-200])
+    assert_same(read(text, "trial.mat"))
     with pytest.raises(WorkbenchError, match="not a text of Octave"):
-        read_recording(path)
+        read(text[:-200], "trial.mat")

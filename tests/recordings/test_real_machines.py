@@ -8,54 +8,28 @@ import pytest
 from workbench.recordings import Recording, check_recording, read_recording, read_table
 
 EMPS = """
-[time]
-column = "t"
-unit = "s"
-[signals.force]
-column = "vir"
-factor = 35.15065
-unit = "N"
-role = "command"
-[signals.position]
-column = "qm"
-unit = "m"
-[signals.goal]
-column = "qg"
-unit = "m"
-role = "reference"
+time = { column = "t", unit = "s" }
+[signals]
+force = { column = "vir", factor = 35.15065, unit = "N", role = "command" }
+position = { column = "qm", unit = "m" }
+goal = { column = "qg", unit = "m", role = "reference" }
 """
 ZILLEN = """
 columns = ["time_ms", "laser_V", "pressure_V", "force_V", "laser_mm", "pressure_bar", "force_N"]
-[time]
-column = "time_ms"
-[signals]
-position = "laser_mm"
-pressure = "pressure_bar"
-force = "force_N"
+time = { column = "time_ms" }
+signals = { position = "laser_mm", pressure = "pressure_bar", force = "force_N" }
 """
 TANKS = """
-[signals.pump]
-column = "uEst"
-unit = "V"
-role = "command"
-[signals.level]
-column = "yEst"
-unit = "V"
+[signals]
+pump = { column = "uEst", unit = "V", role = "command" }
+level = { column = "yEst", unit = "V" }
 """
 SERVO = """
-[time]
-column = "timestamp"
-[signals.position]
-column = "position"
-unit = "rad"
-[signals.goal]
-column = "goal_position"
-unit = "rad"
-role = "reference"
-[signals.supply]
-column = "input_volts"
-unit = "V"
-role = "measurement"
+time = { column = "timestamp" }
+[signals]
+position = { column = "position", unit = "rad" }
+goal = { column = "goal_position", unit = "rad", role = "reference" }
+supply = { column = "input_volts", unit = "V", role = "measurement" }
 """
 
 
@@ -114,9 +88,8 @@ def test_servo_logs(real: Path, tmp_path: Path) -> None:
         assert report.check("uniformity").result == "corrected"
         assert report.fit, str(report)
         # 4096 counts per turn.
-        assert report.check("quantisation").values["steps"]["position"] == pytest.approx(
-            2 * np.pi / 4096, rel=1e-3
-        )
+        step = report.check("quantisation").values["steps"]["position"]
+        assert step == pytest.approx(2 * np.pi / 4096, rel=1e-3)
 
 
 def test_seal_friction(real: Path, tmp_path: Path) -> None:
@@ -131,9 +104,8 @@ def test_seal_friction(real: Path, tmp_path: Path) -> None:
     report = check_recording(read(folder / "NAPN_1bar.csv", ZILLEN, tmp_path))
     assert report.fit
     assert report.check("quantisation").values["steps"]["position"] == pytest.approx(1e-6, rel=1e-3)
-    assert (
-        report.check("excitation").values["directions"]["position"].reversals >= 9
-    )  # Ten strokes.
+    # Ten strokes.
+    assert report.check("excitation").values["directions"]["position"].reversals >= 9
 
 
 def test_force_maps(real: Path) -> None:
@@ -147,12 +119,6 @@ def test_force_maps(real: Path) -> None:
 
 def test_valve_curve(real: Path) -> None:
     table = read_table(real / "festo-mpye-valve-zhu2006" / "valve_data.csv")
-    assert [s.kind for s in table.signals] == [
-        "voltage",
-        "length",
-        "area",
-        "mass flow",
-        "volume flow",
-        "volume flow",
-    ]
+    kinds = ["voltage", "length", "area", "mass flow", "volume flow", "volume flow"]
+    assert [s.kind for s in table.signals] == kinds
     assert table["Exp_Vol_flow_rate"].max() == pytest.approx(100 / 60000)
