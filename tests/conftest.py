@@ -17,7 +17,7 @@ import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 
 from tests.once import SHARED  # noqa: E402
-from tests.shell import Said, Shell  # noqa: E402
+from tests.shell import Refused, Said, Shell  # noqa: E402
 
 # Pictures are drawn without a display, also by the doctests and the notebooks' kernels.
 os.environ["MPLBACKEND"] = "Agg"
@@ -60,6 +60,19 @@ def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
         left = run([part for some in parts for part in some])
         said = Said(*capsys.readouterr())
         assert status in (left, None), said.err
+        return said
+
+    return typed
+
+
+@pytest.fixture
+def refused(shell: Shell) -> Refused:
+    """A mistake on the command line: its last line is a sentence, and its status 2."""
+    from workbench.cli.main import WRONG_USE
+
+    def typed(*words: str | Path) -> str:
+        said = shell(*words, status=WRONG_USE).err
+        assert said.splitlines()[-1].startswith("workbench: ") and "Traceback" not in said
         return said
 
     return typed

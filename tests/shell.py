@@ -23,3 +23,6 @@ class Said:
 
 Shell = Callable[..., Said]
 """Runs words, each but paths split as a shell does; its exit status is ``status``, if not None."""
+
+Refused = Callable[..., str]
+"""Runs words that are refused, and returns all that is said of it."""

@@ -7,98 +7,101 @@ from pathlib import Path
 
 import pytest
 
-from tests.shell import Shell
+from tests.shell import Refused, Shell
 from workbench.cli.main import WRONG_USE
 
-CASES: dict[str, tuple[str, tuple[str, ...]]] = {
-    "angle outside": ("linearise --angle 75", ("angle is 75 deg", "-1 to 61 deg")),
-    "angle of a verification": (
-        "verify --to 62deg",
-        ("angle after the step is 62 deg", "-1 to 61 deg"),
-    ),
-    "load outside": ("linearise --load 12kg", ("load is 12 kg", "0 to 8 kg")),
-    "load of a run": ("simulate --pulses 0.9 --load -1", ("load is -1 kg", "0 to 8 kg")),
-    "unknown parameter": (
+CASES: list[tuple[str, ...]] = [
+    # what is typed, and parts of the one sentence
+    ("linearise --angle 75", "angle is 75 deg", "-1 to 61 deg"),
+    ("verify --to 62deg", "angle after the step is 62 deg", "-1 to 61 deg"),
+    ("linearise --load 12kg", "load is 12 kg", "0 to 8 kg"),
+    ("simulate --pulses 0.9 --load -1", "load is -1 kg", "0 to 8 kg"),
+    (
         "linearise -p valve_conductanc=3e-8",
-        ("parameter is 'valve_conductanc'", "did you mean 'valve_conductance'"),
+        "parameter is 'valve_conductanc'",
+        "did you mean 'valve_conductance'",
     ),
-    "parameter outside": ("linearise -p critical_ratio=2", ("critical_ratio is 2", "0.15 to 0.4")),
-    "parameter without value": ("linearise -p load", ("has no value", "NAME=VALUE")),
-    "requirement without value": (
+    ("linearise -p critical_ratio=2", "critical_ratio is 2", "0.15 to 0.4"),
+    ("linearise -p load", "has no value", "NAME=VALUE"),
+    (
         "verify -c pid --require settling_time",
-        ("requirement 'settling_time' has no value", "NAME=VALUE"),
+        "requirement 'settling_time' has no value",
+        "NAME=VALUE",
     ),
-    "unknown unit": ("linearise --angle 30degr", ("unit 'degr'", "did you mean 'deg'")),
-    "wrong unit": (
-        "linearise --mean-pressure 3kg",
-        ("mean pressure '3kg'", "does not measure it", "3bar"),
-    ),
-    "not finite": ("linearise --angle nan", ("angle 'nan' is not a finite number",)),
-    "infinite": ("simulate --valve 0:inf", ("'inf' is not a finite number",)),
-    "huge": ("linearise --mean-pressure 1e999", ("not a finite number",)),
-    "not a number": ("linearise --load three", ("load 'three' is not a number", "3kg")),
+    ("linearise --angle 30degr", "unit 'degr'", "did you mean 'deg'"),
+    ("linearise --mean-pressure 3kg", "mean pressure '3kg'", "does not measure it", "3bar"),
+    ("linearise --angle nan", "angle 'nan' is not a finite number"),
+    ("simulate --valve 0:inf", "'inf' is not a finite number"),
+    ("linearise --mean-pressure 1e999", "not a finite number"),
+    ("linearise --load three", "load 'three' is not a number", "3kg"),
     # 8 kg held horizontal needs 30.8 N m; 6 bar give 52.6 N m there, so 2 bar hold half of it.
-    "unreachable trim": (
+    (
         "linearise --plane vertical --angle 0 --load 8kg --supply 2bar",
-        ("8 kg", "possible would be load from 0 to 4.", "supply pressure from 3.5"),
+        "8 kg",
+        "possible would be load from 0 to 4.",
+        "supply pressure from 3.5",
     ),
-    "unknown plane": ("linearise --plane sideways", ("plane is 'sideways'", "vertical")),
-    "unknown effect": (
-        "linearise --without frictoin",
-        ("effect is 'frictoin'", "bearing_friction"),
-    ),
-    "unknown effect to attach": (
+    ("linearise --plane sideways", "plane is 'sideways'", "vertical"),
+    ("linearise --without frictoin", "effect is 'frictoin'", "bearing_friction"),
+    (
         "linearise --plant servo-axis --effect cubic_dragg",
-        ("one of those that 'workbench plants servo-axis' lists; did you mean 'cubic_drag'?",),
+        "one of those that 'workbench plants servo-axis' lists; did you mean 'cubic_drag'?",
     ),
-    "unknown controller": ("verify -c pdi", ("design is 'pdi'", "did you mean 'pid'")),
-    "supply outside": ("linearise --supply 20bar", ("supply pressure is 20 bar",)),
-    "no input": ("simulate", ("no input is given", "--valve 0:1")),
-    "voltage outside": ("simulate --valve 0:12V", ("valve is 12 V", "0 to 10 V")),
-    "step without value": ("simulate --valve 5", ("no value", "TIME:VALUE", "0:5")),
-    "two kinds of voltage": ("simulate --valve 0:5 --pulses 1", ("both --valve and --pulses",)),
-    "pulses too high": ("simulate --pulses 7V", ("pulse height of valve is 7 V",)),
-    "missing data folder": (
-        "demo --data no-such-folder",
-        ("data folder 'no-such-folder' does not exist",),
-    ),
-    "unknown option": ("linearise --angel 30", ("No such option: --angel", "linearise --help")),
-    "unknown verb": ("linearize", ("linearize", "--help")),
-    "an option twice": (
-        "verify --from 15deg --from=20deg --to 45deg",
-        ("--from is given twice, '15deg' and '20deg'",),
-    ),
-    "option without value": ("linearise --angle", ("--angle", "--help")),
-}
+    ("verify -c pdi", "design is 'pdi'", "did you mean 'pid'"),
+    ("linearise --supply 20bar", "supply pressure is 20 bar"),
+    ("simulate", "no input is given", "--valve 0:1"),
+    ("simulate --valve 0:12V", "valve is 12 V", "0 to 10 V"),
+    ("simulate --valve 5", "no value", "TIME:VALUE", "0:5"),
+    ("simulate --valve 0:5 --pulses 1", "both --valve and --pulses"),
+    ("simulate --pulses 7V", "pulse height of valve is 7 V"),
+    ("demo --data no-such-folder", "data folder 'no-such-folder' does not exist"),
+    ("linearise --angel 30", "No such option: --angel", "linearise --help"),
+    ("linearize", "linearize", "--help"),
+    ("verify --from 15deg --from=20deg --to 45deg", "--from is given twice, '15deg' and '20deg'"),
+    ("linearise --angle", "--angle", "--help"),
+    ("diagnose", "there is nothing to work on"),
+    ("diagnose nowhere", "neither a folder with a case nor one of"),
+    ("diagnose --fit a.csv", "are both needed"),
+    ("diagnose practice-07 --fit a.csv", "keep one of them"),
+    ("diagnose --fit a.csv --hold-out b.csv --plant robot", "plant is 'robot'"),
+    ("diagnose --fit a.csv --hold-out b.csv --plant emps --load 3", "No such option: --load"),
+    ("diagnose --fit a.csv --hold-out a.csv", "given twice"),
+    ("diagnose --fit a.csv --hold-out b.csv", "a.csv"),
+    ("diagnose practice-07 --time-limit 0", "time limit is 0"),
+    ("diagnose practice-07 --time-limit 2min --quick", "--time-limit 120 is given too"),
+    ("diagnose practice-07 --quick --time-limit 9", "keep one of them"),
+    ("diagnose practice-07 --jobs 0", "number of processes is 0"),
+    ("diagnose practice-07 --load 3V", "does not measure it"),
+    ("refit practice-77", "neither a folder with a case nor one of"),
+    ("refit emps --data nowhere", "does not exist"),
+    ("force-map nowhere.csv", "nowhere.csv"),
+    ("recording nowhere.csv", "nowhere.csv"),
+]
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_one_sentence_and_status_2(name: str, here: Path, shell: Shell) -> None:
-    arguments, words = CASES[name]
-    out = "" if name in ("unknown verb", "option without value") else "--out result"
-    printed = shell(arguments, out, status=WRONG_USE)
-    assert printed.out == ""
-    assert printed.err.count("\n") == 1 and "Traceback" not in printed.err
-    assert printed.err.startswith("workbench: ")
-    for word in words:
-        assert word in printed.err
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case[0])
+def test_one_sentence_and_status_2(case: tuple[str, ...], here: Path, shell: Shell) -> None:
+    typed, *words = case
+    out = "" if typed in ("linearize", "linearise --angle") else "--out result"
+    said = shell(typed, out, status=WRONG_USE)
+    assert said.out == "" and said.err.startswith("workbench: ")
+    assert said.err.count("\n") == 1 and "Traceback" not in said.err
+    assert [word for word in words if word not in said.err] == []
     assert not list(here.iterdir())
 
 
 @pytest.mark.parametrize("verb", ["demo", "linearise", "simulate --valve 0:5"])
-def test_an_unwritable_place_is_one_sentence(verb: str, tmp_path: Path, shell: Shell) -> None:
+def test_an_unwritable_place_is_one_sentence(verb: str, tmp_path: Path, refused: Refused) -> None:
     # A file in the way cannot be written into by anyone, the administrator included.
     (tmp_path / "file").write_text("precious")
-    sentence = shell(verb, "--out", tmp_path / "file" / "out", status=WRONG_USE).err.splitlines()[
-        -1
-    ]
+    sentence = refused(verb, "--out", tmp_path / "file" / "out").splitlines()[-1]
     assert "cannot be written" in sentence and "where you may write" in sentence
     assert (tmp_path / "file").read_text() == "precious"
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
 def test_a_folder_without_permission_is_one_sentence(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shell: Shell
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Refused
 ) -> None:
     import tempfile
 
@@ -106,24 +109,20 @@ def test_a_folder_without_permission_is_one_sentence(
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(tempfile, "mkdtemp", refuse)
-    assert "permission denied" in shell("demo --out", tmp_path / "out", status=WRONG_USE).err
+    assert "permission denied" in refused("demo --out", tmp_path / "out")
 
 
-def test_demo_onto_a_file_is_refused(tmp_path: Path, shell: Shell) -> None:
-    target = tmp_path / "demo"
+@pytest.mark.parametrize("verb", ["demo", "diagnose practice-07"])
+def test_output_that_is_a_file_is_refused(verb: str, tmp_path: Path, refused: Refused) -> None:
+    target = tmp_path / "out"
     target.write_text("precious")
-    assert (
-        "is a file; give the name of a folder" in shell("demo --out", target, status=WRONG_USE).err
-    )
+    assert "is a file; give the name of a folder" in refused(verb, "--out", target)
     assert target.read_text() == "precious"
 
 
-def test_a_data_folder_without_the_force_maps_is_refused(tmp_path: Path, shell: Shell) -> None:
+def test_a_data_folder_without_the_force_maps_is_refused(tmp_path: Path, refused: Refused) -> None:
     (tmp_path / "data").mkdir()
-    assert (
-        "holds no"
-        in shell("demo --out", tmp_path / "out", "--data", tmp_path / "data", status=2).err
-    )
+    assert "holds no" in refused("demo --out", tmp_path / "out", "--data", tmp_path / "data")
     assert not (tmp_path / "out").exists()
 
 

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.shell import Shell
+from tests.shell import Refused, Shell
 from tests.study.small_study import WORSE, small_study
 from workbench.cli.compare import named_study
-from workbench.cli.main import WRONG_USE
 from workbench.study.schema import load_study, shipped_study
 
 FILES = {"results.json", "summary.md", "junit.xml", "report.html"}
@@ -97,25 +96,25 @@ def test_a_folder_of_results_hides_no_shipped_study(here: Path) -> None:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_wrong_use(name: str, here: Path, shell: Shell) -> None:
+def test_wrong_use(name: str, here: Path, refused: Refused) -> None:
     words, sentence = CASES[name]
     small_study(here).rename("STUDY")
-    error = shell(words, status=WRONG_USE).err.strip().splitlines()[-1]
-    assert error.startswith("workbench: ") and sentence in error
+    assert sentence in refused(words).splitlines()[-1]
     assert not (here / "out").exists() and not (here / "b.json").exists()
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_baseline_of_another_study_is_not_overwritten(tmp_path: Path, shell: Shell) -> None:
+def test_a_baseline_of_another_study_is_not_overwritten(
+    tmp_path: Path, shell: Shell, refused: Refused
+) -> None:
     out, baseline = tmp_path / "out", tmp_path / "b.json"
     shell("compare --jobs 1", small_study(tmp_path), "--out", out)
     shell("bless", out, "--baseline", baseline)
     before = baseline.read_text(encoding="utf-8")
     other = small_study(tmp_path, ('name = "small"', 'name = "other"'))
-    refused = shell("compare --jobs 1", other, "--out", out, status=WRONG_USE)
-    assert "holds the results of study 'small'" in refused.err
+    said = refused("compare --jobs 1", other, "--out", out)
+    assert "holds the results of study 'small'" in said
     out = tmp_path / "another"
     shell("compare --jobs 1", other, "--out", out)
-    refused = shell("bless", out, "--baseline", baseline, status=WRONG_USE)
-    assert "is the baseline of study 'small'" in refused.err
+    assert "is the baseline of study 'small'" in refused("bless", out, "--baseline", baseline)
     assert baseline.read_text(encoding="utf-8") == before

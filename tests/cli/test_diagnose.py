@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.axis_case import recording
-from tests.shell import Shell
-from workbench.cli.main import INTERRUPTED, WRONG_USE, main
+from tests.shell import Refused, Shell
+from workbench.cli.main import INTERRUPTED, main
 from workbench.diagnosis import diagnose as engine
 from workbench.diagnosis.selection import task
 from workbench.diagnosis.selection.selected import Scored
@@ -36,12 +36,9 @@ def axis_options(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     """Options that name recordings of an axis with hidden friction."""
     folder = tmp_path_factory.mktemp("axis")
     files = [_write(folder, seed, hidden=True) for seed in (1, 2, 3)]
-    options = ["--plant", "servo-axis", "--jobs", "1"]
-    return [
-        *options,
-        *("--fit", str(files[0]), "--fit", str(files[1])),
-        *("--hold-out", str(files[2])),
-    ]
+    one, other, held = map(str, files)
+    data = ["--fit", one, "--fit", other, "--hold-out", held]
+    return ["--plant", "servo-axis", "--jobs", "1", *data]
 
 
 @pytest.fixture
@@ -155,65 +152,18 @@ def test_a_time_limit_gives_the_verdict_until_then(
 
 
 def test_a_time_limit_that_nothing_meets_or_that_cannot_be_set_is_a_sentence(
-    axis_options: list[str], here: Path, monkeypatch: pytest.MonkeyPatch, shell: Shell
+    axis_options: list[str], here: Path, monkeypatch: pytest.MonkeyPatch, refused: Refused
 ) -> None:
     monkeypatch.setattr(engine, "prepare", lambda *_: signal.raise_signal(signal.SIGALRM))
-    assert (
-        "nothing was found within 100 s"
-        in shell("diagnose", *axis_options, "--time-limit 100", status=WRONG_USE).err
-    )
+    words = ["diagnose", *axis_options]
+    assert "nothing was found within 100 s" in refused(*words, "--time-limit 100")
     monkeypatch.delattr(signal, "setitimer")
-    assert (
-        "this platform does not have"
-        in shell("diagnose", *axis_options, "--quick", status=WRONG_USE).err
-    )
+    assert "this platform does not have" in refused(*words, "--quick")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ("", "there is nothing to work on"),
-        ("nowhere", "neither a folder with a case nor one of"),
-        ("--fit a.csv", "are both needed"),
-        ("practice-07 --fit a.csv", "keep one of them"),
-        ("--fit a.csv --hold-out b.csv --plant robot", "plant is 'robot'"),
-        ("--fit a.csv --hold-out b.csv --plant emps --load 3", "No such option: --load"),
-        ("--fit a.csv --hold-out a.csv", "given twice"),
-        ("--fit a.csv --hold-out b.csv", "a.csv"),
-        ("practice-07 --time-limit 0", "time limit is 0"),
-        ("practice-07 --time-limit 2min --quick", "--time-limit 120 is given too"),
-        ("practice-07 --quick --time-limit 9", "keep one of them"),
-        ("practice-07 --jobs 0", "number of processes is 0"),
-        ("practice-07 --load 3V", "does not measure it"),
-    ],
-)
-def test_bad_input_is_one_sentence(arguments: str, message: str, here: Path, shell: Shell) -> None:
-    text = shell("diagnose", arguments, "--out out", status=WRONG_USE).err
-    assert message in text and text.count("\n") == 1 and "Traceback" not in text
-    assert not (here / "out").exists()
-
-
-def test_output_that_is_a_file_is_refused_before_the_work(tmp_path: Path, shell: Shell) -> None:
-    (tmp_path / "out").write_text("mine")
-    assert (
-        "is a file" in shell("diagnose practice-07 --out", tmp_path / "out", status=WRONG_USE).err
-    )
-    assert (tmp_path / "out").read_text() == "mine"
-
-
-def test_scoring_refuses_what_is_not_there(tmp_path: Path, shell: Shell) -> None:
+def test_scoring_refuses_what_is_not_there(tmp_path: Path, refused: Refused) -> None:
     key = tmp_path / "key.json"
     key.write_text('{"one": {"truth": []}}')
-    score = "evaluate blind"
-    assert (
-        "there is no folder" in shell(score, tmp_path / "none", "--key", key, status=WRONG_USE).err
-    )
-    assert (
-        "cannot be read"
-        in shell(score, tmp_path, "--key", tmp_path / "no.json", status=WRONG_USE).err
-    )
-
-
-@pytest.mark.parametrize("verb", ["diagnose", "evaluate blind"])
-def test_help_says_what_the_verbs_do(verb: str, shell: Shell) -> None:
-    assert "--out" in shell(verb, "--help").out
+    assert "there is no folder" in refused("evaluate blind", tmp_path / "none", "--key", key)
+    missing = tmp_path / "no.json"
+    assert "cannot be read" in refused("evaluate blind", tmp_path, "--key", missing)

@@ -8,15 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.shell import Shell
-from workbench.cli.main import WRONG_USE
+from tests.recordings.example import recorded
+from tests.shell import Refused, Shell
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.experiment.menu import menu
 from workbench.linearisation import linearise
 from workbench.operating_point import operating_point
 from workbench.physics.library import library
 from workbench.plants.registry import PLANTS
-from workbench.recordings.recording import Recording, Signal
 from workbench.study.schema import load_study
 from workbench.study.tasks import execute, tasks
 
@@ -62,15 +61,10 @@ def test_a_feed_is_no_command(folder: Path) -> None:
 def test_no_experiment_asks_for_a_feed(folder: Path) -> None:
     model = PLANTS.get("boilers:boiler", folder=folder).model()
     rng, time = np.random.default_rng(1), 10.0 * np.arange(400)
-    held = [
-        np.repeat(rng.uniform(*ends, 20), 20) for ends in ((280, 290), (2e4, 8e4), (2e-4, 6e-4))
-    ]
-    signals = [
-        Signal(q.name, values, q.unit, role="command")
-        for q, values in zip(model.inputs, held, strict=True)
-    ]
-    level = Signal("T", rng.uniform(290.0, 350.0, 400), "K", role="measurement")
-    offered = menu(model, [observe(model, Recording("run", time, (*signals, level), "", ()))])
+    ends = {"feed K": (280, 290), "power W": (2e4, 8e4), "draw m3/s": (2e-4, 6e-4)}
+    held = {name: np.repeat(rng.uniform(*two, 20), 20) for name, two in ends.items()}
+    run = recorded(time, held, {"T K": rng.uniform(290.0, 350.0, 400)})
+    offered = menu(model, [observe(model, run)])
     assert offered and all(np.ptp(e.inputs[:, 0]) == 0.0 for e in offered)
     assert any(np.ptp(e.inputs[:, 1]) > 0.0 for e in offered)
 
@@ -88,9 +82,9 @@ def test_a_loop_is_designed_where_what_it_leaves_rests(folder: Path, shell: Shel
         assert found["metrics"]["lowest"]["value"] > 333.15 - 0.5, found["controller"]
 
 
-def test_plants_says_what_is_only_measured(folder: Path, shell: Shell) -> None:
+def test_plants_says_what_is_only_measured(folder: Path, shell: Shell, refused: Refused) -> None:
     assert "feed (K, only measured), power (W)" in shell("plants boilers:boiler").out
-    shell("verify --plant boilers:boiler --feed 300K", status=WRONG_USE)
+    refused("verify --plant boilers:boiler --feed 300K")
 
 
 def test_a_step_that_nobody_sized_is_one_that_the_plant_can_hold(
@@ -103,7 +97,9 @@ def test_a_step_that_nobody_sized_is_one_that_the_plant_can_hold(
     assert abs(found["metrics"]["steady_error"]["value"]) < 0.1
 
 
-def test_commands_that_are_late_are_reckoned_with(folder: Path, shell: Shell) -> None:
+def test_commands_that_are_late_are_reckoned_with(
+    folder: Path, shell: Shell, refused: Refused
+) -> None:
     step = ["verify", "--plant", "boilers:boiler", "--from", "40degC", "--to", "60degC"]
     step += ["-c", "plain-pid", "--sample-time", "2s", "--json"]
     settled = []
@@ -118,36 +114,38 @@ def test_commands_that_are_late_are_reckoned_with(folder: Path, shell: Shell) ->
     # Where nobody says how often, a whole number of samples is as long as the delay.
     own = [part for part in step if part not in ("--sample-time", "2s")]
     assert "late by 30 samples of 977 ms, 29.3 s" in shell(*own, "--delay 29.3s").err
-    assert "delay" in shell(*step, "--delay -1s", status=WRONG_USE).err
+    assert "delay" in refused(*step, "--delay -1s")
 
 
 def test_one_of_several_designs_that_does_not_suit_the_plant_is_a_run_that_failed(
-    folder: Path, shell: Shell
+    folder: Path, shell: Shell, refused: Refused
 ) -> None:
     words = "verify --plant boilers:boiler --from 60degC --to 61degC"
-    shell(words, "-c angle-pd", status=WRONG_USE)
+    refused(words, "-c angle-pd")
     said = shell(words, "-c plain-pid -c angle-pd", status=1).out
     assert "plain-pid on boiler" in said and "failed: angle-pd" in said
     assert "1 of 2 runs failed" in said
 
 
 def test_a_run_starts_at_rest_and_says_so_or_where_the_plant_begins(
-    folder: Path, shell: Shell
+    folder: Path, shell: Shell, refused: Refused
 ) -> None:
     words = "simulate --plant boilers:boiler --power 0:40kW --duration 60s"
     assert "(T 43.75°C for 46.85°C): --initial starts there" in shell(words, "--out rest.csv").err
     assert not shell(words, "--initial --out begun.csv").err
     first = [np.loadtxt(f, delimiter=",", skiprows=1)[0, -1] for f in ("rest.csv", "begun.csv")]
     assert first == pytest.approx([316.897 - 273.15, 320.0 - 273.15], abs=1e-3)
-    shell(words, "--initial --T 50degC", status=WRONG_USE)
+    refused(words, "--initial --T 50degC")
 
 
-def test_a_plant_that_does_not_rest_is_run_from_where_it_begins(folder: Path, shell: Shell) -> None:
+def test_a_plant_that_does_not_rest_is_run_from_where_it_begins(
+    folder: Path, shell: Shell, refused: Refused
+) -> None:
     # What heats can be turned down, and not off.
     told = PLANT.replace("flow = m.u.draw *", "flow = 0.0 *")
     (folder / "boilers.py").write_text(told.replace("4e4, lower=0.0", "4e4, lower=1e4"))
     words = "simulate --plant boilers:boiler --power 0:41.8kW --out run.csv"
-    assert "no operating point" in shell(words, status=WRONG_USE).err
+    assert "no operating point" in refused(words)
     assert "it starts at the initial values" in shell(words, "--duration 50s").err
     seen = np.loadtxt("run.csv", delimiter=",", skiprows=1)
     # 41.8 kW warm 50 l by 0.2 K/s.

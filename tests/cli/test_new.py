@@ -11,8 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.shell import Shell
-from workbench.cli.main import WRONG_USE
+from tests.shell import Refused, Shell
 from workbench.data_folder import shipped_folder
 from workbench.study.fields_page import study_fields, tables
 from workbench.study.shapes import TABLES, Field
@@ -45,17 +44,14 @@ def test_what_is_written_runs_as_it_says(
 
 
 @pytest.mark.parametrize("verb", NEW)
-def test_nothing_is_overwritten(verb: str, tmp_path: Path, shell: Shell) -> None:
+def test_nothing_is_overwritten(verb: str, tmp_path: Path, refused: Refused) -> None:
     path = tmp_path / NEW[verb]
     path.write_text("precious")
-    assert "exists; give another name" in shell(verb, path, status=WRONG_USE).err
+    assert "exists; give another name" in refused(verb, path)
     assert path.read_text() == "precious"
-    assert "does not end in" in shell(verb, tmp_path / "mine.txt", status=WRONG_USE).err
+    assert "does not end in" in refused(verb, tmp_path / "mine.txt")
     if path.suffix == ".py":
-        assert (
-            "no name of a Python module"
-            in shell(verb, tmp_path / "my-own.py", status=WRONG_USE).err
-        )
+        assert "no name of a Python module" in refused(verb, tmp_path / "my-own.py")
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
@@ -65,9 +61,7 @@ def test_the_page_of_fields_is_current(shell: Shell) -> None:
     assert shell("study-fields").out == page.read_text(encoding="utf-8") == study_fields()
 
 
-EVERY = [
-    (heading, key, field) for heading, _, table in tables() for key, field in table.fields.items()
-]
+EVERY = [(title, key, field) for title, _, table in tables() for key, field in table.fields.items()]
 
 
 def test_every_field_has_a_meaning_and_an_example_that_it_accepts() -> None:
@@ -136,9 +130,8 @@ def test_a_study_takes_a_design_that_meets_it(
     shell("new-study", "mine.toml", "--plant", "servo-axis")
     assert 'design = "lqi"' not in Path("mine.toml").read_text()
     alone = True
-    assert "no design of the workbench brings position there" in (
-        shell("new-study", "other.toml", "--plant", "servo-axis").err
-    )
+    said = shell("new-study", "other.toml", "--plant", "servo-axis").err
+    assert "no design of the workbench brings position there" in said
 
 
 def test_a_name_with_blanks_stands_in_quotes(tmp_path: Path, shell: Shell) -> None:
