@@ -6,7 +6,7 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.study.small_study import TEXT
+from tests.study.small_study import TEXT, changed
 from workbench.study.baseline import write_baseline
 from workbench.study.conditions import conditions
 from workbench.study.result import StudyResult, run_study
@@ -59,20 +59,12 @@ class Gate:
         """Return the folder of its finished runs."""
         return self.folder / "kept"
 
-    def text(self, *changes: tuple[str, str]) -> str:
-        """Return the text of the study, changed."""
-        text = STUDY
-        for before, after in changes:
-            assert before in text, before
-            text = text.replace(before, after)
-        return text
-
     def compared(self, *changes: tuple[str, str], against: bool = True) -> StudyResult:
         """Return what comes of the changed study; only changed runs are done."""
         if self.kept.exists():
             shutil.copytree(self.kept, self.folder / "out" / "runs", dirs_exist_ok=True)
         path = self.folder / "gate.toml"
-        path.write_text(self.text(*changes), encoding="utf-8")
+        path.write_text(changed(STUDY, *changes), encoding="utf-8")
         baseline = self.baseline if against else None
         return run_study(load_study(path), self.folder / "out", baseline=baseline)
 

@@ -42,14 +42,21 @@ hard = false
 
 def small_study(folder: Path, *changes: tuple[str, str], name: str = "small.toml") -> Path:
     """Write the study with parts of its text replaced, and return its path."""
-    text = TEXT
+    path = folder / name
+    path.write_text(changed(TEXT, *changes), encoding="utf-8")
+    return path
+
+
+def changed(text: str, *changes: tuple[str, str]) -> str:
+    """Return a text with parts of it replaced."""
     for before, after in changes:
         assert before in text, before
         text = text.replace(before, after)
-    path = folder / name
-    path.write_text(text, encoding="utf-8")
-    return path
+    return text
 
+
+BY_BANDWIDTH = 'design = "pid"\nspecification = { bandwidth = 30.0 }'
+"""The design of the study."""
 
 WORSE = ("bandwidth = 30.0", "bandwidth = 12.0")
 """A slower design: it settles too late."""

@@ -65,14 +65,18 @@ if __name__ == "__main__":
 """The program; its pictures are looked at by other tests."""
 
 
-def github_lines() -> list[tuple[str, bool]]:
-    """Return the shell lines of the GitHub workflow, and whether they run after a failure."""
+Lines = list[tuple[str, bool]]
+"""Lines of a shell, and whether they run after a failure."""
+
+
+def github_lines() -> Lines:
+    """Return the shell lines of the GitHub workflow."""
     steps = workflow("github.yml")["jobs"]["compare"]["steps"]
     return [(s["run"], s.get("if") == "always()") for s in steps if "run" in s]
 
 
-def gitlab_lines() -> list[tuple[str, bool]]:
-    """Return the shell lines of the GitLab job, and whether they run after a failure."""
+def gitlab_lines() -> Lines:
+    """Return the shell lines of the GitLab job."""
     job = workflow("gitlab.yml")["controllers"]
     script = [*job["before_script"], *job["script"]]
     return [*((line, False) for line in script), *((line, True) for line in job["after_script"])]
@@ -121,9 +125,7 @@ def checkout(prepared: Path, tmp_path: Path) -> Path:
     return tmp_path / "checkout"
 
 
-def play(
-    lines: list[tuple[str, bool]], folder: Path, **more: str
-) -> tuple[bool, list[dict[str, Any]]]:
+def play(lines: Lines, folder: Path, **more: str) -> tuple[bool, list[dict[str, Any]]]:
     """Run shell lines as a runner does; return whether all went well, and the comments."""
     sent = folder.parent / "comments.json"
     environment = {
@@ -152,7 +154,7 @@ def play(
     return good, json.loads(sent.read_text(encoding="utf-8")) if sent.exists() else []
 
 
-def posting(host: str) -> list[tuple[str, bool]]:
+def posting(host: str) -> Lines:
     """Return the lines that run after the study."""
     return [(line, True) for line, always in LINES[host]() if always]
 

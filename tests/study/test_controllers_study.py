@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -59,9 +60,7 @@ def test_the_staircase_has_every_size_in_both_directions(study: Study) -> None:
 
 def test_what_no_choice_was_made_with_is_another_plant_or_course(study: Study) -> None:
     every = load_study(shipped_study("controllers"), optional=True)
-    assert set(every.cases) - set(study.cases) == {
-        "1.5 kg horizontal", "5 kg horizontal", "6.5 kg horizontal",
-    }  # fmt: skip
+    assert set(every.cases) - set(study.cases) == {f"{m} kg horizontal" for m in ("1.5", 5, 6.5)}
     usual = set(pairwise(reference(every, "steps")))
     assert not usual & set(pairwise(reference(every, "other steps")))
     seen = set()
@@ -115,10 +114,8 @@ def made(study: Study, times: dict[str, float], *, overshoot: dict[str, float] |
             StepResponse("angle", 0.0, a, b, Value(seconds), over, 0.9 * seconds)
             for a, b in study.report.limit_steps
         )
-        values = dict.fromkeys(METRICS.names(), 0.0005) | {
-            "overshoot": over,
-            "settling_time": seconds,
-        }
+        values = dict.fromkeys(METRICS.names(), 0.0005)
+        values |= {"overshoot": over, "settling_time": seconds}
         values["stop_impacts"] = values["fallbacks"] = 0.0
         units = {m.name: m.unit.replace("{unit}", "rad") for m in METRICS.members().values()}
         own = tuple(MetricValue(m, v, units[m]) for m, v in values.items())
@@ -142,9 +139,8 @@ def test_a_wished_ratio_is_shown_and_requirements_alone_decide(
     for seconds, status in ((0.3, 0), (0.6, 1)):
         result = made(study, {NOMINAL: seconds})
         assert missed_table(result).rows
-        monkeypatch.setattr(
-            "workbench.study.result.run_study", lambda *_, found=result, **__: found
-        )
+        found = partial(lambda result, *_, **__: result, result)
+        monkeypatch.setattr("workbench.study.result.run_study", found)
         assert controllers(out=tmp_path / str(status)) == status
 
 
@@ -175,9 +171,7 @@ def test_limitations_are_counted_one_by_one(study: Study) -> None:
     times = {NOMINAL: 0.30, "without hysteresis": 0.25, "without noise": 0.24, "swift spool": 0.21}
     result = made(study, times)
     rows = ladder_table(result).rows
-    assert [str(row[3]) for row in rows] == [
-        "0.300 (3.00) ✗", "0.250 (2.50) ✗", "0.240 (2.40) ✗", "0.210 (2.10) ✗",
-    ]  # fmt: skip
+    assert [str(row[3]) for row in rows] == [f"{t:.3f} ({10 * t:.2f}) ✗" for t in times.values()]
 
 
 def test_what_a_faster_plan_costs_is_said(study: Study) -> None:

@@ -30,13 +30,11 @@ def test_two_processes_of_a_cluster(tmp_path: Path) -> None:
             n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
         ) as cluster,
     ):
-        far = Workers(Store(tmp_path / "far", "0"), dask=cluster.scheduler_address).records(
-            tasks(study)
-        )
+        workers = Workers(Store(tmp_path / "far", "0"), dask=cluster.scheduler_address)
+        far = workers.records(tasks(study))
     near = Workers(Store(tmp_path / "near", "0")).records(tasks(study))
-    assert [replace(r, seconds=0.0).table() for r in far] == [
-        replace(r, seconds=0.0).table() for r in near
-    ]
+    one, other = ([replace(r, seconds=0.0).table() for r in each] for each in (far, near))
+    assert one == other
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -10,8 +10,8 @@ from xml.sax.saxutils import escape
 
 import pytest
 
-from tests.study.gate import Gate, finished_gate
-from tests.study.small_study import small_study
+from tests.study.gate import STUDY, Gate, finished_gate
+from tests.study.small_study import changed, small_study
 from workbench.files import json_text
 from workbench.reports.study_page import study_page
 from workbench.reports.tables import Table
@@ -88,69 +88,48 @@ def test_a_box_that_only_informs_is_named_in_title_table_and_junit(gate: Gate) -
 
 
 WEAKER = {
-    "a looser limit": (("limit = 0.6", "limit = 0.7"), "limit 0.6 -> 0.7 s, looser"),
-    "a looser limit in another unit": (
-        ('limit = 0.6\nunit = "s"', 'limit = 700\nunit = "ms"'),
-        "limit 0.6 -> 0.7 s, looser",
-    ),
-    "a hard limit made soft": (
-        ('unit = "deg"\nscenario = "sine"', 'unit = "deg"\nhard = false\nscenario = "sine"'),
-        "requirement on rmse in sine: hard -> soft",
-    ),
+    "a looser limit": ("limit = 0.6", "limit = 0.7", "limit 0.6 -> 0.7 s, looser"),
+    "a looser limit in another unit": ('limit = 0.6\nunit = "s"', 'limit = 700\nunit = "ms"',
+        "limit 0.6 -> 0.7 s, looser"),
+    "a hard limit made soft": ('unit = "deg"\nscenario = "sine"',
+        'unit = "deg"\nhard = false\nscenario = "sine"',
+        "requirement on rmse in sine: hard -> soft"),
     "a removed requirement": (
-        ('[[requirements]]\nmetric = "rmse"\nlimit = 20.0\nunit = "deg"\nscenario = "sine"', ""),
-        "requirement on rmse in sine: removed",
-    ),
-    "a requirement on fewer variations": (
-        ('unit = "deg"\nscenario = "sine"', 'variations = ["nominal"]\nscenario = "sine"'),
-        "requirement on rmse in sine: removed",
-    ),
-    "a gentler step": (("values = [25, 35]", "values = [25, 34]"), "scenario step: references"),
-    "a later end": (('duration = "1.5 s"', 'duration = "1.6 s"'), "duration 1.5 -> 1.6"),
-    "sensors without noise": (
-        ('settle = "0.1 s"', 'settle = "0.1 s"\nnoise = false'),
-        "scenario step: noise as usual -> False",
-    ),
-    "errors counted later": (
-        ('duration = "1 s"', 'duration = "1 s"\ncount_from = "0.5 s"'),
-        "scenario sine: count_from",
-    ),
-    "a removed variation": (
-        ('[variations."4 kg"]\nparameters = { load = "4 kg" }', ""),
-        "variation 4 kg: removed",
-    ),
-    "a milder variation": (('load = "4 kg" }', 'load = "3.1 kg" }'), "4 -> 3.1"),
-    "a variation that is not judged": (
-        ('load = "4 kg" }', 'load = "4 kg" }\njudged = false'),
-        "variation 4 kg: judged as usual -> False",
-    ),
-    "a variation in one scenario only": (
-        ('load = "4 kg" }', 'load = "4 kg" }\nscenarios = ["sine"]'),
-        "variation 4 kg: scenarios",
-    ),
-    "an easier plant": (('[plant]\nload = "3 kg"', '[plant]\nload = "2 kg"'), "3 -> 2"),
-    "a narrower box": (("load = [2, 6]", "load = [2, 5]"), "2 to 6 -> 2 to 5, narrower"),
-    "no box": (
-        ("[robustness]\ndraws = 4\nsearch = 0\n\n[robustness.box]\nload = [2, 6]", ""),
-        "box of load: removed",
-    ),
-    "a box that only informs": (INFORMS, "box of hard: True -> False"),
-    "another seed of the draws": (("draws = 4", "seed = 7\ndraws = 4"), "box of seed: 1 -> 7"),
-    "a wider tolerance": (
-        ("[robustness]\n", "[tolerances.rmse]\nrelative = 5.0\n[robustness]\n"),
-        "tolerance of rmse: relative",
-    ),
-    "a metric that no longer gates": (
-        ("[robustness]\n", "[tolerances.rmse]\ngates = false\n[robustness]\n"),
-        "tolerance of rmse: gates True -> False",
-    ),
-}
+        '[[requirements]]\nmetric = "rmse"\nlimit = 20.0\nunit = "deg"\nscenario = "sine"', "",
+        "requirement on rmse in sine: removed"),
+    "a requirement on fewer variations": ('unit = "deg"\nscenario = "sine"',
+        'variations = ["nominal"]\nscenario = "sine"', "requirement on rmse in sine: removed"),
+    "a gentler step": ("values = [25, 35]", "values = [25, 34]", "scenario step: references"),
+    "a later end": ('duration = "1.5 s"', 'duration = "1.6 s"', "duration 1.5 -> 1.6"),
+    "sensors without noise": ('settle = "0.1 s"', 'settle = "0.1 s"\nnoise = false',
+        "scenario step: noise as usual -> False"),
+    "errors counted later": ('duration = "1 s"', 'duration = "1 s"\ncount_from = "0.5 s"',
+        "scenario sine: count_from"),
+    "a removed variation": ('[variations."4 kg"]\nparameters = { load = "4 kg" }', "",
+        "variation 4 kg: removed"),
+    "a milder variation": ('load = "4 kg" }', 'load = "3.1 kg" }', "4 -> 3.1"),
+    "a variation that is not judged": ('load = "4 kg" }', 'load = "4 kg" }\njudged = false',
+        "variation 4 kg: judged as usual -> False"),
+    "a variation in one scenario only": ('load = "4 kg" }', 'load = "4 kg" }\nscenarios = ["sine"]',
+        "variation 4 kg: scenarios"),
+    "an easier plant": ('[plant]\nload = "3 kg"', '[plant]\nload = "2 kg"', "3 -> 2"),
+    "a narrower box": ("load = [2, 6]", "load = [2, 5]", "2 to 6 -> 2 to 5, narrower"),
+    "no box": ("[robustness]\ndraws = 4\nsearch = 0\n\n[robustness.box]\nload = [2, 6]", "",
+        "box of load: removed"),
+    "a box that only informs": (*INFORMS, "box of hard: True -> False"),
+    "another seed of the draws": ("draws = 4", "seed = 7\ndraws = 4", "box of seed: 1 -> 7"),
+    "a wider tolerance": ("[robustness]\n", "[tolerances.rmse]\nrelative = 5.0\n[robustness]\n",
+        "tolerance of rmse: relative"),
+    "a metric that no longer gates": ("[robustness]\n",
+        "[tolerances.rmse]\ngates = false\n[robustness]\n",
+        "tolerance of rmse: gates True -> False"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", WEAKER)
 def test_weaker_conditions_are_red_and_named(gate: Gate, name: str) -> None:
-    change, sentence = WEAKER[name]
-    outcome = gate.compared(change)
+    before, after, sentence = WEAKER[name]
+    outcome = gate.compared((before, after))
     text = summary(outcome)
     assert not outcome.passed and outcome.weakened
     assert "### Changed conditions, which must be accepted" in text and sentence in text
@@ -202,8 +181,9 @@ def test_names_are_no_markdown_no_html_and_no_mention(gate: Gate) -> None:
 
 
 def test_annotations_stand_at_the_lines_of_the_study(gate: Gate) -> None:
-    outcome = gate.compared(("limit = 0.6", "limit = 0.3"), INFORMS)
-    lines = gate.text(("limit = 0.6", "limit = 0.3"), INFORMS).splitlines()
+    changes = ("limit = 0.6", "limit = 0.3"), INFORMS
+    outcome = gate.compared(*changes)
+    lines = changed(STUDY, *changes).splitlines()
     said = github_annotations(outcome)
     place = re.compile(r"::(error|warning) file=[^,]*gate\.toml,line=(\d+)::(.*)")
     found = [m.groups() for m in map(place.fullmatch, said) if m is not None]

@@ -23,15 +23,14 @@ def change(metric: str, plant: str, after: float, way: Way = "worse") -> Change:
 
 
 def test_one_entry_per_requirement_and_scenario_with_the_worst_plant_first() -> None:
-    found = missed_by_plant(
-        [
-            missed(SETTLING, "nominal", 1.2),
-            missed(RMSE, "4 kg", 1.5),
-            missed(SETTLING, "4 kg", 3.0),
-            missed(SETTLING, "late, noisy", math.inf),
-            missed(SETTLING, "nominal", 1.1, "sine"),
-        ]
-    )
+    judged = [
+        missed(SETTLING, "nominal", 1.2),
+        missed(RMSE, "4 kg", 1.5),
+        missed(SETTLING, "4 kg", 3.0),
+        missed(SETTLING, "late, noisy", math.inf),
+        missed(SETTLING, "nominal", 1.1, "sine"),
+    ]
+    found = missed_by_plant(judged)
     assert [(g.worst.variation, g.worst.scenario, g.others) for g in found] == [
         ("late, noisy", "step", ("nominal", "4 kg")),
         ("4 kg", "step", ()),

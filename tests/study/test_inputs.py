@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.study.small_study import small_study
+from tests.study.small_study import BY_BANDWIDTH, small_study
 from workbench.errors import WorkbenchError
 from workbench.study import store as store_module
 from workbench.study.execution import FINISHED_BEFORE, Workers, store_of, verify_kept
@@ -87,11 +87,7 @@ def test_what_is_edited_between_two_studies_of_a_session(tmp_path: Path, jobs: i
     place.mkdir()
     gains.parent.mkdir()
     own = place / f"edited_with_{jobs}.py"
-    by_hand = (
-        'design = "pid"\nspecification = { bandwidth = 30.0 }',
-        f'design = "{own.stem}:design"',
-    )
-    file = small_study(place, by_hand)
+    file = small_study(place, (BY_BANDWIDTH, f'design = "{own.stem}:design"'))
 
     def rmse(gain: float, factor: float) -> tuple[list[float], list[str]]:
         text = (

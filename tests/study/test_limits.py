@@ -93,10 +93,9 @@ def test_not_asked_for_is_said_and_nothing_is_solved(
     outcome = run_study(study, tmp_path / "out")
     table = json.loads(json_text(outcome.table()))["physical_limit"]
     assert calls == [] and table["asked"] is False and table["steps"] == []
-    assert table["worst"] == [
-        {"controller": "pid", "scenario": "step", "ratio": None, "limit_s": None, "begin_s": None,
-         "seed": None, "reason": "not asked for"}
-    ]  # fmt: skip
+    unknown = dict.fromkeys(("ratio", "limit_s", "begin_s", "seed"))
+    told = {"controller": "pid", "scenario": "step", "reason": "not asked for"}
+    assert table["worst"] == [unknown | told]
     assert "limit:" not in summary(outcome) and "physical limit" not in plain_summary(outcome)
 
 
@@ -132,11 +131,8 @@ def test_found_once_it_is_kept(tmp_path: Path, calls: list[tuple[float, float]])
 
 
 def test_the_same_move_is_solved_once(tmp_path: Path, calls: list[tuple[float, float]]) -> None:
-    study = asking(
-        tmp_path,
-        ("times = [0.0, 0.1]\nvalues = [25, 35]", "times = [0, 0.1, 0.6, 1.1]\n"
-         "values = [25, 35, 25, 35]"),
-    )  # fmt: skip
+    own, again = "times = [0.0, 0.1]\n", "times = [0, 0.1, 0.6, 1.1]\n"
+    study = asking(tmp_path, (f"{own}values = [25, 35]", f"{again}values = [25, 35, 25, 35]"))
     found = find_limits(study, Workers(store_of(study, tmp_path / "out")))
     assert len(calls) == len(found) == 2
 

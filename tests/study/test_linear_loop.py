@@ -15,7 +15,7 @@ from controllers.mpc.whole_model import design_mpc
 from controllers.pid import CascadePID, FixedGains, design_pid
 from controllers.sensitivity import loop_matrices, peak_sensitivities
 from controllers.sliding_mode import design_sliding_mode
-from tests.study.small_study import small_study
+from tests.study.small_study import BY_BANDWIDTH, small_study
 from workbench.linearisation import LinearModel, linearise
 from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
@@ -89,7 +89,7 @@ def test_an_mpc_has_margins_too(linear: LinearModel) -> None:
 
 def test_a_law_that_is_not_linear_at_rest_has_no_margins(tmp_path: Path) -> None:
     designs = (
-        'design = "pid"\nspecification = { bandwidth = 30.0 }',
+        BY_BANDWIDTH,
         'design = "scheduled-sliding-mode"\nspecification = { kind = "super-twisting" }\n'
         '[controllers.scheduled]\ndesign = "scheduled-pid"',
     )

@@ -12,14 +12,14 @@ from pathlib import Path
 
 import pytest
 
-from tests.study.small_study import small_study
+from tests.study.small_study import BY_BANDWIDTH, small_study
 from workbench.study.execution import Workers, kept, store_of
 from workbench.study.result import run_study
 from workbench.study.schema import load_study
 from workbench.study.store import Store
 from workbench.study.tasks import tasks
 
-OWN = ('design = "pid"\nspecification = { bandwidth = 30.0 }',
+OWN = (BY_BANDWIDTH,
        'design = "pid"\n[controllers.broken]\ndesign = "tests.study.own_designs:fails"\n'
        '[controllers.refused]\ndesign = "tests.study.own_designs:impossible"')  # fmt: skip
 
@@ -100,10 +100,7 @@ def test_a_plant_and_a_design_beside_the_study(tmp_path: Path) -> None:
         "def design(linear, specification):\n    return design_pid(linear)\n"
     )
     own = ('[plant]\nload = "3 kg"', '[plant]\nkind = "own_rig_of_this_test:rig"')
-    design = (
-        'design = "pid"\nspecification = { bandwidth = 30.0 }',
-        'design = "own_rig_of_this_test:design"',
-    )
+    design = (BY_BANDWIDTH, 'design = "own_rig_of_this_test:design"')
     study = load_study(small_study(tmp_path, own, design))
     assert study.plant.build().parameter("load").value == 2.0
     records = Workers(store_of(study, tmp_path / "out"), jobs=2).records(tasks(study))
@@ -160,10 +157,8 @@ signal = "angle"
 kind = "missing"
 """
     changes = ('design = "pid"', 'design = "pid"\nguard = true'), ("values = [25, 35]\n", faulty)
-    record = Workers(Store(tmp_path, "0")).records(
-        tasks(load_study(small_study(tmp_path, *changes)))[:1]
-    )
-    found = record[0].metrics
+    study = load_study(small_study(tmp_path, *changes))
+    found = Workers(Store(tmp_path, "0")).records(tasks(study)[:1])[0].metrics
     assert found is not None
     # Ten samples are missing; the law steps on with what the pressures say of them.
     assert found["guard_estimated"].value == 10.0

@@ -158,6 +158,4 @@ def test_effects_of_the_library(tmp_path: Path) -> None:
 def test_a_step_is_told_in_the_unit_of_its_output() -> None:
     required = Requirement("overshoot", 10.0, "%")
     told = [str(Demand(required, step=s, step_unit=u)) for s, u in ((0.2, "m"), (math.pi, "deg"))]
-    assert told == [
-        "overshoot of steps of 0.2 m at most 10 %", "overshoot of steps of 180° at most 10 %",
-    ]  # fmt: skip
+    assert told == [f"overshoot of steps of {size} at most 10 %" for size in ("0.2 m", "180°")]
