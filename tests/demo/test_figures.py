@@ -49,9 +49,7 @@ def map_pictures() -> list[Figure]:
 
 FIGURES: dict[str, Callable[[], Figure]] = {
     "force lines": lambda: force_lines([0.0, 0.01], [T, T], [WAVE, WAVE], [WAVE, WAVE]),
-    "open loop": lambda: open_loop(
-        T, WAVE, {"linear valve": (WAVE, WAVE), "full plant": (WAVE, WAVE)}
-    ),
+    "open loop": lambda: open_loop(T, WAVE, dict.fromkeys(("linear valve", "full"), (WAVE, WAVE))),
     "bode": lambda: bode(T + 0.1, {"30°": np.exp(1j * WAVE)}, unit="° per V"),
     "steps": steps,
     "diagnosed": lambda: diagnosed(RUN, RUN, T, {"before": WAVE, "after": WAVE}),

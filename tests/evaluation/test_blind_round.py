@@ -33,9 +33,10 @@ def _found(effect: str | None, where: list[str], alike: tuple[str, ...] = ()) ->
     return {"where": where, "effect": effect, "class": [*([effect] if effect else []), *alike]}
 
 
-def _round(
-    folder: Path, cases: dict[str, tuple[list[str], str, list[dict[str, Any]]]], **fit: float
-) -> tuple[Path, Path]:
+Cases = dict[str, tuple[list[str], str, list[dict[str, Any]]]]
+
+
+def _round(folder: Path, cases: Cases, **fit: float) -> tuple[Path, Path]:
     key = {}
     for case, (hidden, verdict, findings) in cases.items():
         key[case] = {"truth": [{"effect": word} for word in hidden or ["none"]], "salt": case}
@@ -59,14 +60,8 @@ def folder(tmp_path: Path) -> Path:
     return made
 
 
-def _points(folder: Path, hidden: list[str], verdict: str, *findings: dict[str, Any]) -> int:
-    return score_verdicts(*_round(folder, {"one": (hidden, verdict, list(findings))})).points
-
-
 def test_a_perfect_round_has_all_points_and_beats_chance(folder: Path) -> None:
-    cases: dict[str, tuple[list[str], str, list[dict[str, Any]]]] = {
-        word: ([word], "named", [_found(*says)]) for word, says in RIGHT.items()
-    }
+    cases = {word: ([word], "named", [_found(*says)]) for word, says in RIGHT.items()}
     cases["quiet"] = ([], "nothing_missing", [])
     found = score_verdicts(*_round(folder, cases, refitted=2.0, extended=0.3, noise_floor=0.2))
     assert (found.points, found.most) == (48, 48)
@@ -79,69 +74,63 @@ def test_a_perfect_round_has_all_points_and_beats_chance(folder: Path) -> None:
     assert "48 of 48 points" in str(found) and "p = " in str(found)
 
 
-def test_points_of_every_kind(folder: Path) -> None:
-    joint = ["joint.torque"]
-    stribeck = _found("stribeck_friction", joint)
-    assert _points(folder, ["stribeck"], "named", stribeck) == 6
-    two = _found("stribeck_friction", joint, ("lugre_friction",))
-    assert _points(folder, ["stribeck"], "named_class", two) == 3
-    second = _found("lugre_friction", joint, ("stribeck_friction", "local_friction"))
-    assert _points(folder, ["stribeck"], "named_class", second) == 3
-    many = _found("lugre_friction", joint, ("stribeck_friction", "ripple", "local_friction"))
-    assert _points(folder, ["stribeck"], "named_class", many) == 2
-    assert _points(folder, ["stribeck"], "located_unnamed", _found(None, joint)) == 2
+JOINT = ["joint.torque"]
+SENSOR = _found(None, ["angle.reading"])
+TILT, LAG = _found(*RIGHT["tilt"]), _found(*RIGHT["p_lag"])
+RIPPLE = _found("ripple", JOINT)
+ALIKE = ("stribeck_friction", "ripple", "local_friction")
+POINTS: list[tuple[list[str], str, list[dict[str, Any]], int]] = [
+    (["stribeck"], "named", [_found("stribeck_friction", JOINT)], 6),
+    (["stribeck"], "named_class", [_found("stribeck_friction", JOINT, ("lugre_friction",))], 3),
+    (["stribeck"], "named_class", [_found("lugre_friction", JOINT, ALIKE[::2])], 3),
+    (["stribeck"], "named_class", [_found("lugre_friction", JOINT, ALIKE)], 2),
+    (["stribeck"], "located_unnamed", [_found(None, JOINT)], 2),
     # The structure cannot tell the joint from the forces of the muscles.
-    muscle = _found(None, ["muscle_1.force"])
-    assert _points(folder, ["stribeck"], "located_unnamed", muscle) == 2
-    chamber = _found(None, ["chamber_1.flow"])
-    assert _points(folder, ["stribeck"], "located_unnamed", chamber) == 1
-    sensor = _found(None, ["angle.reading"])
-    assert _points(folder, ["stribeck"], "located_unnamed", sensor) == 0
-    assert _points(folder, ["p_lag"], "located_unnamed", sensor) == 1
-    assert _points(folder, ["stribeck"], "unexplained") == 0
-    assert _points(folder, ["stribeck"], "nothing_missing") == 0
-    assert _points(folder, ["stribeck"], "named", _found("tilt_gravity", joint)) == -6
-    assert _points(folder, ["stribeck"], "named", _found("valve_offset", ["valve.command"])) == -6
+    (["stribeck"], "located_unnamed", [_found(None, ["muscle_1.force"])], 2),
+    (["stribeck"], "located_unnamed", [_found(None, ["chamber_1.flow"])], 1),
+    (["stribeck"], "located_unnamed", [SENSOR], 0),
+    (["p_lag"], "located_unnamed", [SENSOR], 1),
+    (["stribeck"], "unexplained", [], 0),
+    (["stribeck"], "nothing_missing", [], 0),
+    (["stribeck"], "named", [TILT], -6),
+    (["stribeck"], "named", [_found("valve_offset", ["valve.command"])], -6),
+    # Nothing is hidden.
+    ([], "nothing_missing", [], 6),
+    ([], "parameter", [], 6),
+    ([], "unexplained", [], 0),
+    ([], "data_unfit", [], 0),
+    ([], "named", [TILT], -6),
+    ([], "located_unnamed", [_found("nonparametric", JOINT)], -6),
+    # Two effects, and names too many.
+    (["tilt", "p_lag"], "named", [LAG, TILT], 12),
+    (["tilt", "p_lag"], "named", [TILT], 6),
+    (["tilt", "p_lag"], "named", [TILT, RIPPLE], 0),
+    (["tilt"], "named", [TILT, RIPPLE], 0),
+    (["tilt"], "named", [RIPPLE, TILT], 0),
+    # An effect outside the library.
+    (["torque_noise"], "named", [TILT], -6),
+]
 
 
-def test_points_where_nothing_is_hidden(folder: Path) -> None:
-    assert _points(folder, [], "nothing_missing") == 6
-    assert _points(folder, [], "parameter") == 6
-    assert _points(folder, [], "unexplained") == 0
-    assert _points(folder, [], "data_unfit") == 0
-    assert _points(folder, [], "named", _found("tilt_gravity", ["joint.torque"])) == -6
-    assert _points(folder, [], "located_unnamed", _found("nonparametric", ["joint.torque"])) == -6
+@pytest.mark.parametrize(("hidden", "verdict", "findings", "points"), POINTS)
+def test_points(
+    folder: Path, hidden: list[str], verdict: str, findings: list[dict[str, Any]], points: int
+) -> None:
+    assert score_verdicts(*_round(folder, {"one": (hidden, verdict, findings)})).points == points
 
 
-def test_points_of_two_effects_and_of_names_too_many(folder: Path) -> None:
-    tilt, lag = _found(*RIGHT["tilt"]), _found(*RIGHT["p_lag"])
-    assert _points(folder, ["tilt", "p_lag"], "named", lag, tilt) == 12
-    assert _points(folder, ["tilt", "p_lag"], "named", tilt) == 6
-    wrong = _found("ripple", ["joint.torque"])
-    assert _points(folder, ["tilt", "p_lag"], "named", tilt, wrong) == 0
-    assert _points(folder, ["tilt"], "named", tilt, wrong) == 0
-    assert _points(folder, ["tilt"], "named", wrong, tilt) == 0
-
-
-def test_points_of_an_effect_outside_the_library(folder: Path) -> None:
-    free = _found("nonparametric", ["joint.torque"])
-    better = _round(
-        folder, {"one": (["torque_noise"], "located_unnamed", [free])}, refitted=2.0, extended=1.0
-    )
-    assert score_verdicts(*better).points == 6
-    worse = _round(
-        folder, {"one": (["torque_noise"], "located_unnamed", [free])}, refitted=1.0, extended=2.0
-    )
-    assert score_verdicts(*worse).points == 2
-    assert _points(folder, ["torque_noise"], "named", _found(*RIGHT["tilt"])) == -6
+@pytest.mark.parametrize(("extended", "points"), [(1.0, 6), (4.0, 2)])
+def test_points_of_an_effect_outside_the_library(
+    folder: Path, extended: float, points: int
+) -> None:
+    cases = {"one": (["torque_noise"], "located_unnamed", [_found("nonparametric", JOINT)])}
+    told = _round(folder, cases, refitted=2.0, extended=extended)
+    assert score_verdicts(*told).points == points
 
 
 def test_silence_everywhere_is_no_better_than_chance(folder: Path) -> None:
-    cases: dict[str, tuple[list[str], str, list[dict[str, Any]]]] = {
-        word: ([word], "nothing_missing", []) for word in RIGHT
-    }
-    cases["quiet"] = ([], "nothing_missing", [])
-    found = score_verdicts(*_round(folder, cases))
+    quiet: Cases = {word: ([word], "nothing_missing", []) for word in RIGHT}
+    found = score_verdicts(*_round(folder, quiet | {"quiet": ([], "nothing_missing", [])}))
     assert found.points == 6 and found.p_value == 1.0
 
 
@@ -212,12 +201,8 @@ def test_every_name_of_the_table_is_in_the_library_at_the_right_place() -> None:
 
 def test_the_score_that_is_published_is_that_of_the_kept_verdicts() -> None:
     folder = shipped_folder() / "blind/round-1"
-    found = score_verdicts(
-        folder,
-        folder / "key.json",
-        commitments=folder / "commitments.txt",
-        names=folder / "names.toml",
-    )
+    told = {"commitments": folder / "commitments.txt", "names": folder / "names.toml"}
+    found = score_verdicts(folder, folder / "key.json", **told)
     text = (folder / "README.md").read_text(encoding="utf-8")
     assert f"**{found.points} of {found.most} points.**" in text
     assert found.committed == len(found.lines) == 12

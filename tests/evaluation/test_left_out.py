@@ -16,15 +16,10 @@ from workbench.physics.library import library
 TRIED = {
     "isometric": ("phi_term", "force_shape", "muscle_hysteresis"),
     "motion": (
-        "braid_volume",
-        "flattened_ends",
-        "sensor_lag_pressures",
-        "gas_energy_balance",
-        "chamber_leakage_1",
-        "coulomb_friction",
-        "tilt_gravity",
+        "braid_volume", "flattened_ends", "sensor_lag_pressures", "gas_energy_balance",
+        "chamber_leakage_1", "coulomb_friction", "tilt_gravity",
     ),
-}
+}  # fmt: skip
 
 FLOOR_DEG = 0.02
 """Free-run error of the plant that lacks nothing, twice over: some steps of 0.002 deg."""

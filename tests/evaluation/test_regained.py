@@ -58,9 +58,8 @@ def test_what_one_family_cannot_do_costs_no_other_its_result(
         raise WorkbenchError("no speed meets the limits")
 
     monkeypatch.setattr(Redesigned, "designed", missed)
-    monkeypatch.setattr(
-        ControllerRecipe, "designed", lambda _: SimpleNamespace(speed=9.0, limit="")
-    )
+    found = SimpleNamespace(speed=9.0, limit="")
+    monkeypatch.setattr(ControllerRecipe, "designed", lambda _: found)
     study = _beside_tolerant(cast(Any, SimpleNamespace(recipe=late())), ["cascade PID"])
     assert list(study.controllers) == ["cascade PID, nominal", "cascade PID, tolerant"]
     assert "redesigned: no speed meets the limits." in capsys.readouterr().out

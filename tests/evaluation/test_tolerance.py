@@ -73,15 +73,9 @@ def test_what_is_told_of_a_run() -> None:
 
 def test_the_table_counts_what_falls_short() -> None:
     def run(size: float, settling: float | None) -> dict[str, object]:
-        return {
-            "settling_time": [0.4, settling],
-            "overshoot": 0.04,
-            "oscillation": math.radians(size),
-            "steady_error": [0.0],
-            "stop_impacts": 0.0,
-            "chatter": 3.0,
-            "valve_at_rest": 0.02,
-        }
+        told = {"settling_time": [0.4, settling], "oscillation": math.radians(size)}
+        calm = {"steady_error": [0.0], "stop_impacts": 0.0, "chatter": 3.0, "valve_at_rest": 0.02}
+        return {**told, "overshoot": 0.04, **calm}
 
     rows = [
         {"simulator": "rig", "draw": "a", "kinds": ["delay"], "runs": {"PID": run(0.1, 0.5)}},
@@ -115,11 +109,8 @@ def test_runs_are_kept_for_the_designs_that_they_are_of(tmp_path: Path) -> None:
         (row,) = tolerance({"rig": draws(1, TUNING_SEED)}, designs, tmp_path)
         return str(row["runs"]["cascade PID"]["reason"])
 
-    assert [told("first", 8.0), told("second", 7.0), told("third", 8.0)] == [
-        "first",
-        "second",
-        "first",
-    ]
+    said = [told("first", 8.0), told("second", 7.0), told("third", 8.0)]
+    assert said == ["first", "second", "first"]
 
 
 def test_the_study_tolerates_what_its_plant_declares() -> None:
@@ -148,9 +139,8 @@ def test_a_design_for_an_identified_machine_is_as_fast_as_one_without_latency(na
     )
     given = {"compensation": 0.5, "jerk_limit": 1200.0, "jerk_share": 0.5}
     given |= {"lag": 0.005, "lead": 0.0085}
-    law = replace(
-        recipe, fastest=known, inertia_margin=(), specification=tuple(given.items())
-    ).build()
+    recipe = replace(recipe, inertia_margin=(), specification=tuple(given.items()))
+    law = replace(recipe, fastest=known).build()
     late = Sized({"valve_delay": 0.008, "line_conductance": 1e-8, "line_volume": 15e-6}, {})
     told = on_rig(law, Draw(0, ("late",), 3.0, (late,)), study.scenarios["steps"])
     assert max(told["settling_time"]) <= 0.27 and told["overshoot"] <= 0.05

@@ -39,13 +39,9 @@ def test_each_of_several_findings_has_its_place_and_time() -> None:
 
 
 def test_times_of_hours_and_of_milliseconds_are_told_in_these() -> None:
-    for spans, told in (
-        (
-            (Span("run", 1.8e4, 5.4e4, 0.9), Span("run", 0.0, 3600.0, 0.8)),
-            "from 0 to 1 and 5 to 15 h",
-        ),
-        ((Span("run", 2e-4, 0.021, 0.9),), "from 0.2 to 21 ms"),
-    ):
+    hours = Span("run", 1.8e4, 5.4e4, 0.9), Span("run", 0.0, 3600.0, 0.8)
+    short = (Span("run", 2e-4, 0.021, 0.9),)
+    for spans, told in ((hours, "from 0 to 1 and 5 to 15 h"), (short, "from 0.2 to 21 ms")):
         seen = replace(SEEN, spans=spans, period=9e4)
         said = _said(Verdict("unexplained", "Something is left out.", AXIS, occurrence=seen))
         assert said["when"] == f"{told} of run, up to 2 N rms, every 25 h"

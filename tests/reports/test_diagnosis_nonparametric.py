@@ -49,20 +49,16 @@ def test_a_curve_without_a_name_leads_the_page() -> None:
 def test_the_curve_is_shown_with_its_argument_and_the_improved_run() -> None:
     found, _ = sprung()
     page = _page(True)
-    names = [picture.name for picture in page.pictures]
-    assert names == [
-        *("answer", "runs-1", "residuals-1", "location", "nonparametric-1", "law-1", "signal-1")
-    ]
+    names = ["answer", "runs-1", "residuals-1", "location", "nonparametric-1", "law-1", "signal-1"]
+    assert [picture.name for picture in page.pictures] == names
     # Measured, refitted and extended.
     assert len(page.pictures[0].figure.axes[0].lines) == 3
     assert "extended" in _table(page, "Errors of").headings
     (row,) = _table(page, "Arguments").rows
     assert row[0] == "position in mm" and str(row[-1]).startswith("x (")
     ordinates = [r[0].text for r in _table(page, "Values with").cells if "curve at" in r[0].text]
-    assert (
-        len(ordinates) == 6
-        and ordinates[0] == "nonparametric term, curve at position 0 mm, in N (new)"
-    )
+    assert len(ordinates) == 6
+    assert ordinates[0] == "nonparametric term, curve at position 0 mm, in N (new)"
     (located,) = proof_of(found).located
     assert located.argument == "position" and located.law is not None
     # The made-up spring pulls with 200 N/m; the curve is constant beyond its hull.
@@ -90,12 +86,8 @@ def test_noise_is_shown_where_it_acts_with_what_was_refused() -> None:
 def test_what_was_taken_back_stands_with_the_reason() -> None:
     given, _ = example_diagnosis()
     why = "what was found takes away too little on held-out recordings"
-    selected = replace(
-        given.selected,
-        accepted=(),
-        extended=given.base,
-        withdrawn=(Withdrawn(given.accepted[0].candidate, why),),
-    )
+    back = (Withdrawn(given.accepted[0].candidate, why),)
+    selected = replace(given.selected, accepted=(), extended=given.base, withdrawn=back)
     runs = {**given.runs, "extended": given.runs["refitted"]}
     validated = replace(given.validated, extended=given.base, runs=runs, location=None)
     found = replace(given, selected=selected, validated=validated)
@@ -137,6 +129,7 @@ def test_unfit_recordings_come_with_the_usual_fix() -> None:
     verdict = Verdict("data_unfit", "Recording two cannot be judged: half", axis, data=rows)
     found = Diagnosis(axis, Prepared((), (), (), rows, verdict.sentence), concluded=verdict)
     page = diagnosis_page(found, Proof((), ()), name="x")
+    assert [section.name for section in page.sections] == ["recordings"]
     assert page.lead.endswith("half.")
     assert "two fails the check of clipping: half is clipped. Usual fix: widen" in _words(page)
     assert _table(page, "Checks").cells[0][2].mark == "missed"

@@ -12,9 +12,6 @@ import pytest
 from tests.diagnosis.axis_case import diagnosed
 from workbench.diagnosis.comparison import Proof, proof_of
 from workbench.diagnosis.estimation.free_run import FreeRun
-from workbench.diagnosis.stages import Diagnosis, Prepared
-from workbench.diagnosis.verdict import Verdict
-from workbench.plants.servo_axis import servo_axis
 from workbench.reports.diagnosis_page import diagnosis_page
 from workbench.reports.figure import FIGURES, Figure
 from workbench.reports.figures.diagnosis import diagnosis_location, diagnosis_runs, moving_rms
@@ -66,14 +63,8 @@ def test_measured_and_both_models_share_their_axes() -> None:
 
 def test_the_page_has_every_part_of_the_proof() -> None:
     page = _page(True)
-    assert [p.name for p in page.pictures] == [
-        "answer",
-        "runs-1",
-        "residuals-1",
-        "location",
-        "law-1",
-        "signal-1",
-    ]
+    names = ["answer", "runs-1", "residuals-1", "location", "law-1", "signal-1"]
+    assert [p.name for p in page.pictures] == names
     for title in ("Errors of free runs", "Values with", "What else it could be"):
         assert _table(page, title).rows
     text = html(page)
@@ -142,16 +133,6 @@ def test_a_page_without_findings_claims_none() -> None:
     assert _table(page, "Errors of").headings == ("output", "nominal", "refitted", "sensor's noise")
     # What the data could not have shown is the price of every silence.
     assert "constant force" in {row[0].text for row in _table(page, "What these recordings").cells}
-
-
-def test_a_page_of_unfit_recordings_says_so_and_no_more() -> None:
-    model = servo_axis()
-    row = {"recording": "one", "check": "gaps", "result": "unfit", "note": "half is missing"}
-    verdict = Verdict("data_unfit", "Recording one cannot be judged.", model, data=(row,))
-    found = Diagnosis(model, Prepared((), (), (), (row,), verdict.sentence), concluded=verdict)
-    page = diagnosis_page(found, Proof((), ()), name="one")
-    assert [section.name for section in page.sections] == ["recordings"]
-    assert "half is missing" in html(page)
 
 
 def test_bars_are_as_long_as_the_gains() -> None:

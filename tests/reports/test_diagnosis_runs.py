@@ -27,15 +27,13 @@ MODEL = Model(
 
 def test_runs_are_drawn_in_the_units_that_the_outputs_declare() -> None:
     seen = np.tile([0.5, 293.15, 2e5], (20, 1))
-    run = FreeRun(
-        "a", ("flow", "air", "pressure"), ("m3/s", "K", "Pa"), np.arange(20.0), seen, seen - 0.1
-    )
+    names, units = ("flow", "air", "pressure"), ("m3/s", "K", "Pa")
+    run = FreeRun("a", names, units, np.arange(20.0), seen, seen - 0.1)
     shown = as_read(MODEL, run)
     assert shown.measured[0] == pytest.approx([1800.0, 20.0, 2e5])
     assert shown.error[0] == pytest.approx([360.0, 0.1, 0.1])
-    assert sizes_as_read(MODEL, {"flow": 0.1, "air": 0.1, "pressure": 5.0}) == pytest.approx(
-        {"flow": 360.0, "air": 0.1, "pressure": 5.0}
-    )
+    sizes = sizes_as_read(MODEL, {"flow": 0.1, "air": 0.1, "pressure": 5.0})
+    assert sizes == pytest.approx({"flow": 360.0, "air": 0.1, "pressure": 5.0})
     labels = [axes.get_ylabel() for axes in diagnosis_runs(shown).axes]
     assert labels == ["flow in m³/h", "air in °C", "pressure in bar", "flow in m³/h"]
 
@@ -61,9 +59,8 @@ def test_what_a_slow_sensor_read_is_drawn_wherever_it_did() -> None:
     time = np.arange(3000.0)
     seen = np.where(time % 10.0 == 3.0, np.sin(0.01 * time), np.nan)[:, None]
     # With every other sample for a page, none of those was among them.
-    drawn = diagnosis_runs(
-        FreeRun("a", ("flow",), ("1",), time, seen, np.sin(0.01 * time)[:, None])
-    )
+    run = FreeRun("a", ("flow",), ("1",), time, seen, np.sin(0.01 * time)[:, None])
+    drawn = diagnosis_runs(run)
     measured = np.asarray(drawn.axes[0].lines[0].get_ydata(), dtype=float)
     assert len(measured) == 300 and np.isfinite(measured).all()
 

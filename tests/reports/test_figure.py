@@ -77,20 +77,12 @@ def test_each_followed_output_stands_beside_a_command_that_moves() -> None:
         inputs=(Input("valve", "1"), Input("pump", "m/s"), Input("heater", "K/s")),
         outputs=(Output("level", "m", 1.0), Output("warmth", "K", 1.0)),
     )
-    traces = {name: np.zeros(3) for name in ("input.valve",)}
-    for name in ("input.pump", "input.heater", *(f"output.{q.name}" for q in tank.outputs)):
-        traces[name] = np.arange(3.0)
-    traces |= {
-        "time": np.arange(3.0),
-        "reference.level": np.ones(3),
-        "reference.warmth": np.ones(3),
-    }
-    study = SimpleNamespace(
-        plant=SimpleNamespace(build=lambda: tank),
-        controllers=("mine",),
-        report=Report(),
-        demands=(),
-    )
+    moving = ("time", "input.pump", "input.heater", "output.level", "output.warmth")
+    still = {"input.valve": 0.0, "reference.level": 1.0, "reference.warmth": 1.0}
+    traces = {name: np.arange(3.0) for name in moving}
+    traces |= {name: np.full(3, value) for name, value in still.items()}
+    plant = SimpleNamespace(build=lambda: tank)
+    study = SimpleNamespace(plant=plant, controllers=("mine",), report=Report(), demands=())
     runs = cast(Any, {"mine": SimpleNamespace(traces=traces)})
     for output, command in (("level", "pump in m/s"), ("warmth", "heater in K/s")):
         *_, below = tracked(cast(Any, study), "step", runs, output).axes

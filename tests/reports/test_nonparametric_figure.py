@@ -22,7 +22,6 @@ def test_classes_and_curve_are_drawn_in_readable_units() -> None:
 
 
 def test_nothing_fitted_is_refused() -> None:
+    bare = Argument("angle", "rad", 0.5, 0.0, (0.0, 1.0))
     with pytest.raises(WorkbenchError, match="nothing to draw"):
-        diagnosis_nonparametric(
-            Argument("angle", "rad", 0.5, 0.0, (0.0, 1.0)), place="joint.torque", unit="N m"
-        )
+        diagnosis_nonparametric(bare, place="joint.torque", unit="N m")

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from tests.reports.browser import BROWSER, measured
+from tests.reports.browser import BROWSER, MEASURE, measured, painted
 from workbench.reports.page import Page, html
 from workbench.reports.study_page import study_page
 from workbench.reports.style import PAPER
@@ -16,55 +16,6 @@ from workbench.reports.tables import number
 from workbench.study import limits
 from workbench.study.result import StudyResult, run_study
 from workbench.study.schema import load_study, shipped_study
-
-MEASURE = """
-<script>
-addEventListener("load", () => {
-  const inner = document.querySelector("iframe").contentDocument;
-  // What is folded must fit too.
-  for (const folded of inner.querySelectorAll("details")) folded.open = true;
-  const width = inner.documentElement.clientWidth;
-  const name = e => e.tagName + ": " + e.textContent.trim().slice(0, 40);
-  const outside = [...inner.querySelectorAll("body *")].filter(e => {
-    const box = e.getBoundingClientRect();
-    // A table scrolls in its own box; what is folded has no place.
-    return !e.closest("svg *, .table *") && box.width > 0
-      && (box.right > width + 1 || box.left < -1);
-  }).map(name);
-  const cells = [...inner.querySelectorAll("td, th, p, pre, h1, h2, figcaption")].filter(
-    e => e.scrollWidth > e.clientWidth + 1 && getComputedStyle(e).display !== "inline").map(name);
-  const figure = e => (e.closest("figure") || e).id;
-  const share = (a, b) => {
-    const w = Math.min(a.right, b.right) - Math.max(a.left, b.left);
-    const h = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
-    if (w <= 0 || h <= 0) return 0;
-    return w * h / Math.min(a.width * a.height, b.width * b.height);
-  };
-  const overlaps = (elements, limit) => {
-    const found = [];
-    const boxes = elements.map(e => e.getBoundingClientRect());
-    for (let i = 0; i < boxes.length; i++) for (let j = 0; j < i; j++)
-      if (share(boxes[i], boxes[j]) > limit)
-        found.push(`${name(elements[j])} | ${name(elements[i])} in ${figure(elements[i])}`);
-    return found;
-  };
-  let overlap = overlaps([...inner.querySelectorAll("section")], 0);
-  for (const section of inner.querySelectorAll("section"))
-    overlap = overlap.concat(overlaps([...section.querySelectorAll("figure, table, p, pre")], 0));
-  // Boxes of text are a little larger than its letters.
-  for (const svg of inner.querySelectorAll("svg"))
-    overlap = overlap.concat(overlaps([...svg.querySelectorAll("text")], 0.25));
-  const empty = [...inner.querySelectorAll("svg")].filter(
-    e => e.getBoundingClientRect().height < 80 || e.querySelectorAll("path").length < 5).length;
-  const texts = [...inner.querySelectorAll("svg text")].map(e => e.getBoundingClientRect().height);
-  document.body.textContent = JSON.stringify({
-    width, content: inner.documentElement.scrollWidth, outside, cells, overlap, empty,
-    pictures: inner.querySelectorAll("svg").length, text: Math.min(...texts),
-    ground: getComputedStyle(inner.querySelector("section")).backgroundColor,
-  });
-});
-</script>
-"""
 
 
 @pytest.fixture(scope="module")
@@ -130,6 +81,4 @@ def test_in_a_browser(page: Page, width: int, dark: bool, tmp_path: Path) -> Non
     assert found["pictures"] == len(page.pictures) and found["empty"] == 0
     # The smallest text of a picture, exponents of ten, on a phone.
     assert float(str(found["text"])) > 6.0
-    ground = PAPER.dark if dark else PAPER.light
-    channels = [int(ground[i : i + 2], 16) for i in (1, 3, 5)]
-    assert found["ground"] == f"rgb({channels[0]}, {channels[1]}, {channels[2]})"
+    assert found["ground"] == painted(PAPER.dark if dark else PAPER.light)

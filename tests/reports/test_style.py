@@ -157,9 +157,8 @@ def test_panels_keep_their_height_under_a_long_legend() -> None:
         return [axes.get_window_extent().height / figure.dpi for axes in panels]
 
     short = heights([f"pid {i}" for i in range(6)])
-    assert heights([f"plain-sliding-mode {i}, redesigned" for i in range(6)]) == pytest.approx(
-        short, rel=0.05
-    )
+    long = heights([f"plain-sliding-mode {i}, redesigned" for i in range(6)])
+    assert long == pytest.approx(short, rel=0.05)
 
 
 def test_numbers_at_an_axis_are_words_and_so_is_their_power_of_ten() -> None:

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from tests.evaluation.own_cases.made_up import LIMIT, found, verdict
-from tests.shell import Shell
-from workbench.cli.main import WRONG_USE
+from tests.shell import Refused, Shell
 from workbench.diagnosis.diagnose import stages
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
 from workbench.diagnosis.stages import Diagnosis
@@ -35,12 +34,8 @@ def refitted(stiffness: float) -> Diagnosis:
     """An axis held by a spring that its model lacks, as far as the refit."""
     axis = servo_axis()
     true = axis.with_effect(linear_spring("axis.force", stiffness=stiffness, upper=1e3))
-    runs = [
-        made_up_recording(
-            true, pushes(400, largest=200.0, seed=seed), sample_time=0.01, name=f"axis {seed}"
-        )
-        for seed in (1, 2)
-    ]
+    push = {f"axis {seed}": pushes(400, largest=200.0, seed=seed) for seed in (1, 2)}
+    runs = [made_up_recording(true, u, sample_time=0.01, name=name) for name, u in push.items()]
     reached = stages(axis, runs[:1], runs[1:], jobs=1, advise=False, progress=lambda _: None)
     return next(d for d in reached if d.fitted is not None)
 
@@ -55,9 +50,8 @@ def test_a_case_is_written_without_its_answer(
     (line,) = write_cases(tmp_path / "set", 1, 50000)
     (folder,) = case_folders(tmp_path / "set")
     assert line.startswith(folder.name)
-    assert sorted(p.name for p in folder.iterdir()) == [
-        "case.toml", "identify_closed.csv", "validate_closed.csv",
-    ]  # fmt: skip
+    files = ["case.toml", "identify_closed.csv", "validate_closed.csv"]
+    assert sorted(p.name for p in folder.iterdir()) == files
     assert len(read_case(folder).fit) == 1
     key = json.loads((tmp_path / "set/key.json").read_text())
     assert list(key) == [folder.name]
@@ -76,12 +70,10 @@ def _set(folder: Path) -> Path:
         "two": {"truth": [{"effect": "none"}], "limit": LIMIT},
     }
     (folder / "key.json").write_text(json.dumps(key))
+    wrong = found("ripple", "joint.torque"), found("creep", "muscle_1.force")
     said = {
         "good": (verdict(found("tilt_gravity", "joint.torque"), scale=1.2), verdict()),
-        "bad": (
-            verdict(found("ripple", "joint.torque")),
-            verdict(found("creep", "muscle_1.force")),
-        ),
+        "bad": tuple(map(verdict, wrong)),
     }
     for method, both in said.items():
         (folder / method).mkdir()
@@ -90,7 +82,7 @@ def _set(folder: Path) -> Path:
     return folder
 
 
-def test_methods_stand_beside_each_other(tmp_path: Path, shell: Shell) -> None:
+def test_methods_stand_beside_each_other(tmp_path: Path, shell: Shell, refused: Refused) -> None:
     place = _set(tmp_path / "set")
     good, bad = compared(place, [place / "good", place / "bad"])
     assert (good.score.points, bad.score.points) == (12, -12)
@@ -108,10 +100,10 @@ def test_methods_stand_beside_each_other(tmp_path: Path, shell: Shell) -> None:
     (place / "bad/two.json").write_text(json.dumps(answer))
     assert "bad: no law is called seal_friction, which counts as wrong" in shell(*asked).out
     (place / "bad/two.json").write_text(json.dumps(answer | {"verdict": "found it"}))
-    refused = shell(*asked, status=WRONG_USE).err
-    assert "it must be one of 'data_unfit'" in refused and '"verdict": WORD' in refused
+    told = refused(*asked)
+    assert "it must be one of 'data_unfit'" in told and '"verdict": WORD' in told
     (place / "good/two.json").unlink()
-    assert "no verdict of case two" in shell(*asked, status=WRONG_USE).err
+    assert "no verdict of case two" in refused(*asked)
 
 
 def test_a_walk_at_the_force_is_significant_where_a_spring_is_hidden() -> None:

@@ -29,18 +29,11 @@ def verdict(
     *findings: dict[str, Any], kind: str | None = None, scale: float = 1.0
 ) -> dict[str, Any]:
     """Return a verdict whose extended model errs by `scale` times `LIMIT`."""
-    return {
-        "schema": SCHEMA,
-        "verdict": kind or ("named" if findings else "nothing_missing"),
-        "findings": list(findings),
-        "fit": {
-            "held_out": {
-                "refitted": {k: 3.0 * v for k, v in LIMIT.items()},
-                "extended": {k: scale * v for k, v in LIMIT.items()},
-                "noise_floor": LIMIT,
-            }
-        },
-    }
+    kind = kind or ("named" if findings else "nothing_missing")
+    factors = {"refitted": 3.0, "extended": scale, "noise_floor": 1.0}
+    errors = {name: {k: f * v for k, v in LIMIT.items()} for name, f in factors.items()}
+    fit = {"held_out": errors}
+    return {"schema": SCHEMA, "verdict": kind, "findings": list(findings), "fit": fit}
 
 
 def row(

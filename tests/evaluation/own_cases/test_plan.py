@@ -94,10 +94,8 @@ def test_sizes_grow_with_their_factor() -> None:
 def test_a_case_is_the_same_each_time(tmp_path: Path) -> None:
     case = next(c for c in plan() if c.recorded == "narrow" and c.effects)
     one, two = (made(case, tmp_path / name, seconds=2.0) for name in ("one", "two"))
-    assert sorted(p.name for p in one.glob("*.csv")) == [
-        "identify_closed.csv",
-        "validate_closed.csv",
-    ]
+    files = ["identify_closed.csv", "validate_closed.csv"]
+    assert sorted(p.name for p in one.glob("*.csv")) == files
     for path in one.glob("*.csv"):
         assert path.read_bytes() == (two / path.name).read_bytes()
     truth = json.loads((one / "truth.json").read_text())

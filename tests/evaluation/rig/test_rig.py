@@ -92,15 +92,8 @@ def test_pulse_train_lies_in_the_band() -> None:
 
 def test_closed_chamber_conserves_mass_and_energy() -> None:
     """Shut and adiabatic: mass stays, and the work of the gas is the loss of internal energy."""
-    p = nominal(
-        {
-            "centre_leakage": 0.0,
-            "heat_transfer": 0.0,
-            "viscous": 0.0,
-            "coulomb": 0.0,
-            "slack_law": 2.0,
-        }
-    )
+    shut = dict.fromkeys(("centre_leakage", "heat_transfer", "viscous", "coulomb"), 0.0)
+    p = nominal({**shut, "slack_law": 2.0})
     x = plant.initial(25.0, (3.5, 3.0), p)
     states, _ = plant.run(p, x, np.full(10000, 5.0), step=1e-4, keep=1)
     assert np.ptp(states[:, 2]) == 0.0
