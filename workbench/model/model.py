@@ -385,16 +385,14 @@ class Model(Shown):
         u: npt.ArrayLike,
         *,
         form: Form | str = EXACT,
-        values: npt.ArrayLike | None = None,
     ) -> Vector:
         """Compute the rates of the states, shape (n_states,), in SI per second.
 
         Args:
             x: States, shape (n_states,), in SI.
             u: Inputs, shape (n_inputs,), in SI.
-            values: Parameter values, shape (n_parameters,), in SI; the model's own by default.
         """
-        return self._call(self.form(form).rates_function, x, u, values)
+        return self._call(self.form(form).rates_function, x, u)
 
     def read(
         self,
@@ -402,16 +400,14 @@ class Model(Shown):
         u: npt.ArrayLike,
         *,
         form: Form | str = EXACT,
-        values: npt.ArrayLike | None = None,
     ) -> Vector:
         """Compute what the sensors would read without noise, shape (n_outputs,), in SI.
 
         Args:
             x: States, shape (n_states,), in SI.
             u: Inputs, shape (n_inputs,), in SI.
-            values: Parameter values as for `rates`, in SI.
         """
-        return self._call(self.form(form).outputs_function, x, u, values)
+        return self._call(self.form(form).outputs_function, x, u)
 
     def signals(self, x: npt.ArrayLike, u: npt.ArrayLike) -> dict[str, float]:
         """Compute every port and published signal at one instant, in SI by name.
@@ -420,7 +416,7 @@ class Model(Shown):
             x: States, shape (n_states,), in SI.
             u: Inputs, shape (n_inputs,), in SI.
         """
-        values = self._call(self.exact.signals_function, x, u, None)
+        values = self._call(self.exact.signals_function, x, u)
         return dict(zip(self.exact.signal_names, values.tolist(), strict=True))
 
     def initial_state(
@@ -440,19 +436,15 @@ class Model(Shown):
         free = [i for i, q in enumerate(self.states) if q.name not in given]
         # Once for each that has a start, which may depend on the state of another.
         for _ in (effect for effect in self.effects if effect.start is not None):
-            started = self._call(
-                self.exact.start_function, x, self.nominal_input if u is None else u, None
-            )
+            given_u = self.nominal_input if u is None else u
+            started = self._call(self.exact.start_function, x, given_u)
             x[free] = started[free]
         return check_finite("initial state", x)
 
-    def _call(
-        self, function: ca.Function, x: npt.ArrayLike, u: npt.ArrayLike, p: npt.ArrayLike | None
-    ) -> Vector:
+    def _call(self, function: ca.Function, x: npt.ArrayLike, u: npt.ArrayLike) -> Vector:
         x_ = check_vector("state", x, self.states)
         u_ = check_vector("input", u, self.inputs)
-        p_ = self.values if p is None else check_vector("parameter", p, self.parameters)
-        return np.asarray(function(x_, u_, p_), dtype=float).ravel()
+        return np.asarray(function(x_, u_, self.values), dtype=float).ravel()
 
     def tables(self) -> tuple[Rows, ...]:
         """Return the quantities, the effects with their ports, and the ports."""

@@ -538,15 +538,12 @@ def _felt(model: Written, plain: Named, rates: Named, outputs: Named) -> Named:
     found = dict(outputs)
     for name, value in outputs.items():
         # The sensor of a mass feels what acts on it through a lever too, in another unit.
-        kinds = _ACCELERATIONS if _accelerates(units.get(name, "")) else (units.get(name, ""),)
+        own = units.get(name, "")
+        kinds = _ACCELERATIONS if same_dimension(own, *_ACCELERATIONS) else (own,)
         felt = [(before, after) for unit, before, after in moved if same_dimension(unit, *kinds)]
         if felt:
             found[name] = behind(_symbolic(value), felt)
     return found
-
-
-def _accelerates(unit: str) -> bool:
-    return same_dimension(unit, *_ACCELERATIONS)
 
 
 def _default_measurements(

@@ -107,16 +107,15 @@ def _swinging(e: EffectView) -> dict[str, Expression]:
     return {"stretch": e.p.frequency * e.x.swing, "swing": e.p.frequency * over}
 
 
-def _on_bodies(at: Place) -> bool:
-    return not at.between and any(same_dimension(at.speed.unit, u) for u in ("m/s", "rad/s"))
-
-
 # Two bodies m1, driven, and m2, joined by a spring, taken as one of m1 + m2: the second one feels
 # the drive through the spring, share 1; the first one, where that is read, feels -m2 / m1 of it.
 elastic_drive = Law(
     "elastic_drive",
     "F = F + share (y - F), y'' / w^2 + 2 d y' / w + y = F + 2 d F' / w",
-    each("force", "acceleration", needs=("speed",), only=_on_bodies),
+    each(
+        "force", "acceleration", needs=("speed",),
+        only=lambda at: not at.between and same_dimension(at.speed.unit, "m/s", "rad/s"),
+    ),
     lambda at: (
         size("share", "1", 0.5, 5.0, "part that a spring passes on", signed=True),
         shape("frequency", "rad/s", 0.1 / at.interval, "at which the two swing",
@@ -254,10 +253,6 @@ class _Late:
         return {f"late{part}": value for part in self.parts}
 
 
-def _commands(survey: Survey) -> tuple[Place, ...]:
-    return tuple(q for q in survey.places if q.role in ("command", "valve_command") or q.commanded)
-
-
 def _common_clock(survey: Survey) -> Iterator[Fit]:
     found = survey.fitting("measurement")
     if len(found) > 1:
@@ -266,7 +261,8 @@ def _common_clock(survey: Survey) -> Iterator[Fit]:
 
 def _late_input(survey: Survey, _: Place) -> tuple[str, ...]:
     """Name the delay of the only input: whatever moves is late by it, or is read late by it."""
-    commands, alone = _commands(survey), survey.inputs_alone
+    alone, roles = survey.inputs_alone, ("command", "valve_command")
+    commands = [q for q in survey.places if q.role in roles or q.commanded]
     if len(survey.model.inputs) != 1 or len(commands) + len(alone) != 1:
         return ()
     if alone:

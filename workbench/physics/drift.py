@@ -21,6 +21,7 @@ from workbench.physics.law import (
     drives,
     each,
     floor,
+    known,
     sensors,
     shape,
     share,
@@ -60,8 +61,7 @@ def _warmed(at: Place) -> tuple[Own, Own]:
     return (
         shape("time_constant", "s", at.lasting, "time constant; long, it is a ramp",
               around=(0.05, 100.0)),
-        shape("lasting", "s", at.lasting, "length of the recordings", around=(1.0, 1.0),
-              source="", fitted=False),
+        known("lasting", "s", at.lasting, "length of the recordings"),
     )  # fmt: skip
 
 
@@ -480,8 +480,7 @@ def _range(at: Place) -> tuple[Own, Own]:
     return (
         shape("middle", over.unit, 0.5 * (low + high), "middle of the range seen",
               around=None, source="", fitted=False),
-        shape("reach", over.unit, 0.5 * (high - low) or 1.0, "half of the range seen",
-              around=(1.0, 1.0), source="", fitted=False),
+        known("reach", over.unit, 0.5 * (high - low) or 1.0, "half of the range seen"),
     )  # fmt: skip
 
 
@@ -522,11 +521,6 @@ def along_curve(model: Model, effect: Effect) -> dict[float, float]:
     return {float(at): float(_curve(p, value, ca.DM(at))) for at in places}
 
 
-def _largest_drive(at: Place) -> float:
-    over = at.signals.get("over")
-    return max(map(abs, over.seen)) if over and over.seen else 1.0
-
-
 def _resisting(survey: Survey) -> Iterator[Fit]:
     """Yield parameters that divide or multiply what drives a flow: a resistance, a conductance."""
     for q, places in gained(survey):
@@ -549,7 +543,9 @@ turbulent_flow = Law(
     _resisting,
     lambda at: (
         size("part", "1", 0.3, 100.0, "turbulent part of the resistance, over the laminar one"),
-        shape("largest", "1", _largest_drive(at), "largest drive seen", source="", fitted=False),
+        shape(
+            "largest", "1", at.other("over").largest, "largest drive seen", source="", fitted=False
+        ),
     ),
     _hindered,
     of_parameter=True,

@@ -230,12 +230,8 @@ def _of_bearing(at: PortView) -> Expression:
 
 
 def _typical(at: Place) -> float:
-    unit = at.signals["bearing_load_1"].unit if "bearing_load_1" in at.signals else "N"
+    unit = at.other("bearing_load_1").unit
     return {"N": 5e-5 * at.scale, "Pa": 1e-7 * at.scale}.get(unit, 0.05)
-
-
-def _load_unit(at: Place) -> str:
-    return at.signals["bearing_load_1"].unit if "bearing_load_1" in at.signals else "1"
 
 
 load_dependent_friction = Law(
@@ -243,7 +239,7 @@ load_dependent_friction = Law(
     "T = -coefficient (sum of loads) tanh(v / transition_speed)",
     each(*RESISTED, needs=("speed", "bearing_load_1")),
     lambda at: (
-        size("coefficient", per(at.unit, _load_unit(at)), _typical(at),
+        size("coefficient", per(at.unit, at.other("bearing_load_1").unit), _typical(at),
              20.0 * _typical(at), "friction over load", resists=True),
         transition(at),
     ),
@@ -312,12 +308,8 @@ def _joints(survey: Survey) -> Iterator[Fit]:
 
 def _damping(at: Place) -> tuple[str, float, Local]:
     """Return unit and typical size of a damping, and the speed over which it acts."""
-    speed = at.other("turning")
-    return (
-        (at.parameters[0].unit, at.parameters[0].scale, speed)
-        if at.parameters
-        else ("1", 1.0, speed)
-    )
+    unit, scale = (at.parameters[0].unit, at.parameters[0].scale) if at.parameters else ("1", 1.0)
+    return unit, scale, at.other("turning")
 
 
 def _friction(at: Place) -> tuple[Own, ...]:

@@ -22,19 +22,8 @@ class Hypothesis:
         typical_size: Usual magnitude, in the parameter's unit.
         law: Name of the law; the effect's name may add where it acts.
         shapes: Values of other parameters worth trying before a fit, in their units, by short name;
-            the first are the effect's own.
-        details: Values of details from which their refit begins, in their units, as soon as the law
-            was found.
-        stiff: Whether it brings rates well beyond 1000 1/s, for which explicit integrators need
-            short steps.
-        whole: Whether the largest size is all that there can be, such as the whole of a load, and
-            not a bound of plausibility.
-        far: Whether its usual sizes are beyond where the derivative at size zero tells of them, as
-            with delays: a refit then begins at the priors too, not only where the last one ended.
-        evident: Whether the recordings themselves show it, such as a sensor that stands at an end:
-            a score is not asked.
-        same_as: Names of entries that give the very same measurements, whatever is recorded.
-        usual: Whether machines usually have some of it that nobody tells a controller of.
+            like all that follows but the last as `workbench.physics.law.Law` has it.
+        details: Values of details from which their refit begins, in their units.
         alone: The same law at each of its places alone, where several share its parameters.
 
     Example:

@@ -181,21 +181,24 @@ def shape(
     )  # fmt: skip
 
 
+def known(name: str, unit: str, value: float, text: str) -> Own:
+    """State a number, in ``unit``, that is as it is, and that no fit changes."""
+    return shape(name, unit, value, text, around=(1.0, 1.0), source="", fitted=False)
+
+
 def floor(at: Place, intervals: float) -> Own:
     """State the time that keeps a law regular at zero size: short beside what samples show.
 
     Args:
         intervals: How many sampling intervals it is, dimensionless.
     """
-    return shape("floor", "s", intervals * at.interval, "time that keeps it regular at zero size",
-                 around=(1.0, 1.0), source="", fitted=False)  # fmt: skip
+    return known("floor", "s", intervals * at.interval, "time that keeps it regular at zero size")
 
 
 def rounding(at: Place) -> Own:
     """State the speed within which the regularised form of a law rounds the reversal."""
-    return shape("rounding_speed", at.speed.unit, 1e-5 * at.speed.scale,
-                 "speed that rounds the reversal in regularised equations", around=(1.0, 1.0),
-                 source="", fitted=False)  # fmt: skip
+    text = "speed that rounds the reversal in regularised equations"
+    return known("rounding_speed", at.speed.unit, 1e-5 * at.speed.scale, text)
 
 
 Site = tuple[Place, ...]
@@ -229,11 +232,12 @@ class Law:
         details: Values of details from which their refit begins, in their units, where that is not
             where they stand.
         dry: Whether it is friction or play without a slope at rest.
-        stiff: Whether it brings rates well beyond 1000 1/s.
-        far: Whether its usual sizes are beyond where the derivative at size zero tells of them.
-        whole: Whether the largest size is all that there can be.
+        stiff: Whether it brings rates well beyond 1000 1/s: explicit integrators need short steps.
+        far: Whether its usual sizes are beyond where the derivative at size zero tells of them, as
+            with delays: a refit then begins at the priors too.
+        whole: Whether the largest size is all that there can be, such as the whole of a load.
         usual: Whether machines usually have some of it that nobody tells a controller of.
-        evident: Whether the recordings themselves show it at a place.
+        evident: Whether the recordings themselves show it at a place: a score is not asked.
         of_parameter: Whether it changes a parameter of the model.
         moment: Name of the parameter that is the time of an event, on a clock that is a state.
         period: Name of the parameter with which that event repeats, in s.

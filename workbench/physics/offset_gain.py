@@ -22,6 +22,7 @@ from workbench.physics.law import (
     each,
     first_of,
     gain_of,
+    known,
     sensors,
     shape,
     size,
@@ -215,8 +216,7 @@ def _bend(typical: Callable[[Place], float]) -> Callable[[Place], tuple[Own, ...
                  signed=True),
             shape("straight", at.unit, 0.5 * (low + high), "where the curve has no error",
                   around=None, between=(low - 10.0 * reach, high + 10.0 * reach), scale=reach),
-            shape("reach", at.unit, reach, "length of the range seen", around=(1.0, 1.0),
-                  source="", fitted=False),
+            known("reach", at.unit, reach, "length of the range seen"),
         )  # fmt: skip
 
     return parameters
@@ -275,8 +275,7 @@ def _coupled(at: Place) -> tuple[Own, ...]:
               around=None, source="", fitted=False),
         shape("exponent", "1", 1.0, "1 for what goes in proportion, 1/2 for a leak",
               around=(0.25, 4.0), refined=True),
-        shape("most", cause.unit, max(map(abs, cause.seen or (cause.scale,))) or cause.scale,
-              "largest value of the other signal seen", around=(1.0, 1.0), source="", fitted=False),
+        known("most", cause.unit, cause.largest, "largest value of the other signal seen"),
     )  # fmt: skip
 
 

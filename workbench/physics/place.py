@@ -143,6 +143,11 @@ class Local:
     multiplied: bool = False
 
     @property
+    def largest(self) -> float:
+        """Largest magnitude that was seen, in ``unit``; the typical size if none was."""
+        return _largest(self.seen) or self.scale
+
+    @property
     def apart(self) -> str:
         """Name under which the range of a difference of two states is kept."""
         return f"{self.ratio:.9g} {self.source} - {self.minus}"
@@ -516,7 +521,8 @@ class Survey:
                 signals["level"] = self._of(stores[0].name)
             if head := self._emptied(index):
                 signals["head"] = self._of(head)
-                filled = [q for q in self._moved[index] if self._fills(q, index)]
+                raised = {n for n, i in self._state_index.items() if self._pushed[i, index] > 0.0}
+                filled = [q for q in self._moved[index] if q.name in raised]
                 if len(filled) == 1 and len(self._moved[index]) == 2:
                     signals["back"] = self._of(filled[0].name)
         if output is not None and output.name in self._measured:
@@ -593,7 +599,11 @@ class Survey:
         speeds: list[str] = [s for s in origins if s in ("speed", "velocity")]
         speeds += [s for s, o in origins.items() if o in self._integral and s not in speeds]
         speeds += [s for s in origins if s.endswith(("_speed", "_velocity")) and s not in speeds]
-        moved = [q for q in self._moved[index] if self._is_speed(q, unit)]
+        moved = [
+            q
+            for q in self._moved[index]
+            if q.name in self._integral or same_dimension(q.unit, f"{unit}/s")
+        ]
         if unit == "1" and len(self._moved[index]) == 1:
             # The water in a pipe: what accelerates it acts on a flow in m3/s.
             moved = list(self._moved[index])
@@ -1114,9 +1124,6 @@ class Survey:
         moves = same_dimension(state.unit, *_SPEEDS)
         return not moves and (state.name in self._integral or state.unit == "A")
 
-    def _is_speed(self, state: State, unit: str) -> bool:
-        return state.name in self._integral or same_dimension(state.unit, f"{unit}/s")
-
     def _of(self, name: str) -> Local:
         q = self._known[name]
         lower, upper = getattr(q, "lower", -math.inf), getattr(q, "upper", math.inf)
@@ -1197,10 +1204,6 @@ class Survey:
         """Tell whether a port that no input enters drives one body on and another one back."""
         pushes = self._pushed[[self._state_index[q.name] for q in self._moved[index]], index]
         return not any(self._entered[index]) and bool((pushes > 0).any() and (pushes < 0).any())
-
-    def _fills(self, state: State, index: int) -> bool:
-        """Tell whether more of the signal at a port raises a state."""
-        return bool(self._pushed[self._state_index[state.name], index] > 0.0)
 
     def _emptied(self, index: int) -> str:
         """Return the level that drives a flow and falls with it; empty if there is none."""

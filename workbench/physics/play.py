@@ -16,6 +16,7 @@ from workbench.physics.law import (
     by_port,
     each,
     floor,
+    known,
     sensors,
     shape,
     size,
@@ -91,8 +92,7 @@ command_play = Law(
     lambda at: (
         size("half_width", at.unit, _SLACK * at.scale, 0.5 * at.scale, "half of the slack"),
         shape("floor", at.unit, 0.001 * at.scale, "slack added to the follower's", fitted=False),
-        shape("time", "s", 0.4 * at.interval, "time in which the follower comes near",
-              around=(1.0, 1.0), source="", fitted=False),
+        known("time", "s", 0.4 * at.interval, "time in which the follower comes near"),
     ),
     _kept_back,
     # A wider guess leaves the slack, beyond which a filter does not learn where it is.
@@ -157,8 +157,7 @@ command_stiction = Law(
         size("share", "1", 0.5, 1.0, "part of the command that goes through what sticks"),
         shape("band", at.unit, 0.02 * at.scale, "change of the command that moves it",
               around=(0.02, 25.0), fitted=False),
-        shape("interval", "s", at.interval, "sampling interval, in which it jumps",
-              around=(1.0, 1.0), source="", fitted=False),
+        known("interval", "s", at.interval, "sampling interval, in which it jumps"),
     ),
     _stuck,
     states=lambda at: (
@@ -287,8 +286,7 @@ elastic_play = Law(
     lambda at: (
         size("half_width", at.coordinate.unit, 0.05 * at.coordinate.scale,
              5.0 * at.coordinate.scale, "half of the slack"),
-        shape("floor", at.coordinate.unit, 1e-3 * at.coordinate.scale, "motion in which they meet",
-              around=(1.0, 1.0), source="", fitted=False),
+        known("floor", at.coordinate.unit, 1e-3 * at.coordinate.scale, "motion in which they meet"),
         _parted(at),
     ),
     _slack_taken,
@@ -318,11 +316,9 @@ freewheel = Law(
     each(*EFFORTS, needs=("coordinate", "speed"), only=lambda at: at.between and at.elastic),
     lambda at: (
         share_of_sign(),
-        shape("floor", at.coordinate.unit, 1e-4 * at.coordinate.scale,
-              "distance over which it takes hold in regularised equations",
-              around=(1.0, 1.0), source="", fitted=False),
-        shape("time", "s", 0.05 * at.interval, "time in which what overtakes is let go",
-              around=(1.0, 1.0), source="", fitted=False),
+        known("floor", at.coordinate.unit, 1e-4 * at.coordinate.scale,
+              "distance over which it takes hold in regularised equations"),
+        known("time", "s", 0.05 * at.interval, "time in which what overtakes is let go"),
     ),
     _overtaken,
     states=lambda at: (

@@ -7,7 +7,6 @@ a limit out of reach makes the law visible to derivatives.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 
 import casadi as ca
@@ -15,7 +14,6 @@ import casadi as ca
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression
 from workbench.physics.law import (
-    Fit,
     Law,
     Own,
     at_inputs_too,
@@ -29,7 +27,7 @@ from workbench.physics.law import (
     size,
     together,
 )
-from workbench.physics.place import EFFORTS, Place, Survey, per
+from workbench.physics.place import EFFORTS, Place, per
 
 
 def _above(at: PortView) -> Expression:
@@ -42,24 +40,12 @@ def _beyond(at: PortView) -> Expression:
 
 
 def _limit(at: Place, usual: float) -> tuple[Own, ...]:
+    far, around = 20.0 * at.scale, (0.05, 20.0) if usual > 0.0 else None
     return (
         share("share of the excess that is cut"),
-        shape("limit", at.unit, usual, "the limit", around=(0.05, 20.0), scale=at.scale)
-        if usual > 0.0
-        else shape(
-            "limit",
-            at.unit,
-            usual,
-            "the limit",
-            around=None,
-            between=(usual - 20.0 * at.scale, usual + 20.0 * at.scale),
-            scale=at.scale,
-        ),
-    )
-
-
-def _limited(at: Place) -> tuple[Own, ...]:
-    return _limit(at, _limits(at)[0]["limit"])
+        shape("limit", at.unit, usual, "the limit", around=around,
+              between=(usual - far, usual + far), scale=at.scale),
+    )  # fmt: skip
 
 
 def _limits(at: Place) -> list[dict[str, float]]:
@@ -74,7 +60,7 @@ saturation = at_inputs_too(
         "saturation",
         "y = u - share (excess of u beyond the limit, above and below)",
         drives("flow"),
-        _limited,
+        lambda at: _limit(at, _limits(at)[0]["limit"]),
         _beyond,
         shapes=_limits,
         source="end of the range of a sensor or drive",
@@ -193,14 +179,13 @@ rectification = Law(
 )  # fmt: skip
 
 
-def _both_signs(at: Place) -> bool:
-    return "measured" in at.signals and at.signals["measured"].lower < 0.0
-
-
 sensor_rectification = Law(
     "sensor_rectification",
     "y = u + share (|u| - u)",
-    sensors(together=False, only=_both_signs),
+    sensors(
+        together=False,
+        only=lambda at: "measured" in at.signals and at.signals["measured"].lower < 0.0,
+    ),
     lambda at: (size("share", "1", 1.0, 1.0, "share of the magnitude in the reading"),),
     lambda at: at.value
     + at.p.share * (at.form.absolute(at.value, 0.01 * at.scale) - at.value),
@@ -219,11 +204,6 @@ def _shifted(at: PortView) -> Expression:
     return at.p.centre + above - below
 
 
-def _bands(survey: Survey) -> Iterator[Fit]:
-    yield from each("spool")(survey)
-    yield from drives()(survey)
-
-
 def _band(at: Place) -> tuple[Own, ...]:
     usual = (0.1 if at.role == "spool" else 0.05) * at.scale
     return (
@@ -239,7 +219,7 @@ dead_band = at_inputs_too(
     Law(
         "dead_band",
         "y = max(0, u - w) - max(0, -u - w)",
-        _bands,
+        together(each("spool"), drives()),
         _band,
         _shifted,
         dry=True,

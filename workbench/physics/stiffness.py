@@ -15,7 +15,7 @@ from workbench.model import PortView
 from workbench.model.regularisation import Expression
 from workbench.model.units import same_dimension
 from workbench.physics.friction import transition
-from workbench.physics.law import Fit, Law, Own, by_port, each, sensors, shape, size, twins
+from workbench.physics.law import Fit, Law, Own, by_port, each, known, sensors, shape, size, twins
 from workbench.physics.place import COORDINATES, RESISTED, Place, Survey, per
 
 
@@ -142,9 +142,8 @@ def _stop(at: Place, *places: Own) -> tuple[Own, ...]:
         *places,
         shape("loss", per("1", at.speed.unit), 0.0, "force lost over speed, relative to it",
               around=None, between=(0.0, 10.0 / at.speed.scale), scale=0.1 / at.speed.scale),
-        shape("touch", at.coordinate.unit, 1e-4 * (high - low or 1.0),
-              "distance over which a contact begins in regularised equations",
-              around=(1.0, 1.0), source="", fitted=False),
+        known("touch", at.coordinate.unit, 1e-4 * (high - low or 1.0),
+              "distance over which a contact begins in regularised equations"),
     )  # fmt: skip
 
 

@@ -128,8 +128,9 @@ def _usually(*levels: Local) -> Own:
     """State the absolute temperature between those that exchange heat."""
     middles = [0.5 * sum(q.seen) if q.seen else q.start for q in levels]
     usual = sum(middles) / len(middles) + _zero(levels[0]).value
-    return shape("usual", "K", usual or _ZERO, "usual absolute temperature", source="",
-                 fitted=False)  # fmt: skip
+    return shape(
+        "usual", "K", usual or _ZERO, "usual absolute temperature", source="", fitted=False
+    )
 
 
 def _wet(survey: Survey) -> Iterator[Fit]:
@@ -260,12 +261,8 @@ def _brim(at: Place) -> tuple[Own, ...]:
         shape("level_scale", level.unit, level.scale, "typical level", source="", fitted=False),
         sense(at),
         floor(at, 0.5),
-        *((caught, _below(at.others[0])) if at.others else ()),
+        *((caught, replace(sense(at.others[0]), name="sense_below")) if at.others else ()),
     )  # fmt: skip
-
-
-def _below(at: Place) -> Own:
-    return replace(sense(at), name="sense_below")
 
 
 overflow = Law(
@@ -467,8 +464,7 @@ exchange_with_input = Law(
 
 def _of_head(at: Place) -> Own:
     head = at.signals["head"]
-    typical = max(map(abs, head.seen)) if head.seen else head.scale
-    return shape("level_scale", head.unit, typical, "typical level", source="", fitted=False)
+    return shape("level_scale", head.unit, head.largest, "typical level", source="", fitted=False)
 
 
 def _of_drop(at: Place) -> Own:
@@ -502,11 +498,6 @@ outflow_exponent = Law(
 )
 
 
-def _lowered(at: PortView) -> Expression:
-    level = ca.SX(at.signals.head)
-    return ca.substitute(ca.SX(at.value), level, level + at.p.height)
-
-
 outlet_head = Law(
     "outlet_head",
     "flow = flow(level + height)",
@@ -516,7 +507,9 @@ outlet_head = Law(
              "head of the outlet below the zero of the level", signed=True),
         _of_head(at),
     ),
-    _lowered,
+    lambda at: ca.substitute(
+        ca.SX(at.value), ca.SX(at.signals.head), ca.SX(at.signals.head) + at.p.height
+    ),
     source="E. Torricelli 1643: what counts is the height above the end of the pipe",
     look_alikes=("outflow_exponent", "linear_outflow", "orifice_outflow", "offset"),
     separated_by="let the store run empty: with a pipe below it still flows at level zero",
@@ -539,25 +532,17 @@ def _growth(of: Callable[[Place], Local], *, signed: bool) -> Callable[[Place], 
     return parameters
 
 
-def _less(at: PortView) -> Expression:
-    return at.value * (1.0 + at.p.growth * at.signals.speed**2)
-
-
 saturating_inductance = Law(
     "saturating_inductance",
     "L = L_0 / (1 + growth i^2)",
     each("circuit", needs=("speed",), only=lambda at: at.whole),
     _growth(lambda at: at.speed, signed=False),
-    _less,
+    lambda at: at.value * (1.0 + at.p.growth * at.signals.speed**2),
     usual=True,
     source="O. Froelich 1881, magnetisation of iron",
     look_alikes=("viscous_friction", "cubic_drag", "varying_capacitance"),
     separated_by="steps of the voltage at a small and at a large current: the rise is steeper",
 )
-
-
-def _stored(at: PortView) -> Expression:
-    return at.value * _falling(at.p.growth * at.signals.level**2)
 
 
 varying_capacitance = replace(
@@ -566,7 +551,7 @@ varying_capacitance = replace(
     equation="C = C_0 (1 + growth u^2)",
     where=each("current", needs=("level",), only=lambda at: at.whole),
     parameters=_growth(lambda at: at.level, signed=True),
-    transform=_stored,
+    transform=lambda at: at.value * _falling(at.p.growth * at.signals.level**2),
     source="ceramic of high permittivity, junction of a diode",
     look_alikes=("saturating_inductance", "linear_outflow"),
     separated_by="the same current into the capacitor at a small and at a large voltage",

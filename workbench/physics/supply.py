@@ -164,8 +164,7 @@ def _fed(e: EffectView) -> dict[str, Expression]:
         e.here.value, e.x.pressure, temperature, temperature, e.p.conductance, _CRITICAL_RATIO,
         form=e.form,
     )  # fmt: skip
-    stiffness = AIR.heat_ratio * AIR.gas_constant * temperature / e.p.volume
-    return {"pressure": stiffness * (feed - _drawn(e))}
+    return {"pressure": _stiffness(e, temperature) * (feed - _drawn(e))}
 
 
 def _reservoir(feed: Own) -> Callable[[Place], tuple[Own, ...]]:

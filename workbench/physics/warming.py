@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from workbench.model import PortView, State
-from workbench.model.regularisation import Expression
+from workbench.model import State
 from workbench.physics.drift import gained
 from workbench.physics.law import Fit, Law, Own, shape, size, with_subject
 from workbench.physics.place import Local, Place, Survey
@@ -29,9 +28,9 @@ def _over(at: Place) -> Local:
 
 
 def _largest(at: Place) -> Own:
-    over = _over(at)
-    most = max(map(abs, over.seen)) if over.seen else over.scale
-    return shape("largest", over.unit, most or 1.0, "largest value seen", source="", fitted=False)
+    return shape(
+        "largest", _over(at).unit, _over(at).largest, "largest value seen", source="", fitted=False
+    )
 
 
 def _changing(at: Place) -> tuple[Own, ...]:
@@ -45,16 +44,12 @@ def _changing(at: Place) -> tuple[Own, ...]:
     )  # fmt: skip
 
 
-def _hot(at: PortView) -> Expression:
-    return with_subject(at, at.subject + at.p.amount * at.x.warmth)
-
-
 own_warming = Law(
     "own_warming",
     "parameter + amount w, dw/dt = ((i / i_largest)^2 - w) / time_constant",
     _warmed,
     _changing,
-    _hot,
+    lambda at: with_subject(at, at.subject + at.p.amount * at.x.warmth),
     states=lambda at: (
         State("warmth", "1", 1.0, "heat stored, over that of the largest value", start_rms=0.5),
     ),

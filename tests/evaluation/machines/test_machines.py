@@ -30,7 +30,7 @@ def test_a_force_map_is_held_point_by_point(tmp_path: Path) -> None:
     rows = ["pressure_Pa,length_m,force_N"]
     for pressure in (2e5, 4e5, 6e5):
         for length in (0.30, 0.29, 0.28, 0.27):
-            cell = model.rates([0.0], [pressure, 0.3 - length], values=model.values)[0] * 0.01
+            cell = model.rates([0.0], [pressure, 0.3 - length])[0] * 0.01
             rows.append(f"{pressure:.0f},{length:.3f},{cell:.3f}")
     rows.append("50000,0.270,0")
     file = tmp_path / "map.csv"
