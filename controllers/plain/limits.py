@@ -229,8 +229,12 @@ class LoopLimits:
         h, own, size = want.sample_time, loop.linear, loop.linear.state_scales
         A, B, C = own.A * size / size[:, None], own.B / size[:, None], loop.seen * size
         self.want, self.loop, self.outputs, self.sensors = want, loop, len(own.C), len(C)
-        lags = [(0.0, lag) for lag in sorted({0.0, want.sensor_lag})]
-        self.plants = sampled_at(A, B, C, (True,) * len(C), lags, h)
+
+        def plants(late: float) -> list[tuple[Matrix, Matrix, Matrix]]:
+            corners = [(late, lag) for lag in sorted({0.0, want.sensor_lag})]
+            return sampled_at(A, B, C, (True,) * len(C), corners, h)
+
+        self.plants, self._plants_late = plants(0.0), plants
         z = np.exp(1j * ANGLE)
         self.responses = [
             transfer_function(a, b, c, np.zeros((len(c), b.shape[1])), z) for a, b, c in self.plants
@@ -426,31 +430,28 @@ class LoopLimits:
             top = max(1.0, float(judged.excess[held].max()))
             return found[held[k]], float(errors[k]), least, top
 
+        def beside(steps: tuple[int, ...], *far: int) -> list[tuple[int, ...]]:
+            """Return the places in the grid with one output some steps away."""
+            moved = [
+                tuple(s + by * (i == j) for j, s in enumerate(steps))
+                for i in range(self.outputs)
+                for most in far
+                for by in (-most, most)
+            ]
+            return [one for one in moved if all(0 <= s < count for s in one)]
+
         best, error, least, top = best_among(places)
         if apart and self.outputs > 1:
             alike = sorted({steps for steps, _ in places})[:: apart[0]]
-            moved = [
-                tuple(s + by * (i == j) for j, s in enumerate(steps))
-                for steps in alike
-                for i in range(self.outputs)
-                for far in apart
-                for by in (-far, far)
-            ]
-            moved = [one for one in moved if all(0 <= s < count for s in one)]
+            moved = [one for steps in alike for one in beside(steps, *apart)]
             best, error, least, top = best_among([best[1], *((one, best[1][1]) for one in moved)])
         # A loop of one output that holds what grows keeps the margins that it has.
         changed = count and (self.outputs > 1 or not self.growing)
         for stride in STRIDES if changed else ():
             while True:
                 steps, other = best[1]
-                near = [
-                    tuple(s + by * (i == j) for j, s in enumerate(steps))
-                    for i in range(self.outputs)
-                    for by in (-stride, stride)
-                ]
-                near = [one for one in near if all(0 <= s < count for s in one)]
                 try:
-                    found, judged, laws = answers([(one, other) for one in near])
+                    found, judged, laws = answers([(one, other) for one in beside(steps, stride)])
                 except WorkbenchError:
                     break
                 held = np.flatnonzero(judged.excess <= top).tolist()
@@ -497,7 +498,7 @@ class LoopLimits:
         if not 0 < count <= MOST_LATE:
             return self
         found = copy(self)
-        found.plants = [_late(plant, count) for plant in self.plants]
+        found.plants = self._plants_late(count * self.want.sample_time)
         return found
 
     @property
@@ -1071,17 +1072,6 @@ def _closed(plant: tuple[Matrix, Matrix, Matrix], laws: LinearLaw) -> tuple[Matr
     return closed, entry
 
 
-def _late(plant: tuple[Matrix, Matrix, Matrix], count: int) -> tuple[Matrix, Matrix, Matrix]:
-    """Return a sampled plant whose commands act so many samples late."""
-    A, B, C = plant
-    n, m = B.shape
-    over = np.eye(n + count * m, k=-m)
-    over[:n], over[n : n + m] = 0.0, 0.0
-    over[:n, :n], over[:n, n + (count - 1) * m :] = A, B
-    entry = np.eye(n + count * m, m, k=-n)
-    return over, entry, np.hstack([C, np.zeros((len(C), count * m))])
-
-
 def settled_after(law: Any, linear: LinearModel, steps: Mapping[str, float]) -> float:
     """Return the time, in s, after which steps, in SI of the outputs, have settled within 2 %.
 
@@ -1145,14 +1135,27 @@ def cost(found: Answer, least: Vector, overshoot: float) -> Vector:
     return np.asarray(np.sum(found.errors / least, axis=1) * penalty)
 
 
-def much_better(helped: Answer, alone: Answer, overshoot: float) -> bool:
+def much_better(
+    limits: LoopLimits, wider: LoopLimits, answered: Callable[[LoopLimits], tuple[float, Answer]]
+) -> bool:
     """Tell whether a loop makes so much less of an error that what it reads more is worth it.
 
     Args:
-        overshoot: Of a step of a reference that is allowed, as a fraction of it.
+        limits: Those of the loop without.
+        wider: Those of the loop that reads more.
+        answered: Returns the excess, a ratio, and the answer of a loop within limits.
     """
-    least = np.minimum(helped.errors.min(axis=0), alone.errors.min(axis=0))
-    with_it, without = (float(cost(one, least, overshoot)[0]) for one in (helped, alone))
+    found = []
+    for tried in (limits, wider):
+        try:
+            excess, own = answered(tried)
+        except WorkbenchError:
+            return False
+        if excess > 1.0:
+            return False
+        found.append(own)
+    least = np.min([one.errors.min(axis=0) for one in found], axis=0)
+    without, with_it = (float(cost(one, least, limits.want.overshoot)[0]) for one in found)
     return with_it < MUCH * without
 
 

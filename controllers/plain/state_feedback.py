@@ -37,6 +37,7 @@ from controllers.design import Design
 from controllers.linear_law import LinearLaw
 from controllers.plain.limits import (
     LAGS,
+    Answer,
     LoopLimits,
     ReadingSpecification,
     much_better,
@@ -314,17 +315,12 @@ def reachable_speed(limits: LoopLimits) -> float:
 
 def reading_helps(limits: LoopLimits, wider: LoopLimits) -> bool:
     """Tell whether a state feedback within limits is much better if it reads more outputs."""
-    found = []
-    for tried in (limits, wider):
-        try:
-            law = stacked([_coarsely(tried)[0].around_rest()])
-        except WorkbenchError:
-            return False
-        if tried.judge(law).excess[0] > 1.0:
-            return False
-        found.append(tried.answered(law))
-    alone, helped = found
-    return much_better(helped, alone, limits.want.overshoot)
+
+    def answered(tried: LoopLimits) -> tuple[float, Answer]:
+        law = stacked([_coarsely(tried)[0].around_rest()])
+        return float(tried.judge(law).excess[0]), tried.answered(law)
+
+    return much_better(limits, wider, answered)
 
 
 def _coarsely(limits: LoopLimits) -> tuple[ObserverLaw, tuple[float, ...]]:

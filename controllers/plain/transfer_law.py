@@ -506,17 +506,12 @@ def _cascade_helps(want: PlainPIDSpecification, limits: LoopLimits, wider: LoopL
     """Tell whether a cascade within limits is much better than a PID of its output alone."""
     if limits.outputs > 1 or len(limits.loop.actuators) > 1:
         return False
-    found = []
-    for tried in (limits, wider):
-        try:
-            best = _best([_tuned(tried, want, one) for one in _begun(tried, want)], want)
-        except WorkbenchError:
-            return False
-        if best.excess > 1.0:
-            return False
-        found.append(best.answer)
-    alone, helped = found
-    return much_better(helped, alone, want.overshoot)
+
+    def answered(tried: LoopLimits) -> tuple[float, Answer]:
+        best = _best([_tuned(tried, want, one) for one in _begun(tried, want)], want)
+        return best.excess, best.answer
+
+    return much_better(limits, wider, answered)
 
 
 def _within(linear: LinearModel, want: PlainPIDSpecification, limits: LoopLimits) -> TransferLaw:
