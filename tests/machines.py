@@ -1,18 +1,54 @@
-"""What tests of machines share: states in a word, a machine at rest, a step with a law."""
+"""What tests of machines share: quantities in a word, a machine at rest, a step with a law."""
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from workbench.linearisation import LinearModel, linearise
-from workbench.model import Model, State
+from workbench.model import Input, Model, Output, Parameter, State
 from workbench.operating_point import operating_point
 from workbench.verification import metrics, step_scenario, verify
 
+_QUANTITY = re.compile(r"(\w+) (\S+(?: [A-Za-z][^ =]*)*)((?: \S+)*)")
 
-def states(*told: str) -> tuple[State, ...]:
-    """Return states, each told as ``"name unit"``."""
-    return tuple(State(*each.split(maxsplit=1)) for each in told)
+
+def _told(kind: Any, text: str, *numbers: str) -> tuple[Any, ...]:
+    """Return quantities, each told as ``name unit`` and its numbers, further ones ``name=1``."""
+    found = []
+    for each in filter(None, text.split(", ")):
+        name, unit, rest = _QUANTITY.fullmatch(each).groups()  # type: ignore[union-attr]
+        words = rest.split()
+        named = dict(word.split("=") for word in words if "=" in word)
+        named |= zip(numbers, (word for word in words if "=" not in word), strict=False)
+        given = {key: v if key == "display_unit" else float(v) for key, v in named.items()}
+        fitted = {"fitted": True} if kind is Parameter and "upper" in named else {}
+        found.append(kind(name, unit, **given, **fitted))
+    return tuple(found)
+
+
+def machine(
+    equations: Any,
+    states: str,
+    inputs: str,
+    outputs: str,
+    parameters: str = "",
+    name: str = "machine",
+) -> Model:
+    """Return the model of a machine whose quantities are told as text.
+
+    ``"speed m/s 2, angle rad"`` are two states, the first of which starts at 2. Behind an input
+    stand its ends and what is usual, behind an output the rms of its noise, behind a parameter its
+    value and, where a fit may change it, its bounds; whatever else is told by name, ``scale=10``.
+    """
+    return Model(
+        name,
+        equations,
+        states=_told(State, states, "initial"),
+        inputs=_told(Input, inputs, "lower", "upper", "nominal"),
+        outputs=_told(Output, outputs, "noise_rms"),
+        parameters=_told(Parameter, parameters, "value", "lower", "upper"),
+    )
 
 
 def at_rest(model: Model, **at: float) -> LinearModel:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -10,6 +11,8 @@ from controllers.joint.hysteresis_compensation import HysteresisCompensation
 from controllers.joint.learning import MotionLearning
 from controllers.joint.schedule import JointSchedule
 from workbench.linearisation import LinearModel
+from workbench.model import Model
+from workbench.verification import Scenario, Steps, metrics, verify
 
 Make = Callable[[JointSchedule, LinearModel], Any]
 
@@ -28,6 +31,23 @@ def family(name: str, **numbers: Any) -> Make:
         return designed(name, source, **numbers)
 
     return make
+
+
+def moves(times: tuple[float, ...], *angles: float, **told: Any) -> Scenario:
+    """Return a staircase of the angle, in degrees, from 0 s and from each of some times."""
+    steps = Steps((0.0, *times), tuple(math.radians(a) for a in angles))
+    return Scenario("moves", {"angle": steps}, **told)
+
+
+def assert_settles(law: Any, plant: Model, scenario: Scenario, within: float) -> None:
+    """Assert that every step ends in time, with next to no overshoot, and at rest."""
+    found = {name: each.value for name, each in metrics(verify(law, plant, scenario)).items()}
+    assert found["settling_time"] < within
+    assert found["overshoot"] < 0.05
+    assert found["steady_error"] < math.radians(0.05)
+    assert found["oscillation"] < math.radians(0.05)
+    assert found["stop_impacts"] == 0.0
+    assert found.get("fallbacks", 0.0) == 0.0
 
 
 CLOSED_FORM: dict[str, Make] = {

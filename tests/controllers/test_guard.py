@@ -20,12 +20,12 @@ from controllers.guard import (
 )
 from controllers.joint.schedule import JointSchedule
 from controllers.linear_law import linear_law
-from controllers.plain.transfer_law import PlainPIDSpecification, design_plain_pid
+from tests.controllers.families import designed
 from tests.controllers.families import family as family_of
+from tests.machines import at_rest, machine
 from workbench.errors import WorkbenchError
-from workbench.linearisation import LinearModel, linearise
-from workbench.model import Input, Model, Output, State
-from workbench.operating_point import operating_point
+from workbench.linearisation import LinearModel
+from workbench.model import Model
 from workbench.verification import Run, SignalFault, guarded, metrics, step_scenario, verify
 
 DEG = math.pi / 180.0
@@ -323,28 +323,24 @@ def test_refusals(linear: LinearModel) -> None:
         told(hold=-1)
 
 
-def two_pumps(noise: float = 0.0) -> Model:
-    """A tank that one pump fills through a pipe, and another that nobody steps."""
-    return Model(
-        "tank",
+def guarded_pump(noise: float) -> Guarded:
+    """A PID of a tank that one pump fills through a pipe, and another that nobody steps."""
+    plant = machine(
         lambda m: (
             {"flow": (m.u.pump - m.x.flow) / 5.0, "h": 0.01 * (m.x.flow + m.u.other - m.x.h)},
             {"h": m.x.h},
         ),
-        states=(State("flow", "m/s", 1.0), State("h", "m", 1.0)),
-        inputs=(
-            Input("other", "m/s", 1.0, lower=-5.0, upper=5.0),
-            Input("pump", "m/s", 1.0, lower=-5.0, upper=5.0),
-        ),
-        outputs=(Output("h", "m", 1.0, noise_rms=noise),),
+        "flow m/s scale=1, h m scale=1",
+        "other m/s -5 5 scale=1, pump m/s -5 5 scale=1",
+        f"h m {noise} scale=1",
     )
+    rest = {"h": 0.0, "other": 0.0}
+    law = designed("plain-pid", at_rest(plant, **rest), actuator="pump", sample_time=0.5)
+    return guarded(law, plant, at=rest)
 
 
 def test_a_stuck_sensor_is_found_where_another_input_is_not_commanded() -> None:
-    plant = two_pumps(1e-3)
-    linear = linearise(operating_point(plant, {"h": 0.0, "other": 0.0}), verdict=False)
-    want = PlainPIDSpecification(actuator="pump", sample_time=0.5)
-    guard = guarded(design_plain_pid(linear, want), plant, at={"h": 0.0, "other": 0.0})
+    guard = guarded_pump(1e-3)
     assert guard.guard.estimator is not None
     random, x, highest, found = np.random.default_rng(3), np.zeros(2), 0.0, set()
     state, stuck = guard.initial_state((0.0,)), 0.0
@@ -363,10 +359,7 @@ def test_a_stuck_sensor_is_found_where_another_input_is_not_commanded() -> None:
 
 
 def test_noise_is_no_oscillation() -> None:
-    plant = two_pumps(0.03)
-    linear = linearise(operating_point(plant, {"h": 0.0, "other": 0.0}), verdict=False)
-    want = PlainPIDSpecification(actuator="pump", sample_time=0.5)
-    guard = guarded(design_plain_pid(linear, want), plant, at={"h": 0.0, "other": 0.0})
+    guard = guarded_pump(0.03)
     state, random = guard.initial_state((0.0,)), np.random.default_rng(5)
     for _ in range(2000):
         _, state, info = guard.step(state, (float(random.normal(0.0, 0.03)),), (0.0,))

@@ -13,11 +13,11 @@ from controllers.largest_bandwidth import largest_bandwidth
 from controllers.mpc.along_plan import ScheduledMPCSpecification, design_scheduled_mpc
 from controllers.pid import ScheduledPIDSpecification, design_scheduled_pid
 from controllers.sensitivity import loop_matrices, peak_sensitivities
-from tests.controllers.families import Make, family
+from tests.controllers.families import Make, assert_settles, family, moves
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
 from workbench.model import Model
-from workbench.verification import Scenario, Sine, Steps, metrics, verify
+from workbench.verification import Scenario, Sine, metrics, verify
 
 DESIGNS = {
     "pid": family("scheduled-pid"),
@@ -27,27 +27,15 @@ DESIGNS = {
     "mpc": family("scheduled-mpc"),
 }
 
-ANGLES = (20.0, 35.0, 50.0, 20.0)
-STEPS = Scenario(
-    "steps",
-    {"angle": Steps((0.0, 0.1, 0.9, 1.7), tuple(math.radians(a) for a in ANGLES))},
-    duration=2.5,
-    settle=0.3,
-)
+STEPS = moves((0.1, 0.9, 1.7), 20, 35, 50, 20, duration=2.5, settle=0.3)
 
 
 @pytest.mark.parametrize("make", DESIGNS.values(), ids=DESIGNS.keys())
 def test_steps_settle_fast_without_overshoot(
     make: Make, schedule: JointSchedule, linear: LinearModel, plant_with_hysteresis: Model
 ) -> None:
-    found = metrics(verify(make(schedule, linear), plant_with_hysteresis, STEPS))
     # 30 degrees within 0.4 s, half of what unscheduled designs need
-    assert found["settling_time"].value < 0.4
-    assert found["overshoot"].value < 0.05
-    assert found["steady_error"].value < math.radians(0.05)
-    assert found["oscillation"].value < math.radians(0.05)
-    if "fallbacks" in found:
-        assert found["fallbacks"].value == 0.0
+    assert_settles(make(schedule, linear), plant_with_hysteresis, STEPS, 0.4)
 
 
 def test_a_sine_at_1_hz_is_followed(schedule: JointSchedule, plant_with_hysteresis: Model) -> None:

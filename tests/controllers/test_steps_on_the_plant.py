@@ -13,17 +13,12 @@ import numpy as np
 import pytest
 
 from controllers import AnglePD, design_mpc, design_pid, design_sliding_mode
+from tests.controllers.families import assert_settles, moves
 from workbench.linearisation import LinearModel
 from workbench.model import Model
-from workbench.verification import Scenario, Steps, metrics, verify
+from workbench.verification import metrics, verify
 
-ANGLES = (15.0, 45.0, 30.0, 15.0)
-
-STEPS = Scenario(
-    "15, 45, 30, 15 deg",
-    {"angle": Steps((0.0, 0.2, 1.7, 3.2), tuple(math.radians(a) for a in ANGLES))},
-    duration=4.7,
-)
+STEPS = moves((0.2, 1.7, 3.2), 15, 45, 30, 15, duration=4.7)
 
 
 @pytest.mark.parametrize("hysteresis", [False, True], ids=["nominal", "hysteresis"])
@@ -31,15 +26,7 @@ STEPS = Scenario(
 def test_steps_settle_without_limit_cycle(
     design: Any, hysteresis: bool, linear: LinearModel, plant: Model, plant_with_hysteresis: Model
 ) -> None:
-    run = verify(design(linear), plant_with_hysteresis if hysteresis else plant, STEPS)
-    found = metrics(run)
-    assert found["steady_error"].value < math.radians(0.05)
-    assert found["oscillation"].value < math.radians(0.05)
-    assert found["settling_time"].value < 0.5
-    assert found["overshoot"].value < 0.05
-    assert found["stop_impacts"].value == 0.0
-    if "fallbacks" in found:
-        assert found["fallbacks"].value == 0.0
+    assert_settles(design(linear), plant_with_hysteresis if hysteresis else plant, STEPS, 0.5)
 
 
 @pytest.mark.parametrize("design", [design_pid, design_sliding_mode, design_mpc])
@@ -64,10 +51,8 @@ def test_linear_run_predicts_the_plant(linear: LinearModel, plant: Model) -> Non
 
 
 def test_plain_pd_on_the_angle_limit_cycles(plant_with_hysteresis: Model) -> None:
-    step = Scenario(
-        "step", {"angle": Steps((0.0, 0.2), (math.radians(15), math.radians(45)))}, duration=6.0
-    )
-    run = verify(AnglePD(0.8, 0.2, derivative_filter=0.005), plant_with_hysteresis, step)
+    law = AnglePD(0.8, 0.2, derivative_filter=0.005)
+    run = verify(law, plant_with_hysteresis, moves((0.2,), 15, 45, duration=6.0))
     swing = float(np.std(run["angle"][run.time > 3.0]))
     # 2 to 3 degrees rms; it neither dies out nor grows to the stops.
     assert math.radians(1.5) < swing < math.radians(4.0)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.machines import machine
 from workbench.linearisation.command_curve import CommandCurve, command_curves
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model import Model, Scope
 from workbench.model.regularisation import Expression
 from workbench.model.trace import Equations
 from workbench.operating_point import operating_point
@@ -29,13 +30,12 @@ def bath(power: str = "square") -> Model:
         rates = {"temperature": rate / 12e3, "supply": (2.0 * u - x.supply) / 5.0}
         return rates, {"temperature": x.temperature}
 
-    return Model(
-        "bath",
+    return machine(
         equations,
-        states=(State("temperature", "K", 20.0, initial=20.0), State("supply", "V", initial=65.0)),
-        inputs=(Input("volts", "V", lower=0.0, upper=230.0),),
-        outputs=(Output("temperature", "K", 20.0, noise_rms=0.02, display_unit="K"),),
-        parameters=(Parameter("capacity", "J/K", value=12e3),),
+        "temperature K 20 scale=20, supply V 65",
+        "volts V 0 230",
+        "temperature K 0.02 scale=20 display_unit=K",
+        "capacity J/K 12e3",
     )
 
 

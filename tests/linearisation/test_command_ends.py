@@ -8,10 +8,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from workbench.linearisation import linearise
-from workbench.model import Input, Model, Output, Scope, State
+from tests.machines import at_rest, machine
+from workbench.model import Scope
 from workbench.model.trace import Equations
-from workbench.operating_point import operating_point
 
 
 def _tank(m: Scope) -> Equations:
@@ -23,20 +22,13 @@ def _tank(m: Scope) -> Equations:
 
 
 def test_a_command_ends_where_the_equations_no_longer_answer() -> None:
-    tank = Model(
-        "tank",
+    tank = machine(
         _tank,
-        states=(State("level", "1", initial=1.0),),
-        inputs=(
-            Input("valve", "1", nominal=0.5),
-            Input("goal", "1", nominal=1.0),
-            Input("leak", "1"),
-            Input("soft", "1", lower=-100.0),
-            Input("root", "1"),
-        ),
-        outputs=(Output("level", "1"),),
+        "level 1 1",
+        "valve 1 nominal=0.5, goal 1 nominal=1, leak 1, soft 1 lower=-100, root 1",
+        "level 1",
     )
-    linear = linearise(operating_point(tank), verdict=False)
+    linear = at_rest(tank)
     known = linear.operating_point.model
     ends = {q.name: (q.lower, q.upper) for q in known.inputs}
     assert ends["valve"] == pytest.approx((0.0, 1.0), abs=1e-9)
@@ -58,14 +50,8 @@ def test_ends_that_move_are_told_with_the_states_that_move_them() -> None:
         rates = {"way": m.x.speed, "speed": force - 0.1 * m.x.speed, "heat": force - m.x.heat}
         return rates, {"way": m.x.way}
 
-    cart = Model(
-        "cart",
-        drive,
-        states=(State("way", "m"), State("speed", "m/s"), State("heat", "1")),
-        inputs=(Input("other", "1"), Input("goal", "m/s", lower=-5.0)),
-        outputs=(Output("way", "m"),),
-    )
-    linear = linearise(operating_point(cart), verdict=False)
+    cart = machine(drive, "way m, speed m/s, heat 1", "other 1, goal m/s lower=-5", "way m")
+    linear = at_rest(cart)
     assert linear.ends[:, 1] == pytest.approx(np.array([[-0.025, 0, 1, 0], [0.025, 0, 1, 0]]))
     assert np.isinf(linear.ends[:, 0, 0]).all()
     # The loop within does not let go of a speed that swings further than it reaches.

@@ -10,11 +10,11 @@ import control as ct
 import numpy as np
 import pytest
 
+from tests.machines import at_rest, machine
 from tests.physics.one_way import iso6358
 from workbench.errors import WorkbenchError
 from workbench.linearisation import linearise, to_iosystem
 from workbench.linearisation.actuator_inverse import ActuatorInverse, straightened_point
-from workbench.model import Input, Model, Output, State
 from workbench.operating_point import OperatingPoint, operating_point
 from workbench.plants.arm import arm
 from workbench.plants.arm.arm import two_valve_arm
@@ -205,17 +205,12 @@ def test_a_slope_that_passes_zero_smoothly_is_no_kink() -> None:
         }
         return rates, {"swing": swing}
 
-    crane = Model(
-        "crane",
+    crane = machine(
         equations,
         # A rope of any length: its size is a guess, and a poor one.
-        states=(
-            State("swing", "rad", 7.0),
-            State("rate", "rad/s", 0.04),
-            State("rope", "m", 4e3, initial=4.0),
-        ),
-        inputs=(Input("pull", "m/s2", 4.0), Input("winch", "m/s", 0.5)),
-        outputs=(Output("swing", "rad", 7.0),),
+        "swing rad scale=7, rate rad/s scale=0.04, rope m 4 scale=4e3",
+        "pull m/s2 scale=4, winch m/s scale=0.5",
+        "swing rad scale=7",
     )
     assert linearise(operating_point(crane, {"rope": 4.0})).verdict.kinks == ()
 
@@ -231,14 +226,8 @@ def test_play_and_overlap_are_led_through_and_no_end_of_the_model() -> None:
             "load": m.x.load
         }
 
-    states = (("motor", "rad"), ("fast", "rad/s"), ("load", "rad"), ("slow", "rad/s"))
-    servo = Model(
-        "servo",
-        gear,
-        states=tuple(State(*q) for q in states),
-        inputs=(Input("volts", "V", lower=-24.0, upper=24.0),),
-        outputs=(Output("load", "rad", resolution=1e-3),),
-    )
+    states = "motor rad, fast rad/s, load rad, slow rad/s"
+    servo = machine(gear, states, "volts V -24 24", "load rad resolution=1e-3")
     linear = linearise(operating_point(servo))
     # Within the play no voltage moves the load; both sides of it turn together.
     assert linear.A[3, 0] == pytest.approx(5.0 / 4e-4, rel=0.02)
@@ -247,14 +236,13 @@ def test_play_and_overlap_are_led_through_and_no_end_of_the_model() -> None:
     assert linearise(operating_point(servo), amplitude={}).A[3, 0] == 0.0
 
     def valve(past: Any) -> float:
-        cylinder = Model(
-            "cylinder",
+        cylinder = machine(
             lambda m: ({"x": (0.5 * past(m.u.spool) - m.x.x) / 0.03}, {"x": m.x.x}),
-            states=(State("x", "m/s"),),
-            inputs=(Input("spool", "1", lower=-1.0, upper=1.0),),
-            outputs=(Output("x", "m/s"),),
+            "x m/s",
+            "spool 1 -1 1",
+            "x m/s",
         )
-        return float(linearise(operating_point(cylinder), verdict=False).B[0, 0]) * 0.03 / 0.5
+        return float(at_rest(cylinder).B[0, 0]) * 0.03 / 0.5
 
     overlap = valve(lambda u: np.where(u > 0.05, u - 0.05, np.minimum(u + 0.05, 0.0)))
     assert 0.9 < overlap < 1.0
@@ -264,17 +252,16 @@ def test_play_and_overlap_are_led_through_and_no_end_of_the_model() -> None:
 
 def test_a_belt_that_sticks_at_rest_is_linearised_where_it_moves() -> None:
     def belt(bend: Any) -> float:
-        made = Model(
-            "belt",
+        made = machine(
             lambda m: (
                 {"speed": (m.u.force - 40.0 * m.x.speed - bend(m)) / 200.0},
                 {"y": m.x.speed},
             ),
-            states=(State("speed", "m/s"),),
-            inputs=(Input("force", "N", lower=-800.0, upper=800.0),),
-            outputs=(Output("y", "m/s"),),
+            "speed m/s",
+            "force N -800 800",
+            "y m/s",
         )
-        return float(-200.0 * linearise(operating_point(made), verdict=False).A[0, 0])
+        return float(-200.0 * at_rest(made).A[0, 0])
 
     # Friction of 120 N over some 10 m/s, not 120 N over 1 cm/s.
     assert 40.0 < belt(lambda m: 120.0 * ca.tanh(m.x.speed / 0.01)) < 80.0

@@ -8,32 +8,31 @@ import control as ct
 import numpy as np
 import pytest
 
+from tests.machines import at_rest, machine
 from workbench.linearisation import linear_model, linearise
 from workbench.linearisation.pace import horizon_of, reach_of, step_time, usual_sample_time
-from workbench.model import Input, Model, Output, Parameter, State
+from workbench.model import Model
 from workbench.operating_point import operating_point
 
 
 def lag(time: float, integrates: bool = False) -> Model:
     """A first-order lag, with an integrator behind it or not."""
-    states = (State("x", "K"), *((State("sum", "K s"),) * integrates))
-    return Model(
-        "lag",
+    return machine(
         lambda m: (
             {"x": (m.u.u - m.x.x) / m.p.time, **({"sum": m.x.x} if integrates else {})},
             {"y": m.x.x},
         ),
-        states=states,
-        inputs=(Input("u", "K", lower=-10.0, upper=10.0),),
-        outputs=(Output("y", "K"),),
-        parameters=(Parameter("time", "s", value=time),),
+        "x K" + integrates * ", sum K s",
+        "u K -10 10",
+        "y K",
+        f"time s {time}",
     )
 
 
 @pytest.mark.parametrize("time", [3e-6, 0.2, 2500.0])
 @pytest.mark.parametrize("integrates", [False, True])
 def test_three_lags_at_every_scale(time: float, integrates: bool) -> None:
-    linear = linearise(operating_point(lag(time, integrates)), verdict=False)
+    linear = at_rest(lag(time, integrates))
     assert horizon_of(linear) == pytest.approx(3.0 * time)
     shown = step_time(linear)
     assert 2.0 <= shown / horizon_of(linear) < 5.0 + 1e-9
@@ -54,7 +53,7 @@ def test_what_integrates_goes_as_far_whatever_slows_it_down() -> None:
         known = linear_model(body * swing, limits={"u_0": (-1.0, 1.0)}).operating_point.model
         # Equations of which nobody knows that they are linear.
         plant = replace(known, equations=lambda m: known.equations(m))
-        return reach_of(linearise(operating_point(plant), verdict=False), "y_0")
+        return reach_of(at_rest(plant), "y_0")
 
     # A body on a spring that swings far faster than it is slowed down.
     assert 0.5 < reach(0.001) / reach(0.1) < 2.0
@@ -79,22 +78,16 @@ def test_a_delay_does_not_make_a_step_tiny(late: float) -> None:
 
 def pipe(late: float) -> Model:
     """A tank that fills at the end of a pipe, its delay by a Pade function of first order."""
-    return Model(
-        "pipe",
-        lambda m: (
+    return machine(lambda m: (
             {"on_the_way": 2.0 / late * (m.u.u - m.x.on_the_way),
              "level": 2.0 * m.x.on_the_way - m.u.u},
             {"level": m.x.level},
-        ),
-        states=(State("on_the_way", "m/s"), State("level", "m")),
-        inputs=(Input("u", "m/s", lower=-1.0, upper=1.0),),
-        outputs=(Output("level", "m"),),
-    )  # fmt: skip
+        ), "on_the_way m/s, level m", "u m/s -1 1", "level m")  # fmt: skip
 
 
 @pytest.mark.parametrize("late", [0.01, 1.0, 100.0])
 def test_what_goes_the_wrong_way_first_is_given_time(late: float) -> None:
-    filled = linearise(operating_point(pipe(late)), verdict=False)
+    filled = at_rest(pipe(late))
     # Five times the time in which the level is back where it was, at 1 m/s.
     assert 2.0 * late < reach_of(filled, "level") < 10.0 * late
 

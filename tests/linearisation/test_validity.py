@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.machines import machine
 from workbench.errors import WorkbenchError
 from workbench.linearisation import amplitude_validity, frequency_validity, linearise
 from workbench.linearisation.validity import FrequencyValidity
-from workbench.model import Input, Model, Output, State
 from workbench.operating_point import operating_point
 from workbench.physics.friction import coulomb_friction
 from workbench.plants.arm import arm
@@ -90,27 +90,25 @@ def test_a_band_of_one_frequency_is_no_range() -> None:
 
 
 def test_steps_are_written_in_the_unit_in_which_people_read_the_input() -> None:
-    heater = Model(
-        "heater",
+    heater = machine(
         lambda m: ({"warm": (m.u.power - m.x.warm) / 50.0}, {"warm": m.x.warm}),
-        states=(State("warm", "K", 1.0),),
-        inputs=(Input("power", "1", 1.0, nominal=0.5, lower=0.0, upper=1.0, display_unit="%"),),
-        outputs=(Output("warm", "1", 1.0),),
+        "warm K scale=1",
+        "power 1 0 1 0.5 scale=1 display_unit=%",
+        "warm 1 scale=1",
     )
     told = str(amplitude_validity(linearise(operating_point(heater, {"power": 0.5}))))
     assert "to 50 % (warm moves up to 0.475); closest" in told and "closest at 50 % with" in told
 
 
 def test_steps_of_an_unstable_plant_end_before_it_has_run_away() -> None:
-    plasma = Model(
-        "plasma",
+    plasma = machine(
         lambda m: (
             {"z": 60 * m.x.z + 0.02 * m.x.i, "i": (m.u.v - 0.1 * m.x.i) / 0.03},
             {"z": m.x.z},
         ),
-        states=(State("z", "m", 0.01), State("i", "A", 50.0)),
-        inputs=(Input("v", "V", 100.0, lower=-100.0, upper=100.0),),
-        outputs=(Output("z", "m", 0.01),),
+        "z m scale=0.01, i A scale=50",
+        "v V -100 100 scale=100",
+        "z m scale=0.01",
     )
     holds = linearise(operating_point(plasma)).verdict.amplitude
     assert holds.horizon == pytest.approx(3.0 / 60.0, rel=0.05)
@@ -118,8 +116,7 @@ def test_steps_of_an_unstable_plant_end_before_it_has_run_away() -> None:
 
 
 def test_no_sine_is_tried_on_what_grows_before_it_shows() -> None:
-    body = Model(
-        "body on wheels",
+    body = machine(
         lambda m: (
             {
                 "speed": 0.385 * m.u.torque - 0.24 * m.x.speed - 10.0 * m.x.pitch,
@@ -128,9 +125,9 @@ def test_no_sine_is_tried_on_what_grows_before_it_shows() -> None:
             },
             {"speed": m.x.speed},
         ),
-        states=(State("speed", "m/s"), State("pitch", "rad"), State("rate", "1/s")),
-        inputs=(Input("torque", "N m", lower=-60.0, upper=60.0),),
-        outputs=(Output("speed", "m/s"),),
+        "speed m/s, pitch rad, rate 1/s",
+        "torque N m -60 60",
+        "speed m/s",
     )
     # It had grown beyond all numbers, with warnings, before the first period was over.
     found = linearise(operating_point(body)).verdict.frequency

@@ -7,10 +7,9 @@ from dataclasses import replace
 import pytest
 
 from controllers.plain.transfer_law import PlainPIDSpecification, design_plain_pid
-from workbench.linearisation import linearise
-from workbench.model import Input, Model, Output, Parameter, State
+from tests.machines import at_rest, machine
+from workbench.model import Model
 from workbench.model.units import of_difference, parse_unit, quantity
-from workbench.operating_point import operating_point
 from workbench.recordings.case import noise_of
 from workbench.verification import Requirement, metrics, step_scenario, verify
 
@@ -22,16 +21,12 @@ def house() -> Model:
         rates = {"room": (m.u.heater + heat) / 5e6, "wall": (lost - heat) / 8e7}
         return rates, {"room": m.x.room}
 
-    return Model(
-        "house",
+    return machine(
         equations,
-        states=(State("room", "K", initial=293.15), State("wall", "K", initial=290.15)),
-        inputs=(
-            Input("heater", "W", lower=0.0, upper=8000.0, nominal=2000.0),
-            Input("outside", "K", nominal=278.15, display_unit="degC"),
-        ),
-        outputs=(Output("room", "K", noise_rms=0.05, display_unit="degC"),),
-        parameters=(Parameter("UA", "W/K", value=800.0),),
+        "room K 293.15, wall K 290.15",
+        "heater W 0 8000 2000, outside K nominal=278.15 display_unit=degC",
+        "room K 0.05 display_unit=degC",
+        "UA W/K 800",
     )
 
 
@@ -51,7 +46,7 @@ def test_a_difference_is_read_without_the_zero() -> None:
 def test_metrics_of_a_temperature() -> None:
     # Outside is a disturbance: what the controller does not command rests.
     plant = house()
-    linear = linearise(operating_point(plant, {"room": 293.15, "outside": 278.15}), verdict=False)
+    linear = at_rest(plant, room=293.15, outside=278.15)
     heater = linear.select(inputs=["heater"])
     law = design_plain_pid(heater, PlainPIDSpecification(sample_time=500.0))
     scenario = step_scenario("room", 20.0, 22.0, unit="degC", lead=1e4, hold=4e5, sample_time=500.0)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.newcomers import crane, drivetrain
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from tests.machines import machine
+from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.physics.library import library
 from workbench.physics.offset_gain import gain
@@ -28,16 +29,12 @@ def tanks(*, shared: bool = False) -> Model:
             {"level": m.x.right},
         )
 
-    return Model(
-        "tanks",
+    return machine(
         equations,
-        states=(State("left", "m", initial=1.0), State("right", "m", initial=0.5)),
-        inputs=(Input("speed", "rad/s"),),
-        outputs=(Output("level", "m"),),
-        parameters=(
-            Parameter("resistance", "s/m2", value=4.0, lower=0.1, fitted=True),
-            Parameter("pump", "m3/rad", value=1e-3, lower=0.0, fitted=True),
-        ),
+        "left m 1, right m 0.5",
+        "speed rad/s",
+        "level m",
+        "resistance s/m2 4 0.1 inf, pump m3/rad 1e-3 0 inf",
     )
 
 

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from tests.machines import machine
 from workbench.errors import WorkbenchError
 from workbench.model import (
     Effect,
@@ -289,13 +290,12 @@ def test_an_accelerometer_feels_what_acts_at_a_rate(tilted: bool) -> None:
             "felt": felt, "load": m.p.k * m.x.travel, "speed": m.x.speed,
         }  # fmt: skip
 
-    cabin = Model(
-        "cabin",
+    cabin = machine(
         equations,
-        states=(State("travel", "m", 0.1), State("speed", "m/s", 1.0)),
-        inputs=(Input("force", "N", 100.0),),
-        outputs=(Output("felt", "m/s2"), Output("load", "N"), Output("speed", "m/s")),
-        parameters=(Parameter("k", "N/m", value=2e4), Parameter("mass", "kg", value=250.0)),
+        "travel m scale=0.1, speed m/s scale=1",
+        "force N scale=100",
+        "felt m/s2, load N, speed m/s",
+        "k N/m 2e4, mass kg 250",
     )
     pushed = cabin.with_effect(adds(3.0, port="speed.rate"))
     x, u = np.array([0.02, 0.3]), np.array([500.0])
@@ -310,16 +310,12 @@ def test_a_meter_of_the_flow_into_a_store_reads_what_acts_on_it() -> None:
         flow = (m.u.pressure - m.x.volume / m.p.compliance) / m.p.resistance
         return {"volume": flow}, {"flow": flow, "volume": m.x.volume}
 
-    lung = Model(
-        "lung",
+    lung = machine(
         equations,
-        states=(State("volume", "m3", 5e-4),),
-        inputs=(Input("pressure", "Pa", 2e3),),
-        outputs=(Output("flow", "m3/s", 1e-3), Output("volume", "m3", 5e-4)),
-        parameters=(
-            Parameter("resistance", "Pa s/m3", value=1e6),
-            Parameter("compliance", "m3/Pa", value=4e-7),
-        ),
+        "volume m3 scale=5e-4",
+        "pressure Pa scale=2000",
+        "flow m3/s scale=1e-3, volume m3 scale=5e-4",
+        "resistance Pa s/m3 1e6, compliance m3/Pa 4e-7",
     )
     more = lung.with_effect(adds(1e-4, port="volume.rate"))
     x, u = np.array([2e-4]), np.array([1e3])
@@ -338,15 +334,11 @@ def test_a_parameter_that_multiplies_two_things_has_no_argument() -> None:
 
 
 def test_a_law_means_the_state_where_an_input_has_its_name() -> None:
-    press = Model(
-        "press",
-        lambda m: (
-            {"ram": m.x.speed, "speed": m.u.speed - 2.0 * m.x.speed},
-            {"ram": m.x.ram},
-        ),
-        states=(State("ram", "m"), State("speed", "m/s")),
-        inputs=(Input("speed", "m/s2"),),
-        outputs=(Output("ram", "m"),),
+    press = machine(
+        lambda m: ({"ram": m.x.speed, "speed": m.u.speed - 2.0 * m.x.speed}, {"ram": m.x.ram}),
+        "ram m, speed m/s",
+        "speed m/s2",
+        "ram m",
     )
     rubbed = press.with_effect(coulomb_friction("speed.rate", level=3.0, transition_speed=1e-6))
     assert rubbed.rates([0.0, -1.0], [7.0])[1] == pytest.approx(7.0 + 2.0 + 3.0)
@@ -367,13 +359,7 @@ def test_what_a_newcomer_writes_first_is_refused_with_what_to_write(
     equations: Any, told: str
 ) -> None:
     def tank() -> Model:
-        return Model(
-            "tank",
-            equations,
-            states=(State("level", "m"),),
-            inputs=(Input("inflow", "m/s"),),
-            outputs=(Output("level", "m"),),
-        )
+        return machine(equations, "level m", "inflow m/s", "level m")
 
     with pytest.raises(WorkbenchError, match=told), warnings.catch_warnings():
         operating_point(adopt(tank, "my_plants:tank").model())
@@ -381,26 +367,21 @@ def test_what_a_newcomer_writes_first_is_refused_with_what_to_write(
 
 def test_functions_of_numbers_are_refused_where_symbols_stand() -> None:
     with pytest.raises(WorkbenchError, match="rate of level of 'tank' is not a number"):
-        Model(
-            "tank",
-            lambda m: ({"level": m.u.inflow - math.sin(m.x.level)}, {"level": m.x.level}),
-            states=(State("level", "m"),),
-            inputs=(Input("inflow", "m/s"),),
-            outputs=(Output("level", "m"),),
+        tank(
+            equations=lambda m: ({"level": m.u.inflow - math.sin(m.x.level)}, {"level": m.x.level})
         )
 
 
 def test_functions_of_numpy_stand_in_equations_without_a_word() -> None:
     def model() -> Model:
-        return Model(
-            "cooling",
+        return machine(
             lambda m: (
                 {"warmth": m.u.heat - np.maximum(np.exp(m.x.warmth), np.sqrt(m.x.warmth))},
                 {"warmth": m.x.warmth},
             ),
-            states=(State("warmth", "1"),),
-            inputs=(Input("heat", "1"),),
-            outputs=(Output("warmth", "1"),),
+            "warmth 1",
+            "heat 1",
+            "warmth 1",
         )
 
     with warnings.catch_warnings():
@@ -412,14 +393,7 @@ def test_a_model_with_other_values_is_opened_with_them() -> None:
     def equations(m: Scope):  # type: ignore[no-untyped-def]
         return {"level": (m.u.pump - m.x.level) / m.p.area}, {"level": m.x.level}
 
-    tank = Model(
-        "tank",
-        equations,
-        states=(State("level", "m"),),
-        inputs=(Input("pump", "m"),),
-        outputs=(Output("level", "m"),),
-        parameters=(Parameter("area", "s", value=2.0),),
-    )
+    tank = machine(equations, "level m", "pump m", "level m", "area s 2")
     assert tank.opened().parameter("area").value == 2.0
     assert tank.with_parameters({"area": 3.0}).opened().parameter("area").value == 3.0
 

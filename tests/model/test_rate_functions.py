@@ -9,8 +9,8 @@ import control as ct
 import numpy as np
 import pytest
 
+from tests.machines import at_rest
 from workbench.errors import WorkbenchError
-from workbench.linearisation import linearise
 from workbench.model.rate_functions import model_of_rates
 from workbench.operating_point import operating_point
 from workbench.plants.plant import adopt
@@ -36,7 +36,7 @@ SYSTEMS = {
 @pytest.mark.parametrize("tool", SYSTEMS)
 def test_rates_are_a_plant(tool: str) -> None:
     model = adopt(SYSTEMS[tool], "mine:plant").model({})
-    linear = linearise(operating_point(model), verdict=False)
+    linear = at_rest(model)
     assert np.allclose(linear.A, [[0.0, 1.0], [-4.0, -0.4]]) and np.allclose(linear.B.T, [[0, 1]])
     # Without outputs all states are measured.
     assert len(model.outputs) == (2 if "dae" in tool else 1)
@@ -46,7 +46,7 @@ def test_parameters_of_a_system_may_be_refitted() -> None:
     (gravity,) = model_of_rates(SYSTEMS["control"]).parameters
     assert (gravity.name, gravity.value, gravity.fitted) == ("g", 4.0, True)
     heavier = model_of_rates(SYSTEMS["control"]).with_parameters({"g": 9.0})
-    linear = linearise(operating_point(heavier), verdict=False)
+    linear = at_rest(heavier)
     assert linear.A[1, 0] == pytest.approx(-9.0)
 
 
@@ -69,5 +69,5 @@ def test_what_is_no_plant_is_told(system: Any, message: str) -> None:
 def test_tuples_of_scipy_are_systems() -> None:
     for system in (([2.0], [1.0, 3.0]), ([], [-3.0], 2.0), ([[-3.0]], [[1.0]], [[2.0]], [[0.0]])):
         model = adopt(system, "mine:plant").model({})
-        linear = linearise(operating_point(model), verdict=False)
+        linear = at_rest(model)
         assert np.allclose(linear.A, -3.0) and np.allclose(linear.C @ linear.B, 2.0)

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from tests.machines import machine
 from workbench.diagnosis.problem import Problem
 from workbench.diagnosis.refit_report import run_refit
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model import Model, Output, Scope
 from workbench.model.trace import Equations
 from workbench.recordings.recording import Recording, Signal
 from workbench.simulation import simulate
@@ -25,16 +26,12 @@ def tank(*, guarded: bool = False) -> Model:
         outflow = m.p.orifice * ca.sqrt(2.0 * 9.81 * level)
         return {"level": (m.p.pump * m.u.voltage - outflow) / 1.5e-3}, {"level": m.x.level}
 
-    return Model(
-        "tank",
+    return machine(
         equations,
-        states=(State("level", "m", initial=0.1),),
-        inputs=(Input("voltage", "V", lower=0.0, upper=10.0),),
-        outputs=(Output("level", "m"),),
-        parameters=(
-            Parameter("pump", "m3/(s V)", value=3e-6, lower=5e-7, upper=2e-5, fitted=True),
-            Parameter("orifice", "m2", value=8e-6, lower=1e-6, upper=1e-4, fitted=True),
-        ),
+        "level m 0.1",
+        "voltage V 0 10",
+        "level m",
+        "pump m3/(s V) 3e-6 5e-7 2e-5, orifice m2 8e-6 1e-6 1e-4",
     )
 
 

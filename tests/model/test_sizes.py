@@ -15,6 +15,7 @@ from controllers.plain.mpc import PlainMPCSpecification, design_plain_mpc
 from controllers.plain.state_feedback import LQISpecification, design_lqi
 from controllers.plain.transfer_law import PlainPIDSpecification, design_plain_pid
 from controllers.sensitivity import peak_sensitivities
+from tests.machines import at_rest, machine
 from workbench.diagnosis.location.structure import cut
 from workbench.diagnosis.location.transfers import transfers
 from workbench.linearisation import linearise
@@ -105,7 +106,7 @@ def test_points_and_poles_follow_the_units(
 def test_loops_follow_the_units(pace: float, length: float, voltage: float) -> None:
     def scored(t: float, x: float, v: float) -> list[list[float]]:
         plant = stage(t, x, v)
-        linear = linearise(operating_point(plant, {"position": 0.0}), verdict=False)
+        linear = at_rest(plant, position=0.0)
         h = step_time(linear) / 1000
         rows = []
         for law in (
@@ -196,12 +197,11 @@ def test_every_law_of_the_library_follows_the_units(
 def test_a_bearing_that_sticks_at_the_start_is_sized_where_it_slides(
     sign: Callable[[ca.SX], ca.SX],
 ) -> None:
-    made = Model(
-        "bearing",
+    made = machine(
         lambda m: ({"v": m.u.force - 0.2 * sign(m.x.v) - 0.5 * m.x.v}, {"speed": m.x.v}),
-        states=(State("v", "m/s"),),
-        inputs=(Input("force", "N", lower=-1.0, upper=1.0),),
-        outputs=(Output("speed", "m/s"),),
+        "v m/s",
+        "force N -1 1",
+        "speed m/s",
     )
     # 1 N against 0.5 N s/m; stuck it would creep at 1 / (0.2 / 1e-3) = 5 mm/s.
     assert 0.5 < made.states[0].scale < 2.5
@@ -215,16 +215,12 @@ def test_equations_that_clip_an_input_tell_how_far_it_moves_a_plant(end: float) 
         turning = (0.05 * m.x.rudder - m.x.rate - 2000.0 * m.x.rate**3) / 20.0
         return {"heading": m.x.rate, "rate": turning, "rudder": steering}, {"heading": m.x.heading}
 
-    made = Model(
-        "ship",
-        ship,
-        states=(State("heading", "rad"), State("rate", "rad/s"), State("rudder", "rad")),
-        inputs=(Input("rudder", "rad", lower=-end, upper=end),),
-        outputs=(Output("heading", "rad"),),
+    made = machine(
+        ship, "heading rad, rate rad/s, rudder rad", f"rudder rad {-end} {end}", "heading rad"
     )
     # 0.05 of a rudder of 0.08 rad, or of the declared one; at 1 rad/s it would stop in 13 ms.
     assert 0.001 < made.states[1].scale < 0.05 * min(end, 0.5)
-    assert abs(linearise(operating_point(made), verdict=False).mode_of("rate").pole) < 0.2
+    assert abs(at_rest(made).mode_of("rate").pole) < 0.2
 
 
 def test_an_unstable_oscillation_gives_no_size_of_its_own() -> None:
@@ -234,13 +230,7 @@ def test_an_unstable_oscillation_gives_no_size_of_its_own() -> None:
             rates = {"x": growth * m.x.x + m.x.y + m.u.u, "y": growth * m.x.y - m.x.x}
             return rates, {"x": m.x.x}
 
-        spiral = Model(
-            "spiral",
-            equations,
-            states=(State("x", "m"), State("y", "m")),
-            inputs=(Input("u", "m/s", lower=-1.0, upper=1.0),),
-            outputs=(Output("x", "m"),),
-        )
+        spiral = machine(equations, "x m, y m", "u m/s -1 1", "x m")
         return max(q.scale for q in spiral.states)
 
     assert max(scale(g) for g in (0.5, 0.9, 1.0, 1.1)) < 4.0
@@ -264,25 +254,11 @@ def crane() -> Model:
         }
         return rates, {"place": m.x.place, "swing": swing}
 
-    return Model(
-        "crane",
+    return machine(
         equations,
-        states=(
-            State("place", "m"),
-            State("speed", "m/s"),
-            State("swing", "rad"),
-            State("rate", "rad/s"),
-            State("rope", "m", initial=4.0),
-            State("hoist", "m/s"),
-        ),
-        inputs=(
-            Input("drive", "N", lower=-900.0, upper=900.0),
-            Input("winch", "N", lower=0.0, upper=2500.0, nominal=1177.2),
-        ),
-        outputs=(
-            Output("place", "m", display_unit="mm"),
-            Output("swing", "rad", display_unit="deg"),
-        ),
+        "place m, speed m/s, swing rad, rate rad/s, rope m 4, hoist m/s",
+        "drive N -900 900, winch N 0 2500 1177.2",
+        "place m display_unit=mm, swing rad display_unit=deg",
     )
 
 
@@ -298,13 +274,7 @@ def test_a_curve_that_saturates_shows_no_more_than_from_end_to_end() -> None:
         strength = m.x.dose**2 / (m.x.dose**2 + 16.0)
         return {"dose": m.u.rate - 0.1 * m.x.dose}, {"awake": 95.0 * (1.0 - strength)}
 
-    drug = Model(
-        "drug",
-        effect,
-        states=(State("dose", "1", initial=4.0),),
-        inputs=(Input("rate", "1/s", lower=0.0, upper=60.0),),
-        outputs=(Output("awake", "1"),),
-    )
+    drug = machine(effect, "dose 1 4", "rate 1/s 0 60", "awake 1")
     # Of a dose of up to 600, where all sleep, the slope is 0.01 % of that at rest.
     assert 20.0 < drug.outputs[0].scale < 95.0
 
@@ -321,13 +291,7 @@ def test_a_lake_that_seems_empty_is_as_deep_as_its_gauge_says() -> None:
         outflow = 4.0 * m.u.gate * m.x.level**1.5
         return {"level": (m.u.inflow - outflow) / 2e5}, {"gauge": m.x.level}
 
-    lake = Model(
-        "lake",
-        equations,
-        states=(State("level", "m"),),
-        inputs=(Input("inflow", "m3/s"), Input("gate", "1", lower=0.0, upper=1.0)),
-        outputs=(Output("gauge", "m"),),
-    )
+    lake = machine(equations, "level m", "inflow m3/s, gate 1 0 1", "gauge m")
     # At its empty start nothing flows out, and nothing tells how high it will stand.
     assert lake.sized_by({"inflow": 10.0}).states[0].scale < 1e-3
     seen = lake.sized_by({"inflow": 10.0, "gauge": 1.2})
@@ -343,9 +307,7 @@ def test_what_grows_is_not_waited_for_where_drag_slows_its_growth() -> None:
         heavy = 5e-5 * (m.x.ballast + 0.5 * (m.x.depth - 50.0))
         return {"depth": m.x.w, "w": heavy - drag, "ballast": m.u.pump}, {"depth": m.x.depth}
 
-    states = State("depth", "m", initial=50.0), State("w", "m/s"), State("ballast", "kg")
-    pump = Input("pump", "kg/s", lower=-20.0, upper=20.0)
-    boat = Model("boat", equations, states, (pump,), (Output("depth", "m"),))
+    boat = machine(equations, "depth m 50, w m/s, ballast kg", "pump kg/s -20 20", "depth m")
     # 20 kg/s in the time of its growth, 250 s, sink it at about 2 m/s: (0.25 / 0.05)^0.5.
     depth, speed, _ = boat.states
     assert 1.0 < speed.scale < 4.0

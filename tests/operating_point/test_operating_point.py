@@ -11,16 +11,21 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
+from tests.machines import machine
 from workbench.errors import WorkbenchError
-from workbench.model import Input, Model, Output, State
-from workbench.operating_point import operating_point
+from workbench.operating_point import OperatingPoint, operating_point
 from workbench.physics.hysteresis import muscle_hysteresis
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
 from workbench.simulation import simulate
 
 ARM = arm(3.0)
-THREE_BAR = 3e5
+
+
+def at_three_bar(angle: float, **told: Any) -> OperatingPoint:
+    """Return the arm at rest at an angle in degrees and a mean pressure of 3 bar."""
+    given = {"angle": math.radians(angle), "mean_pressure": 3e5}
+    return operating_point(ARM, given, **told)
 
 
 @pytest.mark.parametrize(
@@ -31,7 +36,7 @@ THREE_BAR = 3e5
     ],
 )  # fmt: skip
 def test_pressures_in_the_horizontal_plane(angle_deg: float, p1_bar: float, p2_bar: float) -> None:
-    point = operating_point(ARM, {"angle": math.radians(angle_deg), "mean_pressure": THREE_BAR})
+    point = at_three_bar(angle_deg)
     # The table is printed to 0.01 bar.
     assert point["pressure_1"] / 1e5 == pytest.approx(p1_bar, abs=0.006)
     assert point["pressure_2"] / 1e5 == pytest.approx(p2_bar, abs=0.006)
@@ -40,7 +45,7 @@ def test_pressures_in_the_horizontal_plane(angle_deg: float, p1_bar: float, p2_b
 
 
 def test_only_the_mean_drifts() -> None:
-    point = operating_point(ARM, {"angle": math.radians(15), "mean_pressure": THREE_BAR})
+    point = at_three_bar(15)
     assert not point.is_equilibrium
     names = [q.name for q in ARM.states]
     drifting = {names[i] for i in np.flatnonzero(np.abs(point.rates) > 1e-3)}
@@ -51,7 +56,7 @@ def test_only_the_mean_drifts() -> None:
 
 
 def test_reported_drift_is_what_a_simulation_shows() -> None:
-    point = operating_point(ARM, {"angle": math.radians(15), "mean_pressure": THREE_BAR})
+    point = at_three_bar(15)
     run = simulate(ARM, np.tile(point.u, (26, 1)), sample_time=0.002, start=point.x, check=False)
     mean = 0.5 * (run["pressure_1"] + run["pressure_2"])
     # The drift decays with some 6 s, so it changes by less than 1 % in 50 ms.
@@ -149,14 +154,13 @@ def test_any_measurement_or_input_can_be_given() -> None:
 
 
 def test_a_start_nearby_gives_the_same_point() -> None:
-    first = operating_point(ARM, {"angle": 0.3, "mean_pressure": THREE_BAR})
-    again = operating_point(ARM, {"angle": 0.6, "mean_pressure": THREE_BAR})
-    warm = operating_point(ARM, {"angle": 0.6, "mean_pressure": THREE_BAR}, near=first)
+    first, again = at_three_bar(17), at_three_bar(34)
+    warm = at_three_bar(34, near=first)
     assert warm.x == pytest.approx(again.x, rel=1e-6, abs=1e-9)
 
 
 def test_table_is_aligned() -> None:
-    text = str(operating_point(ARM, {"angle": math.radians(30), "mean_pressure": THREE_BAR}))
+    text = str(at_three_bar(30))
     rows = [line for line in text.splitlines() if line.startswith(("  input", "  output"))]
     # Kind, name, value and unit stand in columns, then what it is.
     assert len({line.index(f" {line.split()[3]} ") for line in rows}) == 1
@@ -201,16 +205,11 @@ def test_a_vessel_whose_rounded_flows_do_not_cancel_rests_where_it_starts() -> N
         share = (0.1 * m.u.feed - m.x.share * m.u.draw) / 500.0
         return {"level": level, "share": share}, {"level": m.x.level, "share": m.x.share}
 
-    vessel = Model(
-        "vessel",
+    vessel = machine(
         equations,
-        states=(State("level", "m", initial=0.8), State("share", "1", initial=0.21)),
-        inputs=(
-            Input("draw", "kg/s", nominal=0.48, lower=0.0, upper=1.0),
-            Input("heat", "W", nominal=1.18e6, lower=0.0, upper=3e6, display_unit="kW"),
-            Input("feed", "kg/s", nominal=1.0, commanded=False),
-        ),
-        outputs=(Output("level", "m"), Output("share", "1")),
+        "level m 0.8, share 1 0.21",
+        "draw kg/s 0 1 0.48, heat W 0 3e6 1.18e6 display_unit=kW, feed kg/s nominal=1 commanded=0",
+        "level m, share 1",
     )
     point = operating_point(vessel)
     assert point.is_equilibrium and (point["level"], point["share"]) == (0.8, 0.21)
@@ -224,13 +223,7 @@ def test_a_reactor_that_says_where_it_starts_is_held_there_and_not_washed_out() 
         rates = {"X": (growth - m.u.D) * m.x.X, "S": m.u.D * (10.0 - m.x.S) - eaten}
         return rates, {"S": m.x.S}
 
-    chemostat = Model(
-        "chemostat",
-        equations,
-        states=(State("X", "kg/m3", initial=4.8), State("S", "kg/m3", initial=0.4)),
-        inputs=(Input("D", "1/s", lower=0.0, upper=1.5e-4),),
-        outputs=(Output("S", "kg/m3"),),
-    )
+    chemostat = machine(equations, "X kg/m3 4.8, S kg/m3 0.4", "D 1/s 0 1.5e-4", "S kg/m3")
     # Without a flow it rests empty of food, and at any of it without what eats.
     point = operating_point(chemostat)
     assert point["S"] == pytest.approx(0.4) and point["D"] == pytest.approx(1.1e-4 / 1.5)
@@ -239,12 +232,11 @@ def test_a_reactor_that_says_where_it_starts_is_held_there_and_not_washed_out() 
 
 
 def test_a_turbine_that_would_leave_its_rest_is_held_where_it_starts() -> None:
-    turbine = Model(
-        "turbine",
+    turbine = machine(
         lambda m: ({"speed": (m.x.speed - 1.0) * (2.0 - m.x.speed) - m.u.pitch}, {"w": m.x.speed}),
-        states=(State("speed", "rad/s", initial=1.4),),
-        inputs=(Input("pitch", "rad", lower=0.0, upper=1.0, nominal=0.09),),
-        outputs=(Output("w", "rad/s"),),
+        "speed rad/s 1.4",
+        "pitch rad 0 1 0.09",
+        "w rad/s",
     )
     # At the nominal pitch it stalls below 1.1 rad/s and runs up to 1.9 from above.
     point = operating_point(turbine)
@@ -257,15 +249,8 @@ def test_a_saturation_beside_which_nothing_has_a_slope_is_found_a_way_around() -
         free = (7400.0 * m.u.valve - 225.0 * (m.x.air - m.u.outside)) / 4e5
         return {"air": np.clip(free, -0.003, 0.003)}, {"room": m.x.air}
 
-    house = Model(
-        "house",
-        equations,
-        states=(State("air", "K", initial=293.15),),
-        inputs=(
-            Input("valve", "1", lower=0.0, upper=1.0),
-            Input("outside", "K", nominal=278.15, commanded=False),
-        ),
-        outputs=(Output("room", "K"),),
+    house = machine(
+        equations, "air K 293.15", "valve 1 0 1, outside K nominal=278.15 commanded=0", "room K"
     )
     point = operating_point(house, {"room": 303.15})
     assert point["valve"] == pytest.approx(225.0 * 25.0 / 7400.0)

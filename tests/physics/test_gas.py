@@ -54,9 +54,12 @@ def integrate(inputs: Inputs, *, p0: float = 4e5, end: float = PERIOD, printed: 
     return result.y[:, -1]
 
 
-def closed(t: float, p: float, T: float) -> tuple[float, float, float]:
-    """No flow, no heat."""
-    return 0.0, 0.0, 0.0
+def walled(coefficient: float) -> Inputs:
+    """No flow, and heat through the wall."""
+    return lambda t, p, T: (0.0, 0.0, wall_heat(T, AMBIENT, coefficient=coefficient, area=AREA))
+
+
+CLOSED = walled(0.0)
 
 
 def open_port(t: float, p: float, T: float) -> tuple[float, float, float]:
@@ -70,32 +73,26 @@ def open_port(t: float, p: float, T: float) -> tuple[float, float, float]:
 
 
 def test_adiabatic_limit() -> None:
-    end = integrate(closed, end=PERIOD / 2)
+    end = integrate(CLOSED, end=PERIOD / 2)
     assert end[0] == pytest.approx(4e5 * 1.6**-1.4, rel=1e-8)
     assert end[1] == pytest.approx(AMBIENT * 1.6**-0.4, rel=1e-8)
 
 
 def test_isothermal_limit() -> None:
-    def perfect_wall(t: float, p: float, T: float) -> tuple[float, float, float]:
-        return 0.0, 0.0, wall_heat(T, AMBIENT, coefficient=1e7, area=AREA)
-
-    end = integrate(perfect_wall, end=PERIOD / 2)
+    end = integrate(walled(1e7), end=PERIOD / 2)
     # the wall lags by the heat it has to carry over h S: p dV/dt / (h S) = 1e-3 K
     assert end[0] == pytest.approx(4e5 / 1.6, rel=1e-5)
     assert end[1] == pytest.approx(AMBIENT, abs=1e-2)
 
 
 def test_polytropic_exponent_lies_between_the_limits() -> None:
-    def wall(t: float, p: float, T: float) -> tuple[float, float, float]:
-        return 0.0, 0.0, wall_heat(T, AMBIENT, coefficient=150.0, area=AREA)
-
-    end = integrate(wall, end=PERIOD / 2)
+    end = integrate(walled(150.0), end=PERIOD / 2)
     exponent = -np.log(end[0] / 4e5) / np.log(1.6)
     assert 1.0 < exponent < 1.4
 
 
 def test_printed_sign_gives_the_exponent_0_6() -> None:
-    printed = integrate(closed, end=PERIOD / 2, printed=True)
+    printed = integrate(CLOSED, end=PERIOD / 2, printed=True)
     exponent = -np.log(printed[0] / 4e5) / np.log(1.6)
     assert exponent == pytest.approx(0.6, abs=1e-8)
     # expanding gas that heats up
@@ -105,7 +102,7 @@ def test_printed_sign_gives_the_exponent_0_6() -> None:
 def test_printed_sign_is_a_source_of_energy() -> None:
     # m c_v T gained + work given, with no heat and no flow, must be zero.
     for printed, balanced in ((False, True), (True, False)):
-        p, T, work, *_ = integrate(closed, end=PERIOD / 2, printed=printed)
+        p, T, work, *_ = integrate(CLOSED, end=PERIOD / 2, printed=printed)
         stored = AIR.cv * (
             chamber_mass(p, T, 1.6 * V0) * T - chamber_mass(4e5, AMBIENT, V0) * AMBIENT
         )
@@ -124,11 +121,7 @@ def test_energy_over_a_closed_cycle_with_flow_and_heat() -> None:
 
 def test_energy_over_a_closed_cycle_without_flow() -> None:
     # Work in = heat out after the gas has come back to where it began, here after many cycles.
-    def wall(t: float, p: float, T: float) -> tuple[float, float, float]:
-        return 0.0, 0.0, wall_heat(T, AMBIENT, coefficient=600.0, area=AREA)
-
-    before = integrate(wall, end=12 * PERIOD)
-    after = integrate(wall, end=13 * PERIOD)
+    before, after = (integrate(walled(600.0), end=n * PERIOD) for n in (12, 13))
     assert after[0] == pytest.approx(before[0], rel=1e-6)
     work, heat = (after - before)[2:4]
     assert heat == pytest.approx(work, rel=1e-4)
@@ -151,12 +144,8 @@ def test_two_flows_with_their_own_temperatures_enter_as_sums() -> None:
 def test_charging_from_vacuum_heats_by_gamma() -> None:
     # Classic result: a rigid adiabatic tank filled from nothing ends at gamma times the supply's
     # temperature. Starting at 1/1000 of the end pressure leaves 0.1 % of it.
-    def fill(t: float, p: float, T: float) -> tuple[float, float, float]:
-        return 1e-3, 1e-3 * AMBIENT, 0.0
-
     def rates(t: float, y: np.ndarray) -> list[float]:
-        flow, enthalpy, heat = fill(t, *y)
-        return list(chamber_rates(y[0], y[1], V0, 0.0, flow, enthalpy, heat))
+        return list(chamber_rates(y[0], y[1], V0, 0.0, 1e-3, 1e-3 * AMBIENT))
 
     start = 1e3
     end_time = (1e6 - start) * V0 / (AIR.heat_ratio * AIR.gas_constant * 1e-3 * AMBIENT)

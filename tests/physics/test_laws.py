@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.machines import machine
 from tests.model.test_sizes import crane
 from tests.physics.effects.bench import offered
 from workbench.errors import WorkbenchError
-from workbench.model import Input, Model, Output, Parameter, State
+from workbench.model import Model
 from workbench.physics.friction import coulomb_friction, viscous_friction
 from workbench.physics.library import LAWS, library
 from workbench.physics.place import Survey, per
@@ -41,17 +42,12 @@ def circuit() -> Model:
         voltage = m.port("coil.voltage", rest, unit="V", scale=10.0)
         return {"q": m.x.i, "i": voltage / m.p.inductance}, {"current": m.x.i}
 
-    return Model(
-        "circuit",
+    return machine(
         equations,
-        states=(State("q", "A s", 1e-3), State("i", "A", 0.1)),
-        inputs=(Input("source", "V", 10.0),),
-        outputs=(Output("current", "A", 0.1),),
-        parameters=(
-            Parameter("resistance", "V/A", value=10.0),
-            Parameter("capacity", "A s/V", value=1e-4),
-            Parameter("inductance", "V s/A", value=0.1),
-        ),
+        "q A s scale=1e-3, i A scale=0.1",
+        "source V scale=10",
+        "current A scale=0.1",
+        "resistance V/A 10, capacity A s/V 1e-4, inductance V s/A 0.1",
     )
 
 
@@ -62,13 +58,12 @@ def heated_tank() -> Model:
         heat = m.port("tank.heat", m.u.heater, unit="W", scale=1000.0)
         return {"warmth": heat / m.p.capacity}, {"reading": m.x.warmth}
 
-    return Model(
-        "heated tank",
+    return machine(
         equations,
-        states=(State("warmth", "K", 300.0, initial=293.0),),
-        inputs=(Input("heater", "W", 1000.0),),
-        outputs=(Output("reading", "K", 300.0),),
-        parameters=(Parameter("capacity", "J/K", value=1e4),),
+        "warmth K 293 scale=300",
+        "heater W scale=1000",
+        "reading K scale=300",
+        "capacity J/K 1e4",
     )
 
 
@@ -100,13 +95,12 @@ def test_the_depth_of_a_cage_tells_the_angle_of_its_drum(way: float) -> None:
         torque = m.u.motor - m.p.damping * m.x.spin
         return {"depth": way * 2.0 * m.x.spin, "spin": torque / 3.0}, {"depth": m.x.depth}
 
-    hoist = Model(
-        "hoist",
+    hoist = machine(
         equations,
-        states=(State("depth", "m", 80.0, initial=10.0), State("spin", "rad/s", 5.0)),
-        inputs=(Input("motor", "N m", 10.0),),
-        outputs=(Output("depth", "m", 80.0),),
-        parameters=(Parameter("damping", "N m s/rad", value=1.0),),
+        "depth m 10 scale=80, spin rad/s scale=5",
+        "motor N m scale=10",
+        "depth m scale=80",
+        "damping N m s/rad 1",
     ).opened()
     place = Survey(hoist).place("spin.rate")
     at = place.coordinate
@@ -146,17 +140,8 @@ def test_place_and_speed_of_one_body_over_another() -> None:
             "speed_2": shaft,
         }, {"angle": m.x.angle_2}
 
-    model = Model(
-        "two bodies",
-        equations,
-        states=(
-            State("angle_1", "rad"), State("angle_2", "rad"),
-            State("speed_1", "rad/s"), State("speed_2", "rad/s"),
-        ),
-        inputs=(Input("torque", "rad/s2"),),
-        outputs=(Output("angle", "rad"),),
-        parameters=(Parameter("stiffness", "1/s2", value=4.0),),
-    )  # fmt: skip
+    states = "angle_1 rad, angle_2 rad, speed_1 rad/s, speed_2 rad/s"
+    model = machine(equations, states, "torque rad/s2", "angle rad", "stiffness 1/s2 4")
     place = Survey(model).place("shaft.torque")
     speed, at = place.speed, place.coordinate
     assert (speed.source, speed.minus, at.source, at.minus) == (
@@ -168,12 +153,8 @@ def test_place_and_speed_of_one_body_over_another() -> None:
 
 
 def test_a_follower_begins_within_a_usual_slack() -> None:
-    model = Model(
-        "valve",
-        lambda m: ({"level": m.u.valve}, {"level": m.x.level}),
-        states=(State("level", "m"),),
-        inputs=(Input("valve", "1"),),
-        outputs=(Output("level", "m"),),
+    model = machine(
+        lambda m: ({"level": m.u.valve}, {"level": m.x.level}), "level m", "valve 1", "level m"
     )
     slack = offered(model, "backlash")
     # From farther off a filter takes it beyond the slack, where it learns no more of it.
@@ -186,16 +167,12 @@ def test_place_and_speed_over_what_carries_a_body() -> None:
         pushed = -((1.0 + travel) ** 3.0 - 1.0) * m.p.stiffness - 3.0 * speed - m.p.drag * m.x.speed
         return {"height": m.x.speed, "speed": pushed}, {"travel": travel}
 
-    model = Model(
-        "seat",
+    model = machine(
         seat,
-        states=(State("height", "m"), State("speed", "m/s")),
-        inputs=(Input("floor", "m"), Input("floor_speed", "m/s")),
-        outputs=(Output("travel", "m"),),
-        parameters=(
-            Parameter("stiffness", "m/s2", value=40.0),
-            Parameter("drag", "1/s", value=0.5),
-        ),
+        "height m, speed m/s",
+        "floor m, floor_speed m/s",
+        "travel m",
+        "stiffness m/s2 40, drag 1/s 0.5",
     )
     place = Survey(model).place("speed.rate")
     assert (place.coordinate.source, place.coordinate.minus) == ("height", "")
@@ -221,14 +198,7 @@ def test_a_measured_force_resists_the_motion() -> None:
         )
         return {"stretch": m.u.velocity}, {"force": force}
 
-    rig = Model(
-        "damper on a rig",
-        equations,
-        states=(State("stretch", "m"),),
-        inputs=(Input("velocity", "m/s"),),
-        outputs=(Output("force", "N"),),
-        parameters=(Parameter("damping", "N s/m", value=10.0),),
-    )
+    rig = machine(equations, "stretch m", "velocity m/s", "force N", "damping N s/m 10")
     found = {h.name: h for h in library(rig)}
     assert {"bouc_wen_hysteresis", "polynomial_stiffness", "quadratic_drag"} <= found.keys()
     assert found["sensor_gain_force"].ports == ("force.reading",)
@@ -261,13 +231,7 @@ def test_a_plant_without_ports_is_offered_laws_where_it_can_have_them() -> None:
         pull = m.u.motor - 9.81 * m.x.swing
         return {"swing": m.x.turning, "turning": pull}, {"reading": m.x.swing}
 
-    plain = Model(
-        "plain pendulum",
-        equations,
-        states=(State("swing", "rad"), State("turning", "rad/s")),
-        inputs=(Input("motor", "rad/s2"),),
-        outputs=(Output("reading", "rad"),),
-    )
+    plain = machine(equations, "swing rad, turning rad/s", "motor rad/s2", "reading rad")
     assert [q.name for q in plain.ports] == ["motor.command", "turning.rate", "reading.reading"]
     found = {h.name: h for h in library(plain)}
     assert found["coulomb_friction"].ports == ("turning.rate",)
@@ -294,17 +258,12 @@ def aircraft(shared: float) -> Model:
             "pitch": m.p.moment * wing - m.p.damping * pitch - 12.0 * m.u.elevator,
         }, {"wing": wing, "pitch": pitch}
 
-    return Model(
-        "aircraft",
+    return machine(
         equations,
-        states=(State("wing", "rad"), State("pitch", "rad/s")),
-        inputs=(Input("elevator", "rad", lower=-0.4, upper=0.4),),
-        outputs=(Output("wing", "rad"), Output("pitch", "rad/s")),
-        parameters=(
-            Parameter("lift", "1/s", value=1.0, lower=0.0, upper=3.0, fitted=True),
-            Parameter("moment", "1/s2", value=3.0, lower=0.0, upper=9.0, fitted=True),
-            Parameter("damping", "1/s", value=1.2, lower=0.0, upper=5.0, fitted=True),
-        ),
+        "wing rad, pitch rad/s",
+        "elevator rad -0.4 0.4",
+        "wing rad, pitch rad/s",
+        "lift 1/s 1 0 3, moment 1/s2 3 0 9, damping 1/s 1.2 0 5",
     )
 
 
@@ -326,13 +285,7 @@ def test_a_rotor_lifts_more_above_the_ground_and_a_weight_does_not() -> None:
         lift = 22.0 * m.u.throttle / 1.6 - 0.1 * m.x.climb
         return {"height": m.x.climb, "climb": lift - 9.81}, {"height": m.x.height}
 
-    drone = Model(
-        "drone",
-        equations,
-        states=(State("height", "m"), State("climb", "m/s")),
-        inputs=(Input("throttle", "1", lower=0.0, upper=1.0),),
-        outputs=(Output("height", "m"),),
-    )
+    drone = machine(equations, "height m, climb m/s", "throttle 1 0 1", "height m")
     law = offered(drone, "ground_effect", ranges={"height": (0.3, 1.5)})
     # Below and above what was seen: a floor or a ceiling.
     assert {np.sign(shape["surface"] - shape["nearest"]) for shape in law.shapes} == {-1.0, 1.0}
@@ -361,12 +314,11 @@ def test_a_sensor_may_read_what_another_one_reads() -> None:
             {"current": m.x.current, "pressure": 2.0 * m.x.speed**2, "turned": m.x.turned},
         )
 
-    pump = Model(
-        "pump",
+    pump = machine(
         equations,
-        states=(State("current", "A"), State("speed", "rad/s"), State("turned", "rad")),
-        inputs=(Input("supply", "V", lower=0.0, upper=30.0),),
-        outputs=(Output("current", "A"), Output("pressure", "Pa"), Output("turned", "rad")),
+        "current A, speed rad/s, turned rad",
+        "supply V 0 30",
+        "current A, pressure Pa, turned rad",
     )
     heard = {h.name: h for h in library(pump) if h.law == "sensor_cross_talk"}
     # An angle beside what depends on its speed alone is late, or early.

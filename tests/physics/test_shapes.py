@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.newcomers import crane, drivetrain, maglev, oscillator, swing, two_carts
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from tests.machines import machine
+from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.physics.drift import parameter_curve
 from workbench.physics.library import library
@@ -44,19 +45,15 @@ def test_parameters_bend_over_what_is_measured_and_is_no_law_of_its_own() -> Non
 
 
 def test_a_parameter_bends_over_an_input_where_a_sensor_reads_their_product() -> None:
-    stack = Model(
-        "stack",
+    stack = machine(
         lambda m: (
             {"loss": (0.05 * m.u.current - m.x.loss) / m.p.tau},
             {"voltage": 1.0 - m.x.loss - m.p.resistance * m.u.current},
         ),
-        states=(State("loss", "V"),),
-        inputs=(Input("current", "A", lower=0.0, upper=50.0),),
-        outputs=(Output("voltage", "V"),),
-        parameters=(
-            Parameter("tau", "s", value=0.3, lower=0.1, upper=1.0, fitted=True),
-            Parameter("resistance", "ohm", value=2e-3, lower=0.0, upper=0.1, fitted=True),
-        ),
+        "loss V",
+        "current A 0 50",
+        "voltage V",
+        "tau s 0.3 0.1 1, resistance ohm 2e-3 0 0.1",
     )
     found = {h.name: h for h in parameter_curve.hypotheses(Survey(stack))}
     assert list(found) == ["parameter_curve_resistance_over_current"]
@@ -69,13 +66,12 @@ def test_a_parameter_bends_over_an_input_where_a_sensor_reads_their_product() ->
 
 @pytest.mark.parametrize("lower", [0.0, -1.0])
 def test_a_parameter_that_is_never_negative_falls_towards_zero(lower: float) -> None:
-    choke = Model(
-        "choke",
+    choke = machine(
         lambda m: ({"i": (m.u.v - m.x.i) / m.p.inductance}, {"i": m.x.i}),
-        states=(State("i", "A"),),
-        inputs=(Input("v", "V", lower=-10.0, upper=10.0),),
-        outputs=(Output("i", "A"),),
-        parameters=(Parameter("inductance", "H", value=0.1, lower=lower, upper=1.0, fitted=True),),
+        "i A",
+        "v V -10 10",
+        "i A",
+        f"inductance H 0.1 {lower} 1",
     )
     (curve,) = parameter_curve.hypotheses(Survey(choke, ranges={"i": (-10.0, 10.0)}))
     iron = choke.with_effect(curve.at_size(-0.4, {"bend": 0.5 * math.pi}))
@@ -88,19 +84,15 @@ def test_a_parameter_that_is_never_negative_falls_towards_zero(lower: float) -> 
 
 def cell() -> Model:
     """A cell whose current charges it, and meets a resistance."""
-    return Model(
-        "cell",
+    return machine(
         lambda m: (
             {"charge": -m.u.current / m.p.capacity},
             {"voltage": m.x.charge - m.p.resistance * m.u.current},
         ),
-        states=(State("charge", "1", initial=0.5),),
-        inputs=(Input("current", "A", lower=-5.0, upper=5.0),),
-        outputs=(Output("voltage", "V"),),
-        parameters=(
-            Parameter("capacity", "A s", value=1e4, lower=1e3, upper=1e5, fitted=True),
-            Parameter("resistance", "Ohm", value=0.02, lower=0.0, upper=1.0, fitted=True),
-        ),
+        "charge 1 0.5",
+        "current A -5 5",
+        "voltage V",
+        "capacity A s 1e4 1000 1e5, resistance Ohm 0.02 0 1",
     )
 
 
@@ -116,12 +108,11 @@ def test_what_is_lost_one_way_is_offered_where_an_input_fills_a_store() -> None:
 
 
 def test_a_second_store_takes_what_the_first_one_loses_until_both_are_level() -> None:
-    blood = Model(
-        "blood",
+    blood = machine(
         lambda m: ({"level": m.u.dose}, {"level": m.x.level}),
-        states=(State("level", "kg/m3"),),
-        inputs=(Input("dose", "kg/(m3 s)", lower=0.0, upper=1.0),),
-        outputs=(Output("level", "kg/m3"),),
+        "level kg/m3",
+        "dose kg/(m3 s) 0 1",
+        "level kg/m3",
     )
     law = {h.name: h for h in library(blood, duration=10.0, sample_time=0.1)}["second_store_level"]
     model = blood.with_effect(law.at_size(0.4, {"time_constant": 5.0}))
@@ -158,13 +149,12 @@ def test_a_parameter_that_enters_several_ports_may_fade_in_all_of_them() -> None
             "wall": 5.0 * m.p.UA * (hot - 2.0 * wall + cold),
         }, {"out": cold}
 
-    model = Model(
-        "exchanger",
+    model = machine(
         equations,
-        states=tuple(State(name, "K", 20.0, initial=300.0) for name in ("hot", "cold", "wall")),
-        inputs=(Input("flow", "1/s", 0.1),),
-        outputs=(Output("out", "K", 20.0, noise_rms=0.1),),
-        parameters=(Parameter("UA", "1/s", value=0.1, lower=0.01, upper=1.0, fitted=True),),
+        ", ".join(f"{name} K 300 scale=20" for name in ("hot", "cold", "wall")),
+        "flow 1/s scale=0.1",
+        "out K 0.1 scale=20",
+        "UA 1/s 0.1 0.01 1",
     )
     found = {h.name: h.ports for h in library(model)}
     assert {"parameter_fade_UA", "parameter_jump_UA"} <= found.keys()
@@ -172,21 +162,15 @@ def test_a_parameter_that_enters_several_ports_may_fade_in_all_of_them() -> None
 
 
 def test_a_parameter_bends_over_inputs_that_nobody_uses_or_that_carry_something() -> None:
-    tank = Model(
-        "tank",
+    tank = machine(
         lambda m: (
             {"T": (m.u.flow * (m.u.feed - m.x.T) - m.p.loss * (m.x.T - 290.0) + m.u.heat) / 50.0},
             {"T": m.x.T},
         ),
-        states=(State("T", "K", initial=290.0),),
-        inputs=(
-            Input("flow", "m3/s"),
-            Input("feed", "K"),
-            Input("heat", "W"),
-            Input("wind", "m/s"),
-        ),
-        outputs=(Output("T", "K"),),
-        parameters=(Parameter("loss", "W/K", value=2.0, lower=0.0, upper=10.0, fitted=True),),
+        "T K 290",
+        "flow m3/s, feed K, heat W, wind m/s",
+        "T K",
+        "loss W/K 2 0 10",
     )
     found = {h.name for h in parameter_curve.hypotheses(Survey(tank))}
     assert found == {"parameter_curve_loss_over_flow", "parameter_curve_loss_over_wind"}

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.machines import machine
 from tests.shell import Shell
 from workbench.cli.main import run
 from workbench.errors import WorkbenchError
 from workbench.linearisation import linearise
-from workbench.model import Input, Model, Output, Parameter, State
+from workbench.model import Model
 from workbench.operating_point import operating_point
 from workbench.physics.library import every_name, library
 from workbench.plants.plant import adopt
@@ -175,13 +176,12 @@ def _rolling() -> Model:
         force = m.port("carriage.force", m.u.drive - m.p.damping * m.x.speed, unit="N", scale=10.0)
         return {"position": m.x.speed, "speed": force / 2.0}, {"position": m.x.position}
 
-    return Model(
-        "carriage",
+    return machine(
         equations,
-        states=(State("position", "m", 0.2), State("speed", "m/s", 0.5)),
-        inputs=(Input("drive", "N", 10.0),),
-        outputs=(Output("position", "m", 0.2, noise_rms=1e-4),),
-        parameters=(Parameter("damping", "N s/m", lower=0.0, upper=40.0, fitted=True),),
+        "position m scale=0.2, speed m/s scale=0.5",
+        "drive N scale=10",
+        "position m 1e-4 scale=0.2",
+        "damping N s/m lower=0 upper=40",
     )
 
 

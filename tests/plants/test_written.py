@@ -8,18 +8,17 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from tests.machines import at_rest
 from tests.shell import Shell
 from workbench.errors import WorkbenchError
-from workbench.linearisation import linearise
 from workbench.linearisation.transfer import transfer_function
 from workbench.model.linear_system import with_free_coefficients
-from workbench.operating_point import operating_point
 from workbench.plants.registry import PLANTS
 
 
 def answer(plant: str, s: complex) -> np.ndarray:
     model = PLANTS.get(plant).model({})
-    linear = linearise(operating_point(model), verdict=False)
+    linear = at_rest(model)
     return transfer_function(linear.A, linear.B, linear.C, linear.D, s)
 
 
@@ -123,7 +122,7 @@ def test_a_struct_of_matlab_says_its_delay_and_sample_time(tmp_path: Path) -> No
     sampled = PLANTS.get(str(tmp_path / "held.mat")).model({})
     assert len(sampled.outputs) == 2
     # Its pole keeps the time of the samples: 0.9 = exp(a h).
-    linear = linearise(operating_point(sampled), verdict=False)
+    linear = at_rest(sampled)
     assert linear.poles[0] == pytest.approx(np.log(0.9) / 0.2)
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from workbench.model import Effect, EffectView, Input, Model, Output, Parameter, State
+from tests.machines import machine
+from workbench.model import Effect, EffectView, Model, Parameter, State
 from workbench.plants.servo_axis import servo_axis
 
 
@@ -16,38 +17,32 @@ def oscillator(frequency: float = 30.0, damping: float = 0.1) -> Model:
             {"position": m.x.position},
         )
 
-    return Model(
-        "oscillator",
+    return machine(
         equations,
-        states=(State("position", "m", 1e-3), State("speed", "m/s", 0.03)),
-        inputs=(Input("force", "N"),),
-        outputs=(Output("position", "m"),),
-        parameters=(
-            Parameter("frequency", "rad/s", value=frequency, lower=0.1),
-            Parameter("damping", "1", value=damping, lower=0.0),
-        ),
+        "position m scale=1e-3, speed m/s scale=0.03",
+        "force N",
+        "position m",
+        f"frequency rad/s {frequency} 0.1, damping 1 {damping} 0",
     )
 
 
 def integrator() -> Model:
     """x' = u."""
-    return Model(
-        "integrator",
+    return machine(
         lambda m: ({"level": m.u.inflow}, {"level": m.x.level}),
-        states=(State("level", "m", lower=-1.0, upper=1.0),),
-        inputs=(Input("inflow", "m/s", lower=-10.0, upper=10.0),),
-        outputs=(Output("level", "m"),),
+        "level m lower=-1 upper=1",
+        "inflow m/s -10 10",
+        "level m",
     )
 
 
 def explosion() -> Model:
     """x' = x^2: infinite after 1 s from x = 1."""
-    return Model(
-        "explosion",
+    return machine(
         lambda m: ({"level": m.x.level * m.x.level + m.u.inflow}, {"level": m.x.level}),
-        states=(State("level", "m", initial=1.0),),
-        inputs=(Input("inflow", "m/s"),),
-        outputs=(Output("level", "m"),),
+        "level m 1",
+        "inflow m/s",
+        "level m",
     )
 
 
@@ -61,13 +56,8 @@ def convection() -> Model:
             {"a": a},
         )
 
-    return Model(
-        "convection",
-        equations,
-        states=tuple(State(n, "1", 10.0, initial=1.0) for n in ("a", "b", "c")),
-        inputs=(Input("push", "1"),),
-        outputs=(Output("a", "1"),),
-    )
+    states = ", ".join(f"{n} 1 1 scale=10" for n in ("a", "b", "c"))
+    return machine(equations, states, "push 1", "a 1")
 
 
 def bristles(stiffness: float, level: float = 20.0) -> Effect:

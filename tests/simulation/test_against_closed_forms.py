@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from tests.machines import machine
 from tests.simulation.plants import integrator, oscillator
-from workbench.model import Input, Model, Output, State
+from workbench.model import Model
 from workbench.simulation import Stepper, simulate
 
 STEP = 0.002
@@ -106,12 +107,11 @@ def test_other_parameter_values_need_no_other_model() -> None:
 
 def sled(sign: Callable[[Any], Any]) -> Model:
     """A sled whose dry friction is written as a sign."""
-    return Model(
-        "sled",
+    return machine(
         lambda m: ({"x": m.x.v, "v": m.u.f - 0.5 * sign(m.x.v) - 0.1 * m.x.v}, {"x": m.x.x}),
-        states=(State("x", "m"), State("v", "m/s")),
-        inputs=(Input("f", "N", lower=-10.0, upper=10.0),),
-        outputs=(Output("x", "m"),),
+        "x m, v m/s",
+        "f N -10 10",
+        "x m",
     )
 
 

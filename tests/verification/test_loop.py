@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from controllers import design_pid
+from tests.machines import at_rest
 from tests.verification.held_command import ConstantCommand
 from workbench.errors import NumericalError, WorkbenchError
-from workbench.linearisation import linearise
 from workbench.model import Effect, Model
-from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
 from workbench.simulation import simulate
@@ -107,7 +106,7 @@ def test_sensors_are_noisy_quantised_and_clipped(plant: Model) -> None:
 
 
 def test_seed_decides_the_noise(plant: Model) -> None:
-    linear = linearise(operating_point(plant, {"angle": math.radians(30)}), verdict=False)
+    linear = at_rest(plant, angle=math.radians(30))
     pid = design_pid(linear)
     one, again, other = (verify(pid, plant, at_30(), seed=s) for s in (1, 1, 2))
     assert np.array_equal(one.states, again.states)
@@ -116,7 +115,7 @@ def test_seed_decides_the_noise(plant: Model) -> None:
 
 def test_linear_plant_has_no_half_sample_shift() -> None:
     axis = servo_axis().without("coulomb_friction")
-    linear = linearise(operating_point(axis, {"position": 0.0}), verdict=False)
+    linear = at_rest(axis, position=0.0)
     push = (100.0,) * 25 + (-200.0,) * 25
     run = verify(Scripted(push, *AXIS), linear, REST.without_imperfections())
     # m dv/dt + c v = F, closed form over each half: v tends to F/c with rate c/m.
@@ -186,7 +185,7 @@ def test_what_does_not_fit_is_refused(change: dict[str, Any], problem: str) -> N
 
 
 def test_a_linear_model_cannot_change(plant: Model) -> None:
-    linear = linearise(operating_point(plant, {"angle": math.radians(30)}), verdict=False)
+    linear = at_rest(plant, angle=math.radians(30))
     held = ConstantCommand((5.0,), controlled=("angle",))
     with pytest.raises(WorkbenchError, match="use the full plant"):
         verify(held, linear, at_30(changes=(Change(0.1, "load", 4.0),)))

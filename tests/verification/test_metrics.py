@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from controllers import design_mpc, design_pid
+from tests.machines import at_rest
 from tests.verification.held_command import ConstantCommand
 from workbench.errors import WorkbenchError
-from workbench.linearisation import LinearModel, linearise
+from workbench.linearisation import LinearModel
 from workbench.model import Model
-from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
 from workbench.verification import (
     Change,
@@ -40,7 +40,7 @@ def plant() -> Model:
 
 @pytest.fixture(scope="module")
 def linear(plant: Model) -> LinearModel:
-    return linearise(operating_point(plant, {"angle": math.radians(30)}), verdict=False)
+    return at_rest(plant, angle=math.radians(30))
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.machines import machine
 from tests.model.test_sizes import UNITS, stage
 from workbench.errors import WorkbenchError
-from workbench.model import Input, Model, Output, State
+from workbench.model import Model
 from workbench.plants.arm import arm
 from workbench.verification.physical_limit import physical_limit, shown_state
 
@@ -22,15 +23,14 @@ def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def double_integrator() -> Model:
-    return Model(
-        "mass",
+    return machine(
         lambda m: (
             {"angle": m.x.speed, "speed": m.x.pull, "pull": 200 * (m.u.force - m.x.pull)},
             {"measurement": m.x.angle},
         ),
-        states=(State("angle", "rad"), State("speed", "rad/s"), State("pull", "rad/s2")),
-        inputs=(Input("force", "rad/s2", lower=-1.0, upper=1.0),),
-        outputs=(Output("measurement", "rad"),),
+        "angle rad, speed rad/s, pull rad/s2",
+        "force rad/s2 -1 1",
+        "measurement rad",
     )
 
 

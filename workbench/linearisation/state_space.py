@@ -47,9 +47,8 @@ def linear_model(
     """
     if isinstance(system, str):
         system = system_of_text(system)
-    if isinstance(system, LinearModel) or hasattr(system, "output_names"):
-        # What has the names of a linear model is one to a design.
-        return cast(LinearModel, system)
+    if isinstance(system, LinearModel):
+        return system
     known = getattr(system, "linear_model", None)
     if (
         isinstance(known, LinearModel)

@@ -14,10 +14,11 @@ from controllers.h_infinity.synthesis import Weights, joint_behind_pressure_loop
 from controllers.joint.model import JointModel
 from controllers.joint.schedule import JointSchedule
 from controllers.sensitivity import frequencies, loops_at, peak_sensitivities, peaks_of
+from tests.controllers.families import assert_settles, moves
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
 from workbench.model import Model
-from workbench.verification import Scenario, Steps, metrics, verify
+from workbench.verification import metrics, verify
 
 if not synthesis.has_slycot():
     pytest.skip("slycot is not installed", allow_module_level=True)
@@ -91,18 +92,8 @@ def test_a_faster_wish_costs_a_larger_norm() -> None:
 
 
 def test_steps_on_the_plant(law: HInfinity, plant_with_hysteresis: Model) -> None:
-    angles = (20.0, 35.0, 50.0, 20.0)
-    steps = Scenario(
-        "steps",
-        {"angle": Steps((0.0, 0.1, 1.1, 2.1), tuple(math.radians(a) for a in angles))},
-        duration=3.1,
-        settle=0.3,
-    )
-    figures = metrics(verify(law, plant_with_hysteresis, steps))
-    assert figures["settling_time"].value < 0.45
-    assert figures["overshoot"].value < 0.05
-    assert figures["steady_error"].value < math.radians(0.05)
-    assert figures["oscillation"].value < math.radians(0.05)
+    steps = moves((0.1, 1.1, 2.1), 20, 35, 50, 20, duration=3.1, settle=0.3)
+    assert_settles(law, plant_with_hysteresis, steps, 0.45)
 
 
 def test_margins_and_linear_model(law: HInfinity, linear_by_opening: LinearModel) -> None:
@@ -113,8 +104,8 @@ def test_margins_and_linear_model(law: HInfinity, linear_by_opening: LinearModel
     loop = loops_at(law, linear_by_opening, [(law.sample_time, 0.0)])[0]
     late = peaks_of(loop, frequencies()).sensitivity
     assert ms < late < 4.0
-    steps = Scenario("step", {"angle": Steps((0.0, 0.1), (0.5, 0.55))}, 1.0)
-    run = verify(law, linear_by_opening, steps.without_imperfections())
+    step = moves((0.1,), 28, 31, duration=1.0).without_imperfections()
+    run = verify(law, linear_by_opening, step)
     assert metrics(run)["steady_error"].value < math.radians(0.05)
 
 

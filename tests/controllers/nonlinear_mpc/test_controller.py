@@ -15,6 +15,7 @@ from controllers.nonlinear_mpc.controller import (
     design_nonlinear_mpc,
 )
 from controllers.nonlinear_mpc.prediction import discrete, dynamics, shooting
+from tests.controllers.families import assert_settles, moves
 from tests.controllers.nonlinear_mpc.converged import transcribed
 from workbench.errors import WorkbenchError
 from workbench.linearisation.actuator_inverse import straightened
@@ -22,7 +23,9 @@ from workbench.model import REGULARISED, Model
 from workbench.operating_point import operating_point
 from workbench.simulation.equations import compiled
 from workbench.simulation.stepper import Stepper
-from workbench.verification import Scenario, Steps, metrics, verify
+from workbench.verification import metrics, verify
+
+REST, GOAL = (math.radians(30), 4.2e5, 4.2e5), (math.radians(33),)
 
 DISTURBED = ("speed", "pressure_1", "pressure_2")
 
@@ -134,60 +137,56 @@ def test_the_step_iterated_is_the_converged_solution(plant: Model, tight: bool) 
 
 
 def test_a_failed_solve_follows_the_plan(mpc: NonlinearMPC) -> None:
-    y = (math.radians(30), 4.2e5, 4.2e5)
-    state = mpc.initial_state(y)
+    state = mpc.initial_state(REST)
     for _ in range(5):
-        _, state, info = mpc.step(state, y, (math.radians(33),))
+        _, state, info = mpc.step(state, REST, GOAL)
     assert info["fallback"] == 0.0
     broken = state._replace(trajectory=np.full_like(state.trajectory, np.nan))
-    (voltage,), after, info = mpc.step(broken, y, (math.radians(33),))
+    (voltage,), after, info = mpc.step(broken, REST, GOAL)
     assert info["fallback"] == 1.0 and info["status"]
     assert voltage == pytest.approx(mpc.valve.command(float(info["opening"])))
     # It recovers by itself: the trajectory is started anew from the estimate.
-    (_,), _, info = mpc.step(after, y, (math.radians(33),))
+    (_,), _, info = mpc.step(after, REST, GOAL)
     assert info["fallback"] == 0.0
 
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("size", [1e5, 1e200])
 def test_an_estimate_that_runs_away_starts_anew(mpc: NonlinearMPC, size: float) -> None:
-    y = (math.radians(30), 4.2e5, 4.2e5)
-    state = mpc.initial_state(y)
+    state = mpc.initial_state(REST)
     hot = state.estimate.copy()
     hot[mpc.observer.rates.names.index("temperature_1")] = size
-    _, after, info = mpc.step(state._replace(estimate=hot), y, (math.radians(33),))
+    _, after, info = mpc.step(state._replace(estimate=hot), REST, GOAL)
     assert info["fallback"] == 1.0
     assert np.isfinite(after.estimate).all() and np.isfinite(after.covariance).all()
     for _ in range(3):
-        (voltage,), after, info = mpc.step(after, y, (math.radians(33),))
+        (voltage,), after, info = mpc.step(after, REST, GOAL)
     assert info["fallback"] == 0.0 and math.isfinite(voltage)
 
 
 def test_an_estimate_that_may_be_anywhere_starts_anew(mpc: NonlinearMPC) -> None:
-    y = (math.radians(30), 4.2e5, 4.2e5)
-    state = mpc.initial_state(y)
+    state = mpc.initial_state(REST)
     anywhere = state._replace(covariance=1e12 * np.eye(len(state.covariance)))
-    _, after, info = mpc.step(anywhere, y, (math.radians(33),))
+    _, after, info = mpc.step(anywhere, REST, GOAL)
     assert info["fallback"] == 1.0 and after.covariance.max() <= state.covariance.max()
 
 
 @pytest.mark.filterwarnings("error")
 def test_measurements_that_no_plant_has_leave_numbers(mpc: NonlinearMPC) -> None:
-    y, state = (math.radians(30), 4.2e5, 4.2e5), mpc.initial_state((math.radians(30), 4.2e5, 4.2e5))
+    state = mpc.initial_state(REST)
     for _ in range(20):
-        (voltage,), state, _ = mpc.step(state, (y[0], 1e12, y[2]), (math.radians(33),))
+        (voltage,), state, _ = mpc.step(state, (REST[0], 1e12, REST[2]), GOAL)
         assert math.isfinite(voltage)
     for _ in range(3):
-        (voltage,), state, info = mpc.step(state, y, (math.radians(33),))
+        (voltage,), state, info = mpc.step(state, REST, GOAL)
     assert info["fallback"] == 0.0 and np.isfinite(state.estimate).all()
 
 
 def test_a_step_changes_nothing_but_what_it_returns(mpc: NonlinearMPC) -> None:
-    y = (math.radians(30), 4.2e5, 4.2e5)
-    state = mpc.initial_state(y)
-    first = mpc.step(state, y, (0.6,))
-    mpc.step(first[1], y, (0.2,))
-    again = mpc.step(state, y, (0.6,))
+    state = mpc.initial_state(REST)
+    first = mpc.step(state, REST, GOAL)
+    mpc.step(first[1], REST, (0.2,))
+    again = mpc.step(state, REST, GOAL)
     assert first[0] == again[0]
     np.testing.assert_array_equal(first[1].plan, again[1].plan)
     np.testing.assert_array_equal(first[1].estimate, again[1].estimate)
@@ -195,29 +194,16 @@ def test_a_step_changes_nothing_but_what_it_returns(mpc: NonlinearMPC) -> None:
 
 def test_it_can_be_sent_to_another_process(plant: Model) -> None:
     mpc = design_nonlinear_mpc(plant, NonlinearMPCSpecification(stages=3))
-    y = (math.radians(30), 4.2e5, 4.2e5)
     copy = pickle.loads(pickle.dumps(mpc))  # noqa: S301
-    assert (
-        copy.step(copy.initial_state(y), y, (0.6,))[0]
-        == (mpc.step(mpc.initial_state(y), y, (0.6,))[0])
-    )
+    here, there = (each.step(each.initial_state(REST), REST, GOAL) for each in (mpc, copy))
+    assert here[0] == there[0]
 
 
 def test_steps_on_the_plant_settle_without_offset(
     mpc: NonlinearMPC, plant_with_hysteresis: Model
 ) -> None:
-    angles = (15.0, 45.0, 30.0)
-    steps = Scenario(
-        "15, 45, 30 deg",
-        {"angle": Steps((0.0, 0.2, 1.4), tuple(math.radians(a) for a in angles))},
-        duration=2.6,
-    )
-    found = metrics(verify(mpc, plant_with_hysteresis, steps))
-    assert found["settling_time"].value < 0.4
-    assert found["overshoot"].value < 0.05
-    assert found["steady_error"].value < math.radians(0.05)
-    assert found["oscillation"].value < math.radians(0.05)
-    assert found["fallbacks"].value == 0.0
+    steps = moves((0.2, 1.4), 15, 45, 30, duration=2.6)
+    assert_settles(mpc, plant_with_hysteresis, steps, 0.4)
 
 
 def test_a_rate_that_is_missed_for_a_moment_does_not_fill_the_horizon(
@@ -242,7 +228,7 @@ def test_a_rate_that_is_missed_for_a_moment_does_not_fill_the_horizon(
 def test_another_supply_leaves_no_offset(
     mpc: NonlinearMPC, plant_with_hysteresis: Model, supply: float
 ) -> None:
-    move = Scenario("move", {"angle": Steps((0.0, 0.1), (0.6, 0.95))}, duration=1.1)
+    move = moves((0.1,), 34, 54, duration=1.1)
     rig = plant_with_hysteresis.with_parameters({"supply_pressure": supply})
     found = metrics(verify(mpc, rig, move))
     assert found["steady_error"].value < math.radians(0.05)
@@ -252,7 +238,7 @@ def test_another_supply_leaves_no_offset(
 def test_a_supply_that_is_lower_than_known_is_found_on_the_first_move(
     mpc: NonlinearMPC, plant: Model
 ) -> None:
-    move = Scenario("move", {"angle": Steps((0.0, 0.1), (0.6, 0.95))}, duration=0.5)
+    move = moves((0.1,), 34, 54, duration=0.5)
     run = verify(mpc, plant.with_parameters({"supply_pressure": 4.5e5}), move)
     believed = run.info("supply_pressure")
     # It hardly shows at rest.
@@ -264,12 +250,9 @@ def test_preview_moves_before_the_step(plant: Model) -> None:
     wanted = NonlinearMPCSpecification(preview=True)
     mpc = design_nonlinear_mpc(plant, wanted, compile_function=compiled)
     assert mpc.preview == 200
-    scenario = Scenario(
-        "step", {"angle": Steps((0.0, 0.3), (0.4, 0.6))}, duration=0.6
-    ).without_imperfections()
-    run = verify(mpc, plant, scenario)
-    before = run["angle"][run.time < 0.3]
-    assert before[-1] > 0.42
+    step = moves((0.3,), 23, 34, duration=0.6).without_imperfections()
+    run = verify(mpc, plant, step)
+    assert run["angle"][run.time < 0.3][-1] > 0.42
     assert metrics(run)["rmse"].value < 0.05
 
 

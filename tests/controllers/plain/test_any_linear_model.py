@@ -32,10 +32,10 @@ from controllers.plain.transfer_law import (
 from controllers.sensitivity import frequencies, loops_at, peak_sensitivities, peaks_of
 from tests.controllers.families import designed
 from tests.controllers.in_c import InC, agrees_on
-from tests.machines import at_rest, states, stepped
+from tests.machines import at_rest, machine, stepped
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linear_model
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model import Input, Model, Output, Scope, State
 from workbench.model.trace import Equations
 from workbench.plants.servo_axis import servo_axis
 from workbench.plants.servo_pendulum import servo_pendulum
@@ -54,29 +54,22 @@ def motor() -> Model:
         rates = {"shaft": m.x.speed, "speed": torque / m.p.J, "current": voltage / m.p.L}
         return rates, {"encoder": m.x.shaft}
 
-    return Model(
-        "motor",
+    return machine(
         equations,
-        states=(State("shaft", "rad"), State("speed", "rad/s", 10.0), State("current", "A")),
-        inputs=(Input("voltage", "V", 10.0, lower=-24.0, upper=24.0),),
-        outputs=(Output("encoder", "rad", resolution=1e-4, lower=-6.0, upper=6.0),),
-        parameters=(
-            Parameter("k", "N m/A", value=0.05),
-            Parameter("J", "kg m2", value=2e-4),
-            Parameter("R", "V/A", value=1.0),
-            Parameter("L", "V s/A", value=1e-3),
-        ),
+        "shaft rad, speed rad/s scale=10, current A",
+        "voltage V -24 24 scale=10",
+        "encoder rad resolution=1e-4 lower=-6 upper=6",
+        "k N m/A 0.05, J kg m2 2e-4, R V/A 1, L V s/A 1e-3",
     )
 
 
 def fan(nominal: float = 0.0) -> Model:
     """A fan whose pressure goes with its speed squared: at rest the drive moves nothing."""
-    return Model(
-        "fan",
+    return machine(
         lambda m: ({"speed": 300.0 * m.u.drive - m.x.speed}, {"pressure": 0.01 * m.x.speed**2}),
-        states=(State("speed", "rad/s", 150.0),),
-        inputs=(Input("drive", "1", 1.0, nominal=nominal, lower=0.0, upper=1.0),),
-        outputs=(Output("pressure", "Pa", 400.0),),
+        "speed rad/s scale=150",
+        f"drive 1 0 1 {nominal} scale=1",
+        "pressure Pa scale=400",
     )
 
 
@@ -261,13 +254,7 @@ def test_an_angle_that_nobody_measures_keeps_no_design_from_its_speed(name: str)
         rates = {"angle": m.x.speed, "speed": m.u.torque - m.x.speed}
         return rates, {"tacho": m.x.speed}
 
-    drive = Model(
-        "drive",
-        equations,
-        states=(State("angle", "rad"), State("speed", "rad/s")),
-        inputs=(Input("torque", "rad/s2", lower=-10.0, upper=10.0),),
-        outputs=(Output("tacho", "rad/s"),),
-    )
+    drive = machine(equations, "angle rad, speed rad/s", "torque rad/s2 -10 10", "tacho rad/s")
     linear = at_rest(drive, tacho=0.0)
     assert linear.without_unseen().state_names == ("speed",)
     law = designed(name, linear, sample_time=0.02)
@@ -287,12 +274,11 @@ def test_what_a_pump_moves_between_two_vessels_is_no_more_than_they_hold(name: s
 
 
 def test_a_slow_plant_whose_sensor_is_lost_in_a_move_is_stopped_and_not_let_go() -> None:
-    sledge = Model(
-        "sledge",
+    sledge = machine(
         lambda m: ({"x": m.x.v, "v": m.u.a}, {"y": m.x.x}),
-        states=(State("x", "m", 0.1), State("v", "m/s", 0.2)),
-        inputs=(Input("a", "m/s2", 1.0, lower=-1.0, upper=1.0),),
-        outputs=(Output("y", "m", 0.1, lower=-2.0, upper=2.0, noise_rms=1e-4),),
+        "x m scale=0.1, v m/s scale=0.2",
+        "a m/s2 -1 1 scale=1",
+        "y m 1e-4 scale=0.1 lower=-2 upper=2",
     )
     h = 0.001
     law = guarded(designed("plain-pid", at_rest(sledge, y=0.0), sample_time=h), sledge)
@@ -307,12 +293,11 @@ def test_a_slow_plant_whose_sensor_is_lost_in_a_move_is_stopped_and_not_let_go()
 
 @pytest.mark.parametrize("name", PLAIN)
 def test_a_delay_of_many_samples_is_tolerated(name: str) -> None:
-    model = Model(
-        "oven",
+    model = machine(
         lambda m: ({"T": (50.0 * m.u.duty - m.x.T) / 60.0}, {"T": m.x.T}),
-        states=(State("T", "K", 50.0),),
-        inputs=(Input("duty", "1", lower=-1.0, upper=1.0),),
-        outputs=(Output("T", "K", 50.0, noise_rms=0.05),),
+        "T K scale=50",
+        "duty 1 -1 1",
+        "T K 0.05 scale=50",
     )
     linear = at_rest(model, T=0.0)
     law = designed(name, linear, sample_time=1.0, delay=150.0)
@@ -324,8 +309,7 @@ def test_a_delay_of_many_samples_is_tolerated(name: str) -> None:
 
 @pytest.mark.parametrize("name", REDUCED)
 def test_a_tank_that_another_pump_fills_keeps_no_design_from_its_level(name: str) -> None:
-    model = Model(
-        "tanks",
+    model = machine(
         lambda m: (
             {
                 "low": 0.01 * m.u.pump + 0.02 * m.x.high - 0.01 * m.x.low,
@@ -333,9 +317,9 @@ def test_a_tank_that_another_pump_fills_keeps_no_design_from_its_level(name: str
             },
             {"level": m.x.low},
         ),
-        states=(State("low", "m", 0.2), State("high", "m", 0.2)),
-        inputs=(Input("pump", "V", lower=-5.0, upper=5.0), Input("other", "V")),
-        outputs=(Output("level", "m", 0.2, noise_rms=1e-4),),
+        "low m scale=0.2, high m scale=0.2",
+        "pump V -5 5, other V",
+        "level m 1e-4 scale=0.2",
     )
     linear = at_rest(model, level=0.0)
     assert loop_of(linear).linear.state_names == ("low",)
@@ -354,15 +338,10 @@ def test_limits_of_a_lone_command_are_told_by_its_letter(name: str) -> None:
 
 
 def test_a_plant_that_nothing_drives_gets_no_controller() -> None:
-    decay = Model(
-        "decay",
-        lambda m: ({"level": -m.x.level}, {"level": m.x.level}),
-        states=(State("level", "m"),),
-        inputs=(),
-        outputs=(Output("level", "m"),),
-        parameters=(),
+    decay = machine(
+        lambda m: ({"level": -m.x.level}, {"level": m.x.level}), "level m", "", "level m"
     )
-    with pytest.raises(WorkbenchError, match=r"'decay' has no input.*inputs=\(Input"):
+    with pytest.raises(WorkbenchError, match=r"'machine' has no input.*inputs=\(Input"):
         loop_of(at_rest(decay))
 
 
@@ -370,15 +349,14 @@ def test_a_plant_that_nothing_drives_gets_no_controller() -> None:
 def test_an_mpc_looks_no_further_than_an_unstable_plant_can_be_foreseen(
     growth: float, settled: float
 ) -> None:
-    plasma = Model(
-        "plasma",
+    plasma = machine(
         lambda m: (
             {"z": growth * m.x.z + 0.03 * m.x.i, "i": (m.u.v - 0.1 * m.x.i) / 0.03},
             {"z": m.x.z, "i": m.x.i},
         ),
-        states=(State("z", "m", 0.01), State("i", "A", 50.0)),
-        inputs=(Input("v", "V", 400.0, lower=-600.0, upper=600.0),),
-        outputs=(Output("z", "m", 0.01), Output("i", "A", 50.0)),
+        "z m scale=0.01, i A scale=50",
+        "v V -600 600 scale=400",
+        "z m scale=0.01, i A scale=50",
     )
     linear = at_rest(plasma)
     law = designed("plain-mpc", linear, measured="z")
@@ -406,8 +384,7 @@ def dead_time(late: float, lag: float, gain: float) -> Model:
 
 def drum() -> Model:
     """The level of a drum: it integrates, and answers the wrong way for 30 s."""
-    return Model(
-        "drum",
+    return machine(
         lambda m: (
             {
                 "mass": 2.5e-5 * m.x.feed,
@@ -416,9 +393,9 @@ def drum() -> Model:
             },
             {"level": m.x.mass + m.x.swell},
         ),
-        states=(State("mass", "m"), State("swell", "m"), State("feed", "kg/s")),
-        inputs=(Input("feedwater", "kg/s", lower=-50.0, upper=70.0),),
-        outputs=(Output("level", "m", noise_rms=1e-3),),
+        "mass m, swell m, feed kg/s",
+        "feedwater kg/s -50 70",
+        "level m 1e-3",
     )
 
 
@@ -496,15 +473,14 @@ def step_on(
 
 @pytest.mark.parametrize("name", PLAIN)
 def test_a_command_that_rests_near_one_end_may_be_used_to_the_other(name: str) -> None:
-    kettle = Model(
-        "kettle",
+    kettle = machine(
         lambda m: (
             {"T": (m.u.heat - 50.0 * m.x.T) / 4e3, "probe": (m.x.T - m.x.probe) / 5.0},
             {"probe": m.x.probe},
         ),
-        states=(State("T", "K", 50.0), State("probe", "K", 50.0)),
-        inputs=(Input("heat", "W", 1000.0, lower=0.0, upper=6000.0),),
-        outputs=(Output("probe", "K", 50.0, noise_rms=0.02),),
+        "T K scale=50, probe K scale=50",
+        "heat W 0 6000 scale=1000",
+        "probe K 0.02 scale=50",
     )
     linear = at_rest(kettle, probe=10.0)
     law = designed(name, linear, sample_time=0.5)
@@ -544,15 +520,14 @@ def test_what_two_equal_tanks_share_is_what_their_pump_moves() -> None:
 
 @pytest.mark.parametrize("name", PLAIN)
 def test_a_step_that_the_command_can_just_hold_tips_no_pendulum(name: str, tmp_path: Path) -> None:
-    rod = Model(
-        "rod",
+    rod = machine(
         lambda m: (
             {"angle": m.x.rate, "rate": 20.0 * m.x.angle + 10.0 * m.u.torque},
             {"angle": m.x.angle},
         ),
-        states=(State("angle", "rad", 0.2), State("rate", "rad/s", 1.0)),
-        inputs=(Input("torque", "N m", lower=-1.0, upper=1.0),),
-        outputs=(Output("angle", "rad", 0.2, resolution=5e-4),),
+        "angle rad scale=0.2, rate rad/s scale=1",
+        "torque N m -1 1",
+        "angle rad scale=0.2 resolution=5e-4",
     )
     linear = at_rest(rod, angle=0.0)
     law = designed(name, linear, sample_time=0.004)
@@ -655,15 +630,14 @@ def test_an_h_infinity_loop_shows_a_reference_no_tail_of_what_it_does_about_load
 
 @pytest.mark.skipif(not has_slycot(), reason="needs slycot")
 def test_a_flow_of_nanolitres_behind_a_pressure_has_an_h_infinity_controller() -> None:
-    line = Model(
-        "syringe",
+    line = machine(
         lambda m: (
             {"pressure": (1e-4 * m.u.piston - m.x.pressure / 3e12) / 5e-12},
             {"flow": m.x.pressure / 3e12},
         ),
-        states=(State("pressure", "Pa"),),
-        inputs=(Input("piston", "m/s", lower=0.0, upper=1e-3, nominal=1e-4),),
-        outputs=(Output("flow", "m3/s", noise_rms=1e-11),),
+        "pressure Pa",
+        "piston m/s 0 1e-3 1e-4",
+        "flow m3/s 1e-11",
     )
     linear = at_rest(line)
     law = designed("plain-h-infinity", linear, sample_time=0.1)
@@ -673,8 +647,7 @@ def test_a_flow_of_nanolitres_behind_a_pressure_has_an_h_infinity_controller() -
 @pytest.mark.skipif(not has_slycot(), reason="needs slycot")
 def test_a_reference_is_not_held_back_for_steps_that_nobody_takes() -> None:
     # A ball on a beam: by half of what moves a motor to its end in a slow loop it rolls for metres.
-    beam = Model(
-        "ball and beam",
+    beam = machine(
         lambda m: (
             {
                 "way": m.x.speed,
@@ -684,9 +657,9 @@ def test_a_reference_is_not_held_back_for_steps_that_nobody_takes() -> None:
             },
             {"way": m.x.way, "angle": m.x.angle},
         ),
-        states=states("way m", "speed m/s", "angle rad", "rate rad/s"),
-        inputs=(Input("motor", "rad/s", lower=-2.0, upper=2.0),),
-        outputs=(Output("way", "m", noise_rms=5e-4), Output("angle", "rad", noise_rms=1e-3)),
+        "way m, speed m/s, angle rad, rate rad/s",
+        "motor rad/s -2 2",
+        "way m 5e-4, angle rad 1e-3",
     )
     linear = at_rest(beam)
     law = designed("plain-h-infinity", linear, measured="way", sample_time=0.02)
@@ -715,13 +688,7 @@ def test_a_rudder_that_turns_slowly_holds_no_ship_back() -> None:
         turn = (0.05 * m.x.rudder - m.x.turn) / 20.0
         return {"heading": m.x.turn, "turn": turn, "rudder": rudder}, {"heading": m.x.heading}
 
-    plant = Model(
-        "ship",
-        ship,
-        states=states("heading rad", "turn rad/s", "rudder rad"),
-        inputs=(Input("rudder", "rad"),),
-        outputs=(Output("heading", "rad", noise_rms=0.002),),
-    )
+    plant = machine(ship, "heading rad, turn rad/s, rudder rad", "rudder rad", "heading rad 2e-3")
     law = designed("lqi", at_rest(plant), sample_time=0.2)
     found = stepped(law, plant, "heading", 0.0, 0.1, hold=400.0)
     # By hand a PD settles in 100 s.
@@ -760,12 +727,11 @@ def test_a_reference_enters_as_suits_commands_that_are_late() -> None:
 
 
 def test_a_pid_whose_command_is_at_its_end_asks_for_no_more_than_there_is() -> None:
-    tank = Model(
-        "tank",
+    tank = machine(
         lambda m: ({"level": (0.01 - m.u.pump) / 5.0}, {"level": m.x.level}),
-        states=(State("level", "m", initial=2.0, lower=0.0, upper=4.0),),
-        inputs=(Input("pump", "m3/s", lower=0.0, upper=0.02, nominal=0.01),),
-        outputs=(Output("level", "m", noise_rms=0.005),),
+        "level m 2 lower=0 upper=4",
+        "pump m3/s 0 0.02 0.01",
+        "level m 5e-3",
     )
     law = designed("plain-pid", at_rest(tank), sample_time=5.0)
     found = stepped(law, tank, "level", 2.0, 2.8, hold=1500.0)

@@ -12,8 +12,8 @@ import pytest
 from controllers.sensitivity import peak_sensitivities
 from tests.controllers import families
 from tests.controllers.in_c import agrees
-from tests.machines import at_rest, stepped
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from tests.machines import at_rest, machine, stepped
+from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.plants.arm import arm
 
@@ -27,13 +27,12 @@ def filled_tank(lag: float = 3.0) -> Model:
         rates = {"position": (m.u.valve - x.position) / p.lag, "level": flow / 0.2}
         return rates, {"level": x.level}
 
-    return Model(
-        "filled tank",
+    return machine(
         equations,
-        states=(State("position", "1", 1.0, initial=0.7), State("level", "m", 0.5, initial=0.5)),
-        inputs=(Input("valve", "1", 1.0, lower=0.0, upper=1.0),),
-        outputs=(Output("level", "m", 0.5, noise_rms=1e-3, display_unit="m"),),
-        parameters=(Parameter("lag", "s", value=lag),),
+        "position 1 0.7 scale=1, level m 0.5 scale=0.5",
+        "valve 1 0 1 scale=1",
+        "level m 1e-3 scale=0.5 display_unit=m",
+        f"lag s {lag}",
     )
 
 

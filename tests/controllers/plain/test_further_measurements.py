@@ -15,10 +15,10 @@ from controllers.plain.loop import loop_of, spare_outputs
 from controllers.plain.transfer_law import pid_by_hand
 from tests.controllers.families import designed
 from tests.controllers.in_c import agrees_on
-from tests.machines import at_rest, stepped
+from tests.machines import at_rest, machine, stepped
 from workbench.errors import WorkbenchError
 from workbench.linearisation import linear_model
-from workbench.model import Input, Model, Output, Scope, State
+from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.plants.arm import arm
 from workbench.study.linear_loop import analyse_loop
@@ -161,15 +161,11 @@ def test_what_is_read_otherwise_than_the_model_shows_it_leads_no_speed_astray(na
                 "current": m.x.current,
             }
 
-        return Model(
-            "winder",
+        return machine(
             equations,
-            states=(State("current", "A"), State("speed", "rad/s")),
-            inputs=(Input("voltage", "V", lower=-48.0, upper=48.0),),
-            outputs=(
-                Output("speed", "rad/s", noise_rms=0.3),
-                Output("current", "A", noise_rms=0.02),
-            ),
+            "current A, speed rad/s",
+            "voltage V -48 48",
+            "speed rad/s 0.3, current A 0.02",
         )
 
     # By the current alone, a shaft that rubs is faster than it is.
@@ -182,8 +178,7 @@ def test_what_is_read_otherwise_than_the_model_shows_it_leads_no_speed_astray(na
 
 def test_noise_keeps_no_loop_from_holding_what_grows() -> None:
     # A bicycle, balanced by its steering.
-    bicycle = Model(
-        "bicycle",
+    bicycle = machine(
         lambda m: (
             {
                 "lean": m.x.roll,
@@ -192,9 +187,9 @@ def test_noise_keeps_no_loop_from_holding_what_grows() -> None:
             },
             {"lean": m.x.lean, "steer": m.x.steer},
         ),
-        states=(State("lean", "rad"), State("roll", "rad/s"), State("steer", "rad")),
-        inputs=(Input("rate", "rad/s", lower=-3.0, upper=3.0),),
-        outputs=(Output("lean", "rad", noise_rms=2e-3), Output("steer", "rad", noise_rms=1e-3)),
+        "lean rad, roll rad/s, steer rad",
+        "rate rad/s -3 3",
+        "lean rad 2e-3, steer rad 1e-3",
     )
     linear = at_rest(bicycle)
     law = designed("plain-pid", linear, measured="lean")

@@ -22,11 +22,11 @@ from controllers.plain.state_feedback import LQISpecification, reachable_speed
 from controllers.sensitivity import least_gain, loop_matrices
 from tests.controllers import families
 from tests.controllers.in_c import InC, agrees, agrees_on
-from tests.machines import at_rest, stepped
+from tests.machines import at_rest, machine, stepped
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linear_model
 from workbench.linearisation.pace import usual_sample_time
-from workbench.model import Input, Model, Output, State
+from workbench.model import Input, Model
 from workbench.study.linear_loop import analyse_loop
 from workbench.verification import guarded, metrics, step_scenario, verify
 
@@ -56,18 +56,12 @@ def tanks(spread: Any = SPREAD, slew: float = math.inf) -> Model:
         rates = tank_rates(h, u, lambda v: ca.sqrt(ca.fmax(v, 1e-6)), spread)
         return {f"h{i}": rates[i] for i in range(4)}, {"low": h[0], "other": h[1]}
 
-    return Model(
-        "tanks",
+    levels = enumerate((0.12, 0.12, 0.02, 0.02))
+    return machine(
         equations,
-        states=tuple(
-            State(f"h{i}", "m", 0.1, initial=level)
-            for i, level in enumerate((0.12, 0.12, 0.02, 0.02))
-        ),
-        inputs=tuple(
-            Input(n, "V", 3.0, nominal=3.0, lower=0.0, upper=10.0, slew=slew)
-            for n in ("left", "right")
-        ),
-        outputs=tuple(Output(n, "m", 0.02, noise_rms=1e-4) for n in ("low", "other")),
+        ", ".join(f"h{i} m {level} scale=0.1" for i, level in levels),
+        ", ".join(f"{n} V 0 10 3 scale=3 slew={slew}" for n in ("left", "right")),
+        ", ".join(f"{n} m 1e-4 scale=0.02" for n in ("low", "other")),
     )
 
 
@@ -324,15 +318,14 @@ def test_a_pump_that_changes_slowly_is_asked_for_no_more(name: str, tmp_path: Pa
 
 
 def test_noise_takes_no_more_of_a_slew_than_of_a_range() -> None:
-    rotor = Model(
-        "rotor",
+    rotor = machine(
         lambda m: (
             {"speed": -0.012 * m.x.speed - m.x.blade, "blade": (m.u.pitch - m.x.blade) / 0.3},
             {"speed": m.x.speed},
         ),
-        states=(State("speed", "rad/s"), State("blade", "rad", 0.2)),
-        inputs=(Input("pitch", "rad", lower=-0.3, upper=1.2, slew=0.14),),
-        outputs=(Output("speed", "rad/s", noise_rms=0.02),),
+        "speed rad/s, blade rad scale=0.2",
+        "pitch rad -0.3 1.2 slew=0.14",
+        "speed rad/s 0.02",
     )
     linear = at_rest(rotor)
     law = designed("lqi", linear, sample_time=0.02)

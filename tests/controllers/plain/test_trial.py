@@ -16,12 +16,12 @@ from controllers.plain.pairing import interaction
 from controllers.plain.state_feedback import LQISpecification, design_lqi
 from controllers.sensitivity import peak_sensitivities
 from tests.controllers.families import designed
-from tests.machines import at_rest, states, stepped
+from tests.machines import at_rest, machine, stepped
 from workbench.errors import WorkbenchError
 from workbench.linearisation import first_step
 from workbench.linearisation.first_step import step_of
 from workbench.linearisation.pace import reach_of, usual_sample_time
-from workbench.model import Input, Model, Output, State
+from workbench.model import Model
 from workbench.plants.plant import Plant
 from workbench.plants.servo_axis import servo_axis
 from workbench.study.designs import followed_by_default
@@ -48,16 +48,8 @@ def plates() -> Model:
         charging = (m.u.voltage - q * (4e-6 - x) / area) / 1e6
         return {"closed": m.x.speed, "speed": force / mass, "charge": charging}, {"x": 1.0 * x}
 
-    return Model(
-        "plates",
-        equations,
-        states=(
-            State("closed", "m", initial=1e-6),
-            State("speed", "m/s"),
-            State("charge", "C", initial=2.4e-12),
-        ),
-        inputs=(Input("voltage", "V", lower=0.0, upper=20.0),),
-        outputs=(Output("x", "m", noise_rms=2e-9),),
+    return machine(
+        equations, "closed m 1e-6, speed m/s, charge C 2.4e-12", "voltage V 0 20", "x m 2e-9"
     )
 
 
@@ -77,14 +69,8 @@ def knee() -> Model:
         rates = {"knee": m.x.rate, "motor": m.x.motor_rate}
         return rates | {"rate": turned / 0.35, "motor_rate": driven / 0.9}, {"knee": m.x.knee}
 
-    angles = State("knee", "rad", initial=0.3), State("motor", "rad", initial=0.31)
-    return Model(
-        "knee",
-        equations,
-        states=(*angles, State("rate", "rad/s"), State("motor_rate", "rad/s")),
-        inputs=(Input("current", "A", lower=-15.0, upper=15.0),),
-        outputs=(Output("knee", "rad", noise_rms=5e-4),),
-    )
+    states = "knee rad 0.3, motor rad 0.31, rate rad/s, motor_rate rad/s"
+    return machine(equations, states, "current A -15 15", "knee rad 5e-4")
 
 
 def test_a_step_that_overshoots_a_little_too_far_is_led_more_slowly_than_it_settles() -> None:
@@ -107,12 +93,8 @@ def gimbal() -> Model:
         torque = 0.05 * m.u.current - 0.02 * np.sin(a) - 0.004 * np.tanh(w / 0.02) - 5e-4 * w
         return {"angle": w, "rate": torque / 8e-4}, {"angle": a}
 
-    return Model(
-        "gimbal",
-        equations,
-        states=(State("angle", "rad"), State("rate", "rad/s")),
-        inputs=(Input("current", "A", lower=-2.0, upper=2.0),),
-        outputs=(Output("angle", "rad", resolution=2e-4),),
+    return machine(
+        equations, "angle rad, rate rad/s", "current A -2 2", "angle rad resolution=2e-4"
     )
 
 
@@ -138,13 +120,7 @@ def divider() -> Model:
         current = (m.u.source - m.x.v) / 1000.0
         return {"v": (current - m.x.v / 2000.0) / 1e-6}, {"current": current}
 
-    return Model(
-        "divider",
-        equations,
-        states=(State("v", "V"),),
-        inputs=(Input("source", "V", lower=-10.0, upper=10.0),),
-        outputs=(Output("current", "A", noise_rms=1e-6),),
-    )
+    return machine(equations, "v V", "source V -10 10", "current A 1e-6")
 
 
 def test_an_mpc_weighs_errors_of_one_output_as_suits_it() -> None:
@@ -163,12 +139,11 @@ def wheel() -> Model:
         rates = {"angle": m.x.rate, "rate": fall / 0.0045, "speed": torque / 0.00012}
         return rates, {"tilt": m.x.angle, "wheel": m.x.speed}
 
-    return Model(
-        "wheel",
+    return machine(
         equations,
-        states=(State("angle", "rad"), State("rate", "rad/s"), State("speed", "rad/s")),
-        inputs=(Input("voltage", "V", lower=-24.0, upper=24.0),),
-        outputs=(Output("tilt", "rad", noise_rms=1e-3), Output("wheel", "rad/s", noise_rms=0.5)),
+        "angle rad, rate rad/s, speed rad/s",
+        "voltage V -24 24",
+        "tilt rad 1e-3, wheel rad/s 0.5",
     )
 
 
@@ -192,12 +167,11 @@ def finger() -> Model:
         torque = 6e-6 * m.u.pressure - 0.5 * q - 0.15 * h - 0.03 * w
         return {"bend": w, "rate": torque / 8e-4, "memory": w - 4.0 * np.abs(w) * h}, {"angle": q}
 
-    return Model(
-        "finger",
+    return machine(
         equations,
-        states=(State("bend", "rad"), State("rate", "rad/s"), State("memory", "rad")),
-        inputs=(Input("pressure", "Pa", lower=0.0, upper=1.5e5, nominal=5e4),),
-        outputs=(Output("angle", "rad", noise_rms=2e-3),),
+        "bend rad, rate rad/s, memory rad",
+        "pressure Pa 0 1.5e5 5e4",
+        "angle rad 2e-3",
     )
 
 
@@ -214,13 +188,7 @@ def stage() -> Model:
         force = 2.0 * m.u.volts - 5.0 * np.sign(m.x.v) - 3.0 * m.x.v
         return {"x": m.x.v, "v": force / 1.5}, {"pos": m.x.x}
 
-    return Model(
-        "stage",
-        equations,
-        states=(State("x", "m"), State("v", "m/s")),
-        inputs=(Input("volts", "V", lower=-24.0, upper=24.0),),
-        outputs=(Output("pos", "m", resolution=1e-6),),
-    )
+    return machine(equations, "x m, v m/s", "volts V -24 24", "pos m resolution=1e-6")
 
 
 def test_a_loop_that_swings_where_the_plant_sticks_is_designed_slower() -> None:
@@ -244,12 +212,11 @@ def joint() -> Model:
         }
         return rates, {"angle": m.x.link}
 
-    return Model(
-        "joint",
+    return machine(
         equations,
-        states=states("motor rad", "turning rad/s", "link rad", "rate rad/s"),
-        inputs=(Input("drive", "N m", lower=-1.5, upper=1.5),),
-        outputs=(Output("angle", "rad"),),
+        "motor rad, turning rad/s, link rad, rate rad/s",
+        "drive N m -1.5 1.5",
+        "angle rad",
     )
 
 
@@ -261,12 +228,11 @@ def test_a_loop_that_swings_on_is_designed_slower() -> None:
 
 
 def test_a_loop_that_still_gets_nearer_is_designed_no_slower() -> None:
-    tank = Model(
-        "tank",
+    tank = machine(
         lambda m: ({"h": 0.02 * (m.u.inflow - np.sqrt(m.x.h))}, {"level": m.x.h}),
-        states=(State("h", "m", initial=1.0),),
-        inputs=(Input("inflow", "1", lower=0.0, upper=2.0),),
-        outputs=(Output("level", "m"),),
+        "h m 1",
+        "inflow 1 0 2",
+        "level m",
     )
     linear = at_rest(tank)
     want = LQISpecification("level", sample_time=0.1, trusted_frequency=0.02)
@@ -287,15 +253,11 @@ def lander() -> Model:
         rates |= {"vx": across, "vy": up, "turning": m.u.torque / 0.05}
         return rates, {"x": x.x, "y": x.y}
 
-    return Model(
-        "lander",
+    return machine(
         equations,
-        states=states("x m", "y m", "angle rad", "vx m/s", "vy m/s", "turning rad/s"),
-        inputs=(
-            Input("thrust", "N", lower=0.0, upper=80.0),
-            Input("torque", "N m", lower=-2.0, upper=2.0),
-        ),
-        outputs=(Output("x", "m", noise_rms=5e-3), Output("y", "m", noise_rms=5e-3)),
+        "x m, y m, angle rad, vx m/s, vy m/s, turning rad/s",
+        "thrust N 0 80, torque N m -2 2",
+        "x m 5e-3, y m 5e-3",
     )
 
 

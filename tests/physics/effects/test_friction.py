@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.machines import machine
 from tests.physics.effects.bench import bench, offered, read, run, triangle
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.physics.friction import (
     coulomb_friction,
@@ -93,13 +94,12 @@ def carousel() -> Model:
         torque = m.u.torque - 0.1 * m.x.turning - 4.0 * m.x.radius * m.u.pull * m.x.turning
         return {"turning": torque / inertia, "radius": m.u.pull}, {"turning": m.x.turning}
 
-    return Model(
-        "carousel",
+    return machine(
         equations,
-        states=(State("turning", "rad/s", 1.0), State("radius", "m", 0.3, initial=0.1)),
-        inputs=(Input("torque", "N m", 1.0), Input("pull", "m/s", 0.1)),
-        outputs=(Output("turning", "rad/s", 1.0),),
-        parameters=(Parameter("table", "kg m2", value=0.3, lower=0.1, upper=1.0, fitted=True),),
+        "turning rad/s scale=1, radius m 0.1 scale=0.3",
+        "torque N m scale=1, pull m/s scale=0.1",
+        "turning rad/s scale=1",
+        "table kg m2 0.3 0.1 1",
     )
 
 

@@ -8,10 +8,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from tests.machines import machine
 from tests.physics.effects.bench import offered
 from workbench.evaluation.foreign.newcomer import ROOM, circuit, crane, drive, tank
 from workbench.evaluation.machines.plants import muscle
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.physics.library import library
 
@@ -53,13 +54,12 @@ def test_what_the_sections_of_a_kiln_radiate_is_one_effect(sections: int, shared
         rates = {n: a * (b - m.x[n]) for n, a, b in zip(names, paces, before, strict=False)}
         return rates, {"end": m.x[names[-1]]}
 
-    kiln = Model(
-        "kiln",
+    kiln = machine(
         equations,
-        states=tuple(State(f"T{k}", "K", 300.0, initial=400.0) for k in range(sections)),
-        inputs=(Input("feed", "K", 300.0),),
-        outputs=(Output("end", "K", 300.0),),
-        parameters=(Parameter("pace", "1/s", value=0.1, lower=0.01, upper=1.0, fitted=True),),
+        ", ".join(f"T{k} K 400 scale=300" for k in range(sections)),
+        "feed K scale=300",
+        "end K scale=300",
+        "pace 1/s 0.1 0.01 1",
     ).opened()
     found = {h.name: h for h in library(kiln) if h.law == "radiation"}
     one_by_one = {f"radiation_T{k}" for k in range(sections)}
@@ -139,13 +139,7 @@ def test_what_a_store_is_given_may_come_late() -> None:
             {"room": m.x.room},
         )
 
-    duct = Model(
-        "duct",
-        equations,
-        states=(State("coil", "K", initial=310.0), State("room", "K", initial=293.0)),
-        inputs=(Input("heater", "W", lower=0.0, upper=15e3),),
-        outputs=(Output("room", "K"),),
-    )
+    duct = machine(equations, "coil K 310, room K 293", "heater W 0 1.5e4", "room K")
     law = offered(duct, "transport_delay_coil_room", sample_time=1.0)
     late = duct.with_effect(law.at_size(25.0))
 
@@ -198,17 +192,12 @@ def test_what_joins_two_bodies_without_a_spring_may_pass_one_sign_only() -> None
             "motor": m.x.motor
         }
 
-    states = tuple(State(n, "rad/s", 10.0) for n in ("motor", "wheel"))
-    model = Model(
-        "coupling",
+    model = machine(
         equations,
-        states=states,
-        inputs=(Input("torque", "N m", 5.0),),
-        outputs=(Output("motor", "rad/s"),),
-        parameters=(
-            Parameter("clutch", "N m s/rad", value=2.0),
-            Parameter("inertia", "kg m2", value=1.0),
-        ),
+        "motor rad/s scale=10, wheel rad/s scale=10",
+        "torque N m scale=5",
+        "motor rad/s",
+        "clutch N m s/rad 2, inertia kg m2 1",
     )
     law = offered(model, "rectification_motor_wheel_exchange")
     # What the motor is given from there is minus the torque: only less than nothing passes.
@@ -288,12 +277,11 @@ def test_an_outflow_saturates_and_is_half_at_the_half_level() -> None:
 
 def test_what_crowds_is_lost_with_the_square_of_its_level() -> None:
     """Verhulst's growth r h (1 - h / K) is exponential growth beside a loss of r / K h^2."""
-    hares = Model(
-        "hares",
+    hares = machine(
         lambda m: ({"hares": 0.065 * m.x.hares}, {"hares": m.x.hares}),
-        (State("hares", "1", 30.0),),
-        (),
-        (Output("hares", "1"),),
+        "hares 1 scale=30",
+        "",
+        "hares 1",
     ).opened()
     crowded = hares.with_effect(offered(hares, "quadratic_outflow_hares").at_size(0.065 / 140.0))
     for count in (20.0, 70.0, 140.0):
@@ -349,12 +337,8 @@ def reactor() -> Model:
         given = m.port("jacket.heat", 20.0 * (m.x.warmth - m.u.coolant), unit="W")
         return {"warmth": -given / 4e5}, {"warmth": m.x.warmth}
 
-    return Model(
-        "reactor",
-        equations,
-        states=(State("warmth", "K", 20.0, initial=340.0),),
-        inputs=(Input("coolant", "K", 20.0, nominal=300.0),),
-        outputs=(Output("warmth", "K", 20.0),),
+    return machine(
+        equations, "warmth K 340 scale=20", "coolant K scale=20 nominal=300", "warmth K scale=20"
     )
 
 
@@ -385,21 +369,12 @@ def element() -> Model:
             {"warmth": m.x.warmth},
         )
 
-    return Model(
-        "element",
+    return machine(
         equations,
-        states=(State("current", "A", 1.0), State("warmth", "K", 50.0, initial=300.0)),
-        inputs=(
-            Input("voltage", "V", 10.0),
-            Input("outside", "K", 20.0, nominal=290.0),
-            Input("sun", "W/m2", 500.0),
-        ),
-        outputs=(Output("warmth", "K", 20.0),),
-        parameters=(
-            Parameter("resistance", "ohm", value=2.0, lower=0.1, upper=9.0, fitted=True),
-            Parameter("inductance", "H", value=0.1),
-            Parameter("heat", "K/(A s)", value=0.1, lower=0.0, upper=1.0, fitted=True),
-        ),
+        "current A scale=1, warmth K 300 scale=50",
+        "voltage V scale=10, outside K scale=20 nominal=290, sun W/m2 scale=500",
+        "warmth K scale=20",
+        "resistance ohm 2 0.1 9, inductance H 0.1, heat K/(A s) 0.1 0 1",
     )
 
 
@@ -439,17 +414,12 @@ def kiln() -> Model:
         rates = {"heater": (m.u.power - given) / m.p.c_heater, "load": given / m.p.c_load}
         return rates, {"load": m.x.load}
 
-    return Model(
-        "kiln",
+    return machine(
         equations,
-        states=(State("heater", "K", 500.0), State("load", "K", 500.0)),
-        inputs=(Input("power", "W", 1e3),),
-        outputs=(Output("load", "K", 500.0),),
-        parameters=(
-            Parameter("exchange", "W/K", value=20.0, lower=2.0, upper=200.0, fitted=True),
-            Parameter("c_heater", "J/K", value=2000.0),
-            Parameter("c_load", "J/K", value=20000.0),
-        ),
+        "heater K scale=500, load K scale=500",
+        "power W scale=1000",
+        "load K scale=500",
+        "exchange W/K 20 2 200, c_heater J/K 2000, c_load J/K 2e4",
     )
 
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.machines import machine
 from tests.physics.effects.bench import bench, read, response, run
-from workbench.model import Input, Model, Output, State
 from workbench.physics.creep import maxwell_element
 from workbench.physics.delay import elastic_drive
 from workbench.physics.stiffness import (
@@ -59,9 +59,7 @@ def test_two_bodies_and_a_spring_are_one_body_behind_an_elastic_drive(motor: boo
         force = m.port("body.force", m.u.drive - b * m.x.v, unit="N", signals={"speed": m.x.v})
         return {"v": force / whole}, {"v": m.x.v}
 
-    body = Model(
-        "body", equations, (State("v", "m/s"),), (Input("drive", "N"),), (Output("v", "m/s"),)
-    )
+    body = machine(equations, "v m/s", "drive N", "v m/s")
     law = elastic_drive(
         "body.force",
         share=-m2 / m1 if motor else 1.0,

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from tests.machines import machine
+from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.physics.friction import joint_drag, joint_friction
 from workbench.physics.library import library
@@ -32,21 +33,12 @@ def crane() -> Model:
         rates = {"place": m.x.speed, "speed": a, "angle": m.x.rate, "rate": swing}
         return rates, {"place": m.x.place, "angle": m.x.angle}
 
-    return Model(
-        "crane",
+    return machine(
         equations,
-        states=(
-            State("place", "m"),
-            State("speed", "m/s"),
-            State("angle", "rad"),
-            State("rate", "rad/s"),
-        ),
-        inputs=(Input("force", "N"),),
-        outputs=(Output("place", "m"), Output("angle", "rad")),
-        parameters=(
-            Parameter("damping", "N s/m", value=DAMPING, lower=0.0, upper=40.0, fitted=True),
-            Parameter("hinge", "N m s/rad", value=HINGE, lower=0.0, upper=0.2, fitted=True),
-        ),
+        "place m, speed m/s, angle rad, rate rad/s",
+        "force N",
+        "place m, angle rad",
+        f"damping N s/m {DAMPING} 0 40, hinge N m s/rad {HINGE} 0 0.2",
     )
 
 
@@ -101,18 +93,9 @@ def test_what_rubs_between_a_wheel_and_the_body_that_drives_it_acts_as_the_dampi
         rates = {"speed": torque / 0.03 + 2.0 * m.x.tilt, "rate": 90.0 * m.x.tilt - 70.0 * torque}
         return rates | {"tilt": m.x.rate, "way": m.x.speed}, {"tilt": m.x.tilt, "way": m.x.way}
 
-    robot = Model(
-        "robot",
-        equations,
-        states=(
-            State("tilt", "rad"), State("rate", "rad/s"), State("way", "m"), State("speed", "m/s"),
-        ),
-        inputs=(Input("torque", "N m"),),
-        outputs=(Output("tilt", "rad"), Output("way", "m")),
-        parameters=(
-            Parameter("bearing", "N m s/rad", value=5e-4, lower=0.0, upper=0.01, fitted=True),
-        ),
-    )  # fmt: skip
+    states = "tilt rad, rate rad/s, way m, speed m/s"
+    bearing = "bearing N m s/rad 5e-4 0 0.01"
+    robot = machine(equations, states, "torque N m", "tilt rad, way m", bearing)
     seen = {"argument of bearing": (-20.0, 20.0)}
     offered = {h.name: h for h in library(robot, ranges=seen)}
     assert {"joint_friction_bearing", "joint_drag_bearing"} < offered.keys()

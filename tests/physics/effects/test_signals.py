@@ -11,8 +11,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tests.diagnosis.newcomers import oscillator
+from tests.machines import machine
 from tests.physics.effects.bench import bench, held, offered, read, response, run, triangle
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model import Model, Scope, State
 from workbench.model.trace import Equations
 from workbench.model.units import same_dimension
 from workbench.physics.delay import delay, sensor_delay, sensor_lag
@@ -356,16 +357,12 @@ def breathing(part: str) -> Model:
 
     own = {"resistance": ("Pa s/m3", 2e6), "conductance": ("m3/(s Pa)", 5e-7)}
     unit, value = own[part]
-    return Model(
-        "lung",
+    return machine(
         equations,
-        states=(State("volume", "m3", 5e-4),),
-        inputs=(Input("pressure", "Pa", 2e3),),
-        outputs=(Output("flow", "m3/s", 1e-3), Output("volume", "m3", 5e-4)),
-        parameters=(
-            Parameter(part, unit, value=value, lower=0.1 * value, upper=10.0 * value, fitted=True),
-            Parameter("compliance", "m3/Pa", value=4e-7),
-        ),
+        "volume m3 scale=5e-4",
+        "pressure Pa scale=2e3",
+        "flow m3/s scale=1e-3, volume m3 scale=5e-4",
+        f"{part} {unit} {value} {0.1 * value} {10.0 * value}, compliance m3/Pa 4e-7",
     )
 
 
@@ -443,16 +440,12 @@ def test_what_a_loop_asks_for_in_proportion_ends_at_a_limit() -> None:
         asked = m.p.gain * (m.u.demand - m.x.blade)
         return {"blade": m.x.rate, "rate": (asked - m.x.rate) / m.p.lag}, {"blade": m.x.blade}
 
-    drive = Model(
-        "pitch drive",
+    drive = machine(
         equations,
-        states=(State("blade", "rad"), State("rate", "rad/s")),
-        inputs=(Input("demand", "rad", lower=-1.0, upper=1.0),),
-        outputs=(Output("blade", "rad", display_unit="deg"),),
-        parameters=(
-            Parameter("gain", "1/s", value=2.0, lower=0.5, upper=5.0, fitted=True),
-            Parameter("lag", "s", value=0.1, lower=0.02, upper=1.0, fitted=True),
-        ),
+        "blade rad, rate rad/s",
+        "demand rad -1 1",
+        "blade rad display_unit=deg",
+        "gain 1/s 2 0.5 5, lag s 0.1 0.02 1",
     )
     # What the lag divides is all that acts on the rate.
     (law,) = (h for h in library(drive) if h.law == "term_saturation")
@@ -473,14 +466,7 @@ def test_what_a_factor_of_a_whole_port_multiplies_has_a_unit() -> None:
         pull = m.port("belt.force", m.p.grip * (0.15 * m.u.drum - m.x.belt), unit="N")
         return {"belt": pull / 400.0}, {"belt": m.x.belt}
 
-    belt = Model(
-        "belt",
-        equations,
-        states=(State("belt", "m/s"),),
-        inputs=(Input("drum", "rad/s"),),
-        outputs=(Output("belt", "m/s"),),
-        parameters=(Parameter("grip", "N s/m", value=8e3, lower=0.0, upper=5e4, fitted=True),),
-    )
+    belt = machine(equations, "belt m/s", "drum rad/s", "belt m/s", "grip N s/m 8000 0 5e4")
     law = offered(belt, "term_saturation")
     limit = belt.with_effect(law.at_size(1.0)).parameter("term_saturation_grip.limit")
     assert same_dimension(limit.unit, "m/s")
