@@ -47,6 +47,8 @@ def refit(
 
 
 def _results(report: Any) -> dict[str, Any]:
+    from workbench.files import picked
+
     return {
         "schema": "workbench.refit/1",
         "name": report.problem.name,
@@ -56,30 +58,14 @@ def _results(report: Any) -> dict[str, Any]:
         "process_noise_scale": report.refit.noise_scale,
         "reaches_noise_floor": report.reaches_floor,
         "parameters": {
-            e.name: {
-                "value": e.value,
-                "unit": e.unit,
-                "std": e.std,
-                "interval": list(e.interval),
-                "before": e.prior.mean,
-                "on_bound": e.on_bound,
-                "published": report.problem.published.get(e.name),
-            }
+            e.name: picked(e, "value unit std interval before=prior.mean on_bound")
+            | {"published": report.problem.published.get(e.name)}
             for e in report.refit.estimates
         },
         "unidentifiable": list(report.refit.unidentifiable),
         "disagreements": list(report.refit.disagreements),
         "held_out": [
-            {
-                "recording": r.recording,
-                "output": r.output,
-                "unit": r.unit,
-                "spread": r.spread,
-                "nominal": r.nominal,
-                "refitted": r.refitted,
-                "noise_limited": r.limited,
-                "noise": r.noise,
-            }
+            picked(r, "recording output unit spread nominal refitted noise_limited=limited noise")
             for r in report.rows
         ],
     }

@@ -14,6 +14,7 @@ from typing import Any
 
 from workbench.checked_json import TableShape, number, optional, text
 from workbench.errors import WorkbenchError
+from workbench.files import picked
 from workbench.model import Model
 from workbench.study.execution import Progress, Workers
 from workbench.study.plants import PlantRecipe
@@ -101,30 +102,18 @@ class Distances:
         return {
             "asked": self.asked,
             "steps": [
-                {
-                    "controller": s.controller,
-                    "variation": s.variation,
-                    "scenario": s.scenario,
-                    "seed": s.seed,
-                    "output": s.move.output,
-                    "begin_s": s.begin,
-                    "from": s.move.initial,
-                    "to": s.move.final,
-                    "settling_s": s.settling.value,
-                    "limit_s": s.limit.value,
-                    "ratio": s.ratio.value,
-                    "reason": s.ratio.reason,
-                }
+                picked(
+                    s,
+                    "controller variation scenario seed output=move.output begin_s=begin"
+                    " from=move.initial to=move.final settling_s=settling.value"
+                    " limit_s=limit.value ratio=ratio.value reason=ratio.reason",
+                )
                 for s in self.steps
             ],
             "limits": [
-                {
-                    "variation": name,
-                    "from": move.initial,
-                    "to": move.final,
-                    "limit_s": limit.value,
-                    "reason": limit.reason,
-                }
+                {"variation": name}
+                | picked(move, "from=initial to=final")
+                | picked(limit, "limit_s=value reason")
                 for name, move, limit in self.limits
             ],
             "worst": [

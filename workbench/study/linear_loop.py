@@ -31,6 +31,7 @@ from controllers.sensitivity import (
 )
 from workbench.arrays import Complex, Vector
 from workbench.errors import WorkbenchError
+from workbench.files import picked
 from workbench.linearisation import LinearModel, linear_model
 from workbench.registry import user_code
 from workbench.study.study import Study
@@ -88,21 +89,12 @@ class LoopAnalysis:
 
     def table(self) -> dict[str, Any]:
         """Return the metrics as plain numbers, with units in their names."""
-        return {
-            "controller": self.controller,
-            "point": dict(self.point),
-            "opened": self.opened,
-            "stable": self.stable,
-            "gain_margin": self.gain_margin,
-            "gain_margin_down": self.gain_margin_down,
-            "phase_margin_rad": self.phase_margin,
-            "crossover_Hz": self.crossover_Hz,
-            "delay_margin_s": self.delay_margin,
-            "maximum_sensitivity": self.sensitivity,
-            "maximum_complementary": self.complementary,
-            "disk_margin": self.disk_margin,
-            "reason": self.reason,
-        }
+        return {"controller": self.controller, "point": dict(self.point)} | picked(
+            self,
+            "opened stable gain_margin gain_margin_down phase_margin_rad=phase_margin crossover_Hz"
+            " delay_margin_s=delay_margin maximum_sensitivity=sensitivity"
+            " maximum_complementary=complementary disk_margin reason",
+        )
 
 
 def analyse_loop(

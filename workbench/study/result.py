@@ -12,7 +12,7 @@ from typing import Any
 
 from workbench.display import Drawn, Rows, notebook_progress
 from workbench.errors import WorkbenchError, check_range
-from workbench.files import check_folder, write_whole
+from workbench.files import check_folder, picked, write_whole
 from workbench.study.baseline import (
     RESULTS_KIND,
     Baseline,
@@ -33,6 +33,12 @@ from workbench.study.tasks import Record, tasks
 from workbench.work.counted import Work, done, since
 
 _KEY = ("controller", "variation", "scenario", "seed")
+_JUDGED = (
+    "metric=demand.requirement.metric hard weight=demand.weight controller variation scenario seed"
+    " value unit=demand.requirement.unit score met reason"
+)
+_CHANGED = "metric before after unit way fails reason"
+"""What is told of a judgement and of a change."""
 
 RESULTS_SCHEMA = 1
 """Version of ``results.json``; a change of meaning or a removed entry raises it."""
@@ -199,48 +205,19 @@ class StudyResult(Drawn):
             "verdict": self.verdict(),
             "headline": self.headline(),
             "scores": [
-                {
-                    "controller": s.controller,
-                    "worst": s.worst,
-                    "weighted_mean": s.mean,
-                    "worst_requirement": str(s.judgement) if s.judgement else "",
-                }
+                picked(s, "controller worst weighted_mean=mean")
+                | {"worst_requirement": str(s.judgement) if s.judgement else ""}
                 for s in self.scores
             ],
             "requirements": [
-                {
-                    "requirement": str(j.demand),
-                    "metric": j.demand.requirement.metric,
-                    "hard": j.hard,
-                    "weight": j.demand.weight,
-                    "controller": j.controller,
-                    "variation": j.variation,
-                    "scenario": j.scenario,
-                    "seed": j.seed,
-                    "value": j.value,
-                    "unit": j.demand.requirement.unit,
-                    "score": j.score,
-                    "met": j.met,
-                    "reason": j.reason,
-                }
-                for j in self.judgements
+                {"requirement": str(j.demand), **picked(j, _JUDGED)} for j in self.judgements
             ],
             "tolerances": {name: rule._asdict() for name, rule in self.rules().items()},
             "conditions": conditions(self.study),
             "changed_conditions": [vars(c) for c in self.condition_changes],
             "runs": [r.table() for r in self.records],
             "changes": [
-                {
-                    **dict(zip(_KEY, c.key, strict=True)),
-                    "metric": c.metric,
-                    "before": c.before,
-                    "after": c.after,
-                    "unit": c.unit,
-                    "way": c.way,
-                    "fails": c.fails,
-                    "reason": c.reason,
-                }
-                for c in self.changes
+                dict(zip(_KEY, c.key, strict=True)) | picked(c, _CHANGED) for c in self.changes
             ],
             "robustness": [r.table() for r in self.robustness],
             "linear": [a.table() for a in self.loops],

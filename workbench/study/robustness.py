@@ -21,6 +21,7 @@ import numpy as np
 
 from workbench.arrays import Vector
 from workbench.checked_json import TableShape, listed, number
+from workbench.files import picked
 from workbench.study.designs import ControllerRecipe
 from workbench.study.execution import Progress, Workers
 from workbench.study.judgements import LARGEST, Judgement, judge_records, worst_score
@@ -179,15 +180,8 @@ class Robustness:
             "effects_on_score": dict(self.effects),
             "explained": self.explained,
             "requirements": [
-                {
-                    "requirement": p.requirement,
-                    "hard": p.hard,
-                    "met": p.met,
-                    "draws": p.draws,
-                    "probability": p.share,
-                    "interval_95": [p.low, p.high],
-                    "worst": p.worst,
-                }
+                picked(p, "requirement hard met draws probability=share worst")
+                | {"interval_95": [p.low, p.high]}
                 for p in self.probabilities
             ],
             "failed": list(self.failed),

@@ -24,6 +24,7 @@ from workbench.checked_json import (
     whole,
 )
 from workbench.errors import WorkbenchError
+from workbench.files import picked
 from workbench.registry import user_code
 from workbench.study.designs import ControllerRecipe, with_plan
 from workbench.study.inputs import watched
@@ -103,22 +104,12 @@ class Record:
 
     def table(self) -> dict[str, Any]:
         """Return the record as plain numbers and words."""
-        found = {
-            "controller": self.controller,
-            "variation": self.variation,
-            "scenario": self.scenario,
-            "seed": self.seed,
-            "status": "failed" if self.failed else "done",
-            "reason": self.reason,
-            "seconds": self.seconds,
-        }
+        found = picked(self, "controller variation scenario seed")
+        found["status"] = "failed" if self.failed else "done"
+        found |= picked(self, "reason seconds")
         found["metrics"] = {
-            m.name: {
-                "value": None if math.isnan(m.value) else m.value,
-                "unit": m.unit,
-                "reason": m.reason,
-                "display_unit": m.display_unit,
-            }
+            m.name: {"value": None if math.isnan(m.value) else m.value}
+            | picked(m, "unit reason display_unit")
             for m in (self.metrics.values if self.metrics else ())
         }
         found["steps"] = [s.table() for s in self.steps]
@@ -253,12 +244,8 @@ def execute(task: Task) -> Record:
 def _margins(design: MarginedDesign[Controller]) -> dict[str, float]:
     if math.isnan(design.speed):
         return {}
-    return {
-        "speed_rad_per_s": design.speed,
-        "Ms": design.sensitivity,
-        "Mt": design.complementary,
-        "Ms_one_sample_late": design.late,
-    }
+    names = "speed_rad_per_s=speed Ms=sensitivity Mt=complementary Ms_one_sample_late=late"
+    return picked(design, names)
 
 
 def _traces(run: Run, controller: Controller, task: Task) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from workbench.evaluation.own_cases.statistics import (
     truths_of,
 )
 from workbench.evaluation.rates import Rate, reliability_lines, told
+from workbench.files import picked
 
 COLOURS = {
     "right": "#1b7837",
@@ -169,15 +170,11 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "answerers": {
             s.who: {
                 "cases": len(s.judged),
-                "points": s.round.points,
-                "most": s.round.most,
-                "points_by_chance": s.round.chance,
-                "p_value": s.round.p_value,
                 "rates": {name: rate.as_data() for name, rate in s.rates().items()},
-                "median_held_out_error_over_limit": s.ratio,
-                "median_size_error": s.sizes.median,
-                "size_error_90": s.sizes.worst,
                 "interval_coverage": s.sizes.coverage.as_data(),
+                **picked(s.round, "points most points_by_chance=chance p_value"),
+                **picked(s.sizes, "median_size_error=median size_error_90=worst"),
+                "median_held_out_error_over_limit": s.ratio,
                 "median_processor_seconds": s.seconds,
             }
             for s in scored
