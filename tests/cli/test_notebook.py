@@ -101,19 +101,7 @@ def test_a_starter_tries_what_verify_tries(tmp_path: Path, plant: str) -> None:
 
 def test_a_starter_steps_and_samples_as_verify_does(here: Path) -> None:
     # Its step was sampled five times as slowly as its laws are, so that the notebook ended there.
-    Path("drones.py").write_text(
-        "from workbench.model import Input, Model, Output, State\n"
-        "def drone():\n"
-        "    def equations(m):\n"
-        "        lift = m.x.thrust / 1.2 - 9.81 - 0.07 * m.x.v\n"
-        "        slow = (36.0 * m.u.throttle - m.x.thrust) / 0.06\n"
-        "        return {'z': m.x.v, 'v': lift, 'thrust': slow}, {'z': m.x.z}\n"
-        "    return Model('drone', equations,\n"
-        "        states=(State('z', 'm', initial=1.0), State('v', 'm/s'), State('thrust', 'N')),\n"
-        "        inputs=(Input('throttle', '1', lower=0.0, upper=1.0),),\n"
-        "        outputs=(Output('z', 'm', 1.0, noise_rms=0.01),))\n"
-    )
-    code = written(Path("drone.ipynb"), "--plant", "drones:drone")
+    code = written(Path("drone.ipynb"), "--plant", "tests.cli.test_slow_plant:drone")
     (h,) = re.findall(r"duration=[\d.]+, sample_time=([\d.]+)\)", code)
     assert code.count(f"'sample_time': {h}}}") == 5
 

@@ -15,35 +15,16 @@ from workbench.study.result import run_study
 from workbench.study.schema import load_study
 
 MODULE = '''
-from dataclasses import dataclass
+from controllers.plain.transfer_law import pid_by_hand
 from workbench.plants.servo_axis import servo_axis
 from workbench.reports.style import new_figure
 
 def rig():
     return servo_axis()
 
-@dataclass(frozen=True)
-class Proportional:
-    sample_time: float = 0.002
-    name: str = "proportional"
-    sensors: tuple = ("position",)
-    controlled: tuple = ("position",)
-    actuators: tuple = ("force",)
-    preview: int = 0
-
-    def initial_state(self, measurement):
-        return measurement[0]
-
-    def step(self, state, measurement, reference):
-        speed = (measurement[0] - state) / self.sample_time
-        force = 4000.0 * (reference[0] - measurement[0]) - 700.0 * speed
-        return (min(max(force, -350.0), 350.0),), measurement[0], {}
-
-    def linear_command(self, command):
-        return command
-
 def design(linear, specification):
-    return Proportional()
+    ends = {"measured": "position", "actuator": "force", "lower": -350.0, "upper": 350.0}
+    return pid_by_hand(4000.0, 0.0, 700.0, **ends)
 
 def errors(result):
     """How large the largest error is."""
