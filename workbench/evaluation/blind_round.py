@@ -41,6 +41,7 @@ from workbench.evaluation.answer_key import (
     words_of,
 )
 from workbench.evaluation.rates import Rate
+from workbench.files import picked
 
 
 @dataclass(frozen=True)
@@ -190,8 +191,7 @@ class Line:
 
     def as_data(self) -> dict[str, Any]:
         """Return the score as plain data."""
-        kept = ("case", "hidden", "said", "points", "most", "remark")
-        return {name: getattr(self, name) for name in kept}
+        return picked(self, "case hidden said points most remark")
 
 
 @dataclass(frozen=True)
@@ -241,11 +241,7 @@ class RoundScore:
         group, name, wrong, _ = (r.value if r.total else None for r in self.rates.values())
         return {
             "schema": "workbench.round/1",
-            "points": self.points,
-            "most": self.most,
-            "p_value": self.p_value,
-            "points_by_chance": self.chance,
-            "answers_checked": self.committed,
+            **picked(self, "points most p_value points_by_chance=chance answers_checked=committed"),
             "false_alarms": self.false_alarms[0],
             "cases_hiding_nothing": self.false_alarms[1],
             "right_group_rate": group,
@@ -362,17 +358,11 @@ def score_case(answer: Answer, truths: Sequence[Truth]) -> Line:
                 surplus += bool(finding[0])
         deals.append((sum(dealt) + WRONG * surplus, dealt, surplus))
     total, dealt, surplus = max(deals, key=lambda found: found[0])
-    return Line(
-        answer.case,
-        ", ".join(truth.word for truth in truths),
-        said,
-        total,
-        RIGHT * len(truths),
-        ", ".join([*(WORDS[points] for points in dealt), *["wrong name"] * surplus]),
-        tuple(any(_in_group(groups, t) for _, groups in answer.findings) for t in truths),
-        tuple(points >= CLASS for points in dealt),
-        answer.over_noise,
-    )
+    hidden, most = ", ".join(truth.word for truth in truths), RIGHT * len(truths)
+    remark = ", ".join([*(WORDS[points] for points in dealt), *["wrong name"] * surplus])
+    located = tuple(any(_in_group(groups, t) for _, groups in answer.findings) for t in truths)
+    named, noise = tuple(points >= CLASS for points in dealt), answer.over_noise
+    return Line(answer.case, hidden, said, total, most, remark, located, named, noise)
 
 
 def _points(answer: Answer, finding: tuple[tuple[str, ...], tuple[str, ...]], truth: Truth) -> int:

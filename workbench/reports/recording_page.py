@@ -20,18 +20,14 @@ def recording_page(report: CheckReport, *, command: str) -> Page:
     if seen.mapping is not None:
         blocks.append(_mapping(seen))
     blocks += [Words(f"{note}.", "note") for note in seen.notes if note]
+    signals = Section("signals", "Signals", tuple(blocks))
+    checks = Section("checks", "Checks", (_checks(report),))
+    doubtful = [("doubtful", ", ".join(report.doubtful))] if report.doubtful else []
     return Page(
         f"Recording {seen.name}",
         f"{len(seen)} samples over {in_time(seen.duration, 4)}.",
-        (
-            Section("signals", "Signals", tuple(blocks)),
-            Section("checks", "Checks", (_checks(report),)),
-            *again(command),
-        ),
-        facts=(
-            ("result", report.result),
-            *([("doubtful", ", ".join(report.doubtful))] if report.doubtful else []),
-        ),
+        (signals, checks, *again(command)),
+        facts=(("result", report.result), *doubtful),
         first=(_answers(report), _picture(report)),
     )
 
@@ -90,20 +86,12 @@ def _picture(report: CheckReport) -> Picture:
         for s in seen.signals
     ]
     places = {signal.name: i for i, signal in enumerate(seen.signals)}
-    spans = [
-        (places[span.signal], span.start, span.stop)
-        for span in seen.excluded
-        if span.signal in places
-    ]
+    spans = [(places[s.signal], s.start, s.stop) for s in seen.excluded if s.signal in places]
+    values = [signal.displayed() for signal in seen.signals]
+    held = [signal.zero_order_hold for signal in seen.signals]
     return Picture(
         "signals",
-        recorded_signals(
-            seen.time,
-            names,
-            [signal.displayed() for signal in seen.signals],
-            [signal.zero_order_hold for signal in seen.signals],
-            spans,
-        ),
+        recorded_signals(seen.time, names, values, held, spans),
         "Every signal of the recording as corrected by the checks; spans that are not to be used"
         " are shaded.",
         ", ".join(names) + " over time",

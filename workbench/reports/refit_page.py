@@ -29,19 +29,9 @@ def refit_page(report: RefitReport, *, command: str) -> Page:
     drawn = pictures(report)
     sections = [Section("estimates", "Estimates", tuple(blocks))]
     if report.rows:
-        sections.insert(
-            0,
-            Section(
-                "held-out",
-                "Recordings that the refit has not seen",
-                (
-                    *drawn[1:],
-                    _errors(report),
-                    *(Words(f"{note}.", "note") for note in report.notes),
-                    Method(methods("refit")),
-                ),
-            ),
-        )
+        notes = (Words(f"{note}.", "note") for note in report.notes)
+        judged: tuple[Block, ...] = (*drawn[1:], _errors(report), *notes, Method(methods("refit")))
+        sections.insert(0, Section("held-out", "Recordings that the refit has not seen", judged))
     sections += again(command)
     return Page(
         f"Refit: {task.title}",

@@ -383,17 +383,9 @@ def _how(outcome: StudyResult, figures: Sequence[Figure], command: str) -> Secti
     )
     runs = [r.metrics for r in outcome.records if r.metrics is not None]
     own = [entry for figure in figures for entry in figure.methods]
-    return Section(
-        "how",
-        "How it was done",
-        (
-            plants,
-            designs,
-            Method((*metric_methods(runs), *methods("study"), *own)),
-            *([Commands((command,))] if command else []),
-        ),
-        folded=True,
-    )
+    done = Method((*metric_methods(runs), *methods("study"), *own))
+    typed = [Commands((command,))] if command else []
+    return Section("how", "How it was done", (plants, designs, done, *typed), folded=True)
 
 
 def _difference(outcome: StudyResult, variation: Variation) -> str:

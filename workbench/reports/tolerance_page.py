@@ -84,38 +84,29 @@ def _shown(measured: Any, unit: str) -> list[float]:
 def margins_table(designs: Mapping[str, MarginedDesign[Controller]]) -> Table:
     """Return speed and margins of the designs, at the command and at each sensor, nominal plant."""
     study = tolerant_study()
-    cells: list[tuple[str, ...]] = []
-    for name, found in designs.items():
-        recipe = study.controllers[name]
-        for loop in analyse_loop(found.controller, recipe.linear(), every=True):
-            first = not cells or cells[-1][0] != name
-            cells.append(
-                (
-                    name,
-                    number(found.speed) if first else "",
-                    loop.opened,
-                    f"{number(loop.gain_margin_down)} to {number(loop.gain_margin)}",
-                    number(math.degrees(loop.phase_margin)),
-                    number(1e3 * loop.delay_margin),
-                    number(loop.disk_margin),
-                    number(found.sensitivity) if first else "",
-                    found.limit if first else "",
-                )
-            )
-    return Table(
+    rows = [
+        (name, loop, None if i else found)
+        for name, found in designs.items()
+        for i, loop in enumerate(
+            analyse_loop(found.controller, study.controllers[name].linear(), every=True)
+        )
+    ]
+    return Table.of(
         "Margins",
-        (
-            "controller",
-            "speed (rad/s)",
-            "opened at",
-            "gain margin",
-            "phase margin (°)",
-            "delay margin (ms)",
-            "disk margin",
-            "largest Ms of all corners",
-            "what the next faster design misses",
-        ),
-        tuple(cells),
+        rows,
+        {
+            "controller": lambda r: r[0],
+            "speed (rad/s)": lambda r: number(r[2].speed) if r[2] else "",
+            "opened at": lambda r: r[1].opened,
+            "gain margin": lambda r: (
+                f"{number(r[1].gain_margin_down)} to {number(r[1].gain_margin)}"
+            ),
+            "phase margin (°)": lambda r: number(math.degrees(r[1].phase_margin)),
+            "delay margin (ms)": lambda r: number(1e3 * r[1].delay_margin),
+            "disk margin": lambda r: number(r[1].disk_margin),
+            "largest Ms of all corners": lambda r: number(r[2].sensitivity) if r[2] else "",
+            "what the next faster design misses": lambda r: r[2].limit if r[2] else "",
+        },
         "Gain, phase, delay and disk margins are those of the nominal plant at its design point.",
     )
 

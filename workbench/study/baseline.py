@@ -181,17 +181,8 @@ CONDITIONS = TableShape(
 )
 """Shape of the conditions in a file."""
 
-BOX = listed(
-    TableShape(
-        {
-            "controller": text,
-            "worst_score": number,
-            "requirements": listed(
-                TableShape({"requirement": text, "hard": flag, "met": whole, "draws": whole})
-            ),
-        }
-    )
-)
+_MET = TableShape({"requirement": text, "hard": flag, "met": whole, "draws": whole})
+BOX = listed(TableShape({"controller": text, "worst_score": number, "requirements": listed(_MET)}))
 """Shape of what a parameter box did, in a file."""
 
 _BASELINE = TableShape(

@@ -76,10 +76,10 @@ def condition_changes(
         old, new = before.get(part, {}), after.get(part, {})
         for name in dict.fromkeys([*old, *new]):
             own = old.get(name), new.get(name)
-            found += (
-                ConditionChange(f"{what} {name}".rstrip(), *said)
-                for said in _RULES.get(part, _other)(name, *own)
-            )
+            whole = ("new", False) if own[0] is None else ("removed", True)
+            alone = None in own and part not in _NEVER_NEW
+            told = (whole,) if alone else _RULES.get(part, _other)(name, *own)
+            found += (ConditionChange(f"{what} {name}".rstrip(), *said) for said in told)
     return tuple(found)
 
 
@@ -94,6 +94,9 @@ _WHAT = {
     "unjudged": "judging of",
 }
 """Parts of the conditions and how they are told, each by the name that a reviewer knows."""
+
+_NEVER_NEW = ("tolerances", "unjudged")
+"""Parts in which what is not told is as usual."""
 
 
 def _requirement_name(demand: Demand) -> str:
@@ -114,9 +117,6 @@ def _requirement_name(demand: Demand) -> str:
 
 
 def _requirement(_name: str, old: Any, new: Any) -> Said:
-    if old is None or new is None:
-        yield ("new", False) if old is None else ("removed", True)
-        return
     if old["kind"] != new["kind"]:
         yield f"{old['kind']} -> {new['kind']}", True
     try:
@@ -136,9 +136,7 @@ def _requirement(_name: str, old: Any, new: Any) -> Said:
 
 
 def _box_entry(name: str, old: Any, new: Any) -> Said:
-    if old is None or new is None:
-        yield ("new", False) if old is None else ("removed", True)
-    elif type(old) is not type(new):
+    if type(old) is not type(new):
         yield f"{_short(old)} -> {_short(new)}", True
     elif isinstance(old, dict):
         ends = [(e["low"], e["high"]) for e in (old, new)]
@@ -169,9 +167,6 @@ def _unjudged(_name: str, old: Any, new: Any) -> Said:
 
 
 def _other(_name: str, old: Any, new: Any) -> Said:
-    if old is None or new is None:
-        yield ("new", False) if old is None else ("removed", True)
-        return
     for key, before, after in _differences(old, new):
         yield f"{key} {before} -> {after}".strip(), True
 

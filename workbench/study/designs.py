@@ -205,15 +205,13 @@ def _designed(recipe: ControllerRecipe) -> MarginedDesign[Controller]:
         known = {"latency": unsure.known_delay, "sensor_lag": unsure.known_lag}
         given = {**{k: v for k, v in known.items() if k in kind.__dataclass_fields__}, **given}
 
+    peaks = (want.maximum_sensitivity, want.maximum_complementary, want.late_sensitivity)
+    limits = Limits(*peaks, unsure)
+
     def search(factor: float) -> MarginedDesign[Controller]:
         own = {**given, want.reduced: factor * given[want.reduced]} if want.reduced else given
         return largest_bandwidth(
-            lambda speed: _made(recipe, _with(own, want.key, speed)),
-            models,
-            speeds,
-            Limits(
-                want.maximum_sensitivity, want.maximum_complementary, want.late_sensitivity, unsure
-            ),
+            lambda speed: _made(recipe, _with(own, want.key, speed)), models, speeds, limits
         )
 
     for factor in want.factors[:-1]:

@@ -191,9 +191,9 @@ def _margins(
     loop: Complex,
     stable: bool,
 ) -> LoopAnalysis:
+    of = (name, point, opened, frequency, loop)
     if not stable:
-        reason = "the closed loop is unstable"
-        return LoopAnalysis(name, point, opened, frequency, loop, False, reason=reason)
+        return LoopAnalysis(*of, False, reason="the closed loop is unstable")
     s = 1.0 / (1.0 + loop)
     t = loop * s
     circle, at, axis, _ = crossings(frequency, loop)
@@ -202,11 +202,7 @@ def _margins(
     least = int(np.argmin(phases)) if len(phases) else -1
     factors = -1.0 / axis.real
     return LoopAnalysis(
-        name,
-        point,
-        opened,
-        frequency,
-        loop,
+        *of,
         True,
         gain_margin=float(np.min(factors[factors > 1.0], initial=math.inf)),
         gain_margin_down=float(np.max(factors[factors < 1.0], initial=0.0)),

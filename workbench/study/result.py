@@ -307,18 +307,9 @@ def run_study(
     loops = analyse_study(study)
     store.prune()
     judged = judge_records(study, records)
+    worst, far = scores(study, judged), distances(study, records, limits)
     outcome = StudyResult(
-        study,
-        records,
-        judged,
-        scores(study, judged),
-        found,
-        loops,
-        before,
-        (),
-        0.0,
-        distances(study, records, limits),
-        since(begun),
+        study, records, judged, worst, found, loops, before, (), 0.0, far, since(begun)
     )
     differences: tuple[Change, ...] = ()
     if before is not None:

@@ -234,16 +234,10 @@ def _tasks(study: Study, controller: ControllerRecipe, point: Vector, i: int | N
         label = "worst plant"
     else:
         label = f"draw {i + 1}" if i < study.box.draws else f"search {i + 1 - study.box.draws}"
-    return [
-        Task(
-            controller,
-            Variation(label, plant, kind=label),
-            replace(study.scenarios[name], name=name),
-            study.seeds[0],
-            study.own_metrics,
-        )
-        for name in study.box.scenarios
-    ]
+    variation = Variation(label, plant, kind=label)
+    scenarios = [replace(study.scenarios[name], name=name) for name in study.box.scenarios]
+    seed, own = study.seeds[0], study.own_metrics
+    return [Task(controller, variation, scenario, seed, own) for scenario in scenarios]
 
 
 def _score(study: Study, records: Sequence[Record]) -> float:
@@ -370,15 +364,10 @@ def _result(
             Probability(str(demand), demand.requirement.hard, met, len(unit), low, high, most.value)
         )
     failed = tuple(dict.fromkeys(r.reason for records in groups for r in records if r.failed))
+    told = tuple(probabilities)
+    effects = {names[i]: float(slopes[i]) for i in order}
+    at = dict(zip(names, points[worst].tolist(), strict=True))
+    judgement = max(hard, key=lambda j: j.score, default=None)
     return Robustness(
-        name,
-        points,
-        values,
-        len(unit),
-        tuple(probabilities),
-        {names[i]: float(slopes[i]) for i in order},
-        explained,
-        dict(zip(names, points[worst].tolist(), strict=True)),
-        max(hard, key=lambda j: j.score, default=None),
-        failed,
+        name, points, values, len(unit), told, effects, explained, at, judgement, failed
     )

@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -173,30 +173,19 @@ class StepTrial:
             step = self._stated or usual_sample_time(linear, self.controlled, sizes)
         check_range("sample time", step, TIMES_S[0], held, "s")
         units = {q.name: q.display_unit for q in self.model.outputs}
+        back = partial(step_scenario, back=True, lead=0.25 * held, hold=held, sample_time=step)
         each = [
-            step_scenario(
-                name,
-                *(float(from_si(level, units[name])) for level in ends),
-                unit=units[name],
-                back=True,
-                lead=0.25 * held,
-                hold=held,
-                sample_time=step,
-            )
+            back(name, *(float(from_si(level, units[name])) for level in ends), unit=units[name])
             for name, ends in moved.items()
         ]
         # Other controlled outputs stay as they are at the design point.
         references = {n: Steps((0.0,), (y0[n],)) for n in self.controlled if n not in moved}
         moving = {name: signal for asked in each for name, signal in asked.references.items()}
         several = len(self.controlled) > 1
-        found = replace(
-            each[0],
-            name=", ".join(
-                f"{name}: {asked.name}" if several else asked.name
-                for name, asked in zip(moved, each, strict=True)
-            ),
-            references=dict(sorted({**references, **moving}.items())),
-        )
+        named = zip(moved, each, strict=True)
+        title = ", ".join(f"{n}: {one.name}" if several else one.name for n, one in named)
+        every = dict(sorted({**references, **moving}.items()))
+        found = replace(each[0], name=title, references=every)
         if self.delay is None:
             return found
         check_range("delay", self.delay, 0.0, 0.5 * found.duration, "s")

@@ -213,17 +213,15 @@ def _scores(outcome: StudyResult) -> list[str]:
         known = outcome.baseline is not None and not outcome.condition_changes
         kept = outcome.baseline.box if known and outcome.baseline is not None else ()
         old = next((r["worst_score"] for r in kept if r["controller"] == s.controller), None)
-        rows.append(
-            [
-                f"{_mark(outcome, s, box)} {s.controller}".lstrip(),
-                *(
-                    _score_moved(_worst(outcome, judged, s.controller, nominal=n) for judged in js)
-                    for n, js in ((True, before), (False, before))
-                ),
-                where,
-                _score_moved((old, box.worst_score), capped=True) if box else "–",
-            ]
-        )
+        name = f"{_mark(outcome, s, box)} {s.controller}".lstrip()
+        moved = [
+            _score_moved(
+                _worst(outcome, judged, s.controller, nominal=nominal) for judged in before
+            )
+            for nominal in (True, False)
+        ]
+        in_box = _score_moved((old, box.worst_score), capped=True) if box else "–"
+        rows.append([name, *moved, where, in_box])
     head = [
         "controller",
         "score, nominal plant",
@@ -381,15 +379,9 @@ def _nominal_and_worst(outcome: StudyResult, change: Change) -> list[str]:
         plain = {v.name for v in outcome.study.variations.values() if v.nominal}
         nominal.append(next((m for m, v in own if v in plain), None))
         # No value is worse than any.
-        worst.append(
-            max(
-                own,
-                key=lambda e: (
-                    math.inf if math.isnan(e[0].value) else (e[0].value if highest else -e[0].value)
-                ),
-                default=None,
-            )
-        )
+        sizes = [e[0].value if highest else -e[0].value for e in own]
+        sizes = [math.inf if math.isnan(size) else size for size in sizes]
+        worst.append(own[sizes.index(max(sizes))] if own else None)
     if better == "neither":
         text = _moved(change.before, change.after, change.unit)
         return [_two(*nominal), f"{text}, {change.key[1]}"]
@@ -511,18 +503,13 @@ def _robustness(outcome: StudyResult) -> list[str]:
         hard = [p for p in r.probabilities if p.hard]
         weakest = min(hard, key=lambda p: p.share, default=None)
         hurts = next(iter(r.effects.items()), ("", 0.0))
-        rows.append(
-            [
-                r.controller,
-                score_text(r.worst_score, capped=True),
-                worst_plant(outcome, r),
-                f"{weakest.requirement}: {100 * weakest.share:.0f} %"
-                f" ({100 * weakest.low:.0f} to {100 * weakest.high:.0f} %)"
-                if weakest
-                else "–",
-                f"{hurts[0]} ({hurts[1]:+.2f})" if hurts[1] else "–",
-            ]
-        )
+        least = "–"
+        if weakest:
+            share, low, high = (100 * v for v in (weakest.share, weakest.low, weakest.high))
+            least = f"{weakest.requirement}: {share:.0f} % ({low:.0f} to {high:.0f} %)"
+        most = f"{hurts[0]} ({hurts[1]:+.2f})" if hurts[1] else "–"
+        score = score_text(r.worst_score, capped=True)
+        rows.append([r.controller, score, worst_plant(outcome, r), least, most])
     draws = outcome.robustness[0].drawn
     head = [
         "controller",

@@ -120,33 +120,28 @@ class Record:
         return found
 
 
+_OR_NONE = optional(number)
+_METRIC = TableShape({"value": _OR_NONE, "unit": text}, {"reason": text, "display_unit": text})
+_STEP = TableShape(
+    {"output": text, "begin_s": number, "from": number, "to": number, "reason": text},
+    dict.fromkeys(("settling_s", "overshoot", "planned_s"), _OR_NONE),
+)
+_EVENT = TableShape(
+    {"output": text, "time": number, "what": text, "peak": _OR_NONE, "left": _OR_NONE}
+)
 RECORD = TableShape(
     {
         **dict.fromkeys(("controller", "variation", "scenario", "reason"), text),
         "seed": whole,
         "status": one_of("done", "failed"),
-        "metrics": named(
-            TableShape(
-                {"value": optional(number), "unit": text}, {"reason": text, "display_unit": text}
-            )
-        ),
+        "metrics": named(_METRIC),
     },
     {
         "seconds": number,
         "traces": named(anything),
         "margins": named(number),
-        "steps": listed(
-            TableShape(
-                {"output": text, "begin_s": number, "from": number, "to": number, "reason": text},
-                {k: optional(number) for k in ("settling_s", "overshoot", "planned_s")},
-            )
-        ),
-        "events": listed(
-            TableShape(
-                {"output": text, "time": number, "what": text}
-                | dict.fromkeys(("peak", "left"), optional(number))
-            )
-        ),
+        "steps": listed(_STEP),
+        "events": listed(_EVENT),
     },
 )
 """Shape of a record in a file."""

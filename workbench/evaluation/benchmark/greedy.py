@@ -26,6 +26,7 @@ from workbench.diagnosis.selection.refits import entry_priors
 from workbench.diagnosis.selection.score import Score, score_library
 from workbench.diagnosis.stages import Diagnosis
 from workbench.errors import NumericalError, WorkbenchError
+from workbench.files import picked
 from workbench.physics.library import library
 
 MOST = 3
@@ -76,23 +77,14 @@ def greedy(
             stopped = "the criterion"
             break
         name = best.entry.name
-        findings.append(
-            {
-                "effect": name,
-                "where": list(best.entry.ports),
-                "class": [name],
-                "gain": gain,
-                "parameters": {
-                    e.name.removeprefix(f"{name}."): {
-                        "value": e.value,
-                        "unit": e.unit,
-                        "std": e.std if math.isfinite(e.std) else None,
-                    }
-                    for e in fit.refit.estimates
-                    if e.name.startswith(f"{name}.")
-                },
-            }
-        )
+        sizes = {
+            e.name.removeprefix(f"{name}."): picked(e, "value unit")
+            | {"std": e.std if math.isfinite(e.std) else None}
+            for e in fit.refit.estimates
+            if e.name.startswith(f"{name}.")
+        }
+        told = {"effect": name, "where": list(best.entry.ports), "class": [name]}
+        findings.append(told | {"gain": gain, "parameters": sizes})
         free += own
         current = fit
     errors = _errors(diagnosis, current, judging) if findings else _refitted(diagnosis)

@@ -20,6 +20,7 @@ from scipy.signal import savgol_filter
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
+from workbench.files import picked
 from workbench.model import Model
 
 Table = Mapping[str, tuple[str | None, Callable[[Any], Vector]]]
@@ -125,16 +126,8 @@ def sindy(model: Model, recordings: Sequence[Observed], share: float) -> list[di
         name = (table[one.dominant][0] or "").format(k=one.equation[-1])
         if not name or name in [f["effect"] for f in findings]:
             continue
-        findings.append(
-            {
-                "effect": name,
-                "where": [_port(one.equation, name)],
-                "class": [name],
-                "terms": one.coefficients,
-                "alone": one.alone,
-                "r2": one.r2,
-            }
-        )
+        told = {"effect": name, "where": [_port(one.equation, name)], "class": [name]}
+        findings.append(told | picked(one, "terms=coefficients alone r2"))
     return findings
 
 

@@ -35,6 +35,7 @@ from workbench.evaluation.foreign.newcomer import circuit, crane, drive, tank
 from workbench.evaluation.foreign.tank import TANK
 from workbench.evaluation.kept import diagnosed, version
 from workbench.evaluation.rates import Rate, reliability_lines, told
+from workbench.files import picked
 from workbench.model import Model
 from workbench.physics.library import library
 from workbench.recordings import Recording, Signal
@@ -177,9 +178,7 @@ def answer(case: Case, jobs: int) -> dict[str, Any]:
     held_out = [r for name, r in made.items() if name.startswith("hold")]
     row: dict[str, Any] = {
         "schema": SCHEMA,
-        "case": case.name,
-        "title": case.title,
-        "machine": case.machine.name,
+        **picked(case, "case=name title machine=machine.name"),
         "hidden": [vars(t) for t in case.truths()],
         "true": case.parameters(),
         "limit": case.limit(held_out),

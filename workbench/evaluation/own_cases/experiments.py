@@ -51,16 +51,13 @@ class RigMachine:
 
 def recording_of(record: simulate.Record, name: str) -> Recording:
     """Return a record of the rig in SI."""
-    return Recording(
-        name,
-        record.time,
-        (
-            Signal("valve", record.valve, "V", role="command"),
-            Signal("angle", np.radians(record.angle), "rad"),
-            Signal("pressure_1", 1e5 * record.pressure_1, "Pa"),
-            Signal("pressure_2", 1e5 * record.pressure_2, "Pa"),
-        ),
+    signals = (
+        Signal("valve", record.valve, "V", role="command"),
+        Signal("angle", np.radians(record.angle), "rad"),
+        Signal("pressure_1", 1e5 * record.pressure_1, "Pa"),
+        Signal("pressure_2", 1e5 * record.pressure_2, "Pa"),
     )
+    return Recording(name, record.time, signals)
 
 
 SCHEMA = "experiment_case/1"
@@ -116,14 +113,8 @@ def answer(case: Planned, jobs: int) -> dict[str, Any]:
         folder = made(case, Path(place) / case.name, seconds=SECONDS)
         found = read_case(folder)
         plant, fit, hold_out = found.model(), found.fit.values(), found.hold_out.values()
-        row: dict[str, Any] = {
-            "schema": SCHEMA,
-            "case": case.name,
-            "title": case.title,
-            "effects": list(case.effects),
-            "version": version(),
-        }
-
+        row: dict[str, Any] = {"schema": SCHEMA, "case": case.name, "title": case.title}
+        row |= {"effects": list(case.effects), "version": version()}
         rig = RigMachine(json.loads((folder / "truth.json").read_text())["parameters"])
 
         def again(first: Diagnosis) -> dict[str, Any]:

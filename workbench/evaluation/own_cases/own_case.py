@@ -19,6 +19,7 @@ from workbench.evaluation.own_cases.statistics import ANSWERERS
 from workbench.evaluation.rig import plant, simulate
 from workbench.evaluation.rig.cases import make_case
 from workbench.evaluation.rig.parameters import nominal
+from workbench.files import picked
 from workbench.recordings import read_case
 
 _FIRST = 3
@@ -120,14 +121,8 @@ def answer(case: Planned, jobs: int, *, baselines: bool = True) -> dict[str, Any
         truth = json.loads((folder / "truth.json").read_text())
         row: dict[str, Any] = {
             "schema": "own_case/1",
-            "case": case.name,
-            "title": case.title,
-            "kind": case.kind,
+            **picked(case, "case=name title kind load_kg=load factor recorded spread"),
             "effects": list(case.effects),
-            "load_kg": case.load,
-            "factor": case.factor,
-            "recorded": case.recorded,
-            "spread": case.spread,
             "true": _changed(truth["parameters"]) | {"load_error": truth["load_error"]},
             "limit": limited_errors(folder),
             "version": version(),

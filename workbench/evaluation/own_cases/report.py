@@ -138,17 +138,11 @@ def _effects(effects: Sequence[ByEffect]) -> str:
 
 def cases(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return one line per case."""
-    told = [
-        (
-            row["case"],
-            row["title"],
-            j.line.said,
-            f"{j.line.points} of {j.line.most}",
-            f"{j.line.remark} ({_three(j.over_limit)} of the limit, {j.seconds:.0f} s)",
-        )
-        for row in rows
-        for j in (judge(row),)
-    ]
+    told = []
+    for row, j in ((row, judge(row)) for row in rows):
+        points = f"{j.line.points} of {j.line.most}"
+        remark = f"{j.line.remark} ({_three(j.over_limit)} of the limit, {j.seconds:.0f} s)"
+        told.append((row["case"], row["title"], j.line.said, points, remark))
     return aligned_table(("case", "hidden", "said", "points", ""), told, width=None)
 
 
@@ -160,11 +154,8 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "cases": len(rows),
         "versions": sorted({r["version"] for r in rows}),
         "bars": {
-            name: {
-                **bars[name].as_data(),
-                "wanted": f"{sense} {bar:g}",
-                "met": _met(name, bars[name]),
-            }
+            name: bars[name].as_data()
+            | {"wanted": f"{sense} {bar:g}", "met": _met(name, bars[name])}
             for name, (sense, bar) in BARS.items()
         },
         "answerers": {

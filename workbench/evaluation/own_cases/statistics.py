@@ -115,18 +115,11 @@ def judge(row: Mapping[str, Any], who: str = "tool") -> Judged:
     found = {REGIONS.get(groups[0], groups[0]) for _, groups in given.findings if groups}
     regions = tuple(bool(found & {REGIONS.get(g, g) for g in truth.groups}) for truth in truths)
     seconds = row.get("processor_seconds") if who == "tool" else verdict.get("processor_seconds")
-    return Judged(
-        row["kind"],
-        tuple(row["effects"]),
-        row["factor"],
-        line,
-        given.names,
-        regions,
-        any(_surely_wrong(f, truths) for f in verdict["findings"]),
-        tuple(_sizes(row, verdict)),
-        over_limit(verdict, row["limit"]),
-        math.nan if seconds is None else float(seconds),
-    )
+    sure = any(_surely_wrong(f, truths) for f in verdict["findings"])
+    sizes, over = tuple(_sizes(row, verdict)), over_limit(verdict, row["limit"])
+    hidden = (row["kind"], tuple(row["effects"]), row["factor"])
+    spent = math.nan if seconds is None else float(seconds)
+    return Judged(*hidden, line, given.names, regions, sure, sizes, over, spent)
 
 
 def _surely_wrong(finding: Mapping[str, Any], truths: Sequence[Truth]) -> bool:
