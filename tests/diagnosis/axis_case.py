@@ -7,19 +7,19 @@ nothing of the workbench's simulation takes part.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from tests.diagnosis import machine_data
 from tests.once import once
+from workbench.arrays import Vector
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.stages import Diagnosis
 from workbench.plants.servo_axis import servo_axis
-from workbench.recordings.recording import Recording, Signal
-
-Vector = npt.NDArray[np.float64]
+from workbench.recordings.recording import Recording
 
 SAMPLE_TIME = 0.005
 BREAK_AWAY_N = 45.0
@@ -52,23 +52,13 @@ def positions(
     force: Vector, *, hidden: bool, mass: float = 100.0, substeps: int = 10
 ) -> tuple[Vector, Vector]:
     """Integrate the axis and return position and speed at every sample."""
-    h = SAMPLE_TIME / substeps
-    x = v = 0.0
-    seen = np.empty((len(force), 2))
 
-    def rate(speed: float, push: float) -> float:
+    def rates(_: float, x: Sequence[float], push: float) -> tuple[float, float]:
+        speed = x[1]
         friction = 200.0 * speed + COULOMB_N * math.tanh(speed / 1e-3)
-        return (push - friction - (stribeck(speed) if hidden else 0.0)) / mass
+        return speed, (push - friction - (stribeck(speed) if hidden else 0.0)) / mass
 
-    for k, push in enumerate(force.tolist()):
-        seen[k] = x, v
-        for _ in range(substeps):
-            k1 = rate(v, push)
-            k2 = rate(v + 0.5 * h * k1, push)
-            k3 = rate(v + 0.5 * h * k2, push)
-            k4 = rate(v + h * k3, push)
-            x += h * v + h * h / 6 * (k1 + k2 + k3)
-            v += h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    seen = machine_data.by_runge_kutta(rates, (0.0, 0.0), force.tolist(), SAMPLE_TIME, substeps)
     return seen[:, 0], seen[:, 1]
 
 
@@ -76,15 +66,8 @@ def recording(seed: int, *, hidden: bool, n: int = 700) -> Recording:
     """A recording of the axis, read in steps of 1 um as its encoder does."""
     force = excitation(n, seed)
     position = positions(force, hidden=hidden)[0]
-    position = 1e-6 * np.round(position / 1e-6)
-    return Recording(
-        f"axis-{seed}",
-        SAMPLE_TIME * np.arange(n),
-        (
-            Signal("force", force, "N", role="command"),
-            Signal("position", position, "m"),
-        ),
-    )
+    read = {"position [m]": 1e-6 * np.round(position / 1e-6)}
+    return machine_data.recording(f"axis-{seed}", SAMPLE_TIME, {"force [N]": force}, read)
 
 
 def observed(seed: int, *, hidden: bool, n: int = 700) -> Observed:

@@ -7,21 +7,21 @@ plain numbers, and read with noise.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 from scipy.integrate import solve_ivp
 
+from tests.diagnosis.machine_data import by_runge_kutta, held, recording
+from workbench.arrays import Vector
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.stages import Diagnosis
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
-from workbench.recordings.recording import Recording, Signal
+from workbench.recordings.recording import Recording
 
-Vector = npt.NDArray[np.float64]
 Law = Callable[[float, float], float]
 
 
@@ -122,20 +122,16 @@ def driven_carts(drag: tuple[float, float]) -> list[Recording]:
     """Two recordings of carts of 1 kg with 3 N s/m and a drag in N s2/m2 each."""
     runs = []
     for seed in (1, 2):
-        rng = np.random.default_rng(seed)
-        time = 0.01 * np.arange(600)
-        inputs = 5.0 * np.sign(np.sin(np.outer([1.7 + 0.3 * seed, 2.9], time)))
-        speeds = np.zeros((2, len(time)))
-        for i in range(len(time) - 1):
-            held, v, k = inputs[:, i], speeds[:, i], np.array(drag)
-            end = solve_ivp(
-                lambda _t, v, held=held, k=k: held - 3.0 * v - k * v * np.abs(v), (0.0, 0.01), v
-            )
-            speeds[:, i + 1] = end.y[:, -1]
-        read = speeds + 1e-3 * rng.normal(size=speeds.shape)
-        signals = [Signal(n, inputs[i], "N", role="command") for i, n in enumerate("ab")]
-        signals += [Signal(f"speed_{i + 1}", read[i], "m/s") for i in (0, 1)]
-        runs.append(Recording(f"carts {seed}", time, tuple(signals)))
+        inputs = 5.0 * np.sign(np.sin(np.outer([1.7 + 0.3 * seed, 2.9], 0.01 * np.arange(600))))
+
+        def rates(_: float, v: Vector, *drive: float) -> Vector:
+            return np.array(drive) - 3.0 * v - np.array(drag) * v * np.abs(v)
+
+        speeds = held(rates, np.zeros(2), inputs, 0.01).T
+        read = speeds + 1e-3 * np.random.default_rng(seed).normal(size=speeds.shape)
+        commands = {"a [N]": inputs[0], "b [N]": inputs[1]}
+        measured = {"speed_1 [m/s]": read[0], "speed_2 [m/s]": read[1]}
+        runs.append(recording(f"carts {seed}", 0.01, commands, measured))
     return runs
 
 
@@ -160,14 +156,12 @@ def damper() -> Model:
 
 def rubbed() -> list[Recording]:
     """Three recordings of a damper of 2 N s/m with dry friction of 4 N."""
-    runs = []
+    runs, time = [], 0.01 * np.arange(400)
     for seed in (1, 2, 3):
-        rng = np.random.default_rng(seed)
-        time = 0.01 * np.arange(400)
         speed = np.sin(2.0 * time + seed) + 0.6 * np.sin(5.3 * time)
-        force = 2.0 * speed + 4.0 * np.tanh(speed / 0.05) + 0.05 * rng.normal(size=len(time))
-        signals = (Signal("speed", speed, "m/s", role="command"), Signal("force", force, "N"))
-        runs.append(Recording(f"run {seed}", time, signals))
+        noise = 0.05 * np.random.default_rng(seed).normal(size=400)
+        force = 2.0 * speed + 4.0 * np.tanh(speed / 0.05) + noise
+        runs.append(recording(f"run {seed}", 0.01, {"speed [m/s]": speed}, {"force [N]": force}))
     return runs
 
 
@@ -203,36 +197,25 @@ def hysteretic() -> Model:
 def loops() -> list[Recording]:
     """Three recordings of the oscillator of J.-P. Noel and M. Schoukens' Bouc-Wen benchmark.
 
-    ``2 a + 10 v + 5e4 x + z = drive``, ``dz/dt = 5e4 v - 800 |v| z + 1100 v |z|``, by the classical
-    Runge-Kutta method in plain numbers.
+    ``2 a + 10 v + 5e4 x + z = drive``, ``dz/dt = 5e4 v - 800 |v| z + 1100 v |z|``.
     """
 
-    def rate(x: Vector, drive: float) -> Vector:
-        v, z = x[1], x[2]
-        acceleration = (drive - 10.0 * v - 5e4 * x[0] - z) / 2.0
-        return np.array([v, acceleration, 5e4 * v - 800.0 * abs(v) * z + 1100.0 * v * abs(z)])
+    def rates(_: float, s: Sequence[float], drive: float) -> tuple[float, ...]:
+        x, v, z = s
+        acceleration = (drive - 10.0 * v - 5e4 * x - z) / 2.0
+        return v, acceleration, 5e4 * v - 800.0 * abs(v) * z + 1100.0 * v * abs(z)
 
     step, runs = 1.0 / 750.0, []
     for seed in (1, 2, 3):
         rng = np.random.default_rng(seed)
-        time = step * np.arange(900)
         tones = np.arange(5.0, 100.0, 2.5)
         phases = rng.uniform(0.0, 2.0 * np.pi, len(tones))
-        drive = np.cos(2.0 * np.pi * np.outer(time, tones) + phases).sum(axis=1)
+        turns = np.outer(step * np.arange(900), tones)
+        drive = np.cos(2.0 * np.pi * turns + phases).sum(axis=1)
         drive *= 50.0 / drive.std()
-        x, seen = np.zeros(3), np.empty(len(time))
-        for k, u in enumerate(drive):
-            seen[k] = x[0]
-            for _ in range(6):
-                h = step / 6
-                k1 = rate(x, u)
-                k2 = rate(x + 0.5 * h * k1, u)
-                k3 = rate(x + 0.5 * h * k2, u)
-                k4 = rate(x + h * k3, u)
-                x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        read = Signal("position", seen + 8e-6 * rng.normal(size=len(seen)), "m")
-        command = Signal("drive", drive, "N", role="command")
-        runs.append(Recording(f"run {seed}", time, (command, read)))
+        seen = by_runge_kutta(rates, (0.0, 0.0, 0.0), drive.tolist(), step, 6)[:, 0]
+        read = {"position [m]": seen + 8e-6 * rng.normal(size=len(seen))}
+        runs.append(recording(f"run {seed}", step, {"drive [N]": drive}, read))
     return runs
 
 
@@ -244,34 +227,17 @@ def recorded(
     noise: float,
     *,
     seed: int,
-    name: str,
     unread: Vector | None = None,
 ) -> Recording:
-    """Integrate ``mass a = drive + force(x, v)`` sample by sample and read the position."""
-    rng = np.random.default_rng(seed)
-    x = np.zeros(2)
-    seen = np.empty(len(drive))
-    extra = np.zeros(len(drive)) if unread is None else unread
-    for k, u in enumerate(drive):
-        seen[k] = x[0]
-        total = u + extra[k]
-        run = solve_ivp(
-            lambda t, s, total=total: [s[1], (total + force(s[0], s[1])) / mass],
-            (0.0, step),
-            x,
-            rtol=1e-7,
-            atol=1e-9,
-        )
-        x = run.y[:, -1]
-    time = step * np.arange(len(drive))
-    return Recording(
-        name,
-        time,
-        (
-            Signal("drive", drive, "N", role="command"),
-            Signal("position", seen + noise * rng.normal(size=len(seen)), "m"),
-        ),
-    )
+    """Integrate ``mass a = drive + force(x, v)`` and read the position, as run ``seed``."""
+
+    def rates(_: float, s: Vector, total: float) -> list[float]:
+        return [s[1], (total + force(s[0], s[1])) / mass]
+
+    total = drive if unread is None else drive + unread
+    seen = held(rates, np.zeros(2), (total,), step)[:, 0]
+    read = {"position [m]": seen + noise * np.random.default_rng(seed).normal(size=len(seen))}
+    return recording(f"run {seed}", step, {"drive [N]": drive}, read)
 
 
 DAY = 86400.0
@@ -308,25 +274,15 @@ def fallen_ill(seed: int) -> Recording:
     """Return 200 days of a town that closes its schools after the fortieth."""
     rng = np.random.default_rng(seed)
     arrivals = np.where(rng.uniform(size=200) < 0.1, 5e-4, 0.0)
-    x, rows = np.array([0.99, 2e-3]), []
+    contact = np.where(np.arange(200) >= 40, 0.126, 0.28)
 
     def rates(_: float, x: Vector, contact: float, u: float) -> list[float]:
         return [-contact * x[0] * x[1], contact * x[0] * x[1] - 0.1 * x[1] + u]
 
-    for day, u in enumerate(arrivals):
-        rows.append(x + [1e-3, 3e-4] * rng.normal(size=2))
-        now = (0.126 if day >= 40 else 0.28, u)
-        x = solve_ivp(rates, (0.0, 1.0), x, args=now, rtol=1e-8, atol=1e-12).y[:, -1]
-    susceptible, infected = np.array(rows).T
-    return Recording(
-        f"town {seed}",
-        DAY * np.arange(200.0),
-        (
-            Signal("arrivals", arrivals / DAY, "1/s", role="command"),
-            Signal("susceptible", susceptible, "1"),
-            Signal("infected", infected, "1"),
-        ),
-    )
+    x = held(rates, [0.99, 2e-3], (contact, arrivals), 1.0, rtol=1e-8, atol=1e-12)
+    susceptible, infected = (x + [1e-3, 3e-4] * rng.normal(size=x.shape)).T
+    read = {"susceptible [1]": susceptible, "infected [1]": infected}
+    return recording(f"town {seed}", DAY, {"arrivals [1/s]": arrivals / DAY}, read)
 
 
 def resonator() -> Model:
@@ -356,23 +312,16 @@ def ringing(seed: int, *, hardening: float = 0.0) -> Recording:
     Args:
         hardening: Cubic stiffness over the linear one, at 1 um, dimensionless.
     """
-    rng = np.random.default_rng(seed)
     volts = levels(1500, seed, 5.0, 5, 60)
-    x, rows = np.zeros(2), []
 
     def rates(_: float, x: Vector, u: float) -> list[float]:
         # In um and us.
         force = 0.12 * u - 0.35 * x[1] - 4.6 * x[0] * (1.0 + hardening * x[0] ** 2)
         return [x[1], 0.1 * force]
 
-    for u in volts:
-        rows.append(x[0])
-        x = solve_ivp(rates, (0.0, 0.5), x, args=(u,), rtol=1e-8, atol=1e-10).y[:, -1]
-    read = 1e-6 * (np.array(rows) + 1e-4 * rng.normal(size=len(rows)))
-    drive = Signal("drive", volts, "V", role="command")
-    return Recording(
-        f"ringing {seed}", 5e-7 * np.arange(len(rows)), (drive, Signal("position", read, "m"))
-    )
+    place = held(rates, np.zeros(2), (volts,), 0.5, rtol=1e-8, atol=1e-10)[:, 0]
+    read = 1e-6 * (place + 1e-4 * np.random.default_rng(seed).normal(size=len(place)))
+    return recording(f"ringing {seed}", 5e-7, {"drive [V]": volts}, {"position [m]": read})
 
 
 def levels(count: int, seed: int, largest: float, shortest: int, longest: int) -> Vector:
@@ -390,9 +339,7 @@ def oscillations(force: Law, *, unread: bool = False) -> list[Recording]:
     for seed in (1, 2, 3):
         drive = levels(450, seed, 30.0, 20, 80)
         extra = levels(450, 50 + seed, 12.0, 5, 25) if unread else None
-        runs.append(
-            recorded(1.0, force, drive, 0.02, 1e-3, seed=seed, name=f"run {seed}", unread=extra)
-        )
+        runs.append(recorded(1.0, force, drive, 0.02, 1e-3, seed=seed, unread=extra))
     return runs
 
 
@@ -406,11 +353,11 @@ def hardening(scale: float) -> Diagnosis:
 @lru_cache(maxsize=1)
 def rubbing() -> Diagnosis:
     """A carriage of 20 kg with dry friction of 15 N and an offset of the drive of 2 N."""
-    runs = []
-    for seed in (1, 2, 3):
-        drive = levels(600, seed, 60.0, 15, 70)
-        law: Law = lambda x, v: -80.0 * v - 15.0 * np.tanh(v / 1e-3)  # noqa: E731
-        runs.append(recorded(20.0, law, drive, 0.01, 2e-5, seed=seed, name=f"run {seed}"))
+    law: Law = lambda x, v: -80.0 * v - 15.0 * np.tanh(v / 1e-3)  # noqa: E731
+    runs = [
+        recorded(20.0, law, levels(600, seed, 60.0, 15, 70), 0.01, 2e-5, seed=seed)
+        for seed in (1, 2, 3)
+    ]
     return diagnose(carriage(), runs[:2], runs[2:], jobs=1, advise=False)
 
 
@@ -475,15 +422,8 @@ def levitation(
         rows.append((u, x[0] + 1e-5 * rng.normal(), x[2] + 3e-3 * rng.normal()))
         x = solve_ivp(rates, (0.0, 1e-3), x, args=(u,), rtol=1e-7, atol=1e-9).y[:, -1]
     voltage, gaps, currents = np.array(rows).T
-    return Recording(
-        f"levitation {seed}",
-        1e-3 * np.arange(samples),
-        (
-            Signal("voltage", voltage, "V", role="command"),
-            Signal("gap", gaps, "m"),
-            Signal("current", currents, "A"),
-        ),
-    )
+    read = {"gap [m]": gaps, "current [A]": currents}
+    return recording(f"levitation {seed}", 1e-3, {"voltage [V]": voltage}, read)
 
 
 def crane() -> Model:
@@ -524,14 +464,14 @@ def crane() -> Model:
     )
 
 
-def transport(seed: int, *, samples: int = 1000, friction: float = 0.0) -> Recording:
+def transport(seed: int, *, friction: float = 0.0) -> Recording:
     """Return a trolley of 10 kg that carries 5 kg on a rope of 1 m about, every 10 ms.
 
     Args:
         friction: Dry friction of the trolley on its rail, in N.
     """
     rng = np.random.default_rng(seed)
-    targets = np.repeat(rng.uniform(-1.0, 1.0, samples // 100), 100)
+    targets = np.repeat(rng.uniform(-1.0, 1.0, 10), 100)
     x, rows = np.zeros(4), []
 
     def rates(_: float, x: Vector, u: float) -> list[float]:
@@ -545,15 +485,8 @@ def transport(seed: int, *, samples: int = 1000, friction: float = 0.0) -> Recor
         rows.append((u, x[0] + 5e-4 * rng.normal(), x[2] + 1e-3 * rng.normal()))
         x = solve_ivp(rates, (0.0, 0.01), x, args=(u,), rtol=1e-7, atol=1e-9).y[:, -1]
     force, position, angle = np.array(rows).T
-    return Recording(
-        f"transport {seed}",
-        0.01 * np.arange(samples),
-        (
-            Signal("force", force, "N", role="command"),
-            Signal("position", position, "m"),
-            Signal("angle", angle, "rad"),
-        ),
-    )
+    read = {"position [m]": position, "angle [rad]": angle}
+    return recording(f"transport {seed}", 0.01, {"force [N]": force}, read)
 
 
 def swing() -> Model:
@@ -585,7 +518,7 @@ def swinging_out(start: float) -> Recording:
     time = 0.02 * np.arange(500)
     run = solve_ivp(rates, (0.0, time[-1]), [start, 0.0], t_eval=time, rtol=1e-8, atol=1e-10)
     noise = np.random.default_rng(1).normal(0.0, 1e-3, len(time))
-    return Recording(f"from {start:g}", time, (Signal("angle", run.y[0] + noise, "rad"),))
+    return recording(f"from {start:g}", 0.02, {}, {"angle [rad]": run.y[0] + noise})
 
 
 def drivetrain(gear: float = 1.0) -> Model:
@@ -638,31 +571,20 @@ def turned(
         play: Half of the backlash of its coupling, in rad.
         relaxing: Further stiffness of its coupling, in N m/rad, which is let go within 0.1 s.
     """
-    rng = np.random.default_rng(seed)
     torque = levels(samples, seed, 2.0, 20, 100)
-    x, rows = np.zeros(5), []
 
     def rates(_: float, x: Vector, u: float) -> list[float]:
         twist = x[0] / gear - x[1]
         engaged = np.sign(twist) * max(abs(twist) - play, 0.0)
         shaft = 50.0 * engaged + (0.08 * (x[2] / gear - x[3]) if engaged else 0.0)
-        held = twist - x[4]
-        shaft += relaxing * held
-        return [x[2], x[3], (u - shaft / gear - 0.03 * x[2]) / 0.012, shaft / 0.025, held / 0.1]
+        let_go = twist - x[4]
+        shaft += relaxing * let_go
+        return [x[2], x[3], (u - shaft / gear - 0.03 * x[2]) / 0.012, shaft / 0.025, let_go / 0.1]
 
-    for u in torque:
-        rows.append(x[:2] + 2e-4 * rng.normal(size=2))
-        x = solve_ivp(rates, (0.0, 5e-3), x, args=(u,), rtol=1e-7, atol=1e-9).y[:, -1]
-    motor, load = np.array(rows).T
-    return Recording(
-        f"turned {seed}",
-        5e-3 * np.arange(samples),
-        (
-            Signal("torque", torque, "N m", role="command"),
-            Signal("motor", motor, "rad"),
-            Signal("load", load, "rad"),
-        ),
-    )
+    noise = 2e-4 * np.random.default_rng(seed).normal(size=(samples, 2))
+    motor, load = (held(rates, np.zeros(5), (torque,), 5e-3)[:, :2] + noise).T
+    read = {"motor [rad]": motor, "load [rad]": load}
+    return recording(f"turned {seed}", 5e-3, {"torque [N m]": torque}, read)
 
 
 def stage() -> Model:
@@ -706,30 +628,17 @@ def guided(
     time = step * np.arange(count)
     tones = [np.sin(2 * np.pi * f * time + rng.uniform(0.0, 6.28)) for f in np.linspace(1, 40, 12)]
     current = 0.55 * np.sum(tones, axis=0)
-    read, parts = np.zeros(count), 40
-    h, (x, v, memory) = step / parts, (0.0, 0.0, 0.0)
 
-    def rates(x: float, v: float, memory: float, u: float) -> tuple[float, float, float]:
+    def rates(_: float, s: Sequence[float], u: float) -> tuple[float, float, float]:
+        x, v, memory = s
         force = 8.0 * u - 3.0 * v - 1800.0 * x - cubic * x**3 - dry * math.tanh(v / 5e-4)
         return v, force / 0.4, (x - memory) / lag if lag else 0.0
 
     # Friction that turns over within 0.2 ms asks for steps that are shorter than that.
-    for i, u in enumerate(np.clip(current, -most, most).tolist()):
-        read[i] = memory if lag else x
-        for _ in range(parts):
-            k1 = rates(x, v, memory, u)
-            k2 = rates(*(a + 0.5 * h * k for a, k in zip((x, v, memory), k1, strict=True)), u)
-            k3 = rates(*(a + 0.5 * h * k for a, k in zip((x, v, memory), k2, strict=True)), u)
-            k4 = rates(*(a + h * k for a, k in zip((x, v, memory), k3, strict=True)), u)
-            x, v, memory = (
-                a + h / 6.0 * (p + 2.0 * q + 2.0 * r + s)
-                for a, p, q, r, s in zip((x, v, memory), k1, k2, k3, k4, strict=True)
-            )
-    signals = (
-        Signal("current", current, "A", role="command"),
-        Signal("position", read + 2e-6 * rng.normal(size=count), "m"),
-    )
-    return Recording(f"stage {seed}", time, signals)
+    given = np.clip(current, -most, most).tolist()
+    x, _, memory = by_runge_kutta(rates, (0.0, 0.0, 0.0), given, step, 40).T
+    read = {"position [m]": (memory if lag else x) + 2e-6 * rng.normal(size=count)}
+    return recording(f"stage {seed}", step, {"current [A]": current}, read)
 
 
 def car() -> Model:
@@ -772,31 +681,22 @@ def cornering(seed: int) -> Recording:
     steering = np.convolve(steps, np.ones(20) / 20.0, "same")
     speed = 22.0 + 8.0 * np.sin(2.0 * np.pi * np.arange(n) * dt / 23.0 + seed)
 
-    def forces(x: Vector, u: float, v: float) -> tuple[float, float]:
+    def forces(x: Vector, u: float | Vector, v: float | Vector) -> tuple[Vector, Vector]:
         ahead, behind = u - x[0] - 1.2 * x[1] / v, 1.5 * x[1] / v - x[0]
-        return 5320.0 * math.tanh(ahead / 0.07), 6370.0 * math.tanh(behind / 0.07)
+        return 5320.0 * np.tanh(ahead / 0.07), 6370.0 * np.tanh(behind / 0.07)
 
-    x, rows = np.zeros(2), []
-    for u, v in zip(steering, speed, strict=True):
-        front, rear = forces(x, u, v)
-        rows.append((x[1], (front + rear) / 1500.0))
+    def rates(_: float, x: Vector, u: float, v: float) -> list[float]:
+        f, r = forces(x, u, v)
+        return [(f + r) / (1500.0 * v) - x[1], (1.2 * f - 1.5 * r) / 2800.0]
 
-        def rates(_: float, x: Vector, u: float = u, v: float = v) -> list[float]:
-            f, r = forces(x, u, v)
-            return [(f + r) / (1500.0 * v) - x[1], (1.2 * f - 1.5 * r) / 2800.0]
-
-        x = solve_ivp(rates, (0.0, dt), x, rtol=1e-8, atol=1e-10).y[:, -1]
-    read = np.array(rows) + rng.normal(size=(n, 2)) * [0.002, 0.05]
-    return Recording(
-        f"corners {seed}",
-        dt * np.arange(n),
-        (
-            Signal("steering", steering, "rad", role="command"),
-            Signal("speed", speed, "m/s", role="command"),
-            Signal("yaw_rate", read[:, 0], "rad/s"),
-            Signal("lateral", read[:, 1], "m/s2"),
-        ),
-    )
+    x = held(rates, np.zeros(2), (steering, speed), dt, rtol=1e-8, atol=1e-10).T
+    noise = rng.normal(size=(n, 2)) * [0.002, 0.05]
+    read = {
+        "yaw_rate [rad/s]": x[1] + noise[:, 0],
+        "lateral [m/s2]": sum(forces(x, steering, speed)) / 1500.0 + noise[:, 1],
+    }
+    commands = {"steering [rad]": steering, "speed [m/s]": speed}
+    return recording(f"corners {seed}", dt, commands, read)
 
 
 def pipeline() -> Model:
@@ -834,26 +734,14 @@ def pumped(seed: int, *, turbulent: float = 0.0, burst: float = np.inf) -> Recor
         turbulent: Pressure lost over the squared flow, in Pa s2/m6.
         burst: Time from which the vessel loses 5 l/s, in s.
     """
-    rng = np.random.default_rng(seed)
+
+    def rates(t: float, s: Vector, given: float) -> list[float]:
+        lost = 5e6 * s[0] + turbulent * s[0] * abs(s[0])
+        spilt = 1.4e-7 * s[1] + (5e-3 if t > burst else 0.0)
+        return [(given - s[1] - lost) / 3.2e6, (s[0] - spilt) / 5e-7]
+
     pump = 3e5 + levels(400, seed, 1.5e5, 15, 60)
-    x, step = np.array([0.02, 2e5]), 0.2
-    seen = np.empty((400, 2))
-    for k, given in enumerate(pump):
-        seen[k] = x
-
-        def rates(t: float, s: Vector, given: float = given) -> list[float]:
-            lost = 5e6 * s[0] + turbulent * s[0] * abs(s[0])
-            spilt = 1.4e-7 * s[1] + (5e-3 if t > burst else 0.0)
-            return [(given - s[1] - lost) / 3.2e6, (s[0] - spilt) / 5e-7]
-
-        x = solve_ivp(rates, (k * step, k * step + step), x, rtol=1e-7, atol=1e-9).y[:, -1]
-    seen += rng.normal(0.0, [2e-5, 200.0], seen.shape)
-    return Recording(
-        f"line {seed}",
-        step * np.arange(400),
-        (
-            Signal("pump", pump, "Pa", role="command"),
-            Signal("pressure", seen[:, 1], "Pa", role="measurement"),
-            Signal("flow", seen[:, 0], "m3/s", role="measurement"),
-        ),
-    )
+    seen = held(rates, [0.02, 2e5], (pump,), 0.2)
+    seen += np.random.default_rng(seed).normal(0.0, [2e-5, 200.0], seen.shape)
+    read = {"pressure [Pa]": seen[:, 1], "flow [m3/s]": seen[:, 0]}
+    return recording(f"line {seed}", 0.2, {"pump [Pa]": pump}, read)

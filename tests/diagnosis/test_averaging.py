@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.diagnosis.machine_data import file, recording
 from workbench.diagnosis.averaging import averaged
 from workbench.diagnosis.problem import problem_of_files
 from workbench.diagnosis.refit_report import run_refit
 from workbench.model import Input, Model, Output, Parameter, State
 from workbench.model.trace import Equations
 from workbench.recordings.checks.time_base import evened
-from workbench.recordings.recording import Recording, Signal
+from workbench.recordings.recording import Recording
 
 GAIN, TIME_CONSTANT, NOISE = 2.0, 600.0, 0.05
 
@@ -44,8 +45,7 @@ def _recorded(name: str, rows: int, seed: int, step: float = 0.0) -> Recording:
         warmth[k + 1] = left * warmth[k] + (1.0 - left) * GAIN * heater[k]
     read = warmth + random.normal(0.0, NOISE, rows)
     read = step * np.round(warmth / step) if step else read
-    held = Signal("heater", heater, "W", role="command")
-    return Recording(name, np.arange(rows, dtype=float), (held, Signal("warmth", read, "K")))
+    return recording(name, 1.0, {"heater [W]": heater}, {"warmth [K]": read})
 
 
 LONG = [_recorded("a", 21_000, 1), _recorded("b", 12_000, 2)]
@@ -64,9 +64,8 @@ def test_means_of_rows_have_less_noise_and_leave_out_where_the_input_jumps() -> 
 
 def test_a_refit_on_means_is_as_sure_and_as_right(tmp_path: Path) -> None:
     for r in LONG:
-        rows = np.column_stack([r.time, r["heater"], r["warmth"]])
-        header = "t [s],heater [W],warmth [K]"
-        np.savetxt(tmp_path / f"{r.name}.csv", rows, "%.6g", ",", header=header, comments="")
+        columns = {"t [s]": r.time, "heater [W]": r["heater"], "warmth [K]": r["warmth"]}
+        file(tmp_path / f"{r.name}.csv", columns)
     problem = problem_of_files(_oven(), [tmp_path / "a.csv"], [tmp_path / "b.csv"])
     assert any("means of 3 rows" in note for note in problem.notes)
     assert problem.model.outputs[0].noise_rms == pytest.approx(NOISE / math.sqrt(3.0), rel=0.05)

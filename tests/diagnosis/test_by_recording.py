@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -12,6 +12,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from tests.diagnosis.machine_data import by_runge_kutta, recording
 from tests.diagnosis.newcomers import levels, oscillator
 from workbench.diagnosis.conclude import still_missing
 from workbench.diagnosis.diagnose import diagnose
@@ -29,7 +30,7 @@ from workbench.diagnosis.selection.score import score_library
 from workbench.diagnosis.verdict import Finding
 from workbench.physics.drift import from_first
 from workbench.physics.library import Hypothesis, library
-from workbench.recordings.recording import Recording, Signal
+from workbench.recordings.recording import Recording
 
 STEP, SAMPLES, INNER = 0.02, 500, 4
 Force = Callable[[float, float, float], float]
@@ -37,23 +38,14 @@ Force = Callable[[float, float, float], float]
 
 def run(number: int, force: Force, mass: float = 1.2) -> Recording:
     """Return a recording of ``mass a = drive + force(t, x, v)``."""
-    drive, h = levels(SAMPLES, number, 6.0, 15, 50), STEP / INNER
-    x, t, seen = np.zeros(2), 0.0, np.empty(SAMPLES)
 
-    def rates(t: float, x: np.ndarray, u: float) -> np.ndarray:
-        return np.array([x[1], (u + force(t, *x)) / mass])
+    def rates(t: float, x: Sequence[float], u: float) -> tuple[float, float]:
+        return x[1], (u + force(t, *x)) / mass
 
-    for k, u in enumerate(drive):
-        seen[k] = x[0]
-        for _ in range(INNER):
-            a = rates(t, x, u)
-            b = rates(t + h / 2, x + h / 2 * a, u)
-            c = rates(t + h / 2, x + h / 2 * b, u)
-            d = rates(t + h, x + h * c, u)
-            x, t = x + h / 6 * (a + 2 * b + 2 * c + d), t + h
-    read = seen + 1e-3 * np.random.default_rng(number).normal(size=SAMPLES)
-    signals = (Signal("drive", drive, "N", role="command"), Signal("position", read, "m"))
-    return Recording(f"run {number}", STEP * np.arange(SAMPLES), signals)
+    drive = levels(SAMPLES, number, 6.0, 15, 50)
+    place = by_runge_kutta(rates, (0.0, 0.0), drive.tolist(), STEP, INNER)[:, 0]
+    read = place + 1e-3 * np.random.default_rng(number).normal(size=SAMPLES)
+    return recording(f"run {number}", STEP, {"drive [N]": drive}, {"position [m]": read})
 
 
 def found(monkeypatch: pytest.MonkeyPatch, runs: list[Recording]) -> Finding:

@@ -9,6 +9,7 @@ import pytest
 from casadi import cos
 from scipy.integrate import solve_ivp
 
+from tests.diagnosis.machine_data import held, recording
 from tests.diagnosis.newcomers import levels, oscillator, recorded
 from tests.diagnosis.test_newcomers import only
 from workbench.arrays import Vector
@@ -25,9 +26,13 @@ from workbench.model.trace import Equations
 from workbench.physics.library import library
 from workbench.physics.place import Survey, term_of
 from workbench.plants.servo_axis import servo_axis
-from workbench.recordings.recording import Recording, Signal
+from workbench.recordings.recording import Recording
 
 STEP, SAMPLES = 0.02, 600
+
+
+def spring(x: float, v: float) -> float:
+    return -30.0 * x - 0.6 * v
 
 
 def _pushed(jumps: tuple[float, ...], lasting: tuple[float, ...] = 3 * (np.inf,)) -> Verdict:
@@ -37,9 +42,7 @@ def _pushed(jumps: tuple[float, ...], lasting: tuple[float, ...] = 3 * (np.inf,)
         since = STEP * np.arange(SAMPLES) - time
         more = 9.0 * ((since >= 0.0) & (since < length))
         drive = levels(SAMPLES, seed, 30.0, 20, 80)
-        spring = lambda x, v: -30.0 * x - 0.6 * v  # noqa: E731
-        name = f"run {seed}"
-        runs.append(recorded(1.0, spring, drive, STEP, 1e-3, seed=seed, name=name, unread=more))
+        runs.append(recorded(1.0, spring, drive, STEP, 1e-3, seed=seed, unread=more))
     found = diagnose(oscillator(), runs[:1], runs[1:], jobs=1, advise=False).verdict
     assert found is not None
     return found
@@ -122,8 +125,7 @@ def _burnt_out(seed: int, time: float) -> Recording:
             return [(power - given) / 2600.0, (given - 6.1 * (x[1] - 293.0)) / 27000.0]
 
         x = solve_ivp(rates, (0.0, dt), x, rtol=1e-8, atol=1e-6).y[:, -1]
-    signals = Signal("part", part, "1", role="command"), Signal("load", read, "K")
-    return Recording(f"run {seed}", dt * np.arange(n), signals)
+    return recording(f"run {seed}", dt, {"part [1]": part}, {"load [K]": read})
 
 
 def test_an_event_at_other_times_in_two_fitted_recordings_is_sharp(
@@ -150,8 +152,7 @@ def test_a_stop_that_nobody_modelled_is_named(monkeypatch: pytest.MonkeyPatch, b
         return -30.0 * x - 0.6 * v - 900.0 * deep
 
     runs = [
-        recorded(1.0, force, levels(SAMPLES, s, 30.0, 20, 80), STEP, 1e-3, seed=s, name=f"run {s}")
-        for s in (1, 2)
+        recorded(1.0, force, levels(SAMPLES, s, 30.0, 20, 80), STEP, 1e-3, seed=s) for s in (1, 2)
     ]
     model = oscillator(scale=30.0)
     verdict = diagnose(model, runs[:1], runs[1:], jobs=1, advise=False).verdict
@@ -188,25 +189,17 @@ def cooled() -> Model:
 
 
 def _blown(seed: int, threshold: float) -> Recording:
-    rng, dt, n = np.random.default_rng(seed), 2.0, 700
+    dt, n = 2.0, 700
     power, fan = 95.0 + levels(n, seed, 85.0, 10, 150), 240.0 + levels(n, 9 + seed, 240.0, 20, 200)
-    x, read = np.array([310.0]), np.empty(n)
-    for k in range(n):
-        read[k] = x[0]
-        through = 0.7 + 0.012 * max(0.0, fan[k] - threshold)
-        given = power[k], through
-        x = solve_ivp(
-            lambda _, x, p, g: (p - g * (x - 298.0)) / 450.0, (0.0, dt), x, args=given, rtol=1e-8
-        ).y[:, -1]
-    return Recording(
-        f"block {seed}",
-        dt * np.arange(n),
-        (
-            Signal("power", power, "W", role="command"),
-            Signal("fan", fan, "rad/s", role="command"),
-            Signal("block", read + 0.05 * rng.normal(size=n), "K"),
-        ),
-    )
+
+    def rates(_: float, x: Vector, power: float, fan: float) -> Vector:
+        through = 0.7 + 0.012 * max(0.0, fan - threshold)
+        return (power - through * (x - 298.0)) / 450.0
+
+    read = held(rates, [310.0], (power, fan), dt, rtol=1e-8, atol=1e-6)[:, 0]
+    block = read + 0.05 * np.random.default_rng(seed).normal(size=n)
+    commands = {"power [W]": power, "fan [rad/s]": fan}
+    return recording(f"block {seed}", dt, commands, {"block [K]": block})
 
 
 def test_a_threshold_that_a_parameter_takes_over_at_first_is_found(
@@ -291,10 +284,8 @@ def test_what_repeats_is_named_with_its_phase_in_each_recording(
     for seed, late in ((1, 0.31), (2, 1.13)):
         wave = np.sin(2.0 * np.pi * (STEP * np.arange(SAMPLES) - late) / 1.6)
         drive = levels(SAMPLES, seed, 30.0, 20, 80)
-        spring = lambda x, v: -30.0 * x - 0.6 * v  # noqa: E731
         more = 4.0 * (np.sign(wave) if square else wave)
-        run = recorded(1.0, spring, drive, STEP, 1e-3, seed=seed, name=f"run {seed}", unread=more)
-        runs.append(run)
+        runs.append(recorded(1.0, spring, drive, STEP, 1e-3, seed=seed, unread=more))
     verdict = diagnose(oscillator(), runs[:1], runs[1:], jobs=1, advise=False).verdict
     (finding,) = verdict.findings
     assert finding.effect == "periodic_push_mass_force", verdict
@@ -324,10 +315,8 @@ def _rolled_off(number: int) -> Recording:
             fed = unwind[k] * (1.0 + 0.012 * np.sin(angle))
             tension += 1e-3 * (900.0 * (draw[k] - fed) - draw[k] * tension) / 4.0
             angle += 1e-3 * unwind[k] / 0.31
-    speeds = (Signal(n, v, "m/s", role="command") for n, v in (("unwind", unwind), ("draw", draw)))
-    return Recording(
-        f"web {number}", 0.02 * np.arange(700), (*speeds, Signal("tension", read, "N"))
-    )
+    speeds = {"unwind [m/s]": unwind, "draw [m/s]": draw}
+    return recording(f"web {number}", 0.02, speeds, {"tension [N]": read})
 
 
 def test_what_repeats_with_each_turn_is_named_wherever_a_recording_begins(

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
 import pytest
 
+from tests.diagnosis.example_diagnosis import axis_runs
 from workbench.diagnosis import diagnose as engine
 from workbench.diagnosis.diagnose import diagnose
-from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
 from workbench.diagnosis.location import located_signal
 from workbench.diagnosis.selection import refits, search, simulation_error, withdrawal
 from workbench.diagnosis.verdict import Verdict
@@ -25,13 +26,7 @@ from workbench.recordings.recording import Recording
 
 def _given() -> tuple[Model, list[Recording], list[Hypothesis]]:
     truth = servo_axis()
-    model = truth.without("coulomb_friction")
-    runs = [
-        made_up_recording(
-            truth, pushes(300, largest=200.0, seed=seed), sample_time=0.01, name=f"axis {seed}"
-        )
-        for seed in (1, 2)
-    ]
+    model, runs = truth.without("coulomb_friction"), axis_runs(truth, 300)
     return model, runs, [e for e in library(model) if e.law == "coulomb_friction"]
 
 
@@ -81,16 +76,10 @@ def test_a_refit_that_fails_is_a_line(
     monkeypatch.setattr(refits, step, sometimes)
     model, _, _ = _given()
     spring = next(e for e in library(model) if e.law == "linear_spring")
-    verdict = _diagnosed(_renamed(spring, "spring"))
+    verdict = _diagnosed(replace(spring, effect=spring.effect.renamed("spring")))
     assert [f.effect for f in verdict.findings] == ["coulomb_friction"]
     if step == "_refitted":
         assert _refused(verdict)["spring"] == f"it could not be tried, because {error}"
-
-
-def _renamed(entry: Hypothesis, name: str) -> Hypothesis:
-    from dataclasses import replace
-
-    return replace(entry, effect=entry.effect.renamed(name))
 
 
 def _never(*_: Any, **__: Any) -> Any:

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from tests.diagnosis.machine_data import held, recording
 from tests.diagnosis.newcomers import (
     DAY,
-    Vector,
     car,
     carriage,
     cornering,
@@ -45,6 +45,7 @@ from tests.diagnosis.newcomers import (
     transport,
     turned,
 )
+from workbench.arrays import Vector
 from workbench.diagnosis.diagnose import diagnose, stages, validate
 from workbench.diagnosis.estimation.filter import steps_of
 from workbench.diagnosis.estimation.made_up import made_up
@@ -313,13 +314,13 @@ def test_what_changes_at_a_time_is_followed_to_its_instant(monkeypatch: pytest.M
 
 @pytest.mark.parametrize("most", [np.inf, 3.0])
 def test_the_data_say_whether_an_input_is_clipped_to_its_range(most: float) -> None:
-    recording = guided(1, most=most)
-    assert np.abs(recording["current"]).max() > 3.3
-    model, _ = with_undeclared(stage(), [recording])
+    run = guided(1, most=most)
+    assert np.abs(run["current"]).max() > 3.3
+    model, _ = with_undeclared(stage(), [run])
     (current,) = model.inputs
     assert (current.upper > 3.3) == (current.lower < -3.3) == (most > 3.0)
-    seen = observe(model, recording)
-    assert np.abs(seen.inputs).max() == pytest.approx(min(most, np.abs(recording["current"]).max()))
+    seen = observe(model, run)
+    assert np.abs(seen.inputs).max() == pytest.approx(min(most, np.abs(run["current"]).max()))
 
 
 @pytest.mark.long
@@ -375,7 +376,7 @@ def test_noise_is_told_from_what_an_input_shakes(longest: int) -> None:
     for seed in (1, 2):
         drive = levels(600, seed, 40.0, longest, longest + 1)
         force: Callable[[float, float], float] = lambda x, v: -900.0 * x - 12.0 * v  # noqa: E731
-        runs.append(recorded(1.0, force, drive, 0.02, 2e-4, seed=seed, name=f"run {seed}"))
+        runs.append(recorded(1.0, force, drive, 0.02, 2e-4, seed=seed))
     plain = oscillator(left_out=0.0)
     wider = [
         replace(p, value=700.0, upper=5e3) if p.name == "stiffness" else p for p in plain.parameters
@@ -412,8 +413,7 @@ def test_a_curve_that_is_an_s_is_refitted_to_its_shape(
             for _ in range(20):
                 henry = 0.02 + 0.08 / (1.0 + np.exp((current - 5.0) / width))
                 current += 5e-4 * (v - current) / henry
-        signals = Signal("v", volts, "V", role="command"), Signal("i", read, "A")
-        runs.append(Recording(f"run {seed}", 0.01 * np.arange(800), signals))
+        runs.append(recording(f"run {seed}", 0.01, {"v [V]": volts}, {"i [A]": read}))
     choke = Model(
         "choke",
         lambda m: ({"i": (m.u.v - m.p.ohm * m.x.i) / m.p.henry}, {"i": m.x.i}),
@@ -447,8 +447,7 @@ def test_a_friction_of_what_turns_one_way_cannot_be_told_from_a_torque(
             read.append(speed + rng.normal(0.0, 0.08))
             for _ in range(5):
                 speed += 0.04 * (torque - 1.1e-4 * speed**2 - 0.35)
-        signals = Signal("pull", pulls, "N m", role="command"), Signal("wheel", read, "rad/s")
-        runs.append(Recording(f"run {seed}", 0.02 * np.arange(len(pulls)), signals))
+        runs.append(recording(f"run {seed}", 0.02, {"pull [N m]": pulls}, {"wheel [rad/s]": read}))
     wheel = Model(
         "wheel",
         lambda m: ({"w": (m.u.pull - m.p.fan * m.x.w**2) / 0.1}, {"wheel": m.x.w}),
@@ -473,7 +472,7 @@ def test_equations_of_a_fast_machine_are_trusted_as_far_as_they_go(
         # A stage on flexures that swings at 1 kHz, sampled at 20 kHz.
         drive = levels(4000, seed, 130.0, 5, 40)
         force: Callable[[float, float], float] = lambda x, v: -1.3e5 * x - 1.5 * v  # noqa: E731
-        runs.append(recorded(3e-3, force, drive, 5e-5, 1e-6, seed=seed, name=f"run {seed}"))
+        runs.append(recorded(3e-3, force, drive, 5e-5, 1e-6, seed=seed))
 
     def equations(m: Scope) -> Equations:
         spring = m.p.stiffness * m.x.position + m.p.damping * m.x.speed
@@ -574,8 +573,7 @@ def test_one_side_of_a_command_is_weaker_before_an_actuator_that_saturates(
             goal = 52.0 * math.tanh((0.85 * u if u > 0.0 else u) / 4.0)
             speed = goal + (speed - goal) * math.exp(-0.05 / 0.55)
         seen += 0.05 * np.random.default_rng(seed).normal(size=600)
-        signals = Signal("command", command, "V", role="command"), Signal("speed", seen, "rad/s")
-        return Recording(f"run {seed}", 0.05 * np.arange(600), signals)
+        return recording(f"run {seed}", 0.05, {"command [V]": command}, {"speed [rad/s]": seen})
 
     verdict = diagnose(fan, [run(0), run(1)], [run(2)], jobs=1, advise=False).verdict
     (finding,) = verdict.findings
@@ -617,8 +615,7 @@ def test_a_control_valve_that_sticks_is_told_with_its_band(
             for _ in range(4):
                 level += 0.5 * 2.0 * (0.0105 * stuck - 0.0058 * math.sqrt(max(level, 0.0)))
         seen += 0.002 * rng.normal(size=700)
-        signals = Signal("valve", valve, "1", role="command"), Signal("level", seen, "m")
-        return Recording(f"run {seed}", 2.0 * at, signals)
+        return recording(f"run {seed}", 2.0, {"valve [1]": valve}, {"level [m]": seen})
 
     verdict = diagnose(tank, [run(0), run(1)], [run(2)], jobs=1, advise=False).verdict
     (finding,) = verdict.findings
@@ -652,9 +649,7 @@ def test_a_sensor_whose_curve_bends_is_no_spring_that_hardens(
     runs = []
     for seed in (1, 2):
         drive = levels(500, seed, 30.0, 20, 80)
-        straight = recorded(
-            1.0, lambda x, v: -30.0 * x - 0.6 * v, drive, 0.02, 0.0, seed=seed, name=f"run {seed}"
-        )
+        straight = recorded(1.0, lambda x, v: -30.0 * x - 0.6 * v, drive, 0.02, 0.0, seed=seed)
         true = straight["position"]
         read = true + 0.06 * (true - 0.3) ** 2 + 1e-3 * np.random.default_rng(seed).normal(size=500)
         runs.append(straight.with_signal(Signal("position", read, "m")))
@@ -669,19 +664,14 @@ def test_a_sensor_whose_curve_bends_is_no_spring_that_hardens(
 
 def _winding(seed: int) -> Recording:
     """A coil behind two diodes: 0.5 V drop in the direction of the current, beside SciPy."""
-    rng, volts = np.random.default_rng(seed), levels(400, seed, 4.0, 10, 40)
-    current, read = 0.0, np.empty(400)
-    for k, u in enumerate(volts):
-        read[k] = current
-        current = solve_ivp(
-            lambda _, i, u=u: (u - 2.0 * i - 0.5 * np.tanh(i / 0.005)) / 8e-3,
-            (0.0, 1e-3), [current], method="LSODA", rtol=1e-7, atol=1e-9,
-        ).y[0, -1]  # fmt: skip
-    signals = (
-        Signal("voltage", volts, "V", role="command"),
-        Signal("current", read + 2e-3 * rng.normal(size=400), "A"),
-    )
-    return Recording(f"run {seed}", 1e-3 * np.arange(400), signals)
+    volts = levels(400, seed, 4.0, 10, 40)
+
+    def rates(_: float, i: Vector, u: float) -> Vector:
+        return (u - 2.0 * i - 0.5 * np.tanh(i / 0.005)) / 8e-3
+
+    current = held(rates, [0.0], (volts,), 1e-3, method="LSODA")[:, 0]
+    read = current + 2e-3 * np.random.default_rng(seed).normal(size=400)
+    return recording(f"run {seed}", 1e-3, {"voltage [V]": volts}, {"current [A]": read})
 
 
 def test_what_drops_with_the_direction_of_a_current_is_named_without_a_port(
@@ -711,21 +701,15 @@ def test_what_drops_with_the_direction_of_a_current_is_named_without_a_port(
 
 def _joint(seed: int) -> Recording:
     """A robot's joint: 0.8 kg m2 at the motor, 0.9 at the link, whose angle is read; SciPy."""
-    rng, torque = np.random.default_rng(seed), levels(600, seed, 15.0, 15, 50)
-    x, read = np.zeros(4), np.empty(600)
-    for k, drive in enumerate(torque):
-        read[k] = x[2]
+    torque = levels(600, seed, 15.0, 15, 50)
 
-        def rate(_: float, s: Any, drive: float = drive) -> list[float]:
-            twist = 2200.0 * (s[0] - s[2]) + 2.0 * (s[1] - s[3])
-            return [s[1], (drive - 4.0 * s[1] - twist) / 0.8, s[3], twist / 0.9]
+    def rates(_: float, s: Vector, drive: float) -> list[float]:
+        twist = 2200.0 * (s[0] - s[2]) + 2.0 * (s[1] - s[3])
+        return [s[1], (drive - 4.0 * s[1] - twist) / 0.8, s[3], twist / 0.9]
 
-        x = solve_ivp(rate, (0.0, 0.005), x, rtol=1e-8, atol=1e-10).y[:, -1]
-    signals = (
-        Signal("torque", torque, "N m", role="command"),
-        Signal("angle", read + 2e-4 * rng.normal(size=600), "rad"),
-    )
-    return Recording(f"run {seed}", 0.005 * np.arange(600), signals)
+    angle = held(rates, np.zeros(4), (torque,), 0.005, rtol=1e-8, atol=1e-10)[:, 2]
+    read = angle + 2e-4 * np.random.default_rng(seed).normal(size=600)
+    return recording(f"run {seed}", 0.005, {"torque [N m]": torque}, {"angle [rad]": read})
 
 
 def test_a_joint_that_gives_is_two_bodies_and_a_spring(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -763,12 +747,9 @@ def _charged(seed: int) -> Recording:
         gas = 55e5 * (5e-3 / (5e-3 - oil)) ** 1.3
         read[k] = gas + rng.normal(0.0, 1e4)
         oil += 0.05 * (given - 2.4e-7 * opening * math.sqrt(gas))
-    signals = (
-        Signal("pump", pump, "m3/s", role="command"),
-        Signal("valve", valve, "1", role="command"),
-        Signal("p", read, "Pa"),
+    return recording(
+        f"run {seed}", 0.05, {"pump [m3/s]": pump, "valve [1]": valve}, {"p [Pa]": read}
     )
-    return Recording(f"run {seed}", 0.05 * np.arange(400), signals)
 
 
 def test_a_formula_may_be_wrong_as_well_as_what_reads_its_value(
@@ -811,12 +792,8 @@ def _two_tanks(seed: int, end: float, above: bool) -> Recording:
     level = solve_ivp(rates, (0.0, time[-1]), [0.3, 0.2], t_eval=time, max_step=1.0, rtol=1e-8).y
     read = np.round((level + rng.normal(0.0, 2e-4, level.shape)) / 1e-4) * 1e-4
     upper = np.minimum(read[0], end) if above else np.maximum(read[0], end)
-    signals = (
-        Signal("pump", pump, "m3/s", role="command"),
-        Signal("upper", upper, "m"),
-        Signal("lower", read[1], "m"),
-    )
-    return Recording(f"run {seed}", time, signals)
+    levels_read = {"upper [m]": upper, "lower [m]": read[1]}
+    return recording(f"run {seed}", 2.0, {"pump [m3/s]": pump}, levels_read)
 
 
 @pytest.mark.parametrize("above", [True, False])

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from tests.diagnosis.machine_data import recording
 from workbench.diagnosis.reversed_columns import with_signs_tried
 from workbench.model import Input, Model, Output, Parameter, State
-from workbench.recordings import Recording, Signal, check_recording
+from workbench.recordings import check_recording
 
 NAMES = ("direct", "torque", "speed")
 
@@ -47,18 +48,16 @@ def test_what_takes_a_coupling_away_is_not_reversed() -> None:
         rows.append([*u, *(x + rng.normal(0.0, [0.008, 0.008, 0.06]))])
         for _ in range(20):
             x = x + 5e-5 * np.array(rates(x, u))
-    units = {"direct_V": "V", "torque_V": "V", "direct": "A", "torque": "A", "speed": "rad/s"}
-    signals = tuple(
-        Signal(n, v, unit, role="command" if unit == "V" else "measurement")
-        for (n, unit), v in zip(units.items(), np.array(rows).T, strict=True)
-    )
-    trial = Recording("motor", 1e-3 * np.arange(len(rows)), signals)
+    columns = np.transpose(rows)
+    commands = dict(zip(("direct_V [V]", "torque_V [V]"), columns, strict=False))
+    read = dict(zip(("direct [A]", "torque [A]", "speed [rad/s]"), columns[2:], strict=True))
+    trial = recording("motor", 1e-3, commands, read)
     report = check_recording(trial, model=motor())
     assert not report.fit
     tried = with_signs_tried(motor(), report)
     assert tried.fit and "signs" in tried.doubtful
-    turned = tuple(replace(s, values=-s.values) if s.name == "torque_V" else s for s in signals)
-    wrong = check_recording(replace(trial, signals=turned), model=motor())
+    turned = replace(trial.signal("torque_V"), values=-trial["torque_V"])
+    wrong = check_recording(trial.with_signal(turned), model=motor())
     assert with_signs_tried(motor(), wrong) is wrong and not wrong.fit
 
 
@@ -86,8 +85,7 @@ def test_a_heater_that_answers_to_an_opened_door_is_not_reversed() -> None:
             Parameter("capacity", "J/K", value=8000.0, lower=2000.0, upper=4e4, fitted=True),
         ),
     )
-    signals = (Signal("heater", heater, "W", role="command"), Signal("chamber", chamber, "K"))
-    trial = Recording("incubator", 5.0 * np.arange(1400), signals)
+    trial = recording("incubator", 5.0, {"heater [W]": heater}, {"chamber [K]": chamber})
     report = check_recording(trial, model=incubator)
     assert not report.fit
     assert with_signs_tried(incubator, report).fit

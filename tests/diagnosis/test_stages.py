@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.diagnosis.example_diagnosis import axis_runs
 from tests.diagnosis.unnamed_case import sprung_runs
 from workbench.diagnosis import diagnose as module
 from workbench.diagnosis import stage_files
 from workbench.diagnosis.conclude import conclude_early
 from workbench.diagnosis.diagnose import diagnose, stages
-from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
 from workbench.diagnosis.stage_files import fingerprint
 from workbench.diagnosis.stages import Diagnosis
 from workbench.errors import WorkbenchError
@@ -31,13 +31,7 @@ NAMES = ["fitted", "located", "prepared", "scored", "selected", "validated"]
 
 def _given() -> tuple[Any, list[Recording], list[Recording], dict[str, Any]]:
     truth = servo_axis()
-    model = truth.without("coulomb_friction")
-    runs = [
-        made_up_recording(
-            truth, pushes(300, largest=200.0, seed=seed), sample_time=0.01, name=f"axis {seed}"
-        )
-        for seed in (1, 2)
-    ]
+    model, runs = truth.without("coulomb_friction"), axis_runs(truth, 300)
     few = [e for e in library(model) if e.law in ("coulomb_friction", "linear_spring")]
     return model, runs[:1], runs[1:], {"entries": few, "jobs": 1, "advise": False}
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from tests.diagnosis.machine_data import file, held, recording
 from tests.diagnosis.newcomers import oscillator
 from workbench.arrays import Vector
 from workbench.diagnosis import undeclared
@@ -20,7 +21,7 @@ from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import PERFECT
 from workbench.diagnosis.estimation.start import fit_with_likely_starts
-from workbench.diagnosis.problem import problem_of_files
+from workbench.diagnosis.problem import Problem, problem_of_files
 from workbench.diagnosis.second_search import View, where_none_is_declared
 from workbench.diagnosis.selection.held_out import over_floor
 from workbench.diagnosis.undeclared import as_coarse_as_recorded, opened, with_undeclared
@@ -33,13 +34,20 @@ from workbench.recordings.recording import Recording, Signal
 from workbench.recordings.resampling import resample
 
 
+def problem_in(folder: Path, plant: Model) -> Problem:
+    return problem_of_files(plant, [folder / "a.csv"], [folder / "b.csv"])
+
+
+def pushed(folder: Path, name: str, time: Vector, drive: Vector, position: Vector) -> None:
+    file(folder / f"{name}.csv", {"t [s]": time, "drive [N]": drive, "position [m]": position}, 10)
+
+
 def _swinging(step: float) -> Recording:
     time = 0.01 * np.arange(2000)
     position = np.sin(time) + 1e-3 * np.random.default_rng(1).normal(size=len(time))
     if step:
         position = step * np.round(position / step)
-    signals = Signal("drive", 0.0 * time, "N", role="command"), Signal("position", position, "m")
-    return Recording("swinging", time, signals)
+    return recording("swinging", 0.01, {"drive [N]": 0.0 * time}, {"position [m]": position})
 
 
 def test_steps_coarser_than_declared_count_as_noise() -> None:
@@ -72,10 +80,10 @@ def test_a_problem_of_files_says_what_its_recordings_lack_and_what_leaves_its_ra
     )
     time = 0.01 * np.arange(2000)
     for name, size in (("a", 0.4), ("b", 0.8)):
-        columns = np.column_stack([time, size * np.sin(time), np.sin(time), np.cos(time)])
-        header = "t [s],drive [N],position [m],acc z [g]"
-        np.savetxt(tmp_path / f"{name}.csv", columns, "%.6g", ",", header=header, comments="")
-    notes = problem_of_files(plant, [tmp_path / "a.csv"], [tmp_path / "b.csv"]).notes
+        driven = {"t [s]": time, "drive [N]": size * np.sin(time)}
+        read = {"position [m]": np.sin(time), "acc z [g]": np.cos(time)}
+        file(tmp_path / f"{name}.csv", driven | read)
+    notes = problem_in(tmp_path, plant).notes
     assert [note for note in notes if "clipped" in note] == [
         "b: drive runs from -0.8 to 0.8 N, the plant declares -0.5 to inf: no measurement shows it"
         " clipped, so the range is taken as wide"
@@ -88,10 +96,10 @@ def test_a_problem_of_files_says_which_numbers_count_in_si_for_want_of_a_unit(
     tmp_path: Path,
 ) -> None:
     time = 0.01 * np.arange(2000)
-    columns = np.column_stack([time, np.sin(time), 1e3 * np.cos(time)])
-    for name, header in (("a", "t [s],drive [N],position [mm]"), ("b", "t,drive,position")):
-        np.savetxt(tmp_path / f"{name}.csv", columns, "%.6g", ",", header=header, comments="")
-    notes = problem_of_files(oscillator(), [tmp_path / "a.csv"], [tmp_path / "b.csv"]).notes
+    columns = time, np.sin(time), 1e3 * np.cos(time)
+    for name, headings in (("a", "t [s],drive [N],position [mm]"), ("b", "t,drive,position")):
+        file(tmp_path / f"{name}.csv", dict(zip(headings.split(","), columns, strict=True)))
+    notes = problem_in(tmp_path, oscillator()).notes
     assert [note for note in notes if "states no unit" in note] == [
         "b states no unit, so numbers count position in m, not mm; else say the unit in the heading"
         " or in a mapping (--mapping)"
@@ -103,11 +111,10 @@ def test_what_a_plant_only_gives_in_si_is_read_as_its_recordings_are_headed(
 ) -> None:
     plant = replace(oscillator(), inputs=(Input("drive", "N", display_unit="lbf"),))
     time = 0.01 * np.arange(2000)
-    columns = np.column_stack([time, np.sin(time), 1e3 * np.cos(time)])
+    columns = {"t [s]": time, "drive [kN]": np.sin(time), "position [mm]": 1e3 * np.cos(time)}
     for name in ("a", "b"):
-        header = "t [s],drive [kN],position [mm]"
-        np.savetxt(tmp_path / f"{name}.csv", columns, "%.6g", ",", header=header, comments="")
-    model = problem_of_files(plant, [tmp_path / "a.csv"], [tmp_path / "b.csv"]).model
+        file(tmp_path / f"{name}.csv", columns)
+    model = problem_in(tmp_path, plant).model
     assert [q.display_unit for q in (*model.inputs, *model.outputs)] == ["lbf", "mm"]
 
 
@@ -116,12 +123,10 @@ def test_recordings_of_two_uneven_clocks_keep_their_samples(tmp_path: Path) -> N
     noise = 1e-3 * rng.normal(size=1000)
     for name in ("a", "b"):
         stamps = even + rng.uniform(-2e-3, 2e-3, 1000)
-        columns = np.column_stack([stamps, np.sin(even), np.cos(3.0 * even) + noise])
-        header = "t [s],drive [N],position [m]"
-        np.savetxt(tmp_path / f"{name}.csv", columns, "%.9g", ",", header=header, comments="")
-    problem = problem_of_files(oscillator(), [tmp_path / "a.csv"], [tmp_path / "b.csv"])
-    for recording in (*problem.fit, *problem.hold_out):
-        assert np.allclose(recording["position"], np.cos(3.0 * even) + noise, rtol=0.0, atol=1e-8)
+        pushed(tmp_path, name, stamps, np.sin(even), np.cos(3.0 * even) + noise)
+    problem = problem_in(tmp_path, oscillator())
+    for run in (*problem.fit, *problem.hold_out):
+        assert np.allclose(run["position"], np.cos(3.0 * even) + noise, rtol=0.0, atol=1e-8)
     steps = [r.sample_time for r in (*problem.fit, *problem.hold_out)]
     assert steps == pytest.approx([0.02, 0.02], rel=2e-5) and steps[0] == pytest.approx(steps[1])
 
@@ -131,10 +136,8 @@ def test_recordings_taken_at_uneven_times_are_interpolated_once(tmp_path: Path) 
     for name in ("a", "b"):
         rng = np.random.default_rng(ord(name))
         stamps = even + rng.uniform(-2e-3, 2e-3, 1000)
-        columns = np.column_stack([stamps, np.sin(stamps), np.cos(3.0 * stamps)])
-        header = "t [s],drive [N],position [m]"
-        np.savetxt(tmp_path / f"{name}.csv", columns, "%.9g", ",", header=header, comments="")
-    notes = problem_of_files(oscillator(), [tmp_path / "a.csv"], [tmp_path / "b.csv"]).notes
+        pushed(tmp_path, name, stamps, np.sin(stamps), np.cos(3.0 * stamps))
+    notes = problem_in(tmp_path, oscillator()).notes
     told = [note for note in notes if "sampled" in note or "interpolated" in note]
     assert len(told) == 2 and all("interpolated to one every 20 ms" in note for note in told), told
 
@@ -143,13 +146,9 @@ def test_rows_that_repeat_an_instant_are_left_out_before_a_model_runs_along_them
     tmp_path: Path,
 ) -> None:
     time = 0.05 * np.sort(np.append(np.arange(200), [7, 50, 50]))
-    columns = np.column_stack([time, np.sin(time), 1.0 - np.cos(time)])
     for name in "ab":
-        np.savetxt(
-            tmp_path / f"{name}.csv", columns, header="t [s],drive [N],position [m]",
-            delimiter=",", comments="",
-        )  # fmt: skip
-    problem = problem_of_files(oscillator(), [tmp_path / "a.csv"], [tmp_path / "b.csv"])
+        pushed(tmp_path, name, time, np.sin(time), 1.0 - np.cos(time))
+    problem = problem_in(tmp_path, oscillator())
     assert problem.observed(problem.fit[0]).outputs.shape == (200, 1)
 
 
@@ -157,13 +156,11 @@ def test_a_gap_stretches_no_clock(tmp_path: Path) -> None:
     time, rng = 0.02 * np.arange(1000), np.random.default_rng(1)
     for name, kept, pace in (("a", time != time[400], 1.0), ("b", time >= 0.0, 1.0 + 1e-7)):
         position = np.cos(3.0 * time) + 1e-3 * rng.normal(size=1000)
-        rows = np.column_stack([pace * time, np.sin(time), position])[kept]
-        header = "t [s],drive [N],position [m]"
-        np.savetxt(tmp_path / f"{name}.csv", rows, "%.10g", ",", header=header, comments="")
-    problem = problem_of_files(oscillator(), [tmp_path / "a.csv"], [tmp_path / "b.csv"])
-    for recording in (*problem.fit, *problem.hold_out):
-        assert len(recording) == 1000
-        assert recording.sample_time == pytest.approx(0.02, rel=1e-5)
+        pushed(tmp_path, name, *(v[kept] for v in (pace * time, np.sin(time), position)))
+    problem = problem_in(tmp_path, oscillator())
+    for run in (*problem.fit, *problem.hold_out):
+        assert len(run) == 1000
+        assert run.sample_time == pytest.approx(0.02, rel=1e-5)
     (gap,) = np.flatnonzero(~problem.fit[0].valid("position"))
     assert gap == 400
 
@@ -171,11 +168,7 @@ def test_a_gap_stretches_no_clock(tmp_path: Path) -> None:
 def test_a_run_that_diverges_tells_nothing_of_noise(monkeypatch: pytest.MonkeyPatch) -> None:
     bare = replace(oscillator(), outputs=(Output("position", "m", 1.0),))
     run = _swinging(0.0)
-    short = replace(
-        run,
-        time=run.time[:600],
-        signals=tuple(replace(s, values=s.values[:600]) for s in run.signals),
-    )
+    short = run.take(slice(600))
     told = with_undeclared(bare, [short])[0].outputs[0].noise_rms
     through = undeclared.free_run, undeclared.windowed_run
 
@@ -235,8 +228,8 @@ def test_of_a_measurement_in_steps_it_is_said_that_they_are_its_noise() -> None:
     bare = replace(oscillator(), outputs=(Output("position", "m", display_unit="mm"),))
     time = 0.01 * np.arange(2000)
     stairs = 0.02 * np.round(np.sin(time) / 0.02)
-    signals = Signal("drive", 0.0 * time, "N", role="command"), Signal("position", stairs, "m")
-    notes = with_undeclared(bare, [Recording("stairs", time, signals)])[1]
+    read = recording("stairs", 0.01, {"drive [N]": 0.0 * time}, {"position [m]": stairs})
+    notes = with_undeclared(bare, [read])[1]
     assert notes[0] == (
         "position declares no noise_rms; the recordings' steps of 20 mm are taken for it"
     )
@@ -284,8 +277,7 @@ def _charged(seed: int, misread: float) -> Recording:
     current, step = np.repeat(rng.uniform(-5.0, 4.4, 20), 10), 4.0
     soc = 0.55 + np.r_[0.0, np.cumsum(current + misread)[:-1]] * step / 9000.0
     volts = 3.3 + 0.6 * soc**3 + 0.036 * current + rng.normal(0.0, 5e-4, current.size)
-    signals = Signal("current", current, "A", role="command"), Signal("u", volts, "V")
-    return Recording(f"charge_{seed}", step * np.arange(current.size), signals)
+    return recording(f"charge_{seed}", step, {"current [A]": current}, {"u [V]": volts})
 
 
 def test_ports_beside_those_of_the_author_stand_at_inputs_and_rates_that_none_carries() -> None:
@@ -337,13 +329,10 @@ def test_rates_that_the_ports_of_the_author_change_one_by_one_are_no_place_to_lo
         outputs=(Output("inside", "K", 5.0, noise_rms=0.01),),
     )
     time = np.arange(200.0)
-    signals = (
-        Signal("heater", 50.0 * np.sin(time), "W", role="command"),
-        Signal("inside", time, "K"),
-    )
+    heated = recording("heated", 1.0, {"heater [W]": 50.0 * np.sin(time)}, {"inside [K]": time})
     # Heat through the wall warms both its sides, and neither alone.
     places = ("heater.command", "inside.rate", "wall.rate")
-    assert opened(room, [Recording("heated", time, signals)])[1] == places
+    assert opened(room, [heated])[1] == places
 
 
 def test_an_input_that_stays_as_it_is_is_no_place_to_look_at() -> None:
@@ -409,51 +398,47 @@ def test_an_error_where_the_author_opened_no_port_is_found_there(
     assert fit["extended"]["u"] < 1.2 * fit["noise_floor"]["u"]
 
 
-def _pushed_by_waves(name: str, seed: int, *, held: bool) -> Recording:
+def _in_waves() -> Model:
+    """Return an oscillator whose drive nobody sets."""
+    return replace(oscillator(), inputs=(replace(oscillator().inputs[0], commanded=False),))
+
+
+def _pushed_by_waves(name: str, seed: int, *, in_steps: bool) -> Recording:
     """An oscillator in waves, in plain numbers, that run straight between samples or in steps."""
     step, rng = 0.05, np.random.default_rng(seed)
     time = step * np.arange(600)
     tones = zip(rng.uniform(2.0, 9.0, 6), rng.uniform(0.0, 6.0, 6), strict=True)
     drive = np.sum([np.sin(w * time + phase) for w, phase in tones], axis=0)
+    slope = np.append(np.diff(drive), 0.0) / step * (not in_steps)
 
-    def rates(t: float, x: Vector) -> list[float]:
-        now = (
-            drive[min(int(t / step + 1e-9), len(drive) - 1)] if held else np.interp(t, time, drive)
-        )
-        return [x[1], now - 30.0 * x[0] - 0.8 * x[1]]
+    def rates(t: float, x: Vector, began: float, drive: float, slope: float) -> list[float]:
+        return [x[1], drive + slope * (t - began) - 30.0 * x[0] - 0.8 * x[1]]
 
-    x, position = np.zeros(2), []
-    for t in time:
-        position.append(x[0])
-        x = solve_ivp(rates, (t, t + step - 1e-9), x, rtol=1e-8, atol=1e-10).y[:, -1]
-    read = np.array(position) + 1e-3 * rng.normal(size=len(time))
-    signals = Signal("drive", drive, "N", role="command"), Signal("position", read, "m")
-    return Recording(name, time, signals)
+    inputs = time, drive, slope
+    position = held(rates, np.zeros(2), inputs, step, rtol=1e-8, atol=1e-10)[:, 0]
+    read = position + 1e-3 * rng.normal(size=len(time))
+    return recording(name, step, {"drive [N]": drive}, {"position [m]": read})
 
 
-@pytest.mark.parametrize("held", [False, True])
-def test_what_nobody_sets_goes_straight_where_the_measurements_say_so(held: bool) -> None:
-    recording = _pushed_by_waves("a", 1, held=held)
-    wave = replace(oscillator().inputs[0], commanded=False)
-    model, notes = with_undeclared(replace(oscillator(), inputs=(wave,)), [recording])
-    assert model.traits.straight == (() if held else ("drive",))
-    assert any("goes straight" in note for note in notes) is not held
-    seen = observe(model, recording).inputs[:, 0]
-    drive = recording["drive"]
-    expected = drive if held else np.append(0.5 * (drive[:-1] + drive[1:]), drive[-1])
+@pytest.mark.parametrize("in_steps", [False, True])
+def test_what_nobody_sets_goes_straight_where_the_measurements_say_so(in_steps: bool) -> None:
+    run = _pushed_by_waves("a", 1, in_steps=in_steps)
+    model, notes = with_undeclared(_in_waves(), [run])
+    assert model.traits.straight == (() if in_steps else ("drive",))
+    assert any("goes straight" in note for note in notes) is not in_steps
+    seen = observe(model, run).inputs[:, 0]
+    drive = run["drive"]
+    expected = drive if in_steps else np.append(0.5 * (drive[:-1] + drive[1:]), drive[-1])
     np.testing.assert_allclose(seen, expected)
-    again, _ = with_undeclared(model, [recording])
+    again, _ = with_undeclared(model, [run])
     assert again.traits.straight == model.traits.straight
     # What somebody sets is held.
-    assert with_undeclared(oscillator(), [recording])[0].traits.straight == ()
+    assert with_undeclared(oscillator(), [run])[0].traits.straight == ()
 
 
 def test_what_a_coarse_converter_reads_goes_straight_beside_a_gap(tmp_path: Path) -> None:
     """A slope in steps of 0.2 N stands still at most samples, and moves all the same."""
-    wave = replace(oscillator().inputs[0], commanded=False)
-    plant = replace(oscillator(), inputs=(wave,))
-    paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
-    for seed, path in enumerate(paths):
+    for seed, name in enumerate("ab"):
         time, random = 0.05 * np.arange(1200), np.random.default_rng(seed)
 
         def slope(t: Any, phase: float = float(seed)) -> Any:
@@ -464,11 +449,10 @@ def test_what_a_coarse_converter_reads_goes_straight_beside_a_gap(tmp_path: Path
 
         run = solve_ivp(rates, (0.0, 60.0), [0.0, 0.0], t_eval=time, rtol=1e-8)
         read = run.y[0] + random.normal(0.0, 1e-4, len(time))
-        rows = np.column_stack([time, 0.2 * np.round(slope(time) / 0.2), read])
-        header = "t [s],drive [N],position [m]"
-        kept = rows if seed else np.delete(rows, slice(1000, 1050), axis=0)
-        np.savetxt(path, kept, "%.9g", ",", header=header, comments="")
-    problem = problem_of_files(plant, paths[:1], paths[1:])
+        columns = time, 0.2 * np.round(slope(time) / 0.2), read
+        gap = slice(0) if seed else slice(1000, 1050)
+        pushed(tmp_path, name, *(np.delete(values, gap) for values in columns))
+    problem = problem_in(tmp_path, _in_waves())
     assert problem.model.traits.straight == ("drive",)
 
 
@@ -481,21 +465,16 @@ def test_noise_of_a_slow_sensor_is_that_of_what_it_read(tmp_path: Path) -> None:
         rows = [f"{t:.2f},{np.sin(t):.6g},{cell}" for t, cell in zip(time, cells, strict=True)]
         header = "t [s],drive [N],position [m]"
         (tmp_path / f"{name}.csv").write_text("\n".join([header, *rows]))
-    model = problem_of_files(plant, [tmp_path / "a.csv"], [tmp_path / "b.csv"]).model
+    model = problem_in(tmp_path, plant).model
     assert model.outputs[0].noise_rms == pytest.approx(1e-3, rel=0.2)
 
 
 def test_a_plant_in_waves_lacks_nothing_where_they_run_straight(tmp_path: Path) -> None:
-    wave = replace(oscillator().inputs[0], commanded=False)
-    read = replace(oscillator().outputs[0], noise_rms=0.0)
-    plant = replace(oscillator(), inputs=(wave,), outputs=(read,))
-    paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
-    for seed, path in enumerate(paths):
-        made = _pushed_by_waves("made", seed, held=False)
-        columns = np.column_stack([made.time, made["drive"], made["position"]])
-        header = "t [s],drive [N],position [m]"
-        np.savetxt(path, columns, "%.9g", ",", header=header, comments="")
-    problem = problem_of_files(plant, paths[:1], paths[1:])
+    for seed, name in enumerate("ab"):
+        made = _pushed_by_waves("made", seed, in_steps=False)
+        pushed(tmp_path, name, made.time, made["drive"], made["position"])
+    plant = replace(_in_waves(), outputs=(replace(oscillator().outputs[0], noise_rms=0.0),))
+    problem = problem_in(tmp_path, plant)
     assert problem.model.traits.straight == ("drive",)
     # Steps of 50 ms are long for the place of a mass that answers in a second.
     assert len(problem.fit[0].time) == 4 * 599 + 1
@@ -526,7 +505,7 @@ def _lung() -> Model:
 def test_what_a_meter_reads_wrong_moves_the_model_and_not_the_machine(
     tmp_path: Path, *, followed: bool
 ) -> None:
-    step, parts, files = 0.005, 10, []
+    step, parts = 0.005, 10
     for name in "ab":
         random = np.random.default_rng(ord(name))
         rows, volume, pressure = [], 2e-4, 500.0
@@ -539,10 +518,9 @@ def test_what_a_meter_reads_wrong_moves_the_model_and_not_the_machine(
                     rows.append((step * k, pressure + wrong, *read))
                 volume += flow * step / parts
                 pressure += 0.01 * (asked - pressure)
-        files.append(tmp_path / f"{name}.csv")
-        header = "t [s],pressure [Pa],flow [m3/s],vol [m3]"
-        np.savetxt(files[-1], rows, "%.8g", ",", header=header, comments="")
-    problem = problem_of_files(_lung(), files[:1], files[1:])
+        headings = "t [s]", "pressure [Pa]", "flow [m3/s]", "vol [m3]"
+        file(tmp_path / f"{name}.csv", dict(zip(headings, np.transpose(rows), strict=True)))
+    problem = problem_in(tmp_path, _lung())
     noise = dict(problem.model.traits.misread)
     said = [n for n in problem.notes if "which the machine does not follow" in n]
     assert problem.model.inputs[0].commanded == followed
@@ -581,8 +559,7 @@ def test_a_slow_machine_lacks_nothing_beside_the_noise_of_what_it_is_given(follo
         mean = given[k] if followed else 0.5 * (given[k] + given[k + 1])
         warm.append(mean + (warm[-1] - mean) * np.exp(-0.01))
     read = np.array(warm) + random.normal(0.0, 0.05, 1500)
-    signals = Signal("inlet", smooth + wrong, "K", role="command"), Signal("T", read, "K")
-    recordings = [Recording("tank", time, signals)]
+    recordings = [recording("tank", 1.0, {"inlet [K]": smooth + wrong}, {"T [K]": read})]
     found = undeclared.misread(with_undeclared(tank, recordings)[0], recordings)
     assert (found is None) == followed
     if found:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from tests.diagnosis.example_diagnosis import axis_runs
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
 from workbench.diagnosis.stages import Diagnosis
@@ -17,22 +18,13 @@ from workbench.plants.servo_axis import servo_axis
 from workbench.recordings.recording import Recording, Signal
 
 SAMPLES = 400
-STEP_S = 0.01
 
 
 def sprung_runs() -> tuple[Model, list[Recording], list[Recording], dict[str, Any]]:
     """An axis held by a spring, and a library that has friction only."""
     axis = servo_axis()
     spring = linear_spring("axis.force", stiffness=200.0, upper=1000.0)
-    runs = [
-        made_up_recording(
-            axis.with_effect(spring),
-            pushes(SAMPLES, largest=200.0, seed=seed),
-            sample_time=STEP_S,
-            name=f"axis {seed}",
-        )
-        for seed in (1, 2)
-    ]
+    runs = axis_runs(axis.with_effect(spring), SAMPLES)
     return axis, runs[:1], runs[1:], _options(axis)
 
 
@@ -51,7 +43,7 @@ def shaken() -> tuple[Diagnosis, tuple[Recording, ...]]:
     for seed in (1, 2):
         push = pushes(SAMPLES, largest=200.0, seed=seed)
         unseen = np.repeat(rng.normal(scale=60.0, size=SAMPLES // 10), 10)
-        run = made_up_recording(axis, push + unseen, sample_time=STEP_S, name=f"axis {seed}")
+        run = made_up_recording(axis, push + unseen, sample_time=0.01, name=f"axis {seed}")
         runs.append(run.with_signal(Signal("force", push, "N", role="command")))
     return diagnose(axis, runs[:1], runs[1:], **_options(axis)), tuple(runs[1:])
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from tests.diagnosis.machine_data import recording
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import filter_of
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
-from workbench.recordings.recording import Recording, Signal
+from workbench.recordings.recording import Recording
 
 SAMPLE, MASS, STIFFNESS, DAMPING, NOISE = 0.002, 0.7, 2e4, 60.0, 1e-6
 
@@ -35,11 +36,8 @@ def _recorded() -> Recording:
             second = acceleration(position + h * speed, speed + h * first, pushed)
             position += h * (speed + 0.5 * h * first)
             speed += 0.5 * h * (first + second)
-    signals = (
-        Signal("force", force, "N"),
-        Signal("position", np.array(read) + NOISE * rng.normal(size=n), "m"),
-    )
-    return Recording("falling", SAMPLE * np.arange(n), signals)
+    position = np.array(read) + NOISE * rng.normal(size=n)
+    return recording("falling", SAMPLE, {"force [N]": force}, {"position [m]": position})
 
 
 def _model() -> Model:

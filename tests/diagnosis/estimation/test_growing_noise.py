@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
+from tests.diagnosis.machine_data import held, recording
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import PredictionError
@@ -16,7 +16,7 @@ from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.library import library
 from workbench.recordings.checks.noise import growing_rms
-from workbench.recordings.recording import Recording, Signal
+from workbench.recordings.recording import Recording
 
 HOUR, SAMPLES = 3600.0, 600
 
@@ -44,50 +44,35 @@ def culture() -> Model:
 def _counted(name: str, seed: int, *, sick: float = 0.0) -> Recording:
     rng = np.random.default_rng(seed)
     light = np.repeat(rng.uniform(0.0, 1.0, SAMPLES // 30 + 1), 30)[:SAMPLES]
-    logs, cells = 4.0, []
-    for k, u in enumerate(light):
-        cells.append(np.exp(logs))
-        death = 1.5e-5 + (sick if k >= 300 else 0.0)
-        rate = 3.6e-5 * u - death
-        logs = solve_ivp(lambda t, x, r=rate: [r], (0.0, HOUR), [logs]).y[0, -1]
-    read = np.array(cells) * (1.0 + 0.02 * rng.normal(size=SAMPLES))
-    return Recording(
-        name,
-        HOUR * np.arange(SAMPLES),
-        (Signal("light", light, "1", role="command"), Signal("cells", read, "1")),
-    )
+    growth = 3.6e-5 * light - 1.5e-5 - np.where(np.arange(SAMPLES) >= 300, sick, 0.0)
+    cells = np.exp(held(lambda t, x, rate: [rate], [4.0], (growth,), HOUR)[:, 0])
+    read = cells * (1.0 + 0.02 * rng.normal(size=SAMPLES))
+    return recording(name, HOUR, {"light [1]": light}, {"cells [1]": read})
 
 
 def test_the_noise_of_every_sample_weighs_it() -> None:
-    recording = _counted("fit", 1)
-    model, notes = with_undeclared(culture(), [recording])
+    run = _counted("fit", 1)
+    model, notes = with_undeclared(culture(), [run])
     assert model.outputs[0].relative_noise_rms == pytest.approx(0.02, rel=0.15)
     assert "% of what it reads" in notes[0]
     true = model.with_parameters({"growth": 3.6e-5, "death": 1.5e-5})
-    seen = observe(true, recording)
+    seen = observe(true, run)
     seen = replace(seen, start=np.exp([4.0]), start_rms=np.zeros(1))
-    run = PredictionError(true, seen, ()).run(seen, true.values)
+    filtered = PredictionError(true, seen, ()).run(seen, true.values)
     deviation = np.hypot(seen.noise_rms, model.outputs[0].relative_noise_rms * seen.outputs)
-    error = seen.outputs - run.states
+    error = seen.outputs - filtered.states
     cost = float(np.sum(0.5 * (error / deviation) ** 2 + np.log(deviation)))
-    assert run.cost + SAMPLES * np.log(model.outputs[0].scale) == pytest.approx(cost, rel=1e-9)
+    assert filtered.cost + SAMPLES * np.log(model.outputs[0].scale) == pytest.approx(cost, rel=1e-9)
 
 
 def test_a_right_model_lacks_nothing_and_a_disease_is_found_on_its_day() -> None:
     few = [h for h in library(culture(), duration=SAMPLES * HOUR) if h.law == "parameter_jump"]
     assert {h.name for h in few} == {"parameter_jump_growth", "parameter_jump_death"}
-    right = diagnose(
-        culture(), [_counted("a", 1)], [_counted("b", 2)], entries=few, jobs=1, advise=False
+    right, sick = (
+        diagnose(culture(), [a], [b], entries=few, jobs=1, advise=False)
+        for a, b in ((_counted("a", 1, sick=s), _counted("b", 2, sick=s)) for s in (0.0, 8e-6))
     )
     assert right.verdict.kind == "nothing_missing"
-    sick = diagnose(
-        culture(),
-        [_counted("a", 1, sick=8e-6)],
-        [_counted("b", 2, sick=8e-6)],
-        entries=few,
-        jobs=1,
-        advise=False,
-    )
     (finding,) = sick.verdict.findings
     assert finding.effect == "parameter_jump_death" and finding.belief == "sure"
     assert finding.parameters["amount"].value == pytest.approx(8e-6, rel=0.05)
@@ -106,11 +91,8 @@ def test_noise_that_does_not_grow_and_motion_are_not_taken_for_it() -> None:
 
 @pytest.mark.parametrize("step", [0.5, 50.0])
 def test_noise_grows_also_where_a_logger_rounds_it(step: float) -> None:
-    recording = _counted("fit", 1)
-    rounded = tuple(
-        replace(s, values=step * np.round(s.values / step)) if s.name == "cells" else s
-        for s in recording.signals
-    )
-    model, _ = with_undeclared(culture(), [Recording("fit", recording.time, rounded)])
+    run = _counted("fit", 1)
+    cells = replace(run.signal("cells"), values=step * np.round(run["cells"] / step))
+    model, _ = with_undeclared(culture(), [run.with_signal(cells)])
     assert model.outputs[0].resolution == pytest.approx(step)
     assert model.outputs[0].relative_noise_rms == pytest.approx(0.02, rel=0.2)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from tests.diagnosis.machine_data import recording
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.growth import growth_along
 from workbench.diagnosis.estimation.observe import observe
@@ -15,7 +16,7 @@ from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.model import Input, Model, Output, Parameter, State
 from workbench.model.trace import Expression, Names
-from workbench.recordings.recording import Recording, Signal
+from workbench.recordings.recording import Recording
 
 STEP, SAMPLES, DAMPING = 0.05, 600, 0.4
 
@@ -54,10 +55,7 @@ def _held(stiffness: float, hardening: float, places: Vector) -> Recording:
 
         x = solve_ivp(rate, (0.0, STEP), x, rtol=1e-8, atol=1e-10).y[:, -1]
     push, bend = np.array(rows).T
-    time = STEP * np.arange(len(places))
-    return Recording(
-        "held", time, (Signal("push", push, "N", role="command"), Signal("bend", bend, "m"))
-    )
+    return recording("held", STEP, {"push [N]": push}, {"bend [m]": bend})
 
 
 @pytest.mark.parametrize(
@@ -69,8 +67,8 @@ def test_growth_is_that_of_the_worst_place(
     stiffness: float, hardening: float, wanted: float
 ) -> None:
     places = np.where(np.arange(SAMPLES) < SAMPLES // 2, 1.0, 0.0)
-    model, recording = _strut(stiffness, hardening), _held(stiffness, hardening, places)
-    seen = observe(model, recording)
+    model = _strut(stiffness, hardening)
+    seen = observe(model, _held(stiffness, hardening, places))
     fit = fit_with_process_noise(model, [seen], default_priors(model))
     found = growth_along(fit, seen)
     assert seen.growth == pytest.approx(-DAMPING / 2, rel=1e-6)

@@ -11,6 +11,7 @@ import pytest
 from scipy.linalg import expm, toeplitz
 from scipy.signal import lfilter
 
+from tests.diagnosis.machine_data import recording
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.noise_colour import (
     Leftover,
@@ -26,7 +27,7 @@ from workbench.diagnosis.verdict import Verdict
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.library import library
-from workbench.recordings.recording import Recording, Signal
+from workbench.recordings.recording import Recording
 from workbench.simulation.equations import _library as built_before
 from workbench.work.machine_code import compiler
 
@@ -88,15 +89,8 @@ def _recorded(name: str, seed: int, *, drag: float = 0.0, pulled: float = 0.0) -
         for size in (0.5, 0.3)
     ]
     read = np.array(rows).T + noise + 0.05 * rng.normal(size=(2, SAMPLES))
-    return Recording(
-        name,
-        INTERVAL * np.arange(SAMPLES),
-        (
-            Signal("torque", torque, "N m", role="command"),
-            Signal("motor", read[0], "rad/s"),
-            Signal("drum", read[1], "rad/s"),
-        ),
-    )
+    told = {"motor [rad/s]": read[0], "drum [rad/s]": read[1]}
+    return recording(name, INTERVAL, {"torque [N m]": torque}, told)
 
 
 def _diagnosed(drag: float, *laws: str) -> Verdict:
@@ -208,11 +202,8 @@ def test_what_lasts_a_fifth_of_a_recording_is_no_noise() -> None:
     for name in ("fit", "judge"):
         slow = lfilter([1.0], [1.0, -math.exp(-1.0 / 150.0)], 0.16 * rng.normal(size=500))
         errors.append(slow + 0.1 * rng.normal(size=500))
-        signals = (
-            Signal("flow", np.zeros(500), "m/s", role="command"),
-            Signal("level", errors[-1], "m"),
-        )
-        read.append(Recording(name, 0.2 * np.arange(500), signals))
+        still = {"flow [m/s]": np.zeros(500)}
+        read.append(recording(name, 0.2, still, {"level [m]": errors[-1]}))
     # 20 s of 100 s, however slow the tank is.
     left = {"level": Leftover(errors, 0.5, errors)}
     assert with_correlated_noise(tank, read, left)[0] is tank

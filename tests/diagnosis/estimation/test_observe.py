@@ -18,9 +18,7 @@ TRUE = {"mass": 1.0, "stiffness": 25.0, "damping": 0.6}
 def _driven(seed: int, noise: float = 0.0) -> Recording:
     """A mass on a spring, pushed about along seven steps of its scale."""
     drive = 4.0 * np.repeat(np.random.default_rng(seed).uniform(-1.0, 1.0, 60), 25)
-    return recorded(
-        1.0, lambda x, v: -25.0 * x - 0.6 * v, drive, 0.01, noise, seed=seed, name="run"
-    )
+    return recorded(1.0, lambda x, v: -25.0 * x - 0.6 * v, drive, 0.01, noise, seed=seed)
 
 
 def test_intervals_hold_the_truth_where_a_scale_repeats_its_rounding() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.axis_case import diagnosed, observed
+from tests.diagnosis.machine_data import recording
 from tests.diagnosis.newcomers import levitation, maglev
 from workbench.diagnosis.estimation import process_noise
 from workbench.diagnosis.estimation.made_up import made_up_axis
@@ -36,7 +37,7 @@ from workbench.physics.hysteresis import muscle_hysteresis
 from workbench.physics.library import library
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
-from workbench.recordings.recording import Recording, Signal
+from workbench.recordings.recording import Recording
 
 
 def test_disturbances_scale_with_the_share() -> None:
@@ -52,11 +53,7 @@ def filled(seed: int) -> Recording:
     for u in inflow:
         levels.append(level + rng.normal(0.0, 0.01))
         level += (1.0 - math.exp(-0.1)) * (u - level)
-    signals = (
-        Signal("inflow", inflow, "m3/s", role="command"),
-        Signal("level", np.array(levels), "m"),
-    )
-    return Recording(f"tank {seed}", np.arange(600.0), signals)
+    return recording(f"tank {seed}", 1.0, {"inflow [m3/s]": inflow}, {"level [m]": levels})
 
 
 @pytest.mark.parametrize("seed", [22, 72])
@@ -224,8 +221,8 @@ def test_what_a_plant_leaves_at_best_whose_run_leaves_its_range() -> None:
     time, random = 0.01 * np.arange(2000), np.random.default_rng(1)
     middle = np.cos(time + 0.005)
     x = 0.5 + 0.4 * np.sin(time) + random.normal(0.0, 1e-3, len(time))
-    signals = Signal("speed", 0.4 * middle, "m/s", role="command"), Signal("x", x, "m")
-    seen = [observe(plant, Recording("slide", time, signals))]
+    run = recording("slide", 0.01, {"speed [m/s]": 0.4 * middle}, {"x [m]": x})
+    seen = [observe(plant, run)]
     wrong = plant.with_parameters({"drift": 0.1})
     assert perfect_cost(wrong, seen) == pytest.approx(perfect_cost(plant, seen), rel=0.02)
 

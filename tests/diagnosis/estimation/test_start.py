@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -9,6 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from tests.diagnosis.machine_data import by_runge_kutta, recording
 from workbench.diagnosis.estimation import start
 from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.made_up import made_up
@@ -25,7 +27,6 @@ from workbench.diagnosis.undeclared import with_undeclared
 from workbench.errors import WorkbenchError
 from workbench.model import Input, Model, Output, Parameter, State
 from workbench.plants.cascaded_tanks import cascaded_tanks
-from workbench.recordings.recording import Recording, Signal
 from workbench.simulation import simulate
 
 
@@ -36,15 +37,8 @@ def test_the_level_of_a_tank_that_is_not_read_is_found() -> None:
         tanks, pump, sample_time=4.0, start={"upper_level": 9.0, "lower_level": 4.0}, check=False
     )
     noise = np.random.default_rng(0).normal(0.0, 0.03, 120)
-    recording = Recording(
-        "tanks",
-        run.time,
-        (
-            Signal("pump", pump, "V", role="command"),
-            Signal("level", run.outputs[:, 0] + noise, "V"),
-        ),
-    )
-    seen = observe(tanks, recording)
+    read = {"level [V]": run.outputs[:, 0] + noise}
+    seen = observe(tanks, recording("tanks", 4.0, {"pump [V]": pump}, read))
     assert abs(seen.start[0] - 9.0) > 1.5  # the first measurement says nothing of it
     found = fitted_start(tanks, seen, samples=50)
     # 50 measurements with 0.03 V of noise, the effect of the start on them being of order one.
@@ -122,14 +116,14 @@ def of_generator() -> tuple[Model, Observed]:
         check=False,
     )
     read = run.outputs + np.array([1.5e-3, 2e-3]) * rng.normal(size=run.outputs.shape)
-    signals = [
-        Signal(n, c, "1", role="command")
-        for n, c in zip(("turbine", "field"), inputs.T, strict=True)
-    ]
-    signals += [Signal("power", read[:, 0], "1"), Signal("frequency", read[:, 1], "Hz")]
-    recording = Recording("grid", run.time, tuple(signals))
-    nominal, _ = with_undeclared(nominal, [recording])
-    return nominal, observe(nominal, recording)
+    told = recording(
+        "grid",
+        0.02,
+        {"turbine [1]": inputs[:, 0], "field [1]": inputs[:, 1]},
+        {"power [1]": read[:, 0], "frequency [Hz]": read[:, 1]},
+    )
+    nominal, _ = with_undeclared(nominal, [told])
+    return nominal, observe(nominal, told)
 
 
 def test_a_product_of_two_hidden_states_does_not_lead_the_filter_astray() -> None:
@@ -179,28 +173,18 @@ def test_a_reading_tells_no_more_of_a_start_than_is_known_of_the_parameters_betw
             Parameter("damping", "N s/m", value=1e3, lower=0.0, upper=1e4, fitted=True),
         ),
     )
-    k, d, h = 4.1e5, 1.9e3, 1e-3
+    k, d = 4.1e5, 1.9e3
     rng = np.random.default_rng(0)
     top = np.cumsum(np.repeat(rng.uniform(-1.0, 1.0, 10), 30)) * 2e-4
-    x, cell = np.array([-800.0 * 9.81 / k, 0.0]), []
 
-    def rate(x: np.ndarray, u: float) -> np.ndarray:
-        return np.array([x[1], (k * (u - x[0]) - d * x[1]) / 800.0 - 9.81])
+    def rates(_: float, x: Sequence[float], u: float) -> tuple[float, float]:
+        return x[1], (k * (u - x[0]) - d * x[1]) / 800.0 - 9.81
 
-    for u in top:
-        cell.append(k * (u - x[0]) - d * x[1])
-        for _ in range(10):
-            a = rate(x, u)
-            b = rate(x + 0.5 * h * a, u)
-            c = rate(x + 0.5 * h * b, u)
-            x = x + h / 6.0 * (a + 2.0 * b + 2.0 * c + rate(x + h * c, u))
-    read = np.array(cell) + rng.normal(0.0, 12.0, len(cell))
-    signals = (Signal("top", top, "m", role="command"), Signal("cell", read, "N"))
-    recording = Recording("rope", 0.01 * np.arange(len(top)), signals)
-    nominal, _ = with_undeclared(nominal, [recording])
-    found, _ = fit_with_likely_starts(
-        nominal, [observe(nominal, recording)], default_priors(nominal)
-    )
+    x = by_runge_kutta(rates, (-800.0 * 9.81 / k, 0.0), top.tolist(), 0.01, 10)
+    cell = k * (top - x[:, 0]) - d * x[:, 1] + rng.normal(0.0, 12.0, len(top))
+    read = recording("rope", 0.01, {"top [m]": top}, {"cell [N]": cell})
+    nominal, _ = with_undeclared(nominal, [read])
+    found, _ = fit_with_likely_starts(nominal, [observe(nominal, read)], default_priors(nominal))
     assert found.refit.estimate("stiffness").value == pytest.approx(k, rel=2e-3)
     assert found.noise_scale <= 0.03
 
@@ -244,8 +228,7 @@ def test_a_start_is_found_along_a_bend() -> None:
     )
     rest = np.zeros(50)
     read = rest + 3.0 + 0.75 * 0.8 + 0.45
-    signals = Signal("current", rest, "A", role="command"), Signal("voltage", read, "V")
-    seen = observe(model, Recording("rest", np.arange(50.0), signals))
+    seen = observe(model, recording("rest", 1.0, {"current [A]": rest}, {"voltage [V]": read}))
     # One update from an empty cell, about which the voltage is ten times as steep, leads to 0.15.
     assert seen.start[0] == pytest.approx(0.8, abs=3e-3)
     assert seen.start_rms[0] < 3e-3

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.axis_case import diagnosed, observed
+from tests.diagnosis.machine_data import recording
 from workbench.diagnosis.estimation.made_up import made_up, pushes
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Innovations, Observed
@@ -21,7 +22,6 @@ from workbench.model import Input, Model, Output, State
 from workbench.physics.friction import quadratic_drag, viscous_friction
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
-from workbench.recordings.recording import Recording, Signal
 
 SAMPLE_TIME = 0.01
 
@@ -73,8 +73,8 @@ def test_the_menu_is_written_in_the_units_in_which_people_read_inputs_and_long_t
     )
     time = 360.0 * np.arange(400)
     power = 0.5 + 0.2 * np.sign(np.sin(time / 9000.0))
-    signals = Signal("power", power, "1", role="command"), Signal("warm", power, "K")
-    said = [e.text for e in menu(plant, [observe(plant, Recording("a", time, signals))])]
+    run = recording("a", 360.0, {"power [1]": power}, {"warm [K]": power})
+    said = [e.text for e in menu(plant, [observe(plant, run)])]
     assert any("of power between 30 and 70 %, for" in text for text in said), said
     assert all(text.endswith((" h", " d")) for text in said), said
 
@@ -92,8 +92,8 @@ def test_what_was_never_at_rest_moves_about_the_middle_of_what_was_recorded() ->
     salt = [5.0]
     for f in flow[:-1]:
         salt.append(salt[-1] + (20.0 - f * salt[-1]) / 50.0)
-    signals = Signal("flow", flow, "m3/s", role="command"), Signal("salt", salt, "kg/m3")
-    found = menu(plant, [observe(plant, Recording("a", time, signals))])
+    run = recording("a", 1.0, {"flow [m3/s]": flow}, {"salt [kg/m3]": salt})
+    found = menu(plant, [observe(plant, run)])
     assert any("pulses of flow" in e.text for e in found)
     assert not any(e.text.startswith("rest") for e in found)
     assert all(e.inputs.min() >= 0.0 for e in found)
@@ -112,8 +112,8 @@ def test_what_goes_to_one_side_of_its_rest_stays_there() -> None:
     speed = [1.0]
     for u in push[:-1]:
         speed.append(speed[-1] + 0.1 * (2.0 - 0.1 * speed[-1] - u))
-    signals = Signal("push", push, "N", role="command"), Signal("speed", speed, "rad/s")
-    found = menu(plant, [observe(plant, Recording("a", time, signals))])
+    run = recording("a", 0.1, {"push [N]": push}, {"speed [rad/s]": speed})
+    found = menu(plant, [observe(plant, run)])
     played = [e for e in found if " of push " in e.text]
     # Nor does a prediction leave what was recorded, where no sensor or state declares a range.
     room = 0.05 * np.ptp(speed)

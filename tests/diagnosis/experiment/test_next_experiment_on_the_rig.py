@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
+from tests.diagnosis.machine_data import recording
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior, default_priors
@@ -26,9 +27,8 @@ from workbench.evaluation.rig.parameters import nominal
 from workbench.model import Model
 from workbench.physics.library import library
 from workbench.plants.arm import arm
-from workbench.recordings.recording import Recording, Signal
+from workbench.recordings.recording import Recording
 
-Vector = npt.NDArray[np.float64]
 RATE = 500.0
 
 
@@ -47,16 +47,12 @@ def recorded(
         bars = [float(b) / 1e5 for b in plant.gauge(start, p)]
         start = plant.initial(30.0, (float(np.mean(bars)),) * 2, p)
     r = simulate.run(p, start, command=command, reference=reference, seed=seed)
-    return Recording(
-        name,
-        r.time,
-        (
-            Signal("valve", r.valve, "V", role="command"),
-            Signal("angle", np.radians(r.angle), "rad"),
-            Signal("pressure_1", 1e5 * r.pressure_1, "Pa"),
-            Signal("pressure_2", 1e5 * r.pressure_2, "Pa"),
-        ),
-    )
+    read = {
+        "angle [rad]": np.radians(r.angle),
+        "pressure_1 [Pa]": 1e5 * r.pressure_1,
+        "pressure_2 [Pa]": 1e5 * r.pressure_2,
+    }
+    return recording(name, 1.0 / RATE, {"valve [V]": r.valve}, read)
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from tests.diagnosis.axis_case import SAMPLE_TIME, excitation
+from tests.diagnosis.machine_data import recording
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import default_priors
@@ -25,9 +25,7 @@ from workbench.model import Model
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
 from workbench.recordings import read_case
-from workbench.recordings.recording import Recording, Signal
-
-Vector = npt.NDArray[np.float64]
+from workbench.recordings.recording import Recording
 
 
 def made_up_law(x: float) -> float:
@@ -35,8 +33,9 @@ def made_up_law(x: float) -> float:
     return float(25.0 * np.sin(25.0 * x) / (1.0 + 20.0 * x * x))
 
 
-def axis_recording(seed: int, *, hidden: bool, n: int = 2400) -> Observed:
+def axis_recording(seed: int, *, hidden: bool) -> Observed:
     """The axis with a made-up force over its position, integrated here in small Euler steps."""
+    n = 2400
     force = excitation(n, seed)
     x = v = 0.0
     positions = np.empty(n)
@@ -51,15 +50,9 @@ def axis_recording(seed: int, *, hidden: bool, n: int = 2400) -> Observed:
             friction = 200.0 * v + 20.0 * np.tanh(v / 1e-3)
             v += h * (push - friction + (made_up_law(x) if hidden else 0.0)) / 100.0
             x += h * v
-    recording = Recording(
-        f"axis-{seed}",
-        SAMPLE_TIME * np.arange(n),
-        (
-            Signal("force", force, "N", role="command"),
-            Signal("position", 1e-6 * np.round(positions / 1e-6), "m"),
-        ),
-    )
-    return observe(servo_axis(), recording)
+    read = {"position [m]": 1e-6 * np.round(positions / 1e-6)}
+    run = recording(f"axis-{seed}", SAMPLE_TIME, {"force [N]": force}, read)
+    return observe(servo_axis(), run)
 
 
 @lru_cache(maxsize=2)

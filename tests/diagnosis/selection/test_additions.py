@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from tests.diagnosis.example_diagnosis import example_diagnosis
+from tests.diagnosis.machine_data import held, recording
 from tests.diagnosis.newcomers import levels, oscillator
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import default_priors
@@ -19,26 +19,23 @@ from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.refits import entry_priors
 from workbench.diagnosis.selection.task import Task
 from workbench.physics.library import library
-from workbench.recordings.recording import Recording, Signal
+from workbench.recordings.recording import Recording
 
 STEP, NOISE = 0.02, 1e-4
 
 
 def sharp_loop(seed: int, exponent: float) -> Recording:
     """Integrate an oscillator of 1.2 kg with a loop of Bouc and Wen of 1.5 N."""
-    drive, s, seen = levels(400, seed, 6.0, 15, 40), np.zeros(3), []
-    for u in drive:
-        seen.append(s[0])
 
-        def rates(t: float, s: np.ndarray, u: float = u) -> list[float]:
-            x, v, z = s
-            bends = abs(v) * abs(z) ** (exponent - 1.0) * z
-            return [v, (u - 30.0 * x - 0.6 * v - 1.5 * z) / 1.2, (v - bends) / 0.02]
+    def rates(_: float, s: np.ndarray, u: float) -> list[float]:
+        x, v, z = s
+        bends = abs(v) * abs(z) ** (exponent - 1.0) * z
+        return [v, (u - 30.0 * x - 0.6 * v - 1.5 * z) / 1.2, (v - bends) / 0.02]
 
-        s = solve_ivp(rates, (0.0, STEP), s, rtol=1e-7, atol=1e-9).y[:, -1]
-    read = np.array(seen) + NOISE * np.random.default_rng(seed).normal(size=len(seen))
-    signals = (Signal("drive", drive, "N", role="command"), Signal("position", read, "m"))
-    return Recording(f"run {seed}", STEP * np.arange(len(drive)), signals)
+    drive = levels(400, seed, 6.0, 15, 40)
+    place = held(rates, np.zeros(3), (drive,), STEP)[:, 0]
+    read = place + NOISE * np.random.default_rng(seed).normal(size=len(place))
+    return recording(f"run {seed}", STEP, {"drive [N]": drive}, {"position [m]": read})
 
 
 @pytest.mark.parametrize("exponent", [1.0, 3.0])

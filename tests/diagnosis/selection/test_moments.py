@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
+from tests.diagnosis.machine_data import held, recording
 from tests.diagnosis.newcomers import levels
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.process_noise import (
@@ -18,7 +18,7 @@ from workbench.diagnosis.selection.moments import moments, with_own_moments
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.library import library
-from workbench.recordings.recording import Recording, Signal
+from workbench.recordings.recording import Recording
 
 STEP, SAMPLES = 0.02, 600
 
@@ -45,21 +45,15 @@ def driven() -> Model:
 
 def _changed(seed: int, when: float) -> Recording:
     """Return an oscillator that from a time on, in s, has half as much more spring and drive."""
-    rng, drive = np.random.default_rng(seed), levels(SAMPLES, seed, 30.0, 20, 80)
-    x, read = np.zeros(2), np.empty(SAMPLES)
-    for k, u in enumerate(drive):
-        read[k] = x[0]
-        more = 1.5 if STEP * k >= when else 1.0
-        x = solve_ivp(
-            lambda _, x, u, more: [x[1], more * (u - 30.0 * x[0]) - 0.6 * x[1]],
-            (0.0, STEP), x, args=(u, more), rtol=1e-7, atol=1e-9,
-        ).y[:, -1]  # fmt: skip
-    position = Signal("position", read + 1e-3 * rng.normal(size=SAMPLES), "m")
-    return Recording(
-        f"run {seed}",
-        STEP * np.arange(SAMPLES),
-        (Signal("drive", drive, "N", role="command"), position),
-    )
+    drive = levels(SAMPLES, seed, 30.0, 20, 80)
+    more = np.where(STEP * np.arange(SAMPLES) >= when, 1.5, 1.0)
+
+    def rates(_: float, x: np.ndarray, u: float, more: float) -> list[float]:
+        return [x[1], more * (u - 30.0 * x[0]) - 0.6 * x[1]]
+
+    place = held(rates, np.zeros(2), (drive, more), STEP)[:, 0]
+    read = place + 1e-3 * np.random.default_rng(seed).normal(size=SAMPLES)
+    return recording(f"run {seed}", STEP, {"drive [N]": drive}, {"position [m]": read})
 
 
 def test_events_that_came_together_are_moved_together() -> None:

@@ -20,12 +20,11 @@ def test_held_out_runs_a_little_off_by_chance_call_for_no_law_that_does_not_scor
     excess: float, tried: int
 ) -> None:
     model = oscillator()
-    runs = [
-        recorded(1.2, lambda x, v: -30.0 * x - 0.6 * v, levels(200, i, 6.0, 15, 40), 0.02, 1e-3,
-                 seed=i, name=f"run {i}")
+    force = lambda x, v: -30.0 * x - 0.6 * v  # noqa: E731
+    seen = [
+        observe(model, recorded(1.2, force, levels(200, i, 6.0, 15, 40), 0.02, 1e-3, seed=i))
         for i in (1, 2)
-    ]  # fmt: skip
-    seen = [observe(model, r) for r in runs]
+    ]
     priors = default_priors(model)
     base = fit_with_process_noise(model, seen[:1], priors)
     laws = ("cubic_stiffness", "coulomb_friction", "quadratic_drag")

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.axis_case import SAMPLE_TIME, diagnosed, excitation, positions
+from tests.diagnosis.machine_data import recording
 from tests.diagnosis.newcomers import damper, driven_carts, rubbed, two_carts
 from workbench.diagnosis.estimation.made_up import made_up_axis
 from workbench.diagnosis.estimation.observe import observe
@@ -49,7 +50,6 @@ from workbench.physics.library import library
 from workbench.physics.place import Survey
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
-from workbench.recordings.recording import Recording, Signal
 
 
 def _score(entry: Hypothesis, gain: float, collinearity: float = 0.2) -> Score:
@@ -492,9 +492,9 @@ def test_what_comes_late_is_raced_on_what_shows_it() -> None:
     n, late = 3600, 2750
     force = excitation(n, 4)
     seen = 1e-6 * np.round(positions(force + 30.0 * (np.arange(n) >= late), hidden=False)[0] / 1e-6)
-    signals = (Signal("force", force, "N", role="command"), Signal("position", seen, "m"))
+    run = recording("late", SAMPLE_TIME, {"force [N]": force}, {"position [m]": seen})
     axis = servo_axis()
-    observed = observe(axis, Recording("late", SAMPLE_TIME * np.arange(n), signals))
+    observed = observe(axis, run)
     priors = default_priors(axis)
     base = fit_with_process_noise(axis, [observed], priors)
     duration = SAMPLE_TIME * n
@@ -710,8 +710,8 @@ def test_a_law_that_contends_is_refitted_with_the_trust_that_it_earns() -> None:
         rest = (36.0 * jacket + 6.0 * 290.0) / 42.0
         x = rest + (x - rest) * math.exp(-0.042 * 2.0)
     jacket, read = np.array(rows).T
-    signals = (Signal("jacket", jacket, "K", role="command"), Signal("block", read, "K"))
-    seen = observe(block, Recording("warmed", 2.0 * np.arange(len(read)), signals))
+    run = recording("warmed", 2.0, {"jacket [K]": jacket}, {"block [K]": read})
+    seen = observe(block, run)
     priors = tuple(default_priors(block))
     base = fit_with_process_noise(block, [seen], priors)
     laws = {h.name: h for h in library(block, duration=2.0 * len(read), sample_time=2.0)}
