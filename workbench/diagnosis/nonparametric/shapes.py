@@ -8,8 +8,10 @@ equations in its place and refitted by prediction error.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from types import CodeType, SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -52,10 +54,19 @@ class Shape:
 
     name: str
     formula: str
-    function: Callable[[Expression, Mapping[str, Expression]], Expression]
     power: int = 0
     inner: tuple[str, ...] = ()
     turns: bool = False
+
+    def function(self, x: Expression, p: Mapping[str, Expression]) -> Expression:
+        """Return g of an argument, with the further parameters by name; all in SI."""
+        at = SimpleNamespace(p=SimpleNamespace(**p))
+        g: Expression = eval(self._code, {"ca": ca}, {"x": x, "at": at})  # noqa: S307
+        return g
+
+    @cached_property
+    def _code(self) -> CodeType:
+        return compile(self.formula, self.name, "eval")
 
     def unit(self, own: str, argument: str) -> str:
         """Return the unit of the size from those of the curve and of the argument."""
@@ -95,43 +106,25 @@ class Shape:
 
 
 SHAPES: tuple[Shape, ...] = (
-    Shape("linear_spring", "x", lambda x, p: x, 1),
-    Shape("quadratic_drag", "x * ca.fabs(x)", lambda x, p: x * ca.fabs(x), 2, turns=True),
-    Shape("polynomial_stiffness", "x * x", lambda x, p: x * x, 2),
-    Shape("cubic_stiffness", "x * x * x", lambda x, p: x * x * x, 3),
-    Shape("direction_dependent_viscous", "ca.fabs(x)", lambda x, p: ca.fabs(x), 1, turns=True),
-    Shape(
-        "coulomb_friction",
-        "ca.tanh(x / at.p.width)",
-        lambda x, p: ca.tanh(x / p["width"]),
-        inner=("width",),
-        turns=True,
-    ),
+    Shape("linear_spring", "x", 1),
+    Shape("quadratic_drag", "x * ca.fabs(x)", 2, turns=True),
+    Shape("polynomial_stiffness", "x * x", 2),
+    Shape("cubic_stiffness", "x * x * x", 3),
+    Shape("direction_dependent_viscous", "ca.fabs(x)", 1, turns=True),
+    Shape("coulomb_friction", "ca.tanh(x / at.p.width)", inner=("width",), turns=True),
     Shape(
         "stribeck_friction",
         "ca.tanh(20 * x / at.p.width) * ca.exp(-((x / at.p.width) ** 2))",
-        lambda x, p: ca.tanh(20 * x / p["width"]) * ca.exp(-((x / p["width"]) ** 2)),
         inner=("width",),
         turns=True,
     ),
-    Shape(
-        "saturation",
-        "ca.tanh((x - at.p.centre) / at.p.width)",
-        lambda x, p: ca.tanh((x - p["centre"]) / p["width"]),
-        inner=("centre", "width"),
-    ),
+    Shape("saturation", "ca.tanh((x - at.p.centre) / at.p.width)", inner=("centre", "width")),
     Shape(
         "local_catch",
         "ca.exp(-(((x - at.p.centre) / at.p.width) ** 2))",
-        lambda x, p: ca.exp(-(((x - p["centre"]) / p["width"]) ** 2)),
         inner=("centre", "width"),
     ),
-    Shape(
-        "ripple",
-        "ca.sin(at.p.frequency * x + at.p.phase)",
-        lambda x, p: ca.sin(p["frequency"] * x + p["phase"]),
-        inner=("frequency", "phase"),
-    ),
+    Shape("ripple", "ca.sin(at.p.frequency * x + at.p.phase)", inner=("frequency", "phase")),
 )
 """What a curve is compared with, by the law of the library that it is known from."""
 
@@ -270,7 +263,7 @@ def _refitted(
         Prior(f"{EFFECT_NAME}.{q.name}", q.value, 3.0 * abs(q.value) or 1.0, q.lower, q.upper)
         for q in effect.parameters
     ]
-    begin = {e.name: e.value for e in base.refit.estimates} | {q.name: q.mean for q in own}
+    begin = base.refit.values | {q.name: q.mean for q in own}
     started = [extended_start(seen, base.model, model) for seen in fit_on]
     return fit_with_process_noise(
         model, started, (*priors, *own), start=begin, noise_scale=base.noise_scale
