@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypedDict, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -47,11 +45,9 @@ from workbench.model import Model
 from workbench.physics.library import Hypothesis, Law, library
 from workbench.recordings.checks import check_recording
 from workbench.recordings.recording import Recording
-from workbench.work.counted import Work, add, done, since
 from workbench.work.processes import Call, in_order
 
 Progress = Callable[[str], None]
-Stage = TypeVar("Stage")
 
 
 def diagnose(
@@ -205,7 +201,7 @@ def _stages(
             sample_time=longest.sample_time,
         )
     offered = tuple(filter(view.tries, offered if entries is None else entries))
-    files = _Files(StageFiles(folder, model, offered))
+    files = StageFiles(folder, model, offered)
     files.add(fingerprint(model, (*fit_on, *hold_out), known, split=len(fit_on)))
 
     say("checking the recordings")
@@ -224,10 +220,8 @@ def _stages(
         blocks_as_trusted(fitted.base, fitted.prepared.judging)
     except NumericalError as error:
         why = f"The nominal model cannot follow the recordings at all: {error}."
-        yield replace(
-            found,
-            concluded=Verdict("unexplained", why, model, data=prepared.data, **files.spent),
-        )
+        verdict = Verdict("unexplained", why, model, data=prepared.data, **files.spent)
+        yield replace(found, concluded=verdict)
         return
     prepared = fitted.prepared
     found = replace(found, prepared=prepared, fitted=fitted, **files.spent)
@@ -285,54 +279,6 @@ def _stages(
     )
     found = replace(found, validated=validated, **files.spent)
     yield replace(found, concluded=conclude(found))
-
-
-class _Spent(TypedDict):
-    seconds: float
-    work: Work
-
-
-class _Files:
-    """The files of a diagnosis, with the key, time and work that grow from stage to stage."""
-
-    def __init__(self, files: StageFiles) -> None:
-        self._files, self._key = files, ""
-        self._began, self._before = time.perf_counter(), 0.0
-        self._done = done()
-
-    @property
-    def spent(self) -> _Spent:
-        """Time, in s, and work of this call and of the stages that earlier ones reached."""
-        seconds = self._before + time.perf_counter() - self._began
-        return {"seconds": seconds, "work": since(self._done)}
-
-    def add(self, what: str) -> None:
-        """Let the stages from here on depend on something else."""
-        self._key = hashlib.sha256(f"{self._key} {what}".encode()).hexdigest()
-
-    def reached(self, kind: type[Stage], do: Callable[[], Stage]) -> Stage:
-        """Return a stage: read if it is there, else done and written."""
-        stage = self.read(kind)
-        if stage is None:
-            stage = do()
-            self.write(stage)
-        return stage
-
-    def read(self, kind: type[Stage]) -> Stage | None:
-        """Return a stage that an earlier call reached."""
-        found = self._files.read(kind, self._key)
-        if found is None:
-            return None
-        stage: Stage
-        stage, seconds, work = found
-        now = self.spent
-        self._before += max(seconds - now["seconds"], 0.0)
-        add({unit: max(n - now["work"].get(unit, 0), 0) for unit, n in work.items()})
-        return stage
-
-    def write(self, stage: Any) -> None:
-        """Write a stage."""
-        self._files.write(stage, self._key, **self.spent)
 
 
 def prepare(

@@ -13,11 +13,12 @@ import dataclasses
 import functools
 import hashlib
 import json
+import time
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, TypeVar
 
 import numpy as np
 
@@ -28,7 +29,9 @@ from workbench.files import write_whole
 from workbench.model import Effect, Model
 from workbench.physics.library import Hypothesis
 from workbench.recordings.recording import Recording
-from workbench.work.counted import Work
+from workbench.work.counted import Work, add, done, since
+
+Stage = TypeVar("Stage")
 
 FORMAT = "workbench.stage/2"
 
@@ -37,11 +40,7 @@ FOLDER = "stages"
 
 
 def fingerprint(
-    model: Model,
-    recordings: Sequence[Recording],
-    priors: Sequence[Prior],
-    *,
-    split: int,
+    model: Model, recordings: Sequence[Recording], priors: Sequence[Prior], *, split: int
 ) -> str:
     """Return what tells one diagnosis from another: plant, recordings, priors.
 
@@ -69,8 +68,13 @@ def _code() -> bytes:
     return digest.digest()
 
 
+class _Spent(TypedDict):
+    seconds: float
+    work: Work
+
+
 class StageFiles:
-    """The files of one diagnosis."""
+    """The files of one diagnosis, with the key, time and work that grow from stage to stage."""
 
     def __init__(self, folder: Path | None, model: Model, entries: Sequence[Hypothesis]) -> None:
         self._folder = None if folder is None else folder / FOLDER
@@ -78,13 +82,29 @@ class StageFiles:
         self._entries = {entry.name: entry for entry in entries}
         self._effects: dict[str, Effect] = {e.name: e.effect for e in entries}
         self._built: dict[str, Model] = {}
+        self._key, self._began, self._before = "", time.perf_counter(), 0.0
+        self._done = done()
 
-    def write(self, stage: Any, key: str, seconds: float, work: Work) -> None:
-        """Write a stage that was reached.
+    @property
+    def spent(self) -> _Spent:
+        """Time, in s, and work of this call and of the stages that earlier ones reached."""
+        seconds = self._before + time.perf_counter() - self._began
+        return {"seconds": seconds, "work": since(self._done)}
 
-        Args:
-            seconds: Time until it was reached, in s.
-        """
+    def add(self, what: str) -> None:
+        """Let the stages from here on depend on something else."""
+        self._key = hashlib.sha256(f"{self._key} {what}".encode()).hexdigest()
+
+    def reached(self, kind: type[Stage], do: Callable[[], Stage]) -> Stage:
+        """Return a stage: read if it is there, else done and written."""
+        stage = self.read(kind)
+        if stage is None:
+            stage = do()
+            self.write(stage)
+        return stage
+
+    def write(self, stage: Any) -> None:
+        """Write a stage that was reached."""
         if self._folder is None:
             return
         name = type(stage).__name__
@@ -92,29 +112,33 @@ class StageFiles:
         data = {
             "format": FORMAT,
             "stage": name,
-            "key": key,
-            "seconds": seconds,
-            "work": work,
+            "key": self._key,
+            **self.spent,
             "law": self._plain(term.law) if term is not None else None,
             "data": self._plain(stage),
         }
         write_whole(self._path(name), json.dumps(data, indent=1, ensure_ascii=False) + "\n")
 
-    def read(self, kind: type[Any], key: str) -> tuple[Any, float, Work] | None:
-        """Return a stage, its time in s and its work, if it was written with the same key."""
+    def read(self, kind: type[Stage]) -> Stage | None:
+        """Return a stage that an earlier call wrote with the same key."""
         if self._folder is None:
             return None
         try:
             data = json.loads(self._path(kind.__name__).read_text(encoding="utf-8"))
-            if data["format"] != FORMAT or data["key"] != key:
+            if data["format"] != FORMAT or data["key"] != self._key:
                 return None
             if data["law"] is not None:
                 self._effects[EFFECT_NAME] = self._whole(data["law"]).effect
             work = {str(unit): int(amount) for unit, amount in data["work"].items()}
-            return self._whole(data["data"]), float(data["seconds"]), work
+            stage: Stage = self._whole(data["data"])
+            seconds = float(data["seconds"])
         # A file that cannot be used, whatever it leads to, is as good as none.
         except Exception:  # noqa: BLE001
             return None
+        now = self.spent
+        self._before += max(seconds - now["seconds"], 0.0)
+        add({unit: max(n - now["work"].get(unit, 0), 0) for unit, n in work.items()})
+        return stage
 
     def _path(self, name: str) -> Path:
         assert self._folder is not None
