@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.diagnosis.estimation.free_run import rms_of
 from workbench.diagnosis.location.isolability import Isolability, isolability
 from workbench.diagnosis.location.locate import groups_of
 from workbench.diagnosis.location.missing_signal import MissingSignal
@@ -109,7 +110,7 @@ def error_rows(diagnosis: Diagnosis) -> tuple[ErrorRow, ...]:
     for i, name in enumerate(first[0].used if first else ()):
         spread = float(np.nanstd(np.concatenate([run.measured[:, i] for run in first])))
         rmse = {
-            label: _rms([run.rmse[name] for run in diagnosis.runs[label].values()])
+            label: rms_of([run.rmse for run in diagnosis.runs[label].values()])[name]
             for label in labels
         }
         outputs = diagnosis.nominal.outputs
@@ -118,7 +119,3 @@ def error_rows(diagnosis: Diagnosis) -> tuple[ErrorRow, ...]:
         read = {label: rms / size for label, rms in rmse.items()}
         rows.append(ErrorRow(name, unit, spread / size, noise.get(name, math.nan) / size, read))
     return tuple(rows)
-
-
-def _rms(values: Sequence[float]) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))

@@ -16,7 +16,12 @@ from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.candidate import Candidate
-from workbench.diagnosis.selection.held_out import explained, held_out_errors, over_floor
+from workbench.diagnosis.selection.held_out import (
+    explained,
+    held_out_errors,
+    over_floor,
+    over_noise,
+)
 from workbench.diagnosis.selection.moments import levels, moments
 from workbench.diagnosis.selection.rules import (
     BESIDE_LARGER,
@@ -28,7 +33,6 @@ from workbench.diagnosis.selection.rules import (
     NEAR_NOISE,
 )
 from workbench.diagnosis.selection.score import COLLINEAR
-from workbench.diagnosis.selection.weights import Weighted
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Kind, Value, Verdict
 from workbench.errors import NumericalError
@@ -82,7 +86,7 @@ def conclude(diagnosis: Diagnosis) -> Verdict:
     used = prepared.judging[0].used
     return Verdict(
         kind=kind,
-        sentence=f"{sentence} {_acts(left)}".rstrip() + _beyond(diagnosis, kind),
+        sentence=f"{sentence} {left or ''}".rstrip() + _beyond(diagnosis, kind),
         model=diagnosis.extended.model,
         findings=findings,
         fit=fit,
@@ -91,7 +95,7 @@ def conclude(diagnosis: Diagnosis) -> Verdict:
         improved=_parameters(diagnosis.extended) if diagnosis.improved else {},
         not_testable=_not_testable(diagnosis),
         refused=_refused(diagnosis),
-        weights=tuple(w for w in _weights(diagnosis)[:_MOST_SAID] if w.weight >= _LEAST_WEIGHT),
+        weights=tuple(w for w in diagnosis.weights[:_MOST_SAID] if w.weight >= _LEAST_WEIGHT),
         next_experiment=validated.advice,
         data=prepared.data,
         location={
@@ -135,11 +139,6 @@ def _beyond(diagnosis: Diagnosis, kind: Kind) -> str:
         f" Held out, {name.replace('_', ' ')} goes to {there}, where it was fitted to {here}"
         " only: fit on what goes as far."
     )
-
-
-def _acts(occurrence: Occurrence | None) -> str:
-    """Say when and where something acts."""
-    return "" if occurrence is None else str(occurrence)
 
 
 def conclude_early(diagnosis: Diagnosis, step: str, *, after: float | None = None) -> Verdict:
@@ -338,15 +337,11 @@ def _along(model: Model, effect: Effect) -> str:
     return f"; {subject} is {', '.join(told)} of {said}"
 
 
-def _weights(diagnosis: Diagnosis) -> tuple[Weighted, ...]:
-    return diagnosis.selected.weights if diagnosis.selected is not None else ()
-
-
 def _instead(diagnosis: Diagnosis, name: str) -> list[str]:
     """Return the effects with which, instead of one, a set of all others has a weight."""
     beside = {a.candidate.entry.effect.name for a in diagnosis.accepted} - {name}
     found = []
-    for effects, weight in _weights(diagnosis):
+    for effects, weight in diagnosis.weights:
         other = set(effects) - beside
         if weight >= _LEAST_ALIKE and len(other) == 1 and len(effects) == len(beside) + 1:
             found += [n for n in other if n != name]
@@ -355,17 +350,13 @@ def _instead(diagnosis: Diagnosis, name: str) -> list[str]:
 
 def _weight(diagnosis: Diagnosis, alike: set[str]) -> float:
     """Return the weight of all sets of effects that contain one of some look-alikes."""
-    weights = _weights(diagnosis)
-    if not weights:
+    if not diagnosis.weights:
         return math.nan
-    return min(1.0, sum(w.weight for w in weights if alike & set(w.effects)))
+    return min(1.0, sum(w.weight for w in diagnosis.weights if alike & set(w.effects)))
 
 
 def _finding(
-    diagnosis: Diagnosis,
-    index: int,
-    fit: dict[str, dict[str, float]],
-    together: tuple[str, ...],
+    diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]], together: tuple[str, ...]
 ) -> Finding:
     candidate, alike = diagnosis.accepted[index]
     entry, nominal = candidate.entry, diagnosis.nominal
@@ -410,7 +401,7 @@ def _finding(
         where=entry.ports,
         effect=entry.name,
         alike=alike,
-        sentence=f"{text} {_acts(occurrence)}".rstrip(),
+        sentence=f"{text} {occurrence or ''}".rstrip(),
         parameters=parameters,
         excess_explained=explained(fit),
         gain=candidate.gain,
@@ -515,7 +506,7 @@ def _still_off(rest: str, fit: Mapping[str, Mapping[str, float]]) -> tuple[str, 
     Or where they are trusted, and yet most of the error beyond the noise is there without it too.
     """
     share = 1.0 - explained(fit)
-    little = share > 1.0 - LEAST_SHOWN.value and max(_over(fit).values()) > NEAR_NOISE.value
+    little = share > 1.0 - LEAST_SHOWN.value and max(over_noise(fit).values()) > NEAR_NOISE.value
     if not (little or (share > MOST_OFF.value and rest)):
         return ()
     return (f"{100 * share:.0f} % of the mean square error of the held-out runs is left",)
@@ -559,7 +550,7 @@ def _without_name(
                     f"Missing at {', '.join(term.ports)}: something that the library has no name"
                     f" for; a curve over {over}{' with a memory' if term.loop else ''} takes away"
                     f" {100 * term.explained:.0f} % of the signal that is missing there."
-                    f"{_alike(term)} {_acts(occurrence)}".rstrip()
+                    f"{_alike(term)} {occurrence or ''}".rstrip()
                 ),
                 parameters=_own(diagnosis.extended, term.effect_name),
                 excess_explained=explained(fit),
@@ -572,7 +563,7 @@ def _without_name(
     ports = diagnosis.before.ports(diagnosis.nominal) if diagnosis.before else ()
     if not ports:
         return ()
-    sentence = f"Something is left out, most likely at {', '.join(ports)}. {_acts(occurrence)}"
+    sentence = f"Something is left out, most likely at {', '.join(ports)}. {occurrence or ''}"
     return (
         Finding(
             where=ports, effect=None, alike=(), sentence=sentence.rstrip(), occurrence=occurrence
@@ -616,7 +607,7 @@ def _far(diagnosis: Diagnosis) -> str:
 
 def _rest(diagnosis: Diagnosis, fit: Mapping[str, Mapping[str, float]]) -> str:
     """Say what is still left out, by how much, and what would explain most of it."""
-    over = _over(fit)
+    over = over_noise(fit)
     output = max(over, key=lambda name: over[name])
     if over[output] <= NEAR_NOISE.value:
         return ""
@@ -636,11 +627,6 @@ def _rest(diagnosis: Diagnosis, fit: Mapping[str, Mapping[str, float]]) -> str:
         name = best.entry.name.replace("_", " ")
         said += f"; the best candidate for it, {name}, gains {best.gain:.3g} of log likelihood"
     return f"{said}. {rest.sentence('What is left')}" if rest else f"{said}."
-
-
-def _over(fit: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
-    """Return the error of each output with all that was found over its noise, dimensionless."""
-    return {o: fit["extended"][o] / max(n, 1e-300) for o, n in fit["noise_floor"].items()}
 
 
 def _drifts_off(diagnosis: Diagnosis) -> bool:

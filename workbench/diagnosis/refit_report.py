@@ -198,9 +198,8 @@ def run_refit(problem: Problem, *, progress: Callable[[str], None] | None = None
     if progress:
         progress("free runs on held-out recordings")
     nominal, refitted, rows = [], [], []
-    values = {e.name: e.value for e in found.estimates}
     for model, seen in judged:
-        changed = model.with_parameters(values)
+        changed = model.with_parameters(found.values)
         observed = seen if how.stages else likely_start(changed, seen, seen, scale)
         own = ProcessNoiseFit(replace(found, model=changed), scale)
         observed = growth_along(own, observed)
@@ -250,18 +249,11 @@ def noise_limited(
         Root mean square error by output, in its SI unit.
     """
     rng = np.random.default_rng(0)
-    middle = np.array([e.value for e in found.estimates])
-    low = np.array([e.prior.lower for e in found.estimates])
-    high = np.array([e.prior.upper for e in found.estimates])
-    eigenvalues, vectors = np.linalg.eigh(found.covariance)
-    root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
     used = found.model if model is None else model
     centre = free_run(used, observed)
     squares = []
     for _ in range(_DRAWS):
-        drawn = np.clip(middle + root @ rng.normal(size=len(middle)), low, high)
-        names = [e.name for e in found.estimates]
-        run = free_run(used, observed, values=dict(zip(names, drawn.tolist(), strict=True)))
+        run = free_run(used, observed, values=found.drawn(rng))
         if run.finite and centre.finite:
             squares.append(np.mean((run.simulated - centre.simulated) ** 2, axis=0))
     spread = np.mean(squares, axis=0) if squares else np.zeros(len(observed.used))

@@ -22,12 +22,7 @@ def with_signs_tried(model: Model, report: CheckReport) -> CheckReport:
     seen = report.recording
     told, _ = with_undeclared(model, [seen])
     for name in wrong.values["turned"]:
-        other = replace(
-            seen,
-            signals=tuple(
-                replace(s, values=-s.values) if s.name == name else s for s in seen.signals
-            ),
-        )
+        other = seen.with_signal(replace(seen.signal(name), values=-seen[name]))
         if clearly_likelier(told, told, [other], [seen]):
             return report
     note = f"{wrong.note.partition(';')[0]}, but reversed the model follows it no better"

@@ -17,6 +17,7 @@ from workbench.diagnosis.estimation.noise_colour import (
     leftovers,
     with_correlated_noise,
 )
+from workbench.diagnosis.selection.held_out import over_noise
 from workbench.diagnosis.selection.rules import LITTLE_LEFT, OFF_NOISE
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.undeclared import opened
@@ -108,10 +109,7 @@ def beside(found: Diagnosis, other: Diagnosis) -> Diagnosis:
 
 def _misfit(found: Diagnosis, label: str = "extended") -> float:
     """Return the largest error of a model's free runs, over that of noise alone."""
-    fit = found.verdict.fit
-    return max(
-        (fit[label][o] / max(n, 1e-300) for o, n in fit["noise_floor"].items()), default=math.inf
-    )
+    return max(over_noise(found.verdict.fit, label).values(), default=math.inf)
 
 
 def _little_left(found: Diagnosis) -> bool:

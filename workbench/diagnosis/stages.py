@@ -21,6 +21,7 @@ from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.held_out import Runs
 from workbench.diagnosis.selection.rules import IMPERFECT
 from workbench.diagnosis.selection.selected import Accepted, Round, Scored, Selected, Withdrawn
+from workbench.diagnosis.selection.weights import Weighted
 from workbench.diagnosis.verdict import Verdict
 from workbench.display import Drawn, Rows
 from workbench.errors import WorkbenchError
@@ -196,6 +197,11 @@ class Diagnosis(Drawn):
     def rounds(self) -> tuple[Round, ...]:
         """Scores and candidates of each round of the search."""
         return self.selected.rounds if self.selected is not None else ()
+
+    @property
+    def weights(self) -> tuple[Weighted, ...]:
+        """Weights of the sets of effects that were compared, the likeliest first."""
+        return self.selected.weights if self.selected is not None else ()
 
     @property
     def nonparametric(self) -> NonparametricTerm | None:

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.free_run import free_run
+from workbench.diagnosis.estimation.free_run import clipped, free_run
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.priors import default_priors
@@ -472,8 +472,7 @@ def _signals_along(model: Model, seen: Observed) -> dict[str, float]:
         for port, acts in zip(model.ports, acting, strict=True)
         if (acts or not acting.any()) and not port.name.endswith((".command", ".reading"))
     ]
-    lower, upper = [q.lower for q in model.inputs], [q.upper for q in model.inputs]
-    inputs = np.clip(seen.inputs, lower, upper)
+    inputs = clipped(model, seen)
     if not seen.diverges:
         with contextlib.suppress(NumericalError):
             run = simulate(

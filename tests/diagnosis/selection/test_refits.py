@@ -504,7 +504,7 @@ def test_what_comes_late_is_raced_on_what_shows_it() -> None:
     jump = by_name(scores)["offset_jump_axis_force"]
     assert jump.late > refits._HEADS[0]
     prior = base.cost - float(blocks_of_cost(base, [observed]).sum())
-    (found,) = refits._raced(base, [jump], priors, prior, [observed], [None], 1, True)
+    (found,) = refits._raced(base, [jump], priors, prior, [observed], 1, True)
     assert found.fit is not None and found.gain > 1000.0
     assert found.fit.model.parameter("offset_jump_axis_force.time").value == pytest.approx(
         SAMPLE_TIME * late, abs=0.05
@@ -551,7 +551,7 @@ def test_beside_what_leaves_nothing_out_others_are_not_tried_in_every_way(
     field = [_score(entry, float(gain)) for gain in range(30)]
     seen: Any = made_up_axis(1, samples=100)
     base: Any = SimpleNamespace(noise_scale=before)
-    found = refits._first_refits(base, field, (), 0.0, [seen], 1500, 10.0, [None] * 30, 1)
+    found = refits._first_refits(base, field, (), 0.0, [seen], 1500, 10.0, (), 1)
     assert [c.gain for c in found] == [*range(30)]
     assert [thorough[29.0 - rank] for rank in range(30)] == [rank < all_ways for rank in range(30)]
 
@@ -656,9 +656,7 @@ def test_many_short_recordings_are_raced_on_some_among_them_the_one_that_shows_i
 
     monkeypatch.setattr(refits, "_first_refits", first)
     field: Any = [Shown(0, 7), Shown(1, 2), Shown(2, 7)]
-    raced = refits._raced(
-        cast(Any, None), field, (), 0.0, cast(Any, recordings), [None] * 3, 1, True
-    )
+    raced = refits._raced(cast(Any, None), field, (), 0.0, cast(Any, recordings), 1, True)
     assert raced == [0, 1, 2]
     assert used[0] == used[2] == ([0, 1, 2, 3, 7], 7)
     assert used[1] == ([0, 1, 2, 3, 4], 2)

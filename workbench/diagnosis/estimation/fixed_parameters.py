@@ -37,7 +37,7 @@ def with_fixed_uncertainty(fit: ProcessNoiseFit, recordings: Sequence[Observed])
     the block of the free ones is kept; the estimates stay.
     """
     model = fit.model
-    estimates = {e.name: e.value for e in fit.refit.estimates}
+    estimates = fit.refit.values
     names = [q.name for q in model.parameters if q.fixed and q.name not in estimates]
     if not names:
         return fit
@@ -88,7 +88,7 @@ def with_fixed_refitted(
         where it does not converge, or where it makes the held-out recordings less likely.
     """
     model, refit = fit.model, fit.refit
-    start = {e.name: e.value for e in refit.estimates}
+    start = refit.values
     names = [q.name for q in model.parameters if q.fixed and q.name not in start]
     if not names:
         return fit

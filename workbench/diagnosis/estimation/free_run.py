@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -87,10 +86,7 @@ class FreeRun:
 
 
 def free_run(
-    model: Model,
-    observed: Observed,
-    *,
-    values: npt.ArrayLike | Mapping[str, float] | None = None,
+    model: Model, observed: Observed, *, values: npt.ArrayLike | Mapping[str, float] | None = None
 ) -> FreeRun:
     """Simulate a model along the inputs of a recording, from the start that it shows.
 
@@ -105,9 +101,7 @@ def free_run(
         reason, because a model that diverges is a result.
     """
     rows = [index_of("output", name, model.outputs) for name in observed.used]
-    units = tuple(model.outputs[i].unit for i in rows)
-    lower, upper = [q.lower for q in model.inputs], [q.upper for q in model.inputs]
-    inputs = np.clip(observed.inputs, lower, upper)
+    inputs = clipped(model, observed)
     try:
         simulated = simulate(
             model,
@@ -119,10 +113,8 @@ def free_run(
             check=False,
         ).outputs[:, rows]
     except NumericalError as error:
-        return failed_run(model, observed, str(error))
-    return FreeRun(
-        observed.name, observed.used, units, _time(observed), observed.outputs, simulated
-    )
+        return run_along(model, observed, failure=str(error))
+    return run_along(model, observed, simulated)
 
 
 def free_runs(
@@ -138,12 +130,10 @@ def free_runs(
     """
     first = recordings[0]
     rows = [index_of("output", name, model.outputs) for name in first.used]
-    units = tuple(model.outputs[i].unit for i in rows)
-    limits = [q.lower for q in model.inputs], [q.upper for q in model.inputs]
     stepper = Stepper(model, first.sample_time, _TOLERANCE, values=values)
     held, states = [], []
     for seen in recordings:
-        inputs = np.clip(seen.inputs, *limits)
+        inputs = clipped(model, seen)
         start = _start(model, seen, inputs[0])
         states.append(np.vstack([start, stepper.run_as_far(start, inputs[:-1])]))
         held.append(inputs[: len(states[-1])])
@@ -151,7 +141,7 @@ def free_runs(
     outputs = read_outputs(model, *at, values=stepper.parameters)[:, rows]
     parts = np.split(outputs, np.cumsum([len(x) for x in states])[:-1])
     return [
-        FreeRun(seen.name, seen.used, units, _time(seen), seen.outputs, simulated)
+        run_along(model, seen, simulated)
         if len(simulated) == len(seen.outputs)
         # Another method may get further.
         else free_run(model, seen, values=values)
@@ -159,21 +149,34 @@ def free_runs(
     ]
 
 
-def _time(observed: Observed) -> Vector:
-    return observed.sample_time * np.arange(len(observed.outputs), dtype=np.float64)
+def clipped(model: Model, observed: Observed) -> Vector:
+    """Return the inputs of a recording as an actuator lets them through, (n, n_inputs), in SI."""
+    ends = [q.lower for q in model.inputs], [q.upper for q in model.inputs]
+    return np.asarray(np.clip(observed.inputs, *ends))
 
 
-def failed_run(model: Model, observed: Observed, failure: str) -> FreeRun:
-    """Return the run of a model that could not be begun, and why."""
+def run_along(
+    model: Model,
+    observed: Observed,
+    simulated: Vector | None = None,
+    failure: str = "",
+    window: float = 0.0,
+) -> FreeRun:
+    """Return the run of a model beside a recording.
+
+    Args:
+        simulated: What it would read, shape (n, n_used), in SI; None if it could not be begun.
+        window: Length of its windows, in s.
+    """
     units = tuple(model.outputs[index_of("output", n, model.outputs)].unit for n in observed.used)
-    nothing = np.full_like(observed.outputs, np.nan)
-    time = _time(observed)
-    return FreeRun(observed.name, observed.used, units, time, observed.outputs, nothing, failure)
+    read = np.full_like(observed.outputs, np.nan) if simulated is None else simulated
+    name, used = observed.name, observed.used
+    return FreeRun(name, used, units, observed.time, observed.outputs, read, failure, window)
 
 
 def rms_of(runs: Sequence[Mapping[str, float]]) -> dict[str, float]:
     """Return the root mean square over runs of their errors by output, in SI."""
-    return {name: math.sqrt(sum(r[name] ** 2 for r in runs) / len(runs)) for name in runs[0]}
+    return {k: float(np.sqrt(np.mean(np.square([r[k] for r in runs])))) for k in runs[0]}
 
 
 def _values(model: Model, values: npt.ArrayLike | Mapping[str, float] | None) -> Vector:

@@ -83,6 +83,15 @@ class Observed:
     coarse: Vector = field(default_factory=lambda: np.zeros(0))
     input_noise: Vector = field(default_factory=lambda: np.zeros(0))
 
+    @property
+    def time(self) -> Vector:
+        """Time from the first sample, shape (n,), in s."""
+        return self.sample_time * np.arange(len(self.outputs), dtype=np.float64)
+
+    def part(self, rows: slice) -> Observed:
+        """Return some samples of the recording, with the start that it has."""
+        return replace(self, inputs=self.inputs[rows], outputs=self.outputs[rows])
+
     @cached_property
     def told(self) -> Vector:
         """Measurements of which each tells something new, shape (n, n_used), in SI; others NaN."""
@@ -356,16 +365,24 @@ def disturbances(model: Model, noise_scale: float) -> dict[str, float]:
 
 
 def filter_of(
-    model: Model, observed: Observed, noise_scale: float, free: Sequence[str] = ()
+    model: Model,
+    observed: Observed,
+    noise_scale: float,
+    free: Sequence[str] = (),
+    *,
+    beside: Model | None = None,
 ) -> PredictionError:
     """Return the filter of a model for recordings like one, at a process-noise scale.
 
     Args:
         noise_scale: Process-noise scale, dimensionless.
         free: Names of the parameters whose derivatives are wanted.
+        beside: The model without effects at size zero, whose states are certain.
     """
+    own = {q.name for q in (beside or model).states}
+    certain = tuple(q.name for q in model.states if q.name not in own)
     pushed = disturbances(model, noise_scale)
-    return PredictionError(model, observed, tuple(free), pushed)
+    return PredictionError(model, observed, tuple(free), pushed, certain)
 
 
 def stack(parts: Sequence[Innovations]) -> tuple[Vector, Vector]:

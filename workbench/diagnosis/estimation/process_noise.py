@@ -16,10 +16,7 @@ import casadi as ca
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.prediction_error import (
-    Observed,
-    filter_of,
-)
+from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.refit import ENOUGH, refit
 from workbench.diagnosis.estimation.refit_result import Refit
@@ -69,6 +66,10 @@ class ProcessNoiseFit:
     def model(self) -> Model:
         """The model with the estimated parameter values."""
         return self.refit.model
+
+    def with_values(self, values: Mapping[str, float]) -> ProcessNoiseFit:
+        """Return the fit with a model of other parameter values, by name, in SI."""
+        return replace(self, refit=replace(self.refit, model=self.model.with_parameters(values)))
 
     @property
     def cost(self) -> float:
@@ -176,12 +177,7 @@ def fit_with_process_noise(
     for level in ladder[first:] if follow else ladder[first : first + 1]:
         try:
             trial = refit(
-                model,
-                recordings,
-                priors=priors,
-                stages=(level,),
-                start=values,
-                enough=enough,
+                model, recordings, priors=priors, stages=(level,), start=values, enough=enough
             )
         except NumericalError:
             # Equations trusted more than they deserve throw the filter out of its range.
@@ -193,7 +189,7 @@ def fit_with_process_noise(
             break
         least = min(trial.cost, least)
         best = ProcessNoiseFit(trial, level, best and replace(best, passed=None))
-        values = {e.name: e.value for e in trial.estimates}
+        values = trial.values
     assert best is not None
     return best
 
@@ -382,6 +378,4 @@ def start_values(fit: Refit, priors: Sequence[Prior]) -> dict[str, float]:
     """
     means = {p.name: p.mean for p in priors}
     driven = (e for e in fit.estimates if e.on_bound and not (e.unit == "1" and e.value >= 1.0))
-    return {e.name: e.value for e in fit.estimates} | {
-        e.name: means.get(e.name, e.value) for e in driven
-    }
+    return fit.values | {e.name: means.get(e.name, e.value) for e in driven}

@@ -85,6 +85,21 @@ class Refit:
     noise_scale: float = 0.0
     inflations: Vector = field(default_factory=lambda: np.ones(0))
 
+    @property
+    def values(self) -> dict[str, float]:
+        """Estimates by name, in SI."""
+        return {e.name: e.value for e in self.estimates}
+
+    def drawn(self, rng: np.random.Generator) -> dict[str, float]:
+        """Draw values by name, in SI, from the distribution of the estimates, within bounds."""
+        eigenvalues, vectors = np.linalg.eigh(self.covariance)
+        root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
+        off = root @ rng.normal(size=len(self.estimates))
+        return {
+            e.name: float(np.clip(e.value + by, e.prior.lower, e.prior.upper))
+            for e, by in zip(self.estimates, off, strict=True)
+        }
+
     def estimate(self, name: str) -> Estimate:
         """Return the estimate of a parameter."""
         for estimate in self.estimates:
@@ -160,14 +175,7 @@ def summarise(
     covariance = np.outer(inflation * scale, inflation * scale) * inverse
     deviations = np.sqrt(np.diag(covariance))
     estimates = tuple(
-        Estimate(
-            p.name,
-            q.unit,
-            float(v),
-            float(s),
-            p,
-            p.is_bound(float(v)),
-        )
+        Estimate(p.name, q.unit, float(v), float(s), p, p.is_bound(float(v)))
         for p, q, v, s in zip(priors, quantities, outcome.values, deviations, strict=True)
     )
     used = recordings[0].used

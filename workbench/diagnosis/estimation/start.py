@@ -49,8 +49,7 @@ def fit_with_likely_starts(
         started = tuple(likely_start(best.model, *pair, best.noise_scale) for pair in pairs)
         if all(a is b for a, b in zip(started, seen, strict=True)):
             break
-        values = {e.name: e.value for e in best.refit.estimates}
-        trial = fit_with_process_noise(model, started, priors, start=values)
+        trial = fit_with_process_noise(model, started, priors, start=best.refit.values)
         if trial.cost > best.cost - _CLEARLY:
             break
         best, seen = trial, started
@@ -95,7 +94,7 @@ def likely_start(
     if np.all(observed.start_rms < _HIDDEN * np.array([q.scale for q in model.states])):
         return now
     count = min(_LOOKED_AT, len(observed.outputs))
-    first = replace(observed, inputs=observed.inputs[:count], outputs=observed.outputs[:count])
+    first = observed.part(slice(count))
     filter_ = filter_of(model, first, likely_scale(model, [first], {}))
     best, least = now, math.inf
     with contextlib.suppress(NumericalError):
@@ -135,7 +134,7 @@ def fitted_start(model: Model, observed: Observed, *, samples: int) -> Observed:
     count = round(check_range("samples", samples, 2, len(observed.outputs)))
     if not observed.start.size:
         return observed
-    first = replace(observed, inputs=observed.inputs[:count], outputs=observed.outputs[:count])
+    first = observed.part(slice(count))
     low = np.array([q.lower for q in model.states])[: len(observed.start)]
     high = np.array([q.upper for q in model.states])[: len(observed.start)]
     rms = np.maximum(observed.start_rms, 1e-12)

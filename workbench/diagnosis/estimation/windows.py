@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.free_run import FreeRun, failed_run, free_runs
+from workbench.diagnosis.estimation.free_run import FreeRun, free_runs, run_along
 from workbench.diagnosis.estimation.growth import GROWN
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.process_noise import extended_start
@@ -92,7 +92,7 @@ def windows(
     count, size = len(begun.outputs), window_samples(observed)
     starts = list(range(0, max(count - size // 2, 1), size))
     return [
-        replace(begun, inputs=begun.inputs[k:end], outputs=begun.outputs[k:end], start=state)
+        replace(begun.part(slice(k, end)), start=state)
         for k, end, state in zip(starts, [*starts[1:], count], states[starts], strict=True)
     ]
 
@@ -112,16 +112,9 @@ def windowed_run(
     try:
         cut = windows(model, nominal, observed, noise_scale)
     except (NumericalError, np.linalg.LinAlgError) as error:
-        return failed_run(model, observed, str(error))
+        return run_along(model, observed, failure=str(error))
     parts = free_runs(model, cut)
     failure = next((part.failure for part in parts if part.failure), "")
-    return FreeRun(
-        observed.name,
-        observed.used,
-        parts[0].units,
-        observed.sample_time * np.arange(len(observed.outputs), dtype=np.float64),
-        observed.outputs,
-        np.concatenate([part.simulated for part in parts]),
-        failure,
-        window=len(cut[0].outputs) * observed.sample_time if len(cut) > 1 else 0.0,
-    )
+    window = len(cut[0].outputs) * observed.sample_time if len(cut) > 1 else 0.0
+    simulated = np.concatenate([part.simulated for part in parts])
+    return run_along(model, observed, simulated, failure, window)

@@ -19,7 +19,6 @@ from workbench.diagnosis.estimation.prediction_error import (
     Innovations,
     Observed,
     PredictionError,
-    disturbances,
     filter_of,
     stack,
 )
@@ -235,14 +234,8 @@ def visible(
     base = explanation.fit.model
     model = base.with_effect(*(e.effect for e in entries))
     sizes = tuple(f"{e.name}.{e.size_parameter}" for e in entries)
-    own = {q.name for q in base.states}
-    filter_ = PredictionError(
-        model,
-        separator.recording,
-        (*explanation.free, *sizes),
-        disturbances(model, explanation.fit.noise_scale),
-        certain=tuple(q.name for q in model.states if q.name not in own),
-    )
+    scale, free = explanation.fit.noise_scale, (*explanation.free, *sizes)
+    filter_ = filter_of(model, separator.recording, scale, free, beside=base)
     n = len(explanation.free)
     known = np.zeros((n + len(sizes), n + len(sizes)))
     priors = [e.prior.std for e in explanation.fit.refit.estimates]

@@ -38,7 +38,7 @@ def located_by_refits(
     """
     sizes, fits = disturbances(base.model, 1.0), dict[str, Refit]()
     for group, ports in groups_of(base.model).items():
-        values = {e.name: e.value for e in base.refit.estimates}
+        values = base.refit.values
         for level in _LEVELS:
             pushed = {q: rms * (level if q in ports else TRUSTED[0]) for q, rms in sizes.items()}
             try:
@@ -54,7 +54,7 @@ def located_by_refits(
                 continue
             if group in fits and trial.cost >= fits[group].cost:
                 break
-            fits[group], values = trial, {e.name: e.value for e in trial.estimates}
+            fits[group], values = trial, trial.values
     best = min(fits.values(), key=lambda fit: fit.cost, default=base.refit)
     if len(fits) < 2 or best.cost >= base.cost:
         return None

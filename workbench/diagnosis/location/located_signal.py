@@ -90,12 +90,7 @@ def prediction_error_signal(diagnosis: Diagnosis, recordings: Sequence[Observed]
     deviation = np.concatenate([np.exp(run.log_deviation[:, worst]) for run in runs]) * output.scale
     signal = np.concatenate([np.nan_to_num(run.whitened[:, worst]) for run in runs]) * deviation
     parts = [
-        _Along(
-            seen.name,
-            seen.sample_time * np.arange(len(seen.inputs), dtype=np.float64),
-            run.states,
-            seen.inputs,
-        )
+        _Along(seen.name, seen.time, run.states, seen.inputs)
         for seen, run in zip(recordings, runs, strict=True)
     ]
     arguments = _arguments(model, parts)

@@ -294,7 +294,7 @@ def _with_evidence(
 ) -> NonparametricTerm:
     """Hold the fitted curves against the smoothed signal and describe them in simple terms."""
     fit = found.fit.refit
-    before = {e.name: e.value for e in base.refit.estimates}
+    before = base.refit.values
     steps = [(fit.estimate(q.name).value - before[q.name]) / q.std for q in priors]
     values = [fit.estimate(name).value for name in shape.names]
     columns = shape.columns(evidence)

@@ -26,7 +26,7 @@ from workbench.diagnosis.selection.rules import (
     Limits,
     selection_penalty,
 )
-from workbench.diagnosis.selection.score import Score, Scores
+from workbench.diagnosis.selection.score import Score, Scores, score_library
 from workbench.diagnosis.selection.selected import Accepted, Round, Selected
 from workbench.diagnosis.selection.task import Task
 from workbench.diagnosis.selection.weights import Compared
@@ -35,6 +35,23 @@ from workbench.physics.library import Hypothesis
 
 _PASSES = 4
 """Further refits from where one ended that did not converge."""
+
+
+def scored_beside(
+    task: Task,
+    fit: ProcessNoiseFit,
+    free: Sequence[Prior],
+    tried: Sequence[Hypothesis] | None = None,
+) -> Scores:
+    """Score what may be missing from a model that has more than the nominal one.
+
+    Args:
+        free: Priors of its parameters that are refitted.
+        tried: What may be missing, if that is known.
+    """
+    tried = task.tried(fit.model) if tried is None else tried
+    seen = task.started(task.fitting, fit.model)
+    return score_library(fit.model, seen, free, tried, noise_scale=fit.noise_scale)
 
 
 def refits_beside(
@@ -110,7 +127,7 @@ def shaped(
     if not names:
         return fit, free
     more = (*free, *default_priors(fit.model, names))
-    begin = {e.name: e.value for e in fit.refit.estimates}
+    begin = fit.refit.values
     begin |= {f"{entry.name}.{name}": value for name, value in entry.details.items()}
     samples = sum(len(r.outputs) for r in recordings)
     try:
@@ -143,10 +160,10 @@ def polished(
         beside: A fit with another effect instead of the last one, from whose values of all others
             the refit begins too.
     """
-    own = {e.name: e.value for e in fit.refit.estimates}
+    own = fit.refit.values
     starts = [(own, False), *((own | dict(end), True) for end in ends)]
     if beside is not None:
-        shared = {e.name: e.value for e in beside.refit.estimates if e.name in own}
+        shared = {k: v for k, v in beside.refit.values.items() if k in own}
         starts.append((own | shared, True))
     best = fit
     for start, follow in starts:
@@ -176,8 +193,8 @@ def _converged(
         if found.refit.converged:
             break
         found = fit_with_process_noise(
-            fit.model, recordings, priors, noise_scale=found.noise_scale, follow=False,
-            start={e.name: e.value for e in found.refit.estimates},
+            fit.model, recordings, priors, start=found.refit.values,
+            noise_scale=found.noise_scale, follow=False,
         )  # fmt: skip
     return found
 
@@ -216,7 +233,7 @@ def _moved(task: Task, state: Selected, events: Sequence[str]) -> Selected:
     if all(new is old for new, old in zip(after, before, strict=True)):
         return state
     model = full.model.without(*events).with_effect(*after)
-    begin = {e.name: e.value for e in full.refit.estimates}
+    begin = full.refit.values
     begin |= changed_values(full.model, before, after)
     recordings = task.started(task.fitting, model)
     try:
@@ -233,10 +250,7 @@ def _moved(task: Task, state: Selected, events: Sequence[str]) -> Selected:
         accepted.append(Accepted(replace(candidate, entry=entry), found.alike))
     extended = replace(fit, passed=full.passed)
     return replace(
-        state,
-        accepted=tuple(accepted),
-        extended=extended,
-        fits=(*state.fits[:-1], extended),
+        state, accepted=tuple(accepted), extended=extended, fits=(*state.fits[:-1], extended)
     )
 
 

@@ -57,10 +57,8 @@ class Delays:
         self._places, self._usual = list(clocks), np.array(list(clocks.values()))
         size = max(len(observed.outputs) // _PARTS, _LEAST)
         self._step = size * observed.sample_time
-        each = [slice(k, k + size) for k in range(0, len(observed.outputs), size)]
-        self._parts = [
-            replace(observed, inputs=observed.inputs[k], outputs=observed.outputs[k]) for k in each
-        ]
+        begins = range(0, len(observed.outputs), size)
+        self._parts = [observed.part(slice(k, k + size)) for k in begins]
         self._before: list[_Part] = []
         self._after: list[_Part] = []
         if span is not None:

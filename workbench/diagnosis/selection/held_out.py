@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.free_run import FreeRun, failed_run, free_run
+from workbench.diagnosis.estimation.free_run import FreeRun, free_run, rms_of, run_along
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import (
@@ -76,7 +76,7 @@ def judged_run(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> Free
             return windowed_run(fit.model, nominal, observed, fit.noise_scale)
         return settled_run(fit.model, nominal, observed)
     except (NumericalError, np.linalg.LinAlgError) as error:
-        return failed_run(nominal, observed, str(error))
+        return run_along(nominal, observed, failure=str(error))
 
 
 def over_floor(
@@ -94,11 +94,9 @@ def over_floor(
     """
     calls = [(_over_floor, (fit, nominal, seen, i)) for i, seen in enumerate(judging)]
     found = in_order(calls, jobs=jobs)
-    total = np.sqrt(np.mean([floor for _, floor in found], axis=0))
-    return {
-        name: _rms([error[name] for error, _ in found]) / max(float(total[i]), 1e-300)
-        for i, name in enumerate(judging[0].used)
-    }
+    total = np.sqrt(np.mean([floor for _, floor in found], axis=0)).tolist()
+    errors = rms_of([error for error, _ in found])
+    return {k: errors[k] / max(t, 1e-300) for k, t in zip(judging[0].used, total, strict=True)}
 
 
 def _over_floor(
@@ -118,19 +116,11 @@ def floor_of(fit: ProcessNoiseFit, nominal: Model, observed: Observed, *, seed: 
         Mean square by output, shape (n_used,), in SI squared.
     """
     rng = np.random.default_rng(seed)
-    estimates = fit.refit.estimates
-    low = np.array([e.prior.lower for e in estimates])
-    high = np.array([e.prior.upper for e in estimates])
-    middle = np.array([e.value for e in estimates])
-    eigenvalues, vectors = np.linalg.eigh(fit.refit.covariance)
-    root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
     own, read = _own_run(fit, nominal, observed)
     squares = []
     for _ in range(_DRAWS if own.finite else 0):
-        drawn = np.clip(middle + root @ rng.normal(size=len(middle)), low, high)
+        other = fit.with_values(fit.refit.drawn(rng))
         noise = observed.noise(rng)
-        values = dict(zip((e.name for e in estimates), drawn.tolist(), strict=True))
-        other = replace(fit, refit=replace(fit.refit, model=fit.model.with_parameters(values)))
         given = observed.inputs
         if len(observed.input_noise):
             given = given + observed.input_noise * rng.normal(size=given.shape)
@@ -198,7 +188,7 @@ def shown_on_bounds(
         nominal: The model that the recordings were observed with.
     """
     shown = []
-    own = {e.name: e.value for e in fit.refit.estimates}
+    own = fit.refit.values
     for e in fit.refit.estimates:
         if not e.on_bound:
             continue
@@ -313,12 +303,14 @@ def held_out_errors(
         Root mean square error by model and output, and the noise of the sensors as
         ``noise_floor``, in SI.
     """
-    outputs = judging[0].used
-    floor = dict(zip(outputs, judging[0].all_noise_rms.tolist(), strict=True))
-    return {
-        label: {o: _rms([run.rmse[o] for run in by_name.values()]) for o in outputs}
-        for label, by_name in runs.items()
-    } | {"noise_floor": floor}
+    floor = dict(zip(judging[0].used, judging[0].all_noise_rms.tolist(), strict=True))
+    errors = {k: rms_of([run.rmse for run in each.values()]) for k, each in runs.items()}
+    return errors | {"noise_floor": floor}
+
+
+def over_noise(fit: Mapping[str, Mapping[str, float]], label: str = "extended") -> dict[str, float]:
+    """Return the errors of a model, as `held_out_errors` tells them, over the noise; a ratio."""
+    return {o: fit[label][o] / max(n, 1e-300) for o, n in fit["noise_floor"].items()}
 
 
 def start_floors(
@@ -340,8 +332,7 @@ def start_floors(
 
 
 def explained(
-    fit: Mapping[str, Mapping[str, float]],
-    floors: Mapping[str, Mapping[str, float]] | None = None,
+    fit: Mapping[str, Mapping[str, float]], floors: Mapping[str, Mapping[str, float]] | None = None
 ) -> float:
     """Return the share of the held-out mean square error beyond the noise that is removed.
 
@@ -366,7 +357,3 @@ def explained(
             removed += (before - max(after, 0.0)) / whole
             beyond += before / whole
     return float(np.clip(removed / beyond, 0.0, 1.0)) if beyond else math.nan
-
-
-def _rms(values: Sequence[float]) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))

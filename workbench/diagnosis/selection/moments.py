@@ -10,13 +10,9 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, disturbances
+from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, filter_of
 from workbench.diagnosis.estimation.priors import Prior
-from workbench.diagnosis.estimation.process_noise import (
-    LADDER,
-    ProcessNoiseFit,
-    extended_start,
-)
+from workbench.diagnosis.estimation.process_noise import LADDER, ProcessNoiseFit, extended_start
 from workbench.diagnosis.estimation.refit import refit
 from workbench.diagnosis.selection.delays import Delays
 from workbench.errors import NumericalError, WorkbenchError
@@ -120,12 +116,12 @@ def _begun(
     """Return an effect with where it begins in each recording, in multiples of its amount."""
     model, about = fit.model, effect.about
     place = [q.name for q in model.states].index(f"{effect.name}.{about.begins}")
-    rms, found = disturbances(model, fit.noise_scale), {}
+    found = {}
     for observed in recordings:
         begun = extended_start(observed, before, model)
         sure = begun.start_rms.copy()
         sure[place] = _KNOWN
-        filter_ = PredictionError(model, begun, (), rms)
+        filter_ = filter_of(model, begun, fit.noise_scale)
 
         def cost(
             start: float,
@@ -213,7 +209,6 @@ def with_own_moments(
     names = [q.name for q in model.states]
     clocks = {e.name: [names.index(f"{e.name}.{q.name}") for q in _clocks(e)] for e in effects}
     usual = {i: model.states[i].initial for own in clocks.values() for i in own}
-    rms = disturbances(model, fit.noise_scale)
     late: dict[int, dict[str, float]] = {i: {} for i in usual}
     for observed in (*fit_on, *hold_out):
         begun = extended_start(observed, before, model)
@@ -230,7 +225,7 @@ def with_own_moments(
             tried = tried[(soon - tried < length + beyond) & (last - tried > -beyond)]
             # Half of what one takes to come is moved within the same slope of the likelihood.
             tried = tried[:: max(1, math.floor(0.5 * width / _WIDTHS / (tried[1] - tried[0])))]
-        of = Delays(PredictionError(model, begun, (), rms), begun, usual, span)
+        of = Delays(filter_of(model, begun, fit.noise_scale), begun, usual, span)
         start = begun.start.copy()
         found = _likeliest(of, of.cost_from(start[list(usual)]), tried)
         if found is not None:
@@ -263,7 +258,7 @@ def _with_own_end(
     reach = begun.sample_time * len(begun.outputs)
     shown = np.linspace(0.0, reach, _MOMENTS + 1)
     # Where the equations are hardly trusted, each end shows by itself.
-    loose = PredictionError(model, begun, (), disturbances(model, _LOOSE))
+    loose = filter_of(model, begun, _LOOSE)
     start = begun.start.copy()
     for k in (1, 0):
         clock = clocks[k]
@@ -286,7 +281,7 @@ def _with_own_end(
             stages=(_LOOSE, *(s for s in LADDER if fit.noise_scale <= s < _LOOSE)),
             start=dict(zip(names, (begin, end - begin), strict=True)),
         )
-        filter_ = PredictionError(model, begun, (), disturbances(model, fit.noise_scale))
+        filter_ = filter_of(model, begun, fit.noise_scale)
         before = filter_.run(begun, model.values).cost
     except WorkbenchError:
         # It began too early, or ended too late, to be told.

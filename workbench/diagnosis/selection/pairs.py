@@ -16,7 +16,12 @@ from workbench.diagnosis.estimation.process_noise import (
     blocks_of_cost,
     gain_interval,
 )
-from workbench.diagnosis.selection.additions import refits_beside, remembered, with_candidate
+from workbench.diagnosis.selection.additions import (
+    refits_beside,
+    remembered,
+    scored_beside,
+    with_candidate,
+)
 from workbench.diagnosis.selection.candidate import Candidate, is_sensor
 from workbench.diagnosis.selection.decision import decided
 from workbench.diagnosis.selection.held_out import RunErrors, run_errors, told_apart
@@ -30,7 +35,6 @@ from workbench.diagnosis.selection.rules import (
     Limits,
     doubted_in,
 )
-from workbench.diagnosis.selection.score import score_library
 from workbench.diagnosis.selection.selected import Accepted, Round, Selected
 from workbench.diagnosis.selection.shortlist import MOST_AGAIN, to_refit
 from workbench.diagnosis.selection.task import MOST_FINDINGS, Task
@@ -127,16 +131,9 @@ def _completed(
     Returns:
         The search, and the one with all that completes them; None if nothing does.
     """
-    model = begun.extended.model
     task.say(f"searching for what {begun.accepted[-1].candidate.name} hides")
-    scores = score_library(
-        model,
-        task.started(task.fitting, model),
-        begun.free,
-        task.tried(model),
-        noise_scale=begun.extended.noise_scale,
-    )
-    chosen, _ = to_refit(task, scores, MOST_AGAIN, model, quiet=False)
+    scores = scored_beside(task, begun.extended, begun.free)
+    chosen, _ = to_refit(task, scores, MOST_AGAIN, begun.extended.model, quiet=False)
     try:
         refitted = refits_beside(task, begun.extended, begun.free, chosen, alone.limits)
     except NumericalError:

@@ -14,7 +14,7 @@ from scipy.optimize import minimize_scalar
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import free_run
-from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, disturbances
+from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.priors import Prior, is_guess
 from workbench.diagnosis.estimation.process_noise import (
     PERFECT,
@@ -36,7 +36,7 @@ from workbench.diagnosis.selection.moments import (
     with_own_starts,
 )
 from workbench.diagnosis.selection.rules import SAME_LEVELS, SURPASSED, UNTRIED, Limits
-from workbench.diagnosis.selection.score import COLLINEAR, Score
+from workbench.diagnosis.selection.score import COLLINEAR, Score, reason_of
 from workbench.diagnosis.selection.shortlist import LEAST_SCORE
 from workbench.diagnosis.selection.simulation_error import closest_runs
 from workbench.errors import NumericalError
@@ -140,13 +140,13 @@ def refit_candidates(
     """
     given = tuple(priors)
     field, lost = list(chosen), []
-    begun: list[Candidate | None] = [None] * len(field)
+    begun: list[Candidate] = []
     lengths = [len(r.outputs) for r in fit_on]
     prior = base.cost - float(blocks_of_cost(base, fit_on).sum()) if field else 0.0
     if max(lengths) > _RACED * _HEADS[0] or sum(lengths) > _RACED * _HEADS[1]:
         if progress and field:
             progress(f"racing {len(field)} effects on the beginning of the recordings")
-        raced = _raced(base, field, given, prior, fit_on, begun, jobs, thorough)
+        raced = _raced(base, field, given, prior, fit_on, jobs, thorough)
         order = sorted(range(len(field)), key=lambda i: (i >= _BY_SCORE, -raced[i].gain))
         field = [chosen[i] for i in order[:_FIELD]]
         begun = [raced[i] for i in order[:_FIELD]]
@@ -211,7 +211,6 @@ def _raced(
     priors: tuple[Prior, ...],
     prior: float,
     fit_on: Sequence[Observed],
-    begun: Sequence[Candidate | None],
     jobs: int,
     thorough: bool,
 ) -> list[Candidate]:
@@ -231,10 +230,8 @@ def _raced(
     found: dict[int, Candidate] = {}
     for chosen, own in groups.items():
         here = [replace(field[i], clearest=chosen.index(field[i].clearest)) for i in own]
-        some, known = [fit_on[k] for k in chosen], [begun[i] for i in own]
-        done = _first_refits(
-            base, here, priors, prior, some, _HEADS[0], _FAR, known, jobs, thorough
-        )
+        some = [fit_on[k] for k in chosen]
+        done = _first_refits(base, here, priors, prior, some, _HEADS[0], _FAR, (), jobs, thorough)
         found |= dict(zip(own, done, strict=True))
     return [found[i] for i in range(len(field))]
 
@@ -247,7 +244,7 @@ def _first_refits(
     fit_on: Sequence[Observed],
     samples: int,
     enough: float,
-    begun: Sequence[Candidate | None],
+    begun: Sequence[Candidate],
     jobs: int,
     thorough: bool = True,
 ) -> list[Candidate]:
@@ -257,6 +254,7 @@ def _first_refits(
 
     Args:
         known: Minus the logarithm of the priors, which is in the cost of a refit too.
+        begun: The earlier refits; none if empty.
     """
     if not field:
         return []
@@ -276,7 +274,7 @@ def _first_refits(
         calls: list[Call[Candidate]] = []
         for i in some:
             (head, cost), least = heads[i], _CONTENDS * clear * seen[i]
-            further = enough, begun[i], ways, least
+            further = enough, begun[i] if begun else None, ways, least
             calls.append((_first, (base, cost, field[i], priors, head, *further)))
         found |= dict(zip(some, in_order(calls, jobs=jobs), strict=True))
     return [found[i] for i in range(len(field))]
@@ -291,10 +289,7 @@ def _heads(
 ) -> list[tuple[list[Observed], float]]:
     """Return the beginnings that show each hypothesis, and their cost without it, dimensionless."""
     lengths = [samples if score.late < samples else 2 * score.late for score in field]
-    heads = {
-        n: [replace(r, inputs=r.inputs[:n], outputs=r.outputs[:n]) for r in fit_on]
-        for n in {*lengths}
-    }
+    heads = {n: [r.part(slice(n)) for r in fit_on] for n in {*lengths}}
     costs = {n: known + float(blocks_of_cost(base, head).sum()) for n, head in heads.items()}
     return [(heads[n], costs[n]) for n in lengths]
 
@@ -352,7 +347,7 @@ def _with_trust(
             model,
             [extended_start(r, base.model, model) for r in head],
             (*priors, *entry_priors(first.entry)[0]),
-            start={e.name: e.value for e in first.fit.refit.estimates},
+            start=first.fit.refit.values,
             noise_scale=first.fit.noise_scale,
             enough=_NEAR,
         )
@@ -369,16 +364,9 @@ def leaves_nothing(base: ProcessNoiseFit, candidate: Candidate) -> bool:
 
 def untried(entry: Hypothesis, why: Exception | str) -> Candidate:
     """Return a candidate that could not be tried: a line, not the end of a diagnosis."""
-    text = str(why).strip().split("\n")[0] or type(why).__name__
-    return Candidate(
-        entry,
-        None,
-        -math.inf,
-        (0.0, -math.inf, math.inf),
-        f"it could not be tried, because {text}",
-        followed=False,
-        rule=UNTRIED,
-    )
+    text = f"it could not be tried, because {why if isinstance(why, str) else reason_of(why)}"
+    unknown = (0.0, -math.inf, math.inf)
+    return Candidate(entry, None, -math.inf, unknown, text, followed=False, rule=UNTRIED)
 
 
 def _leaders(first: Sequence[Candidate], best: int, *, several: bool = False) -> list[int]:
@@ -558,7 +546,7 @@ def _refitted(
         if wider is entry:
             break
         score = replace(score, entry=wider)
-        begin = {e.name: e.value for e in fit.refit.estimates}
+        begin = fit.refit.values
     assert best is not None
     return best
 
@@ -584,7 +572,7 @@ def _first(
     # What is either there or not has no small size at which anything could be told of it.
     far = score.entry.far or score.entry.replaces
     if begun is not None and begun.fit is not None:
-        ended = {e.name: e.value for e in begun.fit.refit.estimates}
+        ended = begun.fit.refit.values
         ways = [_Way({}, (begun.fit.noise_scale,), (ended, ended | usual))]
         score = replace(score, entry=begun.entry, shape={})
     else:
@@ -624,7 +612,7 @@ def _first(
     found, fit = min(fits, key=lambda pair: pair[1].cost)
     if begun is None:
         # What no refit changes was chosen at size zero, which tells little of it.
-        ended = {e.name: e.value for e in fit.refit.estimates}
+        ended = fit.refit.values
         onward = _Way({}, (fit.noise_scale,), (ended, ended | usual))
         for entry in _variants(found.entry):
             go(onward, replace(found, entry=entry, shape={}))
@@ -646,7 +634,7 @@ def _variants(entry: Hypothesis) -> list[Hypothesis]:
 
 def _from_nothing(base: ProcessNoiseFit, score: Score) -> _Way:
     """Return the way of a refit that begins at the model without the effect."""
-    own = entry_priors(score.entry, score.size)[1] | {e.name: e.value for e in base.refit.estimates}
+    own = entry_priors(score.entry, score.size)[1] | base.refit.values
     size = f"{score.entry.name}.{score.entry.size_parameter}"
     return _Way({}, (base.noise_scale,), (own, own | {size: 0.0}))
 
@@ -704,12 +692,7 @@ def _best_start(
     From the best of the given starts the size goes on in steps as long as that gains, unless it was
     found by an earlier refit.
     """
-    filter_ = PredictionError(
-        model,
-        observed,
-        tuple(p.name for p in priors),
-        disturbances(model, noise_scale),
-    )
+    filter_ = filter_of(model, observed, noise_scale, [p.name for p in priors])
 
     def cost(start: Mapping[str, float]) -> float:
         try:
@@ -788,7 +771,6 @@ def tuned(
     guessed = [q for q in entry.effect.parameters if is_guess(q) and q.name != entry.size_parameter]
     if not guessed:
         return entry
-    rms = disturbances(model, fit.noise_scale)
     timed = {q.unit for q in entry.effect.parameters if q.name == entry.effect.about.moment}
     better: dict[str, float] = {}
 
@@ -796,7 +778,7 @@ def tuned(
         valued = model.with_parameters({f"{entry.name}.{name}": value})
         try:
             # What is steeper takes shorter steps.
-            filter_ = PredictionError(valued, fit_on[0], (), rms)
+            filter_ = filter_of(valued, fit_on[0], fit.noise_scale)
             return sum(part.cost for part in filter_.along(fit_on, valued.values))
         except NumericalError:
             return math.inf
@@ -876,17 +858,15 @@ def _judged_on(
     # An effect may take over from another one of the same law.
     before_it = f"{fit.model.effects[-1].name}."
     ended = {
-        f"{entry.name}.{e.name.removeprefix(before_it)}"
-        if e.name.startswith(before_it)
-        else e.name: e.value
-        for e in fit.refit.estimates
+        f"{entry.name}.{k.removeprefix(before_it)}" if k.startswith(before_it) else k: v
+        for k, v in fit.refit.values.items()
     }
     entry, fit, started = _narrowed(base, entry, fit, ended, priors, fit_on)
     for last in (not is_event(entry.effect), True):
         (effect,) = with_own_starts((entry.effect,), fit, base.model, fit_on, hold_out)
         if effect is entry.effect:
             break
-        ended = {e.name: e.value for e in fit.refit.estimates}
+        ended = fit.refit.values
         ended |= changed_values(fit.model, (entry.effect,), (effect,))
         entry = replace(entry, effect=effect)
         if level_everywhere(effect) is not None:
@@ -942,7 +922,7 @@ def _narrowed(
                 noise_scale=fit.noise_scale,
                 enough=_NEARER,
             )
-            ended = {e.name: e.value for e in fit.refit.estimates}
+            ended = fit.refit.values
         except NumericalError:
             if best is None:
                 raise

@@ -13,12 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.prediction_error import (
-    Innovations,
-    Observed,
-    PredictionError,
-    disturbances,
-)
+from workbench.diagnosis.estimation.prediction_error import Innovations, Observed, filter_of
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import extended_start, summed_over_blocks
 from workbench.model import Effect, Model
@@ -182,13 +177,13 @@ def score_library(
             variants += _variants(entry)
         except Exception as error:  # noqa: BLE001
             # One law that cannot be built must not end the scoring of all others.
-            failed[entry.name] = _told(error)
+            failed[entry.name] = reason_of(error)
     names = tuple(p.name for p in priors)
-    # Stiff effects would force short steps on all others, so they have a filter of their own.
-    groups = [group for stiff in (False, True) if (group := _of(variants, stiff=stiff))]
     attached: list[_Attached] = []
-    for group in groups:
-        attached += _attached(model, recordings, names, group, noise_scale, failed)
+    # Stiff effects would force short steps on all others, so they have a filter of their own.
+    for stiff in (False, True):
+        if group := [v for v in variants if v.entry.stiff is stiff]:
+            attached += _attached(model, recordings, names, group, noise_scale, failed)
     if not attached:
         return Scores((), np.zeros((0, 0)), noise_scale, tuple(failed.items()))
     ordered = [variant for one in attached for variant in one.variants]
@@ -213,7 +208,7 @@ def _attached(
         return [_Attached(model, recordings, names, variants, noise_scale)]
     except Exception as error:  # noqa: BLE001
         if len(variants) == 1:
-            failed.setdefault(variants[0].entry.name, _told(error))
+            failed.setdefault(variants[0].entry.name, reason_of(error))
             return []
     half = len(variants) // 2
     return [
@@ -223,7 +218,8 @@ def _attached(
     ]
 
 
-def _told(error: Exception) -> str:
+def reason_of(error: Exception) -> str:
+    """Return the first line of an error, or its kind."""
     return str(error).strip().split("\n")[0] or type(error).__name__
 
 
@@ -246,10 +242,6 @@ def _variants(entry: Hypothesis) -> list[_Variant]:
     return made
 
 
-def _of(variants: Sequence[_Variant], *, stiff: bool) -> list[_Variant]:
-    return [variant for variant in variants if variant.entry.stiff is stiff]
-
-
 class _Attached:
     """What a filter with effects attached at size zero predicts along recordings."""
 
@@ -263,14 +255,8 @@ class _Attached:
     ) -> None:
         extended = model.with_effect(*(variant.effect for variant in variants))
         sizes = (f"{v.effect.name}.{v.entry.size_parameter}" for v in variants)
-        own = {q.name for q in model.states}
-        filter_ = PredictionError(
-            extended,
-            recordings[0],
-            (*names, *sizes),
-            disturbances(extended, noise_scale),
-            certain=tuple(q.name for q in extended.states if q.name not in own),
-        )
+        free = (*names, *sizes)
+        filter_ = filter_of(extended, recordings[0], noise_scale, free, beside=model)
         self.variants = tuple(variants)
         self.scale_of_free = filter_.free_scale[: len(names)]
         self.scale_of_sizes = filter_.free_scale[len(names) :]
@@ -418,12 +404,3 @@ def _due(blocks: Vector, begins: Vector) -> Vector:
 def by_name(scores: Scores) -> dict[str, Score]:
     """Return scores by the name of the effect."""
     return {score.entry.name: score for score in scores.scores}
-
-
-__all__ = [
-    "COLLINEAR",
-    "Score",
-    "Scores",
-    "by_name",
-    "score_library",
-]

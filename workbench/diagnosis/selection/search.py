@@ -29,6 +29,7 @@ from workbench.diagnosis.selection.additions import (
     refits_beside,
     remembered,
     retimed,
+    scored_beside,
     with_candidate,
 )
 from workbench.diagnosis.selection.candidate import Candidate, is_sensor
@@ -185,16 +186,13 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
             # A sensor colours the noise: it is no better beginning than what shows in free runs.
             passing = [c for c in passing if not is_sensor(c)]
     else:
-        begun = task.started(task.fitting, current.model)
         scores = scored.scores
         if number:
             tried = task.tried(current.model)
             if not tried:
                 return state, False
             task.say(f"scoring {len(tried)} effects on what is left")
-            scores = score_library(
-                current.model, begun, state.free, tried, noise_scale=current.noise_scale
-            )
+            scores = scored_beside(task, current, state.free, tried)
         first = not number
         # Nothing can gain what is not left out, whatever chance makes of the held-out runs.
         within = OFF_NOISE if scored.excess < LEAST_GAIN else AT_NOISE
@@ -343,10 +341,7 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
             # The others leave nothing to it: it goes, and nothing comes in its place.
             continue
         task.say(f"choosing again beside what was found since {found.candidate.name}")
-        begun = task.started(task.fitting, base.model)
-        scores = score_library(
-            base.model, begun, free, task.tried(base.model), noise_scale=base.noise_scale
-        )
+        scores = scored_beside(task, base, free)
         known = by_name(scores)
         # One that acts at one of several places is found again by way of all of them.
         known |= {a.name: s for s in scores.scores for a in s.entry.alone if a.name not in known}
@@ -357,11 +352,8 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
             tried += shortlist(scores, most=_NEWCOMERS)
             alike = look_alikes(found.candidate.entry, [s.entry for s in scores.scores])
             tried += within([known[e.name] for e in alike], room_for(task, _NEWCOMERS, base.model))
-        asked = Limits(
-            state.penalty,
-            _least(scored, base, number),
-            near_noise=scored.near_noise(task.base),
-        )
+        near = scored.near_noise(task.base)
+        asked = Limits(state.penalty, _least(scored, base, number), near_noise=near)
         chosen = tuple({s.entry.name: s for s in tried}.values())
         try:
             candidates = refits_beside(task, base, free, chosen, asked)

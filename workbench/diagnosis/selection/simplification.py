@@ -45,7 +45,7 @@ def simplified(task: Task, state: Selected) -> Selected:
         if without is None:
             continue
         base, free = without
-        values = {e.name: e.value for e in full.refit.estimates if e.name not in own}
+        values = {k: v for k, v in full.refit.values.items() if k not in own}
         amount = own[size].value * (1.0 if level is None else level)
         for simpler in shorter:
             other = _begun(simpler, entry, amount)
@@ -82,7 +82,7 @@ def _refitted(
         if best is not None and fit.cost > best[1].cost - SAME.value:
             break
         best = entry, fit
-        begin = {e.name: e.value for e in fit.refit.estimates}
+        begin = fit.refit.values
         better = tuned(entry, fit, recordings)
         if better is entry:
             break

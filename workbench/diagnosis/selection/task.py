@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -154,9 +154,8 @@ class Task:
         found: list[tuple[ProcessNoiseFit, tuple[Prior, ...]]] = []
         # Values from before the others were found may lead elsewhere than those with them.
         for fit in (begun, full) if begun is not full else (full,):
-            values = {
-                e.name: e.value for e in fit.refit.estimates if not e.name.startswith(f"{name}.")
-            }
+            known_values = fit.refit.values.items()
+            values = {k: v for k, v in known_values if not k.startswith(f"{name}.")}
             free = tuple(p for p in known if p.name in values)
             # A model that cannot be fitted without the effect needs it.
             with contextlib.suppress(Exception):
@@ -169,13 +168,12 @@ class Task:
     @cached_property
     def off_bounds(self) -> Model:
         """The refitted model with parameters off their bounds, where they reproduce something."""
-        model = self.base.model.with_parameters(start_values(self.base.refit, self.priors))
-        refit = replace(self.base.refit, model=model)
+        off = self.base.with_values(start_values(self.base.refit, self.priors))
         try:
-            blocks_of_cost(replace(self.base, refit=refit), self.fitting)
+            blocks_of_cost(off, self.fitting)
         except NumericalError:
             return self.base.model
-        return model
+        return off.model
 
     @cached_property
     def _ranges(self) -> dict[str, tuple[float, float]]:
@@ -205,8 +203,7 @@ class Task:
         ports = self.location.ports(model) if self.location else ()
         try:
             for seen, run in self._filtered:
-                time = seen.sample_time * np.arange(len(seen.outputs), dtype=np.float64)
-                parts = [(time, error) for error in np.nan_to_num(run.whitened).T]
+                parts = [(seen.time, error) for error in np.nan_to_num(run.whitened).T]
                 if ports:
                     found = unknown_input(model, seen, ports)
                     parts = [*((found.time, signal) for signal in found.signal.T), *parts]
@@ -255,7 +252,7 @@ class Task:
                 ways, signals = [], []
                 for seen, u, (time, signal) in zip(self.fitting, inputs, same, strict=True):
                     held = seen.sample_time * np.concatenate([[0.0], np.cumsum(np.abs(u))[:-1]])
-                    way = np.interp(time, seen.sample_time * np.arange(len(u)), held)
+                    way = np.interp(time, seen.time, held)
                     even = np.linspace(way[0], way[-1], len(way))
                     ways.append((seen.name, even))
                     signals.append(np.interp(even, way, signal))
@@ -273,7 +270,7 @@ class Task:
                 continue
             for same in zip(*self._lacking, strict=True):
                 ways = [
-                    np.interp(time, seen.sample_time * np.arange(len(run.states)), run.states[:, i])
+                    np.interp(time, seen.time, run.states[:, i])
                     for (seen, run), (time, _) in zip(self._filtered, same, strict=True)
                 ]
                 signals = [signal for _, signal in same]

@@ -209,14 +209,18 @@ def taken_up_again(task: Task, state: Selected) -> Selected:
     if not shown:
         return state
     best = min(shown, key=lambda a: a.extended.cost)
-    doubts = (*best.candidate.doubts, f"it {best.reason}")
+    told = _told(state, best, f"it {best.reason}")
+    return replace(told, fits=(task.base, best.extended), rounds=state.rounds[:1])
+
+
+def _told(state: Selected, found: Aside, doubt: str) -> Selected:
+    """Take up again what was set aside, alone and with a doubt."""
+    doubted = replace(found.candidate, doubts=(*found.candidate.doubts, doubt))
     return replace(
         state,
-        accepted=(Accepted(replace(best.candidate, doubts=doubts), best.alike),),
-        withdrawn=tuple(w for w in state.withdrawn if w.candidate.name != best.candidate.name),
-        extended=best.extended,
-        fits=(task.base, best.extended),
-        rounds=state.rounds[:1],
+        accepted=(Accepted(doubted, found.alike),),
+        withdrawn=tuple(w for w in state.withdrawn if w.candidate.name != doubted.name),
+        extended=found.extended,
     )
 
 
@@ -233,10 +237,4 @@ def likely(state: Selected) -> Selected:
     if state.accepted or not aside:
         return state
     best = max(aside, key=lambda a: a.candidate.held_out[0])
-    doubted = replace(best.candidate, doubts=(*best.candidate.doubts, best.reason))
-    return replace(
-        state,
-        accepted=(Accepted(doubted, best.alike),),
-        withdrawn=tuple(w for w in state.withdrawn if w.candidate is not best.candidate),
-        extended=best.extended,
-    )
+    return _told(state, best, best.reason)
