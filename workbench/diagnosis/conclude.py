@@ -450,7 +450,7 @@ def _still_missing(diagnosis: Diagnosis) -> tuple[str, ...]:
     if before is None or after is None:
         return ()
     share = still_missing(before, after)
-    if not share > MOST_LEFT.value:
+    if not share > MOST_LEFT:
         return ()
     place = after.best.replace("_", " ")
     return (f"beside it {100 * share:.0f} % of what was missing is still missing, at {place}",)
@@ -480,7 +480,7 @@ def _beside_larger(diagnosis: Diagnosis, index: int) -> tuple[str, ...]:
     others = ((i, validated.occurrence(i)) for i in range(len(diagnosis.accepted)) if i != index)
     larger = [(o.largest, i) for i, o in others if o is not None and _add_up(model, o, own)]
     most, which = max(larger, default=(0.0, 0))
-    if own.largest >= BESIDE_LARGER.value * most:
+    if own.largest >= BESIDE_LARGER * most:
         return ()
     name = diagnosis.accepted[which].candidate.entry.name.replace("_", " ")
     return (
@@ -506,8 +506,8 @@ def _still_off(rest: str, fit: Mapping[str, Mapping[str, float]]) -> tuple[str, 
     Or where they are trusted, and yet most of the error beyond the noise is there without it too.
     """
     share = 1.0 - explained(fit)
-    little = share > 1.0 - LEAST_SHOWN.value and max(over_noise(fit).values()) > NEAR_NOISE.value
-    if not (little or (share > MOST_OFF.value and rest)):
+    little = share > 1.0 - LEAST_SHOWN and max(over_noise(fit).values()) > NEAR_NOISE
+    if not (little or (share > MOST_OFF and rest)):
         return ()
     return (f"{100 * share:.0f} % of the mean square error of the held-out runs is left",)
 
@@ -596,7 +596,7 @@ def _wrong_values(diagnosis: Diagnosis) -> list[Estimate]:
 def _far(diagnosis: Diagnosis) -> str:
     """Say how far the runs of the refitted nominal model are from the noise."""
     scored = diagnosis.scored
-    if scored is None or scored.farthest[1] <= NEAR_NOISE.value:
+    if scored is None or scored.farthest[1] <= NEAR_NOISE:
         return ""
     output, ratio = scored.farthest
     return (
@@ -609,9 +609,9 @@ def _rest(diagnosis: Diagnosis, fit: Mapping[str, Mapping[str, float]]) -> str:
     """Say what is still left out, by how much, and what would explain most of it."""
     over = over_noise(fit)
     output = max(over, key=lambda name: over[name])
-    if over[output] <= NEAR_NOISE.value:
+    if over[output] <= NEAR_NOISE:
         return ""
-    if diagnosis.extended.noise_scale <= IMPERFECT.value and not _drifts_off(diagnosis):
+    if diagnosis.extended.noise_scale <= IMPERFECT and not _drifts_off(diagnosis):
         return ""
     said = (
         f" Something else is still left out: the held-out error of {output.replace('_', ' ')} is"
@@ -639,7 +639,7 @@ def _drifts_off(diagnosis: Diagnosis) -> bool:
         over = over_floor(diagnosis.extended, diagnosis.nominal, diagnosis.prepared.judging)
     except (NumericalError, np.linalg.LinAlgError):
         return False
-    return max(over.values(), default=0.0) > NEAR_NOISE.value
+    return max(over.values(), default=0.0) > NEAR_NOISE
 
 
 def _coloured(diagnosis: Diagnosis) -> str:

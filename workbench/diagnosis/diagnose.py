@@ -350,11 +350,11 @@ def _hollow(task: Task, found: Diagnosis, selected: Selected) -> bool:
     doubted = [bool(a.candidate.doubts) for a in selected.accepted]
     if not doubted or not all(doubted) or found.before is None:
         return False
-    if run_freely(task, selected)[1] >= LEAST_SHOWN.value:
+    if run_freely(task, selected)[1] >= LEAST_SHOWN:
         return False
     started = tuple(task.started(task.fitting, selected.extended.model))
     left = where(selected.extended, replace(found.prepared, fitting=started)).location
-    return still_missing(found.before, left) >= NO_NAME.value
+    return still_missing(found.before, left) >= NO_NAME
 
 
 def _without_name(task: Task, found: Diagnosis, selected: Selected) -> Selected:
@@ -386,7 +386,7 @@ def validate(found: Diagnosis, *, advise: bool = True, jobs: int = 1, say: Progr
     if found.improved:
         extended = known.get("extended") or task.closest(selected.extended, robust=True)
         started = task.started(prepared.fitting, extended.model)
-        if extended.noise_scale <= IMPERFECT.value:
+        if extended.noise_scale <= IMPERFECT:
             values = extended.model.values
             judging = task.started(prepared.judging, extended.model)
             extended = with_fixed_refitted(extended, started, judging)
@@ -409,14 +409,14 @@ def validate(found: Diagnosis, *, advise: bool = True, jobs: int = 1, say: Progr
         for label, (model, scale) in models.items()
     }
     wrong: tuple[str, ...] = ()
-    if not found.improved and found.base.noise_scale <= IMPERFECT.value:
+    if not found.improved and found.base.noise_scale <= IMPERFECT:
         wrong = shown_on_bounds(
             found.base, found.nominal, prepared.fitting, prepared.judging, prepared.priors
         )
     validated = Validated(refitted, extended, runs, location, wrong=wrong)
     found = replace(found, validated=validated)
     questions: list[Call[Any]] = [(missing_signals, (found,))]
-    if location is not None and extended.noise_scale > IMPERFECT.value:
+    if location is not None and extended.noise_scale > IMPERFECT:
         assert found.fitted is not None
         told = replace(found.fitted, base=extended)
         left = Diagnosis(found.nominal, prepared, told, Located(location))

@@ -63,7 +63,7 @@ def with_commands_in_time(
 
     try:
         before = lacks(0)
-        late = before > SAME.value / _LEFT and lacks(1) < _LEFT * before
+        late = before > SAME / _LEFT and lacks(1) < _LEFT * before
         if not late or lacks(2) < _LEFT * before:
             return recordings, ()
     except (WorkbenchError, np.linalg.LinAlgError):

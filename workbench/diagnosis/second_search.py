@@ -86,7 +86,7 @@ def where_none_is_declared(
     """Look where the plant has no port, if what was found runs off the noise or is not sure."""
     if found.validated is None or found.complete:
         return None
-    if not _unsure(found) and (_misfit(found) <= OFF_NOISE.value or _little_left(found)):
+    if not _unsure(found) and (_misfit(found) <= OFF_NOISE or _little_left(found)):
         return None
     other, places = opened(model, recordings)
     if not places:
@@ -114,7 +114,7 @@ def _misfit(found: Diagnosis, label: str = "extended") -> float:
 
 def _little_left(found: Diagnosis) -> bool:
     left, before = (_misfit(found, label) ** 2 - 1.0 for label in ("extended", "refitted"))
-    return left < LITTLE_LEFT.value * before
+    return left < LITTLE_LEFT * before
 
 
 def _closer(again: Diagnosis, found: Diagnosis) -> bool:

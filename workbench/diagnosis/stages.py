@@ -180,7 +180,7 @@ class Diagnosis(Drawn):
     def complete(self) -> bool:
         """Whether the refitted nominal model predicts nearly to the noise: nothing is missing."""
         if self.scored is None:
-            return self.base.noise_scale <= IMPERFECT.value
+            return self.base.noise_scale <= IMPERFECT
         return self.scored.near_noise(self.base)
 
     @property

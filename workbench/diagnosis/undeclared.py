@@ -294,7 +294,7 @@ def clearly_likelier(
             costs.append(fit_with_likely_starts(trial, observed, default_priors(trial))[0].cost)
         except (WorkbenchError, np.linalg.LinAlgError):
             return False
-    return costs[0] < costs[1] - SAME.value
+    return costs[0] < costs[1] - SAME
 
 
 def misread(model: Model, recordings: Sequence[Recording]) -> Misread | None:
@@ -335,8 +335,7 @@ def misread(model: Model, recordings: Sequence[Recording]) -> Misread | None:
     found = [
         q
         for q in model.inputs
-        if q.name in costs
-        and costs[q.name][0] < min(costs[q.name][1] - SAME.value, costs[q.name][2])
+        if q.name in costs and costs[q.name][0] < min(costs[q.name][1] - SAME, costs[q.name][2])
     ]
     if not found and fit.noise_scale > PERFECT:
         read = tuple(noise.items())
@@ -344,7 +343,7 @@ def misread(model: Model, recordings: Sequence[Recording]) -> Misread | None:
         with contextlib.suppress(WorkbenchError, np.linalg.LinAlgError):
             observed = [observe(trial, r) for r in given]
             other = fit_with_likely_starts(trial, observed, default_priors(trial))[0]
-            if other.noise_scale <= PERFECT and other.cost < fit.cost + SAME.value:
+            if other.noise_scale <= PERFECT and other.cost < fit.cost + SAME:
                 found = [q for q in model.inputs if q.name in noise]
     if not found:
         return None

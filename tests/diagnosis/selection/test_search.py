@@ -38,14 +38,14 @@ from workbench.physics.library import library
 def test_effects_that_explain_too_little_are_taken_back_with_the_reason() -> None:
     (given, _), task = example_diagnosis(), example_task()
     gain = given.base.cost - given.selected.fits[1].cost
-    little = gain / (0.8 * LEAST_SHARE.value)
+    little = gain / (0.8 * LEAST_SHARE)
     ((found, alike),) = given.selected.accepted
     unseen = replace(given.selected, accepted=(Accepted(replace(found, run=None), alike),))
     left = too_little_withdrawn(task, unseen, little)
     assert left.accepted == () and left.extended is given.base
     ((candidate, why),) = left.withdrawn
     assert candidate.entry.name == "coulomb_friction"
-    assert why.startswith(f"explains too little: {80 * LEAST_SHARE.value:.0f} %")
+    assert why.startswith(f"explains too little: {80 * LEAST_SHARE:.0f} %")
     assert too_little_withdrawn(task, given.selected, gain) is given.selected
     # Free runs show it: where no other search finds more, it is told, with a doubt.
     assert taken_up_again(task, left) is left
@@ -57,7 +57,7 @@ def test_effects_that_explain_too_little_are_taken_back_with_the_reason() -> Non
     assert kept.name == "coulomb_friction" and why in kept.doubts[-1]
     assert told.extended.cost == given.selected.fits[1].cost and told.withdrawn == ()
     # But not if it predicts next to nothing of what is missing.
-    gone = too_little_withdrawn(task, given.selected, 2.0 * gain / LEAST_PREDICTED.value)
+    gone = too_little_withdrawn(task, given.selected, 2.0 * gain / LEAST_PREDICTED)
     assert gone.accepted == gone.aside == () and left.aside != ()
 
 

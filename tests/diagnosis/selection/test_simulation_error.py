@@ -55,7 +55,7 @@ def lacking(*, rounded: bool = False) -> Case:
 
 def test_runs_get_closer_to_recordings_that_were_not_fitted() -> None:
     case = lacking()
-    assert case.fit.noise_scale > IMPERFECT.value
+    assert case.fit.noise_scale > IMPERFECT
     closer = closest_runs(case.fit, case.model, case.fitting, case.judging)
     before, after = (run_errors(fit, case.model, case.judging) for fit in (case.fit, closer))
     assert after.mean[0] < 0.95 * before.mean[0]
@@ -91,7 +91,7 @@ def test_complete_equations_and_long_work_keep_their_estimates(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     case = lacking()
-    complete = replace(case.fit, noise_scale=IMPERFECT.value)
+    complete = replace(case.fit, noise_scale=IMPERFECT)
     assert closest_runs(complete, case.model, case.fitting, case.judging) is complete
     monkeypatch.setattr(simulation_error, "_MOST_WORK", 1.0)
     assert closest_runs(case.fit, case.model, case.fitting, case.judging) is case.fit

@@ -270,8 +270,7 @@ def explain_as_well(
             continue
         apart = not c.blocks or told_apart(best.blocks, c.blocks) or closer_unseen(best, c)
         if (passed_all(c) and not apart) or (
-            abs(best.gain - c.gain) < SAME.value
-            and not (preferred(best, c) or closer_unseen(best, c))
+            abs(best.gain - c.gain) < SAME and not (preferred(best, c) or closer_unseen(best, c))
         ):
             same.append(c.entry.name)
     unseen = {s.entry.name for s in scores.scores if not s.testable}

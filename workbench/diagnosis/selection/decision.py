@@ -76,7 +76,7 @@ def decided(
         # the likeliest on all recordings together.
         same = [c for c in passing if len(c.doubts) <= len(best.doubts)]
         # What lies within a few units where both were fitted, unseen recordings decide.
-        better = [c for c in same if abs(best.gain - c.gain) < SAME.value and preferred(c, best)]
+        better = [c for c in same if abs(best.gain - c.gain) < SAME and preferred(c, best)]
         best = max(better, key=lambda c: c.held_out[0], default=best)
         # So they do where they say it twice: of what comes next, and of whole runs.
         closer = [c for c in same if closer_unseen(c, best)]
@@ -103,7 +103,7 @@ def degenerates_to(one: Candidate, other: Candidate) -> bool:
     if not one.degenerate and not _as_likely(one, other):
         return False
     gained = [one.gain - other.gain]
-    within = max(SAME.value, SAME_SHARE.value * other.gain)
+    within = max(SAME, SAME_SHARE * other.gain)
     if one.fit and other.fit and one.fit.noise_scale == other.fit.noise_scale:
         # What is trusted less gains less on unseen recordings, however equal.
         gained.append(one.held_out[0] - other.held_out[0])
@@ -116,7 +116,7 @@ def _as_likely(one: Candidate, other: Candidate) -> bool:
         return False
     count = sum(len(a) for a, _ in pairs)
     # Of what the simpler one gains in a block, a part may be told by the form of its law.
-    within = max(INDISTINCT.value, SAME_SHARE.value * (other.gain + other.held_out[0]) / count)
+    within = max(INDISTINCT, SAME_SHARE * (other.gain + other.held_out[0]) / count)
     return all(float(np.abs(a - b).mean()) < within for a, b in pairs)
 
 
@@ -124,7 +124,7 @@ def overfits(one: Candidate, other: Candidate) -> bool:
     """Whether an effect loses on unseen recordings what it gains beyond a simpler one."""
     unseen = one.held_out[0] - other.held_out[0]
     more = one.own_parameters > other.own_parameters
-    return more and unseen < 0.0 and one.gain - other.gain + unseen < SAME.value
+    return more and unseen < 0.0 and one.gain - other.gain + unseen < SAME
 
 
 def preferred(one: Candidate, other: Candidate) -> bool:
@@ -147,7 +147,7 @@ def closer_unseen(one: Candidate, other: Candidate) -> bool:
         return False
     if one.held_out[0] <= other.held_out[0] and not simpler:
         return False
-    return one.run.closer_than(other.run, by=MUCH_CLOSER.value)
+    return one.run.closer_than(other.run, by=MUCH_CLOSER)
 
 
 def _run_freely(candidate: Candidate, without: RunErrors, *, shown: bool) -> Candidate:
@@ -199,7 +199,7 @@ def _runs_closer(candidate: Candidate, without: RunErrors) -> bool:
         # Its size in an unseen recording is taken from there.
         return False
     # The wrong shape of what was found leaves a rest too, of which another name takes a little.
-    by = LEAST_EXPLAINED.value if candidate.rule == SHARE.name else 0.0
+    by = LEAST_EXPLAINED if candidate.rule == SHARE.name else 0.0
     return candidate.run.closer_than(without, by=by)
 
 

@@ -56,7 +56,7 @@ def with_pair(task: Task, state: Selected, limits: Limits) -> Selected:
     searched for beside it; all are judged as one.
     """
     current, round_ = state.extended, state.rounds[-1]
-    complete = limits.near_noise or current.noise_scale <= IMPERFECT.value
+    complete = limits.near_noise or current.noise_scale <= IMPERFECT
     if complete or len(state.rounds) >= MOST_FINDINGS:
         return state
     openings = _openings(round_.candidates, limits, beside=bool(state.accepted))
@@ -174,7 +174,7 @@ def _completed(
 
 def _most_is_left(task: Task, state: Selected) -> bool:
     """Whether free runs on held-out recordings keep most of their error with what was found."""
-    return not state.accepted or run_freely(task, state)[1] <= 1.0 - LEAST_LEFT.value
+    return not state.accepted or run_freely(task, state)[1] <= 1.0 - LEAST_LEFT
 
 
 def _openings(

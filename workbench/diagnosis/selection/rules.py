@@ -81,20 +81,6 @@ class Rule:
     broken: Callable[[Question], str]
 
 
-@dataclass(frozen=True)
-class Threshold:
-    """A number on which the search decides, with the reason.
-
-    Args:
-        value: The number, dimensionless.
-        reason: Why it exists.
-    """
-
-    name: str
-    value: float
-    reason: str
-
-
 def selection_penalty(library: int, samples: int, parameters: int) -> float:
     """Return the log likelihood that an effect must gain: parameters and size of the library.
 
@@ -212,139 +198,94 @@ calls for an effect, and a doubt refuses it."""
 
 REFIT, SHARE, HELD_OUT = RULES[0], RULES[-2], RULES[-1]
 
-IMPERFECT = Threshold(
-    "imperfect",
-    0.1,
-    "Process-noise scale above which the equations still leave something out.",
-)
-LEAST_SHARE = Threshold(
-    "share of a single effect",
-    0.3,
-    "Share of the excess misfit of the refitted nominal that a single effect must explain.",
-)
-LEAST_SHOWN = Threshold(
-    "share of the free run instead",
-    0.7,
-    "What takes so much of the mean square of the free runs' error is there, however far the rest"
-    " is from the noise.",
-)
-LEAST_PREDICTED = Threshold(
-    "least share of a name",
-    0.1,
-    "What predicts less of the excess misfit is no name even if runs come closer with it: it has"
-    " moved other parameters to better values, beside something that the library may not have.",
-)
-LEAST_OF_REST = Threshold(
-    "share of a further effect",
-    0.6,
-    "The wrong shape of an effect that was found leaves a rest too, of which another name explains"
-    " a part; so much of it a further effect must explain.",
-)
-LEAST_TOGETHER = Threshold(
-    "share of several effects", 0.5, "Share of the excess that several effects must explain."
-)
-LEAST_AT_FIRST = Threshold(
-    "share while another is searched for",
-    0.05,
-    "Two effects that hide each other explain little one by one.",
-)
-LEAST_OF_ALL = Threshold(
-    "share of the first excess",
-    0.05,
-    "Less may be the wrong shape of an effect that was found, and is not worth a wrong name.",
-)
-LEAST_LEFT = Threshold(
-    "share left for a pair",
-    0.5,
-    "Share of the free run's error that has to be left for two effects to be searched for at once:"
-    " two laws together fit what the wrong shape of another has left.",
-)
-LEAST_EXPLAINED = Threshold(
-    "share of the free run",
-    0.3,
-    "Share of the held-out free-run error beyond the noise that everything found must remove.",
-)
-MOST_LEFT = Threshold(
-    "share still missing",
-    0.5,
-    "Where more than half of the misfit of the worst place is left beside everything found, a name"
-    " may stand for something that the library does not have.",
-)
-MOST_OFF = Threshold(
-    "runs still off",
-    0.03,
-    "Part of the mean square of the held-out runs' error beyond the noise that is left beside"
-    " everything found, from which on a name is only likely where the equations leave something"
-    " out: the nearest law of the library takes the place of one that it does not have.",
-)
-BESIDE_LARGER = Threshold(
-    "beside a larger one",
-    0.15,
-    "What a finding does at its strongest over what another does at the same place, up to which it"
-    " may be what is left of the other's shape: a law of a book describes a machine to some 6 %,"
-    " and a pad at the stops took 10 % of a force law whose shape was another.",
-)
-NO_NAME = Threshold(
-    "share still missing without a name",
-    0.8,
-    "Where so much of the misfit of the worst place is left beside findings that are each doubted,"
-    " none is named: what nobody modelled and no sensor reads, such as a slope of the road, is"
-    " imitated a little by many laws.",
-)
-NEAR_NOISE = Threshold(
-    "near the noise",
-    3.0,
-    "Held-out error over what noise and the uncertainty of the parameters leave, up to which"
-    " nothing is missing.",
-)
-OFF_NOISE = Threshold(
-    "off the noise",
-    1.2,
-    "Held-out error over that of noise alone from which on something may be missing beside what"
-    " was found, where its author trusts the equations.",
-)
-LITTLE_LEFT = Threshold(
-    "little left",
-    1e-3,
-    "Part of the square of the refitted model's held-out error, beside that of noise, up to which"
-    " what was found surely is not searched for elsewhere: a bend that is rounded otherwise leaves"
-    " as much, and the second search takes as long as the first.",
-)
-AT_NOISE = Threshold(
-    "at the noise",
-    1.1,
-    "Held-out error over what noise and the uncertainty of the parameters leave, up to which laws"
-    " are refitted only for their score: what parameters took over so well is not missing.",
-)
-MUCH_CLOSER = Threshold(
-    "much closer",
-    0.2,
-    "Part of the error of another effect's free runs that has to go for unseen recordings to be"
-    " believed before those that were fitted: chance and a happy start move runs too.",
-)
-SAME = Threshold(
-    "same explanation",
-    15.0,
-    "Difference of log likelihood below which two effects explain the recordings equally well.",
-)
-TWIN = Threshold(
-    "twin",
-    0.999,
-    "Cosine between the signatures of two effects from which on they do the same to recordings:"
-    " what tells them apart, such as a reversal, has not been recorded.",
-)
-SAME_SHARE = Threshold(
-    "same law",
-    4e-3,
-    "Part of what a simpler effect gains that one with more parameters must gain beyond it: a law"
-    " of a book describes a machine to some 6 %, the square of which is left of its gain.",
-)
-INDISTINCT = Threshold(
-    "same from block to block",
-    0.5,
-    "Mean difference of log likelihood in a block of time below which two effects predict the same:"
-    " parameters that only one of them has tell nothing.",
-)
+IMPERFECT = 0.1
+"""Process-noise scale above which the equations still leave something out."""
+
+LEAST_SHARE = 0.3
+"""Share of the excess misfit of the refitted nominal that a single effect must explain."""
+
+LEAST_SHOWN = 0.7
+"""What takes so much of the mean square of the free runs' error is there, however far the rest is
+from the noise."""
+
+LEAST_PREDICTED = 0.1
+"""What predicts less of the excess misfit is no name even if runs come closer with it: it has moved
+other parameters to better values, beside something that the library may not have."""
+
+LEAST_OF_REST = 0.6
+"""The wrong shape of an effect that was found leaves a rest too, of which another name explains a
+part; so much of it a further effect must explain."""
+
+LEAST_TOGETHER = 0.5
+"""Share of the excess that several effects must explain."""
+
+LEAST_AT_FIRST = 0.05
+"""Two effects that hide each other explain little one by one."""
+
+LEAST_OF_ALL = 0.05
+"""Less may be the wrong shape of an effect that was found, and is not worth a wrong name."""
+
+LEAST_LEFT = 0.5
+"""Share of the free run's error that has to be left for two effects to be searched for at once: two
+laws together fit what the wrong shape of another has left."""
+
+LEAST_EXPLAINED = 0.3
+"""Share of the held-out free-run error beyond the noise that everything found must remove."""
+
+MOST_LEFT = 0.5
+"""Where more than half of the misfit of the worst place is left beside everything found, a name may
+stand for something that the library does not have."""
+
+MOST_OFF = 0.03
+"""Part of the mean square of the held-out runs' error beyond the noise that is left beside
+everything found, from which on a name is only likely where the equations leave something out: the
+nearest law of the library takes the place of one that it does not have."""
+
+BESIDE_LARGER = 0.15
+"""What a finding does at its strongest over what another does at the same place, up to which it may
+be what is left of the other's shape: a law of a book describes a machine to some 6 %, and a pad at
+the stops took 10 % of a force law whose shape was another."""
+
+NO_NAME = 0.8
+"""Where so much of the misfit of the worst place is left beside findings that are each doubted,
+none is named: what nobody modelled and no sensor reads, such as a slope of the road, is imitated a
+little by many laws."""
+
+NEAR_NOISE = 3.0
+"""Held-out error over what noise and the uncertainty of the parameters leave, up to which nothing
+is missing."""
+
+OFF_NOISE = 1.2
+"""Held-out error over that of noise alone from which on something may be missing beside what was
+found, where its author trusts the equations."""
+
+LITTLE_LEFT = 1e-3
+"""Part of the square of the refitted model's held-out error, beside that of noise, up to which what
+was found surely is not searched for elsewhere: a bend that is rounded otherwise leaves as much, and
+the second search takes as long as the first."""
+
+AT_NOISE = 1.1
+"""Held-out error over what noise and the uncertainty of the parameters leave, up to which laws are
+refitted only for their score: what parameters took over so well is not missing."""
+
+MUCH_CLOSER = 0.2
+"""Part of the error of another effect's free runs that has to go for unseen recordings to be
+believed before those that were fitted: chance and a happy start move runs too."""
+
+SAME = 15.0
+"""Difference of log likelihood below which two effects explain the recordings equally well."""
+
+TWIN = 0.999
+"""Cosine between the signatures of two effects from which on they do the same to recordings: what
+tells them apart, such as a reversal, has not been recorded."""
+
+SAME_SHARE = 4e-3
+"""Part of what a simpler effect gains that one with more parameters must gain beyond it: a law of a
+book describes a machine to some 6 %, the square of which is left of its gain."""
+
+INDISTINCT = 0.5
+"""Mean difference of log likelihood in a block of time below which two effects predict the same:
+parameters that only one of them has tell nothing."""
 
 
 def judged(candidate: Candidate, limits: Limits) -> Candidate:

@@ -144,7 +144,7 @@ def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
     state = too_little_withdrawn(task, state, scored.excess)
     if len(state.accepted) > 1:
         task.say("leaving out one effect at a time")
-        state = left_out(task, state, max(state.penalty, LEAST_OF_ALL.value * scored.excess))
+        state = left_out(task, state, max(state.penalty, LEAST_OF_ALL * scored.excess))
     state, share = run_as_found(task, simplified(task, retimed(task, state)))
     failed = (*state.failed, state.began)
     shown = any(a.shown for a in state.aside)
@@ -164,7 +164,7 @@ def as_it_is_told(state: Selected, share: float) -> Selected:
     Args:
         share: Share of the error of free runs that goes with all of them, dimensionless.
     """
-    together = len(state.accepted) > 1 and share >= LEAST_SHOWN.value
+    together = len(state.accepted) > 1 and share >= LEAST_SHOWN
     fit = state.closest.get("extended", state.extended) if math.isfinite(share) else state.extended
     return replace(
         state, accepted=tuple(as_told(a, fit, together=together) for a in state.accepted)
@@ -196,7 +196,7 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
         first = not number
         # Nothing can gain what is not left out, whatever chance makes of the held-out runs.
         within = OFF_NOISE if scored.excess < LEAST_GAIN else AT_NOISE
-        quiet = first and scored.near_noise(task.base, within.value)
+        quiet = first and scored.near_noise(task.base, within)
         most = MOST_AT_FIRST if first else MOST_AGAIN
         chosen, later = to_refit(task, scores, most, current.model, quiet=quiet)
         samples = sum(len(r.outputs) for r in task.fitting)
@@ -204,7 +204,7 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
         limits = Limits(
             penalty,
             least,
-            LEAST_TOGETHER.value * scored.excess * first,
+            LEAST_TOGETHER * scored.excess * first,
             scored.near_noise(task.base),
             perfect=current.noise_scale <= PERFECT and bool(number),
         )
@@ -255,7 +255,7 @@ def _with_twins(
     further is chance.
     """
     best = next((c.name for c in candidates if not c.refused), "")
-    alike = set(scores.look_alikes(best, above=TWIN.value))
+    alike = set(scores.look_alikes(best, above=TWIN))
     alike -= {c.name for c in candidates if c.followed}
     twins = [s for s in chosen if s.entry.name in alike][:_RIVALS]
     if not twins:
@@ -277,7 +277,7 @@ def goes_on(task: Task, scored: Scored, before: ProcessNoiseFit, state: Selected
     """
     became_perfect = state.extended.noise_scale <= PERFECT < before.noise_scale
     left = state.extended.cost - scored.perfect
-    done = became_perfect and left < LEAST_SHARE.value * scored.excess
+    done = became_perfect and left < LEAST_SHARE * scored.excess
     return not (done and _near_noise(task, state))
 
 
@@ -287,7 +287,7 @@ def _near_noise(task: Task, state: Selected) -> bool:
         floor = over_floor(state.extended, task.nominal, task.judging, jobs=task.jobs)
     except (NumericalError, np.linalg.LinAlgError):
         return False
-    return max(floor.values()) <= NEAR_NOISE.value
+    return max(floor.values()) <= NEAR_NOISE
 
 
 def _left(task: Task, scored: Scored, state: Selected, least: float) -> float:
@@ -317,9 +317,9 @@ def _least(scored: Scored, current: ProcessNoiseFit, number: int) -> float:
         number: How many effects were found before it.
     """
     if not number:
-        return LEAST_AT_FIRST.value * scored.excess
+        return LEAST_AT_FIRST * scored.excess
     rest = max(current.cost - scored.perfect, 0.0)
-    return max(LEAST_OF_REST.value * rest, LEAST_OF_ALL.value * scored.excess)
+    return max(LEAST_OF_REST * rest, LEAST_OF_ALL * scored.excess)
 
 
 def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
@@ -337,7 +337,7 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
         if without is None:
             continue
         base, free = without
-        if base.cost - state.extended.cost < SAME.value:
+        if base.cost - state.extended.cost < SAME:
             # The others leave nothing to it: it goes, and nothing comes in its place.
             continue
         task.say(f"choosing again beside what was found since {found.candidate.name}")

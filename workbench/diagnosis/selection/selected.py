@@ -42,7 +42,7 @@ class Scored:
         name = max(far, key=far.__getitem__, default="")
         return name, far.get(name, 0.0)
 
-    def near_noise(self, base: ProcessNoiseFit, within: float = NEAR_NOISE.value) -> bool:
+    def near_noise(self, base: ProcessNoiseFit, within: float = NEAR_NOISE) -> bool:
         """Whether the refitted nominal model predicts nearly to the noise.
 
         Args:
@@ -50,8 +50,8 @@ class Scored:
         """
         far = self.farthest[1]
         # Nothing can gain what is not left out, however little the filter trusts the equations.
-        nothing_left = self.excess < LEAST_GAIN and far <= OFF_NOISE.value
-        return (nothing_left or base.noise_scale <= IMPERFECT.value) and far <= within
+        nothing_left = self.excess < LEAST_GAIN and far <= OFF_NOISE
+        return (nothing_left or base.noise_scale <= IMPERFECT) and far <= within
 
 
 class Round(NamedTuple):

@@ -57,7 +57,7 @@ def simplified(task: Task, state: Selected) -> Selected:
             except Exception:  # noqa: BLE001
                 # What cannot be fitted is no simpler law.
                 continue
-            if fit.cost < state.extended.cost + SAME.value:
+            if fit.cost < state.extended.cost + SAME:
                 known = (*free, *entry_priors(other)[0])
                 state = _renamed(state, found, other, replace(fit, passed=None), known)
                 break
@@ -79,7 +79,7 @@ def _refitted(
         recordings = task.started(task.fitting, model)
         known = (*free, *entry_priors(entry)[0])
         fit = fit_with_process_noise(model, recordings, known, start=begin, noise_scale=noise_scale)
-        if best is not None and fit.cost > best[1].cost - SAME.value:
+        if best is not None and fit.cost > best[1].cost - SAME:
             break
         best = entry, fit
         begin = fit.refit.values

@@ -71,7 +71,7 @@ def closest_runs(
     """
     samples = sum(len(r.outputs) for r in fitting)
     work = samples * max(len(fit.model.states), 1) ** 2 * len(fit.refit.estimates)
-    if fit.noise_scale <= IMPERFECT.value or work > _MOST_WORK or not judging:
+    if fit.noise_scale <= IMPERFECT or work > _MOST_WORK or not judging:
         return fit
     best = fit
     # Whatever a law does where it is refined, the fit that was found stands.
