@@ -15,6 +15,7 @@ from workbench.diagnosis.estimation.refit_result import Estimate
 from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
+from workbench.diagnosis.selection import rules
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import (
     explained,
@@ -23,15 +24,6 @@ from workbench.diagnosis.selection.held_out import (
     over_noise,
 )
 from workbench.diagnosis.selection.moments import levels, moments
-from workbench.diagnosis.selection.rules import (
-    BESIDE_LARGER,
-    IMPERFECT,
-    LEAST_GAIN,
-    LEAST_SHOWN,
-    MOST_LEFT,
-    MOST_OFF,
-    NEAR_NOISE,
-)
 from workbench.diagnosis.selection.score import COLLINEAR
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Kind, Value, Verdict
@@ -450,7 +442,7 @@ def _still_missing(diagnosis: Diagnosis) -> tuple[str, ...]:
     if before is None or after is None:
         return ()
     share = still_missing(before, after)
-    if not share > MOST_LEFT:
+    if not share > rules.MOST_LEFT:
         return ()
     place = after.best.replace("_", " ")
     return (f"beside it {100 * share:.0f} % of what was missing is still missing, at {place}",)
@@ -480,7 +472,7 @@ def _beside_larger(diagnosis: Diagnosis, index: int) -> tuple[str, ...]:
     others = ((i, validated.occurrence(i)) for i in range(len(diagnosis.accepted)) if i != index)
     larger = [(o.largest, i) for i, o in others if o is not None and _add_up(model, o, own)]
     most, which = max(larger, default=(0.0, 0))
-    if own.largest >= BESIDE_LARGER * most:
+    if own.largest >= rules.BESIDE_LARGER * most:
         return ()
     name = diagnosis.accepted[which].candidate.entry.name.replace("_", " ")
     return (
@@ -506,8 +498,8 @@ def _still_off(rest: str, fit: Mapping[str, Mapping[str, float]]) -> tuple[str, 
     Or where they are trusted, and yet most of the error beyond the noise is there without it too.
     """
     share = 1.0 - explained(fit)
-    little = share > 1.0 - LEAST_SHOWN and max(over_noise(fit).values()) > NEAR_NOISE
-    if not (little or (share > MOST_OFF and rest)):
+    little = share > 1.0 - rules.LEAST_SHOWN and max(over_noise(fit).values()) > rules.NEAR_NOISE
+    if not (little or (share > rules.MOST_OFF and rest)):
         return ()
     return (f"{100 * share:.0f} % of the mean square error of the held-out runs is left",)
 
@@ -528,7 +520,7 @@ def still_missing(before: Location, after: Location) -> float:
     Where no place of the process lacked anything, as beside a sensor that is off, nothing is left.
     """
     missing = before.alone.get(before.best, 0.0)
-    return after.alone.get(after.best, 0.0) / missing if missing > LEAST_GAIN else 0.0
+    return after.alone.get(after.best, 0.0) / missing if missing > rules.LEAST_GAIN else 0.0
 
 
 def _without_name(
@@ -596,7 +588,7 @@ def _wrong_values(diagnosis: Diagnosis) -> list[Estimate]:
 def _far(diagnosis: Diagnosis) -> str:
     """Say how far the runs of the refitted nominal model are from the noise."""
     scored = diagnosis.scored
-    if scored is None or scored.farthest[1] <= NEAR_NOISE:
+    if scored is None or scored.farthest[1] <= rules.NEAR_NOISE:
         return ""
     output, ratio = scored.farthest
     return (
@@ -609,9 +601,9 @@ def _rest(diagnosis: Diagnosis, fit: Mapping[str, Mapping[str, float]]) -> str:
     """Say what is still left out, by how much, and what would explain most of it."""
     over = over_noise(fit)
     output = max(over, key=lambda name: over[name])
-    if over[output] <= NEAR_NOISE:
+    if over[output] <= rules.NEAR_NOISE:
         return ""
-    if diagnosis.extended.noise_scale <= IMPERFECT and not _drifts_off(diagnosis):
+    if diagnosis.extended.noise_scale <= rules.IMPERFECT and not _drifts_off(diagnosis):
         return ""
     said = (
         f" Something else is still left out: the held-out error of {output.replace('_', ' ')} is"
@@ -621,7 +613,7 @@ def _rest(diagnosis: Diagnosis, fit: Mapping[str, Mapping[str, float]]) -> str:
     later = diagnosis.rounds[len(diagnosis.accepted) :]
     tried = [c for _, candidates in later[:1] for c in candidates if c.fit is not None]
     best = max(tried, key=lambda c: c.gain, default=None)
-    if best is not None and best.gain < LEAST_GAIN:
+    if best is not None and best.gain < rules.LEAST_GAIN:
         said += ", and no law of the library explains more of it"
     elif best is not None:
         name = best.entry.name.replace("_", " ")
@@ -639,7 +631,7 @@ def _drifts_off(diagnosis: Diagnosis) -> bool:
         over = over_floor(diagnosis.extended, diagnosis.nominal, diagnosis.prepared.judging)
     except (NumericalError, np.linalg.LinAlgError):
         return False
-    return max(over.values(), default=0.0) > NEAR_NOISE
+    return max(over.values(), default=0.0) > rules.NEAR_NOISE
 
 
 def _coloured(diagnosis: Diagnosis) -> str:

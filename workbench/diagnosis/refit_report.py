@@ -19,6 +19,7 @@ from workbench.diagnosis.estimation.start import fit_with_likely_starts, fitted_
 from workbench.diagnosis.estimation.windows import MILD, windowed_run
 from workbench.diagnosis.problem import Problem
 from workbench.diagnosis.selection.held_out import floor_of
+from workbench.diagnosis.selection.rules import IMPERFECT
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.model.model import index_of
@@ -32,9 +33,6 @@ itself known from a few draws only."""
 
 DRIFT_FACTOR = 5.0
 """An error beyond this many times the noise of the measurements is a drift."""
-
-EXPLAINED_SHARE = 0.1
-"""Up to this process-noise scale, the equations count as complete."""
 
 _DRAWS = 8
 
@@ -105,7 +103,7 @@ class RefitReport:
         A filter that had to take up much at the ports leaves the parameters so uncertain that any
         error would do; then the floor is not reached either.
         """
-        explained = self.refit.noise_scale <= EXPLAINED_SHARE
+        explained = self.refit.noise_scale <= IMPERFECT
         return explained and bool(self.rows) and all(row.at_floor for row in self.rows)
 
     def row(self, recording: str, output: str) -> HeldOut:
@@ -125,11 +123,8 @@ class RefitReport:
             Name, estimate and published value in SI, and how many standard deviations they are
             apart, dimensionless.
         """
-        found = []
-        for name, value in self.problem.published.items():
-            estimate = self.refit.estimate(name)
-            found.append((name, estimate.value, value, (estimate.value - value) / estimate.std))
-        return tuple(found)
+        pairs = ((self.refit.estimate(n), value) for n, value in self.problem.published.items())
+        return tuple((e.name, e.value, value, (e.value - value) / e.std) for e, value in pairs)
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -191,7 +191,7 @@ def test_the_equations_are_trusted_as_far_as_it_costs_nothing(
     monkeypatch: pytest.MonkeyPatch, costs: tuple[float, ...], scale: float
 ) -> None:
     left = iter(costs)
-    refitted = lambda *_, **__: SimpleNamespace(cost=next(left), estimates=())  # noqa: E731
+    refitted = lambda *_, **__: SimpleNamespace(cost=next(left), values={})  # noqa: E731
     monkeypatch.setattr(process_noise, "refit", refitted)
     seen = made_up_axis(1, samples=50)
     found = fit_with_process_noise(servo_axis(), [seen], (), noise_scale=3.0)

@@ -23,6 +23,9 @@ LEVELS = (1.0, 3.0, 10.0, 100.0, 1000.0)
 TRUSTED = (0.03, 0.3)
 """Shares that remain at the other groups: the first with which the filter stays finite."""
 
+PARALLEL = 0.999
+"""Cosine above which two ports act on the rates in the same way."""
+
 _LOST = 1e9
 """Cost of a filter that left the finite numbers: larger than any that did not."""
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.process_noise import extended_start
-from workbench.diagnosis.location.locate import directions_of
+from workbench.diagnosis.location.locate import PARALLEL, directions_of
 from workbench.diagnosis.location.missing_signal import (
     MissingSignal,
     correlation_ratio,
@@ -25,9 +25,6 @@ from workbench.model import Effect, Model, Port
 from workbench.model.model import index_of
 from workbench.model.quantities import declared_unit
 from workbench.model.units import rate_unit
-
-_PARALLEL = 0.999
-"""Cosine above which two ports act on the rates in the same way."""
 
 
 def missing_signals(
@@ -342,7 +339,7 @@ def told_apart(model: Model, ports: Sequence[str], observed: Observed) -> tuple[
     names = [q.name for q in model.ports]
     chosen = directions[:, [names.index(name) for name in ports]]
     for i, port in enumerate(model.ports):
-        if port.disturbance > 0 and np.all(np.abs(directions[:, i] @ chosen) > _PARALLEL):
+        if port.disturbance > 0 and np.all(np.abs(directions[:, i] @ chosen) > PARALLEL):
             return (port.name,)
     return tuple(ports)
 
@@ -394,7 +391,7 @@ def _local(
     for item in near or arguments:
         spread = float(np.std(item[2]))
         if spread > 1e-9 * float(np.abs(item[2]).max()) and not any(
-            abs(float(np.corrcoef(item[2], other)[0, 1])) > _PARALLEL for *_, other in kept
+            abs(float(np.corrcoef(item[2], other)[0, 1])) > PARALLEL for *_, other in kept
         ):
             kept.append(item)
     return kept

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior
-from workbench.diagnosis.location.locate import directions_of
+from workbench.diagnosis.location.locate import PARALLEL, directions_of
 from workbench.diagnosis.location.unknown_input import unknown_input
 from workbench.diagnosis.nonparametric.dependence import Evidence, Site
 from workbench.errors import WorkbenchError
@@ -26,7 +26,6 @@ from workbench.model.regularisation import Expression
 
 _ROWS = 1500
 _LEAST_KNOWN = 100
-_PARALLEL = 0.999
 _SAME = 0.9999
 
 
@@ -113,7 +112,7 @@ def _pairs(model: Model, ports: Sequence[str]) -> list[tuple[str, ...]]:
         for pair in twins
         if pair[1] in names
         and pair[0] not in ports
-        and all(np.max(np.abs(directions[:, names.index(port)] @ own)) > _PARALLEL for port in pair)
+        and all(np.max(np.abs(directions[:, names.index(port)] @ own)) > PARALLEL for port in pair)
     ]
 
 

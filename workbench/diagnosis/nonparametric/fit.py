@@ -46,6 +46,7 @@ from workbench.diagnosis.nonparametric.result import (
     NonparametricTerm,
 )
 from workbench.diagnosis.nonparametric.shapes import matched
+from workbench.diagnosis.selection.rules import LEAST_GAIN
 from workbench.errors import NumericalError
 from workbench.physics.nonparametric_term import Curve
 
@@ -60,9 +61,6 @@ LEAST_FURTHER = 0.05
 
 SIGNIFICANT = 0.02
 """Largest p-value of an argument."""
-
-LEAST_GAIN = 15.0
-"""Gain of log likelihood that is asked for beyond the penalty for the ordinates."""
 
 WORSE, BETTER = 1.02, 0.95
 """Held-out free-run error over that without the term: largest of any output, and what at least one

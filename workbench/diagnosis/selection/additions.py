@@ -13,19 +13,12 @@ from workbench.diagnosis.estimation.process_noise import (
     blocks_of_cost,
     fit_with_process_noise,
 )
+from workbench.diagnosis.selection import rules
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.decision import closer_unseen, degenerates_to, preferred
 from workbench.diagnosis.selection.held_out import held_out_gain, told_apart
 from workbench.diagnosis.selection.moments import changed_values, is_event, with_own_starts
 from workbench.diagnosis.selection.refits import entry_priors, refit_candidates
-from workbench.diagnosis.selection.rules import (
-    FREE_RUN,
-    REFIT,
-    SAME,
-    SURPASSED,
-    Limits,
-    selection_penalty,
-)
 from workbench.diagnosis.selection.score import Score, Scores, score_library
 from workbench.diagnosis.selection.selected import Accepted, Round, Selected
 from workbench.diagnosis.selection.task import Task
@@ -59,7 +52,7 @@ def refits_beside(
     base: ProcessNoiseFit,
     free: Sequence[Prior],
     chosen: Sequence[Score],
-    limits: Limits,
+    limits: rules.Limits,
     *,
     thorough: bool = False,
 ) -> tuple[Candidate, ...]:
@@ -140,7 +133,7 @@ def shaped(
         return fit, free
     # Where more is left out, a shape bends towards that, and is not told by the recordings.
     told = all(e.std < e.prior.std for e in trial.refit.estimates if e.name in names)
-    pays = fit.cost - trial.cost >= selection_penalty(1, samples, len(names))
+    pays = fit.cost - trial.cost >= rules.selection_penalty(1, samples, len(names))
     if not (told and pays and held_out[0] > 0.0):
         return fit, free
     return replace(trial, passed=fit.passed), more
@@ -270,7 +263,8 @@ def explain_as_well(
             continue
         apart = not c.blocks or told_apart(best.blocks, c.blocks) or closer_unseen(best, c)
         if (passed_all(c) and not apart) or (
-            abs(best.gain - c.gain) < SAME and not (preferred(best, c) or closer_unseen(best, c))
+            abs(best.gain - c.gain) < rules.SAME
+            and not (preferred(best, c) or closer_unseen(best, c))
         ):
             same.append(c.entry.name)
     unseen = {s.entry.name for s in scores.scores if not s.testable}
@@ -281,7 +275,11 @@ def explain_as_well(
 
 def passed_all(candidate: Candidate) -> bool:
     """Whether an effect passed every rule, even if another explained more."""
-    return candidate.followed and candidate.fit is not None and candidate.refused in ("", SURPASSED)
+    return (
+        candidate.followed
+        and candidate.fit is not None
+        and candidate.refused in ("", rules.SURPASSED)
+    )
 
 
 def remembered(task: Task, state: Selected, candidates: Sequence[Candidate]) -> Selected:
@@ -295,7 +293,10 @@ def remembered(task: Task, state: Selected, candidates: Sequence[Candidate]) -> 
     sets = tuple(
         Compared(tuple(sorted(e.name for e in c.fit.model.effects if e.name not in own)), c.blocks)
         for c in candidates
-        if c.followed and c.fit and len(c.blocks) > 1 and c.rule not in (REFIT.name, FREE_RUN)
+        if c.followed
+        and c.fit
+        and len(c.blocks) > 1
+        and c.rule not in (rules.REFIT.name, rules.FREE_RUN)
         if not (taken and degenerates_to(c, taken))
     )
     return replace(state, compared=(*state.compared, *sets))

@@ -8,26 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.diagnosis.estimation.process_noise import gain_interval
+from workbench.diagnosis.selection import rules
 from workbench.diagnosis.selection.candidate import Candidate, colours_noise, is_sensor
 from workbench.diagnosis.selection.held_out import RunErrors, told_apart
-from workbench.diagnosis.selection.rules import (
-    FREE_RUN,
-    HELD_OUT,
-    INDISTINCT,
-    LEAST_EXPLAINED,
-    MUCH_CLOSER,
-    SAME,
-    SAME_SHARE,
-    SHARE,
-    SURPASSED,
-    Limits,
-    doubted_in,
-    judged,
-)
 
 
 def decided(
-    candidates: Sequence[Candidate], without: RunErrors, limits: Limits
+    candidates: Sequence[Candidate], without: RunErrors, limits: rules.Limits
 ) -> tuple[Candidate, ...]:
     """Decide which of several refitted hypotheses is taken.
 
@@ -38,7 +25,7 @@ def decided(
         The candidates by falling gain, the one that is taken without a refusal, the others with
         the reason.
     """
-    found = sorted((judged(c, limits) for c in candidates), key=lambda c: -c.gain)
+    found = sorted((rules.judged(c, limits) for c in candidates), key=lambda c: -c.gain)
     if not limits.near_noise:
         found = [_run_freely(c, without, shown=limits.perfect) for c in found]
     for i, candidate in enumerate(found):
@@ -47,7 +34,7 @@ def decided(
             break
         if _runs_closer(candidate, without):
             # How much it explains may lower the belief; what it gains on unseen data it gains.
-            doubt = (candidate.refused,) if candidate.rule == SHARE.name else ()
+            doubt = (candidate.refused,) if candidate.rule == rules.SHARE.name else ()
             found[i] = replace(candidate, refused="", rule="", doubts=doubt)
             break
     reliable = [c for c in found if not c.refused]
@@ -76,7 +63,7 @@ def decided(
         # the likeliest on all recordings together.
         same = [c for c in passing if len(c.doubts) <= len(best.doubts)]
         # What lies within a few units where both were fitted, unseen recordings decide.
-        better = [c for c in same if abs(best.gain - c.gain) < SAME and preferred(c, best)]
+        better = [c for c in same if abs(best.gain - c.gain) < rules.SAME and preferred(c, best)]
         best = max(better, key=lambda c: c.held_out[0], default=best)
         # So they do where they say it twice: of what comes next, and of whole runs.
         closer = [c for c in same if closer_unseen(c, best)]
@@ -90,7 +77,9 @@ def decided(
             or not (told_apart(best.blocks, c.blocks) or closer_unseen(best, c))
         ]
         best = min(same, key=lambda c: (c.own_parameters, -c.gain - c.held_out[0]))
-    return tuple(c if c is best or c.refused else replace(c, refused=SURPASSED) for c in found)
+    return tuple(
+        c if c is best or c.refused else replace(c, refused=rules.SURPASSED) for c in found
+    )
 
 
 def degenerates_to(one: Candidate, other: Candidate) -> bool:
@@ -103,7 +92,7 @@ def degenerates_to(one: Candidate, other: Candidate) -> bool:
     if not one.degenerate and not _as_likely(one, other):
         return False
     gained = [one.gain - other.gain]
-    within = max(SAME, SAME_SHARE * other.gain)
+    within = max(rules.SAME, rules.SAME_SHARE * other.gain)
     if one.fit and other.fit and one.fit.noise_scale == other.fit.noise_scale:
         # What is trusted less gains less on unseen recordings, however equal.
         gained.append(one.held_out[0] - other.held_out[0])
@@ -116,7 +105,7 @@ def _as_likely(one: Candidate, other: Candidate) -> bool:
         return False
     count = sum(len(a) for a, _ in pairs)
     # Of what the simpler one gains in a block, a part may be told by the form of its law.
-    within = max(INDISTINCT, SAME_SHARE * (other.gain + other.held_out[0]) / count)
+    within = max(rules.INDISTINCT, rules.SAME_SHARE * (other.gain + other.held_out[0]) / count)
     return all(float(np.abs(a - b).mean()) < within for a, b in pairs)
 
 
@@ -124,7 +113,7 @@ def overfits(one: Candidate, other: Candidate) -> bool:
     """Whether an effect loses on unseen recordings what it gains beyond a simpler one."""
     unseen = one.held_out[0] - other.held_out[0]
     more = one.own_parameters > other.own_parameters
-    return more and unseen < 0.0 and one.gain - other.gain + unseen < SAME
+    return more and unseen < 0.0 and one.gain - other.gain + unseen < rules.SAME
 
 
 def preferred(one: Candidate, other: Candidate) -> bool:
@@ -147,7 +136,7 @@ def closer_unseen(one: Candidate, other: Candidate) -> bool:
         return False
     if one.held_out[0] <= other.held_out[0] and not simpler:
         return False
-    return one.run.closer_than(other.run, by=MUCH_CLOSER)
+    return one.run.closer_than(other.run, by=rules.MUCH_CLOSER)
 
 
 def _run_freely(candidate: Candidate, without: RunErrors, *, shown: bool) -> Candidate:
@@ -168,23 +157,23 @@ def _run_freely(candidate: Candidate, without: RunErrors, *, shown: bool) -> Can
             why = "with it the model does not run closer to the held-out recordings"
     elif candidate.run.spoilt_from(without):
         why = "without it the model runs closer to the held-out recordings"
-    return replace(candidate, refused=why, rule=FREE_RUN) if why else candidate
+    return replace(candidate, refused=why, rule=rules.FREE_RUN) if why else candidate
 
 
 def _as_reliable(
-    candidate: Candidate, reliable: Sequence[Candidate], without: RunErrors, limits: Limits
+    candidate: Candidate, reliable: Sequence[Candidate], without: RunErrors, limits: rules.Limits
 ) -> Candidate:
     """Let pass what makes all recordings likelier than a law that passes does.
 
     Something is missing then, and a few moments must not give it the name of the worse law.
     """
-    known = candidate.rule == HELD_OUT.name and candidate.fit is not None
+    known = candidate.rule == rules.HELD_OUT.name and candidate.fit is not None
     if not known or not any(
         c.gain < candidate.gain and c.held_out[0] < candidate.held_out[0] for c in reliable
     ):
         return candidate
     assert candidate.fit is not None
-    passed = doubted_in(replace(candidate, refused="", rule=""), candidate.fit)
+    passed = rules.doubted_in(replace(candidate, refused="", rule=""), candidate.fit)
     if not limits.near_noise:
         passed = _run_freely(passed, without, shown=limits.perfect)
     return candidate if passed.doubts or passed.refused else passed
@@ -192,14 +181,14 @@ def _as_reliable(
 
 def _runs_closer(candidate: Candidate, without: RunErrors) -> bool:
     """Whether free runs show what single predictions leave open on the held-out recordings."""
-    needed = {HELD_OUT.name: 0, SHARE.name: 1}.get(candidate.rule)
+    needed = {rules.HELD_OUT.name: 0, rules.SHARE.name: 1}.get(candidate.rule)
     if needed is None or candidate.run is None or candidate.held_out[needed] <= 0.0:
         return False
-    if candidate.entry.effect.about.level and candidate.rule == SHARE.name:
+    if candidate.entry.effect.about.level and candidate.rule == rules.SHARE.name:
         # Its size in an unseen recording is taken from there.
         return False
     # The wrong shape of what was found leaves a rest too, of which another name takes a little.
-    by = LEAST_EXPLAINED if candidate.rule == SHARE.name else 0.0
+    by = rules.LEAST_EXPLAINED if candidate.rule == rules.SHARE.name else 0.0
     return candidate.run.closer_than(without, by=by)
 
 
@@ -208,4 +197,4 @@ def _outrun(candidate: Candidate, by: Candidate) -> Candidate:
     if candidate.refused or not is_sensor(candidate):
         return candidate
     why = f"with {by.entry.name} the model runs closer to the held-out recordings"
-    return replace(candidate, refused=why, rule=FREE_RUN)
+    return replace(candidate, refused=why, rule=rules.FREE_RUN)

@@ -16,6 +16,7 @@ from workbench.diagnosis.estimation.process_noise import (
     blocks_of_cost,
     gain_interval,
 )
+from workbench.diagnosis.selection import rules
 from workbench.diagnosis.selection.additions import (
     refits_beside,
     remembered,
@@ -25,16 +26,6 @@ from workbench.diagnosis.selection.additions import (
 from workbench.diagnosis.selection.candidate import Candidate, is_sensor
 from workbench.diagnosis.selection.decision import decided
 from workbench.diagnosis.selection.held_out import RunErrors, run_errors, told_apart
-from workbench.diagnosis.selection.rules import (
-    FREE_RUN,
-    HELD_OUT,
-    IMPERFECT,
-    LEAST_LEFT,
-    SHARE,
-    TOO_LITTLE,
-    Limits,
-    doubted_in,
-)
 from workbench.diagnosis.selection.selected import Accepted, Round, Selected
 from workbench.diagnosis.selection.shortlist import MOST_AGAIN, to_refit
 from workbench.diagnosis.selection.task import MOST_FINDINGS, Task
@@ -47,7 +38,7 @@ _OPENINGS = 2
 _TOGETHER = "only together with another effect"
 
 
-def with_pair(task: Task, state: Selected, limits: Limits) -> Selected:
+def with_pair(task: Task, state: Selected, limits: rules.Limits) -> Selected:
     """Add effects of which none passes alone, but two or three together do.
 
     Laws may hide each other: with the wrong outflow a tank never reaches its brim, and a spring
@@ -56,7 +47,7 @@ def with_pair(task: Task, state: Selected, limits: Limits) -> Selected:
     searched for beside it; all are judged as one.
     """
     current, round_ = state.extended, state.rounds[-1]
-    complete = limits.near_noise or current.noise_scale <= IMPERFECT
+    complete = limits.near_noise or current.noise_scale <= rules.IMPERFECT
     if complete or len(state.rounds) >= MOST_FINDINGS:
         return state
     openings = _openings(round_.candidates, limits, beside=bool(state.accepted))
@@ -96,7 +87,7 @@ class _Alone(NamedTuple):
     fit: ProcessNoiseFit
     blocks: Vector
     runs: RunErrors
-    limits: Limits
+    limits: rules.Limits
 
 
 def _only_together(candidate: Candidate) -> Candidate:
@@ -111,9 +102,9 @@ def as_told(found: Accepted, fit: ProcessNoiseFit, *, together: bool) -> Accepte
         together: Whether all that was found takes most of the error of free runs: what one of them
             lacks without the others is then no doubt.
     """
-    candidate = doubted_in(found.candidate, fit)
+    candidate = rules.doubted_in(found.candidate, fit)
     if together:
-        alone = (_TOGETHER, TOO_LITTLE)
+        alone = (_TOGETHER, rules.TOO_LITTLE)
         left = tuple(d for d in candidate.doubts if not d.startswith(alone))
         candidate = replace(candidate, doubts=left)
     return found._replace(candidate=candidate)
@@ -161,7 +152,7 @@ def _completed(
     best = with_candidate(task, begun, found, beside) if found and found.fit else None
     # What is far likelier but spoils the runs may hide a third.
     least = alone.limits.penalty + (found.gain if found else 0.0)
-    hiding = [c for c in judged if c.rule == FREE_RUN and c.gain > least]
+    hiding = [c for c in judged if c.rule == rules.FREE_RUN and c.gain > least]
     hiding = [c for c in hiding if not found or c.held_out[0] > found.held_out[0]]
     if hiding and len(begun.accepted) + 1 < MOST_FINDINGS:
         likeliest = _only_together(max(hiding, key=lambda c: c.gain))
@@ -174,11 +165,11 @@ def _completed(
 
 def _most_is_left(task: Task, state: Selected) -> bool:
     """Whether free runs on held-out recordings keep most of their error with what was found."""
-    return not state.accepted or run_freely(task, state)[1] <= 1.0 - LEAST_LEFT
+    return not state.accepted or run_freely(task, state)[1] <= 1.0 - rules.LEAST_LEFT
 
 
 def _openings(
-    candidates: Sequence[Candidate], limits: Limits, *, beside: bool = False
+    candidates: Sequence[Candidate], limits: rules.Limits, *, beside: bool = False
 ) -> list[Candidate]:
     """Return what may open a pair: what gains much, each with another explanation.
 
@@ -188,7 +179,7 @@ def _openings(
     found: list[Candidate] = []
     for c in candidates:
         worthy = c.followed and min(c.gain, c.held_out[0]) >= limits.penalty
-        if not worthy or c.rule not in (SHARE.name, HELD_OUT.name, FREE_RUN):
+        if not worthy or c.rule not in (rules.SHARE.name, rules.HELD_OUT.name, rules.FREE_RUN):
             continue
         if is_sensor(c) and not (beside and c.gain >= limits.least_gain):
             continue

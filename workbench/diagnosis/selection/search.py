@@ -22,6 +22,7 @@ from workbench.diagnosis.estimation.process_noise import (
     blocks_as_trusted,
     perfect_cost,
 )
+from workbench.diagnosis.selection import rules
 from workbench.diagnosis.selection.additions import (
     explain_as_well,
     passed_all,
@@ -36,23 +37,6 @@ from workbench.diagnosis.selection.candidate import Candidate, is_sensor
 from workbench.diagnosis.selection.held_out import over_floor
 from workbench.diagnosis.selection.pairs import as_told, with_pair
 from workbench.diagnosis.selection.refits import entry_priors, leaves_nothing, untried
-from workbench.diagnosis.selection.rules import (
-    AT_NOISE,
-    LEAST_AT_FIRST,
-    LEAST_GAIN,
-    LEAST_OF_ALL,
-    LEAST_OF_REST,
-    LEAST_SHARE,
-    LEAST_SHOWN,
-    LEAST_TOGETHER,
-    NEAR_NOISE,
-    OFF_NOISE,
-    SAME,
-    SURPASSED,
-    TWIN,
-    Limits,
-    selection_penalty,
-)
 from workbench.diagnosis.selection.score import Score, Scores, by_name, score_library
 from workbench.diagnosis.selection.selected import Accepted, Round, Scored, Selected
 from workbench.diagnosis.selection.shortlist import (
@@ -144,7 +128,7 @@ def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
     state = too_little_withdrawn(task, state, scored.excess)
     if len(state.accepted) > 1:
         task.say("leaving out one effect at a time")
-        state = left_out(task, state, max(state.penalty, LEAST_OF_ALL * scored.excess))
+        state = left_out(task, state, max(state.penalty, rules.LEAST_OF_ALL * scored.excess))
     state, share = run_as_found(task, simplified(task, retimed(task, state)))
     failed = (*state.failed, state.began)
     shown = any(a.shown for a in state.aside)
@@ -164,7 +148,7 @@ def as_it_is_told(state: Selected, share: float) -> Selected:
     Args:
         share: Share of the error of free runs that goes with all of them, dimensionless.
     """
-    together = len(state.accepted) > 1 and share >= LEAST_SHOWN
+    together = len(state.accepted) > 1 and share >= rules.LEAST_SHOWN
     fit = state.closest.get("extended", state.extended) if math.isfinite(share) else state.extended
     return replace(
         state, accepted=tuple(as_told(a, fit, together=together) for a in state.accepted)
@@ -195,16 +179,16 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
             scores = scored_beside(task, current, state.free, tried)
         first = not number
         # Nothing can gain what is not left out, whatever chance makes of the held-out runs.
-        within = OFF_NOISE if scored.excess < LEAST_GAIN else AT_NOISE
+        within = rules.OFF_NOISE if scored.excess < rules.LEAST_GAIN else rules.AT_NOISE
         quiet = first and scored.near_noise(task.base, within)
         most = MOST_AT_FIRST if first else MOST_AGAIN
         chosen, later = to_refit(task, scores, most, current.model, quiet=quiet)
         samples = sum(len(r.outputs) for r in task.fitting)
-        penalty = selection_penalty(len(scores.scores), samples, 2)
-        limits = Limits(
+        penalty = rules.selection_penalty(len(scores.scores), samples, 2)
+        limits = rules.Limits(
             penalty,
             least,
-            LEAST_TOGETHER * scored.excess * first,
+            rules.LEAST_TOGETHER * scored.excess * first,
             scored.near_noise(task.base),
             perfect=current.noise_scale <= PERFECT and bool(number),
         )
@@ -247,7 +231,7 @@ def _with_twins(
     scores: Scores,
     candidates: tuple[Candidate, ...],
     chosen: Sequence[Score],
-    limits: Limits,
+    limits: rules.Limits,
 ) -> tuple[Candidate, ...]:
     """Follow too what does the same to these recordings as what passed every rule.
 
@@ -255,13 +239,13 @@ def _with_twins(
     further is chance.
     """
     best = next((c.name for c in candidates if not c.refused), "")
-    alike = set(scores.look_alikes(best, above=TWIN))
+    alike = set(scores.look_alikes(best, above=rules.TWIN))
     alike -= {c.name for c in candidates if c.followed}
     twins = [s for s in chosen if s.entry.name in alike][:_RIVALS]
     if not twins:
         return candidates
     followed = {
-        c.name: replace(c, refused=c.refused or SURPASSED)
+        c.name: replace(c, refused=c.refused or rules.SURPASSED)
         for c in refits_beside(task, state.extended, state.free, twins, limits)
     }
     return tuple(followed.get(c.name, c) for c in candidates)
@@ -277,7 +261,7 @@ def goes_on(task: Task, scored: Scored, before: ProcessNoiseFit, state: Selected
     """
     became_perfect = state.extended.noise_scale <= PERFECT < before.noise_scale
     left = state.extended.cost - scored.perfect
-    done = became_perfect and left < LEAST_SHARE * scored.excess
+    done = became_perfect and left < rules.LEAST_SHARE * scored.excess
     return not (done and _near_noise(task, state))
 
 
@@ -287,7 +271,7 @@ def _near_noise(task: Task, state: Selected) -> bool:
         floor = over_floor(state.extended, task.nominal, task.judging, jobs=task.jobs)
     except (NumericalError, np.linalg.LinAlgError):
         return False
-    return max(floor.values()) <= NEAR_NOISE
+    return max(floor.values()) <= rules.NEAR_NOISE
 
 
 def _left(task: Task, scored: Scored, state: Selected, least: float) -> float:
@@ -317,9 +301,9 @@ def _least(scored: Scored, current: ProcessNoiseFit, number: int) -> float:
         number: How many effects were found before it.
     """
     if not number:
-        return LEAST_AT_FIRST * scored.excess
+        return rules.LEAST_AT_FIRST * scored.excess
     rest = max(current.cost - scored.perfect, 0.0)
-    return max(LEAST_OF_REST * rest, LEAST_OF_ALL * scored.excess)
+    return max(rules.LEAST_OF_REST * rest, rules.LEAST_OF_ALL * scored.excess)
 
 
 def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
@@ -337,7 +321,7 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
         if without is None:
             continue
         base, free = without
-        if base.cost - state.extended.cost < SAME:
+        if base.cost - state.extended.cost < rules.SAME:
             # The others leave nothing to it: it goes, and nothing comes in its place.
             continue
         task.say(f"choosing again beside what was found since {found.candidate.name}")
@@ -353,7 +337,7 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
             alike = look_alikes(found.candidate.entry, [s.entry for s in scores.scores])
             tried += within([known[e.name] for e in alike], room_for(task, _NEWCOMERS, base.model))
         near = scored.near_noise(task.base)
-        asked = Limits(state.penalty, _least(scored, base, number), near_noise=near)
+        asked = rules.Limits(state.penalty, _least(scored, base, number), near_noise=near)
         chosen = tuple({s.entry.name: s for s in tried}.values())
         try:
             candidates = refits_beside(task, base, free, chosen, asked)

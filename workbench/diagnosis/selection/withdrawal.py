@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
+from workbench.diagnosis.selection import rules
 from workbench.diagnosis.selection.candidate import Candidate, is_sensor
 from workbench.diagnosis.selection.held_out import (
     explained,
@@ -17,13 +18,6 @@ from workbench.diagnosis.selection.held_out import (
     run_errors,
     settled_run,
     start_floors,
-)
-from workbench.diagnosis.selection.rules import (
-    LEAST_EXPLAINED,
-    LEAST_PREDICTED,
-    LEAST_SHARE,
-    LEAST_SHOWN,
-    LEAST_TOGETHER,
 )
 from workbench.diagnosis.selection.selected import Accepted, Aside, Selected, Withdrawn
 from workbench.diagnosis.selection.task import Task
@@ -41,7 +35,7 @@ def run_as_found(task: Task, state: Selected) -> tuple[Selected, float]:
     while state.accepted:
         task.say("running the improved model freely on the held-out recordings")
         state, share = run_freely(task, state)
-        least = LEAST_EXPLAINED
+        least = rules.LEAST_EXPLAINED
         if not share < least:
             break
         why = (
@@ -82,10 +76,10 @@ def run_freely(task: Task, state: Selected) -> tuple[Selected, float]:
         errors = held_out_errors(runs, task.judging)
         share = explained(errors)
         closer = any(errors["extended"][q] < off for q, off in errors["refitted"].items())
-        if share < LEAST_EXPLAINED and closer:
+        if share < rules.LEAST_EXPLAINED and closer:
             # What seems too little may be what the starts of the runs hide.
             share = explained(errors, start_floors(fits, task.nominal, task.judging))
-        if share < LEAST_EXPLAINED:
+        if share < rules.LEAST_EXPLAINED:
             share = max(share, _over_all(task, fits, errors))
     except (NumericalError, np.linalg.LinAlgError) as error:
         task.say(f"the improved model could not be run: {error}")
@@ -129,7 +123,7 @@ def too_little_withdrawn(task: Task, state: Selected, excess: float) -> Selected
         count = len(state.accepted)
         # What is likely only is reported with the doubt, and not asked for more.
         doubted = bool(state.accepted[-1].candidate.doubts)
-        least = LEAST_SHARE if count == 1 or doubted else LEAST_TOGETHER
+        least = rules.LEAST_SHARE if count == 1 or doubted else rules.LEAST_TOGETHER
         gain = state.fits[0].cost - state.fits[count].cost
         if gain >= least * excess:
             break
@@ -138,7 +132,7 @@ def too_little_withdrawn(task: Task, state: Selected, excess: float) -> Selected
             + (" together with those before" if count > 1 else "")
             + f", {100 * least:.0f} % is asked for"
         )
-        if count == 1 and gain >= LEAST_PREDICTED * excess:
+        if count == 1 and gain >= rules.LEAST_PREDICTED * excess:
             shown = _shown_in_runs(task, state.accepted[0].candidate)
             state = _set_aside(state, why, shown=shown)
         state = replace(
@@ -156,7 +150,7 @@ def _shown_in_runs(task: Task, candidate: Candidate) -> bool:
     if candidate.run is None:
         return False
     without = run_errors(task.closest(task.base), task.nominal, task.judging)
-    return candidate.run.closer_than(without, by=1.0 - math.sqrt(1.0 - LEAST_SHOWN))
+    return candidate.run.closer_than(without, by=1.0 - math.sqrt(1.0 - rules.LEAST_SHOWN))
 
 
 def all_withdrawn(task: Task, state: Selected, why: str) -> Selected:
