@@ -75,7 +75,6 @@ class Misread(NamedTuple):
     Args:
         inputs: Root mean square in SI, by input.
         outputs: What of it the measurements get at once, root mean square in SI, by output.
-        notes: What is said of each input.
     """
 
     inputs: tuple[tuple[str, float], ...]

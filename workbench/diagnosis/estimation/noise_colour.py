@@ -183,10 +183,6 @@ def leftovers(
 ) -> dict[str, Leftover]:
     """Run a fitted model freely and tell of each output whether its error follows what drives.
 
-    Args:
-        nominal: The model that the recordings were observed with.
-        seen: Recordings with a start for it.
-
     Returns:
         By output; none of outputs with gaps, and none at all where a plant drifts or a run failed.
     """

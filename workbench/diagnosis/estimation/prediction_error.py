@@ -376,7 +376,6 @@ def filter_of(
 
     Args:
         noise_scale: Process-noise scale, dimensionless.
-        free: Names of the parameters whose derivatives are wanted.
         beside: The model without effects at size zero, whose states are certain.
     """
     own = {q.name for q in (beside or model).states}

@@ -1,4 +1,7 @@
-"""Free runs over windows of a recording, for models whose run over all of it drifts off."""
+"""Free runs over windows of a recording, for models whose run over all of it drifts off.
+
+A model may have effects beyond the ``nominal`` one that the recording was observed with.
+"""
 
 from __future__ import annotations
 
@@ -28,11 +31,7 @@ _LEAST_SAMPLES, _LEAST_UNSTABLE = 25, 5
 
 
 def settled(model: Model, nominal: Model, observed: Observed) -> Observed:
-    """Return a recording with a start fitted to its first fortieth.
-
-    Args:
-        nominal: The model that the recording was observed with.
-    """
+    """Return a recording with a start fitted to its first fortieth."""
     begun = extended_start(observed, nominal, model)
     wanted = max(_START_SAMPLES, round(_START_SHARE * len(begun.outputs)))
     return fitted_start(model, begun, samples=min(window_samples(observed), wanted))
@@ -58,7 +57,6 @@ def expected_outputs(
     """Return the measurements that the filter of a model expects along a recording.
 
     Args:
-        nominal: The model that the recording was observed with.
         noise_scale: Process-noise scale, dimensionless.
 
     Returns:
@@ -80,7 +78,6 @@ def windows(
     At the first sample the filter knows little of hidden states; they are fitted.
 
     Args:
-        nominal: The model that the recording was observed with.
         noise_scale: Process-noise scale, dimensionless.
 
     Raises:
@@ -103,7 +100,6 @@ def windowed_run(
     """Run a model freely over window after window of a recording.
 
     Args:
-        nominal: The model that the recording was observed with.
         noise_scale: Process-noise scale of the filter that starts the windows, dimensionless.
 
     Returns:

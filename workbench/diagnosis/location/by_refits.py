@@ -30,8 +30,6 @@ def located_by_refits(
 
     Args:
         base: The nominal model, refitted with an unknown input everywhere.
-        recordings: Fitting recordings.
-        priors: Priors of the free parameters.
 
     Returns:
         Where it is, and the model with the parameters beside it; None if no such group is.

@@ -61,7 +61,6 @@ class Isolability:
     """Which ports the sensors can tell apart.
 
     Args:
-        outputs: Names of the outputs that are recorded.
         groups: Ports that cannot be told apart, group by group.
         unseen: Ports at which nothing that is missing could be seen.
         nearest: For each group, by its first port: the first port of the group that is hardest to
@@ -133,9 +132,6 @@ def isolability(model: Model, *, outputs: Sequence[str] | None = None) -> Isolab
     too much, so ports are joined whose signals move the measurements in the same direction,
     ``G_i(jw) = a(jw) G_j(jw)`` with the linearised transfers from ports to measurements, at every
     one of several operating points and frequencies.
-
-    Args:
-        outputs: Names of the outputs that are recorded; all by default.
 
     Raises:
         WorkbenchError: If there is no such output.

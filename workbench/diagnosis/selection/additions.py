@@ -109,7 +109,6 @@ def shaped(
     """Refit the details of a law's shape too, if that explains more.
 
     Args:
-        entry: The law in the model.
         recordings: Fitting recordings, with starts for the model.
 
     Returns:

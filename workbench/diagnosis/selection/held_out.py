@@ -48,9 +48,6 @@ def settled_run(
     wherever it starts is run over windows.
 
     Args:
-        model: The model, with effects attached or not.
-        nominal: The model that the recording was observed with.
-        observed: The recording.
         noise_scale: Process-noise scale of the filter that starts the windows, dimensionless.
     """
     if observed.diverges:
@@ -109,9 +106,6 @@ def _over_floor(
 def floor_of(fit: ProcessNoiseFit, nominal: Model, observed: Observed, *, seed: int = 0) -> Vector:
     """Return what the run of a fitted model along a recording would be off by if it were right.
 
-    Args:
-        nominal: The model that the recording was observed with.
-
     Returns:
         Mean square by output, shape (n_used,), in SI squared.
     """
@@ -150,7 +144,6 @@ def held_out_gain(
 
     Args:
         before: Cost of the other model on them by block, shape (n_blocks,), dimensionless.
-        fit: The fitted model.
         judged: Held-out recordings, with a start for its model.
 
     Returns:
@@ -183,9 +176,6 @@ def shown_on_bounds(
     Each is fixed at the mean of its prior, and the others are refitted. A bound to which a few
     moments of the fitted recordings have led is none that the others need, nor is one where the
     next sample is predicted a little better and what comes after it worse.
-
-    Args:
-        nominal: The model that the recordings were observed with.
     """
     shown = []
     own = fit.refit.values
@@ -217,7 +207,6 @@ def told_apart(one: Sequence[Vector], other: Sequence[Vector]) -> bool:
 
     Args:
         one: Costs under the one by block of time, fitting and held-out recordings, dimensionless.
-        other: The same under the other.
 
     Returns:
         Whether the 99 % interval of the difference excludes zero on either.
@@ -280,12 +269,7 @@ NO_RUNS = RunErrors(np.zeros((0, 0)), np.zeros(0))
 
 
 def run_errors(fit: ProcessNoiseFit, nominal: Model, judged: Sequence[Observed]) -> RunErrors:
-    """Run a fitted model along recordings and return its errors.
-
-    Args:
-        nominal: The model that the recordings have a start for.
-        judged: Held-out recordings.
-    """
+    """Run a fitted model along recordings and return its errors."""
     runs = [judged_run(fit, nominal, observed) for observed in judged]
     if not runs or not all(run.finite for run in runs):
         return NO_RUNS

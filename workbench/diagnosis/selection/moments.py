@@ -51,8 +51,6 @@ def with_own_starts(
     """Return effects with when, or where, they begin in each recording, where that is clear.
 
     Args:
-        effects: Effects of the fitted model.
-        fit: The refitted model.
         before: The model that the recordings have a start for.
 
     Returns:
@@ -197,8 +195,6 @@ def with_own_moments(
     Args:
         effects: Effects of the fitted model; several come as long one after the other as in the
             first recording.
-        fit: The refitted model.
-        before: The model that the recordings have a start for.
 
     Returns:
         The effects; the same ones if one is no event, or all times are as they were.

@@ -130,9 +130,7 @@ def refit_candidates(
 
     Args:
         base: The fitted model without the effects.
-        priors: Priors of the free parameters of ``base``.
         fit_on: Fitting recordings, with a start for the model of ``base``.
-        limits: What an effect must gain.
         thorough: Whether refits on short recordings begin from more places.
 
     Returns:
@@ -380,7 +378,6 @@ def _leaders(first: Sequence[Candidate], best: int, *, several: bool = False) ->
 
     Args:
         best: Place of the best score.
-        several: Whether there are several recordings.
     """
     order = sorted(range(len(first)), key=lambda i: -first[i].gain)
     worthy = [i for i in order if first[i].fit is not None and first[i].gain > LEAST_SCORE]

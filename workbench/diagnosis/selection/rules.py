@@ -55,7 +55,6 @@ class Question(NamedTuple):
     """What a rule is asked about.
 
     Args:
-        limits: What is asked of it.
         threshold: That of the rule, dimensionless.
     """
 
@@ -71,7 +70,6 @@ class Rule:
     Args:
         name: Short name, as `verdict.json` gives it.
         threshold: The number that decides; dimensionless.
-        reason: Why the rule exists.
         broken: Says in what the effect breaks the rule; empty if it does not.
     """
 

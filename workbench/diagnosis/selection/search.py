@@ -98,7 +98,6 @@ def search(task: Task, scored: Scored, begun: Selected | None = None) -> Iterato
     """Add one effect after the other as long as one is accepted.
 
     Args:
-        scored: The library at the refitted nominal model.
         begun: A search that was interrupted, to be continued.
 
     Yields:

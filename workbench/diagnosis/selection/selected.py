@@ -23,7 +23,6 @@ class Scored:
     """The library, scored at the refitted nominal model.
 
     Args:
-        scores: Scores of the effects.
         perfect: Cost to be expected of a model that leaves nothing out, dimensionless.
         excess: Log likelihood that the refitted nominal model lacks, dimensionless.
         over_floor: Error of the runs of the refitted nominal model on held-out recordings over what
@@ -100,7 +99,6 @@ class Selected:
         rounds: Scores and candidates of each round of the present search.
         accepted: What was found, in the order of finding.
         fits: The refitted nominal model and the model after each effect that was found.
-        withdrawn: What was found and taken back.
         aside: The first effect of each search that was withdrawn as a whole.
         failed: Effects with which searches began that came to nothing.
         began: Effect with which the present search began; empty if none.
@@ -111,7 +109,6 @@ class Selected:
         runs: Their runs, by model and recording; empty where they were run over windows.
         nonparametric: Term without a name that was tried because nothing of the library explained
             the recordings; None if there was no need.
-        finished: Whether the search has ended.
     """
 
     extended: ProcessNoiseFit

@@ -30,9 +30,6 @@ def shortlist(scores: Scores, *, most: int) -> tuple[Score, ...]:
     """Choose the hypotheses that are worth a full refit.
 
     The best score with its look-alikes, then the best of every other group of ports.
-
-    Args:
-        most: How many at the most.
     """
     worthy = [s for s in scores.scores if s.gain > LEAST_SCORE and s.testable]
     if not worthy:

@@ -56,9 +56,6 @@ def closest_runs(
     Args:
         fit: The fit to the prediction errors, from which it begins.
         nominal: The model that the recordings have a start for.
-        fitting: Fitting recordings.
-        judging: Held-out recordings.
-        robust: Whether to go on to errors with heavy tails.
 
     Returns:
         The fit with other estimates, intervals from the scatter between blocks of time; the given

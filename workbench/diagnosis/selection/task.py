@@ -56,13 +56,9 @@ class Task:
 
     Args:
         nominal: The model that the recordings were observed with.
-        fitting: Fitting recordings.
-        judging: Held-out recordings.
-        priors: Priors of the free parameters of the nominal model.
         location: Where the refitted nominal model lacks something; None if unknown.
         entries: Effects that may be missing; the whole library if None.
         extra: Laws and hypotheses that may be missing beside the library.
-        tries: Which hypotheses are tried at all.
         shorter: Models that were refitted without one of their effects, by identity and effect.
         refitted: Models that were refitted to free runs, by identity and whether with heavy tails.
         say: Called with a line of text before each step.
