@@ -14,7 +14,6 @@ from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, extend
 from workbench.diagnosis.estimation.refit_result import Estimate
 from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.location.missing_signal import Occurrence
-from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection import rules
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import (
@@ -533,6 +532,8 @@ def _without_name(
         return ()
     if term is not None and term.accepted:
         over = " and ".join(a.name for a in term.arguments)
+        law = term.likeness.law.replace("_", " ") if term.likeness else ""
+        alike = f" The curve has the shape of {law}." if law else ""
         return (
             Finding(
                 where=term.ports,
@@ -542,7 +543,7 @@ def _without_name(
                     f"Missing at {', '.join(term.ports)}: something that the library has no name"
                     f" for; a curve over {over}{' with a memory' if term.loop else ''} takes away"
                     f" {100 * term.explained:.0f} % of the signal that is missing there."
-                    f"{_alike(term)} {occurrence or ''}".rstrip()
+                    f"{alike} {occurrence or ''}".rstrip()
                 ),
                 parameters=_own(diagnosis.extended, term.effect_name),
                 excess_explained=explained(fit),
@@ -561,14 +562,6 @@ def _without_name(
             where=ports, effect=None, alike=(), sentence=sentence.rstrip(), occurrence=occurrence
         ),
     )
-
-
-def _alike(term: NonparametricTerm) -> str:
-    """Say which law of the library has the shape of a curve."""
-    alike = term.likeness
-    if alike is None:
-        return ""
-    return f" The curve has the shape of {alike.law.replace('_', ' ')}."
 
 
 def _by_chance(held_out: tuple[float, float, float]) -> float:

@@ -9,9 +9,10 @@ import pytest
 
 from tests.diagnosis.axis_case import diagnosed, observed
 from tests.diagnosis.machine_data import recording
+from workbench.diagnosis.estimation.filter import Innovations
 from workbench.diagnosis.estimation.made_up import made_up, pushes
 from workbench.diagnosis.estimation.observe import observe
-from workbench.diagnosis.estimation.prediction_error import Innovations, Observed
+from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior, default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.experiment.menu import Experiment, menu, other_settings, with_setting

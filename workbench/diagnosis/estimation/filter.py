@@ -152,26 +152,30 @@ End = tuple[Vector, Vector] | None
 """State, in SI, and its covariance over the scales, with which a filter goes on."""
 
 
-class Filtered(NamedTuple):
-    """What a filter returns.
+class Innovations(NamedTuple):
+    """Whitened prediction errors along a recording.
 
     Args:
-        done: Samples before the states left the finite numbers; the rows after are not to be used.
         whitened: Prediction errors over their standard deviations, shape (n, n_used); NaN where
             there was no measurement.
         jacobian: Their derivatives by the scaled parameters, shape (n, n_used, n_free).
         log_deviation: Logarithm of the standard deviations, shape (n, n_used).
-        states: Corrected states, shape (n, n_states), in SI.
+        states: Filtered states, shape (n, n_states), in SI.
         end: State and covariance that the filter expects after the last sample, those of coloured
             noise among them, to go on from; None in CasADi's interpreter.
     """
 
-    done: int
     whitened: Vector
     jacobian: Vector
     log_deviation: Vector
     states: Vector
     end: End = None
+
+    @property
+    def cost(self) -> float:
+        """Half the sum of squares plus the logarithms: minus the log likelihood, dimensionless."""
+        used = np.isfinite(self.whitened)
+        return float(0.5 * np.sum(self.whitened[used] ** 2) + np.sum(self.log_deviation[used]))
 
 
 class _Struct(ctypes.Structure):
@@ -282,8 +286,11 @@ class Filter:
         r: npt.ArrayLike,
         p: npt.ArrayLike,
         d: npt.ArrayLike,
-    ) -> Filtered:
+    ) -> tuple[int, Innovations]:
         """Run along a recording.
+
+        It returns the samples before the states left the finite numbers; the rows after them are
+        not to be used.
 
         Args:
             x: States at the first sample, shape (n_states,), in SI.
@@ -311,8 +318,7 @@ class Filter:
         d = np.asarray(d, dtype=float).reshape(-1, 2)
         n, n_y = y.shape
         sensitivity = np.zeros((len(self._kept), self._equations.functions[0].size1_out(2)))
-        found = Filtered(
-            n,
+        found = Innovations(
             np.full((n, n_y), np.nan),
             np.zeros((n, n_y, sensitivity.shape[1])),
             np.full((n, n_y), np.nan),
@@ -327,7 +333,7 @@ class Filter:
         else:
             # CasADi takes matrices by columns.
             d = np.ascontiguousarray(d.T)
-            arrays = (x, covariance, sensitivity, u, y, r, p, d, *found[1:5])
+            arrays = (x, covariance, sensitivity, u, y, r, p, d, *found[:4])
             places = (address(array) for array in arrays)
             for name in ("uneasy", "rough", "bent", "kinks"):
                 setattr(self._struct, name, 0)
@@ -341,11 +347,11 @@ class Filter:
         tried += pieces // calm * straight * rough if straight < each else 0
         count("model_evaluations", 2 * done + _TRIED * tried + 4 * _FINER * kinks)
         states = np.ascontiguousarray(found.states[:, :plant])
-        return found._replace(done=done, states=states, end=end)
+        return done, found._replace(states=states, end=end)
 
     def _interpreted(
         self, x: Vector, covariance: Vector, inputs: Vector, measured: Vector, r: Vector, p: Vector,
-        d: Vector, found: Filtered,
+        d: Vector, found: Innovations,
     ) -> int:  # fmt: skip
         """Filter block by block in CasADi's own interpreter; returns the samples done."""
         n = len(measured)

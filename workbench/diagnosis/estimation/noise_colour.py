@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -25,7 +25,7 @@ from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.estimation.start import fit_with_likely_starts
 from workbench.diagnosis.estimation.windows import settled
 from workbench.errors import WorkbenchError
-from workbench.model import Model
+from workbench.model import Model, Output
 from workbench.model.units import from_si, in_time, of_difference, with_unit
 from workbench.recordings.recording import Recording
 
@@ -200,22 +200,6 @@ def leftovers(
     return found
 
 
-def with_colours(model: Model, colours: dict[str, Colour]) -> Model:
-    """Return a model whose sensors have noise of given colours, by output."""
-    outputs = tuple(
-        replace(
-            q,
-            noise_rms=colours[q.name].white,
-            correlated_noise_rms=colours[q.name].rms,
-            noise_correlation_time=colours[q.name].time,
-        )
-        if q.name in colours
-        else q
-        for q in model.outputs
-    )
-    return replace(model, outputs=outputs)
-
-
 def with_correlated_noise(
     model: Model, recordings: Sequence[Recording], left: Mapping[str, Leftover] | None = None
 ) -> tuple[Model, tuple[dict[str, str], ...]]:
@@ -248,12 +232,13 @@ def with_correlated_noise(
         colour = colour_of(x.rest, seen[0].sample_time)
         known = math.hypot(q.noise_rms, q.resolution / math.sqrt(12.0))
         if math.hypot(colour.white, colour.rms) > _COLOURED * max(colour.white, known):
-            colours[name] = replace(colour, white=_unrounded(colour.white, q.resolution))
+            white = math.sqrt(max(colour.white**2 - q.resolution**2 / 12.0, 0.0))
+            colours[name] = replace(colour, white=white)
     lasting = min(model.horizon, *(one.sample_time * len(one.outputs) for one in seen))
     slow = any(c.time > _LASTING * lasting for c in colours.values())
     if not colours or slow:
         return model, ()
-    coloured = with_colours(model, colours)
+    coloured = replace(model, outputs=tuple(_coloured(q, colours) for q in model.outputs))
     try:
         again = [observe(coloured, r) for r in recordings[:_FEW]]
         other = fit_with_likely_starts(coloured, again, default_priors(coloured))[0]
@@ -272,8 +257,11 @@ def with_correlated_noise(
     )
 
 
-def _unrounded(white: float, resolution: float) -> float:
-    return math.sqrt(max(white**2 - resolution**2 / 12.0, 0.0))
+def _coloured(q: Output, colours: Mapping[str, Colour]) -> Output:
+    if q.name not in colours:
+        return q
+    white, rms, time = astuple(colours[q.name])
+    return replace(q, noise_rms=white, correlated_noise_rms=rms, noise_correlation_time=time)
 
 
 def _note(model: Model, name: str, colour: Colour) -> str:

@@ -19,7 +19,14 @@ import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.coarse_readings import at_steps
-from workbench.diagnosis.estimation.filter import Asked, End, Filter, Steps, steps_of
+from workbench.diagnosis.estimation.filter import (
+    Asked,
+    End,
+    Filter,
+    Innovations,
+    Steps,
+    steps_of,
+)
 from workbench.errors import NumericalError, WorkbenchError, check_choice
 from workbench.model import Model
 from workbench.model.model import index_of
@@ -161,32 +168,6 @@ def gauss_markov(
     return np.array(list(accumulate(fresh.tolist(), lambda before, new: new + kept * before)))
 
 
-@dataclass(frozen=True)
-class Innovations:
-    """Whitened prediction errors along a recording.
-
-    Args:
-        whitened: Prediction errors over their standard deviations, shape (n, n_used).
-        jacobian: Their derivatives with respect to the scaled parameters, shape
-            (n, n_used, n_free).
-        log_deviation: Logarithm of the standard deviations, shape (n, n_used).
-        states: Filtered states, shape (n, n_states), in SI.
-        end: Where the filter goes on after the last sample; None where it cannot.
-    """
-
-    whitened: Vector
-    jacobian: Vector
-    log_deviation: Vector
-    states: Vector
-    end: End = None
-
-    @property
-    def cost(self) -> float:
-        """Half the sum of squares plus the logarithms: minus the log likelihood, dimensionless."""
-        used = np.isfinite(self.whitened)
-        return float(0.5 * np.sum(self.whitened[used] ** 2) + np.sum(self.log_deviation[used]))
-
-
 @dataclass
 class PredictionError:
     """The filter of a model for a choice of free parameters.
@@ -282,7 +263,7 @@ class PredictionError:
     def _run(
         self, number: int, observed: Observed, values: npt.ArrayLike, begin: End = None
     ) -> Innovations:
-        found = self._filter(number).run(
+        done, found = self._filter(number).run(
             *(begin or self.begin(observed)),
             observed.inputs,
             observed.told / self._output_scale,
@@ -290,12 +271,12 @@ class PredictionError:
             values,
             self._variances,
         )
-        if found.done < len(observed.outputs) or not np.isfinite(found.jacobian).all():
+        if done < len(observed.outputs) or not np.isfinite(found.jacobian).all():
             raise NumericalError(
                 f"the filter of {self.model.name!r} left the finite numbers on"
                 f" {observed.name!r}; the parameters are far from those of the recording"
             )
-        return Innovations(*found[1:])
+        return found
 
     def _filter(self, number: int) -> Filter:
         if number < len(self._filters):

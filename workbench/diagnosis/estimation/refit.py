@@ -14,8 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.arrays import Vector
+from workbench.diagnosis.estimation.filter import Innovations
 from workbench.diagnosis.estimation.prediction_error import (
-    Innovations,
     Observed,
     PredictionError,
     disturbances,

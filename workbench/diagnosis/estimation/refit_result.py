@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.prediction_error import Innovations, Observed
+from workbench.diagnosis.estimation.filter import Innovations
+from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model

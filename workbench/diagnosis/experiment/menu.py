@@ -154,10 +154,7 @@ class _Plan:
         self.rows = [index_of("output", name, model.outputs) for name in first.used]
         outputs = np.concatenate([r.outputs for r in recordings])
         self.low, self.high = self._limits(outputs)
-        self.limits = (
-            np.array([q.lower for q in model.inputs]),
-            np.array([q.upper for q in model.inputs]),
-        )
+        self.limits = [q.lower for q in model.inputs], [q.upper for q in model.inputs]
 
     def _limits(self, outputs: Vector) -> tuple[Vector, Vector]:
         """Return where the measurements may be."""

@@ -15,8 +15,8 @@ import casadi as ca
 import numpy as np
 
 from workbench.arrays import Vector
+from workbench.diagnosis.estimation.filter import Innovations
 from workbench.diagnosis.estimation.prediction_error import (
-    Innovations,
     Observed,
     PredictionError,
     filter_of,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -295,14 +295,8 @@ def occurrence(
     lengths = np.array([w[4] for w in windows], dtype=float)
     acting = (levels >= STRONG**2 * levels.max()) & (levels > 0)
     strongest = float(np.sqrt(levels.max()))
-    places = [
-        place
-        for a in arguments
-        if (place := _place(*a, signal, square, rows)).dependence >= _LEAST_DEPENDENCE
-    ]
-    places = [
-        replace(place, shown=(read or {}).get((place.signal, place.unit), "")) for place in places
-    ]
+    each = (_place(*a, (read or {}).get(a[:2], ""), signal, square, rows) for a in arguments)
+    places = [place for place in each if place.dependence >= _LEAST_DEPENDENCE]
     places.sort(key=lambda place: -place.dependence)
     return Occurrence(
         port,
@@ -419,6 +413,7 @@ def _place(
     name: str,
     unit: str,
     values: Vector,
+    shown: str,
     signal: Vector,
     square: Vector,
     rows: npt.NDArray[np.bool_],
@@ -449,6 +444,7 @@ def _place(
         max(correlation_ratio(signal[rows], x), correlation_ratio(y, x)),
         tuple((a, b) for a, b, _ in ranges[:2]),
         float(count[strong].sum() / max(len(x), 1)),
+        shown,
     )
 
 

@@ -47,14 +47,11 @@ def decided(
         best = next(sure, best)
     if best is not None and is_sensor(best):
         # Where the process explains the runs better, it is the process.
-        closest: Candidate | None = None
+        closest = best
         for c in passing:
-            if is_sensor(c):
-                continue
-            than = best if closest is None else closest
-            if c.run is not None and than.run is not None and c.run.closer_than(than.run):
+            if not is_sensor(c) and c.run and closest.run and c.run.closer_than(closest.run):
                 closest = c
-        if closest is not None:
+        if closest is not best:
             best = closest
             found = [_outrun(f, best) for f in found]
             passing = [f for f in found if not f.refused]

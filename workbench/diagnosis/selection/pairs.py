@@ -51,7 +51,8 @@ def with_pair(task: Task, state: Selected, limits: rules.Limits) -> Selected:
     if complete or len(state.rounds) >= MOST_FINDINGS:
         return state
     openings = _openings(round_.candidates, limits, beside=bool(state.accepted))
-    if not openings or not _most_is_left(task, state):
+    most = 1.0 - rules.LEAST_LEFT
+    if not openings or (state.accepted and not run_freely(task, state)[1] <= most):
         return state
     alone = _Alone(
         current,
@@ -161,11 +162,6 @@ def _completed(
         if more and (best is None or more.extended.cost < best.extended.cost):
             best = more
     return state, best
-
-
-def _most_is_left(task: Task, state: Selected) -> bool:
-    """Whether free runs on held-out recordings keep most of their error with what was found."""
-    return not state.accepted or run_freely(task, state)[1] <= 1.0 - rules.LEAST_LEFT
 
 
 def _openings(

@@ -504,9 +504,9 @@ def _refitted(
 ) -> tuple[Score, ProcessNoiseFit]:
     """Refit one hypothesis from one start, widening the bounds that it ends on."""
     known, ladder = way.known, way.ladder
-    score = replace(
-        score, entry=_valued(score.entry, score.shape), shape=_of_fitted(score.entry, score.shape)
-    )
+    fitted = {q.name for q in score.entry.effect.parameters if q.fitted}
+    shape = {name: value for name, value in score.shape.items() if name in fitted}
+    score = replace(score, entry=_valued(score.entry, score.shape), shape=shape)
     begin: dict[str, float] | None = None
     best: tuple[Score, ProcessNoiseFit] | None = None
     for _ in range(_WIDENINGS + 1):
@@ -817,12 +817,6 @@ def _sharper(entry: Hypothesis) -> Hypothesis:
 
 def _valued(entry: Hypothesis, values: Mapping[str, float]) -> Hypothesis:
     return replace(entry, effect=entry.effect.with_parameters(dict(values)))
-
-
-def _of_fitted(entry: Hypothesis, shape: Mapping[str, float]) -> dict[str, float]:
-    """Return the part of a shape that a refit may change."""
-    fitted = {q.name for q in entry.effect.parameters if q.fitted}
-    return {name: value for name, value in shape.items() if name in fitted}
 
 
 def _followed(

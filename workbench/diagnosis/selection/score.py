@@ -13,7 +13,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.prediction_error import Innovations, Observed, filter_of
+from workbench.diagnosis.estimation.filter import Innovations
+from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import extended_start, summed_over_blocks
 from workbench.model import Effect, Model

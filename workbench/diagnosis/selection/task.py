@@ -11,12 +11,8 @@ from functools import cached_property
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.prediction_error import (
-    Innovations,
-    Observed,
-    filter_of,
-    steps_along,
-)
+from workbench.diagnosis.estimation.filter import Innovations
+from workbench.diagnosis.estimation.prediction_error import Observed, filter_of, steps_along
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import (
     ProcessNoiseFit,
