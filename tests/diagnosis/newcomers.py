@@ -175,10 +175,7 @@ def hysteretic() -> Model:
             unit="N",
             signals={"position": m.x.position, "speed": m.x.speed},
         )
-        return (
-            {"position": m.x.speed, "speed": force / m.p.mass},
-            {"position": m.x.position},
-        )
+        return {"position": m.x.speed, "speed": force / m.p.mass}, {"position": m.x.position}
 
     return Model(
         "hysteretic",
@@ -592,10 +589,7 @@ def stage() -> Model:
 
     def equations(m: Scope) -> Equations:
         force = m.p.force * m.u.current - m.p.damping * m.x.speed - m.p.stiffness * m.x.position
-        return (
-            {"position": m.x.speed, "speed": force / m.p.mass},
-            {"position": m.x.position},
-        )
+        return {"position": m.x.speed, "speed": force / m.p.mass}, {"position": m.x.position}
 
     return Model(
         "stage",

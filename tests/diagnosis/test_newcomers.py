@@ -583,9 +583,7 @@ def test_one_side_of_a_command_is_weaker_before_an_actuator_that_saturates(
     assert verdict.fit["extended"]["speed"] < 1.1 * verdict.fit["noise_floor"]["speed"]
 
 
-def test_a_control_valve_that_sticks_is_told_with_its_band(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_control_valve_that_sticks_is_told_with_its_band(monkeypatch: pytest.MonkeyPatch) -> None:
     only(monkeypatch, "command_stiction", "backlash", "dead_band", "sensor_lag", "sensor_gain")
 
     def equations(m: Scope) -> Equations:

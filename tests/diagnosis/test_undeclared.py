@@ -106,9 +106,7 @@ def test_a_problem_of_files_says_which_numbers_count_in_si_for_want_of_a_unit(
     ]
 
 
-def test_what_a_plant_only_gives_in_si_is_read_as_its_recordings_are_headed(
-    tmp_path: Path,
-) -> None:
+def test_what_a_plant_only_gives_in_si_is_read_as_its_recordings_are_headed(tmp_path: Path) -> None:
     plant = replace(oscillator(), inputs=(Input("drive", "N", display_unit="lbf"),))
     time = 0.01 * np.arange(2000)
     columns = {"t [s]": time, "drive [kN]": np.sin(time), "position [mm]": 1e3 * np.cos(time)}

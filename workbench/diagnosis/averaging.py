@@ -103,11 +103,7 @@ def _readings(
     made = _fewer(recording, coarse, count)
     seen = observe(model, made)
     means = simulate(
-        model,
-        seen.inputs,
-        sample_time=seen.sample_time,
-        start=run.states[count // 2],
-        check=False,
+        model, seen.inputs, sample_time=seen.sample_time, start=run.states[count // 2], check=False
     )
     for name, floor in noise.items():
         signal = recording.signal(name)

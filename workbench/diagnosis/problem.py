@@ -92,11 +92,7 @@ def problem_of_case(case: Case, model: Model | None = None) -> Problem:
 
 
 def problem_of_files(
-    model: Model,
-    fit: Sequence[Path],
-    hold_out: Sequence[Path],
-    *,
-    mapping: MappingLike = None,
+    model: Model, fit: Sequence[Path], hold_out: Sequence[Path], *, mapping: MappingLike = None
 ) -> Problem:
     """Read recordings of a model.
 

@@ -31,10 +31,7 @@ from workbench.simulation.equations import compiled
 
 
 def redesign(
-    model: Model,
-    plant: Plant,
-    design: str,
-    specification: Mapping[str, Any] | None = None,
+    model: Model, plant: Plant, design: str, specification: Mapping[str, Any] | None = None
 ) -> Any:
     """Design a controller on a model of a plant, whatever effects it has.
 
@@ -93,10 +90,5 @@ def _predicting(
     lags = [time for what, time in known.values() if what == "sensor_lag"]
     slow = float(np.median([lag_beside(linear) for linear in found.models.values()]))
     slow += 0.5 * fields["sample_time"].default
-    asked = {
-        "latency": latency,
-        "sensor_lag": max(lags, default=0.0),
-        "lead": slow,
-        "lag": slow,
-    }
+    asked = {"latency": latency, "sensor_lag": max(lags, default=0.0), "lead": slow, "lag": slow}
     return {name: max(value, 0.0) for name, value in asked.items() if name in fields}

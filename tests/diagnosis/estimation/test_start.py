@@ -18,11 +18,7 @@ from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, perfect_cost
-from workbench.diagnosis.estimation.start import (
-    fit_with_likely_starts,
-    fitted_start,
-    likely_start,
-)
+from workbench.diagnosis.estimation.start import fit_with_likely_starts, fitted_start, likely_start
 from workbench.diagnosis.undeclared import with_undeclared
 from workbench.errors import WorkbenchError
 from workbench.model import Input, Model, Output, Parameter, State

@@ -10,10 +10,7 @@ import pytest
 from tests.diagnosis.machine_data import held, recording
 from tests.diagnosis.newcomers import levels
 from workbench.diagnosis.estimation.observe import observe
-from workbench.diagnosis.estimation.process_noise import (
-    extended_start,
-    fit_with_process_noise,
-)
+from workbench.diagnosis.estimation.process_noise import extended_start, fit_with_process_noise
 from workbench.diagnosis.selection.moments import moments, with_own_moments
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations

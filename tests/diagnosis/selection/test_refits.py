@@ -416,11 +416,7 @@ def test_what_is_lost_on_unseen_recordings_was_overfitted(entries: dict[str, Hyp
     simple, rich = entries["valve_offset"], entries["stribeck_friction"]
 
     plain, asked = _candidate(simple, 900.0, 0.1, parameters=1), Limits(20.0, 100.0)
-    for gain, unseen, taken in (
-        (940.0, 870.0, simple),
-        (940.0, 890.0, rich),
-        (940.0, 940.0, rich),
-    ):
+    for gain, unseen, taken in ((940.0, 870.0, simple), (940.0, 890.0, rich), (940.0, 940.0, rich)):
         given = [_candidate(rich, gain, 0.1, unseen=unseen, parameters=3), plain]
         assert _taken(decided(given, WITHOUT, asked)) == [taken.name], (gain, unseen)
 

@@ -129,8 +129,7 @@ def test_where_the_equations_leave_nothing_out_no_pair_is_searched_for() -> None
     said: list[str] = []
     given, _ = example_diagnosis()
     task = example_task(
-        entries=tuple(s.entry for s in given.selected.rounds[0].scores.scores),
-        say=said.append,
+        entries=tuple(s.entry for s in given.selected.rounds[0].scores.scores), say=said.append
     )
     opening = replace(given.selected.accepted[0].candidate, refused="too little", rule=SHARE.name)
     asked = Limits(0.5 * min(opening.gain, opening.held_out[0]))

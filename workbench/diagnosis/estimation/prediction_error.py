@@ -19,14 +19,7 @@ import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.coarse_readings import at_steps
-from workbench.diagnosis.estimation.filter import (
-    Asked,
-    End,
-    Filter,
-    Innovations,
-    Steps,
-    steps_of,
-)
+from workbench.diagnosis.estimation.filter import Asked, End, Filter, Innovations, Steps, steps_of
 from workbench.errors import NumericalError, WorkbenchError, check_choice
 from workbench.model import Model
 from workbench.model.model import index_of

@@ -27,9 +27,7 @@ from workbench.model.quantities import declared_unit
 from workbench.model.units import rate_unit
 
 
-def missing_signals(
-    diagnosis: Diagnosis,
-) -> tuple[tuple[tuple[MissingSignal, ...], ...], str]:
+def missing_signals(diagnosis: Diagnosis) -> tuple[tuple[tuple[MissingSignal, ...], ...], str]:
     """Estimate the signal that each finding adds, or that nothing was found for.
 
     What was found is judged on the held-out recordings; what nothing was found for may act in any
@@ -192,11 +190,7 @@ def located_signal(
         origins = dict(zip(seen_at.signals, seen_at.origins, strict=False))
         certain = law is not None and bool(np.any(law))
         name, unit, values = _argument(
-            signal if law is None else law,
-            arguments,
-            seen_at,
-            taken_out or _Found("", {}),
-            rows,
+            signal if law is None else law, arguments, seen_at, taken_out or _Found("", {}), rows
         )
         found.append(
             MissingSignal(

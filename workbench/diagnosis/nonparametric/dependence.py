@@ -208,11 +208,7 @@ def spread(values: Vector, argument: str, unit: str, most: int, *, centred: bool
 
 
 def partial(
-    evidence: Evidence,
-    site: Site,
-    relative: bool,
-    argument: str,
-    rest: Vector,
+    evidence: Evidence, site: Site, relative: bool, argument: str, rest: Vector
 ) -> tuple[Vector, Vector, Vector]:
     """Return what a curve over an argument would have to follow at the ports of a site.
 

@@ -120,9 +120,7 @@ SHAPES: tuple[Shape, ...] = (
     ),
     Shape("saturation", "ca.tanh((x - at.p.centre) / at.p.width)", inner=("centre", "width")),
     Shape(
-        "local_catch",
-        "ca.exp(-(((x - at.p.centre) / at.p.width) ** 2))",
-        inner=("centre", "width"),
+        "local_catch", "ca.exp(-(((x - at.p.centre) / at.p.width) ** 2))", inner=("centre", "width")
     ),
     Shape("ripple", "ca.sin(at.p.frequency * x + at.p.phase)", inner=("frequency", "phase")),
 )

@@ -935,10 +935,7 @@ def _narrowed(
 
 
 def _closest_errors(
-    fit: ProcessNoiseFit,
-    nominal: Model,
-    fit_on: Sequence[Observed],
-    hold_out: Sequence[Observed],
+    fit: ProcessNoiseFit, nominal: Model, fit_on: Sequence[Observed], hold_out: Sequence[Observed]
 ) -> RunErrors:
     """Return the errors of the runs of a fit, each model with the values that run closest."""
     return run_errors(closest_runs(fit, nominal, fit_on, hold_out), nominal, hold_out)

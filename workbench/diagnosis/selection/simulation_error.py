@@ -185,12 +185,7 @@ def _with_values(
     count = len(fit.refit.estimates)
     own = covariance[:count, :count]
     estimates = tuple(
-        replace(
-            e,
-            value=values[e.name],
-            std=float(std),
-            on_bound=e.prior.is_bound(values[e.name]),
-        )
+        replace(e, value=values[e.name], std=float(std), on_bound=e.prior.is_bound(values[e.name]))
         for e, std in zip(fit.refit.estimates, np.sqrt(np.maximum(np.diag(own), 0.0)), strict=True)
     )
     refit = replace(
