@@ -1,9 +1,11 @@
-"""A small diagnosis for examples: a servo axis whose model lacks its dry friction."""
+"""Small diagnoses of a servo axis: of its dry friction, and two that end without a name."""
 
 from __future__ import annotations
 
 from functools import cache
 from typing import Any
+
+import numpy as np
 
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
@@ -11,8 +13,9 @@ from workbench.diagnosis.selection.task import Task
 from workbench.diagnosis.stages import Diagnosis
 from workbench.model import Model
 from workbench.physics.library import library
+from workbench.physics.stiffness import linear_spring
 from workbench.plants.servo_axis import servo_axis
-from workbench.recordings.recording import Recording
+from workbench.recordings.recording import Recording, Signal
 
 
 def axis_runs(truth: Model, samples: int) -> list[Recording]:
@@ -26,16 +29,49 @@ def axis_runs(truth: Model, samples: int) -> list[Recording]:
 
 
 @cache
-def example_diagnosis() -> tuple[Diagnosis, tuple[Recording, ...]]:
+def example_diagnosis() -> Diagnosis:
     """Diagnose an axis without dry friction on recordings of one that has it."""
     truth = servo_axis()
     model, runs = truth.without("coulomb_friction"), axis_runs(truth, 600)
     few = [e for e in library(model) if e.law in ("coulomb_friction", "linear_spring")]
-    return diagnose(model, runs[:1], runs[1:], entries=few, jobs=1), tuple(runs[1:])
+    return diagnose(model, runs[:1], runs[1:], entries=few, jobs=1)
 
 
 def example_task(**options: Any) -> Task:
     """Return what its search is given."""
-    given, _ = example_diagnosis()
+    given = example_diagnosis()
     seen = given.prepared
     return Task(given.nominal, given.base, seen.fitting, seen.judging, seen.priors, **options)
+
+
+def sprung_runs() -> tuple[Model, list[Recording], list[Recording], dict[str, Any]]:
+    """An axis held by a spring, and a library that has friction only."""
+    axis = servo_axis()
+    spring = linear_spring("axis.force", stiffness=200.0, upper=1000.0)
+    runs = axis_runs(axis.with_effect(spring), 400)
+    return axis, runs[:1], runs[1:], _options(axis)
+
+
+@cache
+def sprung() -> Diagnosis:
+    """The diagnosis of it."""
+    axis, fit_on, hold_out, options = sprung_runs()
+    return diagnose(axis, fit_on, hold_out, **options)
+
+
+@cache
+def shaken() -> Diagnosis:
+    """An axis with an unmeasured random force that is a function of nothing."""
+    axis, rng = servo_axis(), np.random.default_rng(5)
+    runs = []
+    for seed in (1, 2):
+        push = pushes(400, largest=200.0, seed=seed)
+        unseen = np.repeat(rng.normal(scale=60.0, size=40), 10)
+        run = made_up_recording(axis, push + unseen, sample_time=0.01, name=f"axis {seed}")
+        runs.append(run.with_signal(Signal("force", push, "N", role="command")))
+    return diagnose(axis, runs[:1], runs[1:], **_options(axis))
+
+
+def _options(axis: Model) -> dict[str, Any]:
+    few = [e for e in library(axis) if e.law == "stribeck_friction"]
+    return {"entries": few, "jobs": 1, "advise": False}

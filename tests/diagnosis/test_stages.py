@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.diagnosis.example_diagnosis import axis_runs
-from tests.diagnosis.unnamed_case import sprung_runs
+from tests.diagnosis.example_diagnosis import axis_runs, sprung_runs
 from workbench.diagnosis import diagnose as module
 from workbench.diagnosis import stage_files
 from workbench.diagnosis.conclude import conclude_early

@@ -155,7 +155,7 @@ def test_a_curve_over_several_signals_is_told_along_what_a_parameter_multiplies(
 
 
 def test_a_name_is_doubted_where_most_is_missing_still() -> None:
-    given, _ = example_diagnosis()
+    given = example_diagnosis()
     assert given.validated is not None and given.before is not None
     left = replace(given.before, alone={k: 0.6 * v for k, v in given.before.alone.items()})
     found = replace(given, validated=replace(given.validated, location=left))
@@ -176,7 +176,7 @@ def test_a_name_is_doubted_where_most_is_missing_still() -> None:
 def test_a_name_is_doubted_where_equations_leave_something_out_and_run_off(
     left: float, noise_scale: float, belief: str
 ) -> None:
-    given, _ = example_diagnosis()
+    given = example_diagnosis()
     extended = replace(given.extended, noise_scale=noise_scale)
     found = replace(given, validated=replace(given.validated, extended=extended))
     fit = {
@@ -193,7 +193,7 @@ def test_a_name_is_doubted_where_equations_leave_something_out_and_run_off(
 def test_runs_that_drift_off_are_told_whatever_a_filter_makes_of_the_equations(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    given, _ = example_diagnosis()
+    given = example_diagnosis()
     assert given.extended.noise_scale < 0.1
     fit = {"noise_floor": {"position": 1e-5}, "extended": {"position": 2e-3}}
     assert _rest(given, fit) == ""
@@ -242,7 +242,7 @@ def test_a_model_that_runs_away_is_said_to() -> None:
 
 
 def test_what_has_a_weight_instead_of_a_finding_cannot_be_told_from_it() -> None:
-    given, _ = example_diagnosis()
+    given = example_diagnosis()
     name = "coulomb_friction"
     assert [f.alike for f in given.verdict.findings] == [(name,)]
 
@@ -276,7 +276,7 @@ def test_what_has_a_weight_instead_of_a_finding_cannot_be_told_from_it() -> None
 def test_signals_add_up_where_they_enter_one_rate_in_one_unit(
     one: str, other: str, found: bool
 ) -> None:
-    given, _ = example_diagnosis()
+    given = example_diagnosis()
     assert given.validated is not None
     signal = given.validated.occurrence()
     assert signal is not None
@@ -293,7 +293,7 @@ def test_signals_add_up_where_they_enter_one_rate_in_one_unit(
 def test_what_may_be_the_rest_of_a_larger_finding_is_doubted(
     share: float, elsewhere: bool, doubted: bool
 ) -> None:
-    given, _ = example_diagnosis()
+    given = example_diagnosis()
     (signal,) = given.validated.missing[0]
     port = "elsewhere" if elsewhere else signal.occurrence.port
     small = replace(signal.occurrence, largest=share * signal.occurrence.largest, port=port)
@@ -317,7 +317,7 @@ def test_what_may_be_the_rest_of_a_larger_finding_is_doubted(
 def test_a_memory_that_may_be_shorter_than_a_sample_is_doubted(
     samples: float, std: float, doubted: bool
 ) -> None:
-    given, _ = example_diagnosis()
+    given = example_diagnosis()
     sample = given.prepared.fitting[0].sample_time
     own = {
         "time_constant": Value(samples * sample, "s", std * sample),
@@ -345,7 +345,7 @@ def test_a_size_is_read_in_the_unit_of_its_sentence() -> None:
 
 
 def test_it_is_said_where_held_out_recordings_go_further_than_fitted_ones() -> None:
-    found, _ = example_diagnosis()
+    found = example_diagnosis()
     (seen,) = found.prepared.judging
     near = replace(found.prepared, judging=found.prepared.fitting)
     assert _beyond(replace(found, prepared=near), "likely") == ""

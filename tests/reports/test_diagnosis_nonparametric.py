@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.diagnosis.example_diagnosis import example_diagnosis
-from tests.diagnosis.unnamed_case import shaken, sprung
+from tests.diagnosis.example_diagnosis import example_diagnosis, shaken, sprung
 from tests.reports.test_diagnosis_page import _answers, _table
 from workbench.diagnosis.comparison import Proof, proof_of
 from workbench.diagnosis.conclude import conclude
@@ -25,7 +24,7 @@ from workbench.reports.page import Page, Words
 
 @lru_cache(maxsize=2)
 def _page(curve: bool) -> Page:
-    found, _ = sprung() if curve else shaken()
+    found = sprung() if curve else shaken()
     step = {"sentence": "Read the position twice."}
     found = replace(found, concluded=replace(found.verdict, next_experiment=step))
     return diagnosis_page(found, proof_of(found), name="axis")
@@ -36,7 +35,7 @@ def _words(page: Page) -> str:
 
 
 def test_a_curve_without_a_name_leads_the_page() -> None:
-    found, _ = sprung()
+    found = sprung()
     assert found.verdict.kind == "located_unnamed"
     said = _answers(_page(True))
     share = 100 * found.verdict.findings[0].excess_explained
@@ -47,7 +46,7 @@ def test_a_curve_without_a_name_leads_the_page() -> None:
 
 
 def test_the_curve_is_shown_with_its_argument_and_the_improved_run() -> None:
-    found, _ = sprung()
+    found = sprung()
     page = _page(True)
     names = ["answer", "runs-1", "residuals-1", "location", "nonparametric-1", "law-1", "signal-1"]
     assert [picture.name for picture in page.pictures] == names
@@ -70,7 +69,7 @@ def test_the_curve_is_shown_with_its_argument_and_the_improved_run() -> None:
 
 
 def test_noise_is_shown_where_it_acts_with_what_was_refused() -> None:
-    found, _ = shaken()
+    found = shaken()
     assert found.verdict.kind == "unexplained"
     page = _page(False)
     assert [p.name for p in page.pictures][3:] == ["location", "law-1", "signal-1"]
@@ -84,7 +83,7 @@ def test_noise_is_shown_where_it_acts_with_what_was_refused() -> None:
 
 
 def test_what_was_taken_back_stands_with_the_reason() -> None:
-    given, _ = example_diagnosis()
+    given = example_diagnosis()
     why = "what was found takes away too little on held-out recordings"
     back = (Withdrawn(given.accepted[0].candidate, why),)
     selected = replace(given.selected, accepted=(), extended=given.base, withdrawn=back)
@@ -101,7 +100,7 @@ def test_what_was_taken_back_stands_with_the_reason() -> None:
 
 
 def test_a_value_on_its_bound_stands_first() -> None:
-    given, _ = sprung()
+    given = sprung()
     estimates = given.base.refit.estimates
     bound = tuple(replace(e, on_bound=e.name == "offset") for e in estimates)
     base = replace(given.base, refit=replace(given.base.refit, estimates=bound), noise_scale=0.0)
@@ -137,7 +136,7 @@ def test_unfit_recordings_come_with_the_usual_fix() -> None:
 
 @pytest.mark.parametrize(("curve", "points"), [(True, 6), (False, 2)])
 def test_verdicts_without_a_name_can_be_scored(curve: bool, points: int, tmp_path: Path) -> None:
-    found, _ = sprung() if curve else shaken()
+    found = sprung() if curve else shaken()
     folder, key, names = tmp_path / "verdicts", tmp_path / "key.json", tmp_path / "names.toml"
     folder.mkdir()
     (folder / "one.json").write_text(found.verdict.to_json())

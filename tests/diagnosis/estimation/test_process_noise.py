@@ -31,6 +31,7 @@ from workbench.diagnosis.estimation.process_noise import (
 from workbench.diagnosis.estimation.start import fit_with_likely_starts
 from workbench.diagnosis.undeclared import with_undeclared
 from workbench.errors import NumericalError
+from workbench.evaluation.foreign.foreign_case import plan
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.hysteresis import muscle_hysteresis
@@ -96,6 +97,19 @@ def test_a_start_is_extended_by_the_states_of_new_effects() -> None:
     own = [i for i, q in enumerate(more.states) if q.name in {p.name for p in model.states}]
     np.testing.assert_allclose(longer.start[own], start)
     np.testing.assert_allclose(longer.start_rms[own], rms)
+
+
+def test_a_clock_is_not_set_by_a_filter() -> None:
+    # Otherwise the filter moves the time of an event in each recording to where it likes it.
+    case = next(c for c in plan(60, 9200) if c.title == "tank: heater_failure")
+    model = case.build()
+    law = next(e for e in library(model) if e.name == "gain_jump_heater_power")
+    extended = model.with_effect(law.at_size(0.0))
+    seen = observe(model, next(iter(case.recordings().values())))
+    started = extended_start(seen, model, extended)
+    rms = dict(zip((q.name for q in extended.states), started.start_rms, strict=True))
+    # An hour of a recording of days is known to well below a sample.
+    assert rms["gain_jump_heater_power.clock"] < 1e-3 * seen.sample_time
 
 
 def test_a_start_told_by_a_sensor_is_open_where_that_sensor_may_be_shifted() -> None:

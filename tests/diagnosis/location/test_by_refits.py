@@ -81,7 +81,7 @@ def test_a_heat_that_nobody_reads_is_located_beside_right_parameters() -> None:
 def test_a_curve_without_a_name_is_looked_for_where_all_is_missing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    (given, _), task = example_diagnosis(), example_task()
+    given, task = example_diagnosis(), example_task()
     port = given.nominal.ports[0]
     task.__dict__["one_place"] = Location({port.group: 1.0}, {}, 1.0), given.base
     ports = Mock(side_effect=WorkbenchError("asked"))

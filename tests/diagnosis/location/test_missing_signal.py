@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.axis_case import diagnosed
-from tests.diagnosis.unnamed_case import shaken
+from tests.diagnosis.example_diagnosis import shaken
 from workbench.diagnosis.conclude import conclude
 from workbench.diagnosis.estimation.made_up import made_up
 from workbench.diagnosis.location.located_signal import _shown, added_at_ports, missing_signals
@@ -137,7 +137,7 @@ def test_a_finding_says_when_with_which_signal_and_where() -> None:
 
 
 def test_unexplained_names_a_time_a_place_and_a_signal() -> None:
-    found, _ = shaken()
+    found = shaken()
     assert found.verdict.kind == "unexplained"
     seen = found.verdict.findings[0].occurrence
     assert seen is not None and seen.spans and seen.places and seen.port == "axis.force"
@@ -146,7 +146,7 @@ def test_unexplained_names_a_time_a_place_and_a_signal() -> None:
 
 
 def test_without_a_located_port_the_error_of_the_predictions_tells() -> None:
-    found, _ = shaken()
+    found = shaken()
     assert found.located is not None and found.validated is not None
     nowhere = replace(found, located=replace(found.located, location=replace(
         found.located.location, alone=dict.fromkeys(found.located.location.alone, 0.0)

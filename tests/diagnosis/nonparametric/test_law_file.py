@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.diagnosis.unnamed_case import sprung, sprung_runs
+from tests.diagnosis.example_diagnosis import sprung, sprung_runs
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.nonparametric.law_file import NAME, law_file
 from workbench.diagnosis.nonparametric.result import Likeness, NonparametricTerm
@@ -25,7 +25,7 @@ from workbench.registry import load_object
 
 
 def _term() -> NonparametricTerm:
-    term = sprung()[0].nonparametric
+    term = sprung().nonparametric
     assert term is not None and term.accepted
     return term
 
@@ -45,7 +45,7 @@ def test_the_curve_has_the_shape_of_the_spring_that_is_hidden() -> None:
     curve = next(k for k in term.likenesses if not k.law)
     assert curve.gain == pytest.approx(term.gain)
     assert term.likeness.penalised > curve.penalised
-    verdict = sprung()[0].verdict
+    verdict = sprung().verdict
     assert isinstance(verdict, Verdict) and "shape of linear spring" in verdict.sentence
 
 

@@ -72,7 +72,7 @@ def test_a_law_is_refitted_from_where_it_is_a_simpler_one_too(
     creep = next(e for e in library(nominal) if e.name == "creep")
     ends = additions._ends(Candidate(creep, None, 0.0, (0.0, 0.0, 0.0)))
     assert ends == [{"creep.slow_part": 0.0}, {"creep.slow_part": 1.0}]
-    given, _ = example_diagnosis()
+    given = example_diagnosis()
     begun = []
 
     def refitted(*_: object, start: dict[str, float], **__: object) -> ProcessNoiseFit:
@@ -88,7 +88,7 @@ def test_a_law_is_refitted_from_where_it_is_a_simpler_one_too(
 def test_a_refit_along_a_bent_valley_goes_on_until_it_converges(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    given, _ = example_diagnosis()
+    given = example_diagnosis()
     scales = []
 
     def refitted(*_: object, noise_scale: float, **__: object) -> ProcessNoiseFit:
