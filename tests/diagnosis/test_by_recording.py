@@ -13,14 +13,13 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.machine_data import by_runge_kutta, recording
-from tests.diagnosis.newcomers import levels, oscillator
+from tests.diagnosis.newcomers import diagnosed, levels, oscillator
 from workbench.diagnosis.conclude import still_missing
-from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.location.locate import Location
-from workbench.diagnosis.selection import score, task
+from workbench.diagnosis.selection import score
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.decision import decided
 from workbench.diagnosis.selection.held_out import RunErrors
@@ -29,7 +28,7 @@ from workbench.diagnosis.selection.rules import Limits
 from workbench.diagnosis.selection.score import score_library
 from workbench.diagnosis.verdict import Finding
 from workbench.physics.drift import from_first
-from workbench.physics.library import Hypothesis, library
+from workbench.physics.library import library
 from workbench.recordings.recording import Recording
 
 STEP, SAMPLES, INNER = 0.02, 500, 4
@@ -50,36 +49,27 @@ def run(number: int, force: Force, mass: float = 1.2) -> Recording:
 
 def found(monkeypatch: pytest.MonkeyPatch, runs: list[Recording]) -> Finding:
     """Diagnose with what changes with time or from recording to recording."""
-
-    def few(*given: Any, **known: Any) -> tuple[Hypothesis, ...]:
-        laws = ("parameter_jump", "parameter_fade", "offset_jump", "creep", "constant_force")
-        return tuple(
-            e for e in library(*given, **known) if e.law in laws or e.law.endswith("_by_recording")
-        )
-
-    monkeypatch.setattr(task, "library", few)
-    verdict = diagnose(oscillator(), runs[:2], runs[2:], jobs=1, advise=False).verdict
+    laws = "parameter_jump parameter_fade offset_jump creep constant_force *_by_recording"
+    verdict = diagnosed(oscillator(), runs, laws, fit=2).verdict
     (finding,) = verdict.findings
     assert verdict.fit["extended"]["position"] < 1.3e-3
     return finding
 
 
-def test_a_load_that_was_changed_between_recordings_is_named(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_load_that_was_changed_between_recordings_is_named() -> None:
     masses = 0.9, 1.5, 1.2
     runs = [run(i, lambda t, x, v: -30.0 * x - 0.6 * v, m) for i, m in enumerate(masses)]
-    finding = found(monkeypatch, runs)
+    finding = found(runs)
     assert finding.effect == "gain_by_recording_mass_force" and finding.belief == "sure"
     assert "in run 0" in finding.sentence and "in run 2" in finding.sentence
 
 
-def test_a_damper_that_goes_on_ageing_is_no_jump(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_damper_that_goes_on_ageing_is_no_jump() -> None:
     def force(number: int) -> Force:
         # 0.6 N s/m, more by 2 % of that each second, over all three recordings.
         return lambda t, x, v: -30.0 * x - 0.6 * (1.0 + 0.02 * (t + 10.0 * number)) * v
 
-    finding = found(monkeypatch, [run(i, force(i)) for i in range(3)])
+    finding = found([run(i, force(i)) for i in range(3)])
     assert finding.effect == "parameter_fade_damping" and finding.belief == "sure"
     # Of recordings that follow one another each begins where the last one ended.
     assert finding.parameters["amount"].value == pytest.approx(0.12, rel=0.05)

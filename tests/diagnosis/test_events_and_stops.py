@@ -10,10 +10,9 @@ from casadi import cos
 from scipy.integrate import solve_ivp
 
 from tests.diagnosis.machine_data import held, recording
-from tests.diagnosis.newcomers import levels, oscillator, recorded
-from tests.diagnosis.test_newcomers import only
+from tests.diagnosis.newcomers import diagnosed, levels, oscillator, recorded
 from workbench.arrays import Vector
-from workbench.diagnosis.diagnose import diagnose, fit, prepare, validate
+from workbench.diagnosis.diagnose import fit, prepare, validate
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import extended_start, fit_with_process_noise
@@ -35,7 +34,9 @@ def spring(x: float, v: float) -> float:
     return -30.0 * x - 0.6 * v
 
 
-def _pushed(jumps: tuple[float, ...], lasting: tuple[float, ...] = 3 * (np.inf,)) -> Verdict:
+def _pushed(
+    laws: str, jumps: tuple[float, ...], lasting: tuple[float, ...] = 3 * (np.inf,)
+) -> Verdict:
     """Diagnose an oscillator on which 9 N more act from a time on, in s, another in each run."""
     runs = []
     for seed, (time, length) in enumerate(zip(jumps, lasting, strict=True), 1):
@@ -43,9 +44,7 @@ def _pushed(jumps: tuple[float, ...], lasting: tuple[float, ...] = 3 * (np.inf,)
         more = 9.0 * ((since >= 0.0) & (since < length))
         drive = levels(SAMPLES, seed, 30.0, 20, 80)
         runs.append(recorded(1.0, spring, drive, STEP, 1e-3, seed=seed, unread=more))
-    found = diagnose(oscillator(), runs[:1], runs[1:], jobs=1, advise=False).verdict
-    assert found is not None
-    return found
+    return diagnosed(oscillator(), runs, laws).verdict
 
 
 @pytest.mark.parametrize(
@@ -57,10 +56,9 @@ def _pushed(jumps: tuple[float, ...], lasting: tuple[float, ...] = 3 * (np.inf,)
     ],
 )
 def test_an_event_comes_at_its_own_time_in_each_recording(
-    monkeypatch: pytest.MonkeyPatch, jumps: tuple[float, ...], said: str
+    jumps: tuple[float, ...], said: str
 ) -> None:
-    only(monkeypatch, "offset_jump", "sensor_jump", "offset", "sensor_lag")
-    verdict = _pushed(jumps)
+    verdict = _pushed("offset_jump sensor_jump offset sensor_lag", jumps)
     (finding,) = verdict.findings
     assert finding.effect == "offset_jump_mass_force", verdict
     assert finding.parameters["amount"].value == pytest.approx(9.0, rel=0.02)
@@ -69,9 +67,9 @@ def test_an_event_comes_at_its_own_time_in_each_recording(
     assert verdict.fit["extended"]["position"] < 1.5 * verdict.fit["noise_floor"]["position"]
 
 
-def test_what_acts_for_a_while_is_told_with_its_ends(monkeypatch: pytest.MonkeyPatch) -> None:
-    only(monkeypatch, "offset_pulse", "offset_jump", "sensor_jump", "offset")
-    verdict = _pushed((5.0, 8.2, 2.0), lasting=(1.6, 2.4, 0.7))
+def test_what_acts_for_a_while_is_told_with_its_ends() -> None:
+    laws = "offset_pulse offset_jump sensor_jump offset"
+    verdict = _pushed(laws, (5.0, 8.2, 2.0), lasting=(1.6, 2.4, 0.7))
     (finding,) = verdict.findings
     assert finding.effect == "offset_pulse_mass_force", verdict
     assert finding.belief == "sure"
@@ -128,12 +126,9 @@ def _burnt_out(seed: int, time: float) -> Recording:
     return recording(f"run {seed}", dt, {"part [1]": part}, {"load [K]": read})
 
 
-def test_an_event_at_other_times_in_two_fitted_recordings_is_sharp(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    only(monkeypatch, "gain_jump", "gain", "gain_fade")
+def test_an_event_at_other_times_in_two_fitted_recordings_is_sharp() -> None:
     runs = [_burnt_out(seed, time) for seed, time in enumerate((6000.0, 4000.0, 8000.0), 1)]
-    verdict = diagnose(kiln(), runs[:2], runs[2:], jobs=1, advise=False).verdict
+    verdict = diagnosed(kiln(), runs, "gain_jump gain gain_fade", fit=2).verdict
     (finding,) = verdict.findings
     assert finding.effect == "gain_jump_part_command", verdict
     assert finding.parameters["amount"].value == pytest.approx(-0.33, abs=2e-3)
@@ -144,8 +139,7 @@ def test_an_event_at_other_times_in_two_fitted_recordings_is_sharp(
 
 
 @pytest.mark.parametrize("both", [False, True])
-def test_a_stop_that_nobody_modelled_is_named(monkeypatch: pytest.MonkeyPatch, both: bool) -> None:
-    only(monkeypatch, "end_stop", "end_stops", "cubic_stiffness", "polynomial_stiffness", "gain")
+def test_a_stop_that_nobody_modelled_is_named(both: bool) -> None:
 
     def force(x: float, v: float) -> float:
         deep = max(0.0, x - 0.5) - (max(0.0, -0.7 - x) if both else 0.0)
@@ -155,7 +149,9 @@ def test_a_stop_that_nobody_modelled_is_named(monkeypatch: pytest.MonkeyPatch, b
         recorded(1.0, force, levels(SAMPLES, s, 30.0, 20, 80), STEP, 1e-3, seed=s) for s in (1, 2)
     ]
     model = oscillator(scale=30.0)
-    verdict = diagnose(model, runs[:1], runs[1:], jobs=1, advise=False).verdict
+    verdict = diagnosed(
+        model, runs, "end_stop end_stops cubic_stiffness polynomial_stiffness gain"
+    ).verdict
     (finding,) = verdict.findings
     assert finding.effect == ("end_stops" if both else "end_stop"), verdict
     found = {name: value.value for name, value in finding.parameters.items()}
@@ -202,13 +198,10 @@ def _blown(seed: int, threshold: float) -> Recording:
     return recording(f"block {seed}", dt, commands, {"block [K]": block})
 
 
-def test_a_threshold_that_a_parameter_takes_over_at_first_is_found(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_threshold_that_a_parameter_takes_over_at_first_is_found() -> None:
     # Of a fan that never turns back a small threshold is a smaller loss in still air.
-    only(monkeypatch, "dead_band", "gain_jump", "gain")
     runs = [_blown(seed, 120.0) for seed in (1, 2)]
-    verdict = diagnose(cooled(), runs[:1], runs[1:], jobs=1, advise=False).verdict
+    verdict = diagnosed(cooled(), runs, "dead_band gain_jump gain").verdict
     (finding,) = verdict.findings
     assert finding.effect == "dead_band_fan_command", verdict
     assert finding.parameters["half_width"].value == pytest.approx(120.0, rel=0.01)
@@ -276,17 +269,14 @@ def test_terms_that_balance_tell_how_large_a_law_may_be() -> None:
 
 
 @pytest.mark.parametrize("square", [False, True])
-def test_what_repeats_is_named_with_its_phase_in_each_recording(
-    monkeypatch: pytest.MonkeyPatch, square: bool
-) -> None:
-    only(monkeypatch, "periodic_push", "sensor_hum", "sensor_lag", "offset")
+def test_what_repeats_is_named_with_its_phase_in_each_recording(square: bool) -> None:
     runs = []
     for seed, late in ((1, 0.31), (2, 1.13)):
         wave = np.sin(2.0 * np.pi * (STEP * np.arange(SAMPLES) - late) / 1.6)
         drive = levels(SAMPLES, seed, 30.0, 20, 80)
         more = 4.0 * (np.sign(wave) if square else wave)
         runs.append(recorded(1.0, spring, drive, STEP, 1e-3, seed=seed, unread=more))
-    verdict = diagnose(oscillator(), runs[:1], runs[1:], jobs=1, advise=False).verdict
+    verdict = diagnosed(oscillator(), runs, "periodic_push sensor_hum sensor_lag offset").verdict
     (finding,) = verdict.findings
     assert finding.effect == "periodic_push_mass_force", verdict
     found = {name: value.value for name, value in finding.parameters.items()}
@@ -319,9 +309,7 @@ def _rolled_off(number: int) -> Recording:
     return recording(f"web {number}", 0.02, speeds, {"tension [N]": read})
 
 
-def test_what_repeats_with_each_turn_is_named_wherever_a_recording_begins(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_what_repeats_with_each_turn_is_named_wherever_a_recording_begins() -> None:
     web = Model(
         "web",
         _web,
@@ -330,9 +318,8 @@ def test_what_repeats_with_each_turn_is_named_wherever_a_recording_begins(
         outputs=(Output("tension", "N", noise_rms=0.15),),
         parameters=(Parameter("stiffness", "N", value=800.0, lower=200.0, upper=2e3, fitted=True),),
     )
-    only(monkeypatch, "uneven_turn", "sensor_lag", "gain", "bend")
     runs = [_rolled_off(i) for i in (1, 2, 3)]
-    verdict = diagnose(web, runs[:2], runs[2:], jobs=1, advise=False).verdict
+    verdict = diagnosed(web, runs, "uneven_turn sensor_lag gain bend", fit=2).verdict
     (finding,) = verdict.findings
     assert finding.effect == "uneven_turn_unwind_command", verdict
     assert finding.parameters["amount"].value == pytest.approx(0.012, rel=0.05)

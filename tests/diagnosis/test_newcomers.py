@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -20,6 +19,7 @@ from tests.diagnosis.newcomers import (
     cornering,
     crane,
     damper,
+    diagnosed,
     drivetrain,
     epidemic,
     fallen_ill,
@@ -46,7 +46,7 @@ from tests.diagnosis.newcomers import (
     turned,
 )
 from workbench.arrays import Vector
-from workbench.diagnosis.diagnose import diagnose, stages, validate
+from workbench.diagnosis.diagnose import stages, validate
 from workbench.diagnosis.estimation.filter import steps_of
 from workbench.diagnosis.estimation.made_up import made_up
 from workbench.diagnosis.estimation.observe import observe
@@ -56,24 +56,15 @@ from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.estimation.windows import windowed_run
 from workbench.diagnosis.problem import Problem
 from workbench.diagnosis.refit_report import run_refit
-from workbench.diagnosis.selection import refits, task
+from workbench.diagnosis.selection import refits
 from workbench.diagnosis.selection.selected import Selected
 from workbench.diagnosis.undeclared import with_undeclared
 from workbench.evaluation.foreign.foreign_case import plan
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
-from workbench.physics.library import Hypothesis, library
+from workbench.physics.library import library
 from workbench.physics.place import Survey
 from workbench.recordings.recording import Recording, Signal
-
-
-def only(monkeypatch: pytest.MonkeyPatch, *laws: str) -> None:
-    """Let a search try some laws of the library, with the ranges that it sees."""
-
-    def few(*given: Any, **known: Any) -> tuple[Hypothesis, ...]:
-        return tuple(e for e in library(*given, **known) if e.law in laws)
-
-    monkeypatch.setattr(task, "library", few)
 
 
 @pytest.mark.parametrize("scale", [pytest.param(0.01, marks=pytest.mark.long), 100.0])
@@ -99,7 +90,7 @@ def test_dry_friction_of_an_integrator_is_named_in_open_loop() -> None:
 @pytest.mark.long
 def test_a_force_that_nobody_reads_gets_no_name() -> None:
     runs = oscillations(lambda x, v: -30.0 * x - 0.6 * v, unread=True)
-    verdict = diagnose(oscillator(), runs[:2], runs[2:], jobs=1, advise=False).verdict
+    verdict = diagnosed(oscillator(), runs, fit=2).verdict
     assert verdict.kind == "unexplained"
     assert verdict.findings[0].where == ("mass.force",) and not verdict.findings[0].effect
 
@@ -107,7 +98,7 @@ def test_a_force_that_nobody_reads_gets_no_name() -> None:
 def test_silence_where_only_parameters_were_wrong() -> None:
     runs = oscillations(lambda x, v: -30.0 * x - 0.6 * v)
     # The wrong guess of the scale is that of the hardening spring: its functions are built already.
-    verdict = diagnose(oscillator(scale=100.0), runs[:2], runs[2:], jobs=1, advise=False).verdict
+    verdict = diagnosed(oscillator(scale=100.0), runs, fit=2).verdict
     assert verdict.kind == "nothing_missing", verdict
     assert verdict.parameters["stiffness"]["value"] == pytest.approx(30.0, rel=0.01)
 
@@ -124,18 +115,18 @@ def test_a_plant_that_declares_no_disturbance_is_told_what_is_taken() -> None:
 
 def test_a_plant_without_states_is_diagnosed() -> None:
     model, runs = damper(), rubbed()
-    few = [e for e in library(model) if e.law in ("coulomb_friction", "cubic_drag", "creep")]
-    verdict = diagnose(model, runs[:2], runs[2:], entries=few, jobs=1).verdict
+    verdict = diagnosed(model, runs, "coulomb_friction cubic_drag creep", fit=2).verdict
     (finding,) = verdict.findings
     assert finding.effect == "coulomb_friction" and finding.occurrence is not None
     assert finding.parameters["level"].value == pytest.approx(4.0, rel=0.01)
     assert verdict.fit["extended"]["force"] < 1.5 * verdict.fit["noise_floor"]["force"]
 
 
-def test_a_hysteresis_is_found_whose_size_nobody_declared(monkeypatch: pytest.MonkeyPatch) -> None:
-    only(monkeypatch, "bouc_wen_hysteresis", "cubic_stiffness", "coulomb_friction")
+def test_a_hysteresis_is_found_whose_size_nobody_declared() -> None:
     runs = loops()
-    verdict = diagnose(hysteretic(), runs[:2], runs[2:], jobs=1, advise=False).verdict
+    verdict = diagnosed(
+        hysteretic(), runs, "bouc_wen_hysteresis cubic_stiffness coulomb_friction", fit=2
+    ).verdict
     (finding,) = verdict.findings
     assert finding.effect == "bouc_wen_hysteresis"
     found = {name: value.value for name, value in finding.parameters.items()}
@@ -178,10 +169,9 @@ def test_a_plant_that_is_unstable_without_its_controller_is_refitted_and_judged(
     assert "started anew" in report.notes[-1]
 
 
-def test_drag_on_a_plant_that_is_unstable_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    only(monkeypatch, "viscous_friction", "coulomb_friction", "local_catch", "ripple")
+def test_drag_on_a_plant_that_is_unstable_is_named() -> None:
     runs = [levitation(seed, drag=0.25) for seed in (1, 2)]
-    found = diagnose(maglev(), runs[:1], runs[1:], jobs=1, advise=False)
+    found = diagnosed(maglev(), runs, "viscous_friction coulomb_friction local_catch ripple")
     (finding,) = found.verdict.findings
     assert finding.effect == "viscous_friction_speed" and finding.belief == "sure"
     # 0.25 N s/m on 50 g; the sensors' noise is a tenth of a percent of their range.
@@ -238,10 +228,8 @@ def test_windows_whose_filter_gives_up_are_a_run_that_failed() -> None:
 
 
 def test_a_decay_that_nothing_drives_is_diagnosed() -> None:
-    laws = ("coulomb_friction", "quadratic_drag", "cubic_stiffness")
-    entries = tuple(e for e in library(swing()) if e.law in laws)
     runs = [swinging_out(1.2), swinging_out(0.8)]
-    *_, found = stages(swing(), runs[:1], runs[1:], entries=entries, jobs=1)
+    found = diagnosed(swing(), runs, "coulomb_friction quadratic_drag cubic_stiffness")
     (finding,) = found.verdict.findings
     assert finding.effect == "coulomb_friction"
     assert finding.parameters["level"].value == pytest.approx(0.3, rel=0.03)
@@ -278,22 +266,20 @@ def test_states_beyond_the_range_of_the_equations_ask_for_no_steps() -> None:
 
 
 @pytest.mark.parametrize("gear", [pytest.param(1.0, marks=pytest.mark.long), 4.0])
-def test_the_backlash_of_a_coupling_is_found_between_two_bodies(
-    monkeypatch: pytest.MonkeyPatch, gear: float
-) -> None:
-    only(monkeypatch, "backlash", "cubic_stiffness", "coulomb_friction", "viscous_friction")
+def test_the_backlash_of_a_coupling_is_found_between_two_bodies(gear: float) -> None:
     runs = [turned(seed, gear=gear, play=0.01) for seed in (1, 2)]
-    found = diagnose(drivetrain(gear), runs[:1], runs[1:], jobs=1, advise=False)
+    found = diagnosed(
+        drivetrain(gear), runs, "backlash cubic_stiffness coulomb_friction viscous_friction"
+    )
     (finding,) = found.verdict.findings
     assert finding.effect.startswith("elastic_play") and finding.belief == "sure"
     assert finding.where == ("motor_speed_load_speed.exchange",)
     assert finding.parameters["half_width"].value == pytest.approx(0.01, rel=0.02)
 
 
-def test_a_coupling_of_rubber_lets_go(monkeypatch: pytest.MonkeyPatch) -> None:
-    only(monkeypatch, "maxwell_element", "bouc_wen_hysteresis", "cubic_stiffness")
+def test_a_coupling_of_rubber_lets_go() -> None:
     runs = [turned(seed, relaxing=20.0) for seed in (1, 2)]
-    *_, found = stages(drivetrain(), runs[:1], runs[1:], jobs=1, advise=False)
+    found = diagnosed(drivetrain(), runs, "maxwell_element bouc_wen_hysteresis cubic_stiffness")
     assert found.selected is not None
     (finding,) = found.verdict.findings
     # The shafts turn by many radians; starts of windows that are a degree off would hide it all.
@@ -303,10 +289,11 @@ def test_a_coupling_of_rubber_lets_go(monkeypatch: pytest.MonkeyPatch) -> None:
     assert sizes == pytest.approx({"stiffness": 20.0 / 0.012, "time_constant": 0.1}, rel=0.03)
 
 
-def test_what_changes_at_a_time_is_followed_to_its_instant(monkeypatch: pytest.MonkeyPatch) -> None:
-    only(monkeypatch, "parameter_jump", "parameter_curve", "clock_shift")
+def test_what_changes_at_a_time_is_followed_to_its_instant() -> None:
     runs = [fallen_ill(seed) for seed in (1, 2)]
-    (finding,) = diagnose(epidemic(), runs[:1], runs[1:], jobs=1, advise=False).verdict.findings
+    (finding,) = diagnosed(
+        epidemic(), runs, "parameter_jump parameter_curve clock_shift"
+    ).verdict.findings
     assert finding.effect == "parameter_jump_contact" and finding.belief == "sure"
     assert finding.parameters["time"].value == pytest.approx(40 * DAY, abs=0.2 * DAY)
     assert finding.parameters["amount"].value == pytest.approx(-0.154 / DAY, rel=0.01)
@@ -324,13 +311,10 @@ def test_the_data_say_whether_an_input_is_clipped_to_its_range(most: float) -> N
 
 
 @pytest.mark.long
-def test_three_effects_of_which_two_spoil_free_runs_are_found_together(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    only(monkeypatch, "cubic_stiffness", "coulomb_friction", "sensor_lag", "sensor_delay")
+def test_three_effects_of_which_two_spoil_free_runs_are_found_together() -> None:
     runs = [guided(seed, cubic=6e7, dry=0.9, lag=3e-3) for seed in (1, 2)]
     model, _ = with_undeclared(stage(), runs)
-    *_, found = stages(model, runs[:1], runs[1:], jobs=1, advise=False)
+    found = diagnosed(model, runs, "cubic_stiffness coulomb_friction sensor_lag sensor_delay")
     sizes = {f.effect: [v.value for v in f.parameters.values()] for f in found.verdict.findings}
     assert sizes["cubic_stiffness"] == pytest.approx([6e7 / 0.4], rel=0.02)
     assert sizes["sensor_lag_position"] == pytest.approx([3e-3], rel=0.02)
@@ -351,12 +335,9 @@ def test_what_is_left_out_is_correlated_over_the_pace_of_the_machine() -> None:
 
 
 @pytest.mark.parametrize("hardening", [0.0, 13.0])
-def test_a_quick_and_small_machine_is_judged_at_its_own_pace_and_size(
-    monkeypatch: pytest.MonkeyPatch, hardening: float
-) -> None:
-    only(monkeypatch, "sensor_gain", "gain", "cubic_stiffness", "coulomb_friction")
+def test_a_quick_and_small_machine_is_judged_at_its_own_pace_and_size(hardening: float) -> None:
     runs = [ringing(seed, hardening=hardening) for seed in (1, 2)]
-    *_, found = stages(resonator(), runs[:1], runs[1:], jobs=1, advise=False)
+    found = diagnosed(resonator(), runs, "sensor_gain gain cubic_stiffness coulomb_friction")
     # It moves by half a micrometre as far as 5 V go, and by nothing that a unit would explain.
     assert found.nominal.outputs[0].scale == pytest.approx(1e-7, rel=0.5)
     assert found.verdict.fit["extended"]["position"] < 1.2e-10
@@ -387,23 +368,19 @@ def test_noise_is_told_from_what_an_input_shakes(longest: int) -> None:
     assert model.outputs[0].noise_rms == pytest.approx(2e-4, rel=0.15)
 
 
-def test_iron_that_saturates_is_a_parameter_that_changes_with_the_current(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    only(monkeypatch, "parameter_curve", "ripple", "local_catch", "sensor_offset")
+def test_iron_that_saturates_is_a_parameter_that_changes_with_the_current() -> None:
     runs = [levitation(seed, saturated=2.5) for seed in (1, 2)]
-    (finding,) = diagnose(maglev(), runs[:1], runs[1:], jobs=1, advise=False).verdict.findings
+    (finding,) = diagnosed(
+        maglev(), runs, "parameter_curve ripple local_catch sensor_offset"
+    ).verdict.findings
     assert finding.effect == "parameter_curve_lift_over_current" and finding.belief == "sure"
     # More current, less force for it.
     assert finding.parameters["amount"].value < 0.0
 
 
 @pytest.mark.parametrize("width", [1.2, 0.3])
-def test_a_curve_that_is_an_s_is_refitted_to_its_shape(
-    monkeypatch: pytest.MonkeyPatch, width: float
-) -> None:
+def test_a_curve_that_is_an_s_is_refitted_to_its_shape(width: float) -> None:
     """A core that holds its inductance up to some current and loses most of it soon after."""
-    only(monkeypatch, "parameter_curve")
     runs = []
     for seed in (1, 2):
         volts, noise = 6.0 + levels(800, seed, 6.0, 5, 30), np.random.default_rng(seed)
@@ -425,7 +402,7 @@ def test_a_curve_that_is_an_s_is_refitted_to_its_shape(
             Parameter("henry", "H", value=0.08, lower=0.0, upper=1.0, fitted=True),
         ),
     )
-    verdict = diagnose(choke, runs[:1], runs[1:], jobs=1, advise=False).verdict
+    verdict = diagnosed(choke, runs, "parameter_curve").verdict
     assert verdict.kind == "named", verdict
     assert verdict.fit["extended"]["i"] < 1.4 * verdict.fit["noise_floor"]["i"]
 
@@ -433,7 +410,6 @@ def test_a_curve_that_is_an_s_is_refitted_to_its_shape(
 def test_a_friction_of_what_turns_one_way_cannot_be_told_from_a_torque(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    only(monkeypatch, "offset", "constant_force", "coulomb_friction")
     # Which short refit comes further is chance: here one is followed for it.
     monkeypatch.setattr(refits, "_FINALISTS", 1)
     runs = []
@@ -456,17 +432,14 @@ def test_a_friction_of_what_turns_one_way_cannot_be_told_from_a_torque(
         outputs=(Output("wheel", "rad/s", 40.0, noise_rms=0.08),),
         parameters=(Parameter("fan", "N m s2", value=1e-4, lower=0.0, upper=1e-3, fitted=True),),
     )
-    verdict = diagnose(wheel, runs[:1], runs[1:], jobs=1, advise=False).verdict
+    verdict = diagnosed(wheel, runs, "offset constant_force coulomb_friction").verdict
     assert verdict.kind == "named_class", verdict
     (finding,) = verdict.findings
     assert {"constant_force", "coulomb_friction"} < set(finding.alike)
 
 
-def test_equations_of_a_fast_machine_are_trusted_as_far_as_they_go(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_equations_of_a_fast_machine_are_trusted_as_far_as_they_go() -> None:
     """A wrong gain of the sensor would only shrink the noise that the equations are left with."""
-    only(monkeypatch, "sensor_gain", "coulomb_friction")
     runs = []
     for seed in (1, 2):
         # A stage on flexures that swings at 1 kHz, sampled at 20 kHz.
@@ -492,18 +465,16 @@ def test_equations_of_a_fast_machine_are_trusted_as_far_as_they_go(
             Parameter("damping", "N s/m", value=1.0, lower=0.05, upper=10.0, fitted=True),
         ),
     )
-    verdict = diagnose(stage, runs[:1], runs[1:], jobs=1, advise=False).verdict
+    verdict = diagnosed(stage, runs, "sensor_gain coulomb_friction").verdict
     assert verdict.kind == "nothing_missing", verdict
 
 
-def test_what_a_later_law_makes_needless_leaves_no_successor(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_what_a_later_law_makes_needless_leaves_no_successor() -> None:
     # A cart that sticks on its rail: LuGre is found first, and Stribeck needs nothing beside it.
     case = next(c for c in plan(60, 20_000) if c.seed == 20_059)
-    only(monkeypatch, "stribeck_friction", "lugre_friction", "quadratic_drag")
-    runs = case.recordings()
-    found = diagnose(case.build(), [runs["fit_1"]], [runs["hold_1"]], jobs=1, advise=False)
+    made = case.recordings()
+    runs = [made["fit_1"], made["hold_1"]]
+    found = diagnosed(case.build(), runs, "stribeck_friction lugre_friction quadratic_drag")
     assert [f.effect for f in found.verdict.findings] == ["stribeck_friction_cart"]
     assert [gone.candidate.entry.law for gone in found.withdrawn] == ["lugre_friction"]
     # 1.4 times 1.066 N at standstill.
@@ -511,13 +482,8 @@ def test_what_a_later_law_makes_needless_leaves_no_successor(
     assert level == pytest.approx(1.493, rel=0.05)
 
 
-def test_tyres_that_saturate_are_curves_over_their_slip(monkeypatch: pytest.MonkeyPatch) -> None:
-    def few(*given: Any, **known: Any) -> tuple[Hypothesis, ...]:
-        every = library(*given, **known)
-        return tuple(e for e in every if e.law == "sensor_lag" or "over_argument" in e.name)
-
-    monkeypatch.setattr(task, "library", few)
-    found = diagnose(car(), [cornering(1)], [cornering(2)], jobs=1, advise=False)
+def test_tyres_that_saturate_are_curves_over_their_slip() -> None:
+    found = diagnosed(car(), [cornering(1), cornering(2)], "sensor_lag *_over_argument")
     verdict = found.verdict
     assert verdict.kind == "named"
     names = {f.effect for f in verdict.findings}
@@ -545,11 +511,7 @@ def test_a_curve_over_what_it_multiplies_is_that_of_a_plain_sum() -> None:
     assert lateral == pytest.approx((front + rear) / 1500.0, rel=1e-12)
 
 
-def test_one_side_of_a_command_is_weaker_before_an_actuator_that_saturates(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    only(monkeypatch, "asymmetric_gain", "bend_command", "dead_band", "sensor_lag")
-
+def test_one_side_of_a_command_is_weaker_before_an_actuator_that_saturates() -> None:
     def equations(m: Scope) -> Equations:
         driven = m.p.gain * ca.tanh(m.u.command / 4.0)
         return {"speed": (driven - m.x.speed) / m.p.tau}, {"speed": m.x.speed}
@@ -575,7 +537,8 @@ def test_one_side_of_a_command_is_weaker_before_an_actuator_that_saturates(
         seen += 0.05 * np.random.default_rng(seed).normal(size=600)
         return recording(f"run {seed}", 0.05, {"command [V]": command}, {"speed [rad/s]": seen})
 
-    verdict = diagnose(fan, [run(0), run(1)], [run(2)], jobs=1, advise=False).verdict
+    laws = "asymmetric_gain bend_command dead_band sensor_lag"
+    verdict = diagnosed(fan, [run(0), run(1), run(2)], laws, fit=2).verdict
     (finding,) = verdict.findings
     assert finding.effect == "asymmetric_gain_command_command" and finding.belief == "sure"
     # Of a difference in the middle both sides would change, which no gain after the curve undoes.
@@ -583,9 +546,7 @@ def test_one_side_of_a_command_is_weaker_before_an_actuator_that_saturates(
     assert verdict.fit["extended"]["speed"] < 1.1 * verdict.fit["noise_floor"]["speed"]
 
 
-def test_a_control_valve_that_sticks_is_told_with_its_band(monkeypatch: pytest.MonkeyPatch) -> None:
-    only(monkeypatch, "command_stiction", "backlash", "dead_band", "sensor_lag", "sensor_gain")
-
+def test_a_control_valve_that_sticks_is_told_with_its_band() -> None:
     def equations(m: Scope) -> Equations:
         out = m.p.outflow * ca.sqrt(ca.fmax(m.x.level, 1e-6))
         return {"level": 2.0 * (m.p.inflow * m.u.valve - out)}, {"level": m.x.level}
@@ -615,7 +576,8 @@ def test_a_control_valve_that_sticks_is_told_with_its_band(monkeypatch: pytest.M
         seen += 0.002 * rng.normal(size=700)
         return recording(f"run {seed}", 2.0, {"valve [1]": valve}, {"level [m]": seen})
 
-    verdict = diagnose(tank, [run(0), run(1)], [run(2)], jobs=1, advise=False).verdict
+    laws = "command_stiction backlash dead_band sensor_lag sensor_gain"
+    verdict = diagnosed(tank, [run(0), run(1), run(2)], laws, fit=2).verdict
     (finding,) = verdict.findings
     assert finding.effect == "command_stiction_valve_command" and finding.belief == "sure"
     assert "band 0.03" in finding.sentence
@@ -623,27 +585,26 @@ def test_a_control_valve_that_sticks_is_told_with_its_band(monkeypatch: pytest.M
     assert verdict.fit["extended"]["level"] < 2.0 * verdict.fit["noise_floor"]["level"]
 
 
-def test_what_flows_in_a_pipe_is_slowed_as_a_body_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    only(monkeypatch, "quadratic_drag", "offset", "gain", "sensor_offset")
+def test_what_flows_in_a_pipe_is_slowed_as_a_body_is() -> None:
     runs = [pumped(seed, turbulent=1.3e8) for seed in (1, 2)]
-    (finding,) = diagnose(pipeline(), runs[:1], runs[1:], jobs=1, advise=False).verdict.findings
+    (finding,) = diagnosed(
+        pipeline(), runs, "quadratic_drag offset gain sensor_offset"
+    ).verdict.findings
     assert (finding.effect, finding.where) == ("quadratic_drag", ("flow.rate",))
     assert finding.parameters["coefficient"].value == pytest.approx(1.3e8 / 3.2e6, rel=0.03)
 
 
-def test_a_store_that_no_input_fills_may_spring_a_leak(monkeypatch: pytest.MonkeyPatch) -> None:
-    only(monkeypatch, "offset_jump", "offset", "orifice_outflow", "sensor_jump")
+def test_a_store_that_no_input_fills_may_spring_a_leak() -> None:
     runs = [pumped(1, burst=34.0), pumped(2, burst=51.0)]
-    (finding,) = diagnose(pipeline(), runs[:1], runs[1:], jobs=1, advise=False).verdict.findings
+    (finding,) = diagnosed(
+        pipeline(), runs, "offset_jump offset orifice_outflow sensor_jump"
+    ).verdict.findings
     assert finding.where == ("pressure.rate",)
     # 5 l/s out of 5e-7 m3/Pa.
     assert finding.parameters["amount"].value == pytest.approx(-1e4, rel=0.03)
 
 
-def test_a_sensor_whose_curve_bends_is_no_spring_that_hardens(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    only(monkeypatch, "sensor_bend", "sensor_gain", "cubic_stiffness", "polynomial_stiffness")
+def test_a_sensor_whose_curve_bends_is_no_spring_that_hardens() -> None:
     runs = []
     for seed in (1, 2):
         drive = levels(500, seed, 30.0, 20, 80)
@@ -651,7 +612,9 @@ def test_a_sensor_whose_curve_bends_is_no_spring_that_hardens(
         true = straight["position"]
         read = true + 0.06 * (true - 0.3) ** 2 + 1e-3 * np.random.default_rng(seed).normal(size=500)
         runs.append(straight.with_signal(Signal("position", read, "m")))
-    verdict = diagnose(oscillator(scale=30.0), runs[:1], runs[1:], jobs=1, advise=False).verdict
+    verdict = diagnosed(
+        oscillator(scale=30.0), runs, "sensor_bend sensor_gain cubic_stiffness polynomial_stiffness"
+    ).verdict
     (finding,) = verdict.findings
     assert finding.effect == "sensor_bend_position", verdict
     found = {name: value.value for name, value in finding.parameters.items()}
@@ -672,10 +635,7 @@ def _winding(seed: int) -> Recording:
     return recording(f"run {seed}", 1e-3, {"voltage [V]": volts}, {"current [A]": read})
 
 
-def test_what_drops_with_the_direction_of_a_current_is_named_without_a_port(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    only(monkeypatch, "coulomb_friction", "offset", "saturating_outflow", "second_store")
+def test_what_drops_with_the_direction_of_a_current_is_named_without_a_port() -> None:
     coil = Model(
         "coil",
         lambda m: (
@@ -691,7 +651,9 @@ def test_what_drops_with_the_direction_of_a_current_is_named_without_a_port(
         ),
     )
     runs = [_winding(seed) for seed in (1, 2, 3)]
-    (finding,) = diagnose(coil, runs[:2], runs[2:], jobs=1, advise=False).verdict.findings
+    (finding,) = diagnosed(
+        coil, runs, "coulomb_friction offset saturating_outflow second_store", fit=2
+    ).verdict.findings
     assert finding.effect == "coulomb_friction"
     # 0.5 V over 8 mH.
     assert finding.parameters["level"].value == pytest.approx(62.5, rel=0.03)
@@ -710,8 +672,7 @@ def _joint(seed: int) -> Recording:
     return recording(f"run {seed}", 0.005, {"torque [N m]": torque}, {"angle [rad]": read})
 
 
-def test_a_joint_that_gives_is_two_bodies_and_a_spring(monkeypatch: pytest.MonkeyPatch) -> None:
-    only(monkeypatch, "elastic_drive", "drive_lag", "delay", "sensor_lag", "maxwell_element")
+def test_a_joint_that_gives_is_two_bodies_and_a_spring() -> None:
     joint = Model(
         "joint",
         lambda m: (
@@ -727,7 +688,9 @@ def test_a_joint_that_gives_is_two_bodies_and_a_spring(monkeypatch: pytest.Monke
         ),
     )
     runs = [_joint(seed) for seed in (1, 2)]
-    verdict = diagnose(joint, runs[:1], runs[1:], jobs=1, advise=False).verdict
+    verdict = diagnosed(
+        joint, runs, "elastic_drive drive_lag delay sensor_lag maxwell_element"
+    ).verdict
     (finding,) = verdict.findings
     assert (finding.effect, finding.belief) == ("elastic_drive", "sure"), verdict
     found = {name: value.value for name, value in finding.parameters.items()}
@@ -750,10 +713,7 @@ def _charged(seed: int) -> Recording:
     )
 
 
-def test_a_formula_may_be_wrong_as_well_as_what_reads_its_value(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    only(monkeypatch, "sensor_bend", "sensor_lag")
+def test_a_formula_may_be_wrong_as_well_as_what_reads_its_value() -> None:
 
     def equations(m: Scope) -> Equations:
         gas = m.p.filled * 5e-3 / (5e-3 - m.x.oil)
@@ -771,7 +731,7 @@ def test_a_formula_may_be_wrong_as_well_as_what_reads_its_value(
         ),
     )
     runs = [_charged(seed) for seed in (1, 2)]
-    verdict = diagnose(accumulator, runs[:1], runs[1:], jobs=1, advise=False).verdict
+    verdict = diagnosed(accumulator, runs, "sensor_bend sensor_lag").verdict
     assert verdict.findings[0].effect == "sensor_bend_p"
     assert "so would another formula for p" in verdict.sentence
     assert verdict.kind in ("named_class", "likely"), "the sensor is not to blame alone"
@@ -815,7 +775,7 @@ def test_a_sensor_that_stands_at_its_end_most_of_the_time_is_told(above: bool) -
         parameters=(outlet, replace(outlet, name="lower_outlet")),
     )
     runs = [_two_tanks(seed, 0.3, above) for seed in (1, 2, 3)]
-    found = diagnose(tanks, runs[:2], runs[2:], jobs=1, advise=False)
+    found = diagnosed(tanks, runs, fit=2)
     (finding,) = found.verdict.findings
     assert [c.name for c in found.selected.rounds[0].candidates] == [finding.effect]
     assert finding.effect == ("sensor_clipping_upper" if above else "lower_sensor_clipping_upper")
