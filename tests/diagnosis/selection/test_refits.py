@@ -466,7 +466,7 @@ def test_what_comes_late_is_raced_on_what_shows_it() -> None:
     jump = by_name(scores)["offset_jump_axis_force"]
     assert jump.late > refits._HEADS[0]
     prior = base.cost - float(blocks_of_cost(base, [observed]).sum())
-    (found,) = refits._raced(base, [jump], priors, prior, [observed], 1, True)
+    (found,) = refits._raced(refits._Race(base, priors, [observed], known=prior), [jump])
     assert found.fit is not None and found.gain > 1000.0
     assert found.fit.model.parameter("offset_jump_axis_force.time").value == pytest.approx(
         SAMPLE_TIME * late, abs=0.05
@@ -499,8 +499,8 @@ def test_beside_what_leaves_nothing_out_others_are_not_tried_in_every_way(
 ) -> None:
     thorough: dict[float, bool] = {}
 
-    def first(_: Any, __: float, score: Score, *rest: Any) -> Any:
-        thorough[score.gain] = rest[-2]
+    def first(race: Any, _: float, score: Score, *__: Any) -> Any:
+        thorough[score.gain] = race.thorough
         leads = score.gain == 29.0 - leader
         found = SimpleNamespace(noise_scale=scale if leads else 3.0)
         lag = SimpleNamespace(about=SimpleNamespace(level=False), states=(State("read", "m", 1.0),))
@@ -513,7 +513,7 @@ def test_beside_what_leaves_nothing_out_others_are_not_tried_in_every_way(
     field = [_score(entry, float(gain)) for gain in range(30)]
     seen: Any = made_up_axis(1, samples=100)
     base: Any = SimpleNamespace(noise_scale=before)
-    found = refits._first_refits(base, field, (), 0.0, [seen], 1500, 10.0, (), 1)
+    found = refits._first_refits(refits._Race(base, (), [seen]), field, 1500, 10.0)
     assert [c.gain for c in found] == [*range(30)]
     assert [thorough[29.0 - rank] for rank in range(30)] == [rank < all_ways for rank in range(30)]
 
@@ -523,7 +523,7 @@ def test_what_is_either_there_or_not_begins_at_the_priors_too(
 ) -> None:
     begun: list[tuple[float, ...]] = []
 
-    def refitted(_: Any, score: Score, __: Any, ___: Any, way: Any, ____: float) -> Any:
+    def refitted(_: Any, score: Score, way: Any, __: float) -> Any:
         begun.append(way.ladder)
         fit = SimpleNamespace(
             cost=-1.0, noise_scale=0.3, refit=SimpleNamespace(estimates=(), values={})
@@ -535,8 +535,9 @@ def test_what_is_either_there_or_not_begins_at_the_priors_too(
     monkeypatch.setattr(refits, "start_values", lambda *_: {})
     base: Any = SimpleNamespace(noise_scale=0.3, refit=SimpleNamespace(estimates=(), values={}))
     ways = {}
+    race = refits._Race(base, (), [], thorough=False)
     for name in ("silencers", "valve_offset"):
-        refits._first(base, 0.0, _score(entries[name], 90.0), (), [], 1.0, None, False)
+        refits._first(race, 0.0, _score(entries[name], 90.0), 1.0)
         ways[name], begun = begun, []
     assert ways == {"silencers": [(0.3,), refits._STEEP], "valve_offset": [(0.3,)]}
 
@@ -568,7 +569,7 @@ def test_times_of_an_event_that_gain_nothing_are_searched_once(
     monkeypatch.setattr(refits, "_closest_errors", lambda *_: None)
     first = Candidate(jump, fitted(0.0), 100.0, (0.0, -math.inf, math.inf))
     base: Any = SimpleNamespace(cost=0.0, model=None)
-    refits._judged_on(base, first, (), (), (), None)
+    refits._judged_on(refits._Race(base, (), ()), first, None)
     assert len(told) == searches
 
 
@@ -608,9 +609,10 @@ def test_many_short_recordings_are_raced_on_some_among_them_the_one_that_shows_i
     recordings = [SimpleNamespace(name=k, outputs=np.zeros(600)) for k in range(12)]
     used = {}
 
-    def first(_: Any, field: Any, __: Any, ___: Any, some: Any, *rest: Any) -> list[Any]:
+    def first(race: Any, field: Any, *_: Any) -> list[Any]:
         for score in field:
-            used[score.number] = [r.name for r in some], some[score.clearest].name
+            names = [r.name for r in race.fit_on]
+            used[score.number] = names, names[score.clearest]
         return [score.number for score in field]
 
     @dataclass(frozen=True)
@@ -620,7 +622,7 @@ def test_many_short_recordings_are_raced_on_some_among_them_the_one_that_shows_i
 
     monkeypatch.setattr(refits, "_first_refits", first)
     field: Any = [Shown(0, 7), Shown(1, 2), Shown(2, 7)]
-    raced = refits._raced(cast(Any, None), field, (), 0.0, cast(Any, recordings), 1, True)
+    raced = refits._raced(refits._Race(cast(Any, None), (), cast(Any, recordings)), field)
     assert raced == [0, 1, 2]
     assert used[0] == used[2] == ([0, 1, 2, 3, 7], 7)
     assert used[1] == ([0, 1, 2, 3, 4], 2)
@@ -693,7 +695,8 @@ def test_a_law_that_contends_is_refitted_with_the_trust_that_it_earns() -> None:
         first.append(Candidate(laws[name], fit, base.cost - fit.cost, unknown))
         field.append(_score(laws[name], 900.0))
     prior = base.cost - float(blocks_of_cost(base, [seen]).sum())
-    loss, offset = refits._trusted(base, field, first, priors, prior, [seen], 1)
+    race = refits._Race(base, priors, [seen], known=prior)
+    loss, offset = refits._trusted(race, field, first)
     assert loss.gain > 5.0 * first[0].gain
     assert loss.fit is not None
     found = {e.name: e.value for e in loss.fit.refit.estimates}
@@ -703,7 +706,7 @@ def test_a_law_that_contends_is_refitted_with_the_trust_that_it_earns() -> None:
     assert first[1].fit is not None
     trusting = replace(first[1].fit, noise_scale=0.1 * base.noise_scale)
     rival = replace(first[1], fit=trusting, gain=5.0 * first[0].gain)
-    beside = refits._trusted(base, field, [first[0], rival], priors, prior, [seen], 1)
+    beside = refits._trusted(race, field, [first[0], rival])
     assert beside[0].gain == pytest.approx(loss.gain)
 
 
@@ -713,7 +716,7 @@ def test_beside_what_explains_nearly_all_a_law_that_gains_little_is_tried_in_one
     tried: list[Any] = []
 
     def refitted(_: Any, score: Score, *given: Any) -> Any:
-        tried.append(given[2])
+        tried.append(given[0])
         refit = SimpleNamespace(estimates=(), values={})
         return score, SimpleNamespace(cost=90.0, noise_scale=1.0, refit=refit)
 
@@ -723,6 +726,7 @@ def test_beside_what_explains_nearly_all_a_law_that_gains_little_is_tried_in_one
     base: Any = SimpleNamespace(
         noise_scale=1.0, refit=SimpleNamespace(estimates=(on_bound,), values={})
     )
+    race = refits._Race(base, (), [], thorough=False)
     far = next(e for e in entries.values() if e.far)
     for entry, least, once in (
         (entries["tilt_gravity"], 0.0, False),
@@ -731,7 +735,7 @@ def test_beside_what_explains_nearly_all_a_law_that_gains_little_is_tried_in_one
         (far, 20.0, False),
     ):
         tried.clear()
-        refits._first(base, 100.0, _score(entry, 9.0), (), [], 1.0, None, False, least)
+        refits._first(race, 100.0, _score(entry, 9.0), 1.0, least=least)
         assert (len(tried) == 1) is once
 
 

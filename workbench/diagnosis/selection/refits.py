@@ -114,6 +114,25 @@ _WIDER, _WIDENINGS = 5.0, 4
 Progress = Callable[[str], None]
 
 
+class _Race(NamedTuple):
+    """What all hypotheses begin with.
+
+    Args:
+        base: The fitted model without the effects.
+        fit_on: Fitting recordings, with a start for the model of ``base``.
+        known: Minus the logarithm of the priors, which is in the cost of a refit too.
+        thorough: Whether refits on short recordings begin from more places.
+    """
+
+    base: ProcessNoiseFit
+    priors: tuple[Prior, ...]
+    fit_on: Sequence[Observed]
+    hold_out: Sequence[Observed] = ()
+    known: float = 0.0
+    jobs: int = 1
+    thorough: bool = True
+
+
 def refit_candidates(
     base: ProcessNoiseFit,
     chosen: Sequence[Score],
@@ -129,22 +148,21 @@ def refit_candidates(
     """Refit each hypothesis together with the free parameters.
 
     Args:
-        base: The fitted model without the effects.
-        fit_on: Fitting recordings, with a start for the model of ``base``.
-        thorough: Whether refits on short recordings begin from more places.
+        base, fit_on, thorough: As for `_Race`.
 
     Returns:
         Candidates by falling gain, each accepted or refused with the reason.
     """
-    given = tuple(priors)
     field, lost = list(chosen), []
     begun: list[Candidate] = []
     lengths = [len(r.outputs) for r in fit_on]
-    prior = base.cost - float(blocks_of_cost(base, fit_on).sum()) if field else 0.0
+    known = base.cost - float(blocks_of_cost(base, fit_on).sum()) if field else 0.0
+    fit_on, hold_out = tuple(fit_on), tuple(hold_out)
+    race = _Race(base, tuple(priors), fit_on, (), known, jobs, thorough)
     if max(lengths) > _RACED * _HEADS[0] or sum(lengths) > _RACED * _HEADS[1]:
         if progress and field:
             progress(f"racing {len(field)} effects on the beginning of the recordings")
-        raced = _raced(base, field, given, prior, fit_on, jobs, thorough)
+        raced = _raced(race, field)
         order = sorted(range(len(field)), key=lambda i: (i >= _BY_SCORE, -raced[i].gain))
         field = [chosen[i] for i in order[:_FIELD]]
         begun = [raced[i] for i in order[:_FIELD]]
@@ -153,14 +171,11 @@ def refit_candidates(
         names = [s.entry.name for s in field]
         said, more = ", ".join(names[:_SAID]), len(names) - _SAID
         progress(f"refitting with {said}{f' and {more} more' if more > 0 else ''}")
-    first = _first_refits(
-        base, field, given, prior, fit_on, _HEADS[1], _NEAR, begun, jobs, thorough
-    )
+    first = _first_refits(race, field, _HEADS[1], _NEAR, begun)
     leaders = _leaders(first, field.index(chosen[0]) if field else 0, several=len(fit_on) > 1)
     weaker: list[int] = []
     if len(leaders) > 1:
-        own = [field[i] for i in leaders], [first[i] for i in leaders]
-        trusted = _trusted(base, *own, given, prior, fit_on, jobs)
+        trusted = _trusted(race, [field[i] for i in leaders], [first[i] for i in leaders])
         top = max(trusted, key=lambda c: c.gain)
         if _explains(top):
             # What explains clearly less is no rival, unless what explains more is refused.
@@ -168,8 +183,8 @@ def refit_candidates(
             weaker = [i for i, c in zip(leaders, trusted, strict=True) if not c.gain > least]
             leaders = [i for i in leaders if i not in weaker]
     before = blocks_as_trusted(base, hold_out) if leaders and hold_out else None
-    known = given, tuple(fit_on), tuple(hold_out), before
-    plain: list[Call[Any]] = [(_closest_errors, (base, base.model, tuple(fit_on), tuple(hold_out)))]
+    race = race._replace(hold_out=hold_out)
+    plain: list[Call[Any]] = [(_closest_errors, (base, base.model, fit_on, hold_out))]
     runs, found, at_first = NO_RUNS, decided((*first, *lost), NO_RUNS, limits), tuple(first)
     best: Candidate | None = None
     waiting = [leaders, weaker]
@@ -179,7 +194,7 @@ def refit_candidates(
             continue
         if progress:
             progress("comparing " + " and ".join(field[i].entry.name for i in some))
-        finals: list[Call[Any]] = [(_followed, (base, first[i], *known)) for i in some]
+        finals: list[Call[Any]] = [(_followed, (race, first[i], before)) for i in some]
         done: list[Any] = in_order([*finals, *plain], jobs=jobs)
         for i, final in zip(some, done, strict=False):
             first[i] = final
@@ -199,26 +214,16 @@ def refit_candidates(
         replace(best, entry=replace(entry, effect=replace(entry.effect, parameters=shape)))
         for entry in best.entry.alone
     ]
-    alone = in_order([(_followed, (base, c, *known)) for c in at_one], jobs=jobs)
+    alone = in_order([(_followed, (race, c, before)) for c in at_one], jobs=jobs)
     return decided((*first, *lost, *alone), runs, limits)
 
 
-def _raced(
-    base: ProcessNoiseFit,
-    field: Sequence[Score],
-    priors: tuple[Prior, ...],
-    prior: float,
-    fit_on: Sequence[Observed],
-    jobs: int,
-    thorough: bool,
-) -> list[Candidate]:
+def _raced(race: _Race, field: Sequence[Score]) -> list[Candidate]:
     """Refit hypotheses on the beginning of two recordings, or on more if they are short.
 
     The one that shows a hypothesis best is among them.
-
-    Args:
-        prior: As for `_first_refits`.
     """
+    fit_on = race.fit_on
     groups: dict[tuple[int, ...], list[int]] = {}
     for i, score in enumerate(field):
         order = sorted(range(len(fit_on)), key=lambda k: k != score.clearest)
@@ -228,36 +233,30 @@ def _raced(
     found: dict[int, Candidate] = {}
     for chosen, own in groups.items():
         here = [replace(field[i], clearest=chosen.index(field[i].clearest)) for i in own]
-        some = [fit_on[k] for k in chosen]
-        done = _first_refits(base, here, priors, prior, some, _HEADS[0], _FAR, (), jobs, thorough)
+        some = race._replace(fit_on=[fit_on[k] for k in chosen])
+        done = _first_refits(some, here, _HEADS[0], _FAR)
         found |= dict(zip(own, done, strict=True))
     return [found[i] for i in range(len(field))]
 
 
 def _first_refits(
-    base: ProcessNoiseFit,
+    race: _Race,
     field: Sequence[Score],
-    priors: tuple[Prior, ...],
-    known: float,
-    fit_on: Sequence[Observed],
     samples: int,
     enough: float,
-    begun: Sequence[Candidate],
-    jobs: int,
-    thorough: bool = True,
+    begun: Sequence[Candidate] = (),
 ) -> list[Candidate]:
     """Refit hypotheses on the beginning of each recording, from where earlier refits ended.
 
     What happens later than that is refitted on as much as shows it.
 
     Args:
-        known: Minus the logarithm of the priors, which is in the cost of a refit too.
         begun: The earlier refits; none if empty.
     """
     if not field:
         return []
-    short = thorough and sum(len(r.outputs) for r in fit_on) <= _SHORT
-    heads = _heads(base, field, known, fit_on, samples)
+    short = race.thorough and sum(len(r.outputs) for r in race.fit_on) <= _SHORT
+    heads = _heads(race, field, samples)
     seen = [sum(len(r.outputs) for r in head) for head, _ in heads]
     order = sorted(range(len(field)), key=lambda i: -field[i].gain)
     found: dict[int, Candidate] = {}
@@ -265,42 +264,28 @@ def _first_refits(
     ends = [_BY_SCORE * (2**k - 1) for k in range(len(order).bit_length() + 1)]
     for some in (order[i:j] for i, j in pairwise(ends) if i < len(order)):
         # Beside what leaves nothing out nobody waits for the others to be tried in every way.
-        complete = {k: c.gain for k, c in found.items() if leaves_nothing(base, c)}
+        complete = {k: c.gain for k, c in found.items() if leaves_nothing(race.base, c)}
         ways = short and not complete
         # Nor for what explains much less, by sample: what comes late is refitted on more of them.
         clear = max((gain / seen[k] for k, gain in complete.items()), default=0.0)
         calls: list[Call[Candidate]] = []
         for i in some:
             (head, cost), least = heads[i], _CONTENDS * clear * seen[i]
-            further = enough, begun[i] if begun else None, ways, least
-            calls.append((_first, (base, cost, field[i], priors, head, *further)))
-        found |= dict(zip(some, in_order(calls, jobs=jobs), strict=True))
+            own, earlier = race._replace(fit_on=head, thorough=ways), begun[i] if begun else None
+            calls.append((_first, (own, cost, field[i], enough, earlier, least)))
+        found |= dict(zip(some, in_order(calls, jobs=race.jobs), strict=True))
     return [found[i] for i in range(len(field))]
 
 
-def _heads(
-    base: ProcessNoiseFit,
-    field: Sequence[Score],
-    known: float,
-    fit_on: Sequence[Observed],
-    samples: int,
-) -> list[tuple[list[Observed], float]]:
+def _heads(race: _Race, field: Sequence[Score], samples: int) -> list[tuple[list[Observed], float]]:
     """Return the beginnings that show each hypothesis, and their cost without it, dimensionless."""
     lengths = [samples if score.late < samples else 2 * score.late for score in field]
-    heads = {n: [r.part(slice(n)) for r in fit_on] for n in {*lengths}}
-    costs = {n: known + float(blocks_of_cost(base, head).sum()) for n, head in heads.items()}
-    return [(heads[n], costs[n]) for n in lengths]
+    heads = {n: [r.part(slice(n)) for r in race.fit_on] for n in {*lengths}}
+    costs = {n: float(blocks_of_cost(race.base, head).sum()) for n, head in heads.items()}
+    return [(heads[n], race.known + costs[n]) for n in lengths]
 
 
-def _trusted(
-    base: ProcessNoiseFit,
-    field: Sequence[Score],
-    first: Sequence[Candidate],
-    priors: tuple[Prior, ...],
-    known: float,
-    fit_on: Sequence[Observed],
-    jobs: int,
-) -> list[Candidate]:
+def _trusted(race: _Race, field: Sequence[Score], first: Sequence[Candidate]) -> list[Candidate]:
     """Refit hypotheses that contend with as much trust in the equations as each of them earns.
 
     Where the equations are as imperfect as without it, the right law gains little more than a wrong
@@ -309,13 +294,13 @@ def _trusted(
     best = max(first, key=lambda c: c.gain)
     least = max(_CONTENDS * best.gain, LEAST_SCORE)
     chosen = [i for i, c in enumerate(first) if c.gain > least or _trusts_less(c, best)]
-    heads = _heads(base, [field[i] for i in chosen], known, fit_on, _HEADS[1])
+    heads = _heads(race, [field[i] for i in chosen], _HEADS[1])
     calls = [
-        (_with_trust, (base, first[i], priors, head, cost))
+        (_with_trust, (race._replace(fit_on=head), cost, first[i]))
         for i, (head, cost) in zip(chosen, heads, strict=True)
     ]
     found = list(first)
-    for i, candidate in zip(chosen, in_order(calls, jobs=jobs), strict=True):
+    for i, candidate in zip(chosen, in_order(calls, jobs=race.jobs), strict=True):
         found[i] = candidate
     return found
 
@@ -331,20 +316,14 @@ def _explains(candidate: Candidate) -> bool:
     return candidate.fit is not None and candidate.fit.noise_scale <= PERFECT
 
 
-def _with_trust(
-    base: ProcessNoiseFit,
-    first: Candidate,
-    priors: tuple[Prior, ...],
-    head: Sequence[Observed],
-    cost: float,
-) -> Candidate:
+def _with_trust(race: _Race, cost: float, first: Candidate) -> Candidate:
     assert first.fit is not None
     model = first.fit.model
     try:
         fit = fit_with_process_noise(
             model,
-            [extended_start(r, base.model, model) for r in head],
-            (*priors, *entry_priors(first.entry)[0]),
+            [extended_start(r, race.base.model, model) for r in race.fit_on],
+            (*race.priors, *entry_priors(first.entry)[0]),
             start=first.fit.refit.values,
             noise_scale=first.fit.noise_scale,
             enough=_NEAR,
@@ -478,6 +457,12 @@ def widened(entry: Hypothesis, fit: ProcessNoiseFit, interval: float) -> Hypothe
     return replace(entry, effect=replace(effect, parameters=tuple(wider)))
 
 
+def _started(race: _Race, entry: Hypothesis) -> tuple[Model, list[Observed]]:
+    """Return the model with an effect, at size zero, and the fitting recordings with its start."""
+    model = race.base.model.with_effect(entry.at_size(1.0 if entry.replaces else 0.0))
+    return model, [extended_start(r, race.base.model, model) for r in race.fit_on]
+
+
 class _Way(NamedTuple):
     """From where a refit begins, and how much it trusts the equations.
 
@@ -494,14 +479,7 @@ class _Way(NamedTuple):
     shapes: bool = False
 
 
-def _refitted(
-    base: ProcessNoiseFit,
-    score: Score,
-    priors: tuple[Prior, ...],
-    fit_on: Sequence[Observed],
-    way: _Way,
-    enough: float,
-) -> tuple[Score, ProcessNoiseFit]:
+def _refitted(race: _Race, score: Score, way: _Way, enough: float) -> tuple[Score, ProcessNoiseFit]:
     """Refit one hypothesis from one start, widening the bounds that it ends on."""
     known, ladder = way.known, way.ladder
     fitted = {q.name for q in score.entry.effect.parameters if q.fitted}
@@ -511,16 +489,16 @@ def _refitted(
     best: tuple[Score, ProcessNoiseFit] | None = None
     for _ in range(_WIDENINGS + 1):
         entry = score.entry
-        model = base.model.with_effect(entry.at_size(1.0 if entry.replaces else 0.0))
+        model, started = _started(race, entry)
         own, start = entry_priors(entry, score.size)
-        started = [extended_start(r, base.model, model) for r in fit_on]
+        priors = (*race.priors, *own)
         if begin is None:
             usual = {**start, **known}
             starts = way.starts or _starts(score, usual, shapes=way.shapes)
             begin = _best_start(
                 model,
                 started[score.clearest],
-                (*priors, *own),
+                priors,
                 starts,
                 entry,
                 ladder[0],
@@ -529,7 +507,7 @@ def _refitted(
         fit = fit_with_process_noise(
             model,
             started,
-            (*priors, *own),
+            priors,
             start=begin,
             noise_scale=ladder[0],
             ladder=ladder,
@@ -549,22 +527,21 @@ def _refitted(
 
 
 def _first(
-    base: ProcessNoiseFit,
+    race: _Race,
     cost: float,
     score: Score,
-    priors: tuple[Prior, ...],
-    fit_on: Sequence[Observed],
     enough: float,
-    begun: Candidate | None,
-    thorough: bool,
+    begun: Candidate | None = None,
     least: float = 0.0,
 ) -> Candidate:
     """Refit a hypothesis, the equations trusted as much as without it.
 
     Args:
+        cost: That of the base on the fitting recordings, dimensionless.
         least: Gain of the first way up to which no other is tried, beside what explains nearly all.
     """
-    usual = start_values(base.refit, priors)
+    base, thorough = race.base, race.thorough
+    usual = start_values(base.refit, race.priors)
     ways = [_Way(usual, (base.noise_scale,))]
     # What is either there or not has no small size at which anything could be told of it.
     far = score.entry.far or score.entry.replaces
@@ -575,7 +552,7 @@ def _first(
     else:
         # Without the effect, the free parameters have gone where they reproduce it best, from where
         # one that is far may not be found; where recordings are short, nobody waits for more ways.
-        means = {q.name: q.mean for q in priors}
+        means = {q.name: q.mean for q in race.priors}
         if thorough or far or any(e.on_bound for e in base.refit.estimates):
             ways.append(_Way(means, _STEEP, shapes=True))
         if thorough:
@@ -588,7 +565,7 @@ def _first(
     def go(way: _Way, tried: Score) -> None:
         nonlocal failed
         try:
-            fits.append(_refitted(base, tried, priors, fit_on, way, enough))
+            fits.append(_refitted(race, tried, way, enough))
         except Exception as error:  # noqa: BLE001
             # Whatever a law does, its failure must not end the diagnosis.
             failed = error
@@ -819,32 +796,19 @@ def _valued(entry: Hypothesis, values: Mapping[str, float]) -> Hypothesis:
     return replace(entry, effect=entry.effect.with_parameters(dict(values)))
 
 
-def _followed(
-    base: ProcessNoiseFit,
-    first: Candidate,
-    priors: tuple[Prior, ...],
-    fit_on: tuple[Observed, ...],
-    hold_out: tuple[Observed, ...],
-    before: Vector | None,
-) -> Candidate:
+def _followed(race: _Race, first: Candidate, before: Vector | None) -> Candidate:
     """Go on from a first refit with more trust in the equations, and judge on held-out data."""
     assert first.fit is not None
     try:
-        return _judged_on(base, first, priors, fit_on, hold_out, before)
+        return _judged_on(race, first, before)
     except Exception as error:  # noqa: BLE001
         # Whatever a law does, its failure must not end the diagnosis.
         return replace(untried(first.entry, error), followed=True)
 
 
-def _judged_on(
-    base: ProcessNoiseFit,
-    first: Candidate,
-    priors: tuple[Prior, ...],
-    fit_on: tuple[Observed, ...],
-    hold_out: tuple[Observed, ...],
-    before: Vector | None,
-) -> Candidate:
+def _judged_on(race: _Race, first: Candidate, before: Vector | None) -> Candidate:
     assert first.fit is not None
+    base, hold_out = race.base, race.hold_out
     entry, fit = first.entry, first.fit
     # An effect may take over from another one of the same law.
     before_it = f"{fit.model.effects[-1].name}."
@@ -852,9 +816,9 @@ def _judged_on(
         f"{entry.name}.{k.removeprefix(before_it)}" if k.startswith(before_it) else k: v
         for k, v in fit.refit.values.items()
     }
-    entry, fit, started = _narrowed(base, entry, fit, ended, priors, fit_on)
+    entry, fit, started = _narrowed(race, entry, fit, ended)
     for last in (not is_event(entry.effect), True):
-        (effect,) = with_own_starts((entry.effect,), fit, base.model, fit_on, hold_out)
+        (effect,) = with_own_starts((entry.effect,), fit, base.model, race.fit_on, hold_out)
         if effect is entry.effect:
             break
         ended = fit.refit.values
@@ -863,12 +827,12 @@ def _judged_on(
         if level_everywhere(effect) is not None:
             return replace(first, refused="it is the same in all recordings", rule=SAME_LEVELS)
         if last:
-            entry, fit, started = _narrowed(base, entry, fit, ended, priors, fit_on, times=0)
+            entry, fit, started = _narrowed(race, entry, fit, ended, times=0)
             break
         # Told one time for all recordings an event came slowly; told more, it may be sharp, and
         # what is sharp tells its times better; what gained nothing by its own times is no event.
         told_once = fit.cost
-        entry, fit, started = _narrowed(base, entry, fit, ended, priors, fit_on)
+        entry, fit, started = _narrowed(race, entry, fit, ended)
         if fit.cost > told_once - _NEARER:
             break
     model = fit.model
@@ -878,18 +842,16 @@ def _judged_on(
         held_out, own_blocks = held_out_gain(before, fit, judging)
         blocks.append(own_blocks)
         shift = _shift(entry, fit, judging[0])
-    run = _closest_errors(fit, base.model, fit_on, hold_out)
+    run = _closest_errors(fit, base.model, race.fit_on, hold_out)
     gain = base.cost - fit.cost
     return Candidate(entry, fit, gain, held_out, shift=shift, blocks=tuple(blocks), run=run)
 
 
 def _narrowed(
-    base: ProcessNoiseFit,
+    race: _Race,
     entry: Hypothesis,
     fit: ProcessNoiseFit,
     ended: Mapping[str, float],
-    priors: tuple[Prior, ...],
-    fit_on: Sequence[Observed],
     times: int = _WIDENINGS,
 ) -> tuple[Hypothesis, ProcessNoiseFit, list[Observed]]:
     """Refit an effect, and what no refit changes in it, in turn as long as that gains.
@@ -901,14 +863,12 @@ def _narrowed(
     """
     best: tuple[Hypothesis, ProcessNoiseFit, list[Observed]] | None = None
     for turn in range(times + 1):
-        model = base.model.with_effect(entry.at_size(1.0 if entry.replaces else 0.0))
-        started = [extended_start(r, base.model, model) for r in fit_on]
-        own = entry_priors(entry)[0]
+        model, started = _started(race, entry)
         try:
             fit = fit_with_process_noise(
                 model,
                 started,
-                (*priors, *own),
+                (*race.priors, *entry_priors(entry)[0]),
                 start=ended,
                 noise_scale=fit.noise_scale,
                 enough=_NEARER,
