@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
+import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import CORRELATION_TIME, Observed
@@ -76,6 +77,10 @@ def observe(model: Model, recording: Recording) -> Observed:
     for name in model.traits.straight:
         column = [q.name for q in model.inputs].index(name)
         inputs[:-1, column] = 0.5 * (inputs[:-1, column] + inputs[1:, column])
+    # Noise that fades within a sample is white.
+    told = [(q.correlated_noise_rms, q.noise_correlation_time) for q in outputs]
+    shared = [(rms, time) if time > sample_time else (0.0, 0.0) for rms, time in told]
+    misread = dict(model.traits.misread)
     start, start_rms = _start(model, inputs[0], read, [q.name for q in outputs], noise)
     return Observed(
         recording.name,
@@ -88,11 +93,17 @@ def observe(model: Model, recording: Recording) -> Observed:
         start_rms,
         _growth(model, start, inputs[len(inputs) // 2]),
         min(CORRELATION_TIME, max(_PACE * model.horizon, _SAMPLES * sample_time)),
-        correlated_noise=_correlated(outputs, sample_time),
-        relative_noise=_relative(outputs),
-        coarse=_coarse(outputs, read),
-        input_noise=_misread(model),
+        correlated_noise=_if_any(shared),
+        relative_noise=_if_any([q.relative_noise_rms for q in outputs]),
+        coarse=_if_any(_coarse(outputs, read)),
+        input_noise=_if_any([misread.get(q.name, 0.0) for q in model.inputs]),
     )
+
+
+def _if_any(values: npt.ArrayLike) -> Vector:
+    """Return numbers by row as an array, without any row where all are zero."""
+    every = np.asarray(values, dtype=float)
+    return every if every.any() else every[:0]
 
 
 def _coarse(outputs: Sequence[Output], read: Vector) -> Vector:
@@ -103,24 +114,7 @@ def _coarse(outputs: Sequence[Output], read: Vector) -> Vector:
         usual = np.median(moved[moved > 0.0]) if moved.any() else np.inf
         if max(_COARSE * q.noise_rms, usual / _ONE) < q.resolution:
             steps[column] = q.resolution
-    return steps if steps.any() else np.zeros(0)
-
-
-def _correlated(outputs: Sequence[Output], sample_time: float) -> Vector:
-    """Return rms and time of noise that samples share; what fades within one is white."""
-    told = [(q.correlated_noise_rms, q.noise_correlation_time) for q in outputs]
-    shared = np.array([(rms, time) if time > sample_time else (0.0, 0.0) for rms, time in told])
-    return shared if shared.any() else np.zeros((0, 2))
-
-
-def _relative(outputs: Sequence[Output]) -> Vector:
-    told = np.array([q.relative_noise_rms for q in outputs])
-    return told if told.any() else np.zeros(0)
-
-
-def _misread(model: Model) -> Vector:
-    known = dict(model.traits.misread)
-    return np.array([known.get(q.name, 0.0) for q in model.inputs]) if known else np.zeros(0)
+    return steps
 
 
 def _growth(model: Model, x: Vector, u: Vector) -> float:

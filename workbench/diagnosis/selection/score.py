@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -191,7 +192,8 @@ def score_library(
     totals = _Totals(len(names), len(ordered))
     for number in range(len(recordings)):
         totals.add([one.parts[number] for one in attached])
-    scale = np.concatenate([attached[0].scale_of_free, *(a.scale_of_sizes for a in attached)])
+    n = len(names)
+    scale = np.concatenate([attached[0].scale[:n], *(one.scale[n:] for one in attached)])
     std = np.array([p.std for p in priors])
     return replace(_scores(totals, ordered, scale, std, noise_scale), failed=tuple(failed.items()))
 
@@ -206,7 +208,12 @@ def _attached(
 ) -> list[_Attached]:
     """Run the filter with effects attached; where that fails, look for the one that is to blame."""
     try:
-        return [_Attached(model, recordings, names, variants, noise_scale)]
+        extended = model.with_effect(*(variant.effect for variant in variants))
+        sizes = (f"{v.effect.name}.{v.entry.size_parameter}" for v in variants)
+        filter_ = filter_of(extended, recordings[0], noise_scale, (*names, *sizes), beside=model)
+        started = [extended_start(r, model, extended) for r in recordings]
+        parts = filter_.along(started, extended.values)
+        return [_Attached(variants, filter_.free_scale, parts)]
     except Exception as error:  # noqa: BLE001
         if len(variants) == 1:
             failed.setdefault(variants[0].entry.name, reason_of(error))
@@ -243,27 +250,16 @@ def _variants(entry: Hypothesis) -> list[_Variant]:
     return made
 
 
-class _Attached:
-    """What a filter with effects attached at size zero predicts along recordings."""
+class _Attached(NamedTuple):
+    """What a filter with effects attached at size zero predicts along recordings.
 
-    def __init__(
-        self,
-        model: Model,
-        recordings: Sequence[Observed],
-        names: tuple[str, ...],
-        variants: Sequence[_Variant],
-        noise_scale: float,
-    ) -> None:
-        extended = model.with_effect(*(variant.effect for variant in variants))
-        sizes = (f"{v.effect.name}.{v.entry.size_parameter}" for v in variants)
-        free = (*names, *sizes)
-        filter_ = filter_of(extended, recordings[0], noise_scale, free, beside=model)
-        self.variants = tuple(variants)
-        self.scale_of_free = filter_.free_scale[: len(names)]
-        self.scale_of_sizes = filter_.free_scale[len(names) :]
-        self.parts = filter_.along(
-            [extended_start(r, model, extended) for r in recordings], extended.values
-        )
+    Args:
+        scale: Scales of the free parameters, then of the sizes.
+    """
+
+    variants: Sequence[_Variant]
+    scale: Vector
+    parts: Sequence[Innovations]
 
 
 class _Totals:
@@ -272,8 +268,7 @@ class _Totals:
     def __init__(self, n_parameters: int, n_effects: int) -> None:
         n = n_parameters + n_effects
         self.split = n_parameters
-        self.information = np.zeros((n, n))
-        self.gradient = np.zeros(n)
+        self.information, self.gradient = np.zeros((n, n)), np.zeros(n)
         self.each: list[tuple[Vector, Vector]] = []
         self.blocks: list[Vector] = []
         self.begins: list[Vector] = []
