@@ -47,7 +47,7 @@ def run(number: int, force: Force, mass: float = 1.2) -> Recording:
     return recording(f"run {number}", STEP, {"drive [N]": drive}, {"position [m]": read})
 
 
-def found(monkeypatch: pytest.MonkeyPatch, runs: list[Recording]) -> Finding:
+def found(runs: list[Recording]) -> Finding:
     """Diagnose with what changes with time or from recording to recording."""
     laws = "parameter_jump parameter_fade offset_jump creep constant_force *_by_recording"
     verdict = diagnosed(oscillator(), runs, laws, fit=2).verdict
