@@ -207,7 +207,7 @@ def run_refit(problem: Problem, *, progress: Callable[[str], None] | None = None
             before = free_run(model, _started(how, model, observed))
             started = _started(how, changed, observed)
             after = free_run(changed, started)
-            limited = noise_limited(found, started, model=changed)
+            limited = noise_limited(own.refit, started)
         nominal.append(before)
         refitted.append(after)
         for k, name in enumerate(observed.used):
@@ -229,26 +229,20 @@ def run_refit(problem: Problem, *, progress: Callable[[str], None] | None = None
     return RefitReport(problem, found, tuple(nominal), tuple(refitted), tuple(rows), seconds, work)
 
 
-def noise_limited(
-    found: Refit, observed: Observed, *, model: Model | None = None
-) -> dict[str, float]:
+def noise_limited(found: Refit, observed: Observed) -> dict[str, float]:
     """Return the free-run error that noise alone would leave.
 
     The parameters are drawn from the distribution of their estimates and the model is run with
     each; what these runs differ by adds to the noise of the measurements.
 
-    Args:
-        model: The model to run, with the free parameters; the refitted one by default.
-
     Returns:
         Root mean square error by output, in its SI unit.
     """
     rng = np.random.default_rng(0)
-    used = found.model if model is None else model
-    centre = free_run(used, observed)
+    centre = free_run(found.model, observed)
     squares = []
     for _ in range(_DRAWS):
-        run = free_run(used, observed, values=found.drawn(rng))
+        run = free_run(found.model, observed, values=found.drawn(rng))
         if run.finite and centre.finite:
             squares.append(np.mean((run.simulated - centre.simulated) ** 2, axis=0))
     spread = np.mean(squares, axis=0) if squares else np.zeros(len(observed.used))

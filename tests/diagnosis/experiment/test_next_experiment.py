@@ -17,7 +17,13 @@ from workbench.diagnosis.estimation.priors import Prior, default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.experiment.menu import Experiment, menu, other_settings, with_setting
 from workbench.diagnosis.experiment.next_experiment import next_experiment, separate
-from workbench.diagnosis.experiment.separation import Explanation, Separator, reduced, spread_after
+from workbench.diagnosis.experiment.separation import (
+    Explanation,
+    Separator,
+    reduced,
+    separation,
+    spread_after,
+)
 from workbench.errors import WorkbenchError
 from workbench.model import Input, Model, Output, State
 from workbench.physics.friction import quadratic_drag, viscous_friction
@@ -191,10 +197,9 @@ def test_the_predicted_gain_is_that_of_a_made_up_recording() -> None:
 def test_an_experiment_on_which_rivals_agree_separates_nothing() -> None:
     (true, other), seen = drags()
     rest = Experiment("rest", SAMPLE_TIME, np.zeros((300, 1)))
-    (told,) = separate([true, other], [seen], SMOOTH_AXIS, experiments=[rest])
-    assert told.sigma < 1.0
-    (same,) = separate([true, true], [seen], SMOOTH_AXIS, experiments=[rest])
-    assert same.sigma == 0.0
+    separator = Separator(seen, SMOOTH_AXIS)
+    assert separation(separator, true, other, rest).sigma < 1.0
+    assert separation(separator, true, true, rest).sigma == 0.0
 
 
 def test_the_spread_of_a_size_shrinks_as_a_refit_shrinks_it() -> None:

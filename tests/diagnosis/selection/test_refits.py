@@ -147,7 +147,7 @@ def test_refused_effects_say_why_and_the_accepted_one_passed_every_rule() -> Non
 
 
 def test_a_candidate_that_failed_has_no_size() -> None:
-    failed = Candidate(_entries()["ripple"], None, -math.inf, (0.0, -math.inf, math.inf), "failed")
+    failed = Candidate(_entries()["ripple"], None, -math.inf, refused="failed")
     assert failed.size is None and "failed" in str(failed)
     held = Candidate(_entries()["lines"], cast(Any, SimpleNamespace()), 1.0, (0.0, 0.0, 0.0))
     assert held.entry.replaces is (held.size is None)
@@ -538,7 +538,7 @@ def test_times_of_an_event_that_gain_nothing_are_searched_once(
     monkeypatch.setattr(refits, "level_everywhere", lambda _: None)
     monkeypatch.setattr(refits, "blocks_of_cost", lambda *_: np.zeros(1))
     monkeypatch.setattr(refits, "_closest_errors", lambda *_: None)
-    first = Candidate(jump, fitted(0.0), 100.0, (0.0, -math.inf, math.inf))
+    first = Candidate(jump, fitted(0.0), 100.0)
     base: Any = SimpleNamespace(cost=0.0, model=None)
     refits._judged_on(refits._Race(base, (), ()), first, None)
     assert len(told) == searches
@@ -660,8 +660,7 @@ def test_a_law_that_contends_is_refitted_with_the_trust_that_it_earns() -> None:
             noise_scale=base.noise_scale,
             follow=False,
         )
-        unknown = (0.0, -math.inf, math.inf)
-        first.append(Candidate(laws[name], fit, base.cost - fit.cost, unknown))
+        first.append(Candidate(laws[name], fit, base.cost - fit.cost))
         field.append(_score(laws[name], 900.0))
     prior = base.cost - float(blocks_of_cost(base, [seen]).sum())
     race = refits._Race(base, priors, [seen], known=prior)

@@ -53,28 +53,22 @@ class Advice(NamedTuple):
 
 
 def separate(
-    explanations: Sequence[Explanation],
-    recordings: Sequence[Observed],
-    observed_with: Model,
-    *,
-    experiments: Sequence[Experiment] | None = None,
+    explanations: Sequence[Explanation], recordings: Sequence[Observed], observed_with: Model
 ) -> tuple[Separation, ...]:
     """Rank experiments by how well they separate explanations of the same recordings.
 
-    The first explanation is taken as true and told from each of the others, refitted; for the best
-    experiments also the other way round. The smaller separation counts.
+    They are those of a menu within what the recordings show, the best of them also at other
+    settings of load and supply. The first explanation is taken as true and told from each of the
+    others, refitted; for the best experiments also the other way round. The smaller separation
+    counts.
 
     Args:
         explanations: Two or more fitted explanations, the most likely first.
-        experiments: What to choose from; by default a menu within what the recordings show, the
-            best of it also at other settings of load and supply.
     """
     first, *others = explanations[:_MOST_EXPLANATIONS]
     separator = Separator(recordings[0], observed_with)
     free = sorted({name for e in explanations for name in e.free})
-    offered = list(experiments or ())
-    if experiments is None:
-        offered = list(_offered(first.fit.model, recordings, observed_with))
+    offered = _offered(first.fit.model, recordings, observed_with)
 
     def told(experiment: Experiment) -> Separation:
         found = (separation(separator, first, other, experiment) for other in others)
@@ -82,17 +76,14 @@ def separate(
 
     ranked = sorted((told(e) for e in offered), key=lambda s: -s.sigma)
     best = ranked[:_REPEATED]
-    if experiments is None:
-        settings = other_settings(first.fit.model, free)
-        set_otherwise = [
-            told(with_setting(s.experiment, *setting)) for s in best for setting in settings
-        ]
-        best += sorted(set_otherwise, key=lambda s: -s.sigma)[:_REPEATED]
+    settings = other_settings(first.fit.model, free)
+    set_otherwise = [
+        told(with_setting(s.experiment, *setting)) for s in best for setting in settings
+    ]
+    best += sorted(set_otherwise, key=lambda s: -s.sigma)[:_REPEATED]
     for i, found in enumerate(best):
         back = [separation(separator, other, first, found.experiment) for other in others]
         best[i] = min(found, *back, key=lambda s: s.sigma)
-    if experiments is not None:
-        best += ranked[_REPEATED:]
     return tuple(sorted(best, key=lambda s: -s.sigma))
 
 

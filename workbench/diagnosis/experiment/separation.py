@@ -26,6 +26,7 @@ from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, extend
 from workbench.diagnosis.experiment.menu import Experiment
 from workbench.errors import NumericalError
 from workbench.model import Model
+from workbench.model.model import index_of
 from workbench.physics.library import Hypothesis
 
 SENSOR_NOISE = 0.01
@@ -160,8 +161,7 @@ def separation(
 def _information(explanation: Explanation) -> Vector:
     """Return what the present recordings and the priors know, in scaled parameters."""
     refit = explanation.fit.refit
-    names = [q.name for q in refit.model.parameters]
-    scale = np.array([refit.model.parameters[names.index(n)].scale for n in explanation.free])
+    scale = np.array([refit.model.parameter(n).scale for n in explanation.free])
     # A parameter on its bound has no spread of its own: it stays there.
     covariance = refit.covariance / np.outer(scale, scale)
     spread = np.maximum(np.diag(covariance), 1e-20)
@@ -175,10 +175,13 @@ def reduced(part: Innovations, information: Vector) -> float:
     It is half the sum of squares that the free parameters cannot make up for, of which
     ``information``, shape (n_free, n_free), scaled, is known before.
     """
-    errors, rows = stack([part])
+    return 0.5 * _left(*stack([part]), information)
+
+
+def _left(errors: Vector, rows: Vector, information: Vector) -> float:
     gradient = rows.T @ errors
     step = np.linalg.solve(rows.T @ rows + information, gradient)
-    return float(0.5 * (errors @ errors - gradient @ step))
+    return float(errors @ errors - gradient @ step)
 
 
 def spread_after(
@@ -302,10 +305,8 @@ def sensors(
             continue
         noise = SENSOR_NOISE * scale / math.sqrt(each)
         error = (true[:, known.index(name)] - followed[:, i]) / noise
-        rows = -slopes[:, i] / noise
-        gradient = rows.T @ error
-        step = np.linalg.solve(rows.T @ rows + information, gradient)
-        found.append((name, math.sqrt(max(float(error @ error - gradient @ step), 0.0))))
+        left = _left(error, -slopes[:, i] / noise, information)
+        found.append((name, math.sqrt(max(left, 0.0))))
     return sorted(found, key=lambda pair: -pair[1])
 
 
@@ -315,8 +316,7 @@ def _signals(
     """Return every signal along states, (n, n_signals), and its slope by the free parameters."""
     model = experiment.on(explanation.fit.model)
     traced = model.exact
-    names = [q.name for q in model.parameters]
-    columns = [names.index(n) for n in explanation.free]
+    columns = [index_of("parameter", n, model.parameters) for n in explanation.free]
     scale = np.array([model.parameters[c].scale for c in columns])
     slope = ca.jacobian(traced.signals, traced.p)[:, columns]
     along = traced.along(states, experiment.inputs, model.values, traced.signals, slope)

@@ -35,7 +35,7 @@ class Candidate:
     entry: Hypothesis
     fit: ProcessNoiseFit | None
     gain: float
-    held_out: tuple[float, float, float]
+    held_out: tuple[float, float, float] = (0.0, -math.inf, math.inf)
     refused: str = ""
     followed: bool = True
     rule: str = ""

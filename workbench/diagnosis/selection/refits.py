@@ -342,8 +342,7 @@ def leaves_nothing(base: ProcessNoiseFit, candidate: Candidate) -> bool:
 def untried(entry: Hypothesis, why: Exception | str) -> Candidate:
     """Return a candidate that could not be tried: a line, not the end of a diagnosis."""
     text = f"it could not be tried, because {why if isinstance(why, str) else reason_of(why)}"
-    unknown = (0.0, -math.inf, math.inf)
-    return Candidate(entry, None, -math.inf, unknown, text, followed=False, rule=UNTRIED)
+    return Candidate(entry, None, -math.inf, refused=text, followed=False, rule=UNTRIED)
 
 
 def _leaders(first: Sequence[Candidate], best: int, *, several: bool = False) -> list[int]:
@@ -570,12 +569,13 @@ def _first(
             # Whatever a law does, its failure must not end the diagnosis.
             failed = error
 
-    unknown = (0.0, -math.inf, math.inf)
+    def candidate(found: Score, fit: ProcessNoiseFit) -> Candidate:
+        return Candidate(found.entry, fit, cost - fit.cost, refused=SURPASSED, followed=False)
+
     for way in ways:
         go(way, score)
         if not far and begun is None and fits and cost - fits[0][1].cost < least:
-            found, fit = fits[0]
-            return Candidate(found.entry, fit, cost - fit.cost, unknown, SURPASSED, followed=False)
+            return candidate(*fits[0])
     worse = not fits or min(fit.cost for _, fit in fits) > cost
     if worse and not score.entry.replaces:
         # All lead to what is worse than no effect at all: begin from there too.
@@ -590,8 +590,7 @@ def _first(
         onward = _Way({}, (fit.noise_scale,), (ended, ended | usual))
         for entry in _variants(found.entry):
             go(onward, replace(found, entry=entry, shape={}))
-        found, fit = min(fits, key=lambda pair: pair[1].cost)
-    return Candidate(found.entry, fit, cost - fit.cost, unknown, SURPASSED, followed=False)
+    return candidate(*min(fits, key=lambda pair: pair[1].cost))
 
 
 def _variants(entry: Hypothesis) -> list[Hypothesis]:
@@ -835,16 +834,15 @@ def _judged_on(race: _Race, first: Candidate, before: Vector | None) -> Candidat
         entry, fit, started = _narrowed(race, entry, fit, ended)
         if fit.cost > told_once - _NEARER:
             break
-    model = fit.model
-    held_out, blocks, shift = (0.0, -math.inf, math.inf), [blocks_of_cost(fit, started)], math.nan
-    if before is not None:
-        judging = [extended_start(r, base.model, model) for r in hold_out]
-        held_out, own_blocks = held_out_gain(before, fit, judging)
-        blocks.append(own_blocks)
-        shift = _shift(entry, fit, judging[0])
     run = _closest_errors(fit, base.model, race.fit_on, hold_out)
-    gain = base.cost - fit.cost
-    return Candidate(entry, fit, gain, held_out, shift=shift, blocks=tuple(blocks), run=run)
+    blocks = (blocks_of_cost(fit, started),)
+    judged = Candidate(entry, fit, base.cost - fit.cost, blocks=blocks, run=run)
+    if before is None:
+        return judged
+    judging = [extended_start(r, base.model, fit.model) for r in hold_out]
+    held_out, unseen = held_out_gain(before, fit, judging)
+    shift = _shift(entry, fit, judging[0])
+    return replace(judged, held_out=held_out, shift=shift, blocks=(*blocks, unseen))
 
 
 def _narrowed(
