@@ -242,7 +242,7 @@ def noise_limited(found: Refit, observed: Observed) -> dict[str, float]:
     centre = free_run(found.model, observed)
     squares = []
     for _ in range(_DRAWS):
-        run = free_run(found.model, observed, values=found.drawn(rng))
+        run = free_run(found.model.with_parameters(found.drawn(rng)), observed)
         if run.finite and centre.finite:
             squares.append(np.mean((run.simulated - centre.simulated) ** 2, axis=0))
     spread = np.mean(squares, axis=0) if squares else np.zeros(len(observed.used))

@@ -31,8 +31,8 @@ def _pushed(n: int = 400, *, force: float = 150.0) -> Observed:
 
 
 def test_position_under_constant_force_is_that_of_the_closed_form() -> None:
-    axis = servo_axis().without("coulomb_friction")
-    run = free_run(axis, _pushed(), values={"mass": 100.0})
+    axis = servo_axis().without("coulomb_friction").with_parameters({"mass": 100.0})
+    run = free_run(axis, _pushed())
     tau = 100.0 / 200.0
     exact = 150.0 / 200.0 * (run.time - tau * (1 - np.exp(-run.time / tau)))
     # 1e-6 of the scale 0.1 m per step, and errors of the steps add.

@@ -12,7 +12,7 @@ from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
-from workbench.model.model import check_vector, index_of
+from workbench.model.model import index_of
 from workbench.model.units import in_time
 from workbench.simulation import simulate
 from workbench.simulation.stepper import Stepper
@@ -85,16 +85,13 @@ class FreeRun:
         return "\n".join(lines)
 
 
-def free_run(
-    model: Model, observed: Observed, *, values: npt.ArrayLike | Mapping[str, float] | None = None
-) -> FreeRun:
+def free_run(model: Model, observed: Observed, *, values: npt.ArrayLike | None = None) -> FreeRun:
     """Simulate a model along the inputs of a recording, from the start that it shows.
 
     Args:
         model: The plant; it may carry effects that the recording was not observed with, whose
             states start where the effects put them.
-        values: Parameter values, shape (n_parameters,), in SI, or some of them by name; the
-            model's own by default.
+        values: Parameter values, shape (n_parameters,), in SI; the model's own by default.
 
     Returns:
         The run beside the measurements. A run that the integrator gives up is returned with the
@@ -109,7 +106,7 @@ def free_run(
             sample_time=observed.sample_time,
             start=_start(model, observed, inputs[0]),
             tolerance=_TOLERANCE,
-            values=_values(model, values),
+            values=values,
             check=False,
         ).outputs[:, rows]
     except NumericalError as error:
@@ -177,17 +174,6 @@ def run_along(
 def rms_of(runs: Sequence[Mapping[str, float]]) -> dict[str, float]:
     """Return the root mean square over runs of their errors by output, in SI."""
     return {k: float(np.sqrt(np.mean(np.square([r[k] for r in runs])))) for k in runs[0]}
-
-
-def _values(model: Model, values: npt.ArrayLike | Mapping[str, float] | None) -> Vector:
-    if values is None:
-        return model.values
-    if isinstance(values, Mapping):
-        full = model.values
-        for name, value in values.items():
-            full[index_of("parameter", name, model.parameters)] = value
-        return full
-    return check_vector("parameter", values, model.parameters)
 
 
 def _start(model: Model, observed: Observed, u: Vector) -> Vector:
