@@ -21,7 +21,9 @@ from tests.diagnosis.machine_data import by_runge_kutta, held, recording
 from workbench.arrays import Vector
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.selection import task
+from workbench.diagnosis.selection.held_out import over_noise
 from workbench.diagnosis.stages import Diagnosis
+from workbench.diagnosis.verdict import Finding
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.library import Hypothesis, library
@@ -42,6 +44,20 @@ def diagnosed(
 
     with patch.object(task, "library", few):
         return diagnose(model, runs[:fit], runs[fit:], jobs=1, advise=False)
+
+
+def named(found: Diagnosis, effect: str, *, noise: float = math.inf, **sizes: Any) -> Finding:
+    """Return the one finding, which has to have a name, be sure, and be as large as it is.
+
+    With it the runs on held-out recordings stay within so many times the noise.
+    """
+    verdict = found.verdict
+    (finding,) = verdict.findings
+    assert fnmatch(finding.effect or "", effect) and finding.belief == "sure", verdict
+    values = {name: finding.parameters[name].value for name in sizes}
+    assert values == sizes
+    assert max(over_noise(verdict.fit).values()) < noise
+    return finding
 
 
 def oscillator(*, scale: float = 1.0, left_out: float = 0.02) -> Model:

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from casadi import cos
+from pytest import approx
 from scipy.integrate import solve_ivp
 
 from tests.diagnosis.machine_data import held, recording
-from tests.diagnosis.newcomers import diagnosed, levels, oscillator, recorded
+from tests.diagnosis.newcomers import diagnosed, levels, named, oscillator, recorded
 from workbench.arrays import Vector
 from workbench.diagnosis.diagnose import fit, prepare, validate
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
@@ -19,7 +20,6 @@ from workbench.diagnosis.estimation.process_noise import extended_start, fit_wit
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.selected import Accepted, Selected
 from workbench.diagnosis.stages import Diagnosis
-from workbench.diagnosis.verdict import Verdict
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.library import library
@@ -36,7 +36,7 @@ def spring(x: float, v: float) -> float:
 
 def _pushed(
     laws: str, jumps: tuple[float, ...], lasting: tuple[float, ...] = 3 * (np.inf,)
-) -> Verdict:
+) -> Diagnosis:
     """Diagnose an oscillator on which 9 N more act from a time on, in s, another in each run."""
     runs = []
     for seed, (time, length) in enumerate(zip(jumps, lasting, strict=True), 1):
@@ -44,7 +44,7 @@ def _pushed(
         more = 9.0 * ((since >= 0.0) & (since < length))
         drive = levels(SAMPLES, seed, 30.0, 20, 80)
         runs.append(recorded(1.0, spring, drive, STEP, 1e-3, seed=seed, unread=more))
-    return diagnosed(oscillator(), runs, laws).verdict
+    return diagnosed(oscillator(), runs, laws)
 
 
 @pytest.mark.parametrize(
@@ -58,26 +58,17 @@ def _pushed(
 def test_an_event_comes_at_its_own_time_in_each_recording(
     jumps: tuple[float, ...], said: str
 ) -> None:
-    verdict = _pushed("offset_jump sensor_jump offset sensor_lag", jumps)
-    (finding,) = verdict.findings
-    assert finding.effect == "offset_jump_mass_force", verdict
-    assert finding.parameters["amount"].value == pytest.approx(9.0, rel=0.02)
-    assert finding.parameters["time"].value == pytest.approx(5.0, abs=STEP)
-    assert said in finding.sentence
-    assert verdict.fit["extended"]["position"] < 1.5 * verdict.fit["noise_floor"]["position"]
+    found = _pushed("offset_jump sensor_jump offset sensor_lag", jumps)
+    sizes = {"amount": approx(9.0, rel=0.02), "time": approx(5.0, abs=STEP)}
+    assert said in named(found, "offset_jump_mass_force", noise=1.5, **sizes).sentence
 
 
 def test_what_acts_for_a_while_is_told_with_its_ends() -> None:
     laws = "offset_pulse offset_jump sensor_jump offset"
-    verdict = _pushed(laws, (5.0, 8.2, 2.0), lasting=(1.6, 2.4, 0.7))
-    (finding,) = verdict.findings
-    assert finding.effect == "offset_pulse_mass_force", verdict
-    assert finding.belief == "sure"
-    assert finding.parameters["amount"].value == pytest.approx(9.0, rel=0.02)
-    assert finding.parameters["duration"].value == pytest.approx(1.6, abs=STEP)
+    found = _pushed(laws, (5.0, 8.2, 2.0), lasting=(1.6, 2.4, 0.7))
+    sizes = {"amount": approx(9.0, rel=0.02), "duration": approx(1.6, abs=STEP)}
     said = "from 5 to 6.6 s of run 1, from 8.2 to 10.6 s of run 2, from 2 to 2.7 s of run 3"
-    assert said in finding.sentence
-    assert verdict.fit["extended"]["position"] < 1.5 * verdict.fit["noise_floor"]["position"]
+    assert said in named(found, "offset_pulse_mass_force", noise=1.5, **sizes).sentence
 
 
 def kiln() -> Model:
@@ -128,14 +119,10 @@ def _burnt_out(seed: int, time: float) -> Recording:
 
 def test_an_event_at_other_times_in_two_fitted_recordings_is_sharp() -> None:
     runs = [_burnt_out(seed, time) for seed, time in enumerate((6000.0, 4000.0, 8000.0), 1)]
-    verdict = diagnosed(kiln(), runs, "gain_jump gain gain_fade", fit=2).verdict
-    (finding,) = verdict.findings
-    assert finding.effect == "gain_jump_part_command", verdict
-    assert finding.parameters["amount"].value == pytest.approx(-0.33, abs=2e-3)
-    assert finding.parameters["time"].value == pytest.approx(6000.0, abs=10.0)
+    found = diagnosed(kiln(), runs, "gain_jump gain gain_fade", fit=2)
+    sizes = {"amount": approx(-0.33, abs=2e-3), "time": approx(6000.0, abs=10.0)}
     said = "from 1.67 h of run 1 on, from 1.11 h of run 2 on, from 2.22 h of run 3 on"
-    assert said in finding.sentence
-    assert verdict.fit["extended"]["load"] < 1.3 * verdict.fit["noise_floor"]["load"]
+    assert said in named(found, "gain_jump_part_command", noise=1.3, **sizes).sentence
 
 
 @pytest.mark.parametrize("both", [False, True])
@@ -148,17 +135,11 @@ def test_a_stop_that_nobody_modelled_is_named(both: bool) -> None:
     runs = [
         recorded(1.0, force, levels(SAMPLES, s, 30.0, 20, 80), STEP, 1e-3, seed=s) for s in (1, 2)
     ]
-    model = oscillator(scale=30.0)
-    verdict = diagnosed(
-        model, runs, "end_stop end_stops cubic_stiffness polynomial_stiffness gain"
-    ).verdict
-    (finding,) = verdict.findings
-    assert finding.effect == ("end_stops" if both else "end_stop"), verdict
-    found = {name: value.value for name, value in finding.parameters.items()}
-    assert found["stiffness"] == pytest.approx(900.0, rel=0.05)
-    assert found["upper" if both else "place"] == pytest.approx(0.5, abs=2e-3)
-    if both:
-        assert found["lower"] == pytest.approx(-0.7, abs=2e-3)
+    laws = "end_stop end_stops cubic_stiffness polynomial_stiffness gain"
+    found = diagnosed(oscillator(scale=30.0), runs, laws)
+    sizes = {"upper": 0.5, "lower": -0.7} if both else {"place": 0.5}
+    own = {name: approx(place, abs=2e-3) for name, place in sizes.items()}
+    named(found, "end_stops" if both else "end_stop", stiffness=approx(900.0, rel=0.05), **own)
 
 
 def cooled() -> Model:
@@ -201,10 +182,8 @@ def _blown(seed: int, threshold: float) -> Recording:
 def test_a_threshold_that_a_parameter_takes_over_at_first_is_found() -> None:
     # Of a fan that never turns back a small threshold is a smaller loss in still air.
     runs = [_blown(seed, 120.0) for seed in (1, 2)]
-    verdict = diagnosed(cooled(), runs, "dead_band gain_jump gain").verdict
-    (finding,) = verdict.findings
-    assert finding.effect == "dead_band_fan_command", verdict
-    assert finding.parameters["half_width"].value == pytest.approx(120.0, rel=0.01)
+    found = diagnosed(cooled(), runs, "dead_band gain_jump gain")
+    named(found, "dead_band_fan_command", half_width=approx(120.0, rel=0.01))
 
 
 def test_each_torque_of_a_robot_works_on_its_own_joint() -> None:
@@ -264,8 +243,8 @@ def test_terms_that_balance_tell_how_large_a_law_may_be() -> None:
         term_of("speed.rate", 1): (-260.0, -40.0),
         term_of("speed.rate", 2): (-4.0, 4.0),
     }
-    assert Survey(press, ranges=seen).place("speed.rate").scale == pytest.approx(2.0)
-    assert Survey(press, ranges=seen | terms).place("speed.rate").scale == pytest.approx(120.0)
+    assert Survey(press, ranges=seen).place("speed.rate").scale == approx(2.0)
+    assert Survey(press, ranges=seen | terms).place("speed.rate").scale == approx(120.0)
 
 
 @pytest.mark.parametrize("square", [False, True])
@@ -276,14 +255,11 @@ def test_what_repeats_is_named_with_its_phase_in_each_recording(square: bool) ->
         drive = levels(SAMPLES, seed, 30.0, 20, 80)
         more = 4.0 * (np.sign(wave) if square else wave)
         runs.append(recorded(1.0, spring, drive, STEP, 1e-3, seed=seed, unread=more))
-    verdict = diagnosed(oscillator(), runs, "periodic_push sensor_hum sensor_lag offset").verdict
-    (finding,) = verdict.findings
-    assert finding.effect == "periodic_push_mass_force", verdict
-    found = {name: value.value for name, value in finding.parameters.items()}
-    assert abs(found["amplitude"]) == pytest.approx(4.0, rel=0.02)
-    assert found["period"] == pytest.approx(1.6, rel=1e-3)
-    assert found["flatness"] > 50.0 if square else found["flatness"] < 0.1
-    assert verdict.fit["extended"]["position"] < 1.5 * verdict.fit["noise_floor"]["position"]
+    found = diagnosed(oscillator(), runs, "periodic_push sensor_hum sensor_lag offset")
+    finding = named(found, "periodic_push_mass_force", noise=1.5, period=approx(1.6, rel=1e-3))
+    assert abs(finding.parameters["amplitude"].value) == approx(4.0, rel=0.02)
+    flatness = finding.parameters["flatness"].value
+    assert flatness > 50.0 if square else flatness < 0.1
 
 
 def _web(m: Scope) -> Equations:
@@ -319,13 +295,10 @@ def test_what_repeats_with_each_turn_is_named_wherever_a_recording_begins() -> N
         parameters=(Parameter("stiffness", "N", value=800.0, lower=200.0, upper=2e3, fitted=True),),
     )
     runs = [_rolled_off(i) for i in (1, 2, 3)]
-    verdict = diagnosed(web, runs, "uneven_turn sensor_lag gain bend", fit=2).verdict
-    (finding,) = verdict.findings
-    assert finding.effect == "uneven_turn_unwind_command", verdict
-    assert finding.parameters["amount"].value == pytest.approx(0.012, rel=0.05)
-    assert finding.parameters["stride"].value == pytest.approx(2.0 * np.pi * 0.31, rel=2e-3)
+    found = diagnosed(web, runs, "uneven_turn sensor_lag gain bend", fit=2)
+    sizes = {"amount": approx(0.012, rel=0.05), "stride": approx(2.0 * np.pi * 0.31, rel=2e-3)}
+    finding = named(found, "uneven_turn_unwind_command", noise=1.2, **sizes)
     assert finding.parameters["stride"].unit == "m"
-    assert verdict.fit["extended"]["tension"] < 1.2 * 0.15
 
 
 def test_what_is_left_beside_one_episode_is_told_with_its_time() -> None:

@@ -9,6 +9,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
+from pytest import approx
 from scipy.integrate import solve_ivp
 
 from tests.diagnosis.machine_data import held, recording
@@ -30,6 +31,7 @@ from tests.diagnosis.newcomers import (
     levitation,
     loops,
     maglev,
+    named,
     oscillations,
     oscillator,
     pipeline,
@@ -69,22 +71,13 @@ from workbench.recordings.recording import Recording, Signal
 
 @pytest.mark.parametrize("scale", [pytest.param(0.01, marks=pytest.mark.long), 100.0])
 def test_a_hardening_spring_is_named_whatever_the_guess_of_the_scale(scale: float) -> None:
-    verdict = hardening(scale).verdict
-    (finding,) = verdict.findings
-    assert finding.effect == "cubic_stiffness" and finding.belief == "sure"
-    size = finding.parameters["stiffness"]
     # The truth is 40 N/m3; its interval counts the noise of the measurements only.
-    assert size.value == pytest.approx(40.0, rel=0.01)
-    # The extended model runs freely to the noise on recordings that it has not seen.
-    assert verdict.fit["extended"]["position"] < 1.5 * verdict.fit["noise_floor"]["position"]
+    named(hardening(scale), "cubic_stiffness", noise=1.5, stiffness=approx(40.0, rel=0.01))
 
 
 @pytest.mark.long
 def test_dry_friction_of_an_integrator_is_named_in_open_loop() -> None:
-    verdict = rubbing().verdict
-    assert verdict.findings[0].effect == "coulomb_friction"
-    assert verdict.findings[0].parameters["level"].value == pytest.approx(15.0, rel=0.01)
-    assert len(verdict.findings) == 1
+    named(rubbing(), "coulomb_friction", level=approx(15.0, rel=0.01))
 
 
 @pytest.mark.long
@@ -100,7 +93,7 @@ def test_silence_where_only_parameters_were_wrong() -> None:
     # The wrong guess of the scale is that of the hardening spring: its functions are built already.
     verdict = diagnosed(oscillator(scale=100.0), runs, fit=2).verdict
     assert verdict.kind == "nothing_missing", verdict
-    assert verdict.parameters["stiffness"]["value"] == pytest.approx(30.0, rel=0.01)
+    assert verdict.parameters["stiffness"]["value"] == approx(30.0, rel=0.01)
 
 
 def test_a_plant_that_declares_no_disturbance_is_told_what_is_taken() -> None:
@@ -114,25 +107,19 @@ def test_a_plant_that_declares_no_disturbance_is_told_what_is_taken() -> None:
 
 
 def test_a_plant_without_states_is_diagnosed() -> None:
-    model, runs = damper(), rubbed()
-    verdict = diagnosed(model, runs, "coulomb_friction cubic_drag creep", fit=2).verdict
-    (finding,) = verdict.findings
-    assert finding.effect == "coulomb_friction" and finding.occurrence is not None
-    assert finding.parameters["level"].value == pytest.approx(4.0, rel=0.01)
-    assert verdict.fit["extended"]["force"] < 1.5 * verdict.fit["noise_floor"]["force"]
+    found = diagnosed(damper(), rubbed(), "coulomb_friction cubic_drag creep", fit=2)
+    finding = named(found, "coulomb_friction", noise=1.5, level=approx(4.0, rel=0.01))
+    assert finding.occurrence is not None
 
 
 def test_a_hysteresis_is_found_whose_size_nobody_declared() -> None:
-    runs = loops()
-    verdict = diagnosed(
-        hysteretic(), runs, "bouc_wen_hysteresis cubic_stiffness coulomb_friction", fit=2
-    ).verdict
-    (finding,) = verdict.findings
-    assert finding.effect == "bouc_wen_hysteresis"
-    found = {name: value.value for name, value in finding.parameters.items()}
+    laws = "bouc_wen_hysteresis cubic_stiffness coulomb_friction"
+    found = diagnosed(hysteretic(), loops(), laws, fit=2)
+    finding = named(found, "bouc_wen_hysteresis")
+    sizes = {name: value.value for name, value in finding.parameters.items()}
     truth = {"level": 62.5, "breakaway": 1.25e-3, "skew": -1.375}
-    assert found == pytest.approx(truth, rel=0.05)
-    assert verdict.fit["extended"]["position"] < 1.5 * 8e-6
+    assert sizes == approx(truth, rel=0.05)
+    assert found.verdict.fit["extended"]["position"] < 1.5 * 8e-6
 
 
 @pytest.mark.parametrize("count", [51, 76, 80, 101])
@@ -162,7 +149,7 @@ def test_a_plant_that_is_unstable_without_its_controller_is_refitted_and_judged(
     report = run_refit(Problem("ball", "a ball", model, fit=runs[:1], hold_out=runs[1:]))
     found = {e.name: e.value for e in report.refit.estimates}
     truth = {"lift": 1e-4, "resistance": 10.0, "inductance": 0.05}
-    assert found == pytest.approx(truth, rel=0.01)
+    assert found == approx(truth, rel=0.01)
     assert all(row.refitted < 2.0 * row.limited for row in report.rows)
     # A ball that falls for 23 ms is e times further off.
     assert 0.02 < report.refitted[0].window < 0.07
@@ -172,10 +159,8 @@ def test_a_plant_that_is_unstable_without_its_controller_is_refitted_and_judged(
 def test_drag_on_a_plant_that_is_unstable_is_named() -> None:
     runs = [levitation(seed, drag=0.25) for seed in (1, 2)]
     found = diagnosed(maglev(), runs, "viscous_friction coulomb_friction local_catch ripple")
-    (finding,) = found.verdict.findings
-    assert finding.effect == "viscous_friction_speed" and finding.belief == "sure"
     # 0.25 N s/m on 50 g; the sensors' noise is a tenth of a percent of their range.
-    assert finding.parameters["coefficient"].value == pytest.approx(5.0, rel=0.03)
+    named(found, "viscous_friction_speed", coefficient=approx(5.0, rel=0.03))
     # The nominal model's windows begin from a filter that trusts it as little as the refitted one.
     little = replace(found.base, noise_scale=1.0)
     nothing = Selected(little, (), closest={"refitted": little})
@@ -183,7 +168,7 @@ def test_drag_on_a_plant_that_is_unstable_is_named() -> None:
     for label, model in (("nominal", found.nominal), ("refitted", little.model)):
         (run,) = again.runs[label].values()
         wanted = windowed_run(model, found.nominal, found.prepared.judging[0], 1.0)
-        assert run.rmse == pytest.approx(wanted.rmse)
+        assert run.rmse == approx(wanted.rmse)
 
 
 def test_what_rubs_on_a_trolley_acts_on_the_load_too() -> None:
@@ -196,9 +181,7 @@ def test_what_rubs_on_a_trolley_acts_on_the_load_too() -> None:
     assert len(entries) == 9
     runs = [transport(seed, friction=6.0) for seed in (1, 2)]
     *_, found = stages(crane(), runs[:1], runs[1:], entries=entries, jobs=1, advise=False)
-    (finding,) = found.verdict.findings
-    assert finding.effect == "coulomb_friction_force" and finding.belief == "sure"
-    assert finding.parameters["level"].value == pytest.approx(6.0, rel=0.03)
+    named(found, "coulomb_friction_force", level=approx(6.0, rel=0.03))
 
 
 def test_heat_is_lost_where_a_plant_has_temperatures_and_no_ports() -> None:
@@ -230,9 +213,7 @@ def test_windows_whose_filter_gives_up_are_a_run_that_failed() -> None:
 def test_a_decay_that_nothing_drives_is_diagnosed() -> None:
     runs = [swinging_out(1.2), swinging_out(0.8)]
     found = diagnosed(swing(), runs, "coulomb_friction quadratic_drag cubic_stiffness")
-    (finding,) = found.verdict.findings
-    assert finding.effect == "coulomb_friction"
-    assert finding.parameters["level"].value == pytest.approx(0.3, rel=0.03)
+    named(found, "coulomb_friction", level=approx(0.3, rel=0.03))
 
 
 def test_steps_of_the_filter_follow_where_a_recording_leads() -> None:
@@ -268,35 +249,26 @@ def test_states_beyond_the_range_of_the_equations_ask_for_no_steps() -> None:
 @pytest.mark.parametrize("gear", [pytest.param(1.0, marks=pytest.mark.long), 4.0])
 def test_the_backlash_of_a_coupling_is_found_between_two_bodies(gear: float) -> None:
     runs = [turned(seed, gear=gear, play=0.01) for seed in (1, 2)]
-    found = diagnosed(
-        drivetrain(gear), runs, "backlash cubic_stiffness coulomb_friction viscous_friction"
-    )
-    (finding,) = found.verdict.findings
-    assert finding.effect.startswith("elastic_play") and finding.belief == "sure"
+    laws = "backlash cubic_stiffness coulomb_friction viscous_friction"
+    found = diagnosed(drivetrain(gear), runs, laws)
+    finding = named(found, "elastic_play*", half_width=approx(0.01, rel=0.02))
     assert finding.where == ("motor_speed_load_speed.exchange",)
-    assert finding.parameters["half_width"].value == pytest.approx(0.01, rel=0.02)
 
 
 def test_a_coupling_of_rubber_lets_go() -> None:
     runs = [turned(seed, relaxing=20.0) for seed in (1, 2)]
     found = diagnosed(drivetrain(), runs, "maxwell_element bouc_wen_hysteresis cubic_stiffness")
-    assert found.selected is not None
-    (finding,) = found.verdict.findings
+    sizes = {"stiffness": approx(20.0 / 0.012, rel=0.03), "time_constant": approx(0.1, rel=0.03)}
+    named(found, "maxwell_element_motor_speed_load_speed", **sizes)
     # The shafts turn by many radians; starts of windows that are a degree off would hide it all.
-    assert finding.belief == "sure" and not found.selected.aside
-    assert finding.effect == "maxwell_element_motor_speed_load_speed"
-    sizes = {name: value.value for name, value in finding.parameters.items()}
-    assert sizes == pytest.approx({"stiffness": 20.0 / 0.012, "time_constant": 0.1}, rel=0.03)
+    assert found.selected is not None and not found.selected.aside
 
 
 def test_what_changes_at_a_time_is_followed_to_its_instant() -> None:
     runs = [fallen_ill(seed) for seed in (1, 2)]
-    (finding,) = diagnosed(
-        epidemic(), runs, "parameter_jump parameter_curve clock_shift"
-    ).verdict.findings
-    assert finding.effect == "parameter_jump_contact" and finding.belief == "sure"
-    assert finding.parameters["time"].value == pytest.approx(40 * DAY, abs=0.2 * DAY)
-    assert finding.parameters["amount"].value == pytest.approx(-0.154 / DAY, rel=0.01)
+    found = diagnosed(epidemic(), runs, "parameter_jump parameter_curve clock_shift")
+    sizes = {"time": approx(40 * DAY, abs=0.2 * DAY), "amount": approx(-0.154 / DAY, rel=0.01)}
+    named(found, "parameter_jump_contact", **sizes)
 
 
 @pytest.mark.parametrize("most", [np.inf, 3.0])
@@ -307,7 +279,7 @@ def test_the_data_say_whether_an_input_is_clipped_to_its_range(most: float) -> N
     (current,) = model.inputs
     assert (current.upper > 3.3) == (current.lower < -3.3) == (most > 3.0)
     seen = observe(model, run)
-    assert np.abs(seen.inputs).max() == pytest.approx(min(most, np.abs(run["current"]).max()))
+    assert np.abs(seen.inputs).max() == approx(min(most, np.abs(run["current"]).max()))
 
 
 @pytest.mark.long
@@ -316,9 +288,9 @@ def test_three_effects_of_which_two_spoil_free_runs_are_found_together() -> None
     model, _ = with_undeclared(stage(), runs)
     found = diagnosed(model, runs, "cubic_stiffness coulomb_friction sensor_lag sensor_delay")
     sizes = {f.effect: [v.value for v in f.parameters.values()] for f in found.verdict.findings}
-    assert sizes["cubic_stiffness"] == pytest.approx([6e7 / 0.4], rel=0.02)
-    assert sizes["sensor_lag_position"] == pytest.approx([3e-3], rel=0.02)
-    assert sizes["coulomb_friction"] == pytest.approx([0.9 / 0.4], rel=0.02)
+    assert sizes["cubic_stiffness"] == approx([6e7 / 0.4], rel=0.02)
+    assert sizes["sensor_lag_position"] == approx([3e-3], rel=0.02)
+    assert sizes["coulomb_friction"] == approx([0.9 / 0.4], rel=0.02)
     assert all(f.belief == "sure" for f in found.verdict.findings)
 
 
@@ -326,10 +298,10 @@ def test_what_is_left_out_is_correlated_over_the_pace_of_the_machine() -> None:
     quick = ringing(1)
     model, _ = with_undeclared(resonator(), [quick])
     # Two periods of 100 kHz, of which a third.
-    assert observe(model, quick).correlation_time == pytest.approx(6e-6, rel=0.1)
+    assert observe(model, quick).correlation_time == approx(6e-6, rel=0.1)
     # The same machine read once in a while, from rest to rest, and one that takes its time.
     slowly = replace(quick, time=1e3 * quick.time)
-    assert observe(model, slowly).correlation_time == pytest.approx(10 * 5e-4)
+    assert observe(model, slowly).correlation_time == approx(10 * 5e-4)
     usual = made_up(oscillator(), levels(100, 1, 30.0, 20, 80), sample_time=0.02)
     assert usual.correlation_time == 0.1
 
@@ -339,15 +311,12 @@ def test_a_quick_and_small_machine_is_judged_at_its_own_pace_and_size(hardening:
     runs = [ringing(seed, hardening=hardening) for seed in (1, 2)]
     found = diagnosed(resonator(), runs, "sensor_gain gain cubic_stiffness coulomb_friction")
     # It moves by half a micrometre as far as 5 V go, and by nothing that a unit would explain.
-    assert found.nominal.outputs[0].scale == pytest.approx(1e-7, rel=0.5)
+    assert found.nominal.outputs[0].scale == approx(1e-7, rel=0.5)
     assert found.verdict.fit["extended"]["position"] < 1.2e-10
     if not hardening:
         assert found.verdict.kind == "nothing_missing", found.verdict
         return
-    (finding,) = found.verdict.findings
-    assert finding.effect == "cubic_stiffness" and finding.belief == "sure"
-    truth = hardening * 4.6e12 / 1e-11
-    assert finding.parameters["stiffness"].value == pytest.approx(truth, rel=2e-3)
+    named(found, "cubic_stiffness", stiffness=approx(hardening * 4.6e12 / 1e-11, rel=2e-3))
 
 
 @pytest.mark.parametrize("longest", [1, 80])
@@ -365,15 +334,13 @@ def test_noise_is_told_from_what_an_input_shakes(longest: int) -> None:
     wider = [replace(p, value=9.0, upper=100.0) if p.name == "damping" else p for p in wider]
     quiet = tuple(replace(q, noise_rms=0.0) for q in plain.outputs)
     model, _ = with_undeclared(replace(plain, outputs=quiet, parameters=tuple(wider)), runs)
-    assert model.outputs[0].noise_rms == pytest.approx(2e-4, rel=0.15)
+    assert model.outputs[0].noise_rms == approx(2e-4, rel=0.15)
 
 
 def test_iron_that_saturates_is_a_parameter_that_changes_with_the_current() -> None:
     runs = [levitation(seed, saturated=2.5) for seed in (1, 2)]
-    (finding,) = diagnosed(
-        maglev(), runs, "parameter_curve ripple local_catch sensor_offset"
-    ).verdict.findings
-    assert finding.effect == "parameter_curve_lift_over_current" and finding.belief == "sure"
+    found = diagnosed(maglev(), runs, "parameter_curve ripple local_catch sensor_offset")
+    finding = named(found, "parameter_curve_lift_over_current")
     # More current, less force for it.
     assert finding.parameters["amount"].value < 0.0
 
@@ -475,11 +442,11 @@ def test_what_a_later_law_makes_needless_leaves_no_successor() -> None:
     made = case.recordings()
     runs = [made["fit_1"], made["hold_1"]]
     found = diagnosed(case.build(), runs, "stribeck_friction lugre_friction quadratic_drag")
-    assert [f.effect for f in found.verdict.findings] == ["stribeck_friction_cart"]
-    assert [gone.candidate.entry.law for gone in found.withdrawn] == ["lugre_friction"]
+    (finding,) = found.verdict.findings
     # 1.4 times 1.066 N at standstill.
-    level = found.verdict.findings[0].parameters["break_away"].value
-    assert level == pytest.approx(1.493, rel=0.05)
+    assert finding.effect == "stribeck_friction_cart"
+    assert finding.parameters["break_away"].value == approx(1.493, rel=0.05)
+    assert [gone.candidate.entry.law for gone in found.withdrawn] == ["lugre_friction"]
 
 
 def test_tyres_that_saturate_are_curves_over_their_slip() -> None:
@@ -508,7 +475,7 @@ def test_a_curve_over_what_it_multiplies_is_that_of_a_plain_sum() -> None:
     _, lateral = np.asarray(
         bent.exact.outputs_function([slip, rate], [steering, speed], bent.values)
     ).ravel()
-    assert lateral == pytest.approx((front + rear) / 1500.0, rel=1e-12)
+    assert lateral == approx((front + rear) / 1500.0, rel=1e-12)
 
 
 def test_one_side_of_a_command_is_weaker_before_an_actuator_that_saturates() -> None:
@@ -538,12 +505,10 @@ def test_one_side_of_a_command_is_weaker_before_an_actuator_that_saturates() -> 
         return recording(f"run {seed}", 0.05, {"command [V]": command}, {"speed [rad/s]": seen})
 
     laws = "asymmetric_gain bend_command dead_band sensor_lag"
-    verdict = diagnosed(fan, [run(0), run(1), run(2)], laws, fit=2).verdict
-    (finding,) = verdict.findings
-    assert finding.effect == "asymmetric_gain_command_command" and finding.belief == "sure"
+    found = diagnosed(fan, [run(0), run(1), run(2)], laws, fit=2)
     # Of a difference in the middle both sides would change, which no gain after the curve undoes.
-    assert finding.parameters["difference"].value == pytest.approx(-0.15, rel=0.01)
-    assert verdict.fit["extended"]["speed"] < 1.1 * verdict.fit["noise_floor"]["speed"]
+    size = approx(-0.15, rel=0.01)
+    named(found, "asymmetric_gain_command_command", noise=1.1, difference=size)
 
 
 def test_a_control_valve_that_sticks_is_told_with_its_band() -> None:
@@ -577,31 +542,24 @@ def test_a_control_valve_that_sticks_is_told_with_its_band() -> None:
         return recording(f"run {seed}", 2.0, {"valve [1]": valve}, {"level [m]": seen})
 
     laws = "command_stiction backlash dead_band sensor_lag sensor_gain"
-    verdict = diagnosed(tank, [run(0), run(1), run(2)], laws, fit=2).verdict
-    (finding,) = verdict.findings
-    assert finding.effect == "command_stiction_valve_command" and finding.belief == "sure"
-    assert "band 0.03" in finding.sentence
+    found = diagnosed(tank, [run(0), run(1), run(2)], laws, fit=2)
     # One jump missed or made in a held-out run of 1,400 s is 3 mm.
-    assert verdict.fit["extended"]["level"] < 2.0 * verdict.fit["noise_floor"]["level"]
+    finding = named(found, "command_stiction_valve_command", noise=2.0)
+    assert "band 0.03" in finding.sentence
 
 
 def test_what_flows_in_a_pipe_is_slowed_as_a_body_is() -> None:
     runs = [pumped(seed, turbulent=1.3e8) for seed in (1, 2)]
-    (finding,) = diagnosed(
-        pipeline(), runs, "quadratic_drag offset gain sensor_offset"
-    ).verdict.findings
-    assert (finding.effect, finding.where) == ("quadratic_drag", ("flow.rate",))
-    assert finding.parameters["coefficient"].value == pytest.approx(1.3e8 / 3.2e6, rel=0.03)
+    found = diagnosed(pipeline(), runs, "quadratic_drag offset gain sensor_offset")
+    finding = named(found, "quadratic_drag", coefficient=approx(1.3e8 / 3.2e6, rel=0.03))
+    assert finding.where == ("flow.rate",)
 
 
 def test_a_store_that_no_input_fills_may_spring_a_leak() -> None:
     runs = [pumped(1, burst=34.0), pumped(2, burst=51.0)]
-    (finding,) = diagnosed(
-        pipeline(), runs, "offset_jump offset orifice_outflow sensor_jump"
-    ).verdict.findings
-    assert finding.where == ("pressure.rate",)
+    found = diagnosed(pipeline(), runs, "offset_jump offset orifice_outflow sensor_jump")
     # 5 l/s out of 5e-7 m3/Pa.
-    assert finding.parameters["amount"].value == pytest.approx(-1e4, rel=0.03)
+    assert named(found, "*", amount=approx(-1e4, rel=0.03)).where == ("pressure.rate",)
 
 
 def test_a_sensor_whose_curve_bends_is_no_spring_that_hardens() -> None:
@@ -612,15 +570,10 @@ def test_a_sensor_whose_curve_bends_is_no_spring_that_hardens() -> None:
         true = straight["position"]
         read = true + 0.06 * (true - 0.3) ** 2 + 1e-3 * np.random.default_rng(seed).normal(size=500)
         runs.append(straight.with_signal(Signal("position", read, "m")))
-    verdict = diagnosed(
-        oscillator(scale=30.0), runs, "sensor_bend sensor_gain cubic_stiffness polynomial_stiffness"
-    ).verdict
-    (finding,) = verdict.findings
-    assert finding.effect == "sensor_bend_position", verdict
-    found = {name: value.value for name, value in finding.parameters.items()}
-    assert found["straight"] == pytest.approx(0.3, abs=0.05)
-    reach = np.ptp(runs[0]["position"])
-    assert found["amount"] == pytest.approx(0.06 * reach**2, rel=0.1)
+    laws = "sensor_bend sensor_gain cubic_stiffness polynomial_stiffness"
+    found = diagnosed(oscillator(scale=30.0), runs, laws)
+    amount = approx(0.06 * np.ptp(runs[0]["position"]) ** 2, rel=0.1)
+    named(found, "sensor_bend_position", straight=approx(0.3, abs=0.05), amount=amount)
 
 
 def _winding(seed: int) -> Recording:
@@ -651,12 +604,10 @@ def test_what_drops_with_the_direction_of_a_current_is_named_without_a_port() ->
         ),
     )
     runs = [_winding(seed) for seed in (1, 2, 3)]
-    (finding,) = diagnosed(
-        coil, runs, "coulomb_friction offset saturating_outflow second_store", fit=2
-    ).verdict.findings
-    assert finding.effect == "coulomb_friction"
+    laws = "coulomb_friction offset saturating_outflow second_store"
     # 0.5 V over 8 mH.
-    assert finding.parameters["level"].value == pytest.approx(62.5, rel=0.03)
+    size = approx(62.5, rel=0.03)
+    named(diagnosed(coil, runs, laws, fit=2), "coulomb_friction", level=size)
 
 
 def _joint(seed: int) -> Recording:
@@ -688,15 +639,10 @@ def test_a_joint_that_gives_is_two_bodies_and_a_spring() -> None:
         ),
     )
     runs = [_joint(seed) for seed in (1, 2)]
-    verdict = diagnosed(
-        joint, runs, "elastic_drive drive_lag delay sensor_lag maxwell_element"
-    ).verdict
-    (finding,) = verdict.findings
-    assert (finding.effect, finding.belief) == ("elastic_drive", "sure"), verdict
-    found = {name: value.value for name, value in finding.parameters.items()}
+    found = diagnosed(joint, runs, "elastic_drive drive_lag delay sensor_lag maxwell_element")
     # sqrt(2200 / 0.8 + 2200 / 0.9) = 72.07 rad/s; what is read feels the spring alone.
-    assert found["frequency"] == pytest.approx(72.07, rel=0.01)
-    assert found["share"] == pytest.approx(1.0, abs=0.03)
+    sizes = {"frequency": approx(72.07, rel=0.01), "share": approx(1.0, abs=0.03)}
+    named(found, "elastic_drive", **sizes)
 
 
 def _charged(seed: int) -> Recording:
@@ -776,7 +722,6 @@ def test_a_sensor_that_stands_at_its_end_most_of_the_time_is_told(above: bool) -
     )
     runs = [_two_tanks(seed, 0.3, above) for seed in (1, 2, 3)]
     found = diagnosed(tanks, runs, fit=2)
-    (finding,) = found.verdict.findings
-    assert [c.name for c in found.selected.rounds[0].candidates] == [finding.effect]
-    assert finding.effect == ("sensor_clipping_upper" if above else "lower_sensor_clipping_upper")
-    assert finding.parameters["limit"].value == pytest.approx(0.3, abs=1e-4)
+    name = "sensor_clipping_upper" if above else "lower_sensor_clipping_upper"
+    named(found, name, limit=approx(0.3, abs=1e-4))
+    assert [c.name for c in found.selected.rounds[0].candidates] == [name]
