@@ -17,6 +17,9 @@ from workbench.physics.stiffness import linear_spring
 from workbench.plants.servo_axis import servo_axis
 from workbench.recordings.recording import Recording, Signal
 
+Given = tuple[Model, list[Recording], list[Recording], dict[str, Any]]
+"""A model, recordings to fit on and to judge on, and options of a diagnosis."""
+
 
 def axis_runs(truth: Model, samples: int) -> list[Recording]:
     """Two recordings of an axis that is pushed about, as it really is."""
@@ -28,13 +31,23 @@ def axis_runs(truth: Model, samples: int) -> list[Recording]:
     ]
 
 
+def _asked(model: Model, runs: list[Recording], *laws: str) -> Given:
+    few = [e for e in library(model) if e.law in laws]
+    return model, runs[:1], runs[1:], {"entries": few, "jobs": 1, "advise": False}
+
+
+def rubbing_runs(samples: int = 300, *further: str) -> Given:
+    """An axis without dry friction, recordings of one that has it, and a library of a few laws."""
+    truth = servo_axis()
+    runs = axis_runs(truth, samples)
+    return _asked(truth.without("coulomb_friction"), runs, "coulomb_friction", *further)
+
+
 @cache
 def example_diagnosis() -> Diagnosis:
-    """Diagnose an axis without dry friction on recordings of one that has it."""
-    truth = servo_axis()
-    model, runs = truth.without("coulomb_friction"), axis_runs(truth, 600)
-    few = [e for e in library(model) if e.law in ("coulomb_friction", "linear_spring")]
-    return diagnose(model, runs[:1], runs[1:], entries=few, jobs=1)
+    """The diagnosis of it, which advises what to record next."""
+    model, fit_on, hold_out, options = rubbing_runs(600, "linear_spring")
+    return diagnose(model, fit_on, hold_out, **options | {"advise": True})
 
 
 def example_task(**options: Any) -> Task:
@@ -44,12 +57,11 @@ def example_task(**options: Any) -> Task:
     return Task(given.nominal, given.base, seen.fitting, seen.judging, seen.priors, **options)
 
 
-def sprung_runs() -> tuple[Model, list[Recording], list[Recording], dict[str, Any]]:
+def sprung_runs() -> Given:
     """An axis held by a spring, and a library that has friction only."""
     axis = servo_axis()
     spring = linear_spring("axis.force", stiffness=200.0, upper=1000.0)
-    runs = axis_runs(axis.with_effect(spring), 400)
-    return axis, runs[:1], runs[1:], _options(axis)
+    return _asked(axis, axis_runs(axis.with_effect(spring), 400), "stribeck_friction")
 
 
 @cache
@@ -69,9 +81,5 @@ def shaken() -> Diagnosis:
         unseen = np.repeat(rng.normal(scale=60.0, size=40), 10)
         run = made_up_recording(axis, push + unseen, sample_time=0.01, name=f"axis {seed}")
         runs.append(run.with_signal(Signal("force", push, "N", role="command")))
-    return diagnose(axis, runs[:1], runs[1:], **_options(axis))
-
-
-def _options(axis: Model) -> dict[str, Any]:
-    few = [e for e in library(axis) if e.law == "stribeck_friction"]
-    return {"entries": few, "jobs": 1, "advise": False}
+    axis, fit_on, hold_out, options = _asked(axis, runs, "stribeck_friction")
+    return diagnose(axis, fit_on, hold_out, **options)

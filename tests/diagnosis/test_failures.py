@@ -9,25 +9,18 @@ from typing import Any
 import casadi as ca
 import pytest
 
-from tests.diagnosis.example_diagnosis import axis_runs
+from tests.diagnosis.example_diagnosis import rubbing_runs
 from workbench.diagnosis import diagnose as engine
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.location import located_signal
 from workbench.diagnosis.selection import refits, search, simulation_error, withdrawal
 from workbench.diagnosis.verdict import Verdict
 from workbench.errors import NumericalError
-from workbench.model import Effect, Model, Parameter, PortView
+from workbench.model import Effect, Parameter, PortView
 from workbench.model.regularisation import Expression
 from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.library import library
 from workbench.plants.servo_axis import servo_axis
-from workbench.recordings.recording import Recording
-
-
-def _given() -> tuple[Model, list[Recording], list[Hypothesis]]:
-    truth = servo_axis()
-    model, runs = truth.without("coulomb_friction"), axis_runs(truth, 300)
-    return model, runs, [e for e in library(model) if e.law == "coulomb_friction"]
 
 
 def _law(name: str, transform: Callable[[PortView], Expression]) -> Hypothesis:
@@ -44,10 +37,9 @@ def _diverges(at: PortView) -> Expression:
 
 
 def _diagnosed(*more: Hypothesis, **options: Any) -> Verdict:
-    model, runs, few = _given()
-    return diagnose(
-        model, runs[:1], runs[1:], entries=[*few, *more], jobs=1, **({"advise": False} | options)
-    ).verdict
+    model, fit_on, hold_out, own = rubbing_runs()
+    own["entries"] += more
+    return diagnose(model, fit_on, hold_out, **own | options).verdict
 
 
 def _refused(verdict: Verdict) -> dict[str, str]:
@@ -74,8 +66,7 @@ def test_a_refit_that_fails_is_a_line(
         return whole(base, given, *rest)
 
     monkeypatch.setattr(refits, step, sometimes)
-    model, _, _ = _given()
-    spring = next(e for e in library(model) if e.law == "linear_spring")
+    spring = next(e for e in library(servo_axis()) if e.law == "linear_spring")
     verdict = _diagnosed(replace(spring, effect=spring.effect.renamed("spring")))
     assert [f.effect for f in verdict.findings] == ["coulomb_friction"]
     if step == "_refitted":
@@ -116,8 +107,8 @@ def test_a_nominal_model_that_cannot_be_refitted_or_judged_is_a_verdict(
 
 def test_a_term_without_a_name_that_fails_is_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engine, "nonparametric_term", _never)
-    model, runs, _ = _given()
+    model, fit_on, hold_out, options = rubbing_runs()
     few = [e for e in library(model) if e.law == "constant_force"]
-    found = diagnose(model, runs[:1], runs[1:], entries=few, jobs=1, advise=False)
+    found = diagnose(model, fit_on, hold_out, **options | {"entries": few})
     assert found.verdict.kind == "unexplained"
     assert "could not be tried, because" in found.nonparametric.reason

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.diagnosis.example_diagnosis import axis_runs, sprung_runs
+from tests.diagnosis.example_diagnosis import rubbing_runs, sprung_runs
 from workbench.diagnosis import diagnose as module
 from workbench.diagnosis import stage_files
 from workbench.diagnosis.conclude import conclude_early
@@ -18,9 +19,6 @@ from workbench.diagnosis.diagnose import diagnose, stages
 from workbench.diagnosis.stage_files import fingerprint
 from workbench.diagnosis.stages import Diagnosis
 from workbench.errors import WorkbenchError
-from workbench.physics.library import library
-from workbench.plants.servo_axis import servo_axis
-from workbench.recordings.recording import Recording
 
 MOST_FILTERED = 75_000
 """Samples that a diagnosis of `_given` may filter: the 68,100 that it takes, and a tenth more."""
@@ -28,11 +26,12 @@ MOST_FILTERED = 75_000
 NAMES = ["fitted", "located", "prepared", "scored", "selected", "validated"]
 
 
-def _given() -> tuple[Any, list[Recording], list[Recording], dict[str, Any]]:
-    truth = servo_axis()
-    model, runs = truth.without("coulomb_friction"), axis_runs(truth, 300)
-    few = [e for e in library(model) if e.law in ("coulomb_friction", "linear_spring")]
-    return model, runs[:1], runs[1:], {"entries": few, "jobs": 1, "advise": False}
+_given = partial(rubbing_runs, 300, "linear_spring")
+
+
+def _diagnosed(folder: Path) -> Diagnosis:
+    model, fit_on, hold_out, options = _given()
+    return diagnose(model, fit_on, hold_out, folder=folder, **options)
 
 
 def _said(found: Diagnosis) -> dict[str, Any]:
@@ -50,12 +49,11 @@ def _never(*_: object, **__: object) -> Any:
 def test_a_later_call_reads_what_an_earlier_one_reached(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    model, fit_on, hold_out, options = _given()
-    first = diagnose(model, fit_on, hold_out, folder=tmp_path, **options)
+    first = _diagnosed(tmp_path)
     assert sorted(p.stem for p in (tmp_path / "stages").iterdir()) == NAMES
     for name in ("prepare", "fit", "locate", "score", "search", "validate"):
         monkeypatch.setattr(module, name, _never)
-    again = diagnose(model, fit_on, hold_out, folder=tmp_path, **options)
+    again = _diagnosed(tmp_path)
     assert _said(again) == _said(first)
     # The time of stages that are read counts as it was.
     assert again.seconds > 0.5 * first.seconds
@@ -90,14 +88,14 @@ def test_a_killed_call_is_continued_from_its_last_round(
     assert told.endswith("the proof on the held-out recordings.")
     monkeypatch.setattr(module, "fit", _never)
     monkeypatch.setattr(module, "score", _never)
-    assert _said(diagnose(model, fit_on, hold_out, folder=tmp_path, **options)) == _said(whole)
+    assert _said(_diagnosed(tmp_path)) == _said(whole)
 
 
 def test_other_options_are_used_from_their_stage_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     model, fit_on, hold_out, options = _given()
-    diagnose(model, fit_on, hold_out, folder=tmp_path, **options)
+    _diagnosed(tmp_path)
     monkeypatch.setattr(module, "fit", _never)
     fewer = options | {"entries": [e for e in options["entries"] if e.law == "linear_spring"]}
     found = diagnose(model, fit_on, hold_out, folder=tmp_path, **fewer)
@@ -121,15 +119,13 @@ def test_what_other_code_reached_is_not_read(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_a_file_that_cannot_be_read_is_done_again(tmp_path: Path) -> None:
-    model, fit_on, hold_out, options = _given()
-    first = diagnose(model, fit_on, hold_out, folder=tmp_path, **options)
+    first = _diagnosed(tmp_path)
     (tmp_path / "stages" / "fitted.json").write_text('{"format": "workbench.stage/2"')
     # Nor is a class that is none of the workbench's looked up, or one that is gone.
     for stage, begin in (("located", "elsewhere"), ("scored", "workbench.gone")):
         file = tmp_path / "stages" / f"{stage}.json"
         file.write_text(file.read_text().replace('"#": "workbench.', f'"#": "{begin}.'))
-    again = diagnose(model, fit_on, hold_out, folder=tmp_path, **options)
-    assert _said(again) == _said(first)
+    assert _said(_diagnosed(tmp_path)) == _said(first)
 
 
 def test_a_term_without_a_name_is_built_again(tmp_path: Path) -> None:
