@@ -7,10 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.diagnosis.estimation.observe import observe
-from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import perfect_cost
-from workbench.diagnosis.estimation.start import fit_with_likely_starts
+from workbench.diagnosis.estimation.start import fit_to_few
 from workbench.diagnosis.selection.rules import SAME
 from workbench.errors import WorkbenchError
 from workbench.model import Model
@@ -57,8 +55,7 @@ def with_commands_in_time(
         return recordings, ()
 
     def lacks(rows: int) -> float:
-        seen = [observe(model, moved_up(first, names, rows))]
-        fit, started = fit_with_likely_starts(model, seen, default_priors(model))
+        fit, started = fit_to_few(model, [moved_up(first, names, rows)])
         return fit.cost - perfect_cost(fit.model, started)
 
     try:

@@ -15,9 +15,8 @@ from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import clipped, free_run
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
-from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import PERFECT, likely_scale
-from workbench.diagnosis.estimation.start import fit_with_likely_starts
+from workbench.diagnosis.estimation.start import FEW, fit_to_few
 from workbench.diagnosis.estimation.windows import settled, windowed_run
 from workbench.diagnosis.selection.rules import SAME
 from workbench.errors import NumericalError, WorkbenchError
@@ -38,8 +37,8 @@ from workbench.recordings.recording import Recording
 from workbench.recordings.resampling import refined
 from workbench.simulation import simulate
 
-_ROUNDS, _FEW = 3, 2
-"""Refits that look for the noise beside a model, and recordings that they use."""
+_ROUNDS = 3
+"""Refits that look for the noise beside a model."""
 
 _CLEARLY_LESS = 0.7
 """Part of what successive samples do not share below which a model has foretold the rest."""
@@ -289,8 +288,7 @@ def clearly_likelier(
     costs = []
     for trial, given in ((one, recordings), (other, as_other or recordings)):
         try:
-            observed = [observe(trial, r) for r in given[:_FEW]]
-            costs.append(fit_with_likely_starts(trial, observed, default_priors(trial))[0].cost)
+            costs.append(fit_to_few(trial, given)[0].cost)
         except (WorkbenchError, np.linalg.LinAlgError):
             return False
     return costs[0] < costs[1] - SAME
@@ -304,7 +302,7 @@ def misread(model: Model, recordings: Sequence[Recording]) -> Misread | None:
     slow beside a row shows no difference: there it is enough that the equations lack nothing else
     beside that noise.
     """
-    given = [r for r in recordings[:_FEW] if not r.resampled]
+    given = [r for r in recordings[:FEW] if not r.resampled]
     noise = {}
     for q in model.inputs:
         floors = [noise_of(r, q.name) for r in given if q.name in r and _moves(r, q.name)]
@@ -314,8 +312,7 @@ def misread(model: Model, recordings: Sequence[Recording]) -> Misread | None:
         return None
     columns = {q.name: k for k, q in enumerate(model.inputs)}
     try:
-        observed = [observe(model, r) for r in given]
-        fit, seen = fit_with_likely_starts(model, observed, default_priors(model))
+        fit, seen = fit_to_few(model, given)
         filter_ = filter_of(fit.model, seen[0], fit.noise_scale)
 
         def cost(name: str, around: Sequence[int]) -> float:
@@ -340,8 +337,7 @@ def misread(model: Model, recordings: Sequence[Recording]) -> Misread | None:
         read = tuple(noise.items())
         trial = replace(model, traits=replace(model.traits, misread=read, straight=tuple(noise)))
         with contextlib.suppress(WorkbenchError, np.linalg.LinAlgError):
-            observed = [observe(trial, r) for r in given]
-            other = fit_with_likely_starts(trial, observed, default_priors(trial))[0]
+            other = fit_to_few(trial, given)[0]
             if other.noise_scale <= PERFECT and other.cost < fit.cost + SAME:
                 found = [q for q in model.inputs if q.name in noise]
     if not found:
@@ -393,8 +389,7 @@ def _unforetold(
         trial = replace(model, outputs=outputs)
         other: dict[str, float] = {}
         with contextlib.suppress(WorkbenchError, np.linalg.LinAlgError):
-            observed = [observe(trial, r) for r in recordings[:_FEW]]
-            fit, seen = fit_with_likely_starts(trial, observed, default_priors(trial))
+            fit, seen = fit_to_few(trial, recordings)
             for one in seen:
                 if one.drifts:
                     run = windowed_run(fit.model, trial, one, fit.noise_scale)

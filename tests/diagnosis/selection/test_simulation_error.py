@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from functools import lru_cache
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 import pytest
@@ -25,13 +24,18 @@ from workbench.model import Model
 from workbench.physics.friction import coulomb_friction
 
 
-class Case(NamedTuple):
+@dataclass(frozen=True)
+class Case:
     """A refitted oscillator that lacks dry friction, or rounds it, with its recordings."""
 
     model: Model
     fit: ProcessNoiseFit
     fitting: tuple[Observed, ...]
     judging: tuple[Observed, ...]
+
+    @cached_property
+    def closer(self) -> ProcessNoiseFit:
+        return closest_runs(self.fit, self.model, self.fitting, self.judging)
 
     def error(self, fit: ProcessNoiseFit, **values: float) -> float:
         """Mean square of the error of free runs on the fitting recordings, in m2."""
@@ -56,34 +60,31 @@ def lacking(*, rounded: bool = False) -> Case:
 def test_runs_get_closer_to_recordings_that_were_not_fitted() -> None:
     case = lacking()
     assert case.fit.noise_scale > IMPERFECT
-    closer = closest_runs(case.fit, case.model, case.fitting, case.judging)
-    before, after = (run_errors(fit, case.model, case.judging) for fit in (case.fit, closer))
+    before, after = (run_errors(fit, case.model, case.judging) for fit in (case.fit, case.closer))
     assert after.mean[0] < 0.95 * before.mean[0]
     # What it cost to predict the next sample is that of the fit to prediction errors.
-    assert closer.cost == case.fit.cost and closer.noise_scale == case.fit.noise_scale
+    assert case.closer.cost == case.fit.cost and case.closer.noise_scale == case.fit.noise_scale
 
 
 def test_no_value_beside_the_found_ones_runs_closer() -> None:
     case = lacking()
-    closer = closest_runs(case.fit, case.model, case.fitting, case.judging)
-    least = case.error(closer)
-    for estimate in closer.refit.estimates:
+    least = case.error(case.closer)
+    for estimate in case.closer.refit.estimates:
         for factor in (0.9, 1.1):
-            beside = case.error(closer, **{estimate.name: factor * estimate.value})
+            beside = case.error(case.closer, **{estimate.name: factor * estimate.value})
             assert beside > 0.999 * least, estimate.name
 
 
 def test_intervals_come_from_the_scatter_between_blocks() -> None:
     case = lacking()
-    closer = closest_runs(case.fit, case.model, case.fitting, case.judging)
     halves = [closest_runs(case.fit, case.model, [one], case.judging).refit for one in case.fitting]
     for estimate, one, other in zip(
-        closer.refit.estimates, *(half.estimates for half in halves), strict=True
+        case.closer.refit.estimates, *(half.estimates for half in halves), strict=True
     ):
         apart = abs(one.value - other.value)
         assert 0.0 < apart < 10.0 * estimate.std, estimate.name
     assert np.allclose(
-        np.sqrt(np.diag(closer.refit.covariance)), [e.std for e in closer.refit.estimates]
+        np.sqrt(np.diag(case.closer.refit.covariance)), [e.std for e in case.closer.refit.estimates]
     )
 
 
@@ -100,12 +101,11 @@ def test_complete_equations_and_long_work_keep_their_estimates(
 
 def test_a_rounded_reversal_is_sharpened() -> None:
     case = lacking(rounded=True)
-    closer = closest_runs(case.fit, case.model, case.fitting, case.judging)
     name = "coulomb_friction.transition_speed"
-    assert closer.model.parameter(name).value < 0.3 * case.fit.model.parameter(name).value
-    level = closer.refit.estimate("coulomb_friction.level")
+    assert case.closer.model.parameter(name).value < 0.3 * case.fit.model.parameter(name).value
+    level = case.closer.refit.estimate("coulomb_friction.level")
     assert level.value == pytest.approx(4.0, rel=0.1)
-    before, after = (run_errors(fit, case.model, case.judging) for fit in (case.fit, closer))
+    before, after = (run_errors(fit, case.model, case.judging) for fit in (case.fit, case.closer))
     assert after.mean[0] < 0.25 * before.mean[0]
 
 

@@ -18,19 +18,14 @@ from scipy.special import fdtrc
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import FreeRun, free_run
-from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
-from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
-from workbench.diagnosis.estimation.start import fit_with_likely_starts
+from workbench.diagnosis.estimation.start import fit_to_few
 from workbench.diagnosis.estimation.windows import settled
 from workbench.errors import WorkbenchError
 from workbench.model import Model, Output
 from workbench.model.units import from_si, in_time, of_difference, with_unit
 from workbench.recordings.recording import Recording
-
-_FEW = 2
-"""Recordings of which the errors are looked at."""
 
 _ORDER, _LAGS = 12, 6
 """Order of the autoregression that makes an error white; lags of each input that it may follow."""
@@ -218,8 +213,7 @@ def with_correlated_noise(
         of the checks of recordings.
     """
     try:
-        given = [observe(model, r) for r in recordings[:_FEW]]
-        fit, seen = fit_with_likely_starts(model, given, default_priors(model))
+        fit, seen = fit_to_few(model, recordings)
         if left is None:
             left = leftovers(fit, model, seen)
             if any(x.chance < BY_CHANCE for x in left.values()):
@@ -240,8 +234,7 @@ def with_correlated_noise(
         return model, ()
     coloured = replace(model, outputs=tuple(_coloured(q, colours) for q in model.outputs))
     try:
-        again = [observe(coloured, r) for r in recordings[:_FEW]]
-        other = fit_with_likely_starts(coloured, again, default_priors(coloured))[0]
+        other = fit_to_few(coloured, recordings)[0]
     except (WorkbenchError, np.linalg.LinAlgError):
         return model, ()
     if other.cost > fit.cost - _CLEARLY:

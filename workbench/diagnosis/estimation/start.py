@@ -11,8 +11,9 @@ import numpy as np
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import free_run
+from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
-from workbench.diagnosis.estimation.priors import Prior
+from workbench.diagnosis.estimation.priors import Prior, default_priors
 from workbench.diagnosis.estimation.process_noise import (
     LADDER,
     PERFECT,
@@ -22,6 +23,10 @@ from workbench.diagnosis.estimation.process_noise import (
 )
 from workbench.errors import NumericalError, check_range
 from workbench.model import Model
+from workbench.recordings.recording import Recording
+
+FEW = 2
+"""Recordings that are used where a model is looked at before a diagnosis."""
 
 _ITERATIONS = 12
 
@@ -54,6 +59,14 @@ def fit_with_likely_starts(
             break
         best, seen = trial, started
     return _trusted(model, seen, priors, best), seen
+
+
+def fit_to_few(
+    model: Model, recordings: Sequence[Recording]
+) -> tuple[ProcessNoiseFit, tuple[Observed, ...]]:
+    """Refit a model to the first recordings, with likely starts, to see what they hold besides."""
+    seen = [observe(model, r) for r in recordings[:FEW]]
+    return fit_with_likely_starts(model, seen, default_priors(model))
 
 
 def _trusted(
