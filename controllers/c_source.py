@@ -8,6 +8,7 @@ and optimal control, Math. Programming Computation 11, 2019.
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -97,14 +98,10 @@ def table(name: str, values: npt.ArrayLike) -> str:
         repr(v) if np.isfinite(v) else ("INFINITY" if v > 0 else "-INFINITY")
         for v in np.ravel(np.asarray(values, dtype=float)).tolist()
     ]
-    lines, line = [], "  "
-    for word in words:
-        if len(line) + len(word) > 98:
-            lines.append(line.rstrip())
-            line = "  "
-        line += word + ", "
-    lines.append(line.rstrip(" ,"))
-    return f"\nstatic const double {name}[{len(words)}] = {{\n" + "\n".join(lines) + "\n};\n"
+    lines = textwrap.fill(
+        ", ".join(words), 99, initial_indent="  ", subsequent_indent="  ", break_on_hyphens=False
+    )
+    return f"\nstatic const double {name}[{len(words)}] = {{\n{lines}\n}};\n"
 
 
 def defined(name: str, value: float | int | str) -> str:

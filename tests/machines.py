@@ -40,13 +40,20 @@ def machine(
     ``"speed m/s 2, angle rad"`` are two states, the first of which starts at 2. Behind an input
     stand its ends and what is usual, behind an output the rms of its noise, behind a parameter its
     value and, where a fit may change it, its bounds; whatever else is told by name, ``scale=10``.
+    Equations that return rates alone show the states that the outputs have the names of.
     """
+    read = _told(Output, outputs, "noise_rms")
+
+    def whole(m: Any) -> Any:
+        found = equations(m)
+        return (found, {q.name: m.x[q.name] for q in read}) if isinstance(found, dict) else found
+
     return Model(
         name,
-        equations,
+        whole,
         states=_told(State, states, "initial"),
         inputs=_told(Input, inputs, "lower", "upper", "nominal"),
-        outputs=_told(Output, outputs, "noise_rms"),
+        outputs=read,
         parameters=_told(Parameter, parameters, "value", "lower", "upper"),
     )
 

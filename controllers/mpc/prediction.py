@@ -42,10 +42,10 @@ class Prediction:
         g_before: Gradient per openings before, shape (n, k), per fraction.
         A: Rows of the constraints, shape (m, n): first the changes of the openings (fractions),
             then the limited outputs (in units of 1e4 SI).
-        lower_a: Lower limits, shape (m,), in the units of the rows.
-        upper_a: Upper limits, shape (m,), in the units of the rows.
         rows_estimate: Part of the rows that the estimate decides, shape (m, n_z), in the units of
             the rows per SI.
+        lower_a: Lower limits, shape (m,), in the units of the rows.
+        upper_a: Upper limits, shape (m,), in the units of the rows.
         lower_x: Lower limits of the variables, shape (n,), fractions and 0.1 bar.
         upper_x: Upper limits of the variables, shape (n,), fractions and 0.1 bar.
         gain: Regulator K, shape (k, n_x), fractions per SI.
@@ -59,9 +59,9 @@ class Prediction:
     g_reference: Matrix
     g_before: Matrix
     A: Matrix
+    rows_estimate: Matrix
     lower_a: Matrix
     upper_a: Matrix
-    rows_estimate: Matrix
     lower_x: Matrix
     upper_x: Matrix
     gain: Matrix
@@ -155,16 +155,10 @@ def condense(
     else:
         problem = change(formulated(numbers, form, (lower, upper)))
         lower, upper, found = problem.lower, problem.upper, condensed(problem)
-    H, g_estimate, g_reference, g_before, rows, rows_estimate = found
     return Prediction(
-        H=H,
-        g_estimate=g_estimate,
-        g_reference=g_reference,
-        g_before=g_before,
-        A=rows,
+        *found,
         lower_a=lower,
         upper_a=upper,
-        rows_estimate=rows_estimate,
         lower_x=np.append(np.tile(np.broadcast_to(opening_limits[0], k), len(blocks)), 0.0),
         upper_x=np.append(np.tile(np.broadcast_to(opening_limits[1], k), len(blocks)), 1e6),
         gain=gain,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -13,23 +14,22 @@ import pytest
 from controllers.angle_stiffness import Air, AngleStiffness, design_angle_stiffness
 from controllers.arithmetic import FLOATS, SYMBOLS
 from controllers.guard import Guarded
+from tests.controllers.families import moves
 from tests.controllers.in_c import InC
-from tests.controllers.test_fault_campaign import check
+from tests.controllers.test_fault_campaign import TWO_VALVES, check
+from tests.machines import at_rest
 from workbench.errors import WorkbenchError
-from workbench.linearisation import LinearModel, linearise
+from workbench.linearisation import LinearModel
 from workbench.model import Model
-from workbench.operating_point import operating_point
 from workbench.physics.flow import orifice_flow
 from workbench.physics.hysteresis import muscle_hysteresis
 from workbench.plants.arm.arm import two_valve_arm
 from workbench.verification import (
     Run,
-    Scenario,
     SignalFault,
     Steps,
     guarded,
     metrics,
-    step_scenario,
     verify,
 )
 
@@ -41,8 +41,7 @@ def two_valves() -> Model:
 
 @pytest.fixture(scope="module")
 def linear_two(two_valves: Model) -> LinearModel:
-    point = operating_point(two_valves, {"angle": math.radians(30), "mean_pressure": 3e5})
-    return linearise(point, verdict=False)
+    return at_rest(two_valves, **TWO_VALVES.at)
 
 
 @pytest.fixture(scope="module")
@@ -51,18 +50,12 @@ def both(linear_two: LinearModel) -> AngleStiffness:
 
 
 def run(
-    controller: AngleStiffness, plant: Model, angles: tuple[float, ...], means: tuple[float, ...]
+    controller: AngleStiffness, plant: Any, angles: tuple[float, ...], means: tuple[float, ...]
 ) -> Run:
-    times = (0.0, 0.3, 1.5)
-    scenario = Scenario(
-        "angle and mean",
-        {
-            "angle": Steps(times, tuple(math.radians(a) for a in angles)),
-            "mean_pressure": Steps(times, tuple(1e5 * m for m in means)),
-        },
-        duration=2.7,
-    )
-    return verify(controller, plant, scenario)
+    moved = moves((0.3, 1.5), *angles, duration=2.7)
+    mean = Steps((0.0, 0.3, 1.5), tuple(1e5 * m for m in means))
+    both = {**moved.references, "mean_pressure": mean}
+    return verify(controller, plant, replace(moved, references=both))
 
 
 @pytest.mark.parametrize("hysteresis", [False, True], ids=["nominal", "hysteresis"])
@@ -139,17 +132,9 @@ def test_the_law_is_the_same_on_symbols(both: AngleStiffness) -> None:
 
 
 def test_it_runs_on_the_linear_model(both: AngleStiffness, linear_two: LinearModel) -> None:
-    scenario = Scenario(
-        "small",
-        {
-            "angle": Steps((0.0, 0.1), (math.radians(30), math.radians(31))),
-            "mean_pressure": Steps((0.0, 0.1), (3e5, 3.1e5)),
-        },
-        duration=1.2,
-    ).without_imperfections()
-    done = verify(both, linear_two, scenario)
-    assert metrics(done)["angle.steady_error"].value < math.radians(0.02)
-    assert metrics(done)["mean_pressure.steady_error"].value < 0.02e5
+    found = metrics(run(both, linear_two, (30.0, 31.0, 31.0), (3.0, 3.1, 3.1)))
+    assert found["angle.steady_error"].value < math.radians(0.02)
+    assert found["mean_pressure.steady_error"].value < 0.02e5
 
 
 def test_a_model_with_one_valve_is_refused(linear: LinearModel) -> None:
@@ -160,21 +145,13 @@ def test_a_model_with_one_valve_is_refused(linear: LinearModel) -> None:
 LATE = SignalFault(0.56, "deadline", "missing", until=0.66)
 
 
-def guarded_move(both: AngleStiffness, plant: Model) -> tuple[Guarded, Scenario]:
-    """Return the guarded law, and a move of the angle at one mean pressure."""
-    law = guarded(both, plant, at={"angle": math.radians(30), "mean_pressure": 3e5})
-    move = step_scenario("angle", 20, 40, unit="deg", hold=0.8)
-    mean = {"mean_pressure": Steps((0.0,), (3e5,))}
-    return law, replace(move, references={**move.references, **mean}, settle=0.1)
-
-
 @pytest.mark.parametrize("begin", [0.56, 0.583, 0.61])
 def test_deadlines_missed_in_a_move_end_before_the_stop(
     both: AngleStiffness, two_valves: Model, begin: float, tmp_path: Path
 ) -> None:
-    law, move = guarded_move(both, two_valves)
+    law = guarded(both, two_valves, at=TWO_VALVES.at)
     late = replace(LATE, time=begin, until=begin + 0.1)
-    done = verify(law, two_valves, replace(move, faults=(late,)))
+    done = verify(law, two_valves, replace(TWO_VALVES.move, faults=(late,)))
     assert done["angle"].max() < math.radians(55.0)
     assert done["angle"][-1] == pytest.approx(math.radians(40.0), abs=math.radians(0.1))
     assert done.infos[-1].get("guard", "clear") == "clear"
@@ -184,13 +161,13 @@ def test_deadlines_missed_in_a_move_end_before_the_stop(
 def test_what_jumps_after_missed_deadlines_is_seen_by_each_valve_s_own_curve(
     both: AngleStiffness, two_valves: Model, tmp_path: Path
 ) -> None:
-    law, move = guarded_move(both, two_valves)
+    law = guarded(both, two_valves, at=TWO_VALVES.at)
     own = law.guard.estimator
     assert own is not None
     # The shipped valves are alike; a second one of another gain is not.
     other = replace(own, curve_entered=own.curve_entered * [[1.0], [0.8]])
     law = Guarded(law.controller, replace(law.guard, estimator=other))
     spike = SignalFault(0.68, "angle", "offset", 0.5, until=0.682)
-    done = verify(law, two_valves, replace(move, faults=(LATE, spike)))
+    done = verify(law, two_valves, replace(TWO_VALVES.move, faults=(LATE, spike)))
     assert "jump" in {str(info.get("guard")) for info in done.infos}
     check(done, law, InC(law, tmp_path))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -10,15 +11,14 @@ import pytest
 
 from tests.machines import at_rest, machine
 from workbench.model import Scope
-from workbench.model.trace import Equations
 
 
-def _tank(m: Scope) -> Equations:
+def _tank(m: Scope) -> dict[str, Any]:
     opened = ca.fmin(ca.fmax(m.u.valve, 0.0), 1.0)
     inner = ca.fmin(ca.fmax(m.u.goal - m.x.level, -0.3), 0.3)
     soft = ca.tanh(m.u.soft / 3.0) / (1.0 + m.x.level**2) + ca.log(2.0 + ca.fabs(m.u.root))
     rate = 0.02 * opened - 0.01 * m.x.level + inner + m.u.leak + soft - math.log(2.0)
-    return {"level": rate}, {"level": m.x.level}
+    return {"level": rate}
 
 
 def test_a_command_ends_where_the_equations_no_longer_answer() -> None:
@@ -43,12 +43,11 @@ def test_a_command_ends_where_the_equations_no_longer_answer() -> None:
 
 
 def test_ends_that_move_are_told_with_the_states_that_move_them() -> None:
-    def drive(m: Scope) -> Equations:
+    def drive(m: Scope) -> dict[str, Any]:
         """A cart whose speed is held by a loop of its own, with a force that is clipped."""
         goal = ca.fmin(m.u.goal, 3.0)
         force = ca.fmin(ca.fmax(80.0 * (goal - m.x.speed), -2.0), 2.0)
-        rates = {"way": m.x.speed, "speed": force - 0.1 * m.x.speed, "heat": force - m.x.heat}
-        return rates, {"way": m.x.way}
+        return {"way": m.x.speed, "speed": force - 0.1 * m.x.speed, "heat": force - m.x.heat}
 
     cart = machine(drive, "way m, speed m/s, heat 1", "other 1, goal m/s lower=-5", "way m")
     linear = at_rest(cart)

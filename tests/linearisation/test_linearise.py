@@ -222,9 +222,7 @@ def test_play_and_overlap_are_led_through_and_no_end_of_the_model() -> None:
             twist > 0.01, twist - 0.01, np.where(twist < -0.01, twist + 0.01, 0.0)
         )
         rates = {"motor": m.x.fast, "fast": (0.05 * m.u.volts - 0.01 * m.x.fast - torque) / 2e-4}
-        return {**rates, "load": m.x.slow, "slow": (torque - 1e-4 * m.x.slow) / 4e-4}, {
-            "load": m.x.load
-        }
+        return {**rates, "load": m.x.slow, "slow": (torque - 1e-4 * m.x.slow) / 4e-4}
 
     states = "motor rad, fast rad/s, load rad, slow rad/s"
     servo = machine(gear, states, "volts V -24 24", "load rad resolution=1e-3")
@@ -237,7 +235,7 @@ def test_play_and_overlap_are_led_through_and_no_end_of_the_model() -> None:
 
     def valve(past: Any) -> float:
         cylinder = machine(
-            lambda m: ({"x": (0.5 * past(m.u.spool) - m.x.x) / 0.03}, {"x": m.x.x}),
+            lambda m: {"x": (0.5 * past(m.u.spool) - m.x.x) / 0.03},
             "x m/s",
             "spool 1 -1 1",
             "x m/s",

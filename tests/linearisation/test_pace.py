@@ -78,11 +78,15 @@ def test_a_delay_does_not_make_a_step_tiny(late: float) -> None:
 
 def pipe(late: float) -> Model:
     """A tank that fills at the end of a pipe, its delay by a Pade function of first order."""
-    return machine(lambda m: (
-            {"on_the_way": 2.0 / late * (m.u.u - m.x.on_the_way),
-             "level": 2.0 * m.x.on_the_way - m.u.u},
-            {"level": m.x.level},
-        ), "on_the_way m/s, level m", "u m/s -1 1", "level m")  # fmt: skip
+    return machine(
+        lambda m: {
+            "on_the_way": 2.0 / late * (m.u.u - m.x.on_the_way),
+            "level": 2.0 * m.x.on_the_way - m.u.u,
+        },
+        "on_the_way m/s, level m",
+        "u m/s -1 1",
+        "level m",
+    )
 
 
 @pytest.mark.parametrize("late", [0.01, 1.0, 100.0])

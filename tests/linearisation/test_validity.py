@@ -91,7 +91,7 @@ def test_a_band_of_one_frequency_is_no_range() -> None:
 
 def test_steps_are_written_in_the_unit_in_which_people_read_the_input() -> None:
     heater = machine(
-        lambda m: ({"warm": (m.u.power - m.x.warm) / 50.0}, {"warm": m.x.warm}),
+        lambda m: {"warm": (m.u.power - m.x.warm) / 50.0},
         "warm K scale=1",
         "power 1 0 1 0.5 scale=1 display_unit=%",
         "warm 1 scale=1",
@@ -102,10 +102,7 @@ def test_steps_are_written_in_the_unit_in_which_people_read_the_input() -> None:
 
 def test_steps_of_an_unstable_plant_end_before_it_has_run_away() -> None:
     plasma = machine(
-        lambda m: (
-            {"z": 60 * m.x.z + 0.02 * m.x.i, "i": (m.u.v - 0.1 * m.x.i) / 0.03},
-            {"z": m.x.z},
-        ),
+        lambda m: {"z": 60 * m.x.z + 0.02 * m.x.i, "i": (m.u.v - 0.1 * m.x.i) / 0.03},
         "z m scale=0.01, i A scale=50",
         "v V -100 100 scale=100",
         "z m scale=0.01",
@@ -117,14 +114,11 @@ def test_steps_of_an_unstable_plant_end_before_it_has_run_away() -> None:
 
 def test_no_sine_is_tried_on_what_grows_before_it_shows() -> None:
     body = machine(
-        lambda m: (
-            {
-                "speed": 0.385 * m.u.torque - 0.24 * m.x.speed - 10.0 * m.x.pitch,
-                "pitch": m.x.rate,
-                "rate": 28.3 * m.x.pitch - 0.645 * m.u.torque + 0.34 * m.x.speed,
-            },
-            {"speed": m.x.speed},
-        ),
+        lambda m: {
+            "speed": 0.385 * m.u.torque - 0.24 * m.x.speed - 10.0 * m.x.pitch,
+            "pitch": m.x.rate,
+            "rate": 28.3 * m.x.pitch - 0.645 * m.u.torque + 0.34 * m.x.speed,
+        },
         "speed m/s, pitch rad, rate 1/s",
         "torque N m -60 60",
         "speed m/s",

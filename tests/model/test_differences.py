@@ -18,8 +18,7 @@ def house() -> Model:
     def equations(m):  # type: ignore[no-untyped-def]
         heat = m.p.UA * (m.x.wall - m.x.room)
         lost = 150.0 * (m.u.outside - m.x.wall)
-        rates = {"room": (m.u.heater + heat) / 5e6, "wall": (lost - heat) / 8e7}
-        return rates, {"room": m.x.room}
+        return {"room": (m.u.heater + heat) / 5e6, "wall": (lost - heat) / 8e7}
 
     return machine(
         equations,

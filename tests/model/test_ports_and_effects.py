@@ -335,7 +335,7 @@ def test_a_parameter_that_multiplies_two_things_has_no_argument() -> None:
 
 def test_a_law_means_the_state_where_an_input_has_its_name() -> None:
     press = machine(
-        lambda m: ({"ram": m.x.speed, "speed": m.u.speed - 2.0 * m.x.speed}, {"ram": m.x.ram}),
+        lambda m: {"ram": m.x.speed, "speed": m.u.speed - 2.0 * m.x.speed},
         "ram m, speed m/s",
         "speed m/s2",
         "ram m",
@@ -375,10 +375,7 @@ def test_functions_of_numbers_are_refused_where_symbols_stand() -> None:
 def test_functions_of_numpy_stand_in_equations_without_a_word() -> None:
     def model() -> Model:
         return machine(
-            lambda m: (
-                {"warmth": m.u.heat - np.maximum(np.exp(m.x.warmth), np.sqrt(m.x.warmth))},
-                {"warmth": m.x.warmth},
-            ),
+            lambda m: {"warmth": m.u.heat - np.maximum(np.exp(m.x.warmth), np.sqrt(m.x.warmth))},
             "warmth 1",
             "heat 1",
             "warmth 1",
@@ -391,7 +388,7 @@ def test_functions_of_numpy_stand_in_equations_without_a_word() -> None:
 
 def test_a_model_with_other_values_is_opened_with_them() -> None:
     def equations(m: Scope):  # type: ignore[no-untyped-def]
-        return {"level": (m.u.pump - m.x.level) / m.p.area}, {"level": m.x.level}
+        return {"level": (m.u.pump - m.x.level) / m.p.area}
 
     tank = machine(equations, "level m", "pump m", "level m", "area s 2")
     assert tank.opened().parameter("area").value == 2.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -13,7 +14,6 @@ from tests.machines import machine
 from workbench.diagnosis.problem import Problem
 from workbench.diagnosis.refit_report import run_refit
 from workbench.model import Model, Output, Scope
-from workbench.model.trace import Equations
 from workbench.recordings.recording import Recording, Signal
 from workbench.simulation import simulate
 
@@ -21,10 +21,10 @@ from workbench.simulation import simulate
 def tank(*, guarded: bool = False) -> Model:
     """A tank with a free outflow, as everybody writes it down first."""
 
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         level = ca.fmax(m.x.level, 1e-12) if guarded else m.x.level
         outflow = m.p.orifice * ca.sqrt(2.0 * 9.81 * level)
-        return {"level": (m.p.pump * m.u.voltage - outflow) / 1.5e-3}, {"level": m.x.level}
+        return {"level": (m.p.pump * m.u.voltage - outflow) / 1.5e-3}
 
     return machine(
         equations,

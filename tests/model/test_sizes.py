@@ -6,6 +6,7 @@ import functools
 import itertools
 import math
 from collections.abc import Callable
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -210,10 +211,10 @@ def test_a_bearing_that_sticks_at_the_start_is_sized_where_it_slides(
 
 @pytest.mark.parametrize("end", [math.inf, 0.6], ids=["nothing declared", "declared"])
 def test_equations_that_clip_an_input_tell_how_far_it_moves_a_plant(end: float) -> None:
-    def ship(m: Scope) -> Equations:
+    def ship(m: Scope) -> dict[str, Any]:
         steering = ca.fmin(ca.fmax((m.u.rudder - m.x.rudder) / 2.0, -0.04), 0.04)
         turning = (0.05 * m.x.rudder - m.x.rate - 2000.0 * m.x.rate**3) / 20.0
-        return {"heading": m.x.rate, "rate": turning, "rudder": steering}, {"heading": m.x.heading}
+        return {"heading": m.x.rate, "rate": turning, "rudder": steering}
 
     made = machine(
         ship, "heading rad, rate rad/s, rudder rad", f"rudder rad {-end} {end}", "heading rad"
@@ -226,9 +227,8 @@ def test_equations_that_clip_an_input_tell_how_far_it_moves_a_plant(end: float) 
 def test_an_unstable_oscillation_gives_no_size_of_its_own() -> None:
     # Poles at growth + j, of which 1 + j is where responses are taken.
     def scale(growth: float) -> float:
-        def equations(m: Scope) -> Equations:
-            rates = {"x": growth * m.x.x + m.x.y + m.u.u, "y": growth * m.x.y - m.x.x}
-            return rates, {"x": m.x.x}
+        def equations(m: Scope) -> dict[str, Any]:
+            return {"x": growth * m.x.x + m.x.y + m.u.u, "y": growth * m.x.y - m.x.x}
 
         spiral = machine(equations, "x m, y m", "u m/s -1 1", "x m")
         return max(q.scale for q in spiral.states)
@@ -302,10 +302,10 @@ def test_a_lake_that_seems_empty_is_as_deep_as_its_gauge_says() -> None:
 def test_what_grows_is_not_waited_for_where_drag_slows_its_growth() -> None:
     """A boat that its own compression sinks, by a pump, against the square of its speed."""
 
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         drag = 0.05 * m.x.w * np.abs(m.x.w) + 0.002 * m.x.w
         heavy = 5e-5 * (m.x.ballast + 0.5 * (m.x.depth - 50.0))
-        return {"depth": m.x.w, "w": heavy - drag, "ballast": m.u.pump}, {"depth": m.x.depth}
+        return {"depth": m.x.w, "w": heavy - drag, "ballast": m.u.pump}
 
     boat = machine(equations, "depth m 50, w m/s, ballast kg", "pump kg/s -20 20", "depth m")
     # 20 kg/s in the time of its growth, 250 s, sink it at about 2 m/s: (0.25 / 0.05)^0.5.

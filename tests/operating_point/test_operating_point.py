@@ -203,7 +203,7 @@ def test_a_vessel_whose_rounded_flows_do_not_cancel_rests_where_it_starts() -> N
         boiled = (m.u.heat - 2.0e3 * m.u.feed) / 2.26e6
         level = (m.u.feed - boiled - m.u.draw) / 500.0
         share = (0.1 * m.u.feed - m.x.share * m.u.draw) / 500.0
-        return {"level": level, "share": share}, {"level": m.x.level, "share": m.x.share}
+        return {"level": level, "share": share}
 
     vessel = machine(
         equations,
@@ -220,8 +220,7 @@ def test_a_reactor_that_says_where_it_starts_is_held_there_and_not_washed_out() 
     def equations(m: Any) -> Any:
         growth = 1.1e-4 * m.x.S / (0.2 + m.x.S)
         eaten = growth * m.x.X / 0.5
-        rates = {"X": (growth - m.u.D) * m.x.X, "S": m.u.D * (10.0 - m.x.S) - eaten}
-        return rates, {"S": m.x.S}
+        return {"X": (growth - m.u.D) * m.x.X, "S": m.u.D * (10.0 - m.x.S) - eaten}
 
     chemostat = machine(equations, "X kg/m3 4.8, S kg/m3 0.4", "D 1/s 0 1.5e-4", "S kg/m3")
     # Without a flow it rests empty of food, and at any of it without what eats.

@@ -93,7 +93,7 @@ def test_speed_and_coordinate_follow_from_structure() -> None:
 def test_the_depth_of_a_cage_tells_the_angle_of_its_drum(way: float) -> None:
     def equations(m):
         torque = m.u.motor - m.p.damping * m.x.spin
-        return {"depth": way * 2.0 * m.x.spin, "spin": torque / 3.0}, {"depth": m.x.depth}
+        return {"depth": way * 2.0 * m.x.spin, "spin": torque / 3.0}
 
     hoist = machine(
         equations,
@@ -153,9 +153,7 @@ def test_place_and_speed_of_one_body_over_another() -> None:
 
 
 def test_a_follower_begins_within_a_usual_slack() -> None:
-    model = machine(
-        lambda m: ({"level": m.u.valve}, {"level": m.x.level}), "level m", "valve 1", "level m"
-    )
+    model = machine(lambda m: {"level": m.u.valve}, "level m", "valve 1", "level m")
     slack = offered(model, "backlash")
     # From farther off a filter takes it beyond the slack, where it learns no more of it.
     assert [q.start_rms for q in slack.effect.states] == [slack.typical_size]
@@ -283,7 +281,7 @@ def test_a_place_that_a_speed_adds_to_may_be_carried_off_as_well() -> None:
 def test_a_rotor_lifts_more_above_the_ground_and_a_weight_does_not() -> None:
     def equations(m):
         lift = 22.0 * m.u.throttle / 1.6 - 0.1 * m.x.climb
-        return {"height": m.x.climb, "climb": lift - 9.81}, {"height": m.x.height}
+        return {"height": m.x.climb, "climb": lift - 9.81}
 
     drone = machine(equations, "height m, climb m/s", "throttle 1 0 1", "height m")
     law = offered(drone, "ground_effect", ranges={"height": (0.3, 1.5)})

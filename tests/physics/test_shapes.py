@@ -67,7 +67,7 @@ def test_a_parameter_bends_over_an_input_where_a_sensor_reads_their_product() ->
 @pytest.mark.parametrize("lower", [0.0, -1.0])
 def test_a_parameter_that_is_never_negative_falls_towards_zero(lower: float) -> None:
     choke = machine(
-        lambda m: ({"i": (m.u.v - m.x.i) / m.p.inductance}, {"i": m.x.i}),
+        lambda m: {"i": (m.u.v - m.x.i) / m.p.inductance},
         "i A",
         "v V -10 10",
         "i A",
@@ -109,10 +109,7 @@ def test_what_is_lost_one_way_is_offered_where_an_input_fills_a_store() -> None:
 
 def test_a_second_store_takes_what_the_first_one_loses_until_both_are_level() -> None:
     blood = machine(
-        lambda m: ({"level": m.u.dose}, {"level": m.x.level}),
-        "level kg/m3",
-        "dose kg/(m3 s) 0 1",
-        "level kg/m3",
+        lambda m: {"level": m.u.dose}, "level kg/m3", "dose kg/(m3 s) 0 1", "level kg/m3"
     )
     law = {h.name: h for h in library(blood, duration=10.0, sample_time=0.1)}["second_store_level"]
     model = blood.with_effect(law.at_size(0.4, {"time_constant": 5.0}))
@@ -163,10 +160,9 @@ def test_a_parameter_that_enters_several_ports_may_fade_in_all_of_them() -> None
 
 def test_a_parameter_bends_over_inputs_that_nobody_uses_or_that_carry_something() -> None:
     tank = machine(
-        lambda m: (
-            {"T": (m.u.flow * (m.u.feed - m.x.T) - m.p.loss * (m.x.T - 290.0) + m.u.heat) / 50.0},
-            {"T": m.x.T},
-        ),
+        lambda m: {
+            "T": (m.u.flow * (m.u.feed - m.x.T) - m.p.loss * (m.x.T - 290.0) + m.u.heat) / 50.0
+        },
         "T K 290",
         "flow m3/s, feed K, heat W, wind m/s",
         "T K",

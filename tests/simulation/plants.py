@@ -12,10 +12,7 @@ def oscillator(frequency: float = 30.0, damping: float = 0.1) -> Model:
 
     def equations(m):  # type: ignore[no-untyped-def]
         rate = m.u.force - 2 * m.p.damping * m.p.frequency * m.x.speed
-        return (
-            {"position": m.x.speed, "speed": rate - m.p.frequency**2 * m.x.position},
-            {"position": m.x.position},
-        )
+        return {"position": m.x.speed, "speed": rate - m.p.frequency**2 * m.x.position}
 
     return machine(
         equations,
@@ -29,17 +26,14 @@ def oscillator(frequency: float = 30.0, damping: float = 0.1) -> Model:
 def integrator() -> Model:
     """x' = u."""
     return machine(
-        lambda m: ({"level": m.u.inflow}, {"level": m.x.level}),
-        "level m lower=-1 upper=1",
-        "inflow m/s -10 10",
-        "level m",
+        lambda m: {"level": m.u.inflow}, "level m lower=-1 upper=1", "inflow m/s -10 10", "level m"
     )
 
 
 def explosion() -> Model:
     """x' = x^2: infinite after 1 s from x = 1."""
     return machine(
-        lambda m: ({"level": m.x.level * m.x.level + m.u.inflow}, {"level": m.x.level}),
+        lambda m: {"level": m.x.level * m.x.level + m.u.inflow},
         "level m 1",
         "inflow m/s",
         "level m",

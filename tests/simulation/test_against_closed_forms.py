@@ -108,7 +108,7 @@ def test_other_parameter_values_need_no_other_model() -> None:
 def sled(sign: Callable[[Any], Any]) -> Model:
     """A sled whose dry friction is written as a sign."""
     return machine(
-        lambda m: ({"x": m.x.v, "v": m.u.f - 0.5 * sign(m.x.v) - 0.1 * m.x.v}, {"x": m.x.x}),
+        lambda m: {"x": m.x.v, "v": m.u.f - 0.5 * sign(m.x.v) - 0.1 * m.x.v},
         "x m, v m/s",
         "f N -10 10",
         "x m",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.verification.held_command import ConstantCommand
+from tests.verification.scripted import Scripted
 from workbench.plants.servo_axis import servo_axis
 from workbench.verification import Scenario, Steps, metrics, verify
 from workbench.verification.each_step import each_step, step_responses
@@ -53,7 +53,7 @@ def test_a_step_after_the_end_is_none() -> None:
 def test_the_worst_step_is_the_metric() -> None:
     steps = Steps((0.0, 0.1, 0.3), (0.0, 0.001, 0.0))
     scenario = Scenario("up and down", {"position": steps}, 0.6, settle=0.0)
-    held = ConstantCommand((0.0,), actuators=("force",), controlled=("position",))
+    held = Scripted((0.0,), actuators=("force",), controlled=("position",))
     run = verify(held, servo_axis(), scenario)
     found = step_responses("position", run.time, run["position"], steps.changes)
     assert len(found) == 2

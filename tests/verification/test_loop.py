@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,37 +11,13 @@ import pytest
 
 from controllers import design_pid
 from tests.machines import at_rest
-from tests.verification.held_command import ConstantCommand
+from tests.verification.scripted import Scripted
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Effect, Model
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
 from workbench.simulation import simulate
 from workbench.verification import Change, Disturbance, Scenario, Steps, verify
-
-
-@dataclass(frozen=True)
-class Scripted:
-    """Commands that are a function of the sample, and a record of what was seen."""
-
-    commands: tuple[float, ...]
-    sensors: tuple[str, ...]
-    controlled: tuple[str, ...]
-    actuators: tuple[str, ...]
-    preview: int = 0
-    sample_time: float = 0.002
-    name: str = "scripted"
-
-    def initial_state(self, measurement: tuple[float, ...]) -> int:
-        return 0
-
-    def step(self, state: int, measurement: Any, reference: Any) -> Any:
-        seen = {"seen": measurement, "wanted": reference}
-        return (self.commands[state % len(self.commands)],), state + 1, seen
-
-    def linear_command(self, command: tuple[float, ...]) -> tuple[float, ...]:
-        return command
-
 
 AXIS = ("position",), ("position",), ("force",)
 REST = Scenario("rest", {"position": Steps((0.0,), (0.0,))}, 0.1, settle=0.0)
@@ -69,7 +45,7 @@ def test_row_k_holds_what_was_read_and_then_commanded() -> None:
 
 
 def test_loop_is_the_simulation_of_its_own_commands(plant: Model) -> None:
-    controller = Scripted((5.3, 4.9, 6.0, 4.2), ("angle",), ("angle",), ("valve",))
+    controller = Scripted((5.3, 4.9, 6.0, 4.2))
     run = verify(controller, plant, at_30(), tolerance=1e-8)
     again = simulate(plant, run.inputs, sample_time=0.002, start=run.states[0], check=False)
     for name in ("angle", "pressure_1", "temperature_2"):
@@ -81,7 +57,7 @@ def test_loop_is_the_simulation_of_its_own_commands(plant: Model) -> None:
 
 
 def test_commands_are_clipped_and_quantised(plant: Model) -> None:
-    controller = Scripted((5.0004, 12.0, -3.0, 7.1234), ("angle",), ("angle",), ("valve",))
+    controller = Scripted((5.0004, 12.0, -3.0, 7.1234))
     run = verify(controller, plant, at_30(duration=0.02))
     step = 10.0 / 4096
     assert run.inputs[:4, 0] == pytest.approx(
@@ -92,7 +68,7 @@ def test_commands_are_clipped_and_quantised(plant: Model) -> None:
 
 
 def test_sensors_are_noisy_quantised_and_clipped(plant: Model) -> None:
-    held = ConstantCommand((5.0,), sensors=("angle", "pressure_1"), controlled=("angle",))
+    held = Scripted((5.0,), sensors=("angle", "pressure_1"))
     run = verify(held, plant, at_30(duration=8.0))
     counts = run.measurement("angle") / (2 * math.pi / 180_000)
     np.testing.assert_allclose(counts, np.round(counts), atol=1e-6)
@@ -131,7 +107,7 @@ def test_linear_plant_has_no_half_sample_shift() -> None:
 
 
 def test_parameter_changes_at_its_sample(plant: Model) -> None:
-    held = ConstantCommand((5.5,), controlled=("angle",))
+    held = Scripted((5.5,))
     still = verify(held, plant, at_30())
     changed = verify(held, plant, at_30(changes=(Change(0.2, "load", 5.0),)))
     load = [q.name for q in plant.parameters].index("load")
@@ -145,7 +121,7 @@ def test_parameter_changes_at_its_sample(plant: Model) -> None:
 def test_disturbance_accelerates_the_joint(plant: Model) -> None:
     free = plant.without("damper", "bearing_friction")
     scenario = at_30(disturbances=(Disturbance(0.1, "joint.torque", 2.0, until=0.104),))
-    run = verify(ConstantCommand((5.0,), controlled=("angle",)), free, scenario)
+    run = verify(Scripted((5.0,)), free, scenario)
     speed = run["speed"]
     assert abs(speed[50]) < 1e-9
     # 2 N m for 4 ms on 0.466 kg m2; the stiffness has taken away 0.1 % by then.
@@ -163,7 +139,7 @@ def test_preview_gives_the_coming_references() -> None:
 
 
 def test_settling_before_the_record_is_not_recorded(plant: Model) -> None:
-    controller = Scripted(tuple(range(5000)), ("angle",), ("angle",), ("valve",))
+    controller = Scripted(tuple(range(5000)))
     run = verify(controller, plant, at_30(duration=0.01, settle=0.004))
     assert run.inputs[:3, 0].tolist() == pytest.approx([2.0, 3.0, 4.0], abs=2e-3)
     assert run.time[0] == 0.0
@@ -186,7 +162,7 @@ def test_what_does_not_fit_is_refused(change: dict[str, Any], problem: str) -> N
 
 def test_a_linear_model_cannot_change(plant: Model) -> None:
     linear = at_rest(plant, angle=math.radians(30))
-    held = ConstantCommand((5.0,), controlled=("angle",))
+    held = Scripted((5.0,))
     with pytest.raises(WorkbenchError, match="use the full plant"):
         verify(held, linear, at_30(changes=(Change(0.1, "load", 4.0),)))
 
@@ -203,7 +179,7 @@ def test_bad_changes_are_refused_before_the_run(
     plant: Model, changes: dict[str, Any], problem: str
 ) -> None:
     with pytest.raises(WorkbenchError, match=problem):
-        verify(ConstantCommand((5.0,), controlled=("angle",)), plant, at_30(**changes))
+        verify(Scripted((5.0,)), plant, at_30(**changes))
 
 
 def test_what_explicit_steps_cannot_follow_goes_to_rosenbrock() -> None:

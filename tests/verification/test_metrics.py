@@ -11,7 +11,7 @@ import pytest
 
 from controllers import design_mpc, design_pid
 from tests.machines import at_rest
-from tests.verification.held_command import ConstantCommand
+from tests.verification.scripted import Scripted
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
 from workbench.model import Model
@@ -97,7 +97,7 @@ def test_sine_has_no_step_figures(plant: Model, linear: LinearModel) -> None:
 
 
 def test_open_loop_run_into_the_stop_is_counted(plant: Model) -> None:
-    held = ConstantCommand((7.0,), controlled=("angle",))
+    held = Scripted((7.0,))
     found = metrics(verify(held, plant, replace(STEP, settle=0.0)))
     assert found["stop_impacts"].value >= 1.0
     assert found["stop_peak_torque"].value > 10.0

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.verification.held_command import ConstantCommand
+from tests.verification.scripted import Scripted
 from workbench.errors import WorkbenchError
 from workbench.plants.arm import arm
 from workbench.verification import (
@@ -126,6 +126,6 @@ def test_faults_that_cannot_be_are_refused() -> None:
             SignalFault(0.1, "angle", kind, until=until)
     fault = SignalFault(0.1, "angle", "stuck", until=0.2)
     scenario = Scenario("f", {"angle": Steps((0.0,), (0.5,))}, 1.0, faults=(fault,))
-    controller = ConstantCommand((5.0,), sensors=("pressure_1",))
+    controller = Scripted((5.0,), sensors=("pressure_1",))
     with pytest.raises(WorkbenchError, match="faulty signal"):
         verify(controller, arm(3), scenario)

@@ -36,7 +36,6 @@ from tests.machines import at_rest, machine, stepped
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linear_model
 from workbench.model import Input, Model, Output, Scope, State
-from workbench.model.trace import Equations
 from workbench.plants.servo_axis import servo_axis
 from workbench.plants.servo_pendulum import servo_pendulum
 from workbench.study.designs import ControllerRecipe
@@ -294,7 +293,7 @@ def test_a_slow_plant_whose_sensor_is_lost_in_a_move_is_stopped_and_not_let_go()
 @pytest.mark.parametrize("name", PLAIN)
 def test_a_delay_of_many_samples_is_tolerated(name: str) -> None:
     model = machine(
-        lambda m: ({"T": (50.0 * m.u.duty - m.x.T) / 60.0}, {"T": m.x.T}),
+        lambda m: {"T": (50.0 * m.u.duty - m.x.T) / 60.0},
         "T K scale=50",
         "duty 1 -1 1",
         "T K 0.05 scale=50",
@@ -338,9 +337,7 @@ def test_limits_of_a_lone_command_are_told_by_its_letter(name: str) -> None:
 
 
 def test_a_plant_that_nothing_drives_gets_no_controller() -> None:
-    decay = machine(
-        lambda m: ({"level": -m.x.level}, {"level": m.x.level}), "level m", "", "level m"
-    )
+    decay = machine(lambda m: {"level": -m.x.level}, "level m", "", "level m")
     with pytest.raises(WorkbenchError, match=r"'machine' has no input.*inputs=\(Input"):
         loop_of(at_rest(decay))
 
@@ -350,10 +347,7 @@ def test_an_mpc_looks_no_further_than_an_unstable_plant_can_be_foreseen(
     growth: float, settled: float
 ) -> None:
     plasma = machine(
-        lambda m: (
-            {"z": growth * m.x.z + 0.03 * m.x.i, "i": (m.u.v - 0.1 * m.x.i) / 0.03},
-            {"z": m.x.z, "i": m.x.i},
-        ),
+        lambda m: {"z": growth * m.x.z + 0.03 * m.x.i, "i": (m.u.v - 0.1 * m.x.i) / 0.03},
         "z m scale=0.01, i A scale=50",
         "v V -600 600 scale=400",
         "z m scale=0.01, i A scale=50",
@@ -474,10 +468,7 @@ def step_on(
 @pytest.mark.parametrize("name", PLAIN)
 def test_a_command_that_rests_near_one_end_may_be_used_to_the_other(name: str) -> None:
     kettle = machine(
-        lambda m: (
-            {"T": (m.u.heat - 50.0 * m.x.T) / 4e3, "probe": (m.x.T - m.x.probe) / 5.0},
-            {"probe": m.x.probe},
-        ),
+        lambda m: {"T": (m.u.heat - 50.0 * m.x.T) / 4e3, "probe": (m.x.T - m.x.probe) / 5.0},
         "T K scale=50, probe K scale=50",
         "heat W 0 6000 scale=1000",
         "probe K 0.02 scale=50",
@@ -521,10 +512,7 @@ def test_what_two_equal_tanks_share_is_what_their_pump_moves() -> None:
 @pytest.mark.parametrize("name", PLAIN)
 def test_a_step_that_the_command_can_just_hold_tips_no_pendulum(name: str, tmp_path: Path) -> None:
     rod = machine(
-        lambda m: (
-            {"angle": m.x.rate, "rate": 20.0 * m.x.angle + 10.0 * m.u.torque},
-            {"angle": m.x.angle},
-        ),
+        lambda m: {"angle": m.x.rate, "rate": 20.0 * m.x.angle + 10.0 * m.u.torque},
         "angle rad scale=0.2, rate rad/s scale=1",
         "torque N m -1 1",
         "angle rad scale=0.2 resolution=5e-4",
@@ -648,15 +636,12 @@ def test_a_flow_of_nanolitres_behind_a_pressure_has_an_h_infinity_controller() -
 def test_a_reference_is_not_held_back_for_steps_that_nobody_takes() -> None:
     # A ball on a beam: by half of what moves a motor to its end in a slow loop it rolls for metres.
     beam = machine(
-        lambda m: (
-            {
-                "way": m.x.speed,
-                "speed": 7.0 * m.x.angle - 0.1 * m.x.speed,
-                "angle": m.x.rate,
-                "rate": (m.u.motor - m.x.rate) / 0.05,
-            },
-            {"way": m.x.way, "angle": m.x.angle},
-        ),
+        lambda m: {
+            "way": m.x.speed,
+            "speed": 7.0 * m.x.angle - 0.1 * m.x.speed,
+            "angle": m.x.rate,
+            "rate": (m.u.motor - m.x.rate) / 0.05,
+        },
         "way m, speed m/s, angle rad, rate rad/s",
         "motor rad/s -2 2",
         "way m 5e-4, angle rad 1e-3",
@@ -682,11 +667,11 @@ def test_a_servo_whose_own_loop_is_clipped_is_not_wound_up(name: str) -> None:
 
 
 def test_a_rudder_that_turns_slowly_holds_no_ship_back() -> None:
-    def ship(m: Scope) -> Equations:
+    def ship(m: Scope) -> dict[str, Any]:
         asked = ca.fmin(ca.fmax(m.u.rudder, -0.6), 0.6) - m.x.rudder
         rudder = ca.fmin(ca.fmax(0.5 * asked, -0.04), 0.04)
         turn = (0.05 * m.x.rudder - m.x.turn) / 20.0
-        return {"heading": m.x.turn, "turn": turn, "rudder": rudder}, {"heading": m.x.heading}
+        return {"heading": m.x.turn, "turn": turn, "rudder": rudder}
 
     plant = machine(ship, "heading rad, turn rad/s, rudder rad", "rudder rad", "heading rad 2e-3")
     law = designed("lqi", at_rest(plant), sample_time=0.2)
@@ -728,7 +713,7 @@ def test_a_reference_enters_as_suits_commands_that_are_late() -> None:
 
 def test_a_pid_whose_command_is_at_its_end_asks_for_no_more_than_there_is() -> None:
     tank = machine(
-        lambda m: ({"level": (0.01 - m.u.pump) / 5.0}, {"level": m.x.level}),
+        lambda m: {"level": (0.01 - m.u.pump) / 5.0},
         "level m 2 lower=0 upper=4",
         "pump m3/s 0 0.02 0.01",
         "level m 5e-3",

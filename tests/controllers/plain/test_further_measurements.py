@@ -19,7 +19,6 @@ from tests.machines import at_rest, machine, stepped
 from workbench.errors import WorkbenchError
 from workbench.linearisation import linear_model
 from workbench.model import Model, Scope
-from workbench.model.trace import Equations
 from workbench.plants.arm import arm
 from workbench.study.linear_loop import analyse_loop
 from workbench.study.step_trial import hardly_stable
@@ -153,13 +152,10 @@ def test_what_no_command_moves_is_not_read_too() -> None:
 @pytest.mark.parametrize("name", ["lqi", "plain-sliding-mode"])
 def test_what_is_read_otherwise_than_the_model_shows_it_leads_no_speed_astray(name: str) -> None:
     def winder(friction: float) -> Model:
-        def equations(m: Scope) -> Equations:
+        def equations(m: Scope) -> dict[str, Any]:
             torque = 0.12 * m.x.current - 4e-4 * m.x.speed - friction * ca.tanh(m.x.speed)
             voltage = m.u.voltage - 0.95 * m.x.current - 0.12 * m.x.speed
-            return {"current": voltage / 3e-3, "speed": torque / 2.4e-3}, {
-                "speed": m.x.speed,
-                "current": m.x.current,
-            }
+            return {"current": voltage / 3e-3, "speed": torque / 2.4e-3}
 
         return machine(
             equations,
@@ -179,14 +175,11 @@ def test_what_is_read_otherwise_than_the_model_shows_it_leads_no_speed_astray(na
 def test_noise_keeps_no_loop_from_holding_what_grows() -> None:
     # A bicycle, balanced by its steering.
     bicycle = machine(
-        lambda m: (
-            {
-                "lean": m.x.roll,
-                "roll": 9.8 * m.x.lean - 14.5 * m.x.steer - 1.8 * m.u.rate,
-                "steer": m.u.rate,
-            },
-            {"lean": m.x.lean, "steer": m.x.steer},
-        ),
+        lambda m: {
+            "lean": m.x.roll,
+            "roll": 9.8 * m.x.lean - 14.5 * m.x.steer - 1.8 * m.u.rate,
+            "steer": m.u.rate,
+        },
         "lean rad, roll rad/s, steer rad",
         "rate rad/s -3 3",
         "lean rad 2e-3, steer rad 1e-3",

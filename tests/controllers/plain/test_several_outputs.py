@@ -319,10 +319,7 @@ def test_a_pump_that_changes_slowly_is_asked_for_no_more(name: str, tmp_path: Pa
 
 def test_noise_takes_no_more_of_a_slew_than_of_a_range() -> None:
     rotor = machine(
-        lambda m: (
-            {"speed": -0.012 * m.x.speed - m.x.blade, "blade": (m.u.pitch - m.x.blade) / 0.3},
-            {"speed": m.x.speed},
-        ),
+        lambda m: {"speed": -0.012 * m.x.speed - m.x.blade, "blade": (m.u.pitch - m.x.blade) / 0.3},
         "speed rad/s, blade rad scale=0.2",
         "pitch rad -0.3 1.2 slew=0.14",
         "speed rad/s 0.02",

@@ -67,7 +67,7 @@ def knee() -> Model:
         dry = 1.5 * np.tanh(m.x.motor_rate / 0.02) + 3.0 * m.x.motor_rate
         driven = 3.0 * m.u.current - torque - dry
         rates = {"knee": m.x.rate, "motor": m.x.motor_rate}
-        return rates | {"rate": turned / 0.35, "motor_rate": driven / 0.9}, {"knee": m.x.knee}
+        return rates | {"rate": turned / 0.35, "motor_rate": driven / 0.9}
 
     states = "knee rad 0.3, motor rad 0.31, rate rad/s, motor_rate rad/s"
     return machine(equations, states, "current A -15 15", "knee rad 5e-4")
@@ -168,10 +168,7 @@ def finger() -> Model:
         return {"bend": w, "rate": torque / 8e-4, "memory": w - 4.0 * np.abs(w) * h}, {"angle": q}
 
     return machine(
-        equations,
-        "bend rad, rate rad/s, memory rad",
-        "pressure Pa 0 1.5e5 5e4",
-        "angle rad 2e-3",
+        equations, "bend rad, rate rad/s, memory rad", "pressure Pa 0 1.5e5 5e4", "angle rad 2e-3"
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -116,17 +118,8 @@ def test_optimality_conditions_hold_where_rows_repeat(compiled: bool) -> None:
 
 @IMPLEMENTATIONS
 def test_equal_limits_and_no_limits(compiled: bool) -> None:
-    qp, inf = solver(2, 1, compiled), np.inf
-    one = np.ones(1)
-    found = qp.solve(
-        np.eye(2),
-        np.zeros(2),
-        np.ones((1, 2)),
-        3 * one,
-        3 * one,
-        -inf * np.ones(2),
-        inf * np.ones(2),
-    )
+    rows, three, far = np.ones((1, 2)), np.array([3.0]), np.full(2, np.inf)
+    found = solver(2, 1, compiled).solve(np.eye(2), np.zeros(2), rows, three, three, -far, far)
     np.testing.assert_allclose(found.x, [1.5, 1.5], atol=1e-15)
 
 
@@ -192,25 +185,28 @@ def test_a_hessian_without_minimum_is_refused() -> None:
         factored(-np.eye(2), np.zeros((0, 2)))
 
 
-def test_without_a_compiler_python_solves(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("WORKBENCH_CC", "none")
-    for cache in (compiler, solver_library, quadratic_program):
-        cache.cache_clear()
-    try:
-        assert solver_library(6, 15, 45) is None
-        assert quadratic_program(6, 9).solve(*problem(0)).solved
-    finally:
+@pytest.fixture
+def forgotten() -> Iterator[None]:
+    """What compilers have built, or could not build, is built anew before and after."""
+
+    def forget() -> None:
         for cache in (compiler, solver_library, quadratic_program):
             cache.cache_clear()
 
+    forget()
+    yield
+    forget()
 
+
+@pytest.mark.usefixtures("forgotten")
+def test_without_a_compiler_python_solves(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WORKBENCH_CC", "none")
+    assert solver_library(6, 15, 45) is None
+    assert quadratic_program(6, 9).solve(*problem(0)).solved
+
+
+@pytest.mark.usefixtures("forgotten")
 def test_a_compiler_that_fails_leaves_it_to_python(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("WORKBENCH_CC", "false")
-    for cache in (compiler, solver_library):
-        cache.cache_clear()
-    try:
-        with pytest.warns(RuntimeWarning, match="could not build it"):
-            assert solver_library(6, 15, 45) is None
-    finally:
-        for cache in (compiler, solver_library):
-            cache.cache_clear()
+    with pytest.warns(RuntimeWarning, match="could not build it"):
+        assert solver_library(6, 15, 45) is None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -131,13 +132,10 @@ def test_a_capacity_stays_positive_however_large_its_growth(growth: float) -> No
 
 
 def test_what_a_store_is_given_may_come_late() -> None:
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         carried = 400.0 * (m.x.coil - m.x.room)
         cold = 180.0 * (m.x.room - 278.0)
-        return (
-            {"coil": (m.u.heater - carried) / 2.5e4, "room": (carried - cold) / 2e5},
-            {"room": m.x.room},
-        )
+        return {"coil": (m.u.heater - carried) / 2.5e4, "room": (carried - cold) / 2e5}
 
     duct = machine(equations, "coil K 310, room K 293", "heater W 0 1.5e4", "room K")
     law = offered(duct, "transport_delay_coil_room", sample_time=1.0)
@@ -186,11 +184,9 @@ def test_a_freewheel_takes_along_from_where_it_was_overtaken(side: float) -> Non
 
 
 def test_what_joins_two_bodies_without_a_spring_may_pass_one_sign_only() -> None:
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         passed = m.p.clutch * (m.x.motor - m.x.wheel)
-        return {"motor": (m.u.torque - passed) / 0.1, "wheel": passed / m.p.inertia}, {
-            "motor": m.x.motor
-        }
+        return {"motor": (m.u.torque - passed) / 0.1, "wheel": passed / m.p.inertia}
 
     model = machine(
         equations,
@@ -278,10 +274,7 @@ def test_an_outflow_saturates_and_is_half_at_the_half_level() -> None:
 def test_what_crowds_is_lost_with_the_square_of_its_level() -> None:
     """Verhulst's growth r h (1 - h / K) is exponential growth beside a loss of r / K h^2."""
     hares = machine(
-        lambda m: ({"hares": 0.065 * m.x.hares}, {"hares": m.x.hares}),
-        "hares 1 scale=30",
-        "",
-        "hares 1",
+        lambda m: {"hares": 0.065 * m.x.hares}, "hares 1 scale=30", "", "hares 1"
     ).opened()
     crowded = hares.with_effect(offered(hares, "quadratic_outflow_hares").at_size(0.065 / 140.0))
     for count in (20.0, 70.0, 140.0):
@@ -333,9 +326,9 @@ def test_no_bristle_is_faster_than_samples_show() -> None:
 def reactor() -> Model:
     """Return a tank with one port, where the author counts the heat that it gives to a jacket."""
 
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         given = m.port("jacket.heat", 20.0 * (m.x.warmth - m.u.coolant), unit="W")
-        return {"warmth": -given / 4e5}, {"warmth": m.x.warmth}
+        return {"warmth": -given / 4e5}
 
     return machine(
         equations, "warmth K 340 scale=20", "coolant K scale=20 nominal=300", "warmth K scale=20"
@@ -362,12 +355,9 @@ def test_what_is_around_a_lossy_store_is_refitted() -> None:
 def element() -> Model:
     """Return a heating element of a current, with weather that its author recorded and left out."""
 
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         drop = m.u.voltage - m.p.resistance * m.x.current
-        return (
-            {"current": drop / m.p.inductance, "warmth": m.p.heat * m.x.current},
-            {"warmth": m.x.warmth},
-        )
+        return {"current": drop / m.p.inductance, "warmth": m.p.heat * m.x.current}
 
     return machine(
         equations,
@@ -409,10 +399,9 @@ def test_what_warms_a_store_beside_what_the_equations_know(name: str, given: flo
 def kiln() -> Model:
     """A heater and what it heats, as a newcomer writes them: no port is declared."""
 
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         given = m.p.exchange * (m.x.heater - m.x.load)
-        rates = {"heater": (m.u.power - given) / m.p.c_heater, "load": given / m.p.c_load}
-        return rates, {"load": m.x.load}
+        return {"heater": (m.u.power - given) / m.p.c_heater, "load": given / m.p.c_load}
 
     return machine(
         equations,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -22,7 +23,7 @@ CART, BOB, LENGTH, DAMPING, HINGE = 1.1, 0.25, 0.4, 4.0, 0.01
 def crane() -> Model:
     """A trolley with a hanging load, its accelerations solved for by hand."""
 
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         s, c = ca.sin(m.x.angle), ca.cos(m.x.angle)
         turn = m.p.hinge * m.x.rate
         push = m.u.force - m.p.damping * m.x.speed
@@ -30,8 +31,7 @@ def crane() -> Model:
             CART + BOB * s * s
         )
         swing = -(9.81 * s + a * c) / LENGTH - turn / (BOB * LENGTH**2)
-        rates = {"place": m.x.speed, "speed": a, "angle": m.x.rate, "rate": swing}
-        return rates, {"place": m.x.place, "angle": m.x.angle}
+        return {"place": m.x.speed, "speed": a, "angle": m.x.rate, "rate": swing}
 
     return machine(
         equations,
@@ -91,7 +91,7 @@ def test_what_rubs_between_a_wheel_and_the_body_that_drives_it_acts_as_the_dampi
         sliding = m.x.speed / 0.03 - m.x.rate
         torque = m.u.torque - m.p.bearing * sliding
         rates = {"speed": torque / 0.03 + 2.0 * m.x.tilt, "rate": 90.0 * m.x.tilt - 70.0 * torque}
-        return rates | {"tilt": m.x.rate, "way": m.x.speed}, {"tilt": m.x.tilt, "way": m.x.way}
+        return rates | {"tilt": m.x.rate, "way": m.x.speed}
 
     states = "tilt rad, rate rad/s, way m, speed m/s"
     bearing = "bearing N m s/rad 5e-4 0 0.01"

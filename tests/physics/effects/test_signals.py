@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -436,9 +437,9 @@ def test_a_drive_that_is_told_a_speed_loses_its_slack_at_each_reversal() -> None
 
 
 def test_what_a_loop_asks_for_in_proportion_ends_at_a_limit() -> None:
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         asked = m.p.gain * (m.u.demand - m.x.blade)
-        return {"blade": m.x.rate, "rate": (asked - m.x.rate) / m.p.lag}, {"blade": m.x.blade}
+        return {"blade": m.x.rate, "rate": (asked - m.x.rate) / m.p.lag}
 
     drive = machine(
         equations,
@@ -462,9 +463,9 @@ def test_what_a_loop_asks_for_in_proportion_ends_at_a_limit() -> None:
 
 
 def test_what_a_factor_of_a_whole_port_multiplies_has_a_unit() -> None:
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         pull = m.port("belt.force", m.p.grip * (0.15 * m.u.drum - m.x.belt), unit="N")
-        return {"belt": pull / 400.0}, {"belt": m.x.belt}
+        return {"belt": pull / 400.0}
 
     belt = machine(equations, "belt m/s", "drum rad/s", "belt m/s", "grip N s/m 8000 0 5e4")
     law = offered(belt, "term_saturation")
