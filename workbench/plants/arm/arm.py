@@ -46,10 +46,10 @@ from workbench.plants.arm.muscle import (
 from workbench.plants.arm.opening import ONE_VALVE, TWO_VALVES
 from workbench.plants.arm.servovalve import (
     COMMAND,
-    ValveFlows,
+    Edges,
     metered_flows,
+    one_valve,
     spool_position,
-    valve,
 )
 from workbench.plants.arm.servovalve import PARAMETERS as VALVE_PARAMETERS
 from workbench.plants.arm.servovalve import STATES as VALVE_STATES
@@ -105,13 +105,15 @@ class ArmEquations:
     geometry: ArmGeometry
     body: ArmBody
     curve: ValveCurve
-    valves: Callable[..., ValveFlows] = valve
+    spools: Callable[[Scope], tuple[Edges, dict[str, Expression]]] = one_valve
 
     def __call__(self, m: Scope) -> Equations:
         """Write down the equations."""
         x = m.x
-        flows = self.valves(
+        edges, spools = self.spools(m)
+        flows = metered_flows(
             m,
+            edges=edges,
             pressures=(x.pressure_1, x.pressure_2),
             temperatures=(x.temperature_1, x.temperature_2),
             curve=self.curve,
@@ -127,7 +129,7 @@ class ArmEquations:
                 flow=flow,
                 laws=self.laws,
             )
-            for i, flow in ((1, flows.flow_1), (2, flows.flow_2))
+            for i, flow in enumerate(flows, 1)
         ]
         (force_1, gauge_1, gas_1), (force_2, gauge_2, gas_2) = muscles
         motion, load_cell = joint(
@@ -144,7 +146,7 @@ class ArmEquations:
             )
             for q, value in zip(OUTPUTS, (x.angle, gauge_1, gauge_2, load_cell), strict=True)
         }
-        return {**flows.rates, **gas_1, **gas_2, **motion}, outputs
+        return {**spools, **gas_1, **gas_2, **motion}, outputs
 
 
 def arm(
@@ -286,35 +288,18 @@ MEAN_PRESSURE = Output(
 )  # fmt: skip
 
 
-def two_valves(
-    m: Scope,
-    *,
-    pressures: tuple[Expression, Expression],
-    temperatures: tuple[Expression, Expression],
-    curve: ValveCurve,
-) -> ValveFlows:
-    """Write down the equations of one valve per muscle.
+def two_valves(m: Scope) -> tuple[Edges, dict[str, Expression]]:
+    """Write down the spools of one valve per muscle, which are both of the valve's parameters.
 
     Args:
-        m: Scope with the inputs ``valve_1`` and ``valve_2``, the states ``spool_1``,
-            ``spool_speed_1``, ``spool_2``, ``spool_speed_2`` and the valve's parameters, which are
-            those of both valves.
-        pressures: Absolute pressures in the lines to muscle 1 and 2, in Pa.
-        temperatures: Temperatures of the gas in the lines, in K.
+        m: Scope with the inputs ``valve_1`` and ``valve_2`` and the states ``spool_1``,
+            ``spool_speed_1``, ``spool_2``, ``spool_speed_2``.
 
-    Source:
-        Manufacturer's flow curve and bandwidth.
+    Returns:
+        Edges, in V, and the rates of the states by name, in SI per second.
     """
-    spools = [spool_position(m, f"_{number}") for number in (1, 2)]
-    (first, _), (second, _) = spools
-    flows = metered_flows(
-        m,
-        edges=((first, first), (second, second)),
-        pressures=pressures,
-        temperatures=temperatures,
-        curve=curve,
-    )
-    return ValveFlows(*flows, {name: rate for _, rates in spools for name, rate in rates.items()})
+    (first, rates_1), (second, rates_2) = (spool_position(m, f"_{number}") for number in (1, 2))
+    return ((first, first), (second, second)), rates_1 | rates_2
 
 
 @dataclass(frozen=True)
@@ -363,7 +348,7 @@ def two_valve_arm(
     return replace(
         base,
         name="two-valve arm",
-        equations=_Plant(replace(base.equations, valves=two_valves)),
+        equations=_Plant(replace(base.equations, spools=two_valves)),
         states=(*spools, *base.states[len(VALVE_STATES) :]),
         inputs=commands,
         outputs=(*base.outputs, MEAN_PRESSURE),

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-
 import casadi as ca
 
 from workbench.model import Input, Model, Output, Parameter, Scope, State
@@ -45,51 +42,20 @@ PARAMETERS = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class ValveFlows:
-    """Net mass flows out of the valve and the rates of its spool.
-
-    Args:
-        flow_1: Mass flow towards muscle 1, in kg/s.
-        flow_2: Mass flow towards muscle 2, in kg/s.
-        rates: Rates of ``spool``, in V/s, and ``spool_speed``, in V/s^2, by name.
-    """
-
-    flow_1: Expression
-    flow_2: Expression
-    rates: Mapping[str, Expression]
+Edges = tuple[tuple[Expression, Expression], tuple[Expression, Expression]]
+"""Spool that meters each chamber, and the same with the sign that fills it, in V."""
 
 
-def valve(
-    m: Scope,
-    *,
-    pressures: tuple[Expression, Expression],
-    temperatures: tuple[Expression, Expression],
-    curve: ValveCurve,
-) -> ValveFlows:
-    """Write down the equations of the servovalve.
+def one_valve(m: Scope) -> tuple[Edges, dict[str, Expression]]:
+    """Write down the spool of a valve that fills one muscle while it vents the other.
 
-    The spool is of second order on the command from the centre. Each of the four edges is an
-    ISO 6358 restriction with a share of the full conductance; a positive spool opens supply to 1
-    and 2 to exhaust.
+    A positive spool opens supply to 1 and 2 to exhaust.
 
-    Args:
-        m: Scope with the names of `STATES`, `COMMAND` and `PARAMETERS`.
-        pressures: Absolute pressures in the lines to muscle 1 and 2, in Pa.
-        temperatures: Temperatures of the gas in the lines, in K.
-
-    Source:
-        The paper's description of the valve; manufacturer's flow curve and bandwidth.
+    Returns:
+        Edges, in V, and the rates of the states by name, in SI per second.
     """
     spool, rates = spool_position(m)
-    flows = metered_flows(
-        m,
-        edges=((spool, spool), (spool, -spool)),
-        pressures=pressures,
-        temperatures=temperatures,
-        curve=curve,
-    )
-    return ValveFlows(*flows, rates)
+    return ((spool, spool), (spool, -spool)), rates
 
 
 def spool_position(m: Scope, suffix: str = "") -> tuple[Expression, dict[str, Expression]]:
@@ -135,15 +101,18 @@ def spool_position(m: Scope, suffix: str = "") -> tuple[Expression, dict[str, Ex
 def metered_flows(
     m: Scope,
     *,
-    edges: tuple[tuple[Expression, Expression], tuple[Expression, Expression]],
+    edges: Edges,
     pressures: tuple[Expression, Expression],
     temperatures: tuple[Expression, Expression],
     curve: ValveCurve,
 ) -> tuple[Expression, Expression]:
-    """Write down the net mass flows towards both chambers, in kg/s, through ISO 6358 restrictions.
+    """Write down the net mass flows towards both chambers, in kg/s.
+
+    Each of the four edges is an ISO 6358 restriction with a share of the full conductance.
 
     Args:
-        edges: Spool that meters each chamber, and the same with the sign that fills it, in V.
+        m: Scope with the names of `PARAMETERS`.
+        edges: As `Edges` has them, in V.
         pressures: Absolute pressures that the valve sees, in Pa.
         temperatures: Temperatures of the gas there, in K.
 
@@ -215,13 +184,12 @@ def metered_flows(
 
 def _alone(m: Scope) -> Equations:
     temperature = m.p.ambient_temperature
-    flows = valve(
-        m,
-        pressures=(m.u.pressure_1, m.u.pressure_2),
-        temperatures=(temperature, temperature),
-        curve=MPYE,
+    edges, rates = one_valve(m)
+    pressures, temperatures = (m.u.pressure_1, m.u.pressure_2), (temperature, temperature)
+    flows = metered_flows(
+        m, edges=edges, pressures=pressures, temperatures=temperatures, curve=MPYE
     )
-    return flows.rates, {"flow_1": flows.flow_1, "flow_2": flows.flow_2}
+    return rates, {"flow_1": flows[0], "flow_2": flows[1]}
 
 
 def servovalve() -> Model:
