@@ -55,7 +55,7 @@ def orifice_flow(
     T_a: Expression,
     T_b: Expression,
     conductance: Expression,
-    critical_ratio: Expression,
+    critical_ratio: Expression = 0.3,
     *,
     form: Form = EXACT,
 ) -> Expression:
@@ -70,7 +70,7 @@ def orifice_flow(
         T_a: Temperature of side a, K.
         T_b: Temperature of side b, K.
         conductance: Sonic conductance C, m^3/(s Pa), the same in both directions.
-        critical_ratio: Critical pressure ratio b.
+        critical_ratio: Critical pressure ratio b; by default that of tubes and holes.
 
     Source:
         ISO 6358-1.

@@ -11,8 +11,6 @@ from workbench.physics.flow import orifice_flow
 from workbench.physics.law import Fit, Law, by_end, by_number, each, size, twins
 from workbench.physics.place import Survey
 
-_CRITICAL_RATIO = 0.3
-
 centre_leakage = Law(
     "centre_leakage",
     "opening + fraction",
@@ -46,10 +44,8 @@ _conductance = size("conductance", "m3/(s Pa)", 5e-11, 2e-9, "sonic conductance 
 
 def _to_ambient(at: PortView) -> Expression:
     s = at.signals
-    return orifice_flow(
-        s.pressure, s.ambient_pressure, s.temperature, s.ambient_temperature, at.p.conductance,
-        _CRITICAL_RATIO, form=at.form,
-    )  # fmt: skip
+    warmth = s.temperature, s.ambient_temperature
+    return orifice_flow(s.pressure, s.ambient_pressure, *warmth, at.p.conductance, form=at.form)
 
 
 chamber_leakage = Law(
@@ -82,9 +78,7 @@ def _pair(survey: Survey) -> Iterator[Fit]:
 
 def _across(e: EffectView) -> Expression:
     a, b = (at.signals for at in e.at.values())
-    return orifice_flow(
-        a.pressure, b.pressure, a.temperature, b.temperature, _UNIT, _CRITICAL_RATIO, form=e.form
-    )
+    return orifice_flow(a.pressure, b.pressure, a.temperature, b.temperature, _UNIT, form=e.form)
 
 
 def _crossed(at: PortView) -> Expression:

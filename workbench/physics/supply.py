@@ -18,8 +18,6 @@ from workbench.physics.gas import AIR
 from workbench.physics.law import Fit, Law, Own, Site, by_number, each, shape, share, size
 from workbench.physics.place import Place, Survey
 
-_CRITICAL_RATIO = 0.3
-
 
 def _volume_and_restriction(conductance: float, *more: Own) -> Callable[[Place], tuple[Own, ...]]:
     own = (
@@ -63,10 +61,8 @@ def _in_tube(at: PortView, temperature: Expression) -> Expression:
 
 def _through(at: PortView) -> Expression:
     s = at.signals
-    return orifice_flow(
-        at.x.pressure, s.pressure, _in_tube(at, s.temperature), s.temperature, at.p.conductance,
-        _CRITICAL_RATIO, form=at.form,
-    )  # fmt: skip
+    warmth = _in_tube(at, s.temperature), s.temperature
+    return orifice_flow(at.x.pressure, s.pressure, *warmth, at.p.conductance, form=at.form)
 
 
 def _tube(at: PortView) -> Expression:
@@ -119,14 +115,9 @@ line = Law(
 
 
 def _blown(e: EffectView) -> dict[str, Expression]:
-    at = e.here
-    temperature = at.signals.temperature
-    out = orifice_flow(
-        e.x.pressure, at.value, temperature, temperature, e.p.conductance, _CRITICAL_RATIO,
-        form=e.form,
-    )  # fmt: skip
-    drawn = e.values[f"{at.group}.flow"]
-    return {"pressure": _stiffness(e, temperature) * (drawn - out)}
+    warmth = e.here.signals.temperature
+    out = orifice_flow(e.x.pressure, e.here.value, warmth, warmth, e.p.conductance, form=e.form)
+    return {"pressure": _stiffness(e, warmth) * (_drawn(e) - out)}
 
 
 silencer = Law(
@@ -159,12 +150,9 @@ def _drawn(e: EffectView) -> Expression:
 
 
 def _fed(e: EffectView) -> dict[str, Expression]:
-    temperature = e.here.signals.temperature
-    feed = orifice_flow(
-        e.here.value, e.x.pressure, temperature, temperature, e.p.conductance, _CRITICAL_RATIO,
-        form=e.form,
-    )  # fmt: skip
-    return {"pressure": _stiffness(e, temperature) * (feed - _drawn(e))}
+    warmth = e.here.signals.temperature
+    feed = orifice_flow(e.here.value, e.x.pressure, warmth, warmth, e.p.conductance, form=e.form)
+    return {"pressure": _stiffness(e, warmth) * (feed - _drawn(e))}
 
 
 def _reservoir(feed: Own) -> Callable[[Place], tuple[Own, ...]]:
