@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from controllers.design import DESIGNS
+from controllers.h_infinity.synthesis import has_slycot
 from controllers.joint.hysteresis_compensation import HysteresisCompensation
 from controllers.joint.learning import MotionLearning
 from controllers.joint.schedule import JointSchedule
@@ -74,6 +75,7 @@ CLOSED_FORM: dict[str, Make] = {
     "integral": family("scheduled-sliding-mode", kind="integral"),
     "super-twisting": family("scheduled-sliding-mode", kind="super-twisting"),
     "state feedback": family("scheduled-state-feedback"),
+    **({"H-infinity": family("scheduled-h-infinity")} if has_slycot() else {}),
 }
 """Laws written once for floats and for symbols."""
 

@@ -7,12 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
 
 from controllers.angle_stiffness import Air, AngleStiffness, design_angle_stiffness
-from controllers.arithmetic import FLOATS, SYMBOLS
+from controllers.arithmetic import FLOATS
 from controllers.guard import Guarded
 from tests.controllers.families import moves
 from tests.controllers.in_c import InC
@@ -111,24 +110,6 @@ def test_weights_are_those_of_iso_6358() -> None:
         filling, venting = flows(gauge)
         got = air.weights(gauge, air.angle + 0.2, -1.0, FLOATS)
         np.testing.assert_allclose(got, (0.9 * usual / filling, 0.9 * usual / venting), rtol=1e-9)
-
-
-def test_the_law_is_the_same_on_symbols(both: AngleStiffness) -> None:
-    rng = np.random.default_rng(5)
-    state = both.initial_state((0.4, 2.5e5, 3.5e5))
-    symbols = ca.SX.sym("s", 5)
-    outer = state.outer
-    commands, _, _ = both.law(
-        state, tuple(ca.vertsplit(symbols[:3])), tuple(ca.vertsplit(symbols[3:])), SYMBOLS
-    )
-    function = ca.Function("law", [symbols], [ca.vertcat(*commands)])
-    assert outer is state.outer
-    for _ in range(50):
-        y = (0.4 + 0.3 * rng.standard_normal(), *(3e5 + 1e5 * rng.standard_normal(2)))
-        r = (0.6, 3e5 + 1e5 * rng.standard_normal())
-        expected, _, _ = both.step(state, y, r)
-        got = np.asarray(function(np.array([*y, *r]))).ravel()
-        np.testing.assert_allclose(got, expected, rtol=1e-9)
 
 
 def test_it_runs_on_the_linear_model(both: AngleStiffness, linear_two: LinearModel) -> None:

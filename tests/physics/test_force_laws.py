@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from tests.physics.symbols import on_symbols
 from workbench.errors import WorkbenchError
 from workbench.model.regularisation import EXACT, REGULARISED
 from workbench.physics.force_laws import (
@@ -104,27 +107,22 @@ def test_slack_is_a_rounded_clamp() -> None:
 
 
 def test_slack_has_one_curvature_on_both_sides_of_zero() -> None:
-    x = ca.SX.sym("x")
-    curvature = ca.Function("c", [x], [ca.hessian(slack(x), x)[0]])
-    assert float(curvature(-1e-6)) == pytest.approx(float(curvature(1e-6)))
-    assert float(curvature(0.0)) == pytest.approx(0.5)  # 1 / (2 w)
+    below, at, above = on_symbols(lambda x: ca.hessian(slack(x), x)[0], np.array([-1e-6, 0, 1e-6]))
+    assert below == pytest.approx(above)
+    assert at == pytest.approx(0.5)  # 1 / (2 w)
 
 
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("form", [EXACT, REGULARISED], ids=["exact", "regularised"])
 @pytest.mark.parametrize("kind", ["tension", "force"])
 def test_arrays_and_expressions_agree(name: str, form: object, kind: str) -> None:
-    law: Callable[..., object] = getattr(LAWS[name], kind)
+    law: Callable[..., Any] = partial(getattr(LAWS[name], kind), form=form)
     q, p = np.meshgrid(np.linspace(-0.5e-3, 33e-3, 68), np.linspace(0, 8e5, 9))
-    array = law(q, p, form=form)
+    array = law(q, p)
     assert np.shape(array) == q.shape
-    sx_q, sx_p = ca.SX.sym("q"), ca.SX.sym("p")
-    expression = law(sx_q, sx_p, form=form)
-    function = ca.Function("f", [sx_q, sx_p], [expression])
     # the same operations in another order of evaluation: rounding of a force of 2 kN
-    assert np.allclose(np.array(function(q, p)), array, rtol=0, atol=1e-9)
-    scalar = law(float(q[3, 40]), float(p[3, 40]), form=form)
-    assert float(scalar) == pytest.approx(np.asarray(array)[3, 40], abs=1e-9)  # type: ignore[arg-type]
+    assert np.allclose(on_symbols(law, q, p), array, rtol=0, atol=1e-9)
+    assert float(law(float(q[3, 40]), float(p[3, 40]))) == pytest.approx(array[3, 40], abs=1e-9)
 
 
 @pytest.mark.parametrize("name", LAWS)

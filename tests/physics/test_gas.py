@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
-import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from tests.physics.symbols import on_symbols
 from workbench.model.regularisation import EXACT, REGULARISED
 from workbench.physics.gas import AIR, chamber_rates, port_enthalpy_flow, wall_heat
 
@@ -162,25 +163,18 @@ def test_port_temperature_is_that_of_the_source() -> None:
 
 @pytest.mark.parametrize("printed", [False, True])
 def test_arrays_and_expressions_agree(printed: bool) -> None:
-    names = ["p", "T", "V", "dV", "m", "H", "Q"]
-    symbols = [ca.SX.sym(n) for n in names]
-    function = ca.Function("f", symbols, chamber_rates(*symbols, printed_work_sign=printed))
+    rates = partial(chamber_rates, printed_work_sign=printed)
     rng = np.random.default_rng(1)
     low = np.array([1e5, 250.0, 5e-5, -1e-3, -1e-2, -3.0, -50.0])
     high = np.array([7e5, 350.0, 2e-4, 1e-3, 1e-2, 3.0, 50.0])
     values = list((low + (high - low) * rng.random((20, 7))).T)
-    numeric = chamber_rates(*values, printed_work_sign=printed)
-    symbolic = function(*[v[None, :] for v in values])
-    for a, b in zip(numeric, symbolic, strict=True):
-        assert np.allclose(a, np.array(b).ravel(), rtol=1e-12)
-    flow, out = ca.SX.sym("flow"), np.linspace(-1e-5, 1e-5, 41)
+    assert np.allclose(on_symbols(rates, *values), rates(*values), rtol=1e-12)
+    out = np.linspace(-1e-5, 1e-5, 41)
     for form in (EXACT, REGULARISED):
-        port = ca.Function("h", [flow], [port_enthalpy_flow(flow, 290.0, 320.0, form=form)])
-        assert np.allclose(
-            np.array(port(out[None, :])).ravel(),
-            port_enthalpy_flow(out, 290.0, 320.0, form=form),
-            rtol=1e-12, atol=1e-18,
-        )  # fmt: skip
+        port = partial(
+            port_enthalpy_flow, outside_temperature=290.0, chamber_temperature=320.0, form=form
+        )
+        assert np.allclose(on_symbols(port, out), port(out), rtol=1e-12, atol=1e-18)
 
 
 def test_forms_of_the_port_differ_only_around_zero_flow() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from tests.physics.symbols import on_symbols, slope_of
 from workbench.errors import WorkbenchError
 from workbench.model.regularisation import EXACT, REGULARISED, Form
 from workbench.physics.force_laws import Sarosi, TonduLopez, pressure_gain
@@ -21,9 +22,7 @@ SCALE = 1000.0
 
 def slope(muscle: BraidedCylinder, lengths: Any, *, form: Form = EXACT) -> np.ndarray:
     """Return dV/ds; minus it is the force per pressure that virtual work gives."""
-    s = ca.SX.sym("s")
-    function = ca.Function("slope", [s], [ca.jacobian(muscle.volume(s, form=form), s)])
-    return np.array([float(function(v)) for v in np.ravel(lengths)]).reshape(np.shape(lengths))
+    return np.asarray(slope_of(lambda s: muscle.volume(s, form=form), lengths))
 
 
 def height(muscle: BraidedCylinder, length: float) -> float:
@@ -136,11 +135,9 @@ def test_virtual_work_of_the_corrected_volume_agrees_with_the_published_law() ->
 
 
 def test_virtual_work_of_the_cylinder_is_the_law_of_tondu_and_lopez() -> None:
-    s = ca.SX.sym("s")
-    function = ca.Function("slope", [s], [ca.jacobian(MUSCLE.cylinder_volume(s), s)])
-    for contraction in np.linspace(0.0, 30e-3, 31).tolist():
-        force = float(TonduLopez().tension(contraction, 1.0))
-        assert -float(function(0.2 - contraction)) == pytest.approx(force, rel=1e-9)
+    contraction = np.linspace(0.0, 30e-3, 31)
+    by_work = -slope_of(MUSCLE.cylinder_volume, 0.2 - contraction)
+    assert by_work == pytest.approx(TonduLopez().tension(contraction, 1.0), rel=1e-9)
 
 
 @pytest.mark.parametrize("form", [EXACT, REGULARISED], ids=["exact", "regularised"])
@@ -151,9 +148,8 @@ def test_slope_is_finite_and_continuous_at_the_nominal_length(form: Form) -> Non
     assert np.all(np.isfinite(found))
     # The ends take away pi h |dh^2/ds|, zero at d = d0: 0.3 % at q = 0.04 mm.
     assert np.allclose(found / found[2], 1.0, atol=0.01)
-    s = ca.SX.sym("s")
-    second = ca.Function("c", [s], [ca.jacobian(ca.jacobian(MUSCLE.volume(s, form=form), s), s)])
-    assert np.all(np.isfinite([float(second(0.2 - q)) for q in contraction]))
+    second = on_symbols(lambda s: ca.hessian(MUSCLE.volume(s, form=form), s)[0], 0.2 - contraction)
+    assert np.all(np.isfinite(second))
 
 
 def test_printed_slope_grows_without_bound_towards_the_nominal_length() -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import casadi as ca
+from functools import partial
+
 import numpy as np
 import pytest
 
+from tests.physics.symbols import on_symbols, slope_of
 from workbench.model.regularisation import EXACT, REGULARISED, Expression, Form
 from workbench.physics.valve_curve import LINEAR, OPENING_FRACTION, OPENING_V, opening
 
@@ -54,19 +56,13 @@ def _signed(v: Expression, form: Form) -> Expression:
     return opening(v, form=form) - opening(-v, form=form)
 
 
-def test_smooth_curve_has_a_gain_at_the_centre() -> None:
+@FORMS
+def test_signed_curve_has_a_gain_at_the_centre(form: Form) -> None:
     # The two halves add up: the signed curve passes the centre with the slope of its first line.
-    v = ca.SX.sym("v")
-    slope = ca.Function("s", [v], [ca.jacobian(_signed(v, REGULARISED), v)])
-    assert float(slope(0.0)) == pytest.approx(0.02)
-    exact = ca.Function("s", [v], [ca.jacobian(_signed(v, EXACT), v)])
-    assert float(exact(0.0)) == pytest.approx(0.02)
+    assert slope_of(lambda v: _signed(v, form), 0.0) == pytest.approx(0.02)
 
 
 @FORMS
 def test_arrays_and_expressions_agree(form: Form) -> None:
-    x = ca.SX.sym("x")
-    grid = np.linspace(-6, 6, 601)
-    function = ca.Function("f", [x], [opening(x, form=form)])
-    symbolic = np.array(function(grid[None, :])).ravel()
-    assert np.allclose(symbolic, opening(grid, form=form), atol=1e-12)
+    law, grid = partial(opening, form=form), np.linspace(-6, 6, 601)
+    assert np.allclose(on_symbols(law, grid), law(grid), atol=1e-12)

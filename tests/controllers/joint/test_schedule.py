@@ -1,15 +1,13 @@
-"""The schedule: straight lines between joint models, the same on floats and on symbols."""
+"""The schedule: straight lines between joint models."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
 
-import casadi as ca
 import numpy as np
 import pytest
 
-from controllers.arithmetic import SYMBOLS
 from controllers.joint.model import joint_model
 from controllers.joint.schedule import JointSchedule, joint_schedule
 from workbench.errors import WorkbenchError
@@ -44,13 +42,6 @@ def test_no_bump_across_a_point(schedule: JointSchedule) -> None:
     at = float(schedule.angles[2])
     before, after = schedule.at(at - 1e-9, 3.5e5), schedule.at(at + 1e-9, 3.5e5)
     np.testing.assert_allclose(before, after, rtol=1e-6, atol=1e-2)
-
-
-def test_symbols_agree(schedule: JointSchedule) -> None:
-    angle, mean = ca.SX.sym("angle"), ca.SX.sym("mean")
-    law = ca.Function("at", [angle, mean], [ca.vcat(schedule.at(angle, mean, SYMBOLS))])
-    for a, p in ((-0.1, 3e5), (0.3, 4.4e5), (1.3, 2e5)):
-        np.testing.assert_allclose(law(a, p).full().ravel(), schedule.at(a, p), rtol=1e-12)
 
 
 def test_missing_points_continue_and_inertia_moves_only_what_it_should(

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 import pytest
 
+from tests.physics.symbols import on_symbols
 from workbench.errors import WorkbenchError
 from workbench.plants.arm.geometry import TRAVEL, ArmGeometry
 
@@ -69,14 +72,12 @@ def test_moment_arms() -> None:
 
 @pytest.mark.parametrize("arm", [ARM, PRINTED], ids=["corrected", "as_printed"])
 def test_moment_arms_are_the_derivatives_of_the_lengths(arm: ArmGeometry) -> None:
-    theta = ca.SX.sym("theta")
-    lengths = arm.lengths(theta)
-    function = ca.Function(
-        "g",
-        [theta],
-        [*lengths, *(ca.jacobian(length, theta) for length in lengths), *arm.moment_arms(theta)],
-    )
-    values = [np.array(v).ravel() for v in function(ANGLES[None, :])]
+    def symbolic(theta: Any) -> list[Any]:
+        lengths = arm.lengths(theta)
+        slopes = [ca.jacobian(length, theta) for length in lengths]
+        return [*lengths, *slopes, *arm.moment_arms(theta)]
+
+    values = on_symbols(symbolic, ANGLES)
     assert np.allclose(values[:2], arm.lengths(ANGLES), rtol=1e-13)
     assert np.allclose(values[2:4], values[4:], rtol=1e-11)
     assert np.allclose(values[4:], arm.moment_arms(ANGLES), rtol=1e-13)
