@@ -78,8 +78,7 @@ _RECORDING = TableShape(
     {"files": _text_or(listed(text))},
     {
         "use": one_of(*USES),
-        "name": text,
-        "plant": text,
+        **dict.fromkeys(("name", "plant"), text),
         "mapping": _text_or(named(anything)),
         "rows": listed(whole, length=2),
         "resample_Hz": number,
@@ -100,28 +99,23 @@ _REFIT = TableShape(
     },
     others=False,
 )
+_ABOUT = ("title", "plant", "data", "published_from")
+"""Texts that are no setting of the machine."""
+
+_CHANGES = ("effects", "without", "parameters")
 _CASE = TableShape(
     {},
     {
-        "title": text,
-        "plant": text,
+        **dict.fromkeys(_ABOUT, text),
+        **dict.fromkeys((*_CHANGES, "notes"), listed(text)),
         "options": named(scalar),
-        "parameters": listed(text),
-        "without": listed(text),
-        "effects": listed(text),
         "recordings": listed(_RECORDING),
         "refit": _REFIT,
-        "data": text,
         "published": named(number),
-        "published_from": text,
-        "notes": listed(text),
         "sample_rate_Hz": within(0.1, 1e6),
     },
 )
 """Shape of ``case.toml``; options of the plant may stand at its top too."""
-
-_ABOUT = ("title", "plant", "data", "published_from")
-"""What is no setting of the machine."""
 
 
 @dataclass(frozen=True)
@@ -209,14 +203,9 @@ class Case(Shown):
 
     def tables(self) -> tuple[Rows, ...]:
         """Return the recordings and what each is for."""
+        uses = {name: use.replace("_", " ") for name, use in self.uses.items()}
         rows = [
-            (
-                name,
-                self.uses[name].replace("_", " "),
-                str(len(r)),
-                f"{r.duration:.6g}",
-                ", ".join(r.names),
-            )
+            (name, uses[name], str(len(r)), f"{r.duration:.6g}", ", ".join(r.names))
             for name, r in self.recordings.items()
         ]
         return (Rows("recordings", ("recording", "use", "samples", "seconds", "signals"), rows),)
@@ -224,13 +213,9 @@ class Case(Shown):
     def __str__(self) -> str:
         settings = ", ".join(f"{k} = {v}" for k, v in self.settings.items())
         (table,) = self.tables()
-        return "\n".join(
-            [
-                f"case {self.name}: {settings}",
-                aligned_table(table.headings, table.rows),
-                *(f"note: {note}" for note in self.notes),
-            ]
-        )
+        shown = aligned_table(table.headings, table.rows)
+        notes = (f"note: {note}" for note in self.notes)
+        return "\n".join([f"case {self.name}: {settings}", shown, *notes])
 
 
 def machine_cases() -> tuple[str, ...]:
@@ -300,11 +285,8 @@ def read_case(folder: str | Path, *, mapping: MappingLike = None, data: Path | N
             " with load_kg, plane, supply_bar, sample_rate_Hz"
         )
     settings = read_toml(path / "case.toml", "case", _CASE)
-    flat = {
-        k: v
-        for k, v in settings.items()
-        if isinstance(v, (str, int, float, bool)) and k not in _ABOUT
-    }
+    plain = {k: v for k, v in settings.items() if isinstance(v, (str, int, float, bool))}
+    flat = {k: v for k, v in plain.items() if k not in _ABOUT}
     plant = PLANTS.get(settings.get("plant", DEFAULT_PLANT), folder=path)
     options = _options(path.name, plant, flat, settings.get("options", {}))
     own = path / "mapping.toml"
@@ -335,9 +317,7 @@ def read_case(folder: str | Path, *, mapping: MappingLike = None, data: Path | N
         notes = [f"{r} is missing" for r in ROLES if r not in recordings] if standard else []
     if "hold_out" not in uses.values():
         notes.append("nothing is held out, so no claim can be proved")
-    changes: dict[str, Any] = {
-        k: tuple(settings[k]) for k in ("effects", "without", "parameters") if k in settings
-    }
+    changes: dict[str, Any] = {k: tuple(settings[k]) for k in _CHANGES if k in settings}
     return Case(
         path.name,
         flat,

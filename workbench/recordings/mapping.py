@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import starmap
 from pathlib import Path
 from typing import Any
 
@@ -123,11 +125,9 @@ def _ends(item: Shape) -> Shape:
 _COLUMN = TableShape(
     {},
     {
-        "column": text,
-        "unit": text,
+        **dict.fromkeys(("column", "unit"), text),
         "sign": one_of(1, -1),
-        "factor": within(-1e12, 1e12),
-        "offset": within(-1e12, 1e12),
+        **dict.fromkeys(("factor", "offset"), within(-1e12, 1e12)),
         "role": one_of("command", "reference", "measurement"),
         "reference": one_of("gauge", "absolute"),
     },
@@ -165,7 +165,7 @@ _MAPPING = TableShape(
 
 
 def _rule(
-    signal: str, entry: Mapping[str, Any], units: Mapping[str, tuple[float, str]]
+    units: Mapping[str, tuple[float, str]], signal: str, entry: Mapping[str, Any]
 ) -> ColumnRule:
     values = {"column": signal, **entry}
     if not values["column"]:
@@ -194,16 +194,10 @@ def rules_from(
     units, time = given.get("units", {}), given.get("time")
     if time is not None and "column" not in time:
         raise WorkbenchError(f'[time] of {path} names no column; write column = "..."')
-    rules = {name: _rule(name, entry, units) for name, entry in given.get("signals", {}).items()}
-    return MappingRules(
-        **given
-        | {
-            "signals": tuple(rules.values()),
-            "time": None if time is None else _rule("time", time, units),
-            "columns": tuple(given.get("columns", ())),
-            "folder": folder,
-        }
-    )
+    given["signals"] = tuple(starmap(partial(_rule, units), given.get("signals", {}).items()))
+    given["time"] = None if time is None else _rule(units, "time", time)
+    given["columns"] = tuple(given.get("columns", ()))
+    return MappingRules(**given, folder=folder)
 
 
 def read_mapping(path: str | Path) -> MappingRules:

@@ -9,7 +9,7 @@ from typing import Literal, overload
 import numpy as np
 import numpy.typing as npt
 
-from workbench.arrays import Matrix, Vector
+from workbench.arrays import Matrix, Vector, runs
 from workbench.display import Drawn, Rows, aligned_table
 from workbench.errors import WorkbenchError, check_choice
 from workbench.model.units import from_si, in_time, same_dimension
@@ -328,6 +328,11 @@ class Recording(Drawn):
         for name, role in roles.items():
             changed = changed.with_signal(replace(self.signal(name), role=role))
         return changed
+
+    def excluding(self, name: str, bad: npt.NDArray[np.bool_], reason: str) -> Recording:
+        """Return the recording with samples of a signal, shape (n,), excluded from judgement."""
+        spans = [Span(name, float(self.time[a]), float(self.time[b]), reason) for a, b in runs(bad)]
+        return replace(self, excluded=(*self.excluded, *spans))
 
     def noted(self, *notes: str) -> Recording:
         """Return the recording with notes added."""

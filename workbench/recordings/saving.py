@@ -14,27 +14,25 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import WorkbenchError
-from workbench.files import write_whole
+from workbench.files import picked, write_whole
 from workbench.model.units import from_si
 from workbench.recordings.columns import Columns, without_giants
 from workbench.recordings.formats.delimited_text import SAVED_MARK
 from workbench.recordings.recording import ColumnMapping, MappedColumn, Recording, Signal, Span
 
 _VERSION = 1
-_SIGNAL = ("name", "unit", "kind", "role", "display_unit")
+_SIGNAL = "name unit kind role display_unit"
 
 
 def _description(recording: Recording, columns: list[str]) -> str:
     content = {
         "version": _VERSION,
-        "name": recording.name,
-        "source": recording.source,
-        "notes": recording.notes,
+        **picked(recording, "name source notes"),
         "metadata": dict(recording.metadata),
         "excluded": [asdict(span) for span in recording.excluded],
         "mapping": recording.mapping and asdict(recording.mapping),
         "signals": [
-            {"column": column, **{key: getattr(s, key) for key in _SIGNAL}}
+            {"column": column, **picked(s, _SIGNAL)}
             for column, s in zip(columns, recording.signals, strict=True)
         ],
     }
@@ -68,14 +66,9 @@ def csv_text(time: npt.ArrayLike, columns: Sequence[tuple[str, str, npt.ArrayLik
         0.1,180
     """
     stream = io.StringIO()
-    np.savetxt(
-        stream,
-        np.column_stack([time, *(from_si(np.asarray(v), unit) for _, unit, v in columns)]),
-        fmt="%.9g",
-        delimiter=",",
-        header=",".join(["time_s", *(_heading(name, unit) for name, unit, _ in columns)]),
-        comments="",
-    )
+    table = np.column_stack([time, *(from_si(np.asarray(v), unit) for _, unit, v in columns)])
+    header = ",".join(["time_s", *(_heading(name, unit) for name, unit, _ in columns)])
+    np.savetxt(stream, table, "%.9g", ",", header=header, comments="")
     return stream.getvalue()
 
 
@@ -113,27 +106,24 @@ def restore_recording(columns: Columns, saved: Mapping[str, Any]) -> Recording:
                 f"the recording was written in format {saved['version']!r}; this version reads "
                 f"format {_VERSION}"
             )
-        index = {header: k for k, header in enumerate(columns.headers)}
+        read = dict(zip(columns.headers, columns.values.T, strict=True))
+        signals = tuple(
+            Signal(values=read[s["column"]], **{key: s[key] for key in _SIGNAL.split()})
+            for s in saved["signals"]
+        )
         mapping = saved["mapping"]
+        if mapping is not None:
+            rows = tuple(MappedColumn(**row) for row in mapping["rows"])
+            mapping = ColumnMapping(rows, tuple((column, why) for column, why in mapping["unused"]))
         return Recording(
             str(saved["name"]),
-            columns.values[:, index["time_s"]],
-            tuple(
-                Signal(
-                    values=columns.values[:, index[s["column"]]], **{key: s[key] for key in _SIGNAL}
-                )
-                for s in saved["signals"]
-            ),
+            read["time_s"],
+            signals,
             str(saved["source"]),
             (*saved["notes"], *columns.notes),
             dict(saved["metadata"]),
             tuple(Span(**span) for span in saved["excluded"]),
-            None
-            if mapping is None
-            else ColumnMapping(
-                tuple(MappedColumn(**row) for row in mapping["rows"]),
-                tuple((column, why) for column, why in mapping["unused"]),
-            ),
+            mapping,
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise WorkbenchError(

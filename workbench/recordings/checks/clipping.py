@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import log
 
 import numpy as np
@@ -14,7 +13,7 @@ from workbench.recordings.checks.check import MAX_EXCLUDED, Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.noise import white_rms
 from workbench.recordings.checks.quantisation import quantum
-from workbench.recordings.recording import Recording, Span
+from workbench.recordings.recording import Recording
 
 _MIN_SAMPLES = 5
 _MIN_LEVELS = 20
@@ -91,11 +90,7 @@ def check_clipping(recording: Recording, expected: Expected) -> Finding:
         if share > MAX_EXCLUDED:
             notes.append(f"{text}, too long to leave out: use a sensor of wider range")
             continue
-        spans = tuple(
-            Span(signal.name, float(recording.time[a]), float(recording.time[b]), "clipped")
-            for a, b in runs(bad)
-        )
-        changed = replace(changed, excluded=(*changed.excluded, *spans))
+        changed = changed.excluding(signal.name, bad, "clipped")
         notes.append(text + "; excluded")
     if changed is recording:
         note = "; ".join(notes) or "no sensor at its limit"

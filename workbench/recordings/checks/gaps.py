@@ -14,7 +14,7 @@ from workbench.model.units import in_time
 from workbench.recordings.checks.check import MAX_EXCLUDED, Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.noise import white_rms
-from workbench.recordings.recording import Recording, Span
+from workbench.recordings.recording import Recording
 from workbench.recordings.resampling import resample
 
 FILLED_ROWS = 5
@@ -37,9 +37,7 @@ def filled(recording: Recording, name: str, bad: npt.NDArray[np.bool_], reason: 
             values[bad] = signal.values[good][np.clip(index, 0, None)]
         else:
             values[bad] = np.interp(time[bad], time[good], signal.values[good])
-    spans = tuple(Span(name, float(time[a]), float(time[b]), reason) for a, b in runs(bad))
-    changed = recording.with_signal(replace(signal, values=values))
-    return replace(changed, excluded=(*recording.excluded, *spans))
+    return recording.with_signal(replace(signal, values=values)).excluding(name, bad, reason)
 
 
 def gap_limit(time: Vector) -> float:
