@@ -7,15 +7,15 @@ from functools import partial
 
 import numpy as np
 
-from workbench.demo.part import Part, judged, method, words
+from workbench.demo.part import Part, judged, section
 from workbench.errors import WorkbenchError
+from workbench.files import picked
 from workbench.linearisation import LinearModel, linearise
 from workbench.linearisation.operating_map import operating_map
 from workbench.linearisation.transfer import frequency_response
 from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
 from workbench.reports.figures.loops import bode
-from workbench.reports.page import Commands, Section
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, Table, number
 
@@ -68,53 +68,35 @@ def angle_map_part() -> Part:
         f"{load} kg": {f"{angle} deg": _mode(models[load, angle]) for angle in ANGLES_DEG}
         for load in LOADS_KG
     }
-    results = {
-        "modes": modes,
-        "kink": {
-            "of": kink.of,
-            "below": kink.slope_below,
-            "above": kink.slope_above,
-            "factor": kink.factor,
-        },
-        "verdict": said,
-    }
-    section = Section(
-        "linear-models",
-        "Linear models over the angles",
-        (
-            words("angle_map"),
-            _bode(
-                "bode-angles",
-                {f"{angle}°": models[DRAWN_LOAD_KG, angle] for angle in ANGLES_DEG},
-                f"From the valve's opening to the angle with {DRAWN_LOAD_KG} kg, at seven angles;"
-                " those that mirror each other about 30° have the same curve.",
-                "magnitude and phase with a resonance near 2 hertz",
-            ),
-            _bode(
-                "bode-loads",
-                {f"{load} kg": models[load, 30] for load in LOADS_KG},
-                "From the valve's opening to the angle at 30° with three loads.",
-                "magnitude and phase; the resonance moves from 6 to 1.3 hertz with the load",
-            ),
-            _modes(modes),
-            Table(
-                f"How far the linear model holds at 30° with {DRAWN_LOAD_KG} kg, valve voltage as "
-                "the input",
-                ("what", "verdict"),
-                tuple(
-                    (kind, text.replace(" deg", "°").replace("-> ", "→ "))
-                    for kind, text in zip(kinds, said, strict=True)
-                ),
-                "At rest the valve stands on a kink of its curve: filling and venting have "
-                "different slopes, and the matrices hold their mean.",
-            ),
-            method("angle_map"),
-            Commands(
-                ("workbench linearise --angle 30deg --load 3kg --mean-pressure 3bar --verdict",)
-            ),
+    kinked = picked(kink, "of below=slope_below above=slope_above factor")
+    shown = (text.replace(" deg", "°").replace("-> ", "→ ") for text in said)
+    blocks = (
+        _bode(
+            "bode-angles",
+            {f"{angle}°": models[DRAWN_LOAD_KG, angle] for angle in ANGLES_DEG},
+            f"From the valve's opening to the angle with {DRAWN_LOAD_KG} kg, at seven angles;"
+            " those that mirror each other about 30° have the same curve.",
+            "magnitude and phase with a resonance near 2 hertz",
+        ),
+        _bode(
+            "bode-loads",
+            {f"{load} kg": models[load, 30] for load in LOADS_KG},
+            "From the valve's opening to the angle at 30° with three loads.",
+            "magnitude and phase; the resonance moves from 6 to 1.3 hertz with the load",
+        ),
+        _modes(modes),
+        Table(
+            f"How far the linear model holds at 30° with {DRAWN_LOAD_KG} kg, valve voltage as "
+            "the input",
+            ("what", "verdict"),
+            tuple(zip(kinds, shown, strict=True)),
+            "At rest the valve stands on a kink of its curve: filling and venting have "
+            "different slopes, and the matrices hold their mean.",
         ),
     )
-    return Part(section, results)
+    command = "workbench linearise --angle 30deg --load 3kg --mean-pressure 3bar --verdict"
+    told = section("linear-models", "Linear models over the angles", "angle_map", blocks, command)
+    return Part(told, {"modes": modes, "kink": kinked, "verdict": said})
 
 
 def _bode(name: str, models: dict[str, LinearModel], caption: str, words: str) -> Picture:

@@ -9,7 +9,7 @@ from workbench.demo.part import Part, words
 from workbench.model.units import with_unit
 from workbench.reports.figures.tracking import steady_limit, tracked
 from workbench.reports.metrics_table import metric_methods, metrics_table
-from workbench.reports.page import Commands, Method, Section
+from workbench.reports.page import Block, Commands, Method, Section
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import number
 from workbench.study.result import StudyResult, run_study
@@ -48,24 +48,15 @@ def closed_loop_part() -> Part:
         " the full plant with a muscle hysteresis that no design knew of to rest within"
         f" {number(slowest, 2)} s of a step of 30°.",
     )
-    section = Section(
-        "controllers",
-        "Three controllers on the linear and the full model",
-        (
-            words("closed_loop"),
-            *pictures.values(),
-            metrics_table(
-                "Steps between 15° and 45° on the full plant",
-                ("controller", "plant"),
-                measured,
-                columns("page"),
-                [d.requirement for d in study.demands],
-            ),
-            Method(metric_methods(measured.values())),
-            Commands(("workbench compare steps --out steps",)),
-        ),
+    title, required = "Steps between 15° and 45° on the full plant", study.demands
+    met = metrics_table(
+        title, ("controller", "plant"), measured, columns("page"), [d.requirement for d in required]
     )
-    return Part(section, numbers, first)
+    methods = Method(metric_methods(measured.values()))
+    command = Commands(("workbench compare steps --out steps",))
+    blocks: tuple[Block, ...] = (words("closed_loop"), *pictures.values(), met, methods, command)
+    title = "Three controllers on the linear and the full model"
+    return Part(Section("controllers", title, blocks), numbers, first)
 
 
 def _pictures(result: StudyResult, plant: str) -> list[Picture]:

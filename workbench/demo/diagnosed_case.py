@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.data_folder import shipped_data
-from workbench.demo.part import Part, method, words
+from workbench.demo.part import Part, section
 from workbench.diagnosis.estimation.free_run import FreeRun, free_run
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.start import fitted_start
@@ -24,7 +24,7 @@ from workbench.plants.plant import Plant
 from workbench.plants.registry import PLANTS
 from workbench.recordings import read_case
 from workbench.reports.figures.diagnosis import AFTER, BEFORE, diagnosis_residuals, diagnosis_runs
-from workbench.reports.page import Commands, Section
+from workbench.reports.page import Section
 from workbench.reports.pictures import Picture
 from workbench.reports.style import FURTHER, MEASURED, REFERENCE, key, label, new_figure
 from workbench.reports.tables import Table, number, plain
@@ -102,24 +102,19 @@ def diagnosed_case_part() -> Part:
     held = ("refitted", "extended")
     judged = found.verdict["fit"]["held_out"]
     errors = {model: math.degrees(judged[model]["angle"]) for model in held}
+    drawn = [math.degrees(run.rmse["angle"]) for run in (found.before, found.after)]
     results = {
         "verdict": found.verdict["verdict"],
         "effect": finding["effect"],
         "held_out_angle_rms_deg": errors,
-        "drawn_angle_rms_deg": {
-            model: math.degrees(run.rmse["angle"])
-            for model, run in zip(held, (found.before, found.after), strict=True)
-        },
+        "drawn_angle_rms_deg": dict(zip(held, drawn, strict=True)),
         "tracking_rms_deg": tracked,
     }
+    before, after = (_between(run, *_WINDOW) for run in (found.before, found.after))
+    tracking = {f"designed {k}": v for k, v in found.tracking.items()}
     first = Picture(
         "diagnosed",
-        diagnosed(
-            _between(found.before, *_WINDOW),
-            _between(found.after, *_WINDOW),
-            found.time,
-            {f"designed {k}": v for k, v in found.tracking.items()},
-        ),
+        diagnosed(before, after, found.time, tracking),
         f"A recording diagnosed (by the shipped verdict): the refitted model missed the angle by"
         f" {number(errors['refitted'], 2)}° rms; what it lacked is {name}, {of}"
         f" {number(size['value'], 3)} {size['unit']}; with it the model misses by"
@@ -132,45 +127,41 @@ def diagnosed_case_part() -> Part:
 
 def _between(run: FreeRun, start: float, stop: float) -> FreeRun:
     rows = (run.time >= start) & (run.time <= stop)
-    return replace(
-        run, time=run.time[rows], measured=run.measured[rows], simulated=run.simulated[rows]
-    )
+    time, measured, simulated = (of[rows] for of in (run.time, run.measured, run.simulated))
+    return replace(run, time=time, measured=measured, simulated=simulated)
 
 
 def _section(found: DiagnosedCase) -> Section:
     verdict = found.verdict
     units = {name: readable(unit) for name, unit in verdict["fit"]["units"].items()}
     held_out = verdict["fit"]["held_out"]
-    return Section(
-        "diagnosed",
-        "A recording, diagnosed",
-        (
-            words("diagnosed_case", values={"case": CASE, "sentence": plain(verdict["sentence"])}),
-            Picture(
-                "diagnosed-runs",
-                diagnosis_runs(found.before, found.after),
-                f"{plain(DRAWN)}: measured, and simulated by the refitted nominal model and by the"
-                " extended one.",
-                "measurements and free runs over time",
+    blocks = (
+        Picture(
+            "diagnosed-runs",
+            diagnosis_runs(found.before, found.after),
+            f"{plain(DRAWN)}: measured, and simulated by the refitted nominal model and by the"
+            " extended one.",
+            "measurements and free runs over time",
+        ),
+        Picture(
+            "diagnosed-errors",
+            diagnosis_residuals(found.before, held_out["noise_floor"], found.after),
+            f"{plain(DRAWN)}: error of both free runs, root mean square over 0.2 s.",
+            "errors of the free runs over time",
+        ),
+        Table(
+            "Errors of free runs over all held-out recordings, rms",
+            ("output", "unit", *(plain(model) for model in held_out)),
+            tuple(
+                (plain(name), shown, *(number(f * row[name]) for row in held_out.values()))
+                for name, (shown, f) in units.items()
             ),
-            Picture(
-                "diagnosed-errors",
-                diagnosis_residuals(found.before, held_out["noise_floor"], found.after),
-                f"{plain(DRAWN)}: error of both free runs, root mean square over 0.2 s.",
-                "errors of the free runs over time",
-            ),
-            Table(
-                "Errors of free runs over all held-out recordings, rms",
-                ("output", "unit", *(plain(model) for model in held_out)),
-                tuple(
-                    (plain(name), shown, *(number(f * row[name]) for row in held_out.values()))
-                    for name, (shown, f) in units.items()
-                ),
-            ),
-            method("diagnosed_case", values={"design": DESIGN}),
-            Commands((f"workbench diagnose {CASE} --out diagnosis",)),
         ),
     )
+    told = {"case": CASE, "sentence": plain(verdict["sentence"]), "design": DESIGN}
+    command = f"workbench diagnose {CASE} --out diagnosis"
+    title = "A recording, diagnosed"
+    return section("diagnosed", title, "diagnosed_case", blocks, command, **told)
 
 
 def diagnosed(

@@ -252,21 +252,9 @@ def study_map(
         near = replace(family, start=tuple(np.where(values == 0.0, family.start, values).tolist()))
         by_length = np.concatenate([_held_out(near, points, rows) for rows in lengths])
         by_pressure = np.concatenate([_held_out(near, points, rows) for rows in groups])
-        laws.append(
-            LawOnMap(
-                key,
-                family.title,
-                law,
-                values,
-                std,
-                _rms(error),
-                float(np.max(np.abs(error))),
-                _rms(by_length),
-                float(np.max(np.abs(by_length))),
-                _rms(by_pressure),
-                _rms(_error(family.published, in_range)),
-            )
-        )
+        published = _rms(_error(family.published, in_range))
+        fitted = (key, family.title, law, values, std, *_size(error))
+        laws.append(LawOnMap(*fitted, *_size(by_length), _rms(by_pressure), published))
     return MapStudy(name, points, tuple(laws))
 
 
@@ -333,3 +321,7 @@ def _held_out(family: Family, points: ForceMap, rows: npt.NDArray[np.bool_]) -> 
 
 def _rms(error: Vector) -> float:
     return float(np.sqrt(np.mean(error**2)))
+
+
+def _size(error: Vector) -> tuple[float, float]:
+    return _rms(error), float(np.max(np.abs(error)))

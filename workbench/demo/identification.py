@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from workbench.demo.part import Part, judged, method, words
+from workbench.demo.part import Part, judged, section
 from workbench.errors import check_finite
 from workbench.experiments import IsometricRecord, isometric_experiment, isometric_experiment_on_arm
 from workbench.physics.force_laws import PaperLaw
 from workbench.plants.arm import arm
 from workbench.plants.arm.static_identification import StaticForceFit, identify_static_force
-from workbench.reports.page import Commands, Section
 from workbench.reports.pictures import Picture
 from workbench.reports.style import MEASURED, key, label, named_line, new_figure, ramp
 from workbench.reports.tables import Cell, Table, interval, number
@@ -52,37 +51,25 @@ def identification_part() -> Part:
         f"{q:g} mm": _beside(fit.law.phi(1e-3 * q), *fit.phi_interval(1e-3 * q), law.phi(1e-3 * q))
         for q in PHI_AT_MM
     }
-    section = Section(
-        "identification",
-        "Static identification experiment",
-        (
-            words("identification"),
-            _lines(alone, fit),
-            _coefficients(fit, found, on_arm),
-            Table(
-                "φ(q), the part of the force that does not depend on pressure",
-                ("q in mm", "true, N", "identified, N", f"{100 * CONFIDENCE:g} % interval, N"),
-                tuple((q.removesuffix(" mm"), *_within(own, 4)) for q, own in phi.items()),
-            ),
-            method("identification", values={"fit": fit, "confidence": 100 * CONFIDENCE}),
-            Commands(
-                (
-                    'python -c "from workbench.demo.identification import identification_part; '
-                    'print(identification_part().results)"',
-                )
-            ),
-        ),
+    law_of_phi = Table(
+        "φ(q), the part of the force that does not depend on pressure",
+        ("q in mm", "true, N", "identified, N", f"{100 * CONFIDENCE:g} % interval, N"),
+        tuple((q.removesuffix(" mm"), *_within(own, 4)) for q, own in phi.items()),
     )
-    return Part(
-        section,
-        {
-            "one muscle": found,
-            "muscle 2 pressing the arm on its stop": on_arm,
-            "phi_N": phi,
-            "residual_rms_N": fit.residual_rms,
-            "confidence": CONFIDENCE,
-        },
+    results = {
+        "one muscle": found,
+        "muscle 2 pressing the arm on its stop": on_arm,
+        "phi_N": phi,
+        "residual_rms_N": fit.residual_rms,
+        "confidence": CONFIDENCE,
+    }
+    command = (
+        'python -c "from workbench.demo.identification import identification_part; '
+        'print(identification_part().results)"'
     )
+    blocks = (_lines(alone, fit), _coefficients(fit, found, on_arm), law_of_phi)
+    title, of = "Static identification experiment", {"fit": fit, "confidence": 100 * CONFIDENCE}
+    return Part(section("identification", title, "identification", blocks, command, **of), results)
 
 
 def _fit(record: IsometricRecord) -> StaticForceFit:

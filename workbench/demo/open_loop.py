@@ -10,12 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.demo.moving_arm import moving_arm
-from workbench.demo.part import Part, judged, method, words
+from workbench.demo.part import Part, judged, section
 from workbench.experiments.open_loop import OpenLoopExperiment, open_loop_experiment
 from workbench.model import Model
 from workbench.plants.arm import arm
 from workbench.plants.arm.laws import constant_volume
-from workbench.reports.page import Commands, Section
 from workbench.reports.pictures import Picture
 from workbench.reports.style import FURTHER, INK, REFERENCE, SIMULATED, key, label, new_figure
 from workbench.reports.tables import Cell, Table, number
@@ -63,38 +62,28 @@ def open_loop_part() -> Part:
     )
     results = {name: _numbers(t) for name, t in {"full plant": experiment, **others}.items()}
     figures = results["full plant"]
-    section = Section(
-        "open-loop",
-        "Open-loop experiment",
-        (
-            words("open_loop"),
-            Picture(
-                "open-loop",
-                figure,
-                "One period of the experiment: valve voltage, angle and speed of the full plant, "
-                "and of plants that lack one piece of physics. Dotted: the stops.",
-                "pulses on the valve, the angle running between 0 and 60 degrees, and the speed",
-            ),
-            Table(
-                "Figures of the open-loop experiment",
-                ("figure", "must lie in", "full plant", *others),
-                tuple(
-                    (
-                        title,
-                        f"{f'{low:g} …' if low else 'below'} {high:g} {unit}".rstrip(),
-                        judged(figures[name], low, high, unit=unit),
-                        *(Cell(number(results[other][name], unit=unit)) for other in others),
-                    )
-                    for title, name, low, high, unit in BANDS
-                ),
-                "The bands hold for the full plant; the variants are shown for comparison.",
-            ),
-            method("open_loop", values={"run": run}),
-            Commands(
-                ("workbench simulate --load 3 --pulses 0.9 --period 4 --duration 12 --out run.csv",)
-            ),
+    rows: list[tuple[str | Cell, ...]] = []
+    for title, name, low, high, unit in BANDS:
+        band = f"{f'{low:g} …' if low else 'below'} {high:g} {unit}".rstrip()
+        beside = (Cell(number(results[other][name], unit=unit)) for other in others)
+        rows.append((title, band, judged(figures[name], low, high, unit=unit), *beside))
+    blocks = (
+        Picture(
+            "open-loop",
+            figure,
+            "One period of the experiment: valve voltage, angle and speed of the full plant, "
+            "and of plants that lack one piece of physics. Dotted: the stops.",
+            "pulses on the valve, the angle running between 0 and 60 degrees, and the speed",
+        ),
+        Table(
+            "Figures of the open-loop experiment",
+            ("figure", "must lie in", "full plant", *others),
+            tuple(rows),
+            "The bands hold for the full plant; the variants are shown for comparison.",
         ),
     )
+    command = "workbench simulate --load 3 --pulses 0.9 --period 4 --duration 12 --out run.csv"
+    told = section("open-loop", "Open-loop experiment", "open_loop", blocks, command, run=run)
     first = moving_arm(
         run,
         start=4.0,
@@ -104,7 +93,7 @@ def open_loop_part() -> Part:
         f" {number(figures['ripple_frequency_Hz'], 2)} Hz in mid travel, as in the paper's Figure"
         " 8.",
     )
-    return Part(section, {"load_kg": LOAD_KG, **results}, first)
+    return Part(told, {"load_kg": LOAD_KG, **results}, first)
 
 
 def _numbers(experiment: OpenLoopExperiment) -> dict[str, float]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from workbench.reports.page import Method, Moving, Page, Section, Words
+from workbench.reports.page import Block, Commands, Method, Moving, Page, Section, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, number
 
@@ -50,6 +50,14 @@ def method(part: str, *, values: Mapping[str, Any] = NONE) -> Method:
     """Return how the numbers of a part were computed, with the values that it tells."""
     entries = _texts()[part]["methods"].items()
     return Method(tuple((k.format(**values), text.format(**values)) for k, text in entries))
+
+
+def section(
+    name: str, title: str, part: str, blocks: Iterable[Block], command: str, **values: Any
+) -> Section:
+    """Return the section of a part: its words, its blocks, how they were found, and its command."""
+    told = words(part, values=values), *blocks, method(part, values=values)
+    return Section(name, title, (*told, Commands((command,))))
 
 
 def judged(value: float, low: float, high: float, digits: int = 3, *, unit: str = "") -> Cell:
