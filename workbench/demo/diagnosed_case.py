@@ -161,7 +161,7 @@ def _section(found: DiagnosedCase) -> Section:
     told = {"case": CASE, "sentence": plain(verdict["sentence"]), "design": DESIGN}
     command = f"workbench diagnose {CASE} --out diagnosis"
     title = "A recording, diagnosed"
-    return section("diagnosed", title, "diagnosed_case", blocks, command, **told)
+    return section("diagnosed", title, "diagnosed_case", blocks, command, told)
 
 
 def diagnosed(

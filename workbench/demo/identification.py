@@ -69,7 +69,7 @@ def identification_part() -> Part:
     )
     blocks = (_lines(alone, fit), _coefficients(fit, found, on_arm), law_of_phi)
     title, of = "Static identification experiment", {"fit": fit, "confidence": 100 * CONFIDENCE}
-    return Part(section("identification", title, "identification", blocks, command, **of), results)
+    return Part(section("identification", title, "identification", blocks, command, of), results)
 
 
 def _fit(record: IsometricRecord) -> StaticForceFit:

@@ -83,7 +83,7 @@ def open_loop_part() -> Part:
         ),
     )
     command = "workbench simulate --load 3 --pulses 0.9 --period 4 --duration 12 --out run.csv"
-    told = section("open-loop", "Open-loop experiment", "open_loop", blocks, command, run=run)
+    told = section("open-loop", "Open-loop experiment", "open_loop", blocks, command, {"run": run})
     first = moving_arm(
         run,
         start=4.0,

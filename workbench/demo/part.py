@@ -53,7 +53,12 @@ def method(part: str, *, values: Mapping[str, Any] = NONE) -> Method:
 
 
 def section(
-    name: str, title: str, part: str, blocks: Iterable[Block], command: str, **values: Any
+    name: str,
+    title: str,
+    part: str,
+    blocks: Iterable[Block],
+    command: str,
+    values: Mapping[str, Any] = NONE,
 ) -> Section:
     """Return the section of a part: its words, its blocks, how they were found, and its command."""
     told = words(part, values=values), *blocks, method(part, values=values)

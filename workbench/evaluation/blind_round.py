@@ -256,17 +256,11 @@ class RoundScore:
 
     def __str__(self) -> str:
         heading = ("case", "hidden", "verdict", "points", "", "over noise")
-        rows = [
-            (
-                line.case,
-                line.hidden,
-                line.said,
-                f"{line.points} of {line.most}",
-                line.remark,
-                "–" if not math.isfinite(line.over_noise) else f"{line.over_noise:.3g}",
-            )
-            for line in self.lines
-        ]
+        rows = []
+        for line in self.lines:
+            over = f"{line.over_noise:.3g}" if math.isfinite(line.over_noise) else "–"
+            points = f"{line.points} of {line.most}"
+            rows.append((line.case, line.hidden, line.said, points, line.remark, over))
         group, name, wrong, _ = (
             f"{100 * r.value:.0f} %" if r.total else "–" for r in self.rates.values()
         )

@@ -134,16 +134,11 @@ def worst_table(runs: Sequence[Tried]) -> Table:
         )
 
     worst = sorted(machines.items(), key=lambda item: badness(item[1]), reverse=True)[:WORST]
-    return Table(
-        "The worst machines: worst score of each design",
-        ("machine", "what differs", *names),
-        tuple(
-            (
-                name,
-                ", ".join(next(iter(own.values())).differs).replace("_", " "),
-                *(score_cell(own[n].score, capped=True) if n in own else "–" for n in names),
-            )
-            for name, own in worst
-        ),
-        "Score: what is measured over its limit; at most 1 means met.",
-    )
+    rows = []
+    for name, own in worst:
+        differs = ", ".join(next(iter(own.values())).differs).replace("_", " ")
+        cells = (score_cell(own[n].score, capped=True) if n in own else "–" for n in names)
+        rows.append((name, differs, *cells))
+    title = "The worst machines: worst score of each design"
+    note = "Score: what is measured over its limit; at most 1 means met."
+    return Table(title, ("machine", "what differs", *names), tuple(rows), note)

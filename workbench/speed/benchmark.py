@@ -91,16 +91,10 @@ def _open_loop(found: Benchmark, plant: Model, _: Path) -> None:
     each = since(before)["model_evaluations"] / len(voltage)
     said = f"{each:.1f} evaluations of the equations per sample, "
     said += f"{1e9 * times.median * plant_runs.SAMPLE_TIME / each:.0f} ns each"
+    beside = f"{where}; with a sine in place of pulses {sine.ways[0].error:.1g}"
     found.figures += [
         Figure("open loop, arm, 60 s of pulses", 1 / times.median, "x real time", 500, True, said),
-        Figure(
-            "its error on 4 s against DOP853, over the scales",
-            error,
-            "x",
-            1e-6,
-            False,
-            f"{where}; with a sine in place of pulses {sine.ways[0].error:.1g}",
-        ),
+        Figure("its error on 4 s against DOP853, over the scales", error, "x", 1e-6, False, beside),
     ]
     for name, reach in ((plant_runs.CVODES, 10), (plant_runs.LSODA, 50)):
         low, middle, high = sine.ratio(name)
@@ -132,18 +126,10 @@ def _closed_loop(found: Benchmark, plant: Model, _: Path) -> None:
     low, middle, high = comparison.ratio(plant_runs.CONTROL_LOOP)
     step = 1e6 * full.median * plant_runs.SAMPLE_TIME
     parts = f"{step:.1f} us per sample: {plant_runs.loop_parts(plant)}"
+    what, beside = "closed loop, PID in Python at 500 Hz", f"{_spread(low, high)}; here {parts}"
     found.figures += [
-        Figure(
-            "closed loop, PID in Python at 500 Hz", 1 / full.median, "x real time", 100, True, parts
-        ),
-        Figure(
-            "closed loop against python-control's",
-            middle,
-            "x",
-            30,
-            True,
-            f"{_spread(low, high)}; here {parts}",
-        ),
+        Figure(what, 1 / full.median, "x real time", 100, True, parts),
+        Figure("closed loop against python-control's", middle, "x", 30, True, beside),
     ]
 
 
@@ -173,17 +159,11 @@ def _linear_models(found: Benchmark, plant: Model, _: Path) -> None:
     batch = min(timed(lambda: operating_map(plant, given)).seconds)
     one = {"angle": math.radians(30.0), "mean_pressure": 3e5}
     trim = min(timed(lambda: operating_point(plant, one)).seconds)
+    told = f"{1e3 * batch / len(angles):.1f} ms each; finding one operating point alone takes"
+    told += f" {1e3 * trim:.1f} ms from afar, processor time with a load of {found.load:.0f}"
     found.figures += [
         Figure("one linear model with its verdict's matrices", 1e3 * single, "ms", 2, False),
-        Figure(
-            "linear models at 61 angles",
-            1e3 * batch,
-            "ms",
-            100,
-            False,
-            f"{1e3 * batch / len(angles):.1f} ms each; finding one operating point alone takes"
-            f" {1e3 * trim:.1f} ms from afar, processor time with a load of {found.load:.0f}",
-        ),
+        Figure("linear models at 61 angles", 1e3 * batch, "ms", 100, False, told),
     ]
 
 

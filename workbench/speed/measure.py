@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench.files import picked
+
 REPEATS = 3
 
 
@@ -104,18 +106,10 @@ class Comparison:
     def table(self) -> dict[str, Any]:
         """Return it as plain numbers and words."""
         return {
-            "title": self.title,
-            "work": self.work,
-            "error": self.error,
-            "note": self.note,
+            **picked(self, "title work error note"),
             "ways": [
-                {
-                    "name": w.name,
-                    "seconds": list(w.times.seconds) if w.times else None,
-                    "ratio": list(self.ratio(w.name)),
-                    "error": w.error,
-                    "remark": w.remark,
-                }
+                {"seconds": list(w.times.seconds) if w.times else None}
+                | {"ratio": list(self.ratio(w.name)), **picked(w, "name error remark")}
                 for w in self.ways
             ],
         }

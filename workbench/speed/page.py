@@ -63,18 +63,9 @@ def _ways(comparison: Comparison) -> Table:
         time = number(1e3 * way.times.median) if way.times else "–"
         ratio = f"{number(middle)} ({number(low)} to {number(high)})" if way.times else "–"
         rows.append((way.name, time, ratio, number(way.error, 2), way.remark))
-    return Table(
-        comparison.title,
-        (
-            "way",
-            f"ms of processor time per {comparison.work}",
-            "× the workbench's time (spread)",
-            comparison.error,
-            "remark",
-        ),
-        tuple(rows),
-        comparison.note,
-    )
+    time, times = f"ms of processor time per {comparison.work}", "× the workbench's time (spread)"
+    head = ("way", time, times, comparison.error, "remark")
+    return Table(comparison.title, head, tuple(rows), comparison.note)
 
 
 def _ratios(comparisons: list[Comparison]) -> Picture:

@@ -150,26 +150,15 @@ def diagnoses(place: Path) -> tuple[list[Figure], dict[str, Any]]:
     more = cold.ran.processor - warm.ran.processor
     busy = cold.ran.wall - warm.ran.wall
     least = max(more / CORES, 0.0)
+    said = f"{more:.0f} s of processor time more, {cold.work['compilations']} compilations, on"
+    said += f" {CORES} cores; by the clock, with what else ran, {busy:.0f} s"
+    memory = 3 * max(d.ran.memory for d in (cold, warm, three)) / 1e3
+    largest = "three times the largest of them"
     figures = [
         Figure("diagnosis, 76 s, whole library", warm.ran.wall, "s", 45, False, warm.words(45)),
         Figure("diagnosis, three effects", three.ran.wall, "s", 150, False, three.words(150)),
-        Figure(
-            "diagnosis, nothing built: longer by",
-            least,
-            "s",
-            15,
-            False,
-            f"{more:.0f} s of processor time more, {cold.work['compilations']} compilations, on"
-            f" {CORES} cores; by the clock, with what else ran, {busy:.0f} s",
-        ),
-        Figure(
-            "diagnosis, memory of its three processes",
-            3 * max(d.ran.memory for d in (cold, warm, three)) / 1e3,
-            "GB",
-            2,
-            False,
-            "three times the largest of them",
-        ),
+        Figure("diagnosis, nothing built: longer by", least, "s", 15, False, said),
+        Figure("diagnosis, memory of its three processes", memory, "GB", 2, False, largest),
     ]
     named = {"cold": cold, "warm": warm, "three effects": three}
     return figures, {

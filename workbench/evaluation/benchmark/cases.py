@@ -128,16 +128,11 @@ def table(scores: Sequence[Scored]) -> str:
         "method", "points", "by chance", "right group", "right name or class", "wrong name",
         "false alarm", "held-out error",
     )  # fmt: skip
-    rows = [
-        (
-            s.method,
-            f"{s.score.points} of {s.score.most}",
-            f"{s.score.chance:.1f}",
-            *(str(rate) for rate in s.score.rates.values()),
-            "–" if math.isnan(s.over_limit) else f"{s.over_limit:.3g}",
-        )
-        for s in scores
-    ]
+    rows = []
+    for s in scores:
+        points, chance = f"{s.score.points} of {s.score.most}", f"{s.score.chance:.1f}"
+        over = "–" if math.isnan(s.over_limit) else f"{s.over_limit:.3g}"
+        rows.append((s.method, points, chance, *map(str, s.score.rates.values()), over))
     notes = [
         f"\n{s.method}: no law is called {', '.join(s.unknown)}, which counts as wrong; 'workbench"
         " plants arm' lists the names"

@@ -121,20 +121,13 @@ class Case:
 
     def truths(self) -> tuple[Truth, ...]:
         """Return what it hides, as a blind round is scored by it."""
-        offered, none = library(self.build()), Names({}, {})
-        return tuple(
-            Truth(
-                effect.name,
-                tuple(
-                    h.name
-                    for h in offered
-                    if set(h.ports) & set(effect.ports) and h.law in synonyms()[effect.physics]
-                ),
-                tuple(dict.fromkeys(none.group(port) for port in effect.ports)),
-                effect.physics.startswith("sensor_"),
-            )
-            for effect in self.hidden
-        )
+        offered, none, found = library(self.build()), Names({}, {}), []
+        for effect in self.hidden:
+            laws, ports = synonyms()[effect.physics], set(effect.ports)
+            names = tuple(h.name for h in offered if set(h.ports) & ports and h.law in laws)
+            groups = tuple(dict.fromkeys(none.group(port) for port in effect.ports))
+            found.append(Truth(effect.name, names, groups, effect.physics.startswith("sensor_")))
+        return tuple(found)
 
 
 @cache
@@ -293,11 +286,8 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "rates": {name: rate.as_data() for name, rate in rates_of(rows).items()},
         "each": [
             judge(row).as_data()
-            | {
-                "hidden": row["title"],
-                "over_limit": over_limit(row["verdict"], row["limit"]),
-                "refused": refused_right(row),
-            }
+            | {"hidden": row["title"], "refused": refused_right(row)}
+            | {"over_limit": over_limit(row["verdict"], row["limit"])}
             for row in rows
         ],
     }

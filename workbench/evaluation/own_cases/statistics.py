@@ -323,13 +323,8 @@ def by_effect(rows: Sequence[Mapping[str, Any]]) -> tuple[ByEffect, ...]:
     """Return how the tool did on each single effect."""
     result = []
     for effect in (*SINGLE, *OUTSIDE):
-        own = [
-            r
-            for r in rows
-            if r["effects"] == [effect]
-            and r["kind"] in ("single", "outside")
-            and not r["true"].get("pressure_noise_time")
-        ]
+        alone = [r for r in rows if r["effects"] == [effect] and r["kind"] in ("single", "outside")]
+        own = [r for r in alone if not r["true"].get("pressure_noise_time")]
         if not own:
             continue
         judged = [(row, judge(row)) for row in own]
@@ -338,15 +333,11 @@ def by_effect(rows: Sequence[Mapping[str, Any]]) -> tuple[ByEffect, ...]:
         # An effect may grow as its parameter falls: the smallest is that of the least factor.
         least = min(named, key=lambda row: row["factor"]) if told else None
         predicted = [s for row in own if (s := smallest_predicted(row, effect)) is not None]
-        result.append(
-            ByEffect(
-                effect,
-                {row["factor"]: j.line.remark for row, j in judged},
-                true_size(least, effect) if least is not None else None,
-                _quantile(predicted, 0.5) if predicted else None,
-                Sizes(tuple(found for _, j in judged for found in j.sizes)),
-            )
-        )
+        outcomes = {row["factor"]: j.line.remark for row, j in judged}
+        smallest = true_size(least, effect) if least is not None else None
+        middle = _quantile(predicted, 0.5) if predicted else None
+        sizes = Sizes(tuple(found for _, j in judged for found in j.sizes))
+        result.append(ByEffect(effect, outcomes, smallest, middle, sizes))
     return tuple(result)
 
 
