@@ -60,7 +60,6 @@ class LaggedReference(Tracking):
     def context(
         self, state: LaggedState, measurement: Numbers, reference: Number, arithmetic: Arithmetic
     ) -> tuple[Context, LaggedState]:
-        """Lag the reference and filter the pressures."""
         angle, p1, p2 = measurement
         h = self.sample_time
         filtered = target = reference
@@ -113,7 +112,6 @@ class ReferenceModel(Tracking):
         reference: Number,
         arithmetic: Arithmetic,
     ) -> tuple[Context, ReferenceModelState]:
-        """Estimate one sample, and let the reference model go on."""
         joint, h, w = self.joint, self.sample_time, self.speed
         angle, p1, p2 = measurement
         now = self.observer.correct(state.estimate, angle)

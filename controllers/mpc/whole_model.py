@@ -125,7 +125,6 @@ class LinearMPC(ValveController):
         return tuple(curve.centre for curve in self.curves)
 
     def linear_command(self, command: Command) -> Command:
-        """Return the commands that give a linear model the same openings."""
         return tuple(curve.linear_command(u) for curve, u in zip(self.curves, command, strict=True))
 
     def initial_state(self, measurement: Measurement) -> MPCState:

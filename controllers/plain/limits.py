@@ -138,7 +138,6 @@ class ReadingSpecification(LoopSpecification):
     also_measured: str | tuple[str, ...] = ""
 
     def loop(self, linear: Any) -> Loop:
-        """Return the loop to control."""
         also = self.also_measured
         return loop_of(linear, self.measured, self.actuator, also, self.sample_time)
 

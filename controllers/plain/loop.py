@@ -525,7 +525,6 @@ class PlainLaw(ClosedForm):
     def step(
         self, state: Any, measurement: Measurement, reference: Reference
     ) -> tuple[Command, Any, Info]:
-        """Compute the command of one sample."""
         return self._kernel(state, measurement, reference)
 
     def deviations(self, values: Numbers) -> Numbers:

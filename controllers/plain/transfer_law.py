@@ -136,7 +136,6 @@ class TransferLaw(PlainLaw):
         return replace(self, back=rows(np.array(self.by_reference) @ inverse))
 
     def initial_state(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> TransferState:
-        """Return the state of a loop at rest where it is measured."""
         y = self.deviations(measurement)[: len(self.controlled)]
         return TransferState(product(self.at_rest, y), self.resting(y), self.kept(None, self.rest))
 

@@ -290,7 +290,6 @@ class LinearModel(Drawn):
         )
 
     def __str__(self) -> str:
-        """Return a short aligned table: inputs, outputs, modes and the verdict on the matrices."""
         point = self.operating_point
         shown = {q.name: q.display_unit for q in point.model.outputs if q.display_unit != "1"}
         held = ", ".join(

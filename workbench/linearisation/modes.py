@@ -59,7 +59,6 @@ class Mode:
         return tuple(n for n in names if self.participation[n] > 0.2)
 
     def __str__(self) -> str:
-        """Return one line: frequency and damping, time constant or unstable pole; main states."""
         frequency, damping, time = self.figures
         if math.isnan(time):
             what = f"{frequency:9.4g} Hz  damping {damping:z7.3f}"

@@ -56,7 +56,6 @@ class OperatingMap:
         return self.table(lambda linear: linear.mode_of(self.state).damping)
 
     def __str__(self) -> str:
-        """Return a short aligned table: range of frequency and damping along the first axis."""
         (first, along), *rest = self.axes.items()
         frequency, damping = self.frequency_hz, self.damping
         head = "".join(f"{name:>16}" for name, _ in rest)

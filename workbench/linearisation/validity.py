@@ -68,7 +68,6 @@ class Kink:
         return 0.5 * (self.slope_below + self.slope_above)
 
     def __str__(self) -> str:
-        """Return one line: where, and both slopes."""
         unit, factor = self.slope_read
         below, above = (factor * slope for slope in (self.slope_below, self.slope_above))
         away = f"{self.distance * self.read[1]:+.3g}"
@@ -356,7 +355,6 @@ class FrequencyValidity:
         return np.asarray((np.abs(self.gain_ratios - 1.0) <= GAIN_WITHIN) & phase)
 
     def __str__(self) -> str:
-        """Return one line: the band that agrees."""
         limits = f"within {100 * GAIN_WITHIN:.0f} % and {math.degrees(PHASE_WITHIN):.0f} deg"
         if np.isnan(self.gain_ratios).all():
             return f"sines of {self.input}: none can be tried, as the plant grows"
@@ -479,7 +477,6 @@ class AmplitudeValidity:
         return float(self.amplitudes[int(np.argmin(self.errors))])
 
     def __str__(self) -> str:
-        """Return one line: the steps that hold, or how close the best one comes."""
         i = int(np.argmin(self.errors))
         unit = self.input_unit or "1"
         tried, lower = (
@@ -596,7 +593,6 @@ class DescribingFunction:
     slope_read: tuple[str, float]
 
     def __str__(self) -> str:
-        """Return one line with both slopes."""
         unit, factor = self.slope_read
         amplitude = with_unit(f"{self.amplitude * self.read[1]:.4g}", self.read[0])
         return (
@@ -633,5 +629,4 @@ class Validity:
         return told or ["no kink next to the point"]
 
     def __str__(self) -> str:
-        """Return the whole verdict as a short table; simulates if that was not done yet."""
         return "\n".join([*self.summary(), str(self.amplitude), str(self.frequency)])

@@ -82,7 +82,6 @@ class Effect:
     settle: Callable[[Effect, Any], Effect] | None = None
 
     def __post_init__(self) -> None:
-        """Check that the effect is complete."""
         if not self.ports:
             raise WorkbenchError(f"effect {self.name!r} names no port; give at least one")
         if bool(self.states) != (self.rates is not None):

@@ -75,7 +75,6 @@ class Model(Shown):
     traits: Traits = Traits()
 
     def __post_init__(self) -> None:
-        """Check the names and write the equations down once."""
         for group in (self.states, self.inputs, self.outputs, self.parameters):
             names = [q.name for q in group]
             double = sorted({n for n in names if names.count(n) > 1})
@@ -471,7 +470,6 @@ class Model(Shown):
         return {name: [row[i] for row in table.rows] for i, name in enumerate(table.headings)}
 
     def __str__(self) -> str:
-        """Return a short aligned table of the model's quantities and ports."""
         lines = [f"{self.name}: {self.description}" if self.description else self.name]
         for title, group in (("states", self.states), ("inputs", self.inputs)):
             lines += [f"  {title}"] + [_row(q) for q in group]

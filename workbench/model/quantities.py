@@ -80,7 +80,6 @@ class Quantity:
     sized: bool = field(default=True, kw_only=True)
 
     def __post_init__(self) -> None:
-        """Check the name, the unit and the scale."""
         if not self.name.replace(".", "_").replace("_", "a").isalnum():
             raise WorkbenchError(
                 f"quantity name {self.name!r} may hold letters, digits, underscores and dots only"
@@ -184,7 +183,6 @@ class Input(Channel):
     commanded: bool = field(default=True, kw_only=True)
 
     def __post_init__(self) -> None:
-        """Check the slew beside the rest."""
         super().__post_init__()
         if not self.slew > 0.0:
             raise WorkbenchError(
@@ -300,7 +298,6 @@ class Parameter(Quantity):
     refined: bool = False
 
     def __post_init__(self) -> None:
-        """Check the value against its bounds and derive the scale from it."""
         if self.scale == 0.0:
             object.__setattr__(self, "scale", abs(self.value) or 1.0)
         super().__post_init__()

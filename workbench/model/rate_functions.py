@@ -36,7 +36,6 @@ class RateEquations:
     outputs: tuple[str, ...]
 
     def __call__(self, m: Scope) -> Equations:
-        """Write down the equations."""
         f, h = self.both(
             _vector(getattr(m.x, n) for n in self.states),
             _vector(getattr(m.u, n) for n in self.inputs),

@@ -24,27 +24,22 @@ class Names(Mapping[str, Expression]):
         self._values = dict(values)
 
     def __getitem__(self, name: str) -> Expression:
-        """Return the value of a name."""
         if name not in self._values:
             check_choice(self._kind, name, self._values)
         return self._values[name]
 
     def __getattr__(self, name: str) -> Expression:
-        """Return the value of a name."""
         if name.startswith("_"):
             raise AttributeError(name)
         return self[name]
 
     def __contains__(self, name: object) -> bool:
-        """Tell whether there is a value of that name."""
         return name in self._values
 
     def __iter__(self) -> Iterator[str]:
-        """Iterate over the names."""
         return iter(self._values)
 
     def __len__(self) -> int:
-        """Return how many names there are."""
         return len(self._values)
 
 

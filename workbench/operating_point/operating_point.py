@@ -105,7 +105,6 @@ class OperatingPoint(Shown):
         return ", ".join(f"{n} {with_unit(f'{v:.4g}', str(unit))}" for _, n, v, unit in rows)
 
     def __str__(self) -> str:
-        """Return a short aligned table of inputs, measurements, states, drift and residual."""
         model = self.model
         lines = [f"operating point of {model.name}: {model.description}".rstrip(": ")]
         meanings = [q.description for q in (*model.inputs, *model.outputs, *model.states)]

@@ -50,7 +50,6 @@ class Hypothesis:
     evident: bool = False
 
     def __post_init__(self) -> None:
-        """Check the names and fall back to the effect's name for the law."""
         names = [q.name for q in self.effect.parameters]
         check_choice(f"parameter of effect {self.effect.name}", self.size_parameter, names)
         check_choice("group", self.group, ("process", "sensor"))

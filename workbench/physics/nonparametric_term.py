@@ -46,7 +46,6 @@ class Curve:
     mean: tuple[float, ...] = field(default=())
 
     def __post_init__(self) -> None:
-        """Check the knots."""
         knots = [check_finite(f"knot over {self.argument}", knot) for knot in self.knots]
         if len(knots) < 3 or min(np.diff(knots)) <= 0:
             raise WorkbenchError(

@@ -117,7 +117,6 @@ class Option:
     fractions: bool = False
 
     def __post_init__(self) -> None:
-        """Fill in what the name says."""
         object.__setattr__(self, "keyword", self.keyword or self.name)
         object.__setattr__(self, "label", self.label or self.name.replace("_", " "))
 
@@ -157,7 +156,6 @@ class Option:
         return found
 
     def __str__(self) -> str:
-        """Return one line for help: name, unit, range or words, default and meaning."""
         if isinstance(self.default, bool):
             what = "switch"
         elif isinstance(self.default, str):
@@ -323,7 +321,6 @@ class Plant:
         return (*late, *names)[:1]
 
     def __str__(self) -> str:
-        """Return what may be chosen, one option per line."""
         lines = [f"{self.name}: {self.summary}".rstrip(": ")]
         lines += [f"  {option}" for option in self.options] or ["  no options"]
         if self.effects:

@@ -135,7 +135,6 @@ class Plants(Registry[Plant]):
     """
 
     def get(self, name: str, *, folder: Path | None = None) -> Plant:
-        """Return a plant."""
         if name.endswith(".json"):
             path = Path(name) if folder is None else folder / name
             return plant_of_file(path, lambda other: self.get(other, folder=folder), folder=folder)

@@ -34,7 +34,6 @@ class Stepper:
     parameters: Vector = field(init=False)
 
     def __post_init__(self) -> None:
-        """Check the arguments and build the functions."""
         check_range("sample time", self.sample_time, *TIMES_S, "s")
         check_range("integration tolerance", self.tolerance, 1e-13, 1e-2)
         check_choice("integration method", self.method, METHODS)

@@ -43,7 +43,6 @@ class RangeViolation:
     share: float
 
     def __str__(self) -> str:
-        """Return one sentence."""
         return (
             f"{self.signal} left its valid range {self.lower:g} to {self.upper:g} {self.unit} at"
             f" {self.first_time:g} s: {self.extreme:.4g} {self.unit}, {100 * self.share:.1f} % of"
@@ -124,7 +123,6 @@ class Trajectory(Drawn):
         return {"time": self.time} | {q.name: self[q.name] for q in quantities}
 
     def __str__(self) -> str:
-        """Return a short aligned table: each state's range, and how far to trust the run."""
         (begin, end), unit_of_time = in_times([float(self.time[0]), float(self.time[-1])], 6)
         lines = [
             f"{self.model.name}: {len(self.time)} samples, {begin} to {end} {unit_of_time}",

@@ -127,7 +127,6 @@ class Run(Drawn):
         return (*self.output_quantities, *self.input_quantities)
 
     def __str__(self) -> str:
-        """Return a short aligned table of what moved."""
         lines = [
             f"{self.controller} on {self.plant}: {self.scenario.name}, {len(self.time)} samples of"
             f" {in_time(self.scenario.sample_time, 6)}, seed {self.seed}, {self.integrator}"

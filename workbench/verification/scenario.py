@@ -147,7 +147,6 @@ class Scenario:
     count_from: float = 0.0
 
     def __post_init__(self) -> None:
-        """Fill in what follows from the sample time, and check the numbers."""
         for key, samples in USUAL_SAMPLES.items():
             if math.isnan(getattr(self, key)):
                 object.__setattr__(self, key, samples * self.sample_time)

@@ -79,7 +79,6 @@ class Steps(_Points):
 
     @property
     def changes(self) -> tuple[tuple[float, float, float], ...]:
-        """Time in s, value before and value after of every step."""
         v = self.values
         return tuple((t, v[i], v[i + 1]) for i, t in enumerate(self.times[1:]) if v[i] != v[i + 1])
 
@@ -103,7 +102,6 @@ class Sine(Signal):
         check_range("begin of the sine", self.begin, *BEGINS_S, "s")
 
     def sample(self, time: npt.ArrayLike) -> Vector:
-        """Return the signal at some times, shape (n,), in s; values in SI."""
         elapsed = np.maximum(np.asarray(time, dtype=float) - self.begin, 0.0)
         wave = np.sin(2.0 * math.pi * self.frequency_Hz * elapsed)
         return np.asarray(self.mean + self.amplitude * wave, dtype=float)
@@ -114,7 +112,6 @@ class Ramps(_Points):
     """Straight lines between points, constant before the first and after the last."""
 
     def sample(self, time: npt.ArrayLike) -> Vector:
-        """Return the signal at some times, shape (n,), in s; values in SI."""
         instants = np.asarray(time, dtype=float)
         return np.asarray(np.interp(instants, self.times, self.values), dtype=float)
 

@@ -108,7 +108,6 @@ class ArmEquations:
     spools: Callable[[Scope], tuple[Edges, dict[str, Expression]]] = one_valve
 
     def __call__(self, m: Scope) -> Equations:
-        """Write down the equations."""
         x = m.x
         edges, spools = self.spools(m)
         flows = metered_flows(
@@ -309,7 +308,6 @@ class _Plant:
     equations: ArmEquations
 
     def __call__(self, m: Scope) -> Equations:
-        """Write down the equations."""
         rates, outputs = self.equations(m)
         mean = 0.5 * (outputs["pressure_1"] + outputs["pressure_2"])
         return rates, {**outputs, MEAN_PRESSURE.name: mean}
