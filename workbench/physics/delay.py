@@ -32,10 +32,6 @@ def _constant(p: Names) -> Expression:
     return p.time + p.floor * p.floor / (p.time + p.floor)
 
 
-def _lagging(at: PortView) -> Expression:
-    return at.value - at.p.time / _constant(at.p) * (at.value - at.x.memory)
-
-
 def _filtered(at: PortView) -> Expression:
     over = 2.0 * at.p.floor / _constant(at.p)
     kept = ca.exp(-over)
@@ -79,7 +75,7 @@ drive_lag = at_inputs_too(
             size("time", "s", 25 * at.interval, 5e6 * at.interval, "time constant"),
             floor(at, 0.5),
         ),
-        transform=_lagging,
+        transform=lambda at: at.value - at.p.time / _constant(at.p) * (at.value - at.x.memory),
         shapes=lambda at: ({},),
         group="process",
         look_alikes=("delay", "slew_limit"),

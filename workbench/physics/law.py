@@ -332,7 +332,10 @@ class Law:
             return self._effect(sites, effect.name, {**values, **later}, changes, bounded=False)
 
         unsettled = self._effect(
-            tuple(_unknown(site) for site in names),
+            tuple(
+                tuple(map(unknown_place, (site,) if isinstance(site, str) else site))
+                for site in names
+            ),
             name or self.name,
             values,
             {"lower": -math.inf, "upper": math.inf, **changes},
@@ -666,10 +669,6 @@ def _surveyed(model: Model) -> Survey:
 def _first(sites: Sequence[Site]) -> Place:
     place = sites[0][0]
     return replace(place, others=sites[0][1:])
-
-
-def _unknown(site: str | Sequence[str]) -> Site:
-    return tuple(unknown_place(port) for port in ((site,) if isinstance(site, str) else site))
 
 
 def _numbered(x: Names, number: int) -> Names:

@@ -257,12 +257,9 @@ def _slack_taken(at: PortView) -> Expression:
     # The clipped place, written so that its derivative by w at w = 0 is the sign of x.
     inside = 0.5 * (_magnitude(x + w) - _magnitude(x - w))
     free = ca.fmin(ca.fmax((w - _magnitude(x)) / (_ENDS * w + at.p.floor), 0.0), 1.0)
-    return at.value - _slope(at, x) * inside - at.p.parted * free * _damping(at)
-
-
-def _damping(at: PortView) -> Expression:
-    """Return what two bodies pass on for the speed of one over the other."""
-    return at.signals.speed * _slope(at, at.signals.speed)
+    # What two bodies pass on for the speed of one over the other.
+    damping = at.signals.speed * _slope(at, at.signals.speed)
+    return at.value - _slope(at, x) * inside - at.p.parted * free * damping
 
 
 def _slope(at: PortView, local: Expression) -> Expression:

@@ -30,10 +30,6 @@ from workbench.physics.law import (
 from workbench.physics.place import EFFORTS, Place, per
 
 
-def _above(at: PortView) -> Expression:
-    return at.value - at.p.share * at.form.ramp(at.value - at.p.limit, 0.01 * at.scale)
-
-
 def _beyond(at: PortView) -> Expression:
     ramp, limit, width = at.form.ramp, at.p.limit, 0.01 * at.scale
     return at.value - at.p.share * (ramp(at.value - limit, width) - ramp(-at.value - limit, width))
@@ -127,7 +123,9 @@ sensor_clipping = replace(
     where=sensors(together=False),
     equation="y = u - share (excess of u above the limit)",
     parameters=lambda at: _limit(at, _ends(at)[0]),
-    transform=_above,
+    transform=lambda at: (
+        at.value - at.p.share * at.form.ramp(at.value - at.p.limit, 0.01 * at.scale)
+    ),
     shapes=lambda at: [{"limit": limit} for limit in _ends(at)],
     group="sensor",
     evident=_stands_high,

@@ -211,10 +211,6 @@ reservoir_droop = replace(
 )  # fmt: skip
 
 
-def _answered(e: EffectView) -> dict[str, Expression]:
-    return {"drawn": (_drawn(e) - e.x.drawn) / e.p.time_constant}
-
-
 # The first-order response also avoids an algebraic loop.
 regulator_droop = Law(
     "regulator_droop",
@@ -228,7 +224,7 @@ regulator_droop = Law(
     ),
     lambda at: at.value - at.p.resistance * at.x.drawn,
     states=lambda at: (State("drawn", "kg/s", 1e-3, "flow that the regulator answers"),),
-    rates=_answered,
+    rates=lambda e: {"drawn": (_drawn(e) - e.x.drawn) / e.p.time_constant},
     shapes=lambda at: ({"time_constant": 0.05}, {"time_constant": 0.5}),
     source="flow characteristic of a pressure regulator, linearised",
     look_alikes=("supply_droop",),
