@@ -209,15 +209,8 @@ def chosen_plant(
     changed = [parse_parameter(recipe.build(), text) for text in parameter or ()]
     recipe = replace(recipe, parameters=tuple(changed))
     model = recipe.build()
-    return Chosen(
-        recipe,
-        kind,
-        model,
-        nominal,
-        dict(value_at_rest(model, text) for text in states),
-        _steps(model, driven),
-        tuple(design),
-    )
+    resting = dict(value_at_rest(model, text) for text in states)
+    return Chosen(recipe, kind, model, nominal, resting, _steps(model, driven), tuple(design))
 
 
 def value_at_rest(model: Model, text: str) -> tuple[str, float]:

@@ -9,11 +9,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 from workbench.cli.options import parameters_of, taking
 from workbench.cli.plant import CHANGES, Chosen, chosen_plant
-from workbench.cli.running import telling
+from workbench.cli.running import note, telling
 from workbench.errors import WorkbenchError, check_range
 from workbench.plants import DEFAULT_PLANT
 
@@ -119,22 +117,19 @@ def _loaded(
                 f"{error}; no plant is named, so the {name} is taken: name yours with --plant"
                 " ('workbench new-plant my_plants.py' writes one to start from)"
             ) from None
-        for note in problem.notes:
-            typer.echo(f"note: {note}", err=True)
+        for remark in problem.notes:
+            note(f"note: {remark}")
     attached = {effect.name for effect in problem.model.effects}
     named = [n for n in chosen.recipe.effects if n in attached and n not in chosen.plant.effects]
     problem = sized_by_recordings(problem, named) if named else problem
     opened = with_free_coefficients(problem.model)
     if opened is not problem.model:
         names = [q.name for q in opened.parameters]
-        typer.echo(f"note: coefficients of the system are refitted: {', '.join(names)}", err=True)
+        note(f"note: coefficients of the system are refitted: {', '.join(names)}")
         problem = replace(problem, model=opened)
     elif not any(q.fitted for q in problem.model.parameters):
-        typer.echo(
-            f"note: no parameter of {problem.model.name!r} is declared fitted=True, so all keep"
-            " their values",
-            err=True,
-        )
+        about = f"no parameter of {problem.model.name!r} is declared fitted=True"
+        note(f"note: {about}, so all keep their values")
     settings = _settings(problem.model, base, noise, starts, stages, start_samples)
     return Loaded(replace(problem, refit=settings), chosen)
 

@@ -84,19 +84,11 @@ def verify(
     if not changes and not chosen.plant.design_point:
         # What declares no point of its own is designed for where the step starts.
         base = replace(base, at=tuple(begins.items()))
+    named = tuple(controller or ())
+    times = seconds("time", hold), seconds("sample time", sample_time), seconds("delay", delay)
     with counting() as counter:
         trial = StepTrial(
-            chosen.recipe,
-            base,
-            tuple(controller or ()),
-            controlled,
-            begins,
-            ends,
-            seconds("time", hold),
-            seconds("sample time", sample_time),
-            seconds("delay", delay),
-            note,
-            counter,
+            chosen.recipe, base, named, controlled, begins, ends, *times, note, counter
         )
         recipes, scenarios = trial.prepared()
     if delay is not None:

@@ -79,6 +79,11 @@ def _points(study: MapStudy) -> str:
 
 def _blocks(study: MapStudy, *, published: bool = False) -> tuple[Block, ...]:
     """Show the laws on a map, beside them the published numbers if they are for such a muscle."""
+    rows = [
+        (law.title, str(i + 1), number(float(v), 5), interval(v - 1.96 * s, v + 1.96 * s, 4))
+        for law in study.laws
+        for i, (v, s) in enumerate(zip(law.values, law.std, strict=True))
+    ]
     return (
         Words(study.headline),
         errors_table(study, published=published),
@@ -97,16 +102,7 @@ def _blocks(study: MapStudy, *, published: bool = False) -> tuple[Block, ...]:
         Table(
             "Fitted numbers",
             ("law", "number", "estimate", "95 % interval"),
-            tuple(
-                (
-                    law.title,
-                    str(i + 1),
-                    number(float(v), 5),
-                    interval(v - 1.96 * s, v + 1.96 * s, 4),
-                )
-                for law in study.laws
-                for i, (v, s) in enumerate(zip(law.values, law.std, strict=True))
-            ),
+            tuple(rows),
             "In the units of each law: bar, mm of a 200 mm muscle, N; m and rad in equations (1),"
             " (2).",
         ),

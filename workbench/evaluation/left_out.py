@@ -165,19 +165,14 @@ class LeftOut:
         return whole.without(*self.effects).with_effect(*beside)
 
 
+_GAS = isothermal_gas(("chamber_1.heat", "chamber_2.heat"))
 PLAN = (
     LeftOut("nothing", "motion"),
     LeftOut("phi", "isometric", ("force_correction",), ("phi_term",)),
     LeftOut("phi", "motion", ("force_correction",), ("phi_term",)),
     LeftOut("changing volume", "motion", ("end_flattening",), ("braid_volume",), constant_volume()),
     LeftOut("flattened ends", "motion", ("end_flattening",), ("flattened_ends",), collinear=True),
-    LeftOut(
-        "energy of the gas",
-        "motion",
-        ("heat_exchange",),
-        ("gas_energy_balance",),
-        isothermal_gas(("chamber_1.heat", "chamber_2.heat")),
-    ),
+    LeftOut("energy of the gas", "motion", ("heat_exchange",), ("gas_energy_balance",), _GAS),
     LeftOut("Coulomb friction", "motion", ("bearing_friction",), ("coulomb_friction",)),
 )
 """Every piece, after a control in which nothing is left out."""

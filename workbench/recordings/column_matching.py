@@ -57,6 +57,11 @@ class Requested:
     optional: bool = False
 
 
+def _requested(q: Any, role: Role) -> Requested:
+    shown = getattr(q, "display_unit", q.unit)
+    return Requested(q.name, q.unit, role, "" if shown == q.unit else shown)
+
+
 def requested_signals(signals: Any) -> tuple[Requested, ...]:
     """Return what is asked for, from names, from names with units, or from a model.
 
@@ -69,20 +74,8 @@ def requested_signals(signals: Any) -> tuple[Requested, ...]:
     if isinstance(signals, tuple) and all(isinstance(s, Requested) for s in signals):
         return signals
     if hasattr(signals, "inputs") and hasattr(signals, "outputs"):
-        roles: tuple[tuple[Role, Iterable[Any]], ...] = (
-            ("command", signals.inputs),
-            ("measurement", signals.outputs),
-        )
-        return tuple(
-            Requested(
-                q.name,
-                q.unit,
-                role,
-                "" if getattr(q, "display_unit", q.unit) == q.unit else q.display_unit,
-            )
-            for role, quantities in roles
-            for q in quantities
-        )
+        inputs = (_requested(q, "command") for q in signals.inputs)
+        return (*inputs, *(_requested(q, "measurement") for q in signals.outputs))
     if isinstance(signals, Mapping):
         for unit in signals.values():
             parse_unit(unit)
@@ -200,6 +193,11 @@ def _letters(unit: str) -> set[str]:
     return set(next((s for other, s in _LETTERS if unit and same_dimension(other, unit)), ""))
 
 
+def _alike(unit: str, other: str) -> bool:
+    """Tell whether both units are stated and measure the same."""
+    return bool(unit and other) and same_dimension(unit, other)
+
+
 def _units_agree(requested: Requested, header: Header) -> bool:
     return not requested.unit or not header.unit or same_dimension(requested.unit, header.unit)
 
@@ -210,7 +208,7 @@ def in_degrees(headers: Sequence[Header], requested: Sequence[Requested]) -> lis
     ``T_C`` beside ``T_B`` stays the name that it is, and what is asked for by that name as well.
     """
     asked = {_plain(w.name) for w in requested}
-    kelvins = {_plain(w.name) for w in requested if w.unit and same_dimension(w.unit, "K")}
+    kelvins = {_plain(w.name) for w in requested if _alike(w.unit, "K")}
 
     def read(header: Header) -> Header:
         if header.unit in DEGREES and _plain(header.name) in kelvins:
@@ -238,7 +236,7 @@ def in_turns(headers: Sequence[Header], requested: Sequence[Requested]) -> list[
         return list(headers)
 
     def read(header: Header) -> Header:
-        if not header.unit or not same_dimension(header.unit, "1/s"):
+        if not _alike(header.unit, "1/s"):
             return header
         told = f"{'turn' if 'Hz' in header.unit else 'rad'} {header.unit}".replace(" 1/", "/")
         return replace(header, unit="rpm" if "min" in header.unit else told)
@@ -256,12 +254,7 @@ def in_nm(headers: Sequence[Header], requested: Sequence[Requested]) -> list[Hea
             return header
         stem = Header(header.column, found[1])
         named = [w for w in requested if _same(w, header) or _same(w, stem)]
-        meant = {
-            unit
-            for w in named or requested
-            for of, unit in units.items()
-            if w.unit and same_dimension(w.unit, of)
-        }
+        meant = {u for w in named or requested for of, u in units.items() if _alike(w.unit, of)}
         if len(meant) != 1:
             return header
         name = header.name if any(_same(w, header) == 2 for w in named) else stem.name
@@ -339,16 +332,8 @@ def match_requested(
     for signal in requested:
         if signal.name in found or not signal.unit:
             continue
-        rivals = [
-            w
-            for w in requested
-            if w.name not in found and w.unit and same_dimension(w.unit, signal.unit)
-        ]
-        left = [
-            i
-            for i, h in enumerate(headers)
-            if i not in used and h.unit and same_dimension(h.unit, signal.unit)
-        ]
+        rivals = [w for w in requested if w.name not in found and _alike(w.unit, signal.unit)]
+        left = [i for i, h in enumerate(headers) if i not in used and _alike(h.unit, signal.unit)]
         # Where other sensors are found, a unit alone is no reason to take one more for this one.
         beside = signal.optional and any(w.optional and w.name in found for w in requested)
         sure = len(left) == len(rivals) == 1
@@ -372,11 +357,7 @@ def without_column(
     """Say which measurements found no column, where columns of their unit are left over."""
     have, notes = set(found), []
     for signal in requested:
-        left = [
-            h.column
-            for h in headers
-            if signal.unit and h.unit and same_dimension(signal.unit, h.unit)
-        ]
+        left = [h.column for h in headers if _alike(h.unit, signal.unit)]
         if signal.optional and signal.name not in have and left:
             notes.append(
                 f"no column is called {signal.name}; of its unit "

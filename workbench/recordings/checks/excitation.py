@@ -52,13 +52,9 @@ def directions(signal: Signal, sample_time: float) -> Directions:
     limit = max(4 * noise, 1e-3 * float(np.abs(speed).max()))
     sign = np.where(np.abs(speed) > limit, np.sign(speed), 0.0)
     moving = sign[sign != 0]
-    return Directions(
-        signal.name,
-        float(np.mean(sign > 0)),
-        float(np.mean(sign < 0)),
-        float(np.mean(sign == 0)),
-        int(np.count_nonzero(np.diff(moving))),
-    )
+    forward, backward, resting = (float(np.mean(sign == way)) for way in (1.0, -1.0, 0.0))
+    turns = int(np.count_nonzero(np.diff(moving)))
+    return Directions(signal.name, forward, backward, resting, turns)
 
 
 @check("excitation", 140, fix="record a motion that covers the range of the machine")

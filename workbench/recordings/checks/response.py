@@ -72,15 +72,11 @@ def answers(recording: Recording, command: str, measurement: str) -> tuple[Answe
         best = int(np.argmax(np.abs(sigmas)))
         close = (lags >= 0) & (lags <= near)
         repeats = _repeats(action)
-        found.append(
-            Answer(
-                float(abs(sigmas[best])),
-                float(lags[best] * block * recording.sample_time),
-                float(np.max(np.abs(sigmas[close]))),
-                bool(np.all(lags[best] + repeats < -before)),
-                bool(np.all(lags[best] - repeats > near)),
-            )
-        )
+        strength, right_after = float(abs(sigmas[best])), float(np.max(np.abs(sigmas[close])))
+        lag = float(lags[best] * block * recording.sample_time)
+        early = bool(np.all(lags[best] + repeats < -before))
+        late = bool(np.all(lags[best] - repeats > near))
+        found.append(Answer(strength, lag, right_after, early, late))
     return tuple(found)
 
 
