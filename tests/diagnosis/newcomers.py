@@ -18,6 +18,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from tests.diagnosis.machine_data import by_runge_kutta, held, recording
+from tests.machines import machine
 from workbench.arrays import Vector
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.selection import task
@@ -77,17 +78,13 @@ def oscillator(*, scale: float = 1.0, left_out: float = 0.02) -> Model:
             {"position": m.port("position.reading", m.x.position, unit="m")},
         )
 
-    return Model(
-        "oscillator",
+    return machine(
         equations,
-        states=(State("position", "m", 1.0), State("speed", "m/s", 5.0)),
-        inputs=(Input("drive", "N", 1.0),),
-        outputs=(Output("position", "m", 1.0, noise_rms=1e-3),),
-        parameters=(
-            Parameter("mass", "kg", value=1.1, lower=0.3, upper=3.0, fitted=True),
-            Parameter("stiffness", "N/m", value=28.0, lower=5.0, upper=90.0, fitted=True),
-            Parameter("damping", "N s/m", value=0.5, lower=0.01, upper=3.0, fitted=True),
-        ),
+        "position m scale=1, speed m/s scale=5",
+        "drive N scale=1",
+        "position m 1e-3 scale=1",
+        "mass kg 1.1 0.3 3, stiffness N/m 28 5 90, damping N s/m 0.5 0.01 3",
+        name="oscillator",
     )
 
 
@@ -108,16 +105,13 @@ def carriage() -> Model:
             {"position": m.port("position.reading", m.x.position, unit="m")},
         )
 
-    return Model(
-        "carriage",
+    return machine(
         equations,
-        states=(State("position", "m", 0.5), State("speed", "m/s", 0.2)),
-        inputs=(Input("drive", "N", 50.0),),
-        outputs=(Output("position", "m", 0.5, noise_rms=2e-5),),
-        parameters=(
-            Parameter("mass", "kg", value=18.0, lower=5.0, upper=60.0, fitted=True),
-            Parameter("damping", "N s/m", value=60.0, lower=0.0, upper=400.0, fitted=True),
-        ),
+        "position m scale=0.5, speed m/s scale=0.2",
+        "drive N scale=50",
+        "position m 2e-5 scale=0.5",
+        "mass kg 18 5 60, damping N s/m 60 0 400",
+        name="carriage",
     )
 
 
@@ -179,14 +173,7 @@ def damper() -> Model:
         )
         return {}, {"force": force}
 
-    return Model(
-        "damper",
-        equations,
-        states=(),
-        inputs=(Input("speed", "m/s"),),
-        outputs=(Output("force", "N", noise_rms=0.05),),
-        parameters=(Parameter("damping", "N s/m", value=3.0, lower=0.1, upper=20.0, fitted=True),),
-    )
+    return machine(equations, "", "speed m/s", "force N 0.05", "damping N s/m 3 0.1 20")
 
 
 def rubbed() -> list[Recording]:
@@ -212,17 +199,12 @@ def hysteretic() -> Model:
         )
         return {"position": m.x.speed, "speed": force / m.p.mass}, {"position": m.x.position}
 
-    return Model(
-        "hysteretic",
+    return machine(
         equations,
-        states=(State("position", "m", 1e-3), State("speed", "m/s", 0.3)),
-        inputs=(Input("drive", "N", 50.0),),
-        outputs=(Output("position", "m", 1e-3),),
-        parameters=(
-            Parameter("mass", "kg", value=2.0, lower=0.5, upper=8.0, fitted=True),
-            Parameter("damping", "N s/m", value=20.0, lower=0.0, upper=500.0, fitted=True),
-            Parameter("stiffness", "N/m", value=8e4, lower=1e4, upper=3e5, fitted=True),
-        ),
+        "position m scale=1e-3, speed m/s scale=0.3",
+        "drive N scale=50",
+        "position m scale=1e-3",
+        "mass kg 2 0.5 8, damping N s/m 20 0 500, stiffness N/m 8e4 1e4 3e5",
     )
 
 
@@ -285,20 +267,13 @@ def epidemic() -> Model:
             {"susceptible": m.x.susceptible, "infected": m.x.infected},
         )
 
-    return Model(
-        "epidemic",
+    return machine(
         equations,
-        states=(State("susceptible", "1", initial=0.99), State("infected", "1", initial=1e-3)),
-        inputs=(Input("arrivals", "1/s", lower=0.0),),
-        outputs=(Output("susceptible", "1"), Output("infected", "1")),
-        parameters=(
-            Parameter(
-                "contact", "1/s", value=0.3 / DAY, lower=0.03 / DAY, upper=3 / DAY, fitted=True
-            ),
-            Parameter(
-                "recovery", "1/s", value=0.08 / DAY, lower=0.01 / DAY, upper=1 / DAY, fitted=True
-            ),
-        ),
+        "susceptible 1 0.99, infected 1 1e-3",
+        "arrivals 1/s 0",
+        "susceptible 1, infected 1",
+        f"contact 1/s {0.3 / DAY} {0.03 / DAY} {3 / DAY}, "
+        f"recovery 1/s {0.08 / DAY} {0.01 / DAY} {1 / DAY}",
     )
 
 
@@ -324,17 +299,12 @@ def resonator() -> Model:
         force = m.p.gain * m.u.drive - m.p.damping * m.x.speed - m.p.stiffness * m.x.position
         return {"position": m.x.speed, "speed": force / 1e-11}, {"position": m.x.position}
 
-    return Model(
-        "resonator",
+    return machine(
         equations,
-        states=(State("position", "m"), State("speed", "m/s")),
-        inputs=(Input("drive", "V"),),
-        outputs=(Output("position", "m", display_unit="nm"),),
-        parameters=(
-            Parameter("stiffness", "N/m", value=4.0, lower=0.5, upper=50.0, fitted=True),
-            Parameter("damping", "N s/m", value=5e-7, lower=1e-8, upper=1e-5, fitted=True),
-            Parameter("gain", "N/V", value=1e-7, lower=1e-8, upper=1e-6, fitted=True),
-        ),
+        "position m, speed m/s",
+        "drive V",
+        "position m display_unit=nm",
+        "stiffness N/m 4 0.5 50, damping N s/m 5e-7 1e-8 1e-5, gain N/V 1e-7 1e-8 1e-6",
     )
 
 
@@ -407,22 +377,14 @@ def maglev() -> Model:
             {"gap": m.x.gap, "current": m.x.current},
         )
 
-    return Model(
-        "maglev",
+    return machine(
         equations,
-        states=(
-            State("gap", "m", initial=0.01),
-            State("speed", "m/s"),
-            State("current", "A", initial=0.7),
-        ),
-        inputs=(Input("voltage", "V", lower=0.0, upper=24.0),),
-        outputs=(Output("gap", "m"), Output("current", "A")),
-        parameters=(
-            Parameter("mass", "kg", value=0.05),
-            Parameter("lift", "N m2/A2", value=0.9e-4, lower=1e-5, upper=1e-3, fitted=True),
-            Parameter("resistance", "Ohm", value=9.0, lower=1.0, upper=100.0, fitted=True),
-            Parameter("inductance", "H", value=0.06, lower=0.001, upper=1.0, fitted=True),
-        ),
+        "gap m 0.01, speed m/s, current A 0.7",
+        "voltage V 0 24",
+        "gap m, current A",
+        "mass kg 0.05, lift N m2/A2 0.9e-4 1e-5 1e-3, resistance Ohm 9 1 100, "
+        "inductance H 0.06 0.001 1",
+        name="maglev",
     )
 
 
@@ -476,23 +438,12 @@ def crane() -> Model:
             {"position": m.x.position, "angle": m.x.angle},
         )
 
-    return Model(
-        "crane",
+    return machine(
         equations,
-        states=(
-            State("position", "m"),
-            State("angle", "rad"),
-            State("swing", "rad/s"),
-            State("speed", "m/s"),
-        ),
-        inputs=(Input("force", "N"),),
-        outputs=(Output("position", "m"), Output("angle", "rad")),
-        parameters=(
-            Parameter("trolley", "kg", value=9.0, lower=1.0, upper=50.0, fitted=True),
-            Parameter("load", "kg", value=5.0),
-            Parameter("rope", "m", value=1.1, lower=0.3, upper=3.0, fitted=True),
-            Parameter("damping", "N s/m", value=4.0, lower=0.0, upper=50.0, fitted=True),
-        ),
+        "position m, angle rad, swing rad/s, speed m/s",
+        "force N",
+        "position m, angle rad",
+        "trolley kg 9 1 50, load kg 5, rope m 1.1 0.3 3, damping N s/m 4 0 50",
     )
 
 
@@ -528,16 +479,12 @@ def swing() -> Model:
         rate = -m.p.stiffness * ca.sin(m.x.angle) - m.p.damping * m.x.speed
         return {"angle": m.x.speed, "speed": rate}, {"angle": m.x.angle}
 
-    return Model(
-        "swing",
+    return machine(
         equations,
-        states=(State("angle", "rad", initial=0.5), State("speed", "rad/s")),
-        inputs=(),
-        outputs=(Output("angle", "rad"),),
-        parameters=(
-            Parameter("stiffness", "1/s2", value=20.0, lower=1.0, upper=100.0, fitted=True),
-            Parameter("damping", "1/s", value=0.1, lower=0.0, upper=5.0, fitted=True),
-        ),
+        "angle rad 0.5, speed rad/s",
+        "",
+        "angle rad",
+        "stiffness 1/s2 20 1 100, damping 1/s 0.1 0 5",
     )
 
 
@@ -571,25 +518,14 @@ def drivetrain(gear: float = 1.0) -> Model:
             {"motor": m.x.motor, "load": m.x.load},
         )
 
-    return Model(
-        "drivetrain",
+    return machine(
         equations,
-        states=(
-            State("motor", "rad"),
-            State("load", "rad"),
-            State("motor_speed", "rad/s"),
-            State("load_speed", "rad/s"),
-        ),
-        inputs=(Input("torque", "N m", lower=-5.0, upper=5.0),),
-        outputs=(Output("motor", "rad"), Output("load", "rad")),
-        parameters=(
-            Parameter("rotor", "kg m2", value=0.01, lower=1e-3, upper=0.1, fitted=True),
-            Parameter("inertia", "kg m2", value=0.03, lower=1e-3, upper=0.3, fitted=True),
-            Parameter("stiffness", "N m/rad", value=40.0, lower=4.0, upper=1e3, fitted=True),
-            Parameter("damping", "N m s/rad", value=0.05, lower=0.0, upper=1.0, fitted=True),
-            Parameter("drag", "N m s/rad", value=0.02, lower=0.0, upper=0.5, fitted=True),
-            Parameter("gear", "1", value=gear),
-        ),
+        "motor rad, load rad, motor_speed rad/s, load_speed rad/s",
+        "torque N m -5 5",
+        "motor rad, load rad",
+        "rotor kg m2 0.01 1e-3 0.1, inertia kg m2 0.03 1e-3 0.3, "
+        "stiffness N m/rad 40 4 1e3, damping N m s/rad 0.05 0 1, "
+        f"drag N m s/rad 0.02 0 0.5, gear 1 {gear}",
     )
 
 
@@ -626,18 +562,12 @@ def stage() -> Model:
         force = m.p.force * m.u.current - m.p.damping * m.x.speed - m.p.stiffness * m.x.position
         return {"position": m.x.speed, "speed": force / m.p.mass}, {"position": m.x.position}
 
-    return Model(
-        "stage",
+    return machine(
         equations,
-        states=(State("position", "m", 1e-3), State("speed", "m/s", 0.1)),
-        inputs=(Input("current", "A", lower=-3.0, upper=3.0),),
-        outputs=(Output("position", "m"),),
-        parameters=(
-            Parameter("mass", "kg", value=0.4),
-            Parameter("damping", "N s/m", value=4.0, lower=0.2, upper=60.0, fitted=True),
-            Parameter("stiffness", "N/m", value=1500.0, lower=200.0, upper=2e4, fitted=True),
-            Parameter("force", "N/A", value=7.0, lower=1.0, upper=40.0, fitted=True),
-        ),
+        "position m scale=1e-3, speed m/s scale=0.1",
+        "current A -3 3",
+        "position m",
+        "mass kg 0.4, damping N s/m 4 0.2 60, stiffness N/m 1500 200 2e4, force N/A 7 1 40",
     )
 
 
@@ -741,18 +671,13 @@ def pipeline() -> Model:
             {"pressure": m.x.pressure, "flow": m.x.flow},
         )
 
-    return Model(
-        "pipeline",
+    return machine(
         equations,
-        states=(State("flow", "m3/s"), State("pressure", "Pa")),
-        inputs=(Input("pump", "Pa", lower=0.0, upper=1e6),),
-        outputs=(Output("pressure", "Pa"), Output("flow", "m3/s")),
-        parameters=(
-            Parameter("resistance", "Pa s/m3", value=4e6, lower=1e5, upper=5e7, fitted=True),
-            Parameter("inertance", "Pa s2/m3", value=4e6, lower=4e5, upper=4e7, fitted=True),
-            Parameter("compliance", "m3/Pa", value=4e-7, lower=4e-8, upper=4e-6, fitted=True),
-            Parameter("drain", "m3/(s Pa)", value=1e-7, lower=1e-8, upper=1e-6, fitted=True),
-        ),
+        "flow m3/s, pressure Pa",
+        "pump Pa 0 1e6",
+        "pressure Pa, flow m3/s",
+        "resistance Pa s/m3 4e6 1e5 5e7, inertance Pa s2/m3 4e6 4e5 4e7, "
+        "compliance m3/Pa 4e-7 4e-8 4e-6, drain m3/(s Pa) 1e-7 1e-8 1e-6",
     )
 
 

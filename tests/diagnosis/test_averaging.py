@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.machine_data import file, recording
+from tests.machines import machine
 from workbench.diagnosis.averaging import averaged
 from workbench.diagnosis.problem import problem_of_files
 from workbench.diagnosis.refit_report import run_refit
-from workbench.model import Input, Model, Output, Parameter, State
+from workbench.model import Model
 from workbench.model.trace import Equations
 from workbench.recordings.checks.time_base import evened
 from workbench.recordings.recording import Recording
@@ -26,13 +27,12 @@ def _oven(time_constant: float = TIME_CONSTANT, noise: float = 0.0) -> Model:
         rise = (m.p.gain * m.u.heater - m.x.warmth) / time_constant
         return {"warmth": rise}, {"warmth": m.x.warmth}
 
-    return Model(
-        "oven",
+    return machine(
         equations,
-        states=(State("warmth", "K", 50.0),),
-        inputs=(Input("heater", "W", 50.0, lower=0.0, upper=200.0),),
-        outputs=(Output("warmth", "K", 50.0, noise_rms=noise),),
-        parameters=(Parameter("gain", "K/W", value=1.5, lower=0.1, upper=5.0, fitted=True),),
+        "warmth K scale=50",
+        "heater W 0 200 scale=50",
+        f"warmth K {noise} scale=50",
+        "gain K/W 1.5 0.1 5",
     )
 
 

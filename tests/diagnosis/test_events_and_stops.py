@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 from tests.diagnosis.machine_data import held, recording
 from tests.diagnosis.newcomers import diagnosed, levels, named, oscillator, recorded
+from tests.machines import machine
 from workbench.arrays import Vector
 from workbench.diagnosis.diagnose import fit, prepare, validate
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
@@ -20,7 +21,7 @@ from workbench.diagnosis.estimation.process_noise import extended_start, fit_wit
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.selected import Accepted, Selected
 from workbench.diagnosis.stages import Diagnosis
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.physics.library import library
 from workbench.physics.place import Survey, term_of
@@ -80,18 +81,13 @@ def kiln() -> Model:
         load = given - m.p.loss * (m.x.load - 293.0)
         return {"heater": heater / m.p.c_heater, "load": load / m.p.c_load}, {"load": m.x.load}
 
-    return Model(
-        "kiln",
+    return machine(
         equations,
-        states=(State("heater", "K", 500.0, initial=300.0), State("load", "K", initial=300.0)),
-        inputs=(Input("part", "1", lower=0.0, upper=1.0),),
-        outputs=(Output("load", "K"),),
-        parameters=(
-            Parameter("exchange", "W/K", value=20.0, lower=2.0, upper=200.0, fitted=True),
-            Parameter("loss", "W/K", value=5.0, lower=0.5, upper=50.0, fitted=True),
-            Parameter("c_heater", "J/K", value=2000.0, lower=200.0, upper=2e4, fitted=True),
-            Parameter("c_load", "J/K", value=2e4, lower=5e3, upper=1e5, fitted=True),
-        ),
+        "heater K 300 scale=500, load K 300",
+        "part 1 0 1",
+        "load K",
+        "exchange W/K 20 2 200, loss W/K 5 0.5 50, c_heater J/K 2000 200 2e4, "
+        "c_load J/K 2e4 5e3 1e5",
     )
 
 
@@ -149,19 +145,12 @@ def cooled() -> Model:
         lost = (m.p.still + m.p.blown * m.u.fan) * (m.x.block - 298.0)
         return {"block": (m.u.power - lost) / 450.0}, {"block": m.x.block}
 
-    return Model(
-        "cooled",
+    return machine(
         equations,
-        states=(State("block", "K", initial=310.0),),
-        inputs=(
-            Input("power", "W", lower=0.0, upper=200.0),
-            Input("fan", "rad/s", lower=0.0, upper=500.0),
-        ),
-        outputs=(Output("block", "K"),),
-        parameters=(
-            Parameter("still", "W/K", value=0.5, lower=0.05, upper=5.0, fitted=True),
-            Parameter("blown", "W s/(K rad)", value=0.01, lower=1e-3, upper=0.1, fitted=True),
-        ),
+        "block K 310",
+        "power W 0 200, fan rad/s 0 500",
+        "block K",
+        "still W/K 0.5 0.05 5, blown W s/(K rad) 0.01 1e-3 0.1",
     )
 
 
@@ -201,22 +190,12 @@ def test_each_torque_of_a_robot_works_on_its_own_joint() -> None:
             {"shoulder": m.x.shoulder, "elbow": m.x.elbow},
         )
 
-    robot = Model(
-        "robot",
+    robot = machine(
         equations,
-        states=(
-            State("shoulder", "rad"),
-            State("elbow", "rad"),
-            State("shoulder_speed", "rad/s"),
-            State("elbow_speed", "rad/s"),
-        ),
-        inputs=(Input("knee", "N m", 1.0), Input("hip", "N m", 1.0)),
-        outputs=(Output("shoulder", "rad"), Output("elbow", "rad")),
-        parameters=(
-            Parameter("outer", "kg m2", value=0.9),
-            Parameter("inner", "kg m2", value=0.2),
-            Parameter("coupling", "kg m2", value=0.15),
-        ),
+        "shoulder rad, elbow rad, shoulder_speed rad/s, elbow_speed rad/s",
+        "knee N m scale=1, hip N m scale=1",
+        "shoulder rad, elbow rad",
+        "outer kg m2 0.9, inner kg m2 0.2, coupling kg m2 0.15",
     )
     places = Survey(robot)
     assert places.place("knee.command").speed.source == "elbow_speed"
@@ -230,13 +209,7 @@ def test_terms_that_balance_tell_how_large_a_law_may_be() -> None:
         flow = 1e9 * (m.u.flow - 2e-3 * m.x.speed)
         return {"ram": m.x.speed, "speed": force / 80.0, "pressure": flow}, {"ram": m.x.ram}
 
-    press = Model(
-        "press",
-        equations,
-        states=(State("ram", "m"), State("speed", "m/s"), State("pressure", "Pa")),
-        inputs=(Input("flow", "m3/s", 1e-4),),
-        outputs=(Output("ram", "m"),),
-    )
+    press = machine(equations, "ram m, speed m/s, pressure Pa", "flow m3/s scale=1e-4", "ram m")
     seen = {"speed.rate": (-2.0, 2.0), "pressure.rate": (-1e7, 1e7)}
     terms = {
         term_of("speed.rate", 0): (30.0, 270.0),
@@ -286,13 +259,8 @@ def _rolled_off(number: int) -> Recording:
 
 
 def test_what_repeats_with_each_turn_is_named_wherever_a_recording_begins() -> None:
-    web = Model(
-        "web",
-        _web,
-        states=(State("tension", "N"),),
-        inputs=(Input("unwind", "m/s"), Input("draw", "m/s")),
-        outputs=(Output("tension", "N", noise_rms=0.15),),
-        parameters=(Parameter("stiffness", "N", value=800.0, lower=200.0, upper=2e3, fitted=True),),
+    web = machine(
+        _web, "tension N", "unwind m/s, draw m/s", "tension N 0.15", "stiffness N 800 200 2e3"
     )
     runs = [_rolled_off(i) for i in (1, 2, 3)]
     found = diagnosed(web, runs, "uneven_turn sensor_lag gain bend", fit=2)

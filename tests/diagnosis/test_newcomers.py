@@ -47,6 +47,7 @@ from tests.diagnosis.newcomers import (
     transport,
     turned,
 )
+from tests.machines import machine
 from workbench.arrays import Vector
 from workbench.diagnosis.diagnose import stages, validate
 from workbench.diagnosis.estimation.filter import steps_of
@@ -189,13 +190,7 @@ def test_heat_is_lost_where_a_plant_has_temperatures_and_no_ports() -> None:
         loss = (m.x.wall - 293.0) / 500.0
         return {"wall": 3.0 * m.u.duty - loss, "charge": -m.u.duty}, {"temperature": m.x.wall}
 
-    oven = Model(
-        "oven",
-        equations,
-        states=(State("wall", "K", initial=293.0), State("charge", "A s")),
-        inputs=(Input("duty", "1"),),
-        outputs=(Output("temperature", "K"),),
-    )
+    oven = machine(equations, "wall K 293, charge A s", "duty 1", "temperature K")
     offered = {e.name: e for e in library(oven)}
     assert {"radiation_wall", "heat_loss_wall", "second_store_wall"} <= offered.keys()
     assert offered["radiation_wall"].ports == ("wall.rate",)
@@ -233,13 +228,7 @@ def test_states_beyond_the_range_of_the_equations_ask_for_no_steps() -> None:
             "warmth": m.x.warmth
         }
 
-    reactor = Model(
-        "reactor",
-        equations,
-        states=(State("warmth", "K", 10.0, initial=300.0),),
-        inputs=(Input("inflow", "K", 10.0),),
-        outputs=(Output("warmth", "K", 10.0),),
-    )
+    reactor = machine(equations, "warmth K 300 scale=10", "inflow K scale=10", "warmth K scale=10")
     # Below zero absolute the exponential has no bound.
     at = np.array([[300.0], [310.0], [-5.0]])
     usual, all_states = (steps_of(reactor, 2.0, x, 0.0 * x + 300.0) for x in (at[:2], at))
@@ -358,16 +347,12 @@ def test_a_curve_that_is_an_s_is_refitted_to_its_shape(width: float) -> None:
                 henry = 0.02 + 0.08 / (1.0 + np.exp((current - 5.0) / width))
                 current += 5e-4 * (v - current) / henry
         runs.append(recording(f"run {seed}", 0.01, {"v [V]": volts}, {"i [A]": read}))
-    choke = Model(
-        "choke",
+    choke = machine(
         lambda m: ({"i": (m.u.v - m.p.ohm * m.x.i) / m.p.henry}, {"i": m.x.i}),
-        states=(State("i", "A"),),
-        inputs=(Input("v", "V"),),
-        outputs=(Output("i", "A", noise_rms=0.01),),
-        parameters=(
-            Parameter("ohm", "ohm", value=0.8, lower=0.1, upper=3.0, fitted=True),
-            Parameter("henry", "H", value=0.08, lower=0.0, upper=1.0, fitted=True),
-        ),
+        "i A",
+        "v V",
+        "i A 0.01",
+        "ohm ohm 0.8 0.1 3, henry H 0.08 0 1",
     )
     verdict = diagnosed(choke, runs, "parameter_curve").verdict
     assert verdict.kind == "named", verdict
@@ -391,13 +376,12 @@ def test_a_friction_of_what_turns_one_way_cannot_be_told_from_a_torque(
             for _ in range(5):
                 speed += 0.04 * (torque - 1.1e-4 * speed**2 - 0.35)
         runs.append(recording(f"run {seed}", 0.02, {"pull [N m]": pulls}, {"wheel [rad/s]": read}))
-    wheel = Model(
-        "wheel",
+    wheel = machine(
         lambda m: ({"w": (m.u.pull - m.p.fan * m.x.w**2) / 0.1}, {"wheel": m.x.w}),
-        states=(State("w", "rad/s", 40.0, initial=25.0),),
-        inputs=(Input("pull", "N m", 10.0, lower=0.0),),
-        outputs=(Output("wheel", "rad/s", 40.0, noise_rms=0.08),),
-        parameters=(Parameter("fan", "N m s2", value=1e-4, lower=0.0, upper=1e-3, fitted=True),),
+        "w rad/s 25 scale=40",
+        "pull N m 0 scale=10",
+        "wheel rad/s 0.08 scale=40",
+        "fan N m s2 1e-4 0 1e-3",
     )
     verdict = diagnosed(wheel, runs, "offset constant_force coulomb_friction").verdict
     assert verdict.kind == "named_class", verdict
@@ -420,17 +404,12 @@ def test_equations_of_a_fast_machine_are_trusted_as_far_as_they_go() -> None:
         force = m.port("stage.force", m.p.gain * m.u.drive - spring, unit="N", signals=signals)
         return {"position": m.x.speed, "speed": force / 3e-3}, {"position": m.x.position}
 
-    stage = Model(
-        "stage",
+    stage = machine(
         equations,
-        states=(State("position", "m", 1e-3), State("speed", "m/s", 1.0)),
-        inputs=(Input("drive", "N", 100.0),),
-        outputs=(Output("position", "m", 1e-3, noise_rms=1e-6),),
-        parameters=(
-            Parameter("gain", "1", value=0.95, lower=0.2, upper=5.0, fitted=True),
-            Parameter("stiffness", "N/m", value=1.2e5, lower=3e4, upper=4e5, fitted=True),
-            Parameter("damping", "N s/m", value=1.0, lower=0.05, upper=10.0, fitted=True),
-        ),
+        "position m scale=1e-3, speed m/s scale=1",
+        "drive N scale=100",
+        "position m 1e-6 scale=1e-3",
+        "gain 1 0.95 0.2 5, stiffness N/m 1.2e5 3e4 4e5, damping N s/m 1 0.05 10",
     )
     verdict = diagnosed(stage, runs, "sensor_gain coulomb_friction").verdict
     assert verdict.kind == "nothing_missing", verdict
@@ -483,16 +462,12 @@ def test_one_side_of_a_command_is_weaker_before_an_actuator_that_saturates() -> 
         driven = m.p.gain * ca.tanh(m.u.command / 4.0)
         return {"speed": (driven - m.x.speed) / m.p.tau}, {"speed": m.x.speed}
 
-    fan = Model(
-        "fan",
+    fan = machine(
         equations,
-        states=(State("speed", "rad/s", 50.0),),
-        inputs=(Input("command", "V", lower=-10.0, upper=10.0),),
-        outputs=(Output("speed", "rad/s", noise_rms=0.05),),
-        parameters=(
-            Parameter("tau", "s", value=0.5, lower=0.1, upper=2.0, fitted=True),
-            Parameter("gain", "rad/s", 50.0, value=50.0, lower=10.0, upper=200.0, fitted=True),
-        ),
+        "speed rad/s scale=50",
+        "command V -10 10",
+        "speed rad/s 0.05",
+        "tau s 0.5 0.1 2, gain rad/s 50 10 200 scale=50",
     )
 
     def run(seed: int) -> Recording:
@@ -516,16 +491,12 @@ def test_a_control_valve_that_sticks_is_told_with_its_band() -> None:
         out = m.p.outflow * ca.sqrt(ca.fmax(m.x.level, 1e-6))
         return {"level": 2.0 * (m.p.inflow * m.u.valve - out)}, {"level": m.x.level}
 
-    tank = Model(
-        "tank",
+    tank = machine(
         equations,
-        states=(State("level", "m"),),
-        inputs=(Input("valve", "1", lower=0.0, upper=1.0),),
-        outputs=(Output("level", "m", noise_rms=0.002),),
-        parameters=(
-            Parameter("inflow", "m3/s", 0.01, value=0.011, lower=3e-3, upper=0.05, fitted=True),
-            Parameter("outflow", "m2.5/s", 5e-3, value=6e-3, lower=1e-3, upper=0.03, fitted=True),
-        ),
+        "level m",
+        "valve 1 0 1",
+        "level m 0.002",
+        "inflow m3/s 0.011 3e-3 0.05 scale=0.01, outflow m2.5/s 6e-3 1e-3 0.03 scale=5e-3",
     )
 
     def run(seed: int) -> Recording:
@@ -589,19 +560,15 @@ def _winding(seed: int) -> Recording:
 
 
 def test_what_drops_with_the_direction_of_a_current_is_named_without_a_port() -> None:
-    coil = Model(
-        "coil",
+    coil = machine(
         lambda m: (
             {"current": (m.u.voltage - m.p.ohms * m.x.current) / m.p.henries},
             {"current": m.x.current},
         ),
-        states=(State("current", "A"),),
-        inputs=(Input("voltage", "V"),),
-        outputs=(Output("current", "A"),),
-        parameters=(
-            Parameter("ohms", "Ohm", value=1.5, lower=0.1, upper=10.0, fitted=True),
-            Parameter("henries", "H", value=6e-3, lower=1e-3, upper=5e-2, fitted=True),
-        ),
+        "current A",
+        "voltage V",
+        "current A",
+        "ohms Ohm 1.5 0.1 10, henries H 6e-3 1e-3 5e-2",
     )
     runs = [_winding(seed) for seed in (1, 2, 3)]
     laws = "coulomb_friction offset saturating_outflow second_store"
@@ -624,19 +591,15 @@ def _joint(seed: int) -> Recording:
 
 
 def test_a_joint_that_gives_is_two_bodies_and_a_spring() -> None:
-    joint = Model(
-        "joint",
+    joint = machine(
         lambda m: (
             {"angle": m.x.speed, "speed": (m.u.torque - m.p.rub * m.x.speed) / m.p.inertia},
             {"angle": m.x.angle},
         ),
-        states=(State("angle", "rad"), State("speed", "rad/s")),
-        inputs=(Input("torque", "N m"),),
-        outputs=(Output("angle", "rad"),),
-        parameters=(
-            Parameter("inertia", "kg m2", value=1.5, lower=0.3, upper=6.0, fitted=True),
-            Parameter("rub", "N m s/rad", value=3.0, lower=0.0, upper=30.0, fitted=True),
-        ),
+        "angle rad, speed rad/s",
+        "torque N m",
+        "angle rad",
+        "inertia kg m2 1.5 0.3 6, rub N m s/rad 3 0 30",
     )
     runs = [_joint(seed) for seed in (1, 2)]
     found = diagnosed(joint, runs, "elastic_drive drive_lag delay sensor_lag maxwell_element")
@@ -665,16 +628,12 @@ def test_a_formula_may_be_wrong_as_well_as_what_reads_its_value() -> None:
         gas = m.p.filled * 5e-3 / (5e-3 - m.x.oil)
         return {"oil": m.u.pump - m.p.throttle * m.u.valve * np.sqrt(gas)}, {"p": gas}
 
-    accumulator = Model(
-        "accumulator",
+    accumulator = machine(
         equations,
-        states=(State("oil", "m3", initial=1e-3),),
-        inputs=(Input("pump", "m3/s", lower=0.0), Input("valve", "1", lower=0.0, upper=1.0)),
-        outputs=(Output("p", "Pa"),),
-        parameters=(
-            Parameter("filled", "Pa", value=50e5, lower=20e5, upper=100e5, fitted=True),
-            Parameter("throttle", "m3/(s Pa^0.5)", value=2e-7, lower=1e-8, upper=1e-6, fitted=True),
-        ),
+        "oil m3 1e-3",
+        "pump m3/s 0, valve 1 0 1",
+        "p Pa",
+        "filled Pa 50e5 20e5 100e5, throttle m3/(s Pa^0.5) 2e-7 1e-8 1e-6",
     )
     runs = [_charged(seed) for seed in (1, 2)]
     verdict = diagnosed(accumulator, runs, "sensor_bend sensor_lag").verdict

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from tests.diagnosis.machine_data import recording
+from tests.machines import machine
 from workbench.diagnosis.reversed_columns import with_signs_tried
 from workbench.model import Input, Model, Output, Parameter, State
 from workbench.recordings import check_recording
@@ -71,19 +72,15 @@ def test_a_heater_that_answers_to_an_opened_door_is_not_reversed() -> None:
             lost = (28.5 if opened else 3.5) * (warmth - 295.0)
             warmth += 0.1 * (heat - lost) / 9500.0
     heater, chamber = np.array(rows).T
-    incubator = Model(
-        "incubator",
+    incubator = machine(
         lambda m: (
             {"warmth": (m.u.heater - m.p.loss * (m.x.warmth - 295.0)) / m.p.capacity},
             {"chamber": m.x.warmth},
         ),
-        states=(State("warmth", "K", 10.0, initial=310.0),),
-        inputs=(Input("heater", "W", lower=0.0),),
-        outputs=(Output("chamber", "K"),),
-        parameters=(
-            Parameter("loss", "W/K", value=3.0, lower=0.5, upper=10.0, fitted=True),
-            Parameter("capacity", "J/K", value=8000.0, lower=2000.0, upper=4e4, fitted=True),
-        ),
+        "warmth K 310 scale=10",
+        "heater W 0",
+        "chamber K",
+        "loss W/K 3 0.5 10, capacity J/K 8000 2000 4e4",
     )
     trial = recording("incubator", 5.0, {"heater [W]": heater}, {"chamber [K]": chamber})
     report = check_recording(trial, model=incubator)

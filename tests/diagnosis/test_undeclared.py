@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 
 from tests.diagnosis.machine_data import file, held, recording
 from tests.diagnosis.newcomers import oscillator
+from tests.machines import machine
 from workbench.arrays import Vector
 from workbench.diagnosis import undeclared
 from workbench.diagnosis.diagnose import diagnose
@@ -25,7 +26,7 @@ from workbench.diagnosis.problem import Problem, problem_of_files
 from workbench.diagnosis.second_search import View, where_none_is_declared
 from workbench.diagnosis.selection.held_out import over_floor
 from workbench.diagnosis.undeclared import as_coarse_as_recorded, opened, with_undeclared
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model import Input, Model, Output, Scope
 from workbench.model.trace import Equations
 from workbench.physics.library import LAWS, library
 from workbench.plants.servo_axis import servo_axis
@@ -188,12 +189,8 @@ def test_a_run_that_diverges_tells_nothing_of_noise(monkeypatch: pytest.MonkeyPa
 
 
 def _lag() -> Model:
-    return Model(
-        "lag",
-        lambda m: ({"x": 2.0 * (m.u.drive - m.x.x)}, {"x": m.x.x}),
-        states=(State("x", "m"),),
-        inputs=(Input("drive", "m"),),
-        outputs=(Output("x", "m"),),
+    return machine(
+        lambda m: ({"x": 2.0 * (m.u.drive - m.x.x)}, {"x": m.x.x}), "x m", "drive m", "x m"
     )
 
 
@@ -253,16 +250,13 @@ def _cell() -> Model:
         )
         return {"soc": m.u.current / m.p.capacity}, {"u": voltage}
 
-    return Model(
-        "cell",
+    return machine(
         equations,
-        states=(State("soc", "1", 0.5, initial=0.6, start_rms=0.2),),
-        inputs=(Input("current", "A", 2.0, lower=-10.0, upper=10.0),),
-        outputs=(Output("u", "V", 0.3, noise_rms=5e-4),),
-        parameters=(
-            Parameter("capacity", "A s", value=9000.0),
-            Parameter("r_0", "Ohm", value=0.03, lower=0.001, upper=0.3, fitted=True),
-        ),
+        "soc 1 0.6 scale=0.5 start_rms=0.2",
+        "current A -10 10 scale=2",
+        "u V 5e-4 scale=0.3",
+        "capacity A s 9000, r_0 Ohm 0.03 0.001 0.3",
+        name="cell",
     )
 
 
@@ -295,13 +289,7 @@ def test_what_opened_ports_add_stands_in_their_order_behind_a_port_of_the_author
         inside, wall = (80.0 * m.u.heater - passed) / 2e3, passed / 4e3
         return {"inside": inside, "wall": wall}, {"inside": m.x.inside}
 
-    room = Model(
-        "room",
-        equations,
-        states=(State("inside", "K"), State("wall", "K")),
-        inputs=(Input("heater", "1"),),
-        outputs=(Output("inside", "K"),),
-    ).opened()
+    room = machine(equations, "inside K, wall K", "heater 1", "inside K").opened()
     slopes = room.exact.function("by_port", room.exact.rates_by_port)
     columns = np.asarray(slopes(room.initial_state(), [0.0], [])).T
     of = dict(zip((q.name for q in room.ports), columns, strict=True))
@@ -319,12 +307,11 @@ def test_rates_that_the_ports_of_the_author_change_one_by_one_are_no_place_to_lo
         }
         return rates, {"inside": m.x.inside}
 
-    room = Model(
-        "room",
+    room = machine(
         equations,
-        states=(State("inside", "K", 5.0), State("wall", "K", 5.0), State("fan", "rad/s", 9.0)),
-        inputs=(Input("heater", "W", 100.0),),
-        outputs=(Output("inside", "K", 5.0, noise_rms=0.01),),
+        "inside K scale=5, wall K scale=5, fan rad/s scale=9",
+        "heater W scale=100",
+        "inside K 0.01 scale=5",
     )
     time = np.arange(200.0)
     heated = recording("heated", 1.0, {"heater [W]": 50.0 * np.sin(time)}, {"inside [K]": time})
@@ -486,16 +473,12 @@ def _lung() -> Model:
         flow = (m.u.pressure - m.p.stiffness * m.x.volume) / m.p.resistance
         return {"volume": flow}, {"flow": flow, "vol": m.x.volume}
 
-    return Model(
-        "lung",
+    return machine(
         equations,
-        states=(State("volume", "m3"),),
-        inputs=(Input("pressure", "Pa"),),
-        outputs=(Output("flow", "m3/s"), Output("vol", "m3")),
-        parameters=(
-            Parameter("stiffness", "Pa/m3", value=2e6, lower=5e5, upper=8e6, fitted=True),
-            Parameter("resistance", "Pa s/m3", value=1e6, lower=2e5, upper=5e6, fitted=True),
-        ),
+        "volume m3",
+        "pressure Pa",
+        "flow m3/s, vol m3",
+        "stiffness Pa/m3 2e6 5e5 8e6, resistance Pa s/m3 1e6 2e5 5e6",
     )
 
 
@@ -541,14 +524,7 @@ def test_a_slow_machine_lacks_nothing_beside_the_noise_of_what_it_is_given(follo
     def equations(m: Scope) -> Equations:
         return {"T": (m.u.inlet - m.x.T) / m.p.time}, {"T": m.x.T}
 
-    tank = Model(
-        "tank",
-        equations,
-        states=(State("T", "K", initial=340.0),),
-        inputs=(Input("inlet", "K"),),
-        outputs=(Output("T", "K"),),
-        parameters=(Parameter("time", "s", value=80.0, lower=10.0, upper=900.0, fitted=True),),
-    )
+    tank = machine(equations, "T K 340", "inlet K", "T K", "time s 80 10 900")
     random, time = np.random.default_rng(1), np.arange(1500.0)
     smooth, wrong = 350.0 + 8.0 * np.sin(time / 150.0), random.normal(0.0, 0.5, 1500)
     given, warm = smooth + followed * wrong, [340.0]

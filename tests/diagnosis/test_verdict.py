@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.example_diagnosis import example_diagnosis
+from tests.machines import machine
 from workbench.diagnosis.conclude import (
     _add_up,
     _along,
@@ -25,7 +26,7 @@ from workbench.diagnosis.conclude import (
 from workbench.diagnosis.selection.held_out import explained
 from workbench.diagnosis.selection.weights import Compared
 from workbench.diagnosis.verdict import SCHEMA, Finding, Value, Verdict
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model import Scope
 from workbench.model.trace import Equations
 from workbench.physics.friction import coulomb_friction
 from workbench.physics.library import library
@@ -95,13 +96,12 @@ def test_a_parameter_that_is_a_curve_is_told_along_it() -> None:
         braking = m.p.mu * m.u.pressure
         return {"speed": (m.u.effort - braking) / 4e4}, {"tacho": m.x.speed}
 
-    wagon = Model(
-        "wagon",
+    wagon = machine(
         equations,
-        states=(State("speed", "m/s", initial=10.0),),
-        inputs=(Input("effort", "N", upper=6e4), Input("pressure", "N", upper=4e5)),
-        outputs=(Output("tacho", "m/s", display_unit="km/h"),),
-        parameters=(Parameter("mu", "1", value=0.3, lower=0.05, upper=0.6, fitted=True),),
+        "speed m/s 10",
+        "effort N upper=6e4, pressure N upper=4e5",
+        "tacho m/s display_unit=km/h",
+        "mu 1 0.3 0.05 0.6",
     )
     seen = library(wagon, ranges={"speed": (5.0, 25.0)})
     (law,) = (h for h in seen if h.name == "parameter_curve_mu_over_speed")
@@ -117,16 +117,12 @@ def test_a_curve_is_told_along_the_scale_of_the_thermometer_that_reads_its_state
         braking = m.p.mu * m.u.push
         return {"w": -braking, "T": braking - m.x.T + 295.0}, {"tacho": m.x.w, "disc": m.x.T}
 
-    brake = Model(
-        "brake",
+    brake = machine(
         equations,
-        states=(State("w", "rad/s"), State("T", "K", initial=295.0)),
-        inputs=(Input("push", "N", upper=100.0),),
-        outputs=(
-            Output("tacho", "rad/s", display_unit="rpm"),
-            Output("disc", "K", display_unit="degC"),
-        ),
-        parameters=(Parameter("mu", "1", value=0.3, lower=-0.6, upper=0.6, fitted=True),),
+        "w rad/s, T K 295",
+        "push N upper=100",
+        "tacho rad/s display_unit=rpm, disc K display_unit=degC",
+        "mu 1 0.3 -0.6 0.6",
     )
     seen = library(brake, ranges={"T": (273.15, 473.15)})
     law = next(h for h in seen if h.name == "parameter_curve_mu_over_T")
@@ -139,13 +135,8 @@ def test_a_curve_over_several_signals_is_told_along_what_a_parameter_multiplies(
         grip = m.p.grip * (0.5 * m.x.drum - m.x.belt)
         return {"drum": m.u.drive - grip, "belt": 0.1 * grip}, {"belt": m.x.belt}
 
-    conveyor = Model(
-        "conveyor",
-        equations,
-        states=(State("drum", "rad/s"), State("belt", "m/s")),
-        inputs=(Input("drive", "rad/s2"),),
-        outputs=(Output("belt", "m/s"),),
-        parameters=(Parameter("grip", "1/s", value=10.0, lower=1.0, upper=100.0, fitted=True),),
+    conveyor = machine(
+        equations, "drum rad/s, belt m/s", "drive rad/s2", "belt m/s", "grip 1/s 10 1 100"
     )
     seen = library(conveyor, ranges={"argument of grip": (-0.05, 0.05)})
     law = next(h for h in seen if h.name == "parameter_curve_grip_over_argument")

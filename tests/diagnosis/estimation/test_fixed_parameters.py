@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from tests.machines import machine
 from workbench.diagnosis.estimation.fixed_parameters import (
     value_instead,
     with_fixed_refitted,
@@ -15,7 +16,7 @@ from workbench.diagnosis.estimation.fixed_parameters import (
 from workbench.diagnosis.estimation.made_up import made_up, pushes
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import extended_start, fit_with_process_noise
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.physics.friction import quadratic_drag
 from workbench.physics.library import library
@@ -71,16 +72,12 @@ def test_a_value_that_nobody_refits_is_told_where_an_effect_stands_for_it(fitted
     def equations(m: Scope) -> Equations:
         return {"i": (m.u.U - m.p.R * m.x.i) / m.p.L}, {"I": m.x.i}
 
-    coil = Model(
-        "coil",
+    coil = machine(
         equations,
-        states=(State("i", "A", 1.0),),
-        inputs=(Input("U", "V", 1.0),),
-        outputs=(Output("I", "A", 1.0, noise_rms=1e-3),),
-        parameters=(
-            Parameter("R", "ohm", value=1.0, lower=0.1, upper=9.0, fitted=True),
-            Parameter("L", "H", value=0.02, lower=2e-3, upper=0.2, fitted=fitted),
-        ),
+        "i A scale=1",
+        "U V scale=1",
+        "I A 1e-3 scale=1",
+        "R ohm 1 0.1 9, L H 0.02 2e-3 0.2",
     )
     law = next(e for e in library(coil) if e.name == "gain_i_rate")
     model = coil.with_effect(law.at_size(-0.1))
@@ -100,17 +97,12 @@ def test_what_all_else_scales_with_is_no_value_instead() -> None:
                        signals={"speed": m.x.speed})  # fmt: skip
         return {"speed": force / m.p.mass}, {"speed": m.x.speed}
 
-    body = Model(
-        "body",
+    body = machine(
         equations,
-        states=(State("speed", "m/s", 1.0),),
-        inputs=(Input("drive", "V", 1.0),),
-        outputs=(Output("speed", "m/s", 1.0, noise_rms=1e-3),),
-        parameters=(
-            Parameter("gain", "N/V", value=1.0, lower=0.1, upper=9.0, fitted=True),
-            Parameter("damping", "N s/m", value=0.5, lower=0.01, upper=5.0, fitted=True),
-            Parameter("mass", "kg", value=0.1),
-        ),
+        "speed m/s scale=1",
+        "drive V scale=1",
+        "speed m/s 1e-3 scale=1",
+        "gain N/V 1 0.1 9, damping N s/m 0.5 0.01 5, mass kg 0.1",
     )
     # Its sign would be chance.
     for size in (0.1, 0.2, 0.3, 0.4, 0.5, 0.6):

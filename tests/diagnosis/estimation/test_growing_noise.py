@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.machine_data import held, recording
+from tests.machines import machine
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import PredictionError
 from workbench.diagnosis.undeclared import with_undeclared
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.physics.library import library
 from workbench.recordings.checks.noise import growing_rms
@@ -28,16 +29,12 @@ def culture() -> Model:
         cells = m.x.cells
         return {"cells": (m.p.growth * m.u.light - m.p.death) * cells}, {"cells": cells}
 
-    return Model(
-        "culture",
+    return machine(
         equations,
-        states=(State("cells", "1", initial=50.0, lower=0.0),),
-        inputs=(Input("light", "1", lower=0.0, upper=1.0),),
-        outputs=(Output("cells", "1"),),
-        parameters=(
-            Parameter("growth", "1/s", value=3e-5, lower=1e-6, upper=1e-3, fitted=True),
-            Parameter("death", "1/s", value=1.2e-5, lower=1e-6, upper=1e-3, fitted=True),
-        ),
+        "cells 1 50 lower=0",
+        "light 1 0 1",
+        "cells 1",
+        "growth 1/s 3e-5 1e-6 1e-3, death 1/s 1.2e-5 1e-6 1e-3",
     )
 
 

@@ -9,12 +9,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tests.diagnosis.machine_data import recording
+from tests.machines import machine
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.growth import growth_along
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
-from workbench.model import Input, Model, Output, Parameter, State
+from workbench.model import Model
 from workbench.model.trace import Expression, Names
 from workbench.recordings.recording import Recording
 
@@ -29,15 +30,12 @@ def _strut(stiffness: float, hardening: float) -> Model:
         force = -m.p.stiffness * bend - hardening * bend**3 - DAMPING * speed + m.u.push
         return {"bend": speed, "speed": force}, {"bend": bend}
 
-    return Model(
-        "strut",
+    return machine(
         rates,
-        states=(State("bend", "m", 1.0, initial=1.0), State("speed", "m/s", 1.0)),
-        inputs=(Input("push", "N", 1.0),),
-        outputs=(Output("bend", "m", 1.0, noise_rms=1e-3),),
-        parameters=(
-            Parameter("stiffness", "N/m", value=stiffness, lower=-3.0, upper=3.0, fitted=True),
-        ),
+        "bend m 1 scale=1, speed m/s scale=1",
+        "push N scale=1",
+        "bend m 1e-3 scale=1",
+        f"stiffness N/m {stiffness} -3 3",
     )
 
 

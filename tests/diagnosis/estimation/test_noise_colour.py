@@ -12,6 +12,7 @@ from scipy.linalg import expm, toeplitz
 from scipy.signal import lfilter
 
 from tests.diagnosis.machine_data import recording
+from tests.machines import machine
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.noise_colour import (
     Leftover,
@@ -24,7 +25,7 @@ from workbench.diagnosis.estimation.prediction_error import PredictionError
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.start import fit_with_likely_starts
 from workbench.diagnosis.verdict import Verdict
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.physics.library import library
 from workbench.recordings.recording import Recording
@@ -47,17 +48,12 @@ def drum() -> Model:
             {"motor": m.x.motor, "drum": m.x.drum},
         )
 
-    return Model(
-        "drum",
+    return machine(
         equations,
-        states=(State("motor", "rad/s", 10.0), State("drum", "rad/s", 10.0)),
-        inputs=(Input("torque", "N m", 1.0, lower=-5.0, upper=5.0),),
-        outputs=(Output("motor", "rad/s"), Output("drum", "rad/s")),
-        parameters=(
-            Parameter("inertia", "kg m2", value=0.02, lower=0.005, upper=0.1, fitted=True),
-            Parameter("belt", "N m s/rad", value=0.1, lower=0.01, upper=1.0, fitted=True),
-            Parameter("drag", "N m s/rad", value=0.05, lower=0.005, upper=0.5, fitted=True),
-        ),
+        "motor rad/s scale=10, drum rad/s scale=10",
+        "torque N m -5 5 scale=1",
+        "motor rad/s, drum rad/s",
+        "inertia kg m2 0.02 0.005 0.1, belt N m s/rad 0.1 0.01 1, drag N m s/rad 0.05 0.005 0.5",
     )
 
 
@@ -190,13 +186,12 @@ def test_what_lasts_a_fifth_of_a_recording_is_no_noise() -> None:
     def equations(m: Scope) -> Equations:
         return {"level": m.u.flow - m.x.level / m.p.time}, {"level": m.x.level}
 
-    tank = Model(
-        "tank",
+    tank = machine(
         equations,
-        states=(State("level", "m", 1.0),),
-        inputs=(Input("flow", "m/s", 1e-2),),
-        outputs=(Output("level", "m", 1.0, noise_rms=0.1),),
-        parameters=(Parameter("time", "s", value=5e3, lower=1e3, upper=2e4, fitted=True),),
+        "level m scale=1",
+        "flow m/s scale=1e-2",
+        "level m 0.1 scale=1",
+        "time s 5e3 1e3 2e4",
     )
     rng, errors, read = np.random.default_rng(1), [], []
     for name in ("fit", "judge"):

@@ -9,6 +9,7 @@ import pytest
 from scipy.linalg import expm
 
 from tests.diagnosis.machine_data import recording
+from tests.machines import machine
 from workbench.diagnosis.estimation.filter import Steps, _exponential_of
 from workbench.diagnosis.estimation.made_up import made_up, made_up_axis
 from workbench.diagnosis.estimation.observe import observe
@@ -20,7 +21,7 @@ from workbench.diagnosis.estimation.prediction_error import (
     steps_along,
 )
 from workbench.errors import WorkbenchError
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.physics.stiffness import end_stop
 from workbench.plants.servo_axis import servo_axis
@@ -216,16 +217,12 @@ def _before_a_stop() -> Model:
         force = m.u.force - 2.0 * x.speed - 20.0 * (x.position - 0.02) + stop
         return {"position": x.speed, "speed": force / MASS}, {"position": x.position}
 
-    return Model(
-        "mass before a stop",
+    return machine(
         equations,
-        states=(State("position", "m", 0.05, initial=0.05), State("speed", "m/s", 1.0)),
-        inputs=(Input("force", "N", 10.0),),
-        outputs=(Output("position", "m", 0.05, noise_rms=NOISE),),
-        parameters=(
-            Parameter("stiffness", "N/m", value=STIFFNESS),
-            Parameter("damping", "N s/m", value=DAMPING),
-        ),
+        "position m 0.05 scale=0.05, speed m/s scale=1",
+        "force N scale=10",
+        f"position m {NOISE} scale=0.05",
+        f"stiffness N/m {STIFFNESS}, damping N s/m {DAMPING}",
     )
 
 

@@ -13,6 +13,7 @@ import pytest
 from tests.diagnosis.axis_case import diagnosed, observed
 from tests.diagnosis.machine_data import recording
 from tests.diagnosis.newcomers import levitation, maglev
+from tests.machines import machine
 from workbench.diagnosis.estimation import process_noise
 from workbench.diagnosis.estimation.made_up import made_up_axis
 from workbench.diagnosis.estimation.observe import observe
@@ -32,7 +33,7 @@ from workbench.diagnosis.estimation.start import fit_with_likely_starts
 from workbench.diagnosis.undeclared import with_undeclared
 from workbench.errors import NumericalError
 from workbench.evaluation.foreign.foreign_case import plan
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model import Scope
 from workbench.model.trace import Equations
 from workbench.physics.hysteresis import muscle_hysteresis
 from workbench.physics.library import library
@@ -64,16 +65,8 @@ def test_equations_that_leave_nothing_out_are_trusted_whatever_noise_makes_of_th
     def equations(m: Scope) -> Equations:
         return {"level": (m.u.inflow - m.p.valve * m.x.level) / m.p.area}, {"level": m.x.level}
 
-    tank = Model(
-        "tank",
-        equations,
-        states=(State("level", "m", initial=1.0),),
-        inputs=(Input("inflow", "m3/s", lower=0.0, upper=2.0),),
-        outputs=(Output("level", "m"),),
-        parameters=(
-            Parameter("valve", "m2/s", value=0.9, lower=0.1, upper=5.0, fitted=True),
-            Parameter("area", "m2", value=9.0, lower=1.0, upper=50.0, fitted=True),
-        ),
+    tank = machine(
+        equations, "level m 1", "inflow m3/s 0 2", "level m", "valve m2/s 0.9 0.1 5, area m2 9 1 50"
     )
     both = [filled(seed), filled(seed + 1)]
     told, _ = with_undeclared(tank, both)
@@ -224,13 +217,8 @@ def test_what_a_plant_leaves_at_best_whose_run_leaves_its_range() -> None:
     def rates(m: Scope) -> Equations:
         return {"x": m.u.speed + m.p.drift + 1e-9 * ca.log(1.0 - m.x.x)}, {"x": m.x.x}
 
-    plant = Model(
-        "slide",
-        rates,
-        states=(State("x", "m", 0.5),),
-        inputs=(Input("speed", "m/s", 0.4),),
-        outputs=(Output("x", "m", 0.5, noise_rms=1e-3),),
-        parameters=(Parameter("drift", "m/s", value=0.0, lower=-1.0, upper=1.0, fitted=True),),
+    plant = machine(
+        rates, "x m scale=0.5", "speed m/s scale=0.4", "x m 1e-3 scale=0.5", "drift m/s 0 -1 1"
     )
     time, random = 0.01 * np.arange(2000), np.random.default_rng(1)
     middle = np.cos(time + 0.005)

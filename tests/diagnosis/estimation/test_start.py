@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.machine_data import by_runge_kutta, recording
+from tests.machines import machine
 from workbench.diagnosis.estimation import start
 from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.made_up import made_up
@@ -21,7 +22,7 @@ from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, perfec
 from workbench.diagnosis.estimation.start import fit_with_likely_starts, fitted_start, likely_start
 from workbench.diagnosis.undeclared import with_undeclared
 from workbench.errors import WorkbenchError
-from workbench.model import Input, Model, Output, Parameter, State
+from workbench.model import Model
 from workbench.plants.cascaded_tanks import cascaded_tanks
 from workbench.simulation import simulate
 
@@ -72,25 +73,12 @@ def generator() -> Model:
         }
         return rates, {"power": power, "frequency": 50.0 + slip / 6.2832}
 
-    return Model(
-        "generator",
+    return machine(
         equations,
-        states=(
-            State("angle", "rad", initial=0.8),
-            State("slip", "rad/s"),
-            State("emf", "1", initial=1.1),
-        ),
-        inputs=(
-            Input("turbine", "1", lower=0.0, upper=1.0, nominal=0.6),
-            Input("field", "1", lower=0.0, upper=5.0, nominal=2.0),
-        ),
-        outputs=(Output("power", "1", noise_rms=1.5e-3), Output("frequency", "Hz", noise_rms=2e-3)),
-        parameters=(
-            Parameter("inertia", "s", value=3.0, lower=1.0, upper=10.0, fitted=True),
-            Parameter("damping", "1", value=5.0, lower=0.0, upper=60.0, fitted=True),
-            Parameter("line", "1", value=0.4, lower=0.1, upper=1.5, fitted=True),
-            Parameter("field_time", "s", value=6.0, lower=2.0, upper=15.0, fitted=True),
-        ),
+        "angle rad 0.8, slip rad/s, emf 1 1.1",
+        "turbine 1 0 1 0.6, field 1 0 5 2",
+        "power 1 1.5e-3, frequency Hz 2e-3",
+        "inertia s 3 1 10, damping 1 5 0 60, line 1 0.4 0.1 1.5, field_time s 6 2 15",
     )
 
 
@@ -158,16 +146,12 @@ def test_a_reading_tells_no_more_of_a_start_than_is_known_of_the_parameters_betw
         force = m.p.stiffness * (m.u.top - m.x.height) - m.p.damping * m.x.speed
         return {"height": m.x.speed, "speed": force / 800.0 - 9.81}, {"cell": force}
 
-    nominal = Model(
-        "rope",
+    nominal = machine(
         equations,
-        states=(State("height", "m", 1.0), State("speed", "m/s", 0.5)),
-        inputs=(Input("top", "m", 1.0),),
-        outputs=(Output("cell", "N", 8e3, noise_rms=12.0),),
-        parameters=(
-            Parameter("stiffness", "N/m", value=3e5, lower=3e4, upper=3e6, fitted=True),
-            Parameter("damping", "N s/m", value=1e3, lower=0.0, upper=1e4, fitted=True),
-        ),
+        "height m scale=1, speed m/s scale=0.5",
+        "top m scale=1",
+        "cell N 12 scale=8e3",
+        "stiffness N/m 3e5 3e4 3e6, damping N s/m 1e3 0 1e4",
     )
     k, d = 4.1e5, 1.9e3
     rng = np.random.default_rng(0)
@@ -215,12 +199,8 @@ def test_a_start_is_found_along_a_bend() -> None:
         voltage = 3.0 + 0.75 * m.x.charge + 0.45 * (1.0 - np.exp(-14.0 * m.x.charge))
         return {"charge": -m.u.current / 1e4}, {"voltage": voltage - 0.02 * m.u.current}
 
-    model = Model(
-        "cell",
-        cell,
-        states=(State("charge", "1", 1.0),),
-        inputs=(Input("current", "A", 1.0),),
-        outputs=(Output("voltage", "V", 1.0, noise_rms=1e-3),),
+    model = machine(
+        cell, "charge 1 scale=1", "current A scale=1", "voltage V 1e-3 scale=1", name="cell"
     )
     rest = np.zeros(50)
     read = rest + 3.0 + 0.75 * 0.8 + 0.45

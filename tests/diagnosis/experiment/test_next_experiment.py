@@ -9,6 +9,7 @@ import pytest
 
 from tests.diagnosis.axis_case import diagnosed, observed
 from tests.diagnosis.machine_data import recording
+from tests.machines import machine
 from workbench.diagnosis.estimation.filter import Innovations
 from workbench.diagnosis.estimation.made_up import made_up, pushes
 from workbench.diagnosis.estimation.observe import observe
@@ -25,7 +26,6 @@ from workbench.diagnosis.experiment.separation import (
     spread_after,
 )
 from workbench.errors import WorkbenchError
-from workbench.model import Input, Model, Output, State
 from workbench.physics.friction import quadratic_drag, viscous_friction
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
@@ -71,12 +71,11 @@ def test_the_menu_of_the_arm_stays_within_its_range() -> None:
 
 
 def test_the_menu_is_written_in_the_units_in_which_people_read_inputs_and_long_times() -> None:
-    plant = Model(
-        "heater",
+    plant = machine(
         lambda m: ({"warm": (m.u.power - m.x.warm) / 7200.0}, {"warm": m.x.warm}),
-        states=(State("warm", "K", 1.0),),
-        inputs=(Input("power", "1", 1.0, nominal=0.5, lower=0.0, upper=1.0, display_unit="%"),),
-        outputs=(Output("warm", "K", 1.0, noise_rms=0.01),),
+        "warm K scale=1",
+        "power 1 0 1 0.5 scale=1 display_unit=%",
+        "warm K 0.01 scale=1",
     )
     time = 360.0 * np.arange(400)
     power = 0.5 + 0.2 * np.sign(np.sin(time / 9000.0))
@@ -87,12 +86,11 @@ def test_the_menu_is_written_in_the_units_in_which_people_read_inputs_and_long_t
 
 
 def test_what_was_never_at_rest_moves_about_the_middle_of_what_was_recorded() -> None:
-    plant = Model(
-        "wash",
+    plant = machine(
         lambda m: ({"salt": (20.0 - m.u.flow * m.x.salt) / 50.0}, {"salt": m.x.salt}),
-        states=(State("salt", "kg/m3", 1.0),),
-        inputs=(Input("flow", "m3/s", lower=0.0),),
-        outputs=(Output("salt", "kg/m3", 1.0, noise_rms=0.01),),
+        "salt kg/m3 scale=1",
+        "flow m3/s 0",
+        "salt kg/m3 0.01 scale=1",
     )
     time = np.arange(400.0)
     flow = 4.0 + 2.0 * np.sign(np.sin(time / 20.0))
@@ -107,12 +105,11 @@ def test_what_was_never_at_rest_moves_about_the_middle_of_what_was_recorded() ->
 
 
 def test_what_goes_to_one_side_of_its_rest_stays_there() -> None:
-    plant = Model(
-        "brake",
+    plant = machine(
         lambda m: ({"speed": 2.0 - 0.1 * m.x.speed - m.u.push}, {"speed": m.x.speed}),
-        states=(State("speed", "rad/s", 1.0),),
-        inputs=(Input("push", "N"),),
-        outputs=(Output("speed", "rad/s", 1.0, noise_rms=0.01),),
+        "speed rad/s scale=1",
+        "push N",
+        "speed rad/s 0.01 scale=1",
     )
     time = 0.1 * np.arange(400)
     push = np.where(np.sin(time) > 0.5, 1.5, 0.0)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.machines import machine
 from workbench.diagnosis.location.isolability import isolability
 from workbench.diagnosis.location.structure import Structure, cut, structure_of
 from workbench.diagnosis.location.transfers import Transfers
 from workbench.errors import WorkbenchError
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.plants.arm import arm
 from workbench.plants.cascaded_tanks import cascaded_tanks
@@ -29,14 +30,7 @@ def two_tanks() -> Model:
         measurements = {n: m.port(f"{n}.reading", x[n], unit="1") for n in ("upper", "lower")}
         return {"upper": inflow - between, "lower": between - outflow}, measurements
 
-    return Model(
-        "two tanks",
-        equations,
-        states=(State("upper", "1"), State("lower", "1")),
-        inputs=(Input("pump", "1"),),
-        outputs=(Output("upper", "1"), Output("lower", "1")),
-        parameters=(Parameter("drain", "1/s", value=0.5),),
-    )
+    return machine(equations, "upper 1, lower 1", "pump 1", "upper 1, lower 1", "drain 1/s 0.5")
 
 
 def test_two_tanks_by_hand() -> None:
@@ -76,13 +70,7 @@ def test_equal_directions_are_joined_although_the_structure_differs() -> None:
         rates = {"x": one + two - m.x.x, "y": 2 * one + 2 * two - m.x.y}
         return rates, {"x": m.x.x, "y": m.x.y}
 
-    model = Model(
-        "twice",
-        equations,
-        states=(State("x", "1"), State("y", "1")),
-        inputs=(Input("push", "1"),),
-        outputs=(Output("x", "1"), Output("y", "1")),
-    )
+    model = machine(equations, "x 1, y 1", "push 1", "x 1, y 1")
     structure, _ = structure_of(cut(model), ("x", "y"))
     # Every output is read at a port of its own.
     assert {("a.one",), ("b.two",)} < set(structure.groups()[0])

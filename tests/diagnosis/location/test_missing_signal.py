@@ -9,6 +9,7 @@ import pytest
 
 from tests.diagnosis.axis_case import diagnosed
 from tests.diagnosis.example_diagnosis import shaken
+from tests.machines import machine
 from workbench.diagnosis.conclude import conclude
 from workbench.diagnosis.estimation.made_up import made_up
 from workbench.diagnosis.location.located_signal import _shown, added_at_ports, missing_signals
@@ -20,7 +21,6 @@ from workbench.diagnosis.location.missing_signal import (
     occurrence,
 )
 from workbench.diagnosis.location.unknown_input import unknown_input
-from workbench.model import Input, Model, Output, State
 from workbench.model.quantities import declared_unit
 from workbench.physics.braided_muscle import series_elasticity
 from workbench.plants.arm import arm
@@ -43,12 +43,11 @@ def _told(signal: Vector, std: float = 0.01) -> Occurrence:
 
 
 def test_a_declared_unit_is_told_and_a_difference_has_no_zero() -> None:
-    warm = Model(
-        "oven",
+    warm = machine(
         lambda m: ({"oven": m.u.oven / 1e3}, {"oven": m.x.oven}),
-        states=(State("oven", "K", initial=300.0),),
-        inputs=(Input("oven", "W", display_unit="kW", upper=5e3),),
-        outputs=(Output("oven", "K", display_unit="degC"),),
+        "oven K 300",
+        "oven W display_unit=kW upper=5e3",
+        "oven K display_unit=degC",
     )
     level, heat = 323.15 + 10.0 * ANGLE, np.where(ANGLE > 0.0, 3e3, 0.0)
     # A state and an input may have one name.

@@ -9,10 +9,11 @@ import pytest
 
 from tests.diagnosis.machine_data import held, recording
 from tests.diagnosis.newcomers import levels
+from tests.machines import machine
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.process_noise import extended_start, fit_with_process_noise
 from workbench.diagnosis.selection.moments import moments, with_own_moments
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.physics.library import library
 from workbench.recordings.recording import Recording
@@ -27,16 +28,12 @@ def driven() -> Model:
         pull = m.p.gain * m.u.drive - m.p.stiffness * m.x.position - 0.6 * m.x.speed
         return {"position": m.x.speed, "speed": pull}, {"position": m.x.position}
 
-    return Model(
-        "driven",
+    return machine(
         equations,
-        states=(State("position", "m"), State("speed", "m/s")),
-        inputs=(Input("drive", "N"),),
-        outputs=(Output("position", "m", noise_rms=1e-3),),
-        parameters=(
-            Parameter("gain", "1/kg", value=1.0, lower=0.1, upper=5.0, fitted=True),
-            Parameter("stiffness", "1/s2", value=30.0, lower=5.0, upper=90.0, fitted=True),
-        ),
+        "position m, speed m/s",
+        "drive N",
+        "position m 1e-3",
+        "gain 1/kg 1 0.1 5, stiffness 1/s2 30 5 90",
     )
 
 

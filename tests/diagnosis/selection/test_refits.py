@@ -15,6 +15,7 @@ import pytest
 from tests.diagnosis.axis_case import SAMPLE_TIME, diagnosed, excitation, positions
 from tests.diagnosis.machine_data import recording
 from tests.diagnosis.newcomers import damper, driven_carts, rubbed, two_carts
+from tests.machines import machine
 from workbench.diagnosis.estimation.made_up import made_up_axis
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import default_priors
@@ -41,7 +42,7 @@ from workbench.diagnosis.selection.rules import (
 from workbench.diagnosis.selection.score import Score, Scores, by_name, score_library
 from workbench.diagnosis.selection.selected import Accepted
 from workbench.diagnosis.selection.shortlist import shortlist, where
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model import Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.drift import offset_jump
 from workbench.physics.friction import coulomb_friction
@@ -628,13 +629,12 @@ def test_a_law_that_contends_is_refitted_with_the_trust_that_it_earns() -> None:
     def equations(m: Scope) -> Equations:
         return {"block": m.p.cooling * (m.u.jacket - m.x.block)}, {"block": m.x.block}
 
-    block = Model(
-        "block",
+    block = machine(
         equations,
-        states=(State("block", "K", 30.0, initial=320.0),),
-        inputs=(Input("jacket", "K", nominal=320.0),),
-        outputs=(Output("block", "K", noise_rms=0.05),),
-        parameters=(Parameter("cooling", "1/s", value=0.05, lower=0.01, upper=0.2, fitted=True),),
+        "block K 320 scale=30",
+        "jacket K nominal=320",
+        "block K 0.05",
+        "cooling 1/s 0.05 0.01 0.2",
     )
     rng, x, rows = np.random.default_rng(1), 320.0, []
     for jacket in np.repeat(rng.uniform(300.0, 400.0, 15), 40):
