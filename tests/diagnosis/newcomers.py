@@ -25,7 +25,7 @@ from workbench.diagnosis.selection import task
 from workbench.diagnosis.selection.held_out import over_noise
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.physics.library import Hypothesis, library
 from workbench.recordings.recording import Recording
@@ -134,16 +134,12 @@ def two_carts() -> Model:
             read[f"speed_{i}"] = m.port(f"speed_{i}.reading", speed, unit="m/s")
         return rates, read
 
-    return Model(
-        "two_carts",
+    return machine(
         equations,
-        states=(State("a", "m/s"), State("b", "m/s")),
-        inputs=(Input("a", "N", 5.0), Input("b", "N", 5.0)),
-        outputs=tuple(Output(f"speed_{i}", "m/s", noise_rms=1e-3) for i in (1, 2)),
-        parameters=(
-            Parameter("mass", "kg", value=1.1, lower=0.3, upper=3.0, fitted=True),
-            Parameter("damping", "N s/m", value=2.0, lower=0.1, upper=20.0, fitted=True),
-        ),
+        "a m/s, b m/s",
+        "a N scale=5, b N scale=5",
+        "speed_1 m/s 1e-3, speed_2 m/s 1e-3",
+        "mass kg 1.1 0.3 3, damping N s/m 2 0.1 20",
     )
 
 
@@ -615,20 +611,12 @@ def car() -> Model:
             {"yaw_rate": rate, "lateral": (front + rear) / 1500.0},
         )
 
-    return Model(
-        "car",
+    return machine(
         equations,
-        states=(State("slip", "rad"), State("yaw_rate", "rad/s")),
-        inputs=(
-            Input("steering", "rad", lower=-0.3, upper=0.3),
-            Input("speed", "m/s", lower=5.0, upper=50.0, nominal=20.0, commanded=False),
-        ),
-        outputs=(Output("yaw_rate", "rad/s"), Output("lateral", "m/s2")),
-        parameters=(
-            Parameter("inertia", "kg m2", value=2500.0, lower=500.0, upper=1e4, fitted=True),
-            Parameter("front", "N/rad", value=7e4, lower=1e4, upper=3e5, fitted=True),
-            Parameter("rear", "N/rad", value=8e4, lower=1e4, upper=3e5, fitted=True),
-        ),
+        "slip rad, yaw_rate rad/s",
+        "steering rad -0.3 0.3, speed m/s 5 50 20 commanded=0",
+        "yaw_rate rad/s, lateral m/s2",
+        "inertia kg m2 2500 500 1e4, front N/rad 7e4 1e4 3e5, rear N/rad 8e4 1e4 3e5",
     )
 
 

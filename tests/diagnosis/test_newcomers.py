@@ -63,7 +63,7 @@ from workbench.diagnosis.selection import refits
 from workbench.diagnosis.selection.selected import Selected
 from workbench.diagnosis.undeclared import with_undeclared
 from workbench.evaluation.foreign.foreign_case import plan
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model import Scope
 from workbench.model.trace import Equations
 from workbench.physics.library import library
 from workbench.physics.place import Survey
@@ -667,17 +667,12 @@ def test_a_sensor_that_stands_at_its_end_most_of_the_time_is_told(above: bool) -
         rates = {"upper": (m.u.pump - through) / 0.02, "lower": (through - out) / 0.02}
         return rates, {"upper": m.x.upper, "lower": m.x.lower}
 
-    outlet = Parameter("upper_outlet", "m2.5/s", value=3.4e-4, lower=1e-4, upper=8e-4, fitted=True)
-    tanks = Model(
-        "tanks",
+    tanks = machine(
         equations,
-        states=(State("upper", "m", 0.3), State("lower", "m", 0.3)),
-        inputs=(Input("pump", "m3/s", 2e-4),),
-        outputs=(
-            Output("upper", "m", 0.3, noise_rms=2e-4),
-            Output("lower", "m", 0.3, noise_rms=2e-4),
-        ),
-        parameters=(outlet, replace(outlet, name="lower_outlet")),
+        "upper m scale=0.3, lower m scale=0.3",
+        "pump m3/s scale=2e-4",
+        "upper m 2e-4 scale=0.3, lower m 2e-4 scale=0.3",
+        "upper_outlet m2.5/s 3.4e-4 1e-4 8e-4, lower_outlet m2.5/s 3.4e-4 1e-4 8e-4",
     )
     runs = [_two_tanks(seed, 0.3, above) for seed in (1, 2, 3)]
     found = diagnosed(tanks, runs, fit=2)

@@ -8,7 +8,7 @@ import numpy as np
 from tests.diagnosis.machine_data import recording
 from tests.machines import machine
 from workbench.diagnosis.reversed_columns import with_signs_tried
-from workbench.model import Input, Model, Output, Parameter, State
+from workbench.model import Model
 from workbench.recordings import check_recording
 
 NAMES = ("direct", "torque", "speed")
@@ -28,17 +28,9 @@ def motor() -> Model:
         raised = rates(x, (m.u.direct_V, m.u.torque_V), m.p.resistance)
         return dict(zip(NAMES, raised, strict=True)), dict(zip(NAMES, x, strict=True))
 
-    units = dict(zip(NAMES, ("A", "A", "rad/s"), strict=True))
-    return Model(
-        "motor",
-        equations,
-        states=tuple(State(n, units[n]) for n in NAMES),
-        inputs=(Input("direct_V", "V"), Input("torque_V", "V")),
-        outputs=tuple(Output(n, units[n]) for n in NAMES),
-        parameters=(
-            Parameter("resistance", "1/s", value=280.0, lower=100.0, upper=900.0, fitted=True),
-        ),
-    )
+    quantities = "direct A, torque A, speed rad/s"
+    voltages, resistance = "direct_V V, torque_V V", "resistance 1/s 280 100 900"
+    return machine(equations, quantities, voltages, quantities, resistance)
 
 
 def test_what_takes_a_coupling_away_is_not_reversed() -> None:

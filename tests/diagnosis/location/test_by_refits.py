@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.example_diagnosis import example_diagnosis, example_task
+from tests.machines import machine
 from workbench.diagnosis import diagnose as engine
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
 from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.selection.selected import Selected
 from workbench.errors import WorkbenchError
-from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.physics.library import library
 from workbench.recordings.recording import Recording
@@ -37,19 +38,12 @@ def _barrel(*, sheared: bool) -> Model:
             {"wall": m.x.wall, "melt": m.x.melt},
         )
 
-    heat, shear = Input("heat", "1", lower=0.0, upper=1.0), Input("shear", "W", 1e3)
-    guessed = {"wall_capacity": ("J/K", 20e3), "contact": ("W/K", 15.0)}
-    guessed["melt_capacity"] = ("J/K", 4e3)
-    return Model(
-        "barrel",
+    return machine(
         equations,
-        states=(State("wall", "K", 100.0), State("melt", "K", 100.0)),
-        inputs=(heat, shear) if sheared else (heat,),
-        outputs=tuple(Output(name, "K", 100.0, noise_rms=0.05) for name in ("wall", "melt")),
-        parameters=tuple(
-            Parameter(n, unit, value=v, lower=0.1 * v, upper=10.0 * v, fitted=True)
-            for n, (unit, v) in guessed.items()
-        ),
+        "wall K scale=100, melt K scale=100",
+        "heat 1 0 1, shear W scale=1e3" if sheared else "heat 1 0 1",
+        "wall K 0.05 scale=100, melt K 0.05 scale=100",
+        "wall_capacity J/K 20e3 2e3 2e5, contact W/K 15 1.5 150, melt_capacity J/K 4e3 400 4e4",
     )
 
 
