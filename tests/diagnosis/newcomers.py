@@ -186,14 +186,14 @@ def rubbed() -> list[Recording]:
 def hysteretic() -> Model:
     """A mass on a spring, with no size given to anything but the states."""
 
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         force = m.port(
             "mass.force",
             m.u.drive - m.p.stiffness * m.x.position - m.p.damping * m.x.speed,
             unit="N",
             signals={"position": m.x.position, "speed": m.x.speed},
         )
-        return {"position": m.x.speed, "speed": force / m.p.mass}, {"position": m.x.position}
+        return {"position": m.x.speed, "speed": force / m.p.mass}
 
     return machine(
         equations,
@@ -256,12 +256,9 @@ DAY = 86400.0
 def epidemic() -> Model:
     """Shares of a town that may fall ill and that are ill."""
 
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         new = m.p.contact * m.x.susceptible * m.x.infected
-        return (
-            {"susceptible": -new, "infected": new - m.p.recovery * m.x.infected + m.u.arrivals},
-            {"susceptible": m.x.susceptible, "infected": m.x.infected},
-        )
+        return {"susceptible": -new, "infected": new - m.p.recovery * m.x.infected + m.u.arrivals}
 
     return machine(
         equations,
@@ -291,9 +288,9 @@ def fallen_ill(seed: int) -> Recording:
 def resonator() -> Model:
     """A resonator of 100 kHz and some hundred nanometres, of whose input nothing is declared."""
 
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         force = m.p.gain * m.u.drive - m.p.damping * m.x.speed - m.p.stiffness * m.x.position
-        return {"position": m.x.speed, "speed": force / 1e-11}, {"position": m.x.position}
+        return {"position": m.x.speed, "speed": force / 1e-11}
 
     return machine(
         equations,
@@ -362,16 +359,13 @@ def rubbing() -> Diagnosis:
 def maglev() -> Model:
     """A steel ball under a coil, which falls or is caught without its controller."""
 
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         lift = m.p.lift * m.x.current**2 / m.x.gap**2
-        return (
-            {
-                "gap": m.x.speed,
-                "speed": 9.81 - lift / m.p.mass,
-                "current": (m.u.voltage - m.p.resistance * m.x.current) / m.p.inductance,
-            },
-            {"gap": m.x.gap, "current": m.x.current},
-        )
+        return {
+            "gap": m.x.speed,
+            "speed": 9.81 - lift / m.p.mass,
+            "current": (m.u.voltage - m.p.resistance * m.x.current) / m.p.inductance,
+        }
 
     return machine(
         equations,
@@ -419,20 +413,17 @@ def levitation(
 def crane() -> Model:
     """A trolley with a load on a rope, written down without a port of its own."""
 
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         s, c = ca.sin(m.x.angle), ca.cos(m.x.angle)
         pull = m.u.force - m.p.damping * m.x.speed
         pulled = m.p.load * s * (m.p.rope * m.x.swing**2 + 9.81 * c)
         rate = (pull + pulled) / (m.p.trolley + m.p.load * s**2)
-        return (
-            {
-                "position": m.x.speed,
-                "angle": m.x.swing,
-                "speed": rate,
-                "swing": (-rate * c - 9.81 * s) / m.p.rope - 0.1 * m.x.swing,
-            },
-            {"position": m.x.position, "angle": m.x.angle},
-        )
+        return {
+            "position": m.x.speed,
+            "angle": m.x.swing,
+            "speed": rate,
+            "swing": (-rate * c - 9.81 * s) / m.p.rope - 0.1 * m.x.swing,
+        }
 
     return machine(
         equations,
@@ -471,9 +462,9 @@ def transport(seed: int, *, friction: float = 0.0) -> Recording:
 def swing() -> Model:
     """A pendulum that swings out: nothing drives it."""
 
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         rate = -m.p.stiffness * ca.sin(m.x.angle) - m.p.damping * m.x.speed
-        return {"angle": m.x.speed, "speed": rate}, {"angle": m.x.angle}
+        return {"angle": m.x.speed, "speed": rate}
 
     return machine(
         equations,
@@ -499,20 +490,16 @@ def swinging_out(start: float) -> Recording:
 def drivetrain(gear: float = 1.0) -> Model:
     """A motor, a gear, an elastic shaft and a load, written down without a port of its own."""
 
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         twist = m.x.motor / m.p.gear - m.x.load
         slip = m.x.motor_speed / m.p.gear - m.x.load_speed
         shaft = m.p.stiffness * twist + m.p.damping * slip
-        return (
-            {
-                "motor": m.x.motor_speed,
-                "load": m.x.load_speed,
-                "motor_speed": (m.u.torque - shaft / m.p.gear - m.p.drag * m.x.motor_speed)
-                / m.p.rotor,
-                "load_speed": shaft / m.p.inertia,
-            },
-            {"motor": m.x.motor, "load": m.x.load},
-        )
+        return {
+            "motor": m.x.motor_speed,
+            "load": m.x.load_speed,
+            "motor_speed": (m.u.torque - shaft / m.p.gear - m.p.drag * m.x.motor_speed) / m.p.rotor,
+            "load_speed": shaft / m.p.inertia,
+        }
 
     return machine(
         equations,
@@ -554,9 +541,9 @@ def turned(
 def stage() -> Model:
     """A spring-guided stage on a voice coil, of which nobody declares sizes or ports."""
 
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         force = m.p.force * m.u.current - m.p.damping * m.x.speed - m.p.stiffness * m.x.position
-        return {"position": m.x.speed, "speed": force / m.p.mass}, {"position": m.x.position}
+        return {"position": m.x.speed, "speed": force / m.p.mass}
 
     return machine(
         equations,
@@ -649,15 +636,12 @@ def cornering(seed: int) -> Recording:
 def pipeline() -> Model:
     """A pump, a pipe, a vessel and a drain, as a newcomer writes them."""
 
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         lost = m.p.resistance * m.x.flow
-        return (
-            {
-                "flow": (m.u.pump - m.x.pressure - lost) / m.p.inertance,
-                "pressure": (m.x.flow - m.x.pressure * m.p.drain) / m.p.compliance,
-            },
-            {"pressure": m.x.pressure, "flow": m.x.flow},
-        )
+        return {
+            "flow": (m.u.pump - m.x.pressure - lost) / m.p.inertance,
+            "pressure": (m.x.flow - m.x.pressure * m.p.drain) / m.p.compliance,
+        }
 
     return machine(
         equations,

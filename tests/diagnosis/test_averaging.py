@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,9 +24,9 @@ GAIN, TIME_CONSTANT, NOISE = 2.0, 600.0, 0.05
 
 
 def _oven(time_constant: float = TIME_CONSTANT, noise: float = 0.0) -> Model:
-    def equations(m: Equations) -> tuple[dict[str, object], dict[str, object]]:
+    def equations(m: Equations) -> dict[str, Any]:
         rise = (m.p.gain * m.u.heater - m.x.warmth) / time_constant
-        return {"warmth": rise}, {"warmth": m.x.warmth}
+        return {"warmth": rise}
 
     return machine(
         equations,

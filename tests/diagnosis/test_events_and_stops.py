@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +23,6 @@ from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.selected import Accepted, Selected
 from workbench.diagnosis.stages import Diagnosis
 from workbench.model import Model, Scope
-from workbench.model.trace import Equations
 from workbench.physics.library import library
 from workbench.physics.place import Survey, term_of
 from workbench.plants.servo_axis import servo_axis
@@ -75,11 +75,11 @@ def test_what_acts_for_a_while_is_told_with_its_ends() -> None:
 def kiln() -> Model:
     """A kiln, its heater and what it holds; the temperature of the heater is not measured."""
 
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         given = m.p.exchange * (m.x.heater - m.x.load)
         heater = 6000.0 * m.u.part - given
         load = given - m.p.loss * (m.x.load - 293.0)
-        return {"heater": heater / m.p.c_heater, "load": load / m.p.c_load}, {"load": m.x.load}
+        return {"heater": heater / m.p.c_heater, "load": load / m.p.c_load}
 
     return machine(
         equations,
@@ -141,9 +141,9 @@ def test_a_stop_that_nobody_modelled_is_named(both: bool) -> None:
 def cooled() -> Model:
     """A heated block that a fan cools."""
 
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         lost = (m.p.still + m.p.blown * m.u.fan) * (m.x.block - 298.0)
-        return {"block": (m.u.power - lost) / 450.0}, {"block": m.x.block}
+        return {"block": (m.u.power - lost) / 450.0}
 
     return machine(
         equations,
@@ -176,19 +176,16 @@ def test_a_threshold_that_a_parameter_takes_over_at_first_is_found() -> None:
 
 
 def test_each_torque_of_a_robot_works_on_its_own_joint() -> None:
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         cross = m.p.inner + m.p.coupling * cos(m.x.elbow)
         first, second = m.p.outer + 2.0 * m.p.coupling * cos(m.x.elbow), m.p.inner
         det = first * second - cross**2
-        return (
-            {
-                "shoulder": m.x.shoulder_speed,
-                "elbow": m.x.elbow_speed,
-                "shoulder_speed": (second * m.u.hip - cross * m.u.knee) / det,
-                "elbow_speed": (first * m.u.knee - cross * m.u.hip) / det,
-            },
-            {"shoulder": m.x.shoulder, "elbow": m.x.elbow},
-        )
+        return {
+            "shoulder": m.x.shoulder_speed,
+            "elbow": m.x.elbow_speed,
+            "shoulder_speed": (second * m.u.hip - cross * m.u.knee) / det,
+            "elbow_speed": (first * m.u.knee - cross * m.u.hip) / det,
+        }
 
     robot = machine(
         equations,
@@ -204,10 +201,10 @@ def test_each_torque_of_a_robot_works_on_its_own_joint() -> None:
 
 
 def test_terms_that_balance_tell_how_large_a_law_may_be() -> None:
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         force = 2e-3 * m.x.pressure - 5e5 * m.x.ram - 9e3 * m.x.speed
         flow = 1e9 * (m.u.flow - 2e-3 * m.x.speed)
-        return {"ram": m.x.speed, "speed": force / 80.0, "pressure": flow}, {"ram": m.x.ram}
+        return {"ram": m.x.speed, "speed": force / 80.0, "pressure": flow}
 
     press = machine(equations, "ram m, speed m/s, pressure Pa", "flow m3/s scale=1e-4", "ram m")
     seen = {"speed.rate": (-2.0, 2.0), "pressure.rate": (-1e7, 1e7)}
@@ -235,9 +232,9 @@ def test_what_repeats_is_named_with_its_phase_in_each_recording(square: bool) ->
     assert flatness > 50.0 if square else flatness < 0.1
 
 
-def _web(m: Scope) -> Equations:
+def _web(m: Scope) -> dict[str, Any]:
     drawn = m.p.stiffness * (m.u.draw - m.u.unwind) - m.u.draw * m.x.tension
-    return {"tension": drawn / 4.0}, {"tension": m.x.tension}
+    return {"tension": drawn / 4.0}
 
 
 def _rolled_off(number: int) -> Recording:

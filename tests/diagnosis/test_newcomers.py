@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -222,11 +223,9 @@ def test_steps_of_the_filter_follow_where_a_recording_leads() -> None:
 
 
 def test_states_beyond_the_range_of_the_equations_ask_for_no_steps() -> None:
-    def equations(m: Equations) -> tuple[dict[str, object], dict[str, object]]:
+    def equations(m: Equations) -> dict[str, Any]:
         reaction = 1.2e9 * np.exp(-8750.0 / m.x.warmth)
-        return {"warmth": 50.0 * reaction + 1e-2 * (m.u.inflow - m.x.warmth)}, {
-            "warmth": m.x.warmth
-        }
+        return {"warmth": 50.0 * reaction + 1e-2 * (m.u.inflow - m.x.warmth)}
 
     reactor = machine(equations, "warmth K 300 scale=10", "inflow K scale=10", "warmth K scale=10")
     # Below zero absolute the exponential has no bound.
@@ -348,7 +347,7 @@ def test_a_curve_that_is_an_s_is_refitted_to_its_shape(width: float) -> None:
                 current += 5e-4 * (v - current) / henry
         runs.append(recording(f"run {seed}", 0.01, {"v [V]": volts}, {"i [A]": read}))
     choke = machine(
-        lambda m: ({"i": (m.u.v - m.p.ohm * m.x.i) / m.p.henry}, {"i": m.x.i}),
+        lambda m: {"i": (m.u.v - m.p.ohm * m.x.i) / m.p.henry},
         "i A",
         "v V",
         "i A 0.01",
@@ -398,11 +397,11 @@ def test_equations_of_a_fast_machine_are_trusted_as_far_as_they_go() -> None:
         force: Callable[[float, float], float] = lambda x, v: -1.3e5 * x - 1.5 * v  # noqa: E731
         runs.append(recorded(3e-3, force, drive, 5e-5, 1e-6, seed=seed))
 
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         spring = m.p.stiffness * m.x.position + m.p.damping * m.x.speed
         signals = {"position": m.x.position, "speed": m.x.speed}
         force = m.port("stage.force", m.p.gain * m.u.drive - spring, unit="N", signals=signals)
-        return {"position": m.x.speed, "speed": force / 3e-3}, {"position": m.x.position}
+        return {"position": m.x.speed, "speed": force / 3e-3}
 
     stage = machine(
         equations,
@@ -458,9 +457,9 @@ def test_a_curve_over_what_it_multiplies_is_that_of_a_plain_sum() -> None:
 
 
 def test_one_side_of_a_command_is_weaker_before_an_actuator_that_saturates() -> None:
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         driven = m.p.gain * ca.tanh(m.u.command / 4.0)
-        return {"speed": (driven - m.x.speed) / m.p.tau}, {"speed": m.x.speed}
+        return {"speed": (driven - m.x.speed) / m.p.tau}
 
     fan = machine(
         equations,
@@ -487,9 +486,9 @@ def test_one_side_of_a_command_is_weaker_before_an_actuator_that_saturates() -> 
 
 
 def test_a_control_valve_that_sticks_is_told_with_its_band() -> None:
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         out = m.p.outflow * ca.sqrt(ca.fmax(m.x.level, 1e-6))
-        return {"level": 2.0 * (m.p.inflow * m.u.valve - out)}, {"level": m.x.level}
+        return {"level": 2.0 * (m.p.inflow * m.u.valve - out)}
 
     tank = machine(
         equations,
@@ -561,10 +560,7 @@ def _winding(seed: int) -> Recording:
 
 def test_what_drops_with_the_direction_of_a_current_is_named_without_a_port() -> None:
     coil = machine(
-        lambda m: (
-            {"current": (m.u.voltage - m.p.ohms * m.x.current) / m.p.henries},
-            {"current": m.x.current},
-        ),
+        lambda m: {"current": (m.u.voltage - m.p.ohms * m.x.current) / m.p.henries},
         "current A",
         "voltage V",
         "current A",
@@ -592,10 +588,7 @@ def _joint(seed: int) -> Recording:
 
 def test_a_joint_that_gives_is_two_bodies_and_a_spring() -> None:
     joint = machine(
-        lambda m: (
-            {"angle": m.x.speed, "speed": (m.u.torque - m.p.rub * m.x.speed) / m.p.inertia},
-            {"angle": m.x.angle},
-        ),
+        lambda m: {"angle": m.x.speed, "speed": (m.u.torque - m.p.rub * m.x.speed) / m.p.inertia},
         "angle rad, speed rad/s",
         "torque N m",
         "angle rad",
@@ -661,11 +654,10 @@ def _two_tanks(seed: int, end: float, above: bool) -> Recording:
 
 @pytest.mark.parametrize("above", [True, False])
 def test_a_sensor_that_stands_at_its_end_most_of_the_time_is_told(above: bool) -> None:
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         through = m.p.upper_outlet * ca.sqrt(ca.fmax(m.x.upper, 1e-6))
         out = m.p.lower_outlet * ca.sqrt(ca.fmax(m.x.lower, 1e-6))
-        rates = {"upper": (m.u.pump - through) / 0.02, "lower": (through - out) / 0.02}
-        return rates, {"upper": m.x.upper, "lower": m.x.lower}
+        return {"upper": (m.u.pump - through) / 0.02, "lower": (through - out) / 0.02}
 
     tanks = machine(
         equations,

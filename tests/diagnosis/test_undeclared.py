@@ -189,9 +189,7 @@ def test_a_run_that_diverges_tells_nothing_of_noise(monkeypatch: pytest.MonkeyPa
 
 
 def _lag() -> Model:
-    return machine(
-        lambda m: ({"x": 2.0 * (m.u.drive - m.x.x)}, {"x": m.x.x}), "x m", "drive m", "x m"
-    )
+    return machine(lambda m: {"x": 2.0 * (m.u.drive - m.x.x)}, "x m", "drive m", "x m")
 
 
 def _lagging(steps: Vector, error: Callable[[np.random.Generator], float]) -> Recording:
@@ -284,10 +282,10 @@ def test_ports_beside_those_of_the_author_stand_at_inputs_and_rates_that_none_ca
 
 
 def test_what_opened_ports_add_stands_in_their_order_behind_a_port_of_the_author() -> None:
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         passed = m.port("wall.heat", 5.0 * (m.x.inside - m.x.wall), unit="W")
         inside, wall = (80.0 * m.u.heater - passed) / 2e3, passed / 4e3
-        return {"inside": inside, "wall": wall}, {"inside": m.x.inside}
+        return {"inside": inside, "wall": wall}
 
     room = machine(equations, "inside K, wall K", "heater 1", "inside K").opened()
     slopes = room.exact.function("by_port", room.exact.rates_by_port)
@@ -298,14 +296,13 @@ def test_what_opened_ports_add_stands_in_their_order_behind_a_port_of_the_author
 
 
 def test_rates_that_the_ports_of_the_author_change_one_by_one_are_no_place_to_look_at() -> None:
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         passed = m.port("wall.heat", 5.0 * (m.x.inside - m.x.wall), unit="W")
-        rates = {
+        return {
             "inside": (m.u.heater - passed) / 4e3,
             "wall": (passed - 2.0 * m.x.wall) / 1e4,
             "fan": m.port("fan.torque", -0.1 * m.x.fan, unit="N m") + 0.3 * m.x.fan,
         }
-        return rates, {"inside": m.x.inside}
 
     room = machine(
         equations,
@@ -521,10 +518,13 @@ def test_what_a_meter_reads_wrong_moves_the_model_and_not_the_machine(
 
 @pytest.mark.parametrize("followed", [False, True])
 def test_a_slow_machine_lacks_nothing_beside_the_noise_of_what_it_is_given(followed: bool) -> None:
-    def equations(m: Scope) -> Equations:
-        return {"T": (m.u.inlet - m.x.T) / m.p.time}, {"T": m.x.T}
-
-    tank = machine(equations, "T K 340", "inlet K", "T K", "time s 80 10 900")
+    tank = machine(
+        lambda m: {"T": (m.u.inlet - m.x.T) / m.p.time},
+        "T K 340",
+        "inlet K",
+        "T K",
+        "time s 80 10 900",
+    )
     random, time = np.random.default_rng(1), np.arange(1500.0)
     smooth, wrong = 350.0 + 8.0 * np.sin(time / 150.0), random.normal(0.0, 0.5, 1500)
     given, warm = smooth + followed * wrong, [340.0]

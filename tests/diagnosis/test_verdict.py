@@ -6,6 +6,7 @@ import json
 import math
 import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -131,9 +132,9 @@ def test_a_curve_is_told_along_the_scale_of_the_thermometer_that_reads_its_state
 
 
 def test_a_curve_over_several_signals_is_told_along_what_a_parameter_multiplies() -> None:
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         grip = m.p.grip * (0.5 * m.x.drum - m.x.belt)
-        return {"drum": m.u.drive - grip, "belt": 0.1 * grip}, {"belt": m.x.belt}
+        return {"drum": m.u.drive - grip, "belt": 0.1 * grip}
 
     conveyor = machine(
         equations, "drum rad/s, belt m/s", "drive rad/s2", "belt m/s", "grip 1/s 10 1 100"

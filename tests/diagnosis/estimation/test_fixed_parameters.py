@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -17,7 +18,6 @@ from workbench.diagnosis.estimation.made_up import made_up, pushes
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import extended_start, fit_with_process_noise
 from workbench.model import Model, Scope
-from workbench.model.trace import Equations
 from workbench.physics.friction import quadratic_drag
 from workbench.physics.library import library
 from workbench.physics.offset_gain import gain
@@ -69,11 +69,8 @@ def test_what_was_held_is_refitted_at_the_end_where_unseen_recordings_agree() ->
 
 @pytest.mark.parametrize("fitted", [False, True])
 def test_a_value_that_nobody_refits_is_told_where_an_effect_stands_for_it(fitted: bool) -> None:
-    def equations(m: Scope) -> Equations:
-        return {"i": (m.u.U - m.p.R * m.x.i) / m.p.L}, {"I": m.x.i}
-
     coil = machine(
-        equations,
+        lambda m: ({"i": (m.u.U - m.p.R * m.x.i) / m.p.L}, {"I": m.x.i}),
         "i A scale=1",
         "U V scale=1",
         "I A 1e-3 scale=1",
@@ -92,10 +89,10 @@ def test_a_value_that_nobody_refits_is_told_where_an_effect_stands_for_it(fitted
 
 
 def test_what_all_else_scales_with_is_no_value_instead() -> None:
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         force = m.port("body.force", m.p.gain * m.u.drive - m.p.damping * m.x.speed, unit="N",
                        signals={"speed": m.x.speed})  # fmt: skip
-        return {"speed": force / m.p.mass}, {"speed": m.x.speed}
+        return {"speed": force / m.p.mass}
 
     body = machine(
         equations,

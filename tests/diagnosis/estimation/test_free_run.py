@@ -11,7 +11,6 @@ from tests.machines import machine
 from workbench.diagnosis.estimation.free_run import free_run, free_runs
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.errors import WorkbenchError
-from workbench.model.trace import Expression, Names
 from workbench.physics.friction import viscous_friction
 from workbench.plants.servo_axis import servo_axis
 
@@ -102,10 +101,12 @@ def test_pieces_run_together_as_each_does_alone() -> None:
 
 
 def test_a_piece_that_a_model_cannot_follow_does_not_spoil_the_others() -> None:
-    def rates(m: Names) -> tuple[dict[str, Expression], dict[str, Expression]]:
-        return {"position": m.u.force * m.x.position**2}, {"position": m.x.position}
-
-    escape = machine(rates, "position m scale=1", "force N scale=1", "position m scale=1")
+    escape = machine(
+        lambda m: {"position": m.u.force * m.x.position**2},
+        "position m scale=1",
+        "force N scale=1",
+        "position m scale=1",
+    )
     # dx/dt = x^2 from 1 is infinite after 1 s.
     start, known = np.ones(1), np.zeros(1)
     calm, lost = (

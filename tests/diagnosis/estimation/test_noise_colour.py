@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -26,7 +27,6 @@ from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.start import fit_with_likely_starts
 from workbench.diagnosis.verdict import Verdict
 from workbench.model import Model, Scope
-from workbench.model.trace import Equations
 from workbench.physics.library import library
 from workbench.recordings.recording import Recording
 from workbench.simulation.equations import _library as built_before
@@ -38,15 +38,12 @@ INTERVAL, SAMPLES = 0.02, 1500
 def drum() -> Model:
     """A drum on a belt drive: two speeds, one torque, nothing declared of the sensors."""
 
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         belt = m.p.belt * (m.x.motor - m.x.drum)
-        return (
-            {
-                "motor": (m.u.torque - belt - m.p.drag * m.x.motor) / m.p.inertia,
-                "drum": belt / 0.05,
-            },
-            {"motor": m.x.motor, "drum": m.x.drum},
-        )
+        return {
+            "motor": (m.u.torque - belt - m.p.drag * m.x.motor) / m.p.inertia,
+            "drum": belt / 0.05,
+        }
 
     return machine(
         equations,
@@ -183,11 +180,8 @@ def test_what_lasts_as_long_as_a_response_is_no_noise() -> None:
 
 
 def test_what_lasts_a_fifth_of_a_recording_is_no_noise() -> None:
-    def equations(m: Scope) -> Equations:
-        return {"level": m.u.flow - m.x.level / m.p.time}, {"level": m.x.level}
-
     tank = machine(
-        equations,
+        lambda m: {"level": m.u.flow - m.x.level / m.p.time},
         "level m scale=1",
         "flow m/s scale=1e-2",
         "level m 0.1 scale=1",

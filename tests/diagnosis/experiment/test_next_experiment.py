@@ -72,7 +72,7 @@ def test_the_menu_of_the_arm_stays_within_its_range() -> None:
 
 def test_the_menu_is_written_in_the_units_in_which_people_read_inputs_and_long_times() -> None:
     plant = machine(
-        lambda m: ({"warm": (m.u.power - m.x.warm) / 7200.0}, {"warm": m.x.warm}),
+        lambda m: {"warm": (m.u.power - m.x.warm) / 7200.0},
         "warm K scale=1",
         "power 1 0 1 0.5 scale=1 display_unit=%",
         "warm K 0.01 scale=1",
@@ -87,7 +87,7 @@ def test_the_menu_is_written_in_the_units_in_which_people_read_inputs_and_long_t
 
 def test_what_was_never_at_rest_moves_about_the_middle_of_what_was_recorded() -> None:
     plant = machine(
-        lambda m: ({"salt": (20.0 - m.u.flow * m.x.salt) / 50.0}, {"salt": m.x.salt}),
+        lambda m: {"salt": (20.0 - m.u.flow * m.x.salt) / 50.0},
         "salt kg/m3 scale=1",
         "flow m3/s 0",
         "salt kg/m3 0.01 scale=1",
@@ -106,7 +106,7 @@ def test_what_was_never_at_rest_moves_about_the_middle_of_what_was_recorded() ->
 
 def test_what_goes_to_one_side_of_its_rest_stays_there() -> None:
     plant = machine(
-        lambda m: ({"speed": 2.0 - 0.1 * m.x.speed - m.u.push}, {"speed": m.x.speed}),
+        lambda m: {"speed": 2.0 - 0.1 * m.x.speed - m.u.push},
         "speed rad/s scale=1",
         "push N",
         "speed rad/s 0.01 scale=1",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 from unittest.mock import Mock
 
 import numpy as np
@@ -17,7 +18,6 @@ from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.selection.selected import Selected
 from workbench.errors import WorkbenchError
 from workbench.model import Model, Scope
-from workbench.model.trace import Equations
 from workbench.physics.library import library
 from workbench.recordings.recording import Recording
 
@@ -27,16 +27,13 @@ TRUE = {"wall_capacity": 26e3, "contact": 22.0, "melt_capacity": 3200.0}
 def _barrel(*, sheared: bool) -> Model:
     """Return a heated wall and the melt in it, which a screw may shear."""
 
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         given = m.p.contact * (m.x.wall - m.x.melt)
         shear = m.u.shear if sheared else 0.0
-        return (
-            {
-                "wall": (3e3 * m.u.heat - given - 5.0 * m.x.wall) / m.p.wall_capacity,
-                "melt": (given + shear) / m.p.melt_capacity - 2e-3 * m.x.melt,
-            },
-            {"wall": m.x.wall, "melt": m.x.melt},
-        )
+        return {
+            "wall": (3e3 * m.u.heat - given - 5.0 * m.x.wall) / m.p.wall_capacity,
+            "melt": (given + shear) / m.p.melt_capacity - 2e-3 * m.x.melt,
+        }
 
     return machine(
         equations,

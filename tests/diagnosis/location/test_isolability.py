@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -64,11 +66,10 @@ def test_a_meter_splits_what_a_level_cannot() -> None:
 
 
 def test_equal_directions_are_joined_although_the_structure_differs() -> None:
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         one = m.port("a.one", m.u.push, unit="1")
         two = m.port("b.two", 0.0 * m.u.push, unit="1")
-        rates = {"x": one + two - m.x.x, "y": 2 * one + 2 * two - m.x.y}
-        return rates, {"x": m.x.x, "y": m.x.y}
+        return {"x": one + two - m.x.x, "y": 2 * one + 2 * two - m.x.y}
 
     model = machine(equations, "x 1, y 1", "push 1", "x 1, y 1")
     structure, _ = structure_of(cut(model), ("x", "y"))

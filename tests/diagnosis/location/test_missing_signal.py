@@ -44,7 +44,7 @@ def _told(signal: Vector, std: float = 0.01) -> Occurrence:
 
 def test_a_declared_unit_is_told_and_a_difference_has_no_zero() -> None:
     warm = machine(
-        lambda m: ({"oven": m.u.oven / 1e3}, {"oven": m.x.oven}),
+        lambda m: {"oven": m.u.oven / 1e3},
         "oven K 300",
         "oven W display_unit=kW upper=5e3",
         "oven K display_unit=degC",

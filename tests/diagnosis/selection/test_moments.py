@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,6 @@ from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.process_noise import extended_start, fit_with_process_noise
 from workbench.diagnosis.selection.moments import moments, with_own_moments
 from workbench.model import Model, Scope
-from workbench.model.trace import Equations
 from workbench.physics.library import library
 from workbench.recordings.recording import Recording
 
@@ -24,9 +24,9 @@ STEP, SAMPLES = 0.02, 600
 def driven() -> Model:
     """A damped oscillator with a drive of some gain."""
 
-    def equations(m: Scope) -> Equations:
+    def equations(m: Scope) -> dict[str, Any]:
         pull = m.p.gain * m.u.drive - m.p.stiffness * m.x.position - 0.6 * m.x.speed
-        return {"position": m.x.speed, "speed": pull}, {"position": m.x.position}
+        return {"position": m.x.speed, "speed": pull}
 
     return machine(
         equations,

@@ -42,8 +42,7 @@ from workbench.diagnosis.selection.rules import (
 from workbench.diagnosis.selection.score import Score, Scores, by_name, score_library
 from workbench.diagnosis.selection.selected import Accepted
 from workbench.diagnosis.selection.shortlist import shortlist, where
-from workbench.model import Scope, State
-from workbench.model.trace import Equations
+from workbench.model import State
 from workbench.physics.drift import offset_jump
 from workbench.physics.friction import coulomb_friction
 from workbench.physics.hypothesis import Hypothesis
@@ -626,11 +625,8 @@ def test_what_acts_at_one_of_a_pair_is_told_from_what_acts_at_both() -> None:
 def test_a_law_that_contends_is_refitted_with_the_trust_that_it_earns() -> None:
     """Its first refit ends where steps gain little; what loses from the start stays as it was."""
 
-    def equations(m: Scope) -> Equations:
-        return {"block": m.p.cooling * (m.u.jacket - m.x.block)}, {"block": m.x.block}
-
     block = machine(
-        equations,
+        lambda m: {"block": m.p.cooling * (m.u.jacket - m.x.block)},
         "block K 320 scale=30",
         "jacket K nominal=320",
         "block K 0.05",
