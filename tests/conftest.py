@@ -6,6 +6,7 @@ import os
 import shlex
 import shutil
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 # Each worker stays on one core: nested threads only compete with the other workers. NumPy counts
@@ -34,6 +35,22 @@ def pytest_configure(config: pytest.Config) -> None:
 def rng() -> np.random.Generator:
     """Random numbers that are the same in every run."""
     return np.random.default_rng(20260101)
+
+
+@pytest.fixture
+def forgotten() -> Iterator[None]:
+    """Which compiler there is, and what it has built, is found anew before and after."""
+    from controllers.quadratic_program.compiled import solver_library
+    from controllers.quadratic_program.solver import quadratic_program
+    from workbench.work.machine_code import compiler
+
+    def forget() -> None:
+        for cache in (compiler, solver_library, quadratic_program):
+            cache.cache_clear()
+
+    forget()
+    yield
+    forget()
 
 
 @pytest.fixture

@@ -103,17 +103,14 @@ def test_a_damaged_library_is_built_again(tmp_path: Path, monkeypatch: pytest.Mo
     assert since(before)["compilations"] == 0
 
 
+@pytest.mark.usefixtures("forgotten")
 def test_a_compiler_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("WORKBENCH_CC", "no-such-compiler")
-    compiler.cache_clear()
-    try:
-        with pytest.raises(WorkbenchError, match="'no-such-compiler'"):
-            compiler()
-    finally:
-        monkeypatch.undo()
-        compiler.cache_clear()
+    with pytest.raises(WorkbenchError, match="'no-such-compiler'"):
+        compiler()
 
 
+@pytest.mark.usefixtures("forgotten")
 def test_a_compiler_that_fails_leaves_the_interpreter(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -122,12 +119,7 @@ def test_a_compiler_that_fails_leaves_the_interpreter(
     broken.chmod(0o755)
     monkeypatch.setenv("WORKBENCH_CC", str(broken))
     monkeypatch.setenv("WORKBENCH_CACHE", str(tmp_path))
-    compiler.cache_clear()
     x = ca.SX.sym("x")
-    try:
-        with pytest.warns(RuntimeWarning, match="could not build it: broken"):
-            function = compiled(ca.Function("f", [x], [x + 1.0]))
-        assert float(function(1.0)) == 2.0
-    finally:
-        monkeypatch.undo()
-        compiler.cache_clear()
+    with pytest.warns(RuntimeWarning, match="could not build it: broken"):
+        function = compiled(ca.Function("f", [x], [x + 1.0]))
+    assert float(function(1.0)) == 2.0

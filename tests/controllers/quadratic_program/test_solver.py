@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -20,7 +18,6 @@ from controllers.quadratic_program.solver import (
     solve,
 )
 from workbench.errors import WorkbenchError
-from workbench.work.machine_code import compiler
 
 IMPLEMENTATIONS = pytest.mark.parametrize("compiled", [False, True], ids=["python", "c"])
 
@@ -183,19 +180,6 @@ def test_too_many_iterations_are_reported() -> None:
 def test_a_hessian_without_minimum_is_refused() -> None:
     with pytest.raises(WorkbenchError, match="not positive definite"):
         factored(-np.eye(2), np.zeros((0, 2)))
-
-
-@pytest.fixture
-def forgotten() -> Iterator[None]:
-    """What compilers have built, or could not build, is built anew before and after."""
-
-    def forget() -> None:
-        for cache in (compiler, solver_library, quadratic_program):
-            cache.cache_clear()
-
-    forget()
-    yield
-    forget()
 
 
 @pytest.mark.usefixtures("forgotten")

@@ -15,10 +15,10 @@ H = 0.002
 PLANNER = Planner(jerk=2000.0, acceleration=40.0, speed=10.0)
 
 
-def planned(reference: np.ndarray) -> np.ndarray:
-    state, rows = PLANNER.start(float(reference[0])), []
+def planned(reference: np.ndarray, planner: Planner = PLANNER) -> np.ndarray:
+    state, rows = planner.start(float(reference[0])), []
     for r in reference.tolist():
-        plan, state = PLANNER.plan(state, r, FLOATS)
+        plan, state = planner.plan(state, r, FLOATS)
         rows.append(plan)
     return np.array(rows)
 

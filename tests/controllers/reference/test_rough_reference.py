@@ -12,7 +12,8 @@ import pytest
 from controllers.arithmetic import FLOATS, SYMBOLS
 from controllers.joint.schedule import JointSchedule
 from controllers.pid import ScheduledPIDSpecification, design_scheduled_pid
-from controllers.reference.planned import Planner, PlannerState
+from controllers.reference.planned import PlannerState
+from tests.controllers.reference.test_planned import PLANNER, planned
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.verification import Recorded, Run, Scenario, verify
@@ -21,24 +22,15 @@ H, DEG = 0.002, math.pi / 180.0
 TIME = np.arange(0.0, 2.0, H)
 SINE = 30.0 * DEG + 20.0 * DEG * np.sin(math.pi * TIME)
 LSB = 60.0 * DEG / 4096
-SMOOTH = Planner(jerk=2000.0, acceleration=40.0, speed=10.0)
-ROUGH = replace(SMOOTH, bandwidth=40.0)
+ROUGH = replace(PLANNER, bandwidth=40.0)
 
 
 def quantised(values: np.ndarray) -> np.ndarray:
     return np.round(values / LSB) * LSB
 
 
-def planned(planner: Planner, reference: np.ndarray) -> np.ndarray:
-    state, rows = planner.start(float(reference[0])), []
-    for r in reference.tolist():
-        plan, state = planner.plan(state, r, FLOATS)
-        rows.append(plan)
-    return np.array(rows)
-
-
 def test_derivatives_of_a_quantised_sine_are_those_of_the_sine() -> None:
-    angle, speed, acceleration, jerk = planned(ROUGH, quantised(SINE))[500:].T
+    angle, speed, acceleration, jerk = planned(quantised(SINE), ROUGH)[500:].T
     w, size = math.pi, 20.0 * DEG
     phase = w * TIME[500:]
     # An error of (v / w)^3 for the filter, and of some steps of the converter times its poles.
@@ -48,12 +40,12 @@ def test_derivatives_of_a_quantised_sine_are_those_of_the_sine() -> None:
     assert np.abs(acceleration + size * w**2 * np.sin(phase)).max() < 1.0
     assert np.abs(jerk).max() < 60.0
     # By differences nothing of that is left.
-    assert np.abs(planned(SMOOTH, quantised(SINE))[500:, 2]).max() > 30.0
+    assert np.abs(planned(quantised(SINE))[500:, 2]).max() > 30.0
 
 
 def test_a_step_is_the_same_move() -> None:
     step = np.where(TIME < 0.1, 0.3, 0.6)
-    for with_filter, without in zip(planned(ROUGH, step).T, planned(SMOOTH, step).T, strict=True):
+    for with_filter, without in zip(planned(step, ROUGH).T, planned(step).T, strict=True):
         np.testing.assert_allclose(with_filter, without, atol=1e-9 * np.abs(without).max())
 
 
@@ -94,6 +86,6 @@ def test_sine_of_twelve_bits_is_followed_with_a_quiet_valve(
 
 def test_refusals() -> None:
     with pytest.raises(WorkbenchError, match="bandwidth of the reference filter"):
-        replace(SMOOTH, bandwidth=1e4)
+        replace(PLANNER, bandwidth=1e4)
     with pytest.raises(WorkbenchError, match="jump of a rough reference"):
-        replace(SMOOTH, jump=0.0)
+        replace(PLANNER, jump=0.0)
