@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 from unittest.mock import Mock
 
@@ -53,11 +53,6 @@ def plates() -> Model:
     )
 
 
-def test_references_are_led_where_a_plant_answers_more_the_farther_it_goes() -> None:
-    # As by its linear model alone, it overshoots by 79 %.
-    assert _stepped(plates(), "plain-mpc", 4e-4)["overshoot"] < 0.05
-
-
 def knee() -> Model:
     """A knee of an exoskeleton, which a motor moves over a spring."""
 
@@ -71,11 +66,6 @@ def knee() -> Model:
 
     states = "knee rad 0.3, motor rad 0.31, rate rad/s, motor_rate rad/s"
     return machine(equations, states, "current A -15 15", "knee rad 5e-4")
-
-
-def test_a_step_that_overshoots_a_little_too_far_is_led_more_slowly_than_it_settles() -> None:
-    # It went 2.8 % too far for 0.9 s.
-    assert _stepped(knee(), "lqi", 4.0)["settling_time"] < 0.7
 
 
 def test_what_a_linear_model_leaves_out_shortens_no_step() -> None:
@@ -104,15 +94,6 @@ def test_what_sticks_at_rest_is_linearised_over_how_far_its_command_moves_it() -
     assert -3.0 < linear.A[1, 1] < -5e-4 / 8e-4
 
 
-@pytest.mark.parametrize("name", ["plain-pid", "plain-h-infinity", "plain-mpc"])
-def test_a_bearing_that_sticks_at_rest_lets_no_design_overshoot(name: str) -> None:
-    if name == "plain-h-infinity":
-        pytest.importorskip("slycot")
-    found = _stepped(gimbal(), name, 3.0)
-    assert found["overshoot"] < 0.025
-    assert found["settling_time"] < 0.3
-
-
 def divider() -> Model:
     """The current into a capacitor behind a resistor, with a load beside it."""
 
@@ -121,13 +102,6 @@ def divider() -> Model:
         return {"v": (current - m.x.v / 2000.0) / 1e-6}, {"current": current}
 
     return machine(equations, "v V", "source V -10 10", "current A 1e-6")
-
-
-def test_an_mpc_weighs_errors_of_one_output_as_suits_it() -> None:
-    found = _stepped(divider(), "plain-mpc", 0.01)
-    # It took 4.7 ms by the weights that several outputs begin with.
-    assert found["settling_time"] < 5e-4
-    assert found["overshoot"] < 0.02
 
 
 def wheel() -> Model:
@@ -188,13 +162,6 @@ def stage() -> Model:
     return machine(equations, "x m, v m/s", "volts V -24 24", "pos m resolution=1e-6")
 
 
-def test_a_loop_that_swings_where_the_plant_sticks_is_designed_slower() -> None:
-    found = _stepped(stage(), "lqi", 2.0)
-    # Upon the linear model alone its command swings from end to end, and 0.2 m are left.
-    assert found["settling_time"] < 0.5
-    assert found["steady_error"] < 1e-3
-
-
 def joint() -> Model:
     """The link of a robot behind a gear that gets stiffer the more it is twisted."""
 
@@ -217,11 +184,33 @@ def joint() -> Model:
     )
 
 
-def test_a_loop_that_swings_on_is_designed_slower() -> None:
-    found = _stepped(joint(), "lqi", 2.0)
-    # The gear swung by 1 % of the step for ever.
-    assert found["settling_time"] < 0.35
-    assert found["oscillation"] < 1e-3
+GIMBAL = {"overshoot": 0.025, "settling_time": 0.3}
+
+
+@pytest.mark.parametrize(
+    ("made", "name", "hold", "most"),
+    [
+        # It answers more the farther it goes: by its linear model alone it overshoots by 79 %.
+        (plates, "plain-mpc", 4e-4, {"overshoot": 0.05}),
+        # What overshoots a little too far, 2.8 % for 0.9 s, is led more slowly than it settles.
+        (knee, "lqi", 4.0, {"settling_time": 0.7}),
+        # Its bearing sticks at rest.
+        *((gimbal, name, 3.0, GIMBAL) for name in ("plain-pid", "plain-h-infinity", "plain-mpc")),
+        # It took 4.7 ms by the weights that several outputs begin with.
+        (divider, "plain-mpc", 0.01, {"settling_time": 5e-4, "overshoot": 0.02}),
+        # Upon the linear model alone its command swings from end to end, and 0.2 m are left.
+        (stage, "lqi", 2.0, {"settling_time": 0.5, "steady_error": 1e-3}),
+        # The gear swung by 1 % of the step for ever.
+        (joint, "lqi", 2.0, {"settling_time": 0.35, "oscillation": 1e-3}),
+    ],
+)
+def test_a_first_trial_is_quick_and_calm(
+    made: Callable[[], Model], name: str, hold: float, most: dict[str, float]
+) -> None:
+    if name == "plain-h-infinity":
+        pytest.importorskip("slycot")
+    found = _stepped(made(), name, hold)
+    assert {key: found[key] for key in most if not found[key] < most[key]} == {}
 
 
 def test_a_loop_that_still_gets_nearer_is_designed_no_slower() -> None:
