@@ -14,15 +14,13 @@ Source: Åström and Hägglund, Advanced PID Control, 2006, sections 3.3 and 13.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
 from controllers.valve_inverse import ValveLaw, joint_design
 from workbench.errors import check_choice, check_range
+from workbench.linearisation import LinearModel
 from workbench.linearisation.state_space import linear_model
-
-if TYPE_CHECKING:
-    from workbench.linearisation import LinearModel
 
 
 class AnglePDState(NamedTuple):

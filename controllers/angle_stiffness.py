@@ -34,7 +34,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,11 +46,8 @@ from controllers.pid import CascadePID, PIDSpecification, PIDState, design_pid
 from controllers.protocol import Command
 from controllers.valve_inverse import SENSORS, joint_design
 from workbench.errors import WorkbenchError, check_choice, check_range
+from workbench.linearisation import LinearModel
 from workbench.linearisation.state_space import linear_model
-
-if TYPE_CHECKING:
-    from workbench.linearisation import LinearModel
-
 
 ACTUATORS = ("valve_1", "valve_2")
 

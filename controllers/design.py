@@ -11,15 +11,13 @@ import inspect
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
+from typing import Any, Literal, NamedTuple, cast
 
 from controllers.protocol import Controller
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
+from workbench.linearisation import LinearModel
 from workbench.model.units import parse_unit, quantity, to_si
 from workbench.registry import Registry, user_code
-
-if TYPE_CHECKING:
-    from workbench.linearisation import LinearModel
 
 Source = Literal["linear", "map", "model"]
 """What a design starts from: a linear model at one operating point, a `JointSchedule` of linear

@@ -19,7 +19,6 @@ that come and go); Kwakernaak and Sivan, Linear Optimal Control Systems, 1972, s
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -27,11 +26,8 @@ import numpy.typing as npt
 from controllers.mpc.fixed_order import product
 from controllers.riccati import regulator
 from workbench.arrays import Matrix
+from workbench.linearisation import LinearModel
 from workbench.linearisation.zero_order_hold import zero_order_hold
-
-if TYPE_CHECKING:
-    from workbench.linearisation import LinearModel
-
 
 MOST_SENSORS = 5
 """Every subset of the sensors has its gain; a controller that reads more has no estimator."""

@@ -22,15 +22,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 from controllers.protocol import Controller
 from controllers.sensitivity import frequencies, loops_at, peaks_of
 from controllers.uncertainty import NONE, Uncertainty
 from workbench.errors import WorkbenchError, check_range
-
-if TYPE_CHECKING:
-    from workbench.linearisation import LinearModel
+from workbench.linearisation import LinearModel
 
 C = TypeVar("C", bound=Controller)
 

@@ -40,7 +40,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -53,10 +53,8 @@ from controllers.sensitivity import peak_sensitivities
 from controllers.specification import Checked, number
 from controllers.valve_inverse import ValveInverse, ValveLaw, joint_design
 from workbench.errors import WorkbenchError, check_range
+from workbench.linearisation import LinearModel
 from workbench.linearisation.state_space import linear_model
-
-if TYPE_CHECKING:
-    from workbench.linearisation import LinearModel
 
 
 class Gains(NamedTuple):

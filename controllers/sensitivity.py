@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,12 +15,10 @@ from controllers.protocol import Controller
 from controllers.valve_inverse import ValveInverse
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import check_choice
+from workbench.linearisation import LinearModel
 from workbench.linearisation.state_space import linear_model
 from workbench.linearisation.transfer import transfer_function
 from workbench.linearisation.zero_order_hold import zero_order_hold
-
-if TYPE_CHECKING:
-    from workbench.linearisation import LinearModel
 
 
 def peak_sensitivities(controller: Controller, linear: LinearModel) -> tuple[float, float]:

@@ -48,7 +48,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
 from controllers.design import Design
@@ -60,10 +60,8 @@ from controllers.joint.tracking import Tracking, TrackingSpecification, arrived_
 from controllers.specification import Checked, number
 from controllers.valve_inverse import ACTUATORS, SENSORS, ValveLaw
 from workbench.errors import check_choice, check_range
+from workbench.linearisation import LinearModel
 from workbench.linearisation.state_space import linear_model
-
-if TYPE_CHECKING:
-    from workbench.linearisation import LinearModel
 
 KINDS = ("boundary layer", "integral", "super-twisting")
 """Kinds of sliding mode."""

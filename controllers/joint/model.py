@@ -11,7 +11,7 @@ plant's inside is needed. What is faster (the spool) is left to the margin.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,11 +19,8 @@ from controllers.arithmetic import Number
 from controllers.valve_inverse import ValveInverse
 from workbench.arrays import Complex
 from workbench.errors import WorkbenchError, check_choice
+from workbench.linearisation import LinearModel
 from workbench.linearisation.transfer import transfer_function
-
-if TYPE_CHECKING:
-    from workbench.linearisation import LinearModel
-
 
 OPENING = "opening"
 """Name of the input of a linear model that was made with the valve's curve inverted."""

@@ -18,7 +18,6 @@ Source: Rugh and Shamma, Research on gain scheduling, Automatica 36, 2000, secti
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,9 +25,7 @@ from controllers.arithmetic import FLOATS, Arithmetic, Number
 from controllers.joint.model import JointModel, joint_model
 from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
-
-if TYPE_CHECKING:
-    from workbench.linearisation.operating_map import OperatingMap
+from workbench.linearisation.operating_map import OperatingMap
 
 NAMES = ("b", "a1", "a0", "g", "e", "d", "opening", "difference")
 """Numbers of the joint model that are scheduled."""

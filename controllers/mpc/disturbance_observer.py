@@ -25,7 +25,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -34,10 +33,8 @@ from controllers.mpc.fixed_order import product
 from controllers.riccati import kalman_gain
 from workbench.arrays import Matrix
 from workbench.errors import WorkbenchError, check_choice
+from workbench.linearisation import LinearModel
 from workbench.linearisation.zero_order_hold import zero_order_hold
-
-if TYPE_CHECKING:
-    from workbench.linearisation import LinearModel
 
 
 @dataclass(frozen=True, eq=False)

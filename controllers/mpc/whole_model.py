@@ -31,7 +31,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -59,10 +59,8 @@ from controllers.specification import Checked, number
 from controllers.valve_inverse import ACTUATORS, SENSORS, ValveController, ValveInverse
 from workbench.arrays import Matrix
 from workbench.errors import TIMES_S, check_choice, check_range
+from workbench.linearisation import LinearModel
 from workbench.linearisation.state_space import linear_model
-
-if TYPE_CHECKING:
-    from workbench.linearisation import LinearModel
 
 
 class MPCState(NamedTuple):

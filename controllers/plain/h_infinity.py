@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,10 +21,8 @@ from controllers.plain.loop import Loop
 from controllers.plain.state_feedback import reachable_speed, reading_helps
 from controllers.plain.transfer_law import TransferLaw, sampled_controller
 from workbench.errors import NumericalError, WorkbenchError, check_range
+from workbench.linearisation import LinearModel
 from workbench.linearisation.transfer import transfer_function
-
-if TYPE_CHECKING:
-    from workbench.linearisation import LinearModel
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar, cast
+from typing import Any, NamedTuple, Protocol, TypeVar, cast
 
 import casadi as ca
 import numpy as np
@@ -58,12 +58,10 @@ from controllers.sensitivity import (
 )
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import WorkbenchError
+from workbench.linearisation import LinearModel
 from workbench.linearisation.pace import reach_of
 from workbench.linearisation.transfer import transfer_function
 from workbench.work import in_one_thread
-
-if TYPE_CHECKING:
-    from workbench.linearisation import LinearModel
 
 
 class AroundRest(Protocol):

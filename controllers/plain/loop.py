@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -22,11 +22,9 @@ from controllers.specification import Checked, number
 from controllers.valve_inverse import ValveInverse
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
+from workbench.linearisation import LinearModel
 from workbench.linearisation.command_curve import command_curves
 from workbench.linearisation.transfer import transfer_function
-
-if TYPE_CHECKING:
-    from workbench.linearisation import LinearModel
 
 
 class Loop(NamedTuple):

@@ -11,7 +11,6 @@ import itertools
 import math
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -33,10 +32,7 @@ from controllers.plain.state_feedback import DISTURBANCES, doubts, random_walk
 from controllers.valve_inverse import ValveInverse
 from workbench.arrays import Matrix
 from workbench.errors import check_range
-
-if TYPE_CHECKING:
-    from workbench.linearisation import LinearModel
-
+from workbench.linearisation import LinearModel
 
 FASTEST = 0.15
 """Largest speed of a reference that is tried, times the sample time: a horizon has its samples."""

@@ -28,7 +28,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache, partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -58,10 +58,8 @@ from controllers.sliding_mode import sliding_design
 from controllers.specification import number
 from workbench.arrays import Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_range
+from workbench.linearisation import LinearModel
 from workbench.linearisation.zero_order_hold import zero_order_hold
-
-if TYPE_CHECKING:
-    from workbench.linearisation import LinearModel
 
 
 class ObservedState(NamedTuple):

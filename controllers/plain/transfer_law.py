@@ -26,7 +26,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -49,11 +49,9 @@ from controllers.sampling import Rows, anti_windup, product, rows, tustin
 from controllers.specification import number
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_range
+from workbench.linearisation import LinearModel
 from workbench.linearisation.transfer import transfer_function
 from workbench.model.linear_system import proper_system
-
-if TYPE_CHECKING:
-    from workbench.linearisation import LinearModel
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -12,17 +12,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar, cast
+from typing import Any, Generic, NamedTuple, TypeVar, cast
 
 import numpy as np
 
 from controllers.plain.loop import LoopSpecification, PlainLaw
+from workbench.linearisation import LinearModel
 from workbench.linearisation.first_step import command_of_loop, step_of
 from workbench.linearisation.from_rest import FromRest, bends
 from workbench.linearisation.pace import noise_of
-
-if TYPE_CHECKING:
-    from workbench.linearisation import LinearModel
 
 P = TypeVar("P")
 

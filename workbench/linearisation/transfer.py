@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Complex
-
-if TYPE_CHECKING:
-    from workbench.linearisation.linear_model import LinearModel
+from workbench.linearisation.linear_model import LinearModel
 
 
 def transfer_function(A: Any, B: Any, C: Any, D: Any, s: npt.ArrayLike) -> Complex:

@@ -19,7 +19,7 @@ import math
 import numbers
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -27,15 +27,13 @@ from controllers.guard import Guarded, unguarded
 from controllers.protocol import Controller
 from workbench.arrays import Vector
 from workbench.errors import NumericalError, WorkbenchError, check_choice, check_finite, check_range
+from workbench.linearisation import LinearModel
 from workbench.model import Effect, Input, Model, Output, Parameter
 from workbench.operating_point import operating_point
 from workbench.verification.closed_loop_run import Run
 from workbench.verification.sampled_plant import TOLERANCE, FullPlant, LinearPlant
 from workbench.verification.scenario import DEADLINE, Scenario, SignalFault
 from workbench.work.counted import count
-
-if TYPE_CHECKING:
-    from workbench.linearisation import LinearModel
 
 
 def verify(

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.errors import NumericalError, check_choice
+from workbench.linearisation import LinearModel
 from workbench.linearisation.zero_order_hold import zero_order_hold
 from workbench.model import Model, Quantity
 from workbench.model.model import check_vector, index_of
 from workbench.simulation.integrators import Method, integrator_of
-
-if TYPE_CHECKING:
-    from workbench.linearisation import LinearModel
 
 Q = TypeVar("Q", bound=Quantity)
 
