@@ -150,8 +150,7 @@ def design_estimator(
     phi, gamma = zero_order_hold(A, B, sample_time)
     F = np.block([[phi, np.zeros((n, m))], [np.zeros((m, n)), FORGETTING * np.eye(m)]])
     C = np.hstack([outputs[read], offsets])
-    scales = {q.name: q.scale for q in linear.operating_point.model.states}
-    own = np.array([scales.get(name, 1.0) for name in linear.state_names])
+    own = linear.state_scales
     size = np.concatenate([own, tolerance])
     # In units of what is typical, so that rounding treats all alike.
     f, c = F * size[None, :] / size[:, None], C * size[None, :] / noise[:, None]

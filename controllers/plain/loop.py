@@ -25,6 +25,7 @@ from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 from workbench.linearisation import LinearModel
 from workbench.linearisation.command_curve import command_curves
 from workbench.linearisation.transfer import transfer_function
+from workbench.model.quantities import of_names
 
 
 class Loop(NamedTuple):
@@ -194,19 +195,17 @@ def loop_of(
     read = read.without_unreached()
     linear = read.select(outputs=followed)
     _check_independent(linear)
-    outputs = {q.name: q for q in model.outputs}
-    sizes = [outputs[name].scale for name in followed]
+    sizes = [q.scale for q in of_names(model.outputs, followed)]
     noise = [
         math.hypot(q.noise_rms, q.resolution / math.sqrt(12.0))
-        for q in (outputs[name] for name in sensors)
+        for q in of_names(model.outputs, sensors)
     ]
     rest, ones = linear.u0.astype(float), np.ones(len(acting))
     # By an inverted curve the command is a fraction, which no input of the plant is.
     lower, upper, scale, slew = -ones, ones, ones, math.inf * ones
     if whole.inverse is None:
-        inputs = {q.name: q for q in model.inputs}
         lower, upper, scale, slew = (
-            np.array([getattr(inputs[n], end) for n in acting], dtype=float)
+            np.array([getattr(q, end) for q in of_names(model.inputs, acting)], dtype=float)
             for end in ("lower", "upper", "scale", "slew")
         )
     curves, fading = _curves(whole, acting, sample_time)
@@ -323,8 +322,8 @@ def _rank_lost(linear: LinearModel) -> Vector | None:
     Source: Skogestad and Postlethwaite, Multivariable Feedback Control, 2005, section 4.5.
     """
     size, n = linear.state_scales, len(linear.A)
-    described = {q.name: q for q in linear.operating_point.model.outputs}
-    scale = np.array([described[name].scale for name in linear.output_names])
+    outputs = of_names(linear.operating_point.model.outputs, linear.output_names)
+    scale = np.array([q.scale for q in outputs])
     table = np.block([[linear.A, linear.B], [linear.C, linear.D]])
     table = table * np.append(size, np.ones(linear.B.shape[1]))
     table = table / np.append(np.ones(n), scale)[:, None]

@@ -21,6 +21,7 @@ from workbench.linearisation import LinearModel
 from workbench.linearisation.first_step import command_of_loop, step_of
 from workbench.linearisation.from_rest import FromRest, bends
 from workbench.linearisation.pace import noise_of
+from workbench.model.quantities import of_names
 
 P = TypeVar("P")
 
@@ -83,8 +84,8 @@ class _Run:
     def __init__(self, law: Any, linear: LinearModel, want: LoopSpecification) -> None:
         self.linear, self.want = linear, want
         self.plant = FromRest(linear, want.sample_time, law.actuators, law.sensors)
-        outputs = {q.name: q for q in linear.operating_point.model.outputs}
-        self.noise = np.array([noise_of(outputs[name]) for name in law.sensors])
+        read = of_names(linear.operating_point.model.outputs, law.sensors)
+        self.noise = np.array([noise_of(q) for q in read])
 
     def led(self, law: Any, i: int) -> tuple[Any, Stepped]:
         """Return the law with the best references of an output, and what its step comes to."""

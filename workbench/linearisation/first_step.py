@@ -15,6 +15,7 @@ from workbench.linearisation.linearise import linearise
 from workbench.linearisation.pace import reach_of, step_time
 from workbench.linearisation.transfer import transfer_function
 from workbench.model import Input, Model
+from workbench.model.quantities import of_names
 from workbench.model.units import from_si, of_difference, to_si
 from workbench.operating_point import operating_point
 
@@ -103,15 +104,15 @@ def _alike(one: LinearModel, other: LinearModel, outputs: Sequence[str], command
     They do by C (i w - A)^-1 B where that of one differs from the other by no more than a part; w
     is how fast the plant grows, or 1 / `step_time`.
     """
-    inputs = {q.name: q for q in one.operating_point.model.inputs}
-    outs = {q.name: q for q in one.operating_point.model.outputs}
+    model = one.operating_point.model
+    inputs = {q.name: q for q in model.inputs}
     acting = [command] if command else [n for n in one.input_names if inputs[n].commanded]
     slow = 1.0 / step_time(one)
     growing = float(np.max(one.poles.real, initial=0.0))
     found = []
     for linear in (one, other):
         own = linear.select(inputs=acting, outputs=outputs)
-        rows = np.array([outs[n].scale for n in own.output_names])
+        rows = np.array([q.scale for q in of_names(model.outputs, own.output_names)])
         columns = np.array([inputs[n].scale for n in own.input_names])
         response = transfer_function(own.A, own.B, own.C, own.D, 1j * max(growing, slow))
         found.append(response * columns / rows[:, None])

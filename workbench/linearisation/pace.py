@@ -13,6 +13,7 @@ from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.zero_order_hold import zero_order_hold
 from workbench.model import EXACT, Input, Output
 from workbench.model.linear_system import LinearEquations
+from workbench.model.quantities import of_names
 from workbench.model.sizes import horizon
 from workbench.operating_point import derivatives_of
 
@@ -275,9 +276,9 @@ def _moved_at_rest(
 
 def _rooms(linear: LinearModel, commands: Sequence[str]) -> tuple[Vector, Vector]:
     """Return what commands may change by below and above rest, in SI."""
-    inputs = {q.name: q for q in linear.operating_point.model.inputs}
+    inputs = of_names(linear.operating_point.model.inputs, commands)
     rest = np.array([linear.u0[linear.input_names.index(name)] for name in commands])
-    ends = np.array([(inputs[name].lower, inputs[name].upper) for name in commands]).reshape(-1, 2)
+    ends = np.array([(q.lower, q.upper) for q in inputs]).reshape(-1, 2)
     return rest - ends[:, 0], ends[:, 1] - rest
 
 

@@ -22,7 +22,7 @@ from workbench.model.regularisation import EXACT, REGULARISED, Expression, Form
 from workbench.model.scope import Names, Port
 from workbench.model.sizes import horizon, missing, poles_of, silent, sized, sizes
 from workbench.model.trace import Equations, Trace, trace
-from workbench.model.traits import Traits
+from workbench.model.traits import Bound, Traits
 from workbench.model.units import readably, same_dimension, with_unit
 
 Own = TypeVar("Own", State, Parameter)
@@ -236,6 +236,12 @@ class Model(Shown):
     def parameter(self, name: str) -> Parameter:
         """Return a parameter by name; ``effect.name`` for one of an effect."""
         return self.parameters[index_of("parameter", name, self.parameters)]
+
+    def bound(self, bound: Bound) -> float:
+        """Return a bound that the traits of the model state, in SI."""
+        if isinstance(bound, tuple):
+            return float(sum(self.parameter(name).value for name in bound))
+        return bound
 
     def effect(self, name: str) -> Effect:
         """Return an attached effect by name."""

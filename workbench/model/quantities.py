@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 from workbench.errors import WorkbenchError
 from workbench.model.units import (
@@ -111,6 +112,15 @@ class Quantity:
                 else f"1 {self.unit} = {unit.factor:g} SI"
             )
             raise WorkbenchError(f"{self.name} is declared in {self.unit!r} ({size}){_IN_SI}")
+
+
+Q = TypeVar("Q", bound=Quantity)
+
+
+def of_names(quantities: Iterable[Q], names: Iterable[str]) -> tuple[Q, ...]:
+    """Return the quantities of some names, in the order of these."""
+    known = {q.name: q for q in quantities}
+    return tuple(known[name] for name in names)
 
 
 @dataclass(frozen=True)

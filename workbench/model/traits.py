@@ -103,14 +103,3 @@ class Traits:
         """Return a curve by the name of its input."""
         check_choice("input", name, ["plant", *(c.name for c in self.curves)])
         return next(c for c in self.curves if c.name == name)
-
-
-def bound_value(bound: Bound, parameters: Mapping[str, float]) -> float:
-    """Return a bound as a number, in SI.
-
-    Args:
-        parameters: Parameters of the model by name, in SI.
-    """
-    if isinstance(bound, tuple):
-        return float(sum(parameters[name] for name in bound))
-    return bound

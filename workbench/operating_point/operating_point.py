@@ -21,7 +21,6 @@ from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError, check_choice, check_finite, check_range
 from workbench.model import EXACT, DriftingSum, Input, Model, Quantity, State
 from workbench.model.quantities import Channel, shown_in
-from workbench.model.traits import bound_value
 from workbench.model.units import from_si, shown_unit, with_unit
 from workbench.operating_point.derivatives import derivatives_of
 from workbench.operating_point.trim import (
@@ -305,9 +304,8 @@ def check_value(model: Model, name: str, value: float, *, what: str = "") -> Non
     check_finite(name, value)
     total = next((t for t in model.traits.sums if t.name == name), None)
     if total is not None:
-        values = {q.name: q.value for q in model.parameters}
         unit, si = total.display_unit, total.unit
-        lower, upper = bound_value(total.lower, values), bound_value(total.upper, values)
+        lower, upper = model.bound(total.lower), model.bound(total.upper)
     else:
         states = {q.name: q for q in model.states}
         quantity: Quantity = {q.name: q for q in (*model.inputs, *model.states, *model.outputs)}[

@@ -15,7 +15,6 @@ import numpy as np
 from workbench.arrays import Vector
 from workbench.model import EXACT, REGULARISED, Form, Input, Model, State
 from workbench.model.quantities import shown_in
-from workbench.model.traits import bound_value
 from workbench.model.units import from_si, shown_unit
 from workbench.operating_point.derivatives import derivatives_of
 
@@ -323,11 +322,10 @@ def limits_of(model: Model) -> tuple[Vector, Vector]:
     lower = np.array([q.lower for q in quantities], dtype=np.float64)
     upper = np.array([q.upper for q in quantities], dtype=np.float64)
     names = [q.name for q in quantities]
-    values = {q.name: q.value for q in model.parameters}
     for name, low, high in model.traits.limits:
         i = names.index(name)
-        lower[i] = max(lower[i], bound_value(low, values))
-        upper[i] = min(upper[i], bound_value(high, values))
+        lower[i] = max(lower[i], model.bound(low))
+        upper[i] = min(upper[i], model.bound(high))
     return lower, upper
 
 
@@ -363,12 +361,11 @@ def _alternatives(
             (*model.states, *model.inputs), problem.lower, problem.upper, strict=True
         )
     }
-    values = {q.name: q.value for q in model.parameters}
     sums = {total.name: total for total in model.traits.sums}
     for i, condition in enumerate(problem.conditions):
         if condition.label in sums and condition.label not in measurements:
             total = sums[condition.label]
-            low, high = bound_value(total.lower, values), bound_value(total.upper, values)
+            low, high = model.bound(total.lower), model.bound(total.upper)
             unit = total.display_unit
         elif condition.label in measurements:
             quantity = measurements[condition.label]

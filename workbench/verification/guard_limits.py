@@ -27,7 +27,7 @@ from workbench.linearisation.actuator_inverse import (
     straightened_point,
 )
 from workbench.model import ActuatorCurve, Model, Output
-from workbench.model.traits import bound_value
+from workbench.model.quantities import of_names
 from workbench.operating_point import OperatingPoint, operating_point
 from workbench.simulation import simulate
 
@@ -77,11 +77,10 @@ def guarded(
     model = point.model
     held = list(_held(point, controller.sample_time))
     outputs = {q.name: q for q in model.outputs}
-    inputs = {q.name: q for q in model.inputs}
     for name in (*controller.sensors, *controller.controlled):
         check_choice("sensor of the controller", name, outputs)
     for name in controller.actuators:
-        check_choice("actuator of the controller", name, inputs)
+        check_choice("actuator of the controller", name, [q.name for q in model.inputs])
     ranges = {name: _range(model, outputs[name]) for name in outputs}
     tolerances = {name: _tolerance(outputs[name], ranges[name]) for name in outputs}
     changes = {
@@ -117,8 +116,8 @@ def guarded(
         default=math.inf,
     )
     commands = tuple(
-        CommandLimits(inputs[name].nominal, inputs[name].lower, inputs[name].upper)
-        for name in controller.actuators
+        CommandLimits(q.nominal, q.lower, q.upper)
+        for q in of_names(model.inputs, controller.actuators)
     )
     estimator = _estimator(controller, plant, point, held, tolerances)
     ends = [[getattr(own, side) for own in commands] for side in ("lower", "upper")]
@@ -209,10 +208,9 @@ def _estimator(
         linear = linear.select(inputs=[linear.input_names[k] for k in places])
     elif linear.input_names != tuple(controller.actuators):
         return None
-    outputs = {q.name: q for q in model.outputs}
     noise = [
-        max(math.hypot(outputs[n].noise_rms, 0.3 * outputs[n].resolution), 1e-3 * tolerances[n])
-        for n in controller.sensors
+        max(math.hypot(q.noise_rms, 0.3 * q.resolution), 1e-3 * tolerances[q.name])
+        for q in of_names(model.outputs, controller.sensors)
     ]
     commands = [model.inputs[k] for k in places]
     reach = [min(q.upper - q.nominal, q.nominal - q.lower) for q in commands]
@@ -306,10 +304,9 @@ def _braking(
 
 def _range(model: Model, output: Output) -> tuple[float, float]:
     """Return where an output may be asked to be: its stops, or the range of its sensor."""
-    values = {q.name: q.value for q in model.parameters}
     for name, low, high in model.traits.stops:
         if name == output.name:
-            return bound_value(low, values), bound_value(high, values)
+            return model.bound(low), model.bound(high)
     return output.lower, output.upper
 
 

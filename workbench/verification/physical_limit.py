@@ -41,7 +41,6 @@ from workbench.arrays import Vector
 from workbench.errors import TIMES_S, NumericalError, WorkbenchError, check_choice, check_range
 from workbench.files import write_whole
 from workbench.model import Model
-from workbench.model.traits import bound_value
 from workbench.model.units import from_si, in_time
 from workbench.operating_point import OperatingPoint, operating_point
 from workbench.simulation.stepper import Stepper
@@ -379,21 +378,20 @@ class _Problem:
         x0, c = self.start.x, self.coordinate
         low = np.array([q.lower for q in model.states]) / size
         high = np.array([q.upper for q in model.states]) / size
-        values = {q.name: q.value for q in model.parameters}
         states = [q.name for q in model.states]
         # On a fast move a state may pass what holds it at rest, a stop it may not.
         for name, least, most in model.traits.limits:
             i = states.index(name)
-            low[i] = 0.9 * bound_value(least, values) / size[i]
-            high[i] = 1.2 * bound_value(most, values) / size[i]
+            low[i] = 0.9 * model.bound(least) / size[i]
+            high[i] = 1.2 * model.bound(most) / size[i]
         for i, q in enumerate(model.states):
             if q.unit == "K":
                 low[i] = max(q.lower, _COLDEST * x0[i]) / size[i]
                 high[i] = min(q.upper, _HOTTEST * x0[i]) / size[i]
         for name, least, most in model.traits.stops:
             i = states.index(name)
-            low[i] = min(bound_value(least, values), x0[i]) / size[i]
-            high[i] = max(bound_value(most, values), x0[i]) / size[i]
+            low[i] = min(model.bound(least), x0[i]) / size[i]
+            high[i] = max(model.bound(most), x0[i]) / size[i]
         band = (np.array([-1.0, 1.0]) * self.band + self.target) / size[c]
         # Nodes and points in order of time: (node, points of its interval), then the last node.
         nodes_low, nodes_high = np.tile(low, (total + 1, 1)), np.tile(high, (total + 1, 1))

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TypeVar
+from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -12,11 +11,10 @@ from workbench.arrays import Vector
 from workbench.errors import NumericalError, check_choice
 from workbench.linearisation import LinearModel
 from workbench.linearisation.zero_order_hold import zero_order_hold
-from workbench.model import Model, Quantity
+from workbench.model import Model
 from workbench.model.model import check_vector, index_of
+from workbench.model.quantities import of_names
 from workbench.simulation.integrators import Method, integrator_of
-
-Q = TypeVar("Q", bound=Quantity)
 
 TOLERANCE = 1e-6
 """Local error allowed in a step of the plant, relative to the scales of its states."""
@@ -121,8 +119,8 @@ class LinearPlant:
         self.straight = linear.inverse is None
         self.commanded = described.inputs
         if self.straight:
-            self.commanded = _named(described.inputs, linear.input_names)
-        self.measured = _named(described.outputs, linear.output_names)
+            self.commanded = of_names(described.inputs, linear.input_names)
+        self.measured = of_names(described.outputs, linear.output_names)
         self.state_names = tuple(linear.state_names)
         self.integrator = "exact discretisation"
         self.tolerance = 0.0
@@ -160,11 +158,6 @@ class LinearPlant:
         du = u - self._u0
         self._x = self._A @ self._x + self._B @ du + self._drift
         self.outputs = (self._y0 + self._C @ self._x + self._D @ du).tolist()
-
-
-def _named(quantities: Sequence[Q], names: Sequence[str]) -> tuple[Q, ...]:
-    by_name = {q.name: q for q in quantities}
-    return tuple(by_name[name] for name in names)
 
 
 def _rest(linear: LinearModel, outputs: Mapping[str, float]) -> tuple[Vector, Vector]:

@@ -52,7 +52,7 @@ def tanks(spread: Any = SPREAD, slew: float = math.inf) -> Model:
     import casadi as ca
 
     def equations(m: Any) -> Any:
-        h, u = [getattr(m.x, f"h{i}") for i in range(4)], (m.u.left, m.u.right)
+        h, u = [m.x[f"h{i}"] for i in range(4)], (m.u.left, m.u.right)
         rates = tank_rates(h, u, lambda v: ca.sqrt(ca.fmax(v, 1e-6)), spread)
         return {f"h{i}": rates[i] for i in range(4)}, {"low": h[0], "other": h[1]}
 
