@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.machines import at_rest, machine
-from tests.physics.one_way import iso6358
+from tests.physics.numbers_of import iso6358
 from workbench.errors import WorkbenchError
 from workbench.linearisation import linearise, to_iosystem
 from workbench.linearisation.actuator_inverse import ActuatorInverse, straightened_point

@@ -9,8 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from tests.physics.one_way import iso6358
-from tests.physics.symbols import on_symbols, slope_of
+from tests.physics.numbers_of import iso6358, on_symbols, slope_of
 from workbench.model.regularisation import EXACT, REGULARISED, Form
 from workbench.physics.flow import REFERENCE_DENSITY, flow_function, orifice_flow
 

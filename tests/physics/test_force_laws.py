@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from tests.physics.symbols import on_symbols
+from tests.physics.numbers_of import on_symbols
 from workbench.errors import WorkbenchError
 from workbench.model.regularisation import EXACT, REGULARISED
 from workbench.physics.force_laws import (

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from tests.physics.symbols import on_symbols
+from tests.physics.numbers_of import on_symbols
 from workbench.model.regularisation import EXACT, REGULARISED
 from workbench.physics.gas import AIR, chamber_rates, port_enthalpy_flow, wall_heat
 

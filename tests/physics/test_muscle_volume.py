@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from tests.physics.symbols import on_symbols, slope_of
+from tests.physics.numbers_of import on_symbols, slope_of
 from workbench.errors import WorkbenchError
 from workbench.model.regularisation import EXACT, REGULARISED, Form
 from workbench.physics.force_laws import Sarosi, TonduLopez, pressure_gain

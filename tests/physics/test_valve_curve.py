@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from tests.physics.symbols import on_symbols, slope_of
+from tests.physics.numbers_of import on_symbols, slope_of
 from workbench.model.regularisation import EXACT, REGULARISED, Expression, Form
 from workbench.physics.valve_curve import LINEAR, OPENING_FRACTION, OPENING_V, opening
 

@@ -88,14 +88,12 @@ def guarded(
     }
     sensors = tuple(
         SensorLimits(
-            *_sensible(outputs[name], ranges[name]),
-            jump=MARGIN * changes[name]
-            + 10.0 * outputs[name].noise_rms
-            + 2.0 * outputs[name].resolution,
-            doubt=tolerances[name],
-            **_reached([y[name] for y, _ in held]),
+            *_sensible(q, ranges[q.name]),
+            jump=MARGIN * changes[q.name] + 10.0 * q.noise_rms + 2.0 * q.resolution,
+            doubt=tolerances[q.name],
+            **_reached([y[q.name] for y, _ in held]),
         )
-        for name in controller.sensors
+        for q in of_names(model.outputs, controller.sensors)
     )
     references = tuple(
         ReferenceLimits(

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from tests.physics.effects.bench import bench, read
-from tests.physics.one_way import iso6358
+from tests.physics.numbers_of import iso6358
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.physics.gas import AIR, isothermal_gas, polytropic_exchange, polytropic_gas

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from tests.physics.symbols import on_symbols
+from tests.physics.numbers_of import on_symbols
 from workbench.errors import WorkbenchError
 from workbench.plants.arm.geometry import TRAVEL, ArmGeometry
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.physics.symbols import on_symbols
+from tests.physics.numbers_of import on_symbols
 from workbench.errors import WorkbenchError
 from workbench.plants.arm import arm
 from workbench.plants.arm.joint import ArmBody

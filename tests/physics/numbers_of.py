@@ -1,4 +1,4 @@
-"""Laws written down in CasADi symbols, at numbers."""
+"""Numbers of laws: written down in CasADi symbols, and of a restriction as ISO 6358 rates it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+
+from workbench.physics.flow import orifice_flow
 
 
 def on_symbols(law: Any, *at: Any) -> Any:
@@ -22,3 +24,8 @@ def on_symbols(law: Any, *at: Any) -> Any:
 def slope_of(law: Any, at: Any) -> Any:
     """Return the derivative of a law of one argument."""
     return on_symbols(lambda x: ca.jacobian(law(x), x), at)
+
+
+def iso6358(up: Any, down: Any, temperature: Any, c: Any, b: Any, **form: Any) -> Any:
+    """Return the flow from a high to a low pressure at one temperature."""
+    return orifice_flow(up, down, temperature, temperature, c, b, **form)
