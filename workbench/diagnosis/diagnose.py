@@ -29,7 +29,7 @@ from workbench.diagnosis.nonparametric.fit import nonparametric_term
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.reversed_columns import with_signs_tried
 from workbench.diagnosis.second_search import VIEWS, View, beside
-from workbench.diagnosis.selection.held_out import settled_run, shown_on_bounds
+from workbench.diagnosis.selection.held_out import run_errors, settled_run, shown_on_bounds
 from workbench.diagnosis.selection.rules import IMPERFECT, LEAST_SHOWN, NO_NAME
 from workbench.diagnosis.selection.search import score, search
 from workbench.diagnosis.selection.selected import Scored, Selected
@@ -387,11 +387,18 @@ def validate(found: Diagnosis, *, advise: bool = True, jobs: int = 1, say: Progr
         extended = known.get("extended") or task.closest(selected.extended, robust=True)
         started = task.started(prepared.fitting, extended.model)
         if extended.noise_scale <= IMPERFECT:
-            values = extended.model.values
             judging = task.started(prepared.judging, extended.model)
-            extended = with_fixed_refitted(extended, started, judging)
-            if not np.array_equal(extended.model.values, values):
-                run.pop("extended", None)
+            tried = with_fixed_refitted(extended, started, judging)
+            if not np.array_equal(extended.model.values, tried.model.values):
+                before, after = (
+                    run_errors(fit, found.nominal, prepared.judging) for fit in (extended, tried)
+                )
+                if after.spoilt_from(before):
+                    # What predicts the next sample better may run further off.
+                    tried = with_fixed_uncertainty(extended, started)
+                else:
+                    run.pop("extended", None)
+            extended = tried
         else:
             extended = with_fixed_uncertainty(extended, started)
         say("locating what is left")

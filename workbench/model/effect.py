@@ -29,6 +29,8 @@ class About:
         level: Whether that state stays as it begins, as what is changed between recordings does.
         tells: Name of the own parameter that is told beside the size though no refit changes it;
             empty if there is none.
+        advance: Name of the own parameter that is the time, in s, by which a recording of the
+            measurement at its port is moved ahead before the equations meet it; empty if it is not.
     """
 
     equation: str = ""
@@ -41,6 +43,7 @@ class About:
     begins: str = ""
     level: bool = False
     tells: str = ""
+    advance: str = ""
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
@@ -192,10 +193,12 @@ class _Late:
     Args:
         p: The coefficients p1, p2 and p3.
         parts: What ends the names of the states of each part.
+        advanced: Whether the measurement may have been moved ahead by some of the delay.
     """
 
     p: tuple[float, float, float]
     parts: tuple[str, ...] = ("", "_2")
+    advanced: bool = False
 
     def _along(
         self, at: PortView
@@ -214,7 +217,7 @@ class _Late:
             yield value, (slope, bend, third)
 
     def _time(self, p: Names) -> Expression:
-        return p.time / len(self.parts)
+        return (p.time - p.advance if self.advanced else p.time) / len(self.parts)
 
     def _whole(self, p: Names) -> Expression:
         """Return b, in s: g = f^2 / (D + f) is f at zero delay, nothing beside a long one."""
@@ -283,12 +286,19 @@ def _late_only_reading(survey: Survey, at: Place) -> tuple[str, ...]:
 # (w D)^4 / 24 at the frequency w, an eighth of that for two halves one after the other. Down to
 # -f / 2 it is a lead, so that a fit may pass through zero. Steps overshoot: a command that jumps
 # has a law of its own.
-_READ, _READ_AT_ONCE = (_Late((1.0, 1 / 2, 1 / 6), parts) for parts in (("", "_2"), ("",)))
+# Of what moves fast beside a long delay, such as an arm that meets a stop, they tell little: a fit
+# moves the recording ahead by whole samples, and leaves what is less than one to them.
+_READ = _Late((1.0, 1 / 2, 1 / 6), advanced=True)
+_READ_AT_ONCE = _Late((1.0, 1 / 2, 1 / 6), ("",))
 sensor_delay = Law(
     "sensor_delay",
     "Y / U = exp(-D s), each half to third order",
     sensors(),
-    _times(5, 100, lead=0.5),
+    lambda at: (
+        *_times(5, 100, lead=0.5)(at),
+        shape("advance", "s", 0.0, "part of it by which a recording was moved ahead",
+              around=None, between=(0.0, math.inf), scale=at.interval, source="", fitted=False),
+    ),
     _READ.transform,
     states=_READ.states,
     rates=_READ.rates,
@@ -298,15 +308,18 @@ sensor_delay = Law(
     far=True,
     source="B. Taylor 1715, of the inverse",
     same_as=_late_only_reading,
+    advance="advance",
     look_alikes=("sensor_lag",),
     separated_by="sines of two frequencies: the phase of a delay is proportional to both",
-)
+)  # fmt: skip
 
 
 clock_shift = replace(
     sensor_delay,
     name="clock_shift",
     where=_common_clock,
+    parameters=_times(5, 100, lead=0.5),
+    advance="",
     transform=_READ_AT_ONCE.transform,
     states=_READ_AT_ONCE.states,
     rates=_READ_AT_ONCE.rates,

@@ -94,6 +94,17 @@ class Hypothesis:
         """
         return not self.size.fitted
 
+    @property
+    def advanced(self) -> dict[str, float]:
+        """By how much recordings are moved ahead for the attached effect, in s, by parameter."""
+        own, advance = self.effect.parameters, self.effect.about.advance
+        return {f"{self.effect.name}.{q.name}": q.value for q in own if q.name == advance}
+
+    @property
+    def absent(self) -> dict[str, float]:
+        """Values at which the attached effect changes nothing, by name, in their units."""
+        return dict.fromkeys((f"{self.effect.name}.{self.size_parameter}", *self.advanced), 0.0)
+
     def at_size(self, size: float, shape: Mapping[str, float] | None = None) -> Effect:
         """Return the effect at another size.
 

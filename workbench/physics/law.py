@@ -244,6 +244,7 @@ class Law:
         begins: Name of the state that begins otherwise in each recording.
         level: Whether that state stays as it begins.
         tells: Name of the parameter that is told beside the size though no refit changes it.
+        advance: Name of the parameter by which recordings are moved ahead, in s.
         downhill: Whether it acts at the first of its ports, the others only take what it gives off.
         same_as: Names of hypotheses that give the very same measurements, of a model and the
             place where the law acts.
@@ -285,6 +286,7 @@ class Law:
     begins: str = ""
     level: bool = False
     tells: str = ""
+    advance: str = ""
     downhill: bool = False
     same_as: Callable[[Survey, Place], tuple[str, ...]] = lambda *_: ()
     family: str = ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -169,6 +169,17 @@ def run_along(
     read = np.full_like(observed.outputs, np.nan) if simulated is None else simulated
     name, used = observed.name, observed.used
     return FreeRun(name, used, units, observed.time, observed.outputs, read, failure, window)
+
+
+def as_recorded(run: FreeRun, seen: Observed, recorded: Observed) -> FreeRun:
+    """Return a run along a recording whose measurements were moved ahead beside the recorded ones.
+
+    Args:
+        seen: The recording as it was run along.
+        recorded: The same with no measurement moved.
+    """
+    simulated = seen.as_recorded(run.simulated)
+    return replace(run, measured=recorded.outputs, simulated=simulated) if seen.ahead else run
 
 
 def rms_of(runs: Sequence[Mapping[str, float]]) -> dict[str, float]:

@@ -66,6 +66,7 @@ class Observed:
             shape (n_used,), in SI; empty if there is none.
         input_noise: Root mean square of what the inputs were misread by at each sample, shape
             (n_inputs,), in SI; empty if there is none.
+        ahead: Samples by which each measurement was moved ahead, n_used of them; empty if none was.
     """
 
     name: str
@@ -82,6 +83,32 @@ class Observed:
     relative_noise: Vector = field(default_factory=lambda: np.zeros(0))
     coarse: Vector = field(default_factory=lambda: np.zeros(0))
     input_noise: Vector = field(default_factory=lambda: np.zeros(0))
+    ahead: tuple[int, ...] = ()
+
+    def moved_ahead(self, samples: Mapping[str, int]) -> Observed:
+        """Return the recording with some measurements moved ahead, NaN where they end earlier.
+
+        Args:
+            samples: By how many, 0 or more, by output.
+        """
+        outputs, ahead = self.outputs.copy(), list(self.ahead or (0,) * len(self.used))
+        for name, asked in samples.items():
+            column, count = self.used.index(name), min(asked, len(outputs))
+            outputs[:, column] = np.append(outputs[count:, column], np.full(count, np.nan))
+            ahead[column] += count
+        return replace(self, outputs=outputs, ahead=tuple(ahead))
+
+    def as_recorded(self, columns: Vector) -> Vector:
+        """Return signals like its measurements as late as these were before they were moved ahead.
+
+        Args:
+            columns: Shape (n, n_used), in SI; the first value of each stands for what was before.
+        """
+        late = columns.copy()
+        for column, count in enumerate(self.ahead):
+            late[count:, column] = columns[: len(columns) - count, column]
+            late[:count, column] = columns[0, column]
+        return late
 
     @property
     def time(self) -> Vector:
@@ -159,6 +186,21 @@ def gauss_markov(
     kept = math.exp(-sample_time / time)
     fresh = rms * rng.normal(size=n) * np.r_[1.0, np.full(max(n - 1, 0), math.sqrt(1.0 - kept**2))]
     return np.array(list(accumulate(fresh.tolist(), lambda before, new: new + kept * before)))
+
+
+def _like_the_rest(observed: Observed, whitened: Vector, log_deviation: Vector) -> None:
+    """Take what ends earlier because it was moved ahead as likely as the rest of it.
+
+    A likelihood would else depend on how many measurements are left.
+    """
+    for column, count in enumerate(observed.ahead):
+        gone = np.isnan(whitened[:, column])
+        gone[: len(gone) - count] = False
+        rest = np.isfinite(whitened[:, column])
+        if rest.any():
+            rms = math.sqrt(float(np.mean(whitened[rest, column] ** 2)))
+            whitened[gone, column] = np.where(np.arange(gone.sum()) % 2, -rms, rms)
+            log_deviation[gone, column] = np.mean(log_deviation[rest, column])
 
 
 @dataclass
@@ -269,6 +311,7 @@ class PredictionError:
                 f"the filter of {self.model.name!r} left the finite numbers on"
                 f" {observed.name!r}; the parameters are far from those of the recording"
             )
+        _like_the_rest(observed, found.whitened, found.log_deviation)
         return found
 
     def _filter(self, number: int) -> Filter:

@@ -78,11 +78,12 @@ class ProcessNoiseFit:
 
 
 def extended_start(observed: Observed, model: Model, extended: Model) -> Observed:
-    """Return a recording whose start covers the states of attached effects, where these put them.
+    """Return a recording as attached effects have it: its start covers their states.
 
-    A state that was known from a sensor that the effects may shift is known no better than the
-    model says, and what a slow sensor reads no better than what that remembers. ``model`` is that
-    for which the recording was brought into shape.
+    These are where the effects put them. A measurement that one reads late is moved ahead. A state
+    that was known from a sensor that the effects may shift is known no better than the model says,
+    and what a slow sensor reads no better than what that remembers. ``model`` is that for which the
+    recording was brought into shape.
     """
     if len(extended.effects) == len(model.effects):
         return observed
@@ -99,7 +100,20 @@ def extended_start(observed: Observed, model: Model, extended: Model) -> Observe
     rms = np.array(
         [known.get(q.name, q.start_rms or _UNKNOWN_START * q.scale) for q in extended.states]
     )
-    return replace(observed, start=start, start_rms=rms)
+    moved = _read_late(model, extended, observed.sample_time)
+    return replace(observed.moved_ahead(moved) if moved else observed, start=start, start_rms=rms)
+
+
+def _read_late(model: Model, extended: Model, interval: float) -> dict[str, int]:
+    """Return by how many samples attached effects move measurements ahead, by output."""
+    attached = {effect.name for effect in model.effects}
+    told = {q.name: q.value for q in extended.parameters}
+    return {
+        effect.ports[0].removesuffix(".reading"): round(ahead / interval)
+        for effect in extended.effects
+        if effect.name not in attached and effect.about.advance
+        if (ahead := told[f"{effect.name}.{effect.about.advance}"]) > 0.0
+    }
 
 
 def _misread(model: Model, extended: Model, observed: Observed, start: Vector) -> set[str]:

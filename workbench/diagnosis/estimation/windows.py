@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.free_run import FreeRun, free_runs, run_along
+from workbench.diagnosis.estimation.free_run import FreeRun, as_recorded, free_runs, run_along
 from workbench.diagnosis.estimation.growth import GROWN
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.process_noise import extended_start
@@ -105,6 +105,7 @@ def windowed_run(
     Returns:
         The run beside the measurements; with the reason if the filter or the integrator gives up.
     """
+    begun = extended_start(observed, nominal, model)
     try:
         cut = windows(model, nominal, observed, noise_scale)
     except (NumericalError, np.linalg.LinAlgError) as error:
@@ -113,4 +114,4 @@ def windowed_run(
     failure = next((part.failure for part in parts if part.failure), "")
     window = len(cut[0].outputs) * observed.sample_time if len(cut) > 1 else 0.0
     simulated = np.concatenate([part.simulated for part in parts])
-    return run_along(model, observed, simulated, failure, window)
+    return as_recorded(run_along(model, begun, simulated, failure, window), begun, observed)

@@ -88,7 +88,7 @@ class Separator:
         if read is None:
             return None
         names = [q.name for q in truth.fit.model.outputs]
-        used = read[:, [names.index(name) for name in self.recording.used]]
+        used = begin.as_recorded(read[:, [names.index(name) for name in self.recording.used]])
         return replace(self.recording, name=experiment.text, inputs=experiment.inputs, outputs=used)
 
     def errors(

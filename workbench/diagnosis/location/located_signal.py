@@ -238,8 +238,7 @@ def _taken_out(diagnosis: Diagnosis, index: int) -> _Found | None:
     """Return an effect that was found, else the term without a name, else nothing."""
     if diagnosis.accepted:
         entry = diagnosis.accepted[index][0].entry
-        size = f"{entry.effect.name}.{entry.size_parameter}"
-        return _Found(entry.effect.name, {size: 0.0}, bool(entry.effect.states))
+        return _Found(entry.effect.name, entry.absent, bool(entry.effect.states))
     term = diagnosis.nonparametric
     if term is None or not term.accepted:
         return None

@@ -9,7 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.free_run import FreeRun, free_run, rms_of, run_along
+from workbench.diagnosis.estimation.free_run import (
+    FreeRun,
+    as_recorded,
+    free_run,
+    rms_of,
+    run_along,
+)
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import (
@@ -52,7 +58,8 @@ def settled_run(
     """
     if observed.diverges:
         return windowed_run(model, nominal, observed, noise_scale)
-    return free_run(model, settled(model, nominal, observed))
+    begun = settled(model, nominal, observed)
+    return as_recorded(free_run(model, begun), begun, observed)
 
 
 def pieces(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> list[Observed]:
@@ -127,13 +134,16 @@ def floor_of(fit: ProcessNoiseFit, nominal: Model, observed: Observed, *, seed: 
 def _own_run(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> tuple[FreeRun, Vector]:
     """Return the run of a model, and what would be read near it if the model were right."""
     if not observed.diverges:
-        own = free_run(fit.model, extended_start(observed, nominal, fit.model))
+        begun = extended_start(observed, nominal, fit.model)
+        own = as_recorded(free_run(fit.model, begun), begun, observed)
         return own, own.simulated
     # Run after run of its windows; what the filter expects of each sample has no jumps between.
     own = windowed_run(fit.model, nominal, observed, fit.noise_scale)
     if not own.finite:
         return own, own.simulated
-    expected = expected_outputs(fit.model, nominal, observed, fit.noise_scale)
+    expected = extended_start(observed, nominal, fit.model).as_recorded(
+        expected_outputs(fit.model, nominal, observed, fit.noise_scale)
+    )
     return own, np.where(np.isfinite(expected), expected, own.simulated)
 
 

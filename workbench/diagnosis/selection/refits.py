@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.free_run import free_run
+from workbench.diagnosis.estimation.free_run import as_recorded, free_run
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.priors import Prior, is_guess
 from workbench.diagnosis.estimation.process_noise import (
@@ -107,6 +107,10 @@ _CRAWL = 0.25
 _LEAP = 100.0
 """Factor of a step from a guess that small steps do not improve: where a reversal is far sharper or
 rounder than what was sampled, they change nothing."""
+
+_SPARE, _LITTLE = 4, 0.1
+"""Samples of a delay that its equations have again where it may be shorter than was moved; part of
+one that they may have more or less than a whole one."""
 
 _WIDER, _WIDENINGS = 5.0, 4
 """Factor by which a bound is widened that a solution sits on, and how often."""
@@ -418,9 +422,11 @@ def entry_priors(
     for q in entry.effect.parameters:
         name = f"{entry.name}.{q.name}"
         if q.name == entry.size_parameter and not entry.replaces:
-            # A wide prior about zero: absence is as plausible as any size.
-            priors.append(Prior(name, 0.0, entry.largest_size, q.lower, q.upper))
-            start[name] = float(np.clip(size, q.lower, q.upper))
+            # A wide prior about zero: absence is as plausible as any size. What recordings were
+            # moved ahead by leaves no less.
+            low = q.lower + sum(entry.advanced.values())
+            priors.append(Prior(name, 0.0, entry.largest_size, low, q.upper))
+            start[name] = float(np.clip(size, low, q.upper))
         elif q.fitted and math.isfinite(q.lower) and math.isfinite(q.upper):
             priors.append(Prior(name, q.value, (q.upper - q.lower) / 4, q.lower, q.upper))
             start[name] = q.value
@@ -462,6 +468,28 @@ def _started(race: _Race, entry: Hypothesis) -> tuple[Model, list[Observed]]:
     return model, [extended_start(r, race.base.model, model) for r in race.fit_on]
 
 
+def in_step(entry: Hypothesis, values: Mapping[str, float], interval: float) -> Hypothesis:
+    """Return an effect with the whole samples of its delay taken by the recordings.
+
+    Its equations have what is left, less than a sample. Where that leads the way it goes on below.
+
+    Args:
+        values: Values with which a refit begins or ended, by name, in SI.
+        interval: Sampling interval of the recordings, in s.
+    """
+    size, late = entry.size, values.get(f"{entry.name}.{entry.size_parameter}")
+    if not entry.advanced or late is None:
+        return entry
+    ((name, now),) = entry.advanced.items()
+    shortest = late <= now + size.lower
+    if not shortest and late < now + (1.0 + _LITTLE) * interval:
+        return entry
+    # On its lower bound it may be shorter by far: the equations have some samples again.
+    spare = _SPARE if shortest else 0.0
+    moved = max(math.floor(late / interval - spare + _LITTLE), 0) * interval
+    return entry if moved == now else _valued(entry, {name.partition(".")[2]: moved})
+
+
 class _Way(NamedTuple):
     """From where a refit begins, and how much it trusts the equations.
 
@@ -495,14 +523,18 @@ def _refitted(race: _Race, score: Score, way: _Way, enough: float) -> tuple[Scor
             usual = {**start, **known}
             starts = way.starts or _starts(score, usual, shapes=way.shapes)
             begin = _best_start(
+                race.base.model,
                 model,
-                started[score.clearest],
+                race.fit_on[score.clearest],
                 priors,
                 starts,
                 entry,
                 ladder[0],
                 found=bool(way.starts),
             )
+            if (timed := in_step(entry, begin, started[0].sample_time)) is not entry:
+                score = replace(score, entry=timed)
+                continue
         fit = fit_with_process_noise(
             model,
             started,
@@ -515,12 +547,15 @@ def _refitted(race: _Race, score: Score, way: _Way, enough: float) -> tuple[Scor
         if best is not None and fit.cost > best[1].cost - enough:
             break
         best = score, fit
-        wider = widened(entry, fit, started[0].sample_time)
-        wider = wider or tuned(entry, fit, started, enough)
+        begin = fit.refit.values
+        wider = in_step(entry, begin, started[0].sample_time)
+        if wider is entry:
+            wider = widened(entry, fit, started[0].sample_time) or entry
+        if wider is entry:
+            wider = tuned(entry, fit, started, enough)
         if wider is entry:
             break
         score = replace(score, entry=wider)
-        begin = fit.refit.values
     assert best is not None
     return best
 
@@ -651,6 +686,7 @@ def _starts(score: Score, start: Mapping[str, float], *, shapes: bool) -> list[d
 
 
 def _best_start(
+    base: Model,
     model: Model,
     observed: Observed,
     priors: Sequence[Prior],
@@ -664,12 +700,21 @@ def _best_start(
 
     From the best of the given starts the size goes on in steps as long as that gains, unless it was
     found by an earlier refit.
+
+    Args:
+        base: The model that the recording has a start for.
     """
-    filter_ = filter_of(model, observed, noise_scale, [p.name for p in priors])
+    begun = extended_start(observed, base, model)
+    filter_ = filter_of(model, begun, noise_scale, [p.name for p in priors])
 
     def cost(start: Mapping[str, float]) -> float:
+        valued, seen = model.with_parameters(start), begun
+        timed = in_step(entry, start, observed.sample_time)
+        if timed is not entry:
+            valued = valued.with_parameters(timed.advanced)
+            seen = extended_start(observed, base, valued)
         try:
-            return filter_.run(observed, model.with_parameters(start).values).cost
+            return filter_.run(seen, valued.values).cost
         except NumericalError:
             return math.inf
 
@@ -841,7 +886,7 @@ def _judged_on(race: _Race, first: Candidate, before: Vector | None) -> Candidat
         return judged
     judging = [extended_start(r, base.model, fit.model) for r in hold_out]
     held_out, unseen = held_out_gain(before, fit, judging)
-    shift = _shift(entry, fit, judging[0])
+    shift = _shift(entry, fit, base.model, hold_out[0])
     return replace(judged, held_out=held_out, shift=shift, blocks=(*blocks, unseen))
 
 
@@ -882,7 +927,9 @@ def _narrowed(
         best = entry, fit, started
         if turn == times:
             break
-        wider = widened(entry, fit, started[0].sample_time) or tuned(entry, fit, started)
+        wider = in_step(entry, ended, started[0].sample_time)
+        if wider is entry:
+            wider = widened(entry, fit, started[0].sample_time) or tuned(entry, fit, started)
         if wider is entry:
             wider = _sharper(entry)
         if wider is entry and fit.refit.converged:
@@ -899,16 +946,20 @@ def _closest_errors(
     return run_errors(closest_runs(fit, nominal, fit_on, hold_out), nominal, hold_out)
 
 
-def _shift(entry: Hypothesis, fit: ProcessNoiseFit, observed: Observed) -> float:
+def _shift(entry: Hypothesis, fit: ProcessNoiseFit, base: Model, observed: Observed) -> float:
     """Return how far the effect moves an output in free runs, over the noise."""
     if entry.replaces:
         return math.nan
-    absent = fit.model.with_parameters({f"{entry.name}.{entry.size_parameter}": 0.0})
+    absent = fit.model.with_parameters(entry.absent)
+    begun = extended_start(observed, base, fit.model)
     try:
-        parts = windows(fit.model, fit.model, observed) if observed.diverges else [observed]
+        parts = windows(fit.model, fit.model, begun) if observed.diverges else [begun]
     except NumericalError:
         return math.inf
-    runs = [(free_run(fit.model, part), free_run(absent, part)) for part in parts]
+    runs = [
+        (as_recorded(free_run(fit.model, part), part, observed), free_run(absent, part))
+        for part in parts
+    ]
     if not all(run.finite for pair in runs for run in pair):
         return math.inf
     apart = np.concatenate([one.simulated - other.simulated for one, other in runs])
