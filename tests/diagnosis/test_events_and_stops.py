@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +13,7 @@ from pytest import approx
 from scipy.integrate import solve_ivp
 
 from tests.diagnosis.machine_data import held, recording
-from tests.diagnosis.newcomers import diagnosed, levels, named, oscillator, recorded
+from tests.diagnosis.newcomers import diagnosed, levels, named, oscillations, oscillator, recorded
 from tests.machines import machine
 from workbench.arrays import Vector
 from workbench.diagnosis.diagnose import fit, prepare, validate
@@ -296,3 +297,10 @@ def test_what_is_left_beside_one_episode_is_told_with_its_time() -> None:
     for span in rest.spans:
         assert 0.8 < span.begin < 1.2 and 1.4 < span.end < 1.8
     assert rest.sentence("What is left").startswith("What is left acts from ")
+
+
+def test_a_spring_that_is_held_in_tension_is_told_by_force_and_place() -> None:
+    runs = oscillations(lambda x, v: spring(x, v) - 4.0 * math.tanh((x - 0.1) / 0.01))
+    laws = "preload linear_spring cubic_stiffness polynomial_stiffness local_catch ripple end_stop"
+    sizes = {"force": approx(4.0, rel=0.02), "place": approx(0.1, abs=0.005)}
+    named(diagnosed(oscillator(), runs, laws), "preload", noise=1.5, **sizes)

@@ -354,6 +354,27 @@ local_catch = Law(
     separated_by="slow passes over the place in both directions: a bump keeps its sign",
 )  # fmt: skip
 
+# A spring that is held in tension between two plates, such as that of a throttle at its limp-home
+# position, of a joystick, of a spool: it gives its whole force as soon as it leaves its place.
+preload = Law(
+    "preload",
+    "T = -force tanh((x - place) / width)",
+    each(*RESISTED, needs=("coordinate",)),
+    lambda at: (
+        size("force", at.unit, 0.1 * at.scale, 5.0 * at.scale, "force beside its place",
+             resists=True),
+        shape("place", at.coordinate.unit, at.middle, "position that it holds", around=None,
+              between=at.travel, scale=_width(at)),
+        shape("width", at.coordinate.unit, 0.1 * _width(at), "distance over which it sets in",
+              around=(0.01, 10.0), fitted=False),
+    ),
+    lambda at: at.value - at.p.force * ca.tanh((at.signals.coordinate - at.p.place) / at.p.width),
+    shapes=lambda at: [{"place": place["centre"]} for place in _centres(at)],
+    source="a spring with preload to both sides",
+    look_alikes=("linear_spring", "local_catch", "polynomial_stiffness", "ripple"),
+    separated_by="slow passes over its place: the force jumps there, both ways alike",
+)  # fmt: skip
+
 _NEARER = 2.0
 """How far what grows towards a surface does so beyond what was seen, as a factor of distance."""
 
