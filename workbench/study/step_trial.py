@@ -367,8 +367,10 @@ LOUD = 0.05
 """Noise of a sensor over a step, rms, from which on a loop must let less than a tenth of it through
 to settle within 2 %: four times that is outside once in thousands of samples."""
 
-LONGEST = 20_000
-"""Most samples between steps that a loop that is slower than its plant is given by default."""
+LONGEST, LONG = 20_000, 5_000
+"""Most samples between steps that a loop that is slower than its plant is given by default; and
+that one which settles long before is given, for what its command does slowly then to begin to show:
+some ten times as many as most settle in."""
 
 
 class Needed(NamedTuple):
@@ -391,7 +393,7 @@ def settling(
     It is twice what that loop takes to settle, with the time of commands that are at their ends, or
     five times what it takes where this is less than they have, as of fast loops of slow plants: a
     step that a command's end slows down still shows, and the step back. One that ends near the end
-    of a command keeps the time of the plant, up to `LONGEST` samples.
+    of a command keeps the time of the plant, up to `LONG` samples.
     """
     slow: dict[str, float] = {}
     changes = {name: signal.changes for name, signal in scenario.references.items()}
@@ -424,7 +426,7 @@ def settling(
         return Needed(rounded_up(both) if both < math.inf else least, slow)
     enough = max(5.0 * long, both)
     if not room:
-        enough = max(enough, LONGEST * scenario.sample_time)
+        enough = max(enough, LONG * scenario.sample_time)
     ends = all_told and enough < 0.99 * usual
     return Needed(rounded_up(enough) if ends else 0.0, slow)
 
