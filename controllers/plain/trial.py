@@ -84,8 +84,11 @@ class _Run:
     def __init__(self, law: Any, linear: LinearModel, want: LoopSpecification) -> None:
         self.linear, self.want = linear, want
         self.plant = FromRest(linear, want.sample_time, law.actuators, law.sensors)
-        read = of_names(linear.operating_point.model.outputs, law.sensors)
-        self.noise = np.array([noise_of(q) for q in read])
+        model = linear.operating_point.model
+        self.noise = np.array([noise_of(q) for q in of_names(model.outputs, law.sensors)])
+        moved = of_names(model.inputs, law.actuators)
+        self.lower = np.array([q.lower + ENDED * q.scale for q in moved])
+        self.upper = np.array([q.upper - ENDED * q.scale for q in moved])
 
     def led(self, law: Any, i: int) -> tuple[Any, Stepped]:
         """Return the law with the best references of an output, and what its step comes to."""
@@ -110,7 +113,7 @@ class _Run:
         random = np.random.default_rng(0)
         for sign in (1.0, -1.0):
             asked[i] += sign * size
-            away = np.zeros(SAMPLES)
+            away, sent = np.zeros(SAMPLES), np.zeros((SAMPLES, len(law.actuators)))
             for k in range(SAMPLES):
                 y = plant.read()
                 away[k] = sign * (y[at] - asked[i]) / size
@@ -122,6 +125,7 @@ class _Run:
                 y = y + self.noise * random.standard_normal(len(y))
                 command, state, _ = law.step(state, tuple(y.tolist()), reference)
                 coming.append(command)
+                sent[k] = command
                 if not plant.hold(coming.pop(0)):
                     return lost
             away = away[: k + 1]
@@ -131,8 +135,10 @@ class _Run:
             error += 0.5 * float(unsettled.max(initial=0)) ** 2
             rise = rise or max(int(np.argmax(away > -0.37)), 1)
             last, before = (np.abs(part[:BLOCK]).max() for part in (away[-BLOCK:], away[k // 2 :]))
-            # What still gets nearer only takes longer.
-            left = max(left, float(last)) if last > 0.5 * before else left
+            end = sent[k + 1 - BLOCK : k + 1]
+            waits = np.any(np.all(end <= self.lower, axis=0) | np.all(end >= self.upper, axis=0))
+            # What still gets nearer only takes longer, as long as a command at its end lets it.
+            left = max(left, float(last)) if last > (1.0 if waits else 0.5) * before else left
         return Stepped(overshoot - self.want.overshoot, error, rise, left)
 
 
@@ -164,6 +170,9 @@ OVERSHOT = 10.0
 SAMPLES, BLOCK, SETTLED = 2000, 100, 0.01
 """Samples of a step; and those in which it has settled if it stays as near as this to where it
 goes, as a fraction of the step."""
+
+ENDED = 1e-6
+"""How near its end a command is that is at it, over its scale: what rounding may leave."""
 
 LOST = 1e3
 """How far a plant is away, over the step, that is lost."""
