@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import casadi as ca
+import control as ct
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from tests.model.test_sizes import crane
 from tests.physics.effects.bench import offered
 from workbench.errors import WorkbenchError
 from workbench.model import Model
+from workbench.model.linear_system import model_of_system
 from workbench.physics.friction import coulomb_friction, viscous_friction
 from workbench.physics.library import LAWS, library
 from workbench.physics.place import Survey, per
@@ -184,6 +187,42 @@ def test_place_and_speed_over_what_carries_a_body() -> None:
     above = [0.31, 0.0], [0.3, 0.0]
     assert seat_stops.rates(*above)[1] == pytest.approx(model.rates(*above)[1], abs=1e-3)
     assert seat_stops.rates([0.0, 0.0], [0.03, 0.0])[1] > 4.0
+
+
+def test_what_passes_less_what_an_input_takes_of_it_fills_a_store_through_its_throat() -> None:
+    def shaft(taken):
+        def equations(m):
+            raised = m.p.head - m.x.level - m.p.loss * m.x.flow * ca.fabs(m.x.flow)
+            return {"flow": 0.03 * raised, "level": (m.x.flow - taken(m)) / 60.0}
+
+        return machine(
+            equations,
+            "flow m3/s, level m",
+            "turbine m3/s 0 40",
+            "level m, flow m3/s",
+            "head m 100, loss s2/m5 0.01 1e-3 0.1",
+        )
+
+    found = shaft(lambda m: m.u.turbine)
+    law = {h.name: h for h in library(found)}["quadratic_drag_over_turbine"].at_size(1e-4)
+    state, taken = [20.0, 95.0], [26.0]
+    # What flows on to the turbine, through the tunnel alone, loses nothing in the throat.
+    changed = [
+        found.with_effect(law).rates(x, u)[0] - found.rates(x, u)[0]
+        for x, u in ((state, taken), ([26.0, 95.0], taken), ([32.0, 95.0], taken))
+    ]
+    assert changed == pytest.approx([0.0036, 0.0, -0.0036], abs=1e-12)
+    # Where a level lets some out too, the two alone are not what passes the throat.
+    leaking = shaft(lambda m: m.u.turbine + 0.1 * m.x.level)
+    assert not [h.name for h in library(leaking) if h.name.endswith("_over_turbine")]
+
+
+def test_a_transfer_function_of_second_order_rubs() -> None:
+    model = model_of_system(ct.tf([2e4], [1.0, 150.0, 2.6e5]))
+    law = {h.name: h for h in library(model)}["coulomb_friction"].at_size(0.03)
+    # A speed of 1 and a place of 0: what rubs takes away from its rate, in 1/s.
+    rates = model.with_effect(law).rates([1.0, 0.0], [0.0])
+    assert rates == pytest.approx([-150.03, 1.0])
 
 
 def test_a_measured_force_resists_the_motion() -> None:

@@ -213,6 +213,7 @@ def proper_system(system: Any, what: str) -> Any:
         [[-3.0]]
     """
     import control as ct
+    from scipy.signal import tf2ss
 
     scipys = type(system).__module__.startswith("scipy.signal")
     if not scipys and not isinstance(system, (ct.StateSpace, ct.TransferFunction)):
@@ -222,13 +223,19 @@ def proper_system(system: Any, what: str) -> Any:
         )
     try:
         if not scipys:
-            return ct.ss(system)
-        own = system.to_ss()
+            fraction = isinstance(system, ct.TransferFunction) and system.issiso()
+            if not fraction or system.dt or len(system.den[0][0]) != 3:
+                return ct.ss(system)
+            # Of second order: a speed and its place, which laws of motion ask for.
+            names = {"inputs": system.input_labels, "outputs": system.output_labels}
+            own = tf2ss(system.num[0][0], system.den[0][0])
+            return ct.ss(*own, name=system.name, **names)
+        given = system.to_ss()
     except ValueError as error:
         raise WorkbenchError(
             f"{what} has no state space ({error}); if it differentiates, add the lag of its filter"
         ) from None
-    return ct.ss(own.A, own.B, own.C, own.D, own.dt or 0)
+    return ct.ss(given.A, given.B, given.C, given.D, given.dt or 0)
 
 
 Parts = tuple[Matrix, Matrix, Matrix, Matrix]

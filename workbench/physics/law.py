@@ -535,7 +535,7 @@ def each(
             yield end, ((place,),)
             if label is None and set(needs) & set(place.carried):
                 # What rubs or stops a body may stand still, or go with what carries the body.
-                base = place.carried["coordinate"].minus
+                base = next(iter(place.carried.values())).minus
                 over = replace(place, signals={**place.signals, **place.carried})
                 yield f"{end}_over_{base}", ((over,),)
 

@@ -234,7 +234,8 @@ class Place:
             half of the range of the largest one, in its unit; 0 if a size is declared.
         usual: States and inputs at the start, by name, in SI, where they change what the signal is
             divided by as a whole, such as an inertia that depends on where a machine is.
-        carried: ``speed`` and ``coordinate`` over what carries a body, where an input moves that.
+        carried: ``speed`` and ``coordinate`` over what carries a body, where an input moves that;
+            ``speed`` alone over an input that takes part of what passes, where the rest fills.
     """
 
     port: Port
@@ -651,7 +652,26 @@ class Survey:
 
         found = {name: over(local) for name, local in motion.items()}
         carried = {name: q for name, q in found.items() if q is not motion[name]}
-        return carried if "coordinate" in carried else {}
+        return carried if "coordinate" in carried else self._filling(value, motion)
+
+    def _filling(self, value: ca.SX, motion: Mapping[str, Local]) -> dict[str, Local]:
+        """Return speed over an input, where the port sees what the two of them alone fill.
+
+        So the water of a tunnel that no turbine takes rises in a surge shaft, through its throat.
+        """
+        speed, own, t = motion.get("speed"), self._symbols, self.trace
+        if speed is None or speed.minus or speed.source not in self._state_index:
+            return {}
+        bases = [q.name for q in self.model.inputs if q.unit == speed.unit]
+        for i in self._state_index.values() if bases else ():
+            slope = self._sampled(ca.jacobian(t.rates[i], own[speed.source]))
+            if not ca.depends_on(value, t.x[i]) or not np.any(np.nan_to_num(slope)):
+                continue
+            for base in bases:
+                passed = slope * self._sampled(own[speed.source] - own[base])
+                if _same(passed, self._sampled(t.rates[i])):
+                    return {"speed": self._over(speed.source, base).turned(speed.sign)}
+        return {}
 
     @cached_property
     def _collocated(self) -> dict[int, str]:
