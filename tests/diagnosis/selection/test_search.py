@@ -15,8 +15,8 @@ from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import Prior, default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.location.locate import Location
+from workbench.diagnosis.selection import pairs, withdrawal
 from workbench.diagnosis.selection import search as selection_search
-from workbench.diagnosis.selection import withdrawal
 from workbench.diagnosis.selection.pairs import _openings, with_pair
 from workbench.diagnosis.selection.refits import entry_priors
 from workbench.diagnosis.selection.rules import (
@@ -143,6 +143,34 @@ def test_where_the_equations_leave_nothing_out_no_pair_is_searched_for() -> None
     assert said == []
     with_pair(task, begun, asked)
     assert said[0] == "searching for what coulomb_friction hides"
+
+
+@pytest.mark.parametrize(
+    ("explained", "left", "searched"), [(0.99, 0.4, True), (0.99, 0.2, False), (0.4, 0.2, True)]
+)
+def test_beside_what_drifts_a_pair_is_searched_for_while_much_is_left_out(
+    monkeypatch: pytest.MonkeyPatch, explained: float, left: float, searched: bool
+) -> None:
+    given, task = example_diagnosis(), example_task()
+    (found,) = given.selected.accepted
+    opening = replace(found.candidate, refused="too little", rule=SHARE.name)
+    base = replace(given.base, noise_scale=0.3)
+    rounds = (given.selected.rounds[0]._replace(candidates=(opening,)),)
+    begun = replace(given.selected, rounds=rounds, extended=base, free=task.priors)
+    beside: list[str] = []
+
+    def completed(
+        _: object, state: Selected, begun: Selected, *__: object
+    ) -> tuple[Selected, None]:
+        beside.append(begun.accepted[-1].candidate.name)
+        return state, None
+
+    monkeypatch.setattr(pairs, "run_freely", lambda _, state: (state, explained))
+    monkeypatch.setattr(pairs, "with_candidate", lambda _, state, *__: state)
+    monkeypatch.setattr(pairs, "_completed", completed)
+    asked = Limits(0.5 * min(opening.gain, opening.held_out[0]))
+    assert with_pair(task, begun, asked, left).accepted == begun.accepted
+    assert beside == ["coulomb_friction"] * searched
 
 
 def test_what_ends_on_its_upper_bound_may_be_too_little() -> None:

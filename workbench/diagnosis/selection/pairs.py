@@ -38,21 +38,26 @@ _OPENINGS = 2
 _TOGETHER = "only together with another effect"
 
 
-def with_pair(task: Task, state: Selected, limits: rules.Limits) -> Selected:
+def with_pair(task: Task, state: Selected, limits: rules.Limits, left: float = 0.0) -> Selected:
     """Add effects of which none passes alone, but two or three together do.
 
     Laws may hide each other: with the wrong outflow a tank never reaches its brim, and a spring
     that hardens swings too far without the friction. What gains much alone, and is refused only
     because it does not explain enough or not everywhere, or spoils free runs, opens; the others are
     searched for beside it; all are judged as one.
+
+    Args:
+        left: Share of the excess that is left beside what was found, dimensionless.
     """
     current, round_ = state.extended, state.rounds[-1]
     complete = limits.near_noise or current.noise_scale <= rules.IMPERFECT
     if complete or len(state.rounds) >= MOST_FINDINGS:
         return state
     openings = _openings(round_.candidates, limits, beside=bool(state.accepted))
-    most = 1.0 - rules.LEAST_LEFT
-    if not openings or (state.accepted and not run_freely(task, state)[1] <= most):
+    if not openings:
+        return state
+    told = bool(state.accepted) and left < rules.LEAST_SHARE
+    if told and not run_freely(task, state)[1] <= 1.0 - rules.LEAST_LEFT:
         return state
     alone = _Alone(
         current,

@@ -224,8 +224,9 @@ LEAST_OF_ALL = 0.05
 """Less may be the wrong shape of an effect that was found, and is not worth a wrong name."""
 
 LEAST_LEFT = 0.5
-"""Share of the free run's error that has to be left for two effects to be searched for at once: two
-laws together fit what the wrong shape of another has left."""
+"""Share of the free run's error that has to be left for two effects to be searched for at once,
+unless `LEAST_SHARE` of the excess is: two laws together fit what the wrong shape of another has
+left. What drifts, such as an offset, has all of that error, and hides what else is left."""
 
 LEAST_EXPLAINED = 0.3
 """Share of the held-out free-run error beyond the noise that everything found must remove."""

@@ -212,7 +212,8 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
         state = replace(state, rounds=(*state.rounds, Round(scores, candidates)), penalty=penalty)
         passing = [c for c in candidates if not c.refused]
         if not passing:
-            state = with_pair(task, state, limits)
+            left = (current.cost - scored.perfect) / max(scored.excess, 1.0)
+            state = with_pair(task, state, limits, left)
     if passing:
         task.say(f"found {passing[0].entry.name}")
         rivals = [c for c in candidates if c.entry.name not in state.failed]
