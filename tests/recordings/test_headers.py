@@ -61,6 +61,7 @@ from workbench.recordings.headers import read_header
         ("T [C]", "T", "degC", ""),
         ("Body acc [g]", "Body_acc", "gn", ""),
         ("acceleration_z (g)", "acceleration_z", "gn", ""),
+        ("acc_g", "acc", "gn", ""),
         ("accumulated [g]", "accumulated", "g", ""),
         ("Oven temp. (F)", "Oven_temp", "degF", ""),
         ("charge [C]", "charge", "C", ""),

@@ -196,7 +196,6 @@ def read_header(column: str) -> Header:
         if unit is not None:
             # Nobody means coulombs by "T [C]".
             unit = DEGREES.get(unit, unit) if is_temperature(name) else unit
-            unit = "gn" if unit == "g" and _ACCELERATION.match(name) else unit
             return _with_reference(column, name, unit, reference)
         if re.fullmatch(r"[\d\s]*", stated) is None:
             problem = f"unit {stated.strip()!r} is not known"
@@ -208,6 +207,8 @@ def read_header(column: str) -> Header:
 
 
 def _with_reference(column: str, name: str, unit: str, reference: str) -> Header:
+    # Nobody weighs an acceleration.
+    unit = "gn" if unit == "g" and _ACCELERATION.match(name) else unit
     words = tidy_name(name).split("_")
     for word in words[1:]:
         if word.lower() in ("abs", "absolute", "gauge", "rel"):
