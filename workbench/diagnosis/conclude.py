@@ -10,7 +10,11 @@ import casadi as ca
 import numpy as np
 
 from workbench.diagnosis.estimation.fixed_parameters import value_instead
-from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, extended_start
+from workbench.diagnosis.estimation.process_noise import (
+    ProcessNoiseFit,
+    as_it_reads,
+    extended_start,
+)
 from workbench.diagnosis.estimation.refit_result import Estimate
 from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.location.missing_signal import Occurrence
@@ -78,7 +82,7 @@ def conclude(diagnosis: Diagnosis) -> Verdict:
     return Verdict(
         kind=kind,
         sentence=f"{sentence} {left or ''}".rstrip() + _beyond(diagnosis, kind),
-        model=_as_it_reads(diagnosis.extended.model),
+        model=as_it_reads(diagnosis.extended.model),
         findings=findings,
         fit=fit,
         units={q.name: q.unit for q in nominal.outputs if q.name in used},
@@ -162,7 +166,7 @@ def conclude_early(diagnosis: Diagnosis, step: str, *, after: float | None = Non
         kind,
         f"{ended} while {step}; found until then: {names}{_most_at(diagnosis)}; not"
         f" tried{_not_tried(diagnosis)}.",
-        _as_it_reads(diagnosis.extended.model) if diagnosis.fitted else diagnosis.nominal,
+        as_it_reads(diagnosis.extended.model) if diagnosis.fitted else diagnosis.nominal,
         findings=findings,
         parameters=_parameters(diagnosis.base) if diagnosis.fitted else {},
         refused=_refused(diagnosis),
@@ -255,12 +259,6 @@ def _refused(diagnosis: Diagnosis) -> tuple[Mapping[str, object], ...]:
     for c, why in diagnosis.withdrawn:
         told(c, "taken back", why)
     return tuple(row for name, row in rows.items() if name not in kept)
-
-
-def _as_it_reads(model: Model) -> Model:
-    """Return a model whose sensors are late by themselves: no recording is moved ahead for it."""
-    moved = (f"{e.name}.{e.about.advance}" for e in model.effects if e.about.advance)
-    return model.with_parameters(dict.fromkeys(moved, 0.0))
 
 
 def _own(fit: ProcessNoiseFit, effect: str) -> dict[str, Value]:

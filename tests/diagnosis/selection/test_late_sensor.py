@@ -61,5 +61,8 @@ def test_what_is_read_late_is_told_to_a_part_of_a_sample_though_it_meets_walls(
     found = diagnosed(cart(), runs, "sensor_delay sensor_lag maxwell_element delay drive_lag")
     named(found, "sensor_delay_position", time=approx(late, abs=0.1 * STEP), noise=3.0)
     # The improved model reads late by itself, without a recording that is moved for it.
+    # What it adds there is the whole of it, not what was left to the equations.
+    assert found.verdict.findings[0].occurrence is not None
+    assert found.verdict.findings[0].occurrence.rms > 0.03
     (advance,) = (q for q in found.verdict.model.parameters if q.name.endswith("advance"))
     assert advance.value == 0.0

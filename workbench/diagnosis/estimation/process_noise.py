@@ -104,6 +104,12 @@ def extended_start(observed: Observed, model: Model, extended: Model) -> Observe
     return replace(observed.moved_ahead(moved) if moved else observed, start=start, start_rms=rms)
 
 
+def as_it_reads(model: Model) -> Model:
+    """Return a model whose sensors are late by themselves: no recording is moved ahead for it."""
+    moved = (f"{e.name}.{e.about.advance}" for e in model.effects if e.about.advance)
+    return model.with_parameters(dict.fromkeys(moved, 0.0))
+
+
 def _read_late(model: Model, extended: Model, interval: float) -> dict[str, int]:
     """Return by how many samples attached effects move measurements ahead, by output."""
     attached = {effect.name for effect in model.effects}

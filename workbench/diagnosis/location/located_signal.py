@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
-from workbench.diagnosis.estimation.process_noise import extended_start
+from workbench.diagnosis.estimation.process_noise import as_it_reads, extended_start
 from workbench.diagnosis.location.locate import PARALLEL, directions_of
 from workbench.diagnosis.location.missing_signal import (
     MissingSignal,
@@ -156,7 +156,7 @@ def located_signal(
     Raises:
         NumericalError: If the model without the effect cannot follow the recordings at all.
     """
-    model, extended = diagnosis.base.model, diagnosis.extended.model
+    model, extended = diagnosis.base.model, as_it_reads(diagnosis.extended.model)
     taken_out = _taken_out(diagnosis, index)
     if taken_out is not None:
         model = extended.without(taken_out.effect)
