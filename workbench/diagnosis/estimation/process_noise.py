@@ -113,12 +113,11 @@ def as_it_reads(model: Model) -> Model:
 def _read_late(model: Model, extended: Model, interval: float) -> dict[str, int]:
     """Return by how many samples attached effects move measurements ahead, by output."""
     attached = {effect.name for effect in model.effects}
-    told = {q.name: q.value for q in extended.parameters}
     return {
         effect.ports[0].removesuffix(".reading"): round(ahead / interval)
         for effect in extended.effects
         if effect.name not in attached and effect.about.advance
-        if (ahead := told[f"{effect.name}.{effect.about.advance}"]) > 0.0
+        if (ahead := extended.parameter(f"{effect.name}.{effect.about.advance}").value) > 0.0
     }
 
 

@@ -67,7 +67,7 @@ def expected_outputs(
     """
     begun = extended_start(observed, nominal, model)
     filter_ = filter_of(model, begun, noise_scale)
-    return filter_.expected(begun, filter_.run(begun, model.values))
+    return begun.as_recorded(filter_.expected(begun, filter_.run(begun, model.values)))
 
 
 def windows(
@@ -105,7 +105,6 @@ def windowed_run(
     Returns:
         The run beside the measurements; with the reason if the filter or the integrator gives up.
     """
-    begun = extended_start(observed, nominal, model)
     try:
         cut = windows(model, nominal, observed, noise_scale)
     except (NumericalError, np.linalg.LinAlgError) as error:
@@ -114,4 +113,4 @@ def windowed_run(
     failure = next((part.failure for part in parts if part.failure), "")
     window = len(cut[0].outputs) * observed.sample_time if len(cut) > 1 else 0.0
     simulated = np.concatenate([part.simulated for part in parts])
-    return as_recorded(run_along(model, begun, simulated, failure, window), begun, observed)
+    return as_recorded(run_along(model, observed, simulated, failure, window), cut[0], observed)

@@ -141,9 +141,7 @@ def _own_run(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> tuple[
     own = windowed_run(fit.model, nominal, observed, fit.noise_scale)
     if not own.finite:
         return own, own.simulated
-    expected = extended_start(observed, nominal, fit.model).as_recorded(
-        expected_outputs(fit.model, nominal, observed, fit.noise_scale)
-    )
+    expected = expected_outputs(fit.model, nominal, observed, fit.noise_scale)
     return own, np.where(np.isfinite(expected), expected, own.simulated)
 
 

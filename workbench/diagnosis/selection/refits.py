@@ -480,14 +480,14 @@ def in_step(entry: Hypothesis, values: Mapping[str, float], interval: float) -> 
     size, late = entry.size, values.get(f"{entry.name}.{entry.size_parameter}")
     if not entry.advanced or late is None:
         return entry
-    ((name, now),) = entry.advanced.items()
+    (now,) = entry.advanced.values()
     shortest = late <= now + size.lower
     if not shortest and late < now + (1.0 + _LITTLE) * interval:
         return entry
     # On its lower bound it may be shorter by far: the equations have some samples again.
     spare = _SPARE if shortest else 0.0
     moved = max(math.floor(late / interval - spare + _LITTLE), 0) * interval
-    return entry if moved == now else _valued(entry, {name.partition(".")[2]: moved})
+    return entry if moved == now else _valued(entry, {entry.effect.about.advance: moved})
 
 
 class _Way(NamedTuple):
@@ -522,16 +522,8 @@ def _refitted(race: _Race, score: Score, way: _Way, enough: float) -> tuple[Scor
         if begin is None:
             usual = {**start, **known}
             starts = way.starts or _starts(score, usual, shapes=way.shapes)
-            begin = _best_start(
-                race.base.model,
-                model,
-                race.fit_on[score.clearest],
-                priors,
-                starts,
-                entry,
-                ladder[0],
-                found=bool(way.starts),
-            )
+            names, found = [p.name for p in priors], bool(way.starts)
+            begin = _best_start(race, score, model, started, names, starts, ladder[0], found=found)
             if (timed := in_step(entry, begin, started[0].sample_time)) is not entry:
                 score = replace(score, entry=timed)
                 continue
@@ -686,12 +678,12 @@ def _starts(score: Score, start: Mapping[str, float], *, shapes: bool) -> list[d
 
 
 def _best_start(
-    base: Model,
+    race: _Race,
+    score: Score,
     model: Model,
-    observed: Observed,
-    priors: Sequence[Prior],
+    started: Sequence[Observed],
+    free: Sequence[str],
     starts: Sequence[dict[str, float]],
-    entry: Hypothesis,
     noise_scale: float,
     *,
     found: bool,
@@ -700,19 +692,16 @@ def _best_start(
 
     From the best of the given starts the size goes on in steps as long as that gains, unless it was
     found by an earlier refit.
-
-    Args:
-        base: The model that the recording has a start for.
     """
-    begun = extended_start(observed, base, model)
-    filter_ = filter_of(model, begun, noise_scale, [p.name for p in priors])
+    entry, observed, begun = score.entry, race.fit_on[score.clearest], started[score.clearest]
+    filter_ = filter_of(model, begun, noise_scale, free)
 
     def cost(start: Mapping[str, float]) -> float:
         valued, seen = model.with_parameters(start), begun
         timed = in_step(entry, start, observed.sample_time)
         if timed is not entry:
             valued = valued.with_parameters(timed.advanced)
-            seen = extended_start(observed, base, valued)
+            seen = extended_start(observed, race.base.model, valued)
         try:
             return filter_.run(seen, valued.values).cost
         except NumericalError:
