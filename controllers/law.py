@@ -21,6 +21,7 @@ from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
 from controllers.c_source import CSource, closed_form, traced
 from controllers.protocol import Command, Info, Measurement, Reference
 from workbench.display import Rows, Shown
+from workbench.work.buffered import Buffered
 
 
 class ShownLaw(Shown):
@@ -118,11 +119,9 @@ class Kernel:
         told = [ca.SX(value) for value in one.told.values()]
         entering = ca.vertcat(one.entries, one.measurement, one.reference)
         leaving = ca.vertcat(one.following, one.command, *told)
-        self._function = ca.Function("step", [entering], [ca.densify(leaving)])
-        self._buffer, self._call = self._function.buffer()
-        self._arguments, self._results = (bytearray(8 * len(v.nz)) for v in (entering, leaving))
-        self._buffer.set_arg(0, memoryview(self._arguments).cast("d"))
-        self._buffer.set_res(0, memoryview(self._results).cast("d"))
+        self._called = Buffered(ca.Function("step", [entering], [ca.densify(leaving)]))
+        self._arguments = self._called.arguments[0].data
+        self._results = self._called.results[0].data
         self._packed, self._read = (struct.Struct(f"{len(v.nz)}d") for v in (entering, leaving))
         self._ends: list[int | None] = []
         at = 0
@@ -137,7 +136,7 @@ class Kernel:
         """Compute the command of one sample, its next state, and what is told about it."""
         entries = itertools.chain(*[part for part in state if part is not None])
         self._packed.pack_into(self._arguments, 0, *entries, *measurement, *reference)
-        self._call()
+        self._called.call()
         values = self._read.unpack_from(self._results)
         if not math.isfinite(sum(values)):
             return self._law.law(state, measurement, reference, FLOATS)

@@ -46,7 +46,6 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from controllers.called import Called
 from controllers.nonlinear_mpc.observer import ExtendedKalmanFilter
 from controllers.nonlinear_mpc.prediction import (
     Compile,
@@ -66,6 +65,7 @@ from workbench.arrays import Matrix
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.linearisation.actuator_inverse import straightened
 from workbench.model import Model
+from workbench.work.buffered import Buffered
 
 _UNIT_PRESSURE = 1e5
 
@@ -199,7 +199,7 @@ class NonlinearMPC(ValveController):
 
     specification: NonlinearMPCSpecification
     prediction: Dynamics
-    shots: Called
+    shots: Buffered
     stage: ca.Function
     observer: ExtendedKalmanFilter
     fading: Matrix
@@ -434,8 +434,8 @@ def design_nonlinear_mpc(
     parameters = tuple(model.parameter(name) for name in unknown)
     observer = ExtendedKalmanFilter(
         rates=behind,
-        sample=Called(build(discrete(behind, want.sample_time, 2, "nmpc_observer"))),
-        read=Called(build(measurements(model, sensors))),
+        sample=Buffered(build(discrete(behind, want.sample_time, 2, "nmpc_observer"))),
+        read=Buffered(build(measurements(model, sensors))),
         rest=start / behind.scale,
         walk=np.concatenate(
             [np.full(len(names), want.state_noise), rates, unsure / math.sqrt(FORGETTING)]
@@ -450,7 +450,7 @@ def design_nonlinear_mpc(
     return NonlinearMPC(
         specification=want,
         prediction=ahead,
-        shots=Called(build(shooting(stage, want.stages))),
+        shots=Buffered(build(shooting(stage, want.stages))),
         stage=stage,
         observer=observer,
         fading=fading,

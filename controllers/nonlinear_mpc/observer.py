@@ -25,10 +25,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.called import Called
 from controllers.nonlinear_mpc.prediction import Dynamics
 from workbench.arrays import Matrix
 from workbench.model import Parameter
+from workbench.work.buffered import Buffered
 
 START_SPREAD = 0.01
 """Standard deviation of the states at the start, as a fraction of their scales."""
@@ -56,8 +56,8 @@ class ExtendedKalmanFilter:
     """
 
     rates: Dynamics
-    sample: Called
-    read: Called
+    sample: Buffered
+    read: Buffered
     rest: Matrix
     walk: Matrix
     spread: Matrix

@@ -37,7 +37,6 @@ import numpy as np
 import numpy.typing as npt
 
 from controllers.arithmetic import SYMBOLS
-from controllers.called import Called
 from controllers.linear_law import LinearLaw, reached
 from controllers.named_state import flat, restored
 from controllers.plain.loop import (
@@ -62,6 +61,7 @@ from workbench.linearisation import LinearModel
 from workbench.linearisation.pace import reach_of
 from workbench.linearisation.transfer import transfer_function
 from workbench.work import in_one_thread
+from workbench.work.buffered import Buffered
 
 
 class AroundRest(Protocol):
@@ -804,7 +804,7 @@ class LoopLimits:
         after = ca.vertcat(ca.mtimes(A, x) + ca.mtimes(B, u), *flat(following), now, moved)
         entering = [ca.vertcat(x, z, r, v), ca.vertcat(to, most, brake)]
         leaving, count = [ca.densify(after), ca.densify(y[:p])], len(step)
-        sample = Called(ca.Function("sample", entering, leaving).map(count).expand())
+        sample = Buffered(ca.Function("sample", entering, leaving).map(count).expand())
         # What has no end takes long to reach one.
         told = np.array([step, *np.minimum(pace, 1e9 * np.abs(step))])
         state, outputs = np.zeros((after.numel(), count)), np.zeros((MOST_SAMPLES, p, count))

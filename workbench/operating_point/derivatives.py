@@ -14,7 +14,7 @@ import casadi as ca
 
 from workbench.arrays import Vector
 from workbench.model import Form, Model, Trace
-from workbench.simulation.equations import Buffered
+from workbench.work.buffered import Buffered
 
 _LOCAL = threading.local()
 
@@ -36,14 +36,14 @@ class Derivatives:
 
     def values(self, x: Vector, u: Vector, p: Vector) -> Vector:
         """Compute rates, then measurements, shape (n_x + n_y,), in SI."""
-        return self._values(x, u, p)[0].copy()
+        return self._values(x, u, p)[0].flatten()
 
     def __call__(self, x: Vector, u: Vector, p: Vector) -> tuple[Vector, Vector]:
         """Compute rates and measurements, shape (n_x + n_y,), and their derivatives, in SI.
 
         The derivatives are by states and inputs, shape (n_x + n_y, n_x + n_u).
         """
-        table = self._both(x, u, p)[0].copy().reshape(-1, 1 + self.n_x + self.n_u)
+        table = self._both(x, u, p)[0].copy()
         return table[:, 0], table[:, 1:]
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
+from workbench.work.buffered import Buffered
 from workbench.work.machine_code import FAST, SOON, built, compiler
 
 
@@ -67,7 +68,6 @@ class Equations:
         self.functions = tuple(functions)
         self._library = _library(self.functions)
         self._kept: list[tuple[npt.NDArray[np.generic], ...]] = []
-        self._called: dict[int, Buffered] = {}
 
     @property
     def compiled(self) -> bool:
@@ -87,53 +87,14 @@ class Equations:
         self._kept.append(memory)
         return CFunction(place, *(array.ctypes.data for array in memory))
 
-    def __call__(self, i: int, *values: npt.ArrayLike) -> list[Vector]:
-        """Return the results of the i-th function, in Python; the next call overwrites them."""
-        if i not in self._called:
-            self._called[i] = Buffered(self.functions[i])
-        return self._called[i](*values)
+    @functools.cached_property
+    def in_python(self) -> list[Buffered]:
+        """The functions, to be called in Python."""
+        return [Buffered(function) for function in self.functions]
 
-
-class Buffered:
-    """A CasADi function called on its own memory, without converting arguments and results.
-
-    Example:
-        >>> x = ca.SX.sym("x", 2)
-        >>> Buffered(ca.Function("twice", [x], [2 * x]))([1.0, 2.0])[0].tolist()
-        [2.0, 4.0]
-    """
-
-    def __init__(self, function: ca.Function) -> None:
-        self._buffer, self._call = function.buffer()
-        # CasADi stores matrices by columns. An empty array has no address; one number stands in.
-        n_in, n_out = function.n_in(), function.n_out()
-        memory = [np.zeros(max(1, function.numel_in(i))) for i in range(n_in)]
-        self.arguments = [memory[i][: function.numel_in(i)] for i in range(n_in)]
-        self.results: list[Vector] = []
-        for i in range(n_in):
-            self._buffer.set_arg(i, memoryview(memory[i].data))
-        for i in range(n_out):
-            place = np.zeros(max(1, function.numel_out(i)))
-            self._buffer.set_res(i, memoryview(place.data))
-            shape = function.size_out(i)
-            flat = place[: function.numel_out(i)]
-            self.results.append(flat if 1 in shape else flat.reshape(shape, order="F"))
-
-    def __call__(self, *values: npt.ArrayLike) -> list[Vector]:
-        """Return the results, in memory that the next call overwrites.
-
-        Args:
-            values: The arguments of the function, in its units; matrices by columns.
-
-        Raises:
-            RuntimeError: If the function fails.
-        """
-        for array, value in zip(self.arguments, values, strict=True):
-            array[:] = value
-        self._call()
-        if self._buffer.ret():
-            raise RuntimeError("a function of the model failed")
-        return self.results
+    def __call__(self, i: int, *values: npt.ArrayLike) -> Vector:
+        """Return the first result of the i-th function, a vector, in Python."""
+        return self.in_python[i](*values)[0].flatten()
 
 
 def in_c(file: Path) -> ctypes.CDLL | None:

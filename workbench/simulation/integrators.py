@@ -15,7 +15,8 @@ import numpy.typing as npt
 from workbench.arrays import Vector
 from workbench.model import Trace
 from workbench.model.expressions import with_rounded_signs
-from workbench.simulation.equations import Buffered, CFunction, Equations, address, compiled, in_c
+from workbench.simulation.equations import CFunction, Equations, address, compiled, in_c
+from workbench.work.buffered import Buffered
 from workbench.work.counted import count, place
 from workbench.work.machine_code import compiler
 
@@ -134,7 +135,7 @@ class Integrator:
             after = self._sample(x, u, p)
             if after is not None:
                 x[:] = after
-                y[:] = self.equations(1, x, u, p)[0]
+                y[:] = self.equations(1, x, u, p)
             return after is not None
 
         return hold
@@ -198,7 +199,7 @@ class RungeKutta(Integrator):
 
     def _sample(self, x: Vector, u: Vector, p: Vector) -> Vector | None:
         done, h = 0.0, self._step
-        first = self.equations(0, x, u, p)[0].copy()
+        first = self.equations(0, x, u, p)
         count("model_evaluations")
         for _ in range(MOST_STEPS):
             left = self._sample_time - done
@@ -206,14 +207,14 @@ class RungeKutta(Integrator):
             taken = left if last else h
             count("integrator_steps")
             count("model_evaluations", len(_A))
-            end, slope, wrong = self._one(x, u, p, first, taken)
+            end, slope, wrong = (v.flatten() for v in self._one(x, u, p, first, taken))
             size = self._scale + np.maximum(np.abs(x), np.abs(end))
             parts = np.abs(wrong) / (self._tolerance * size)
             error = float(parts.max(initial=0.0)) if np.all(parts <= 1e30) else 1e30
             factor = min(5.0, max(0.2, 0.9 * max(error, 1e-10) ** -0.2))
             if error <= 1.0:
                 done += taken
-                x, first = end.copy(), slope.copy()
+                x, first = end, slope
                 h = max(h, taken * factor) if last else taken * factor
                 if last:
                     self._step = min(h, self._sample_time)
@@ -257,7 +258,7 @@ def at_every_row(equations: Equations, i: int, x: Vector, u: Vector, p: Vector) 
     count("model_evaluations", len(x))
     if library is None:
         for row, states, inputs in zip(table, x, u, strict=True):
-            row[:] = equations(i, states, inputs, p)[0]
+            row[:] = equations(i, states, inputs, p)
         return table
     function = equations.in_c(i)
     sizes = x.shape[1], u.shape[1], table.shape[1]
@@ -282,7 +283,7 @@ class Rosenbrock(Integrator):
 
     def _sample(self, x: Vector, u: Vector, p: Vector) -> Vector | None:
         try:
-            after = self._after(x, u, p)[0].copy()
+            after = self._after(x, u, p)[0].flatten()
         except RuntimeError:
             return None
         return after if np.isfinite(after).all() else None

@@ -99,7 +99,7 @@ class Stepper:
             x: States, shape (n_states,), in SI.
             u: Inputs, shape (n_inputs,), in SI.
         """
-        return self._method.equations(1, x, u, self.parameters)[0].copy()
+        return self._method.equations(1, x, u, self.parameters)
 
     def failure(self) -> NumericalError:
         """Return the error that says why the integrator got no further."""

@@ -19,10 +19,11 @@ from workbench.linearisation import linearise
 from workbench.model import Model
 from workbench.operating_point import operating_point
 from workbench.simulation import simulate
-from workbench.simulation.equations import Buffered, compiled
+from workbench.simulation.equations import compiled
 from workbench.speed.measure import Comparison, Times, Way, timed, tried
 from workbench.verification import Scenario, step_scenario, verify
 from workbench.verification.sampled_plant import FullPlant
+from workbench.work.buffered import Buffered
 
 Rates = Callable[[Vector, float], Vector]
 Step = Callable[[Vector, float], Vector]
@@ -72,7 +73,7 @@ def _plant(model: Model) -> _Plant:
     return _Plant(
         model,
         scale,
-        lambda state, voltage: call(state, voltage, values)[0].copy(),
+        lambda state, voltage: call(state, voltage, values)[0].flatten(),
         lambda state, voltage: np.asarray(plain(state, voltage, values), dtype=float).ravel(),
     )
 

@@ -52,7 +52,7 @@ class FullPlant:
         self.integrator = integrator.name
         self._x = check_vector("state", start, model.states).copy()
         self._u, self._p = model.nominal_input.copy(), model.values.copy()
-        self._y = integrator.equations(1, self._x, self._u, self._p)[0].copy()
+        self._y = integrator.equations(1, self._x, self._u, self._p)
         self._hold = integrator.holding(self._x, self._u, self._p, self._y)
         self.outputs: list[float] = self._y.tolist()
 

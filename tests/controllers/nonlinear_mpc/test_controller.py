@@ -8,7 +8,6 @@ import pickle
 import numpy as np
 import pytest
 
-from controllers.called import Called
 from controllers.nonlinear_mpc.controller import (
     NonlinearMPC,
     NonlinearMPCSpecification,
@@ -24,6 +23,7 @@ from workbench.operating_point import operating_point
 from workbench.simulation.equations import compiled
 from workbench.simulation.stepper import Stepper
 from workbench.verification import metrics, verify
+from workbench.work.buffered import Buffered
 
 REST, GOAL = (math.radians(30), 4.2e5, 4.2e5), (math.radians(33),)
 
@@ -93,7 +93,7 @@ def test_shots_are_stages_side_by_side(plant: Model) -> None:
     Z = z[:, None] * (1 + 0.05 * rng.standard_normal((len(z), 3)))
     U = np.array([[4.0, 5.0, 6.5]])
     W = np.array([[0.5, 0.4, 0.3], [0.1, 0.0, -0.1], [0.2, 0.2, 0.2]])
-    ends, by_z, by_u = Called(shooting(stage, 3))(Z, U, W)
+    ends, by_z, by_u = Buffered(shooting(stage, 3))(Z, U, W)
     for k in range(3):
         end, A, B, _ = (np.asarray(r) for r in stage(Z[:, k], U[:, k], W[:, k]))
         np.testing.assert_allclose(ends[:, k], end.ravel(), rtol=1e-14)

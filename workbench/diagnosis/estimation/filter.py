@@ -4,7 +4,7 @@ Explicit Runge-Kutta steps carry the state, the exponential of the linearised eq
 covariance and its derivatives with respect to the free parameters. Where something bends, such as
 dry friction at a reversal or a contact that is met, many steps go along what a few go else; one
 linearisation in the middle of a piece of the sample serves all its steps. `filter.c` does the same
-as machine code; `_block_of` is the version to read, and the one that runs without a C compiler.
+as machine code; `_sample_of` is the version to read, and the one that runs without a C compiler.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ import numpy.typing as npt
 from workbench.arrays import Vector
 from workbench.model import Model, Trace
 from workbench.simulation.equations import CFunction, Equations, address, in_c
+from workbench.work.buffered import Buffered
 from workbench.work.counted import count
 
 OUTLIER_SIGMA = 5.0
@@ -47,9 +48,6 @@ corrected by the measurements."""
 _BEYOND = 1e50
 """Slope, in SI, that no machine has: there the equations have left their range, as an Arrhenius law
 below zero absolute, and tell nothing of steps."""
-
-_BLOCK = 100
-"""Samples per call of the interpreted filter."""
 
 _FADED = 1e-50
 """Covariance and sensitivity, relative to the scales, that are none any more."""
@@ -162,7 +160,7 @@ class Innovations(NamedTuple):
         log_deviation: Logarithm of the standard deviations, shape (n, n_used).
         states: Filtered states, shape (n, n_states), in SI.
         end: State and covariance that the filter expects after the last sample, those of coloured
-            noise among them, to go on from; None in CasADi's interpreter.
+            noise among them, to go on from.
     """
 
     whitened: Vector
@@ -325,9 +323,8 @@ class Filter:
             np.full((n, len(x)), np.nan),
         )
         calm, few, again, pieces, straight, each = self._steps
-        end = None
         if self._struct is None:
-            done = self._interpreted(x, covariance, u, y, r, p, d, found)
+            done = self._interpreted(x, covariance, sensitivity, u, y, r, p, d, found)
             uneasy, rough, bent = done * calm, done * calm, done * pieces
             kinks = each * bent
         else:
@@ -338,8 +335,7 @@ class Filter:
             for name in ("uneasy", "rough", "bent", "kinks"):
                 setattr(self._struct, name, 0)
             done = int(self._in_c(ctypes.byref(self._struct), n, *places))
-            bent, end = self._struct.bent, (x, covariance)
-            uneasy, kinks = self._struct.uneasy, self._struct.kinks
+            bent, uneasy, kinks = self._struct.bent, self._struct.uneasy, self._struct.kinks
             rough = self._struct.rough if few else done * calm
         count("filtered_samples", done)
         # Measurements and process noise once, the equations in each part of each step.
@@ -347,50 +343,39 @@ class Filter:
         tried += pieces // calm * straight * rough if straight < each else 0
         count("model_evaluations", 2 * done + _TRIED * tried + 4 * _FINER * kinks)
         states = np.ascontiguousarray(found.states[:, :plant])
-        return done, found._replace(states=states, end=end)
+        return done, found._replace(states=states, end=(x, covariance))
 
     def _interpreted(
-        self, x: Vector, covariance: Vector, inputs: Vector, measured: Vector, r: Vector, p: Vector,
+        self, x: Vector, P: Vector, G: Vector, u: Vector, y: Vector, r: Vector, p: Vector,
         d: Vector, found: Innovations,
     ) -> int:  # fmt: skip
-        """Filter block by block in CasADi's own interpreter; returns the samples done."""
-        n = len(measured)
-        missing = ~np.isfinite(measured)
+        """Filter sample by sample in CasADi's own interpreter; returns the samples done."""
+        missing = np.isnan(y)
         # A measurement that is not there is one with a very large noise.
-        variance, measured = np.where(missing, 1e12, r), np.where(missing, 0.0, measured)
-        sensitivity = np.zeros((len(self._kept), found.jacobian.shape[2]))
-        kept = len(self._kept)
-        for k in range(0, n, _BLOCK):
-            rows = np.minimum(np.arange(k, k + _BLOCK), n - 1)
-            block = slice(k, min(k + _BLOCK, n))
-            size = block.stop - k
-            table = inputs[rows].T, measured[rows].T, variance[rows].T
-            end = self._block(x, covariance, sensitivity, *table, p, d, self._scale)
-            states, covariances, sensitivities, *told = (np.asarray(m) for m in end)
-            x, covariance = states[:, -1], covariances[:, -kept:]
-            sensitivity = sensitivities[:, sensitivities.shape[1] - found.jacobian.shape[2] :]
-            for into, values in zip((found.whitened, found.log_deviation), told[:2], strict=True):
-                into[block] = values.T[:size]
-            found.states[block] = told[2].T[:size]
-            derivatives = told[3].reshape(measured.shape[1], _BLOCK, -1)
-            found.jacobian[block] = derivatives.transpose(1, 0, 2)[:size]
+        variance, measured = np.where(missing, 1e12, r), np.where(missing, 0.0, y)
+        for t, inputs in enumerate(u):
+            told = self._sample(x, P, G, inputs, measured[t], variance[t], p, d, self._scale)
+            places = x, P, G, *(table[t] for table in found[:4])
+            for into, values in zip(places, told, strict=True):
+                into[:] = values.reshape(into.shape)
             if not np.isfinite(x).all():
-                return k + size if k + size < n else n - 1
+                return t + 1
         found.whitened[missing], found.log_deviation[missing] = np.nan, np.nan
         found.jacobian[missing] = 0.0
-        return n
+        return len(u)
 
     @functools.cached_property
-    def _block(self) -> ca.Function:
+    def _sample(self) -> Buffered:
         functions = self._equations.functions
-        return _block_of(functions, tuple(self._kept.tolist()), self._sample_time, self._steps)
+        kept = tuple(self._kept.tolist())
+        return Buffered(_sample_of(functions, kept, self._sample_time, self._steps))
 
 
 @functools.lru_cache(maxsize=32)
-def _block_of(
+def _sample_of(
     functions: tuple[ca.Function, ...], kept: tuple[int, ...], sample_time: float, steps: Steps
 ) -> ca.Function:
-    """Build the filter over a block of samples from its four functions; the reading version."""
+    """Build the filter over a sample from its four functions; the reading version."""
     slope, rates, read, noise = functions
     n_x, n_u, n_p = (slope.size1_in(i) for i in range(3))
     n, n_y, n_f = len(kept), read.size1_out(0), slope.size1_out(2)
@@ -430,16 +415,9 @@ def _block_of(
         whole = ca.mtimes(transition, whole)
     covariance = _flushed(ca.mtimes(ca.mtimes(whole, covariance), whole.T))
     covariance = 0.5 * (covariance + covariance.T) + noise(filtered, u, p, d)
-    told = [*(ca.vcat(v) for v in (whitened, logs)), filtered, ca.vcat(rows)]
+    told = [ca.vcat(whitened), ca.vcat(rows), ca.vcat(logs), filtered]
     arguments = [x0, covariance0, sensitivity0, u, y, r, p, d, scale]
-    step = ca.Function("sample", arguments, [x, covariance, _flushed(sensitivity), *told])
-    block = step.mapaccum("samples", _BLOCK, 3)
-    many = [ca.MX.sym("v", *step.size_in(i)) for i in range(3)]
-    many += [ca.MX.sym("v", step.size1_in(i), _BLOCK) for i in range(3, 6)]
-    fixed = [ca.MX.sym("v", *step.size_in(i)) for i in range(6, 9)]
-    return ca.Function(
-        "filter", [*many, *fixed], block(*many, *(ca.repmat(v, 1, _BLOCK) for v in fixed))
-    )
+    return ca.Function("sample", arguments, [x, covariance, _flushed(sensitivity), *told])
 
 
 def _along(slope: ca.Function, rates: ca.Function, sample_time: float, steps: Steps) -> ca.Function:
