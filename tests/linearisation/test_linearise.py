@@ -248,6 +248,15 @@ def test_play_and_overlap_are_led_through_and_no_end_of_the_model() -> None:
     assert valve(lambda u: u**3) == pytest.approx(0.75)
 
 
+def test_a_contact_that_is_only_read_does_not_stiffen_what_moves_freely() -> None:
+    def cell(m: Any) -> Any:
+        deep = np.where(m.x.x > 0.04, m.x.x - 0.04, np.where(m.x.x < -0.04, m.x.x + 0.04, 0.0))
+        return {"x": m.x.v, "v": m.u.force - 50.0 * deep}, {"x": m.x.x, "contact": 50.0 * deep}
+
+    made = machine(cell, "x m scale=0.1, v m/s", "force N -8 8", "x m, contact N")
+    assert at_rest(made).A[1, 0] == 0.0
+
+
 def test_a_belt_that_sticks_at_rest_is_linearised_where_it_moves() -> None:
     def belt(bend: Any) -> float:
         made = machine(

@@ -123,18 +123,21 @@ def _dead_zones(
     """
     traced, n = model.form(EXACT), len(model.states)
     moved = _moved(jacobian != 0.0, n)
-    if moved.all():
+    if moved[n:].all():
         return {}
     values, by = ca.vertcat(traced.rates, traced.outputs), ca.vertcat(traced.x, traced.u)
     written = np.asarray(ca.DM(ca.jacobian_sparsity(values, by), 1.0).full() != 0.0)
-    if np.all(_moved(written, n) <= moved):
+    if np.all(_moved(written, n)[n:] <= moved[n:]):
         return {}
+    # A contact that is only read leaves the others as they are at the point.
+    apart = ~moved
+    apart[n:] &= not moved[n:].any()
     found: list[Quantity] = []
     one = np.eye(written.shape[1])
     for i, quantity in enumerate((*model.states, *model.inputs)):
         displaced = _displaced(at, point.x, point.u, model.values, one[i])
         up, down = (displaced(by) - displaced(0.0) for by in (quantity.scale, -quantity.scale))
-        if np.any((up * down < 0.0) & written[:, i] & (jacobian[:, i] == 0.0)):
+        if np.any((up * down < 0.0) & written[:, i] & (jacobian[:, i] == 0.0) & apart):
             found.append(quantity)
     # Bodies on both sides of a play swing alike, lest turning them together stretches it.
     widest = {q.unit: max(other.scale for other in found if other.unit == q.unit) for q in found}
@@ -176,7 +179,7 @@ def _moved_by(model: Model, matrix: Vector) -> Vector:
 
 
 def _moved(slopes: Flags, n: int) -> Flags:
-    """Tell which outputs any input moves, shape (n_y,), by which slopes are there.
+    """Tell which states and outputs any input moves, shape (n_x + n_y,), by which slopes are there.
 
     Args:
         slopes: Whether rates and measurements, by states and inputs, have one.
@@ -184,7 +187,7 @@ def _moved(slopes: Flags, n: int) -> Flags:
     moved = np.any(slopes[:, n:], axis=1)
     for _ in range(n):
         moved = np.any(np.column_stack([moved, slopes[:, :n] & moved[:n]]), axis=1)
-    return np.asarray(moved[n:])
+    return np.asarray(moved)
 
 
 def _with_ends(ends: Vector | None, i: int, n: int, count: int) -> Vector:
