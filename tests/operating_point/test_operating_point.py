@@ -13,6 +13,7 @@ import pytest
 
 from tests.machines import machine
 from workbench.errors import WorkbenchError
+from workbench.model import Model
 from workbench.operating_point import OperatingPoint, operating_point
 from workbench.physics.hysteresis import muscle_hysteresis
 from workbench.plants.arm import arm
@@ -253,3 +254,25 @@ def test_a_saturation_beside_which_nothing_has_a_slope_is_found_a_way_around() -
     )
     point = operating_point(house, {"room": 303.15})
     assert point["valve"] == pytest.approx(225.0 * 25.0 / 7400.0)
+
+
+def _tank(gain: float, closed: float, valve: str) -> Model:
+    def equations(m: Any) -> Any:
+        return {"level": gain * (m.u.valve - closed) - 0.001 * np.sqrt(m.x.level)}
+
+    return machine(equations, "level m", f"valve A{valve}", "level m")
+
+
+def test_a_valve_of_4_to_20_ma_rests_in_the_middle_of_its_range_unless_it_says_where() -> None:
+    # An empty tank has a root without a slope, from which no search finds away.
+    for valve, level in ((" 4e-3 20e-3", 1.0), (" 4e-3 20e-3 8e-3", 0.25)):
+        point = operating_point(_tank(0.125, 4e-3, valve))
+        assert point["level"] == pytest.approx(level)
+
+
+def test_a_tank_that_says_nothing_of_rest_is_not_linearised_empty() -> None:
+    ranged = _tank(0.1, 0.0, " 0 20e-3")
+    assert operating_point(ranged)["valve"] == pytest.approx(0.01)
+    # Without a range there is no middle, and where it is told to be empty it is.
+    assert operating_point(_tank(0.1, 0.0, ""))["level"] == 0.0
+    assert operating_point(ranged, {"valve": 0.0})["level"] == 0.0

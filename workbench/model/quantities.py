@@ -174,7 +174,8 @@ class Input(Channel):
     """A command or disturbance that drives the model, held between samples.
 
     Args:
-        nominal: Value at rest, in ``unit``.
+        nominal: Value at rest, in ``unit``; by default 0, or what is in the middle of a range
+            without it, as of a valve from 4 to 20 mA.
         lower: Saturation, in ``unit``.
         upper: Saturation, in ``unit``.
         resolution: Step of the converter that writes it, in ``unit``; 0 for none.
@@ -199,6 +200,16 @@ class Input(Channel):
                 f"slew of {self.name} is {self.slew!r}; give its fastest change in {self.unit} per"
                 " s, or leave it out"
             )
+        if not self.nominal:
+            object.__setattr__(self, "nominal", self.unsaid)
+
+    @property
+    def unsaid(self) -> float:
+        """Value at rest where nobody says it, in ``unit``."""
+        if self.lower <= 0.0 <= self.upper:
+            return 0.0
+        ends = [end for end in (self.lower, self.upper) if math.isfinite(end)]
+        return sum(ends) / max(len(ends), 1)
 
 
 @dataclass(frozen=True)

@@ -142,9 +142,10 @@ def operating_point(
     Args:
         given: Values of measurements, states or inputs by name, in SI, at most one per input (and
             one per drifting direction); measurements are looked up first. By default the inputs at
-            rest; where they do not hold the model, which grows away from there too, or no command
-            declares a value at rest and a state starts elsewhere than at 0, as many outputs as
-            commands can as they start.
+            rest, or in the middle of their ranges where a model that says nothing of rest stands at
+            a root, as an empty tank does; where they do not hold the model, which grows away from
+            there too, or no command declares a value at rest and a state starts elsewhere than at
+            0, as many outputs as commands can as they start.
         bounds: Smallest and largest value of states and inputs by name, in SI, inside those of
             the model and the limits that the plant declares.
 
@@ -173,9 +174,11 @@ def operating_point(
     x, u = _start(model, wanted, sums, near)
     x = np.clip(x, problem.lower[: len(x)], problem.upper[: len(x)])
     solution = solve(problem, x, u)
-    for elsewhere in _within_ranges(model, u) if not solution.solved else ():
-        # A saturation beside which nothing has a slope leads nowhere.
-        if (other := solve(problem, x, elsewhere)).solved:
+    # A saturation beside which nothing has a slope leads nowhere, nor does the root of nothing.
+    beside = [(x, one) for one in _within_ranges(model, u)]
+    beside.append((x + np.array([q.scale for q in model.states]), u))
+    for start in beside if not solution.solved else ():
+        if (other := solve(problem, *start)).solved:
             solution = other
             break
     if not solution.solved:
@@ -187,6 +190,12 @@ def operating_point(
     leaves = not given and np.any(model.initial_state()) and _runs_away(model, solution)
     if leaves and (held := _held_at_start(model, bounds, near)):
         return held
+    silent = not (given or _says_rest(model) or np.any(model.initial_state()))
+    if silent and _rests_at_a_root(model, solution):
+        for elsewhere in _within_ranges(model, u):
+            middle = {q.name: float(v) for q, v in zip(model.inputs, elsewhere, strict=True)}
+            with suppress(WorkbenchError):
+                return operating_point(model, middle, bounds=bounds, near=near)
     if any("." in name for name in solution.undetermined):
         solution = _with_effects_at_start(problem, solution, x, u)
     _snap(model, wanted, solution)
@@ -234,6 +243,24 @@ def _runs_away(model: Model, solution: Solution) -> bool:
     return bool(np.any(poles.real > GROWS * np.abs(poles).max()))
 
 
+def _rests_at_a_root(model: Model, solution: Solution) -> bool:
+    """Tell whether a slope beside a point of rest grows without end towards it, as of a root."""
+    n, size = len(solution.x), np.array([q.scale for q in model.states])
+    at = derivatives_of(model, EXACT)
+    for side in (1.0, -1.0):
+        far, near = (
+            np.abs(at(solution.x + side * by * size, solution.u, model.values)[1][:n, :n]) * size
+            for by in BESIDE
+        )
+        if np.any(near > GROWN * np.maximum(far, GROWS * far.max(axis=1, keepdims=True))):
+            return True
+    return False
+
+
+BESIDE, GROWN = (1e-6, 1e-9), 5.0
+"""Distances from a point, in scales, between which the slope of a root is 30 times as large, and of
+a power of 2/3 ten times; and the ratio from which on it is one."""
+
 GROWS = 1e-6
 """Rate over that of the fastest mode from which on one grows and does not integrate."""
 
@@ -248,7 +275,12 @@ def _within_ranges(model: Model, u: Vector) -> Iterator[Vector]:
 
 def _tells_where(model: Model) -> bool:
     """Say whether a model tells where its machine is, not what commands hold it there."""
-    return bool(not any(q.nominal for q in model.commands) and np.any(model.initial_state()))
+    return bool(not _says_rest(model) and np.any(model.initial_state()))
+
+
+def _says_rest(model: Model) -> bool:
+    """Say whether a command declares its value at rest."""
+    return any(q.nominal != q.unsaid for q in model.commands)
 
 
 def _held_at_start(
