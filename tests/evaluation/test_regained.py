@@ -99,9 +99,20 @@ def test_the_study_sets_the_three_designs_of_a_family_side_by_side() -> None:
     assert made.fastest.uncertainty.delay == pytest.approx((0.0075, 0.0085))
 
 
+def test_what_arrives_late_bounds_the_inner_loop_and_the_horizon() -> None:
+    inner = dict(redesigned_recipe("H-infinity", late()).specification)["inner_bandwidth"]
+    horizon = dict(redesigned_recipe("linear MPC", late()).specification)["prediction_time"]
+    # Dead time of 8 ms, and lines, spool and sample of some 4 ms.
+    assert 1.0 / 0.013 < inner < 1.0 / 0.011
+    assert horizon == pytest.approx(0.012)
+    known = dict(redesigned_recipe("H-infinity", tolerant_study().plant).specification)
+    assert known["inner_bandwidth"] == 120.0
+
+
 @pytest.mark.long
-def test_what_was_found_gives_the_speed_back(tmp_path: Path) -> None:
-    study = study_of_redesign(late(), ["state feedback"])
+@pytest.mark.parametrize("family", tolerant_study().controllers)
+def test_what_was_found_gives_the_speed_back(family: str, tmp_path: Path) -> None:
+    study = study_of_redesign(late(), [family])
     result = run_study(study, tmp_path, progress=lambda *_: None)
     nominal, tolerant, own = (
         max(v.value for v in record.values_of_steps("settling_time", math.radians(15.0)))

@@ -88,14 +88,24 @@ def redesigned_recipe(family: str, machine: PlantRecipe) -> Redesigned:
     beside = float(np.median([lag_beside(recipe.linear(at)) for at in recipe.fastest.at])) + 0.5 * h
     wanted = {"lead": beside + PRESSURE_FILTER, "lag": beside}
     keys = {key.name for key in recipe.kind().keys}
+    tolerant = tolerant_study().controllers[family]
+    own = recipe.checked_specification()
+    behind = sum(late) + beside
+    if "inner_bandwidth" in keys:
+        # No loop around a dead time crosses over beyond its inverse.
+        wanted["inner_bandwidth"] = min(own.inner_bandwidth, 1.0 / behind)
+    if "prediction_time" in keys:
+        # A move that is over before it arrives tells a prediction nothing; what swings on the gas
+        # within the longer horizon is damped as where nothing is known.
+        wanted["prediction_time"] = max(own.prediction_time, h * math.ceil(behind / h))
+        wanted["damping"] = dict(tolerant.specification)["damping"]
     told = {**dict(recipe.specification), **{k: v for k, v in wanted.items() if k in keys}}
     unsure = Uncertainty.known(sum(late), sensor_lag=max(slow, default=0.0))
     # A plan asks of the valve what reaches the muscles.
     told["jerk_share"] *= flow_share(model, nominal_plant(machine).build(), machine.plant())
     # No slower than what tolerates more is a limit that a late machine may not meet.
     first, last, count = recipe.fastest.speeds
-    tolerant = tolerant_study().controllers[family].fastest
-    slowest = min(last, tolerant.speeds[1]) if tolerant is not None else last
+    slowest = min(last, tolerant.fastest.speeds[1]) if tolerant.fastest is not None else last
     steps = (count - 1) * math.log(first / slowest) / math.log(first / last)
     fastest = replace(
         recipe.fastest,
@@ -106,8 +116,8 @@ def redesigned_recipe(family: str, machine: PlantRecipe) -> Redesigned:
         maximum_complementary=2.0,
         uncertainty=unsure,
     )
-    own = {**vars(recipe), "specification": tuple(told.items()), "inertia_margin": ()}
-    return Redesigned(**own | {"fastest": fastest}, machine=machine)
+    made = {**vars(recipe), "specification": tuple(told.items()), "inertia_margin": ()}
+    return Redesigned(**made | {"fastest": fastest}, machine=machine)
 
 
 def flow_share(machine: Model, nominal: Model, plant: Plant) -> float:
