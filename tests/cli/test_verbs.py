@@ -140,6 +140,9 @@ def test_redesign_of_a_machine_that_is_no_arm(tmp_path: Path, shell: Shell) -> N
     # Both have the colour of their family, each in a picture of its own.
     page = (tmp_path / "out" / "report.html").read_text()
     assert "tracking-1-part-2" in page
+    # First of all, what knowing the machine is worth.
+    assert page.index("What knowing the machine is worth") < page.index("Scenario step")
+    assert page.index("versions") < page.index("tracking-1") and "Not drawn" not in page
     # No table without rows, and no article before a name.
     assert "Every requirement at its worst" not in page and "opened at position" in page
     runs = json.loads((tmp_path / "out" / "results.json").read_text())["runs"]

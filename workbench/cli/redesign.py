@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from workbench.study.study import Study
 
 
+_DESCRIPTION = """Each family as it is designed for the nominal plant, on that plant; as it \
+tolerates a machine that nobody has identified; and made anew from what was found of the machine."""
+
+
 def redesign(
     verdict: str, *, out: Path, family: list[str] | None = None, at: list[str] | None = None
 ) -> int:
@@ -90,7 +94,8 @@ def _beside_tolerant(found: Chosen, families: Sequence[str]) -> Study:
     if not kept:
         raise WorkbenchError(" ".join(said))
     typer.echo("\n".join(said))
-    return replace(study.only(kept), description=" ".join(said))
+    report = replace(study.report, said=tuple(said))
+    return replace(study.only(kept), description=_DESCRIPTION, report=report)
 
 
 def _nominal_and_redesigned(
@@ -125,4 +130,5 @@ def _nominal_and_redesigned(
     study = trial.study(recipes, scenarios, name="redesign")
     # A family has one colour, whatever it was designed for.
     kin = tuple((r.name, own.name) for r, own in zip(recipes, (*before, *after), strict=True))
-    return replace(study, report=replace(study.report, kin=kin))
+    said = "Each design for the nominal plant, and made anew for the machine, on the machine."
+    return replace(study, description=said, report=replace(study.report, kin=kin))

@@ -61,7 +61,7 @@ def metrics_table(
     shown = [name for name in columns if any(name in found for found in measured.values())]
     limits = {requirement.metric: requirement for requirement in requirements}
     rows: tuple[tuple[Cell | str, ...], ...] = tuple(
-        (*key, *(_cell(found, name, limits.get(name)) for name in shown))
+        (*key, *(metric_cell(found, name, limits.get(name)) for name in shown))
         for key, found in measured.items()
     )
     return Table(
@@ -69,8 +69,9 @@ def metrics_table(
     )
 
 
-def _cell(found: Metrics, name: str, requirement: Requirement | None) -> Cell:
-    if name not in found:
+def metric_cell(found: Metrics | None, name: str, requirement: Requirement | None = None) -> Cell:
+    """Write a metric of a run, with a mark if it is required; nothing where the run has none."""
+    if found is None or name not in found:
         return Cell("")
     metric = found[name]
     value, unit = metric.shown()

@@ -17,6 +17,7 @@ from workbench.model.units import from_si, in_time, of_difference, with_unit
 from workbench.reports.figure import Figure, figures_of, own_figures, sections
 from workbench.reports.figures.linear_analysis import LINEAR, linear_blocks
 from workbench.reports.figures.study_traces import breakable, point_text
+from workbench.reports.figures.versions import versions
 from workbench.reports.metrics_table import (
     demand_text,
     metric_methods,
@@ -89,6 +90,8 @@ def _first(
     drawn = next((b for s in scenarios for b in s.blocks if isinstance(b, Picture)), None)
     # A picture stands on the page once.
     rest = [replace(s, blocks=tuple(b for b in s.blocks if b is not drawn)) for s in scenarios]
+    if beside := versions(outcome):
+        return (*([_scores(outcome)] if outcome.judgements else []), *beside), scenarios
     told = _scores(outcome) if outcome.judgements else _unjudged(outcome)
     return (told, *([drawn] if drawn is not None else [])), rest
 
@@ -385,7 +388,8 @@ def _how(outcome: StudyResult, figures: Sequence[Figure], command: str) -> Secti
     own = [entry for figure in figures for entry in figure.methods]
     done = Method((*metric_methods(runs), *methods("study"), *own))
     typed = [Commands((command,))] if command else []
-    return Section("how", "How it was done", (plants, designs, done, *typed), folded=True)
+    said = [Words(text) for text in study.report.said]
+    return Section("how", "How it was done", (plants, designs, *said, done, *typed), folded=True)
 
 
 def _difference(outcome: StudyResult, variation: Variation) -> str:

@@ -144,9 +144,10 @@ def told_apart(shades: Mapping[str, Colour]) -> list[list[str]]:
     """
     groups: list[list[str]] = []
     for name, shade in shades.items():
-        if not groups or shade in {shades[other] for other in groups[-1]}:
-            groups.append([])
-        groups[-1].append(name)
+        free = (g for g in groups if shade not in {shades[other] for other in g})
+        if (group := next(free, None)) is None:
+            groups.append(group := [])
+        group.append(name)
     return groups
 
 

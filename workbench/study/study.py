@@ -158,6 +158,8 @@ class Report:
     Args:
         limit_steps: Steps that are compared, as pairs of references in SI; all if empty.
         kin: Controllers, each with the name whose colour it has in pictures, if that is another's.
+            Several of one name are its versions, which stand beside each other.
+        said: Sentences about how the controllers were designed.
     """
 
     physical_limit: bool = False
@@ -167,6 +169,7 @@ class Report:
     figures: tuple[str, ...] = ()
     traced: tuple[str, ...] = ()
     kin: tuple[tuple[str, str], ...] = ()
+    said: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
