@@ -45,7 +45,7 @@ def test_reduced_is_the_least_squares_with_what_is_known() -> None:
     right = np.concatenate([e[:, 0], np.zeros(3)])
     step, *_ = np.linalg.lstsq(rows, -right, rcond=None)
     expected = 0.5 * np.sum((right + rows @ step) ** 2)
-    assert reduced(Innovations(e, j, e, e), known) == pytest.approx(expected)
+    assert reduced(Innovations(e, j, e, e, (e, e)), known) == pytest.approx(expected)
 
 
 def test_the_menu_of_the_arm_stays_within_its_range() -> None:

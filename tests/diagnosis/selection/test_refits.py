@@ -437,7 +437,7 @@ def test_what_comes_late_is_raced_on_what_shows_it() -> None:
     jump = by_name(scores)["offset_jump_axis_force"]
     assert jump.late > refits._HEADS[0]
     prior = base.cost - float(blocks_of_cost(base, [observed]).sum())
-    (found,) = refits._raced(refits._Race(base, priors, [observed], known=prior), [jump])
+    (found,) = refits._raced(refits.Race(base, priors, [observed], known=prior), [jump])
     assert found.fit is not None and found.gain > 1000.0
     assert found.fit.model.parameter("offset_jump_axis_force.time").value == pytest.approx(
         SAMPLE_TIME * late, abs=0.05
@@ -484,7 +484,7 @@ def test_beside_what_leaves_nothing_out_others_are_not_tried_in_every_way(
     field = [_score(entry, float(gain)) for gain in range(30)]
     seen: Any = made_up_axis(1, samples=100)
     base: Any = SimpleNamespace(noise_scale=before)
-    found = refits._first_refits(refits._Race(base, (), [seen]), field, 1500, 10.0)
+    found = refits._first_refits(refits.Race(base, (), [seen]), field, 1500, 10.0)
     assert [c.gain for c in found] == [*range(30)]
     assert [thorough[29.0 - rank] for rank in range(30)] == [rank < all_ways for rank in range(30)]
 
@@ -506,7 +506,7 @@ def test_what_is_either_there_or_not_begins_at_the_priors_too(
     monkeypatch.setattr(refits, "start_values", lambda *_: {})
     base: Any = SimpleNamespace(noise_scale=0.3, refit=SimpleNamespace(estimates=(), values={}))
     ways = {}
-    race = refits._Race(base, (), [], thorough=False)
+    race = refits.Race(base, (), [], thorough=False)
     for name in ("silencers", "valve_offset"):
         refits._first(race, 0.0, _score(name, 90.0), 1.0)
         ways[name], begun = begun, []
@@ -531,7 +531,7 @@ def test_times_of_an_event_that_gain_nothing_are_searched_once(
         return (replace(effects[0], states=effects[0].states[:]),)
 
     monkeypatch.setattr(
-        refits, "_narrowed", lambda _, entry, *__, **___: (entry, fitted(costs.pop(0)), [])
+        refits, "in_turn", lambda _, entry, *__, **___: (entry, fitted(costs.pop(0)), [])
     )
     monkeypatch.setattr(refits, "with_own_starts", own_starts)
     monkeypatch.setattr(refits, "changed_values", lambda *_: {})
@@ -540,7 +540,7 @@ def test_times_of_an_event_that_gain_nothing_are_searched_once(
     monkeypatch.setattr(refits, "_closest_errors", lambda *_: None)
     first = Candidate(jump, fitted(0.0), 100.0)
     base: Any = SimpleNamespace(cost=0.0, model=None)
-    refits._judged_on(refits._Race(base, (), ()), first, None)
+    refits._judged_on(refits.Race(base, (), ()), first, None)
     assert len(told) == searches
 
 
@@ -591,7 +591,7 @@ def test_many_short_recordings_are_raced_on_some_among_them_the_one_that_shows_i
 
     monkeypatch.setattr(refits, "_first_refits", first)
     field: Any = [Shown(0, 7), Shown(1, 2), Shown(2, 7)]
-    raced = refits._raced(refits._Race(cast(Any, None), (), cast(Any, recordings)), field)
+    raced = refits._raced(refits.Race(cast(Any, None), (), cast(Any, recordings)), field)
     assert raced == [0, 1, 2]
     assert used[0] == used[2] == ([0, 1, 2, 3, 7], 7)
     assert used[1] == ([0, 1, 2, 3, 4], 2)
@@ -659,7 +659,7 @@ def test_a_law_that_contends_is_refitted_with_the_trust_that_it_earns() -> None:
         first.append(Candidate(laws[name], fit, base.cost - fit.cost))
         field.append(_score(laws[name], 900.0))
     prior = base.cost - float(blocks_of_cost(base, [seen]).sum())
-    race = refits._Race(base, priors, [seen], known=prior)
+    race = refits.Race(base, priors, [seen], known=prior)
     loss, offset = refits._trusted(race, field, first)
     assert loss.gain > 5.0 * first[0].gain
     assert loss.fit is not None
@@ -690,7 +690,7 @@ def test_beside_what_explains_nearly_all_a_law_that_gains_little_is_tried_in_one
     base: Any = SimpleNamespace(
         noise_scale=1.0, refit=SimpleNamespace(estimates=(on_bound,), values={})
     )
-    race = refits._Race(base, (), [], thorough=False)
+    race = refits.Race(base, (), [], thorough=False)
     tilt, far = "tilt_gravity", next(e for e in _entries().values() if e.far)
     for entry, least, once in (
         (tilt, 0.0, False),

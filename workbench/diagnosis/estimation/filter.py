@@ -146,7 +146,7 @@ def _whole(steps: float) -> int:
     return int(np.clip(np.ceil(round(float(steps), 6)), 1, MOST_STEPS))
 
 
-End = tuple[Vector, Vector] | None
+End = tuple[Vector, Vector]
 """State, in SI, and its covariance over the scales, with which a filter goes on."""
 
 
@@ -167,7 +167,7 @@ class Innovations(NamedTuple):
     jacobian: Vector
     log_deviation: Vector
     states: Vector
-    end: End = None
+    end: End
 
     @property
     def cost(self) -> float:
@@ -321,6 +321,7 @@ class Filter:
             np.zeros((n, n_y, sensitivity.shape[1])),
             np.full((n, n_y), np.nan),
             np.full((n, len(x)), np.nan),
+            (x, covariance),
         )
         calm, few, again, pieces, straight, each = self._steps
         if self._struct is None:
@@ -343,7 +344,7 @@ class Filter:
         tried += pieces // calm * straight * rough if straight < each else 0
         count("model_evaluations", 2 * done + _TRIED * tried + 4 * _FINER * kinks)
         states = np.ascontiguousarray(found.states[:, :plant])
-        return done, found._replace(states=states, end=(x, covariance))
+        return done, found._replace(states=states)
 
     def _interpreted(
         self, x: Vector, P: Vector, G: Vector, u: Vector, y: Vector, r: Vector, p: Vector,

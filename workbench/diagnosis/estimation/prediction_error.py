@@ -252,7 +252,9 @@ class PredictionError:
         self._corrected = tuple(i for i in range(len(model.states)) if i not in certain)
         self._filters: list[Filter] = []
 
-    def run(self, observed: Observed, values: npt.ArrayLike, begin: End = None) -> Innovations:
+    def run(
+        self, observed: Observed, values: npt.ArrayLike, begin: End | None = None
+    ) -> Innovations:
         """Run the filter along a recording.
 
         Args:
@@ -296,7 +298,7 @@ class PredictionError:
         return observed.start, np.diag(spread**2)
 
     def _run(
-        self, number: int, observed: Observed, values: npt.ArrayLike, begin: End = None
+        self, number: int, observed: Observed, values: npt.ArrayLike, begin: End | None = None
     ) -> Innovations:
         done, found = self._filter(number).run(
             *(begin or self.begin(observed)),

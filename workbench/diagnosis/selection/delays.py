@@ -100,26 +100,22 @@ class Delays:
             return math.inf
 
     def _filtered(self, delay: float) -> list[_Part]:
-        """Filter the recording part by part; empty where the filter cannot go on from one."""
-        begin: End = self._with_clocks(self._filter.begin(self._observed), delay, 0)
+        """Filter the recording part by part."""
+        begin = self._with_clocks(self._filter.begin(self._observed), delay, 0)
         found = []
         for part in self._parts:
             run = self._filter.run(part, self._filter.model.values, begin)
             found.append(_Part(begin, run.cost))
             begin = run.end
-            if begin is None:
-                return []
         return found
 
     def _with_clocks(self, begin: End, delay: float, part: int) -> End:
-        assert begin is not None
         state, covariance = begin[0].copy(), begin[1]
         state[self._places] = self._usual + delay + part * self._step
         return state, covariance
 
     def _forgotten(self, one: End, other: End) -> bool:
         """Whether two filtered states differ by little of their uncertainty, their clocks apart."""
-        assert one is not None and other is not None
         own = len(one[0]) - len(self._filter.state_scale)
         scale = np.append(self._filter.state_scale, np.ones(own))
         known = np.sqrt(np.maximum(np.diag(other[1]), 0.0)) * scale

@@ -17,6 +17,7 @@ from workbench.diagnosis.estimation.free_run import as_recorded, free_run
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.priors import Prior, is_guess
 from workbench.diagnosis.estimation.process_noise import (
+    LADDER,
     PERFECT,
     ProcessNoiseFit,
     blocks_as_trusted,
@@ -118,7 +119,7 @@ _WIDER, _WIDENINGS = 5.0, 4
 Progress = Callable[[str], None]
 
 
-class _Race(NamedTuple):
+class Race(NamedTuple):
     """What all hypotheses begin with.
 
     Args:
@@ -152,7 +153,7 @@ def refit_candidates(
     """Refit each hypothesis together with the free parameters.
 
     Args:
-        base, fit_on, thorough: As for `_Race`.
+        base, fit_on, thorough: As for `Race`.
 
     Returns:
         Candidates by falling gain, each accepted or refused with the reason.
@@ -162,7 +163,7 @@ def refit_candidates(
     lengths = [len(r.outputs) for r in fit_on]
     known = base.cost - float(blocks_of_cost(base, fit_on).sum()) if field else 0.0
     fit_on, hold_out = tuple(fit_on), tuple(hold_out)
-    race = _Race(base, tuple(priors), fit_on, (), known, jobs, thorough)
+    race = Race(base, tuple(priors), fit_on, (), known, jobs, thorough)
     if max(lengths) > _RACED * _HEADS[0] or sum(lengths) > _RACED * _HEADS[1]:
         if progress and field:
             progress(f"racing {len(field)} effects on the beginning of the recordings")
@@ -222,7 +223,7 @@ def refit_candidates(
     return decided((*first, *lost, *alone), runs, limits)
 
 
-def _raced(race: _Race, field: Sequence[Score]) -> list[Candidate]:
+def _raced(race: Race, field: Sequence[Score]) -> list[Candidate]:
     """Refit hypotheses on the beginning of two recordings, or on more if they are short.
 
     The one that shows a hypothesis best is among them.
@@ -244,7 +245,7 @@ def _raced(race: _Race, field: Sequence[Score]) -> list[Candidate]:
 
 
 def _first_refits(
-    race: _Race,
+    race: Race,
     field: Sequence[Score],
     samples: int,
     enough: float,
@@ -281,7 +282,7 @@ def _first_refits(
     return [found[i] for i in range(len(field))]
 
 
-def _heads(race: _Race, field: Sequence[Score], samples: int) -> list[tuple[list[Observed], float]]:
+def _heads(race: Race, field: Sequence[Score], samples: int) -> list[tuple[list[Observed], float]]:
     """Return the beginnings that show each hypothesis, and their cost without it, dimensionless."""
     lengths = [samples if score.late < samples else 2 * score.late for score in field]
     heads = {n: [r.part(slice(n)) for r in race.fit_on] for n in {*lengths}}
@@ -289,7 +290,7 @@ def _heads(race: _Race, field: Sequence[Score], samples: int) -> list[tuple[list
     return [(heads[n], race.known + costs[n]) for n in lengths]
 
 
-def _trusted(race: _Race, field: Sequence[Score], first: Sequence[Candidate]) -> list[Candidate]:
+def _trusted(race: Race, field: Sequence[Score], first: Sequence[Candidate]) -> list[Candidate]:
     """Refit hypotheses that contend with as much trust in the equations as each of them earns.
 
     Where the equations are as imperfect as without it, the right law gains little more than a wrong
@@ -320,7 +321,7 @@ def _explains(candidate: Candidate) -> bool:
     return candidate.fit is not None and candidate.fit.noise_scale <= PERFECT
 
 
-def _with_trust(race: _Race, cost: float, first: Candidate) -> Candidate:
+def _with_trust(race: Race, cost: float, first: Candidate) -> Candidate:
     assert first.fit is not None
     model = first.fit.model
     try:
@@ -462,7 +463,7 @@ def widened(entry: Hypothesis, fit: ProcessNoiseFit, interval: float) -> Hypothe
     return replace(entry, effect=replace(effect, parameters=tuple(wider)))
 
 
-def _started(race: _Race, entry: Hypothesis) -> tuple[Model, list[Observed]]:
+def _started(race: Race, entry: Hypothesis) -> tuple[Model, list[Observed]]:
     """Return the model with an effect, at size zero, and the fitting recordings with its start."""
     model = race.base.model.with_effect(entry.at_size(1.0 if entry.replaces else 0.0))
     return model, [extended_start(r, race.base.model, model) for r in race.fit_on]
@@ -506,54 +507,25 @@ class _Way(NamedTuple):
     shapes: bool = False
 
 
-def _refitted(race: _Race, score: Score, way: _Way, enough: float) -> tuple[Score, ProcessNoiseFit]:
+def _refitted(race: Race, score: Score, way: _Way, enough: float) -> tuple[Score, ProcessNoiseFit]:
     """Refit one hypothesis from one start, widening the bounds that it ends on."""
     known, ladder = way.known, way.ladder
     fitted = {q.name for q in score.entry.effect.parameters if q.fitted}
     shape = {name: value for name, value in score.shape.items() if name in fitted}
     score = replace(score, entry=_valued(score.entry, score.shape), shape=shape)
-    begin: dict[str, float] | None = None
-    best: tuple[Score, ProcessNoiseFit] | None = None
-    for _ in range(_WIDENINGS + 1):
-        entry = score.entry
-        model, started = _started(race, entry)
-        own, start = entry_priors(entry, score.size)
-        priors = (*race.priors, *own)
-        if begin is None:
-            usual = {**start, **known}
-            starts = way.starts or _starts(score, usual, shapes=way.shapes)
-            names, found = [p.name for p in priors], bool(way.starts)
-            begin = _best_start(race, score, model, started, names, starts, ladder[0], found=found)
-            if (timed := in_step(entry, begin, started[0].sample_time)) is not entry:
-                score = replace(score, entry=timed)
-                continue
-        fit = fit_with_process_noise(
-            model,
-            started,
-            priors,
-            start=begin,
-            noise_scale=ladder[0],
-            ladder=ladder,
-            enough=enough,
-        )
-        if best is not None and fit.cost > best[1].cost - enough:
-            break
-        best = score, fit
-        begin = fit.refit.values
-        wider = in_step(entry, begin, started[0].sample_time)
-        if wider is entry:
-            wider = widened(entry, fit, started[0].sample_time) or entry
-        if wider is entry:
-            wider = tuned(entry, fit, started, enough)
-        if wider is entry:
-            break
-        score = replace(score, entry=wider)
-    assert best is not None
-    return best
+    entry = score.entry
+    model, started = _started(race, entry)
+    own, start = entry_priors(entry, score.size)
+    starts = way.starts or _starts(score, {**start, **known}, shapes=way.shapes)
+    names, found = [p.name for p in (*race.priors, *own)], bool(way.starts)
+    begin = _best_start(race, score, model, started, names, starts, ladder[0], found=found)
+    entry = in_step(entry, begin, started[0].sample_time)
+    entry, fit, _ = in_turn(race, entry, begin, ladder[0], ladder=ladder, enough=enough)
+    return replace(score, entry=entry), fit
 
 
 def _first(
-    race: _Race,
+    race: Race,
     cost: float,
     score: Score,
     enough: float,
@@ -678,7 +650,7 @@ def _starts(score: Score, start: Mapping[str, float], *, shapes: bool) -> list[d
 
 
 def _best_start(
-    race: _Race,
+    race: Race,
     score: Score,
     model: Model,
     started: Sequence[Observed],
@@ -829,7 +801,7 @@ def _valued(entry: Hypothesis, values: Mapping[str, float]) -> Hypothesis:
     return replace(entry, effect=entry.effect.with_parameters(dict(values)))
 
 
-def _followed(race: _Race, first: Candidate, before: Vector | None) -> Candidate:
+def _followed(race: Race, first: Candidate, before: Vector | None) -> Candidate:
     """Go on from a first refit with more trust in the equations, and judge on held-out data."""
     assert first.fit is not None
     try:
@@ -839,7 +811,7 @@ def _followed(race: _Race, first: Candidate, before: Vector | None) -> Candidate
         return replace(untried(first.entry, error), followed=True)
 
 
-def _judged_on(race: _Race, first: Candidate, before: Vector | None) -> Candidate:
+def _judged_on(race: Race, first: Candidate, before: Vector | None) -> Candidate:
     assert first.fit is not None
     base, hold_out = race.base, race.hold_out
     entry, fit = first.entry, first.fit
@@ -849,7 +821,7 @@ def _judged_on(race: _Race, first: Candidate, before: Vector | None) -> Candidat
         f"{entry.name}.{k.removeprefix(before_it)}" if k.startswith(before_it) else k: v
         for k, v in fit.refit.values.items()
     }
-    entry, fit, started = _narrowed(race, entry, fit, ended)
+    entry, fit, started = in_turn(race, entry, ended, fit.noise_scale, sharper=True)
     for last in (not is_event(entry.effect), True):
         (effect,) = with_own_starts((entry.effect,), fit, base.model, race.fit_on, hold_out)
         if effect is entry.effect:
@@ -860,12 +832,12 @@ def _judged_on(race: _Race, first: Candidate, before: Vector | None) -> Candidat
         if level_everywhere(effect) is not None:
             return replace(first, refused="it is the same in all recordings", rule=SAME_LEVELS)
         if last:
-            entry, fit, started = _narrowed(race, entry, fit, ended, times=0)
+            entry, fit, started = in_turn(race, entry, ended, fit.noise_scale, times=0)
             break
         # Told one time for all recordings an event came slowly; told more, it may be sharp, and
         # what is sharp tells its times better; what gained nothing by its own times is no event.
         told_once = fit.cost
-        entry, fit, started = _narrowed(race, entry, fit, ended)
+        entry, fit, started = in_turn(race, entry, ended, fit.noise_scale, sharper=True)
         if fit.cost > told_once - _NEARER:
             break
     run = _closest_errors(fit, base.model, race.fit_on, hold_out)
@@ -879,19 +851,27 @@ def _judged_on(race: _Race, first: Candidate, before: Vector | None) -> Candidat
     return replace(judged, held_out=held_out, shift=shift, blocks=(*blocks, unseen))
 
 
-def _narrowed(
-    race: _Race,
+def in_turn(
+    race: Race,
     entry: Hypothesis,
-    fit: ProcessNoiseFit,
-    ended: Mapping[str, float],
+    begin: Mapping[str, float],
+    noise_scale: float,
+    *,
+    ladder: Sequence[float] = (),
+    enough: float = _NEARER,
     times: int = _WIDENINGS,
+    sharper: bool = False,
 ) -> tuple[Hypothesis, ProcessNoiseFit, list[Observed]]:
     """Refit an effect, and what no refit changes in it, in turn as long as that gains.
 
     Args:
-        fit: A fit whose process noise is where it begins.
-        ended: Values with which it begins, by name, in SI.
+        begin: Values with which it begins, by name, in SI.
+        noise_scale: Process-noise scale with which it begins, dimensionless.
+        ladder: Scales of which every refit begins with the first; all that are no larger than where
+            the one before ended if empty.
+        enough: Log likelihood that a further refit has to gain, dimensionless.
         times: How often bounds are widened and guesses tuned at most.
+        sharper: Whether transitions are narrowed too.
     """
     best: tuple[Hypothesis, ProcessNoiseFit, list[Observed]] | None = None
     for turn in range(times + 1):
@@ -901,29 +881,31 @@ def _narrowed(
                 model,
                 started,
                 (*race.priors, *entry_priors(entry)[0]),
-                start=ended,
-                noise_scale=fit.noise_scale,
-                enough=_NEARER,
+                start=begin,
+                noise_scale=noise_scale,
+                ladder=ladder or LADDER,
+                enough=enough,
             )
-            ended = fit.refit.values
         except NumericalError:
             if best is None:
                 raise
             # What was tuned or widened cannot be integrated; what was before can.
             break
-        if best is not None and fit.cost > best[1].cost - _NEARER:
+        if best is not None and fit.cost > best[1].cost - enough:
             break
-        best = entry, fit, started
+        best, begin = (entry, fit, started), fit.refit.values
+        noise_scale = ladder[0] if ladder else fit.noise_scale
         if turn == times:
             break
-        wider = in_step(entry, ended, started[0].sample_time)
-        if wider is entry:
-            wider = widened(entry, fit, started[0].sample_time) or tuned(entry, fit, started)
-        if wider is entry:
-            wider = _sharper(entry)
-        if wider is entry and fit.refit.converged:
+        interval = started[0].sample_time
+        other = in_step(entry, begin, interval)
+        if other is entry:
+            other = widened(entry, fit, interval) or tuned(entry, fit, started, enough)
+        if other is entry and sharper:
+            other = _sharper(entry)
+        if other is entry and (fit.refit.converged or not sharper):
             break
-        entry = wider
+        entry = other
     assert best is not None
     return best
 

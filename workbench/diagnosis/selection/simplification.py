@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from workbench.diagnosis.estimation.priors import Prior
-from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, fit_with_process_noise
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.selection.moments import level_everywhere
-from workbench.diagnosis.selection.refits import entry_priors, tuned
+from workbench.diagnosis.selection.refits import Race, entry_priors, in_turn
 from workbench.diagnosis.selection.rules import SAME
 from workbench.diagnosis.selection.selected import Accepted, Selected
 from workbench.diagnosis.selection.task import Task
-from workbench.model import Model
 from workbench.physics.library import Hypothesis, look_alikes
-
-_TUNINGS = 4
-"""Refits of a simpler law, each after what no refit changes was tuned."""
 
 _UNTOLD = 0.9
 """Standard deviation over that of its prior from which on recordings tell nothing of a shape."""
@@ -45,6 +40,7 @@ def simplified(task: Task, state: Selected) -> Selected:
         if without is None:
             continue
         base, free = without
+        race = Race(base, free, task.started(task.fitting, base.model))
         values = {k: v for k, v in full.refit.values.items() if k not in own}
         amount = own[size].value * (1.0 if level is None else level)
         for simpler in shorter:
@@ -53,7 +49,7 @@ def simplified(task: Task, state: Selected) -> Selected:
                 continue
             begin = values | {f"{other.name}.{other.size_parameter}": amount}
             try:
-                other, fit = _refitted(task, base.model, other, free, begin, full.noise_scale)
+                other, fit, _ = in_turn(race, other, begin, full.noise_scale)
             except Exception:  # noqa: BLE001
                 # What cannot be fitted is no simpler law.
                 continue
@@ -62,33 +58,6 @@ def simplified(task: Task, state: Selected) -> Selected:
                 state = _renamed(state, found, other, replace(fit, passed=None), known)
                 break
     return state
-
-
-def _refitted(
-    task: Task,
-    base: Model,
-    entry: Hypothesis,
-    free: Sequence[Prior],
-    begin: Mapping[str, float],
-    noise_scale: float,
-) -> tuple[Hypothesis, ProcessNoiseFit]:
-    """Refit a law beside a model, and again as long as what no refit changes is tuned."""
-    best: tuple[Hypothesis, ProcessNoiseFit] | None = None
-    for _ in range(_TUNINGS):
-        model = base.with_effect(entry.at_size(0.0))
-        recordings = task.started(task.fitting, model)
-        known = (*free, *entry_priors(entry)[0])
-        fit = fit_with_process_noise(model, recordings, known, start=begin, noise_scale=noise_scale)
-        if best is not None and fit.cost > best[1].cost - SAME:
-            break
-        best = entry, fit
-        begin = fit.refit.values
-        better = tuned(entry, fit, recordings)
-        if better is entry:
-            break
-        entry = better
-    assert best is not None
-    return best
 
 
 def _begun(simpler: Hypothesis, entry: Hypothesis, size: float) -> Hypothesis:
