@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import workbench as wb
+from tests.machines import machine
 from workbench.display import Drawn, Rows, Shown
 from workbench.errors import WorkbenchError
-from workbench.model import Input, Model, Output, State
 
 
 @pytest.fixture(scope="module")
@@ -134,13 +134,7 @@ def test_an_object_draws_itself(axis: dict[str, Drawn], kind: str, panels: int) 
 
 
 def test_a_gain_over_a_speed_has_one_unit() -> None:
-    plant = Model(
-        "trolley",
-        lambda m: ({"x": m.u.v}, {"x": m.x.x}),
-        states=(State("x", "m"),),
-        inputs=(Input("v", "m/s"),),
-        outputs=(Output("x", "m"),),
-    )
+    plant = machine(lambda m: {"x": m.u.v}, "x m", "v m/s", "x m")
     figure = wb.plot(wb.linearise(wb.operating_point(plant, {"x": 0.0})))
     assert figure.axes[0].get_ylabel() == "magnitude in s"
 

@@ -13,6 +13,7 @@ import pytest
 from controllers.plain.limits import settled_after
 from controllers.plain.loop import LoopSpecification, loop_of
 from tests.controllers.families import designed
+from tests.machines import machine
 from tests.shell import Refused, Shell
 from workbench.linearisation import linearise
 from workbench.linearisation.first_step import _reached
@@ -144,18 +145,14 @@ def two_masses():
 
 def greenhouse() -> Model:
     """Air that is warm within minutes, above soil that takes half a day."""
-    return Model(
-        "greenhouse",
-        lambda m: (
-            {
-                "air": (m.u.heat - 600.0 * m.x.air - 900.0 * (m.x.air - m.x.soil)) / 4e5,
-                "soil": 900.0 * (m.x.air - m.x.soil) / 8e6,
-            },
-            {"air": m.x.air},
-        ),
-        states=(State("air", "K", 5.0), State("soil", "K", 5.0)),
-        inputs=(Input("heat", "W", 5e3, nominal=6e3, lower=0.0, upper=2e4),),
-        outputs=(Output("air", "K", 5.0, noise_rms=0.05),),
+    return machine(
+        lambda m: {
+            "air": (m.u.heat - 600.0 * m.x.air - 900.0 * (m.x.air - m.x.soil)) / 4e5,
+            "soil": 900.0 * (m.x.air - m.x.soil) / 8e6,
+        },
+        "air K scale=5, soil K scale=5",
+        "heat W 0 20000 6000 scale=5000",
+        "air K 0.05 scale=5",
     )
 
 
@@ -184,15 +181,14 @@ def test_a_fast_loop_of_a_slow_plant_is_run_no_longer_than_it_needs(
 
 def poisoned() -> Model:
     """A quick power, most of which is lost over a day to what the power makes slowly."""
-    return Model(
-        "poisoned",
+    return machine(
         lambda m: (
             {"quick": m.u.rod - m.x.quick, "slow": (m.u.rod - m.x.slow) / 1e5},
             {"power": m.x.quick - 0.8 * m.x.slow},
         ),
-        states=(State("quick", "1", 1.0), State("slow", "1", 1.0)),
-        inputs=(Input("rod", "1", 1.0, lower=-1.0, upper=1.0),),
-        outputs=(Output("power", "1", 0.5, noise_rms=1e-3),),
+        "quick 1 scale=1, slow 1 scale=1",
+        "rod 1 -1 1 scale=1",
+        "power 1 0.001 scale=0.5",
     )
 
 
@@ -205,12 +201,11 @@ def test_a_step_that_takes_most_of_a_command_in_the_end_is_held_for_few_samples(
 
 
 def test_a_heater_that_rests_near_its_end_is_as_fast_as_its_power() -> None:
-    oven = Model(
-        "oven",
-        lambda m: ({"rise": (300.0 * m.u.duty - 0.02 * m.x.rise) / 5e3}, {"rise": m.x.rise}),
-        states=(State("rise", "K", 50.0),),
-        inputs=(Input("duty", "1", lower=0.0, upper=1.0),),
-        outputs=(Output("rise", "K", 50.0, noise_rms=0.05),),
+    oven = machine(
+        lambda m: {"rise": (300.0 * m.u.duty - 0.02 * m.x.rise) / 5e3},
+        "rise K scale=50",
+        "duty 1 0 1",
+        "rise K 0.05 scale=50",
     )
     linear = linearise(operating_point(oven, {"rise": 20.0}), verdict=False)
     h = usual_sample_time(linear, ["rise"])
@@ -296,43 +291,30 @@ def drum() -> Model:
 
 def upright() -> Model:
     """A body on two wheels: what grows within 0.2 s moves far in the time of its rest."""
-    return Model(
-        "wheels",
-        lambda m: (
-            {
-                "way": m.x.speed,
-                "speed": 0.385 * m.u.torque - 0.24 * m.x.speed - 10.0 * m.x.pitch,
-                "pitch": m.x.rate,
-                "rate": 28.3 * m.x.pitch - 0.645 * m.u.torque + 0.34 * m.x.speed,
-            },
-            {"way": m.x.way, "pitch": m.x.pitch},
-        ),
-        states=(
-            State("way", "m"),
-            State("speed", "m/s"),
-            State("pitch", "rad"),
-            State("rate", "1/s"),
-        ),
-        inputs=(Input("torque", "N m", lower=-60.0, upper=60.0),),
-        outputs=(Output("way", "m", noise_rms=1e-3), Output("pitch", "rad", noise_rms=2e-3)),
+    return machine(
+        lambda m: {
+            "way": m.x.speed,
+            "speed": 0.385 * m.u.torque - 0.24 * m.x.speed - 10.0 * m.x.pitch,
+            "pitch": m.x.rate,
+            "rate": 28.3 * m.x.pitch - 0.645 * m.u.torque + 0.34 * m.x.speed,
+        },
+        "way m, speed m/s, pitch rad, rate 1/s",
+        "torque N m -60 60",
+        "way m 0.001, pitch rad 0.002",
     )
 
 
 def drone() -> Model:
     """A rotor that lifts: a fast lag, two integrators and a drag that hardly counts."""
-    return Model(
-        "drone",
-        lambda m: (
-            {
-                "z": m.x.v,
-                "v": m.x.thrust / 1.2 - 9.81 - 0.07 * m.x.v,
-                "thrust": (36.0 * m.u.throttle - m.x.thrust) / 0.06,
-            },
-            {"z": m.x.z},
-        ),
-        states=(State("z", "m", initial=1.0), State("v", "m/s"), State("thrust", "N")),
-        inputs=(Input("throttle", "1", lower=0.0, upper=1.0),),
-        outputs=(Output("z", "m", noise_rms=0.01),),
+    return machine(
+        lambda m: {
+            "z": m.x.v,
+            "v": m.x.thrust / 1.2 - 9.81 - 0.07 * m.x.v,
+            "thrust": (36.0 * m.u.throttle - m.x.thrust) / 0.06,
+        },
+        "z m 1, v m/s, thrust N",
+        "throttle 1 0 1",
+        "z m 0.01",
     )
 
 
@@ -352,24 +334,22 @@ def test_what_integrates_goes_as_far_as_it_is_led_in_a_good_loop(
 
 
 def test_what_stands_still_at_the_end_of_its_command_steps_to_where_it_can() -> None:
-    oven = Model(
-        "cooler",
-        lambda m: ({"T": (300.0 - m.x.T - 20.0 * m.u.cooling) / 600.0}, {"T": m.x.T}),
-        states=(State("T", "K"),),
-        inputs=(Input("cooling", "1", lower=0.0, upper=1.0),),
-        outputs=(Output("T", "K", noise_rms=0.01),),
+    oven = machine(
+        lambda m: {"T": (300.0 - m.x.T - 20.0 * m.u.cooling) / 600.0},
+        "T K",
+        "cooling 1 0 1",
+        "T K 0.01",
     )
     linear = linearise(operating_point(oven), verdict=False)
     assert _reached(oven, linear, "T", 5.0, {"T": 300.0}) == -5.0
 
 
 def test_a_step_goes_no_farther_than_the_plant_can_rest_however_little_that_is() -> None:
-    pot = Model(
-        "crystalliser",
+    pot = machine(
         lambda m: ({"cold": (m.u.jacket - m.x.cold) / 900.0}, {"excess": 1e-3 * m.x.cold}),
-        states=(State("cold", "1", initial=2.0),),
-        inputs=(Input("jacket", "1", lower=0.0, upper=5.0, nominal=2.0),),
-        outputs=(Output("excess", "1", 1.0, noise_rms=1e-5),),
+        "cold 1 2",
+        "jacket 1 0 5 2",
+        "excess 1 1e-05 scale=1",
     )
     linear = linearise(operating_point(pot), verdict=False)
     step = _reached(pot, linear, "excess", 1.0, {"excess": 2e-3}, "jacket")

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.machines import machine
 from workbench.diagnosis.estimation.free_run import FreeRun
 from workbench.model import Model, Output, State
 from workbench.reports.figures.diagnosis import (
@@ -12,16 +13,11 @@ from workbench.reports.figures.diagnosis import (
     sizes_as_read,
 )
 
-MODEL = Model(
-    "duct",
+MODEL = machine(
     lambda m: ({"flow": -m.x.flow}, {"flow": m.x.flow, "air": m.x.flow, "pressure": m.x.flow}),
-    states=(State("flow", "m3/s", 1.0),),
-    inputs=(),
-    outputs=(
-        Output("flow", "m3/s", 1.0, display_unit="m3/h"),
-        Output("air", "K", 1.0, display_unit="degC"),
-        Output("pressure", "Pa", 1.0),
-    ),
+    "flow m3/s scale=1",
+    "",
+    "flow m3/s scale=1 display_unit=m3/h, air K scale=1 display_unit=degC, pressure Pa scale=1",
 )
 
 

@@ -7,8 +7,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from tests.machines import machine
 from workbench.errors import WorkbenchError
-from workbench.model import Input, Model, Output, State
 from workbench.reports.figure import FIGURES, Figure, own_figures, sections
 from workbench.reports.figures.tracking import tracked
 from workbench.reports.page import Words
@@ -67,15 +67,11 @@ def test_a_name_that_no_figure_has() -> None:
 
 
 def test_each_followed_output_stands_beside_a_command_that_moves() -> None:
-    tank = Model(
-        "tank",
-        lambda m: (
-            {"level": m.u.pump - m.x.level, "warmth": m.u.heater - m.x.warmth},
-            {"level": m.x.level, "warmth": m.x.warmth},
-        ),
-        states=(State("level", "m", 1.0), State("warmth", "K", 1.0)),
-        inputs=(Input("valve", "1"), Input("pump", "m/s"), Input("heater", "K/s")),
-        outputs=(Output("level", "m", 1.0), Output("warmth", "K", 1.0)),
+    tank = machine(
+        lambda m: {"level": m.u.pump - m.x.level, "warmth": m.u.heater - m.x.warmth},
+        "level m scale=1, warmth K scale=1",
+        "valve 1, pump m/s, heater K/s",
+        "level m scale=1, warmth K scale=1",
     )
     moving = ("time", "input.pump", "input.heater", "output.level", "output.warmth")
     still = {"input.valve": 0.0, "reference.level": 1.0, "reference.warmth": 1.0}

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from tests.machines import machine
 from tests.recordings.example import example_recording
 from workbench.errors import WorkbenchError
-from workbench.model import Input, Model, Output, State
 from workbench.recordings import check_recording
 from workbench.recordings.checks import CHECKS, Check, Finding
 
@@ -32,12 +32,8 @@ def test_required_signal_is_missing() -> None:
 
 
 def test_model_gives_ranges_and_required_signals() -> None:
-    model = Model(
-        "joint",
-        lambda m: ({"angle": m.u.valve}, {"angle": m.x.angle}),
-        states=(State("angle", "rad"),),
-        inputs=(Input("valve", "V", lower=0.0, upper=10.0),),
-        outputs=(Output("angle", "rad", lower=0.0, upper=0.3),),
+    model = machine(
+        lambda m: {"angle": m.u.valve}, "angle rad", "valve V 0 10", "angle rad lower=0 upper=0.3"
     )
     report = check_recording(TRIAL, model=model)
     assert "outside the plausible" in report.check("units").note

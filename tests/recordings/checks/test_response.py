@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.machines import machine
 from tests.recordings.example import recorded, with_values
 from workbench.data_folder import shipped_folder
-from workbench.model import Input, Model, Output, State
 from workbench.plants.arm import arm
 from workbench.recordings import Recording, read_recording
 from workbench.recordings.checks import Expected, expectations
@@ -124,12 +124,11 @@ def test_a_time_in_another_unit_is_unfit(
 def test_a_store_that_is_filled_moves_long_before_its_time_constant(
     factor: float, result: str
 ) -> None:
-    boiler = Model(
-        "boiler",
+    boiler = machine(
         lambda m: ({"T": (m.u.heater - 2.0 * (m.x.T - 291.0)) / 3.3e5}, {"water": m.x.T}),
-        states=(State("T", "K", 50.0, initial=323.0),),
-        inputs=(Input("heater", "W", 2e3, lower=0.0),),
-        outputs=(Output("water", "K", 50.0),),
+        "T K 323 scale=50",
+        "heater W 0 scale=2000",
+        "water K scale=50",
     )
     heater = np.where(np.arange(1500) % 300 < 60, 2000.0, 0.0)
     water = 323.0 + np.cumsum(20.0 * (heater - 60.0) / 3.3e5)

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from tests.machines import machine
 from tests.recordings.example import example_recording, recorded, with_values
 from workbench.evaluation.foreign.foreign_case import plan
 from workbench.model import Input, Model, Output, State
@@ -185,13 +186,7 @@ def test_numbers_without_a_unit_that_fit_in_one_of_them_alone(tmp_path: Path) ->
 
 
 def test_the_size_of_a_state_is_that_of_the_output_which_reads_it() -> None:
-    model = Model(
-        "axis",
-        lambda m: ({"x": 0.1 * m.u.valve}, {"x": m.x.x}),
-        states=(State("x", "m", 0.1),),
-        inputs=(Input("valve", "V"),),
-        outputs=(Output("x", "m"),),
-    )
+    model = machine(lambda m: {"x": 0.1 * m.u.valve}, "x m scale=0.1", "valve V", "x m")
     valve = np.random.default_rng(1).uniform(-1.0, 1.0, 40).repeat(20)
     x = 1e3 * np.cumsum(0.1 * 0.01 * valve)
     trial = recorded(0.01, {"valve V": valve}, {"x m": x})
@@ -284,17 +279,11 @@ def test_a_sink_that_warms_with_its_cooler_does_not_turn_a_sign() -> None:
 
 
 def test_a_flow_has_the_sign_that_its_own_warmth_gives_it() -> None:
-    def heater(m: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        return {"t": 1e3 * m.u.flow * (m.u.t_in - m.x.t)}, {"t": m.x.t}
+    def heater(m: Any) -> dict[str, Any]:
+        return {"t": 1e3 * m.u.flow * (m.u.t_in - m.x.t)}
 
     # Nobody declares how warm what flows in is: by default it is at zero kelvin.
-    model = Model(
-        "heater",
-        heater,
-        states=(State("t", "K", initial=300.0),),
-        inputs=(Input("flow", "m3/s"), Input("t_in", "K")),
-        outputs=(Output("t", "K"),),
-    )
+    model = machine(heater, "t K 300", "flow m3/s, t_in K", "t K")
     flow = np.random.default_rng(1).uniform(1e-4, 3e-4, 400).repeat(5)
     t = [310.0]
     for f in flow[:-1]:
@@ -305,17 +294,11 @@ def test_a_flow_has_the_sign_that_its_own_warmth_gives_it() -> None:
 
 
 def test_what_a_loop_holds_against_what_would_fall_has_its_sign() -> None:
-    def magnet(m: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def magnet(m: Any) -> dict[str, Any]:
         force = 41.0 * m.u.current + 2.2e5 * m.x.gap
-        return {"gap": m.x.speed, "speed": force / 2.3}, {"gap": m.x.gap}
+        return {"gap": m.x.speed, "speed": force / 2.3}
 
-    model = Model(
-        "magnet",
-        magnet,
-        states=(State("gap", "m"), State("speed", "m/s")),
-        inputs=(Input("current", "A"),),
-        outputs=(Output("gap", "m"),),
-    )
+    model = machine(magnet, "gap m, speed m/s", "current A", "gap m")
     # A load that nobody records pushes it about, which the current answers to.
     rng = np.random.default_rng(2)
     gap, speed, gaps, currents = 0.0, 0.0, [], []
@@ -336,20 +319,11 @@ def test_what_a_balancing_command_goes_with_has_no_sign_of_its_own() -> None:
         a = (force - 0.1 * v - 1.96 * theta) / 0.5
         return a, (9.81 * theta - a) / 0.3
 
-    def cart(m: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def cart(m: Any) -> dict[str, Any]:
         a, alpha = rates(m.u.force, m.x.v, m.x.theta)
-        return (
-            {"p": m.x.v, "v": a, "theta": m.x.omega, "omega": alpha},
-            {"p": m.x.p, "theta": m.x.theta},
-        )
+        return {"p": m.x.v, "v": a, "theta": m.x.omega, "omega": alpha}
 
-    model = Model(
-        "cart",
-        cart,
-        states=(State("p", "m"), State("v", "m/s"), State("theta", "rad"), State("omega", "rad/s")),
-        inputs=(Input("force", "N"),),
-        outputs=(Output("p", "m"), Output("theta", "rad")),
-    )
+    model = machine(cart, "p m, v m/s, theta rad, omega rad/s", "force N", "p m, theta rad")
     rng = np.random.default_rng(3)
     p, v, theta, omega = 0.0, 0.0, 0.03, 0.0
     rows = []
@@ -367,20 +341,17 @@ def test_what_a_balancing_command_goes_with_has_no_sign_of_its_own() -> None:
 
 
 def test_what_begins_the_other_way_than_it_goes_has_no_sign() -> None:
-    def converter(m: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def converter(m: Any) -> dict[str, Any]:
         off = 1.0 - m.u.duty
         current = (m.u.supply - off * m.x.voltage) / 47e-6
         voltage = (off * m.x.current - m.x.voltage / 24.0) / 220e-6
-        return {"current": current, "voltage": voltage}, {
-            "current": m.x.current, "voltage": m.x.voltage,
-        }  # fmt: skip
+        return {"current": current, "voltage": voltage}
 
-    boost = Model(
-        "boost",
+    boost = machine(
         converter,
-        states=(State("current", "A", initial=2.0), State("voltage", "V", initial=24.0)),
-        inputs=(Input("duty", "1", nominal=0.5), Input("supply", "V", nominal=12.0)),
-        outputs=(Output("current", "A"), Output("voltage", "V")),
+        "current A 2, voltage V 24",
+        "duty 1 nominal=0.5, supply V nominal=12",
+        "current A, voltage V",
     )
     assert response_signs(boost) == {("duty", "current"): 1, ("supply", "current"): 1}
 
@@ -392,12 +363,8 @@ def test_a_plant_of_any_speed_has_signs(rate: float) -> None:
         own = rate * m.x.a if math.isfinite(rate) else ca.sqrt(m.x.a)
         return {"a": m.u.drive + own, "b": 2.0 * m.x.a - 1e-3 * m.x.b}, {"a": m.x.a, "b": m.x.b}
 
-    plant = Model(
-        "any",
-        equations,
-        states=(State("a", "m", 1.0), State("b", "m", 1.0)),
-        inputs=(Input("drive", "N", 1.0),),
-        outputs=(Output("a", "m", 1.0), Output("b", "m", 1.0)),
+    plant = machine(
+        equations, "a m scale=1, b m scale=1", "drive N scale=1", "a m scale=1, b m scale=1"
     )
     assert response_signs(plant) == {("drive", "a"): 1}
 
@@ -448,12 +415,8 @@ def test_a_measured_temperature_of_the_surroundings_is_plausible() -> None:
     def equations(m):
         return {"air": (m.u.outside - m.x.air) / 100.0}, {"air": m.x.air}
 
-    model = Model(
-        "room",
-        equations,
-        states=(State("air", "K", initial=290.0),),
-        inputs=(Input("outside", "K", nominal=280.0, display_unit="degC"),),
-        outputs=(Output("air", "K", display_unit="degC"),),
+    model = machine(
+        equations, "air K 290", "outside K nominal=280 display_unit=degC", "air K display_unit=degC"
     )
     time = np.arange(500.0)
     outside, air = 278.0 + 5.0 * np.sin(time / 50), 278.0 + 2.0 * np.sin(time / 50 - 1)
@@ -463,12 +426,8 @@ def test_a_measured_temperature_of_the_surroundings_is_plausible() -> None:
 
 
 def test_a_switch_is_no_drive_that_saturates() -> None:
-    model = Model(
-        "oven",
-        lambda m: ({"oven": m.u.heater - m.x.oven / 50.0}, {"oven": m.x.oven}),
-        states=(State("oven", "K"),),
-        inputs=(Input("heater", "1", lower=0.0, upper=1.0),),
-        outputs=(Output("oven", "K"),),
+    model = machine(
+        lambda m: {"oven": m.u.heater - m.x.oven / 50.0}, "oven K", "heater 1 0 1", "oven K"
     )
     time = np.arange(500.0)
     trial = recorded(time, {"heater 1": time % 40 < 20}, {"oven K": 20.0 + np.sin(time / 6)})
