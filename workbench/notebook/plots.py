@@ -17,7 +17,7 @@ from workbench.physics.place import per
 from workbench.recordings import Recording
 from workbench.reports.figures.diagnosis import as_read, diagnosis_runs
 from workbench.reports.figures.loops import bode
-from workbench.reports.figures.recording import recorded_signals
+from workbench.reports.figures.recording import recorded, recorded_signals
 from workbench.reports.figures.study_traces import written
 from workbench.reports.figures.tracking import TRACKING, tracking
 from workbench.reports.figures.tracking import Trajectory as Curves
@@ -139,16 +139,7 @@ def _of_trajectory(run: Trajectory, *names: str) -> Figure:
     )
 
 
-@_drawn.register(Recording)
-def _of_recording(recording: Recording) -> Figure:
-    """Draw every signal of a recording."""
-    signals = recording.signals
-    return recorded_signals(
-        recording.time,
-        [f"{s.name.replace('_', ' ')}\nin {written(s.display_unit or '1')}" for s in signals],
-        [s.displayed() for s in signals],
-        [s.role == "command" for s in signals],
-    )
+_drawn.register(Recording)(recorded)
 
 
 @_drawn.register(Diagnosis)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from workbench.model.units import in_time
 from workbench.recordings.checks.report import CheckReport
 from workbench.recordings.recording import Recording
-from workbench.reports.figures.recording import recorded_signals
+from workbench.reports.figures.recording import recorded
 from workbench.reports.page import Answers, Block, Page, Section, Words, again
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, Mark, Table, number
@@ -81,18 +81,10 @@ def _mapping(recording: Recording) -> Table:
 
 def _picture(report: CheckReport) -> Picture:
     seen = report.recording
-    names = [
-        f"{s.name.replace('_', ' ')} in {s.display_unit.replace('deg', '°') or '?'}"
-        for s in seen.signals
-    ]
-    places = {signal.name: i for i, signal in enumerate(seen.signals)}
-    spans = [(places[s.signal], s.start, s.stop) for s in seen.excluded if s.signal in places]
-    values = [signal.displayed() for signal in seen.signals]
-    held = [signal.zero_order_hold for signal in seen.signals]
     return Picture(
         "signals",
-        recorded_signals(seen.time, names, values, held, spans),
+        recorded(seen),
         "Every signal of the recording as corrected by the checks; spans that are not to be used"
         " are shaded.",
-        ", ".join(names) + " over time",
+        ", ".join(s.name.replace("_", " ") for s in seen.signals) + " over time",
     )

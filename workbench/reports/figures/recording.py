@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from workbench.model.units import written_unit
+from workbench.recordings.recording import Recording
 from workbench.reports.style import INK, MEASURED, REFERENCE, label, new_figure
 
 if TYPE_CHECKING:
@@ -47,3 +49,19 @@ def recorded_signals(
         label(panels[i], y=name, x="time in s" if i == len(names) - 1 else None)
     figure.align_ylabels()
     return figure
+
+
+def recorded(recording: Recording) -> Figure:
+    """Draw every signal of a recording, and the spans of each that are not to be used."""
+    signals = recording.signals
+    places = {signal.name: i for i, signal in enumerate(signals)}
+    return recorded_signals(
+        recording.time,
+        [
+            f"{s.name.replace('_', ' ')}\nin {written_unit(s.display_unit or '?') or '1'}"
+            for s in signals
+        ],
+        [s.displayed() for s in signals],
+        [s.zero_order_hold for s in signals],
+        [(places[s.signal], s.start, s.stop) for s in recording.excluded if s.signal in places],
+    )
