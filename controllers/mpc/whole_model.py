@@ -52,8 +52,7 @@ from controllers.mpc.formulation import Change
 from controllers.mpc.prediction import Prediction, condense
 from controllers.named_state import names
 from controllers.protocol import Command, Info, Measurement, Reference
-from controllers.quadratic_program.plugins import OPTIONS, OWN, program
-from controllers.quadratic_program.solver import Solution
+from controllers.quadratic_program.solver import OPTIONS, OWN, Solution, quadratic_program
 from controllers.reference.horizon import lagged
 from controllers.specification import Checked, number
 from controllers.valve_inverse import ACTUATORS, SENSORS, ValveController, ValveInverse
@@ -181,7 +180,7 @@ class LinearMPC(ValveController):
         limits[1, ..., :rows], limits[1, ..., rows:] = p.upper_a - limited, p.upper_x
         limits[..., :m] += before.T
         lower, upper = limits.reshape(2, -1, rows + n)
-        solver, moves, solved = program(n, rows, self.solver), [], []
+        solver, moves, solved = quadratic_program(n, rows, self.solver), [], []
         for j, row in enumerate(gradient.T.reshape(-1, n)):
             found = solver.solve_factored(p.factors, row, lower[j], upper[j])
             move, slack = found.x[:m], float(found.x[-1]) * p.slack_scale

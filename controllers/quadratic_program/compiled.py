@@ -2,7 +2,7 @@
 
 Exported controllers contain this text. Where a C compiler is present the simulation runs it too, so
 that what is verified is what goes to the rig; it is built once and kept. The environment variable
-``WORKBENCH_CC`` names another compiler, ``none`` means that Python solves.
+``WORKBENCH_CC`` names another compiler, ``none`` means none.
 """
 
 from __future__ import annotations

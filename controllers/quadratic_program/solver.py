@@ -13,11 +13,15 @@ computed afresh for every active set and no rounding collects. H is positive def
 minimiser is unique: two correct solvers agree to rounding, whatever path they take. Every call
 starts anew: the result depends on the data alone.
 
-`solver.c` has the same method in C; it is what a controller takes to the rig.
+`solver.c` has the method; it is what a controller takes to the rig, and what simulations run where
+there is a C compiler. Without one DAQP solves, a dual active-set method too, by CasADi; other
+solvers of CasADi's are offered to compare with.
 
 Source: Goldfarb and Idnani, A numerically stable dual method for solving strictly convex quadratic
 programs, Mathematical Programming 27, 1983, section 3; Giraud et al., The loss of orthogonality in
-the Gram-Schmidt orthogonalization process, Computers and Mathematics with Applications 50, 2005.
+the Gram-Schmidt orthogonalization process, Computers and Mathematics with Applications 50, 2005;
+Arnström, Bemporad and Axehill, A dual active-set solver for embedded quadratic programming using
+recursive LDL' updates, IEEE Transactions on Automatic Control 67, 2022 (DAQP).
 """
 
 from __future__ import annotations
@@ -27,12 +31,13 @@ import time
 from functools import lru_cache
 from typing import Any, NamedTuple
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from controllers.quadratic_program.compiled import solver_library
 from workbench.arrays import Matrix
-from workbench.errors import WorkbenchError
+from workbench.errors import WorkbenchError, check_choice
 
 SUCCESS, LIMITED, INFEASIBLE, NOT_FINITE = (
     "SOLVER_RET_SUCCESS",
@@ -42,15 +47,6 @@ SUCCESS, LIMITED, INFEASIBLE, NOT_FINITE = (
 )
 STATUSES = (SUCCESS, LIMITED, INFEASIBLE, NOT_FINITE)
 """Words for how a solution ended; in C their position is the status."""
-
-ROUNDING = 1e-13
-"""Violation that is rounding, as a fraction of |u| + |v|."""
-
-DEPENDENT = 1e-9
-"""Length of what is left of a row of length 1 from which it depends on the active rows."""
-
-FORGIVEN = 1e-7
-"""Violation, relative as above, of a dependent row that is taken for its rounding."""
 
 
 class Solution(NamedTuple):
@@ -110,95 +106,16 @@ def most_iterations(variables: int, constraints: int) -> int:
     return 5 * variables + constraints + variables
 
 
-def solve(
-    problem: Factored, g: Matrix, lower: Matrix, upper: Matrix, *, limit: int | None = None
-) -> Solution:
-    """Solve a factored problem, all in its units, within a number of iterations.
-
-    The gradient is that at x = 0, shape (n,); limits, which may be infinite, are those of A x, then
-    those of x, shape (m + n,).
-    """
-    began = time.perf_counter()
-    rows, n = problem.rows, len(g)
-    limit = most_iterations(n, len(rows) - n) if limit is None else limit
-    v = g @ problem.inverse
-    shift = rows @ v
-    low, high = lower / problem.sizes + shift, upper / problem.sizes + shift
-    base = float(np.sqrt(v @ v))
-    active, multipliers, u, at = _ActiveSet(n), np.zeros(0), np.zeros(n), np.zeros(len(rows))
-    closed = np.zeros(len(rows), dtype=bool)
-    status, iterations = "", 0
-    if not (low - high <= ROUNDING * base).all():
-        crossed = np.isfinite(base) and not (np.isnan(low) | np.isnan(high)).any()
-        status = INFEASIBLE if crossed else NOT_FINITE
-    while not status:
-        out = np.where(closed, -np.inf, np.maximum(low - at, at - high))
-        p = int(out.argmax())
-        size = base + float(np.sqrt(u @ u))
-        if out[p] <= ROUNDING * size:
-            status = SUCCESS
-            break
-        sign = 1.0 if low[p] - at[p] >= at[p] - high[p] else -1.0
-        normal, wanted = sign * rows[p], float(low[p] if sign > 0.0 else -high[p])
-        value = sign * float(at[p])
-        while not status:
-            if iterations == limit:
-                status = LIMITED
-                break
-            iterations += 1
-            along, left, length = active.split(normal)
-            # Steps to where the row is met and to where the first multiplier is zero.
-            free = length > DEPENDENT and active.count < n
-            whole = (wanted - value) / length**2 if free else np.inf
-            fall = active.T[: active.count, : active.count] @ along
-            first, place = np.inf, -1
-            for i, (multiplier, rate) in enumerate(
-                zip(multipliers.tolist(), fall.tolist(), strict=True)
-            ):
-                if rate > 0.0 and max(multiplier, 0.0) < first * rate:
-                    first, place = max(multiplier, 0.0) / rate, i
-            if first < whole:
-                value += first * length**2
-                multipliers = np.delete(multipliers - first * fall, place)
-                closed[:] = False
-                active.drop(place, rows)
-            elif whole < np.inf:
-                active.add(p, sign, wanted, along, left, length)
-                break
-            elif wanted - value <= FORGIVEN * size:
-                closed[p] = True
-                break
-            else:
-                status = INFEASIBLE
-        u, multipliers = active.point()
-        at = rows @ u
-        closed[active.rows] = True
-    x = problem.inverse @ (u - v)
-    if status == SUCCESS and not np.isfinite(x).all():
-        status = NOT_FINITE
-    seconds = time.perf_counter() - began
-    return Solution(x, status == SUCCESS, status, float(iterations), seconds)
-
-
-class QuadraticProgram:
-    """A solver for problems of one size: the one in C where it could be built, else this one.
+class CompiledProgram:
+    """The solver in C for n variables and m rows of A.
 
     Args:
-        variables: Number n of variables.
-        constraints: Number m of rows of A.
-        compiled: Whether the solver in C is used where a compiler is present.
-
-    Example:
-        >>> one = np.ones(1)
-        >>> qp = QuadraticProgram(1, 1)
-        >>> qp.solve(np.eye(1), -3 * one, np.eye(1), -one, one, -9 * one, 9 * one).x
-        array([1.])
+        library: The solver for this size, as `solver_library` builds it.
     """
 
-    def __init__(self, variables: int, constraints: int, *, compiled: bool = True) -> None:
+    def __init__(self, variables: int, constraints: int, library: ctypes.PyDLL) -> None:
         n, rows = variables, variables + constraints
-        self.limit = most_iterations(variables, constraints)
-        self._library = solver_library(n, rows, self.limit) if compiled else None
+        self._library = library
         self._inverse, self._rows = np.zeros((n, n)), np.zeros((rows, n))
         self._sizes = np.ones(rows)
         self._factored: Factored | None = None
@@ -224,16 +141,10 @@ class QuadraticProgram:
     ) -> Solution:
         """Factor and solve one problem; limits are in the units of rows and variables."""
         began = time.perf_counter()
-        if self._library is None:
-            try:
-                problem = factored(H, A)
-            except WorkbenchError:
-                return Solution(np.full(len(g), np.nan), False, NOT_FINITE, 0.0, 0.0)
-        else:
-            self._H[:], self._A[:] = H, A
-            if self._library.factor(*self._to_factor):
-                return Solution(np.full(len(g), np.nan), False, NOT_FINITE, 0.0, 0.0)
-            problem = self._factored = Factored(self._inverse, self._rows, self._sizes)
+        self._H[:], self._A[:] = H, A
+        if self._library.factor(*self._to_factor):
+            return Solution(np.full(len(g), np.nan), False, NOT_FINITE, 0.0, 0.0)
+        problem = self._factored = Factored(self._inverse, self._rows, self._sizes)
         found = self.solve_factored(
             problem, g, np.concatenate([lower_a, lower_x]), np.concatenate([upper_a, upper_x])
         )
@@ -242,9 +153,11 @@ class QuadraticProgram:
     def solve_factored(
         self, problem: Factored, g: Matrix, lower: Matrix, upper: Matrix
     ) -> Solution:
-        """Solve a factored problem, in its units, as the function `solve` does."""
-        if self._library is None:
-            return solve(problem, g, lower, upper, limit=self.limit)
+        """Solve a factored problem, in its units.
+
+        The gradient is that at x = 0, shape (n,); limits, which may be infinite, are those of A x,
+        then those of x, shape (m + n,).
+        """
         began = time.perf_counter()
         if problem is not self._factored:
             self._inverse[:], self._rows[:], self._sizes[:] = problem
@@ -255,61 +168,96 @@ class QuadraticProgram:
         return Solution(self._x.copy(), word == SUCCESS, word, float(self._count[0]), seconds)
 
 
-def _pointer(array: npt.NDArray[Any]) -> ctypes.c_void_p:
-    return ctypes.c_void_p(array.ctypes.data)
+OWN = "own"
+
+OPTIONS: dict[str, dict[str, Any]] = {
+    "daqp": {"daqp": {"primal_tol": 1e-10, "dual_tol": 1e-12}},
+    "osqp": {
+        "osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 50_000, "polish": True},
+        "warm_start_primal": False,
+        "warm_start_dual": False,
+    },
+    "qpoases": {"printLevel": "none", "sparse": False},
+}
+"""CasADi's plugins that are offered, with what makes them as exact as the own solver."""
+
+_NO_POINT = -1
+"""What DAQP returns where the constraints contradict each other."""
+
+
+class ConicProgram:
+    """A solver of CasADi's, one of `OPTIONS`, for problems of n variables and m rows of A."""
+
+    def __init__(self, variables: int, constraints: int, plugin: str) -> None:
+        check_choice("solver", plugin, OPTIONS)
+        sparsity = {
+            "h": ca.Sparsity.dense(variables, variables),
+            "a": ca.Sparsity.dense(constraints, variables),
+        }
+        options = {"error_on_fail": False, "print_time": False, **OPTIONS[plugin]}
+        if plugin == "osqp":
+            options["osqp"] = {**options["osqp"], "verbose": False}
+        self._solver = ca.conic("program", plugin, sparsity, options)
+        self._rows = constraints
+
+    def solve(
+        self,
+        H: Matrix,
+        g: Matrix,
+        A: Matrix,
+        lower_a: Matrix,
+        upper_a: Matrix,
+        lower_x: Matrix,
+        upper_x: Matrix,
+    ) -> Solution:
+        """Solve one problem, as `CompiledProgram.solve`."""
+        began, x, count = time.perf_counter(), np.full(len(g), np.nan), 0
+        given = {"h": H, "g": g, "a": A, "lba": lower_a, "uba": upper_a}
+        given |= {"lbx": lower_x, "ubx": upper_x}
+        if any(np.isnan(value).any() for value in given.values()):
+            status = NOT_FINITE
+        elif np.any(lower_a > upper_a) or np.any(lower_x > upper_x):
+            status = INFEASIBLE
+        else:
+            x, stats = self._solver(**given)["x"].full().ravel(), self._solver.stats()
+            count = max(0, stats.get("iter_count", 0))
+            status = SUCCESS if stats["success"] and np.isfinite(x).all() else LIMITED
+            if status == LIMITED and stats.get("return_status") == _NO_POINT:
+                status = INFEASIBLE
+        took = time.perf_counter() - began
+        return Solution(x, status == SUCCESS, status, float(count), took)
+
+    def solve_factored(
+        self, problem: Factored, g: Matrix, lower: Matrix, upper: Matrix
+    ) -> Solution:
+        """Solve a factored problem, in its units, as `CompiledProgram.solve_factored`."""
+        root = np.linalg.inv(problem.inverse)
+        rows = (problem.rows * problem.sizes[:, None])[: self._rows] @ root
+        m = self._rows
+        return self.solve(root.T @ root, g, rows, lower[:m], upper[:m], lower[m:], upper[m:])
 
 
 @lru_cache(maxsize=32)
-def quadratic_program(variables: int, constraints: int) -> QuadraticProgram:
-    """Return the solver for problems of a size, made once."""
-    return QuadraticProgram(variables, constraints)
+def quadratic_program(
+    variables: int, constraints: int, solver: str = OWN
+) -> CompiledProgram | ConicProgram:
+    """Return a solver for n variables and m rows of A, made once: ``"own"`` or one of `OPTIONS`.
+
+    Example:
+        >>> one = np.ones(1)
+        >>> qp = quadratic_program(1, 1)
+        >>> qp.solve(np.eye(1), -3 * one, np.eye(1), -one, one, -9 * one, 9 * one).x
+        array([1.])
+    """
+    check_choice("solver", solver, (OWN, *OPTIONS))
+    if solver != OWN:
+        return ConicProgram(variables, constraints, solver)
+    limit = most_iterations(variables, constraints)
+    library = solver_library(variables, variables + constraints, limit)
+    if library is None:
+        return ConicProgram(variables, constraints, "daqp")
+    return CompiledProgram(variables, constraints, library)
 
 
-class _ActiveSet:
-    """Active rows, their basis Q, T, and the point Q y of least length on all of them."""
-
-    def __init__(self, variables: int) -> None:
-        self.rows: list[int] = []
-        self.signs: list[float] = []
-        self.wanted: list[float] = []
-        self.Q = np.zeros((variables, variables))
-        self.T = np.zeros((variables, variables))
-        self.y = np.zeros(variables)
-
-    @property
-    def count(self) -> int:
-        return len(self.rows)
-
-    def split(self, normal: Matrix) -> tuple[Matrix, Matrix, float]:
-        """Return the part of a row along the basis, what is left of it, and its length."""
-        Q = self.Q[:, : self.count]
-        along = normal @ Q
-        left = normal - Q @ along
-        again = left @ Q
-        left = left - Q @ again
-        return along + again, left, float(np.sqrt(left @ left))
-
-    def add(
-        self, row: int, sign: float, wanted: float, along: Matrix, left: Matrix, length: float
-    ) -> None:
-        k = self.count
-        self.Q[:, k] = left / length
-        self.T[:k, k] = self.T[:k, :k] @ along / -length
-        self.T[k, k] = 1.0 / length
-        self.y[k] = (wanted - float(along @ self.y[:k])) / length
-        self.rows.append(row)
-        self.signs.append(sign)
-        self.wanted.append(wanted)
-
-    def drop(self, place: int, rows: Matrix) -> None:
-        """Let a row go; those that came after it are taken in again."""
-        later = list(zip(self.rows, self.signs, self.wanted, strict=True))[place + 1 :]
-        del self.rows[place:], self.signs[place:], self.wanted[place:]
-        for row, sign, wanted in later:
-            self.add(row, sign, wanted, *self.split(sign * rows[row]))
-
-    def point(self) -> tuple[Matrix, Matrix]:
-        """Return the point and the multipliers of the active rows."""
-        k = self.count
-        y = self.y[:k]
-        return self.Q[:, :k] @ y, self.T[:k, :k] @ y
+def _pointer(array: npt.NDArray[Any]) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)

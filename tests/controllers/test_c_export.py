@@ -30,7 +30,7 @@ from controllers.joint.schedule import JointSchedule
 from controllers.mpc.prediction import Prediction
 from controllers.named_state import flat
 from controllers.pid import design_scheduled_pid
-from controllers.quadratic_program.solver import STATUSES, QuadraticProgram
+from controllers.quadratic_program.solver import STATUSES, ConicProgram
 from tests.controllers.families import CLOSED_FORM, MPCS, family
 from tests.controllers.in_c import STRICT, InC, built
 from workbench.errors import WorkbenchError
@@ -212,19 +212,19 @@ def test_fallbacks_of_c_are_those_of_the_law(
 
 
 @pytest.mark.parametrize("make", [MPCS["scheduled MPC"], MPCS["linear MPC with tight limits"]])
-def test_mpc_in_c_agrees_with_the_solver_in_python(
+def test_mpc_in_c_agrees_with_another_solver(
     make: Any, schedule: JointSchedule, linear: LinearModel, tmp_path: Path, monkeypatch: Any
 ) -> None:
-    # Where a compiler is present both sides above run one solver; here Python runs its own. Its
-    # products are summed by a library in another order, so the minimiser agrees to rounding times
-    # the condition of the Hessian (2e4) and to the size of what cancels in this hard run (1e2): to
-    # 1e-10 of the opening, 1e-9 of 10 V where the inverse valve curve is steepest (50 V per
-    # opening). That is why sums have one order in what runs.
-    def in_python(n: int, m: int) -> QuadraticProgram:
-        return QuadraticProgram(n, m, compiled=False)
+    # Where a compiler is present both sides above run one solver. Another one sums its products in
+    # another order, so the minimiser agrees to rounding times the condition of the Hessian (2e4)
+    # and to the size of what cancels in this hard run (1e2): to 1e-10 of the opening, 1e-9 of 10 V
+    # where the inverse valve curve is steepest (50 V per opening). That is why sums have one order
+    # in what runs.
+    def by_daqp(n: int, m: int, _: str = "") -> ConicProgram:
+        return ConicProgram(n, m, "daqp")
 
-    for module in ("controllers.quadratic_program.plugins", "controllers.mpc.along_plan"):
-        monkeypatch.setattr(f"{module}.quadratic_program", lru_cache(in_python))
+    for module in ("controllers.mpc.whole_model", "controllers.mpc.along_plan"):
+        monkeypatch.setattr(f"{module}.quadratic_program", lru_cache(by_daqp))
     law = make(schedule, linear)
     measurements, reference = hard_run(law)
     in_c = InC(law, tmp_path, *STRICT)

@@ -11,7 +11,7 @@ import pytest
 
 from controllers.mpc.formulation import Formulation
 from controllers.mpc.whole_model import LinearMPC, MPCSpecification, design_mpc
-from controllers.quadratic_program.plugins import OPTIONS, OWN, program
+from controllers.quadratic_program.solver import OPTIONS, OWN, quadratic_program
 from tests.controllers.in_c import InC
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
@@ -127,4 +127,4 @@ def test_solvers_agree(solver: str, linear: LinearModel) -> None:
 
 def test_unknown_solver_is_refused() -> None:
     with pytest.raises(WorkbenchError, match="solver"):
-        program(1, 1, "simplex")
+        quadratic_program(1, 1, "simplex")

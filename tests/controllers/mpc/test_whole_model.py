@@ -125,7 +125,7 @@ def test_a_failed_solve_goes_to_the_regulator(
         def solve_factored(self, *problem: Any) -> Solution:
             return nothing
 
-    monkeypatch.setattr(mpc_module, "program", lambda *size: Broken())
+    monkeypatch.setattr(mpc_module, "quadratic_program", lambda *size: Broken())
     rows = loop(mpc, third_order, 0.55, 800)
     assert rows[:, 5].all()
     assert rows[-1, 0] == pytest.approx(0.55, abs=1e-3)
