@@ -524,7 +524,8 @@ def test_times_of_an_event_that_gain_nothing_are_searched_once(
 
     def fitted(cost: float) -> Any:
         refit = SimpleNamespace(estimates=(), values={}, converged=True)
-        return SimpleNamespace(cost=cost, refit=refit, model=SimpleNamespace(effects=[jump.effect]))
+        model = SimpleNamespace(effects=[jump.effect])
+        return SimpleNamespace(cost=cost, noise_scale=1.0, refit=refit, model=model)
 
     def own_starts(effects: Any, *_: Any) -> Any:
         told.append(effects)
