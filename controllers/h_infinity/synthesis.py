@@ -21,14 +21,14 @@ take their static gain, the smallest order by balanced truncation is taken whose
 few percent, and Tustin's rule makes the sampled controller.
 
 Source: Skogestad and Postlethwaite, Multivariable Feedback Control, 2005, sections 2.8.3 (weights),
-9.3 (mixed sensitivity, generalised plant), 11.3 (balanced truncation); Glover and Doyle, Systems
-and Control Letters 11, 1988 (synthesis, as in SLICOT's SB10FD).
+9.3 (mixed sensitivity, generalised plant), 11.3 (balanced truncation, as in SLICOT's AB09AD);
+Glover and Doyle, Systems and Control Letters 11, 1988 (synthesis, as in SLICOT's SB10FD); Bruinsma
+and Steinbuch, Systems and Control Letters 14, 1990 (norm, as in SLICOT's AB13DD).
 """
 
 from __future__ import annotations
 
 import importlib.util
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -40,7 +40,6 @@ from controllers.sampling import tustin
 from controllers.specification import Checked, number
 from workbench.arrays import Matrix
 from workbench.errors import NumericalError, check_range, missing_package
-from workbench.linearisation.transfer import transfer_function
 
 System = tuple[Matrix, Matrix, Matrix, Matrix]
 """Matrices A, B, C and D of a system in continuous time."""
@@ -149,7 +148,7 @@ def synthesise(
         for back_off in (0.0, 0.01, 0.02, 0.05, 0.1, 0.2):
             above = (1.0 + back_off) * gamma
             whole = least if back_off == 0.0 else _central(generalised, ways, above)
-            found, norm = _reduced(whole, generalised, weights, enough, 2.0 / h)
+            found, norm = _reduced(whole, generalised, enough, 2.0 / h)
             if norm <= enough:
                 break
         else:
@@ -232,13 +231,10 @@ def generalised_plant(plant: System, weights: Weights, followed: int | None = No
     return whole, entries, outputs, direct
 
 
-def _norm(
-    generalised: System, weights: Weights, controller: System, enough: float = np.inf
-) -> float:
-    """Compute the norm from (n, d) to (z1, z2, z3), a ratio, on a grid; infinite if not stable.
+def _norm(generalised: System, controller: System) -> float:
+    """Compute the norm from (n, d) to (z1, z2, z3), a ratio; infinite if the loop is not stable."""
+    import slycot
 
-    One that is more than enough at a few frequencies is looked at there alone.
-    """
     (_, B, C, D), (_, b, c, d) = generalised, controller
     z, w = len(C) - d.shape[1], B.shape[1] - d.shape[0]
     Bw, Bu, Cz, Cy = B[:, :w], B[:, w:], C[:z], C[z:]
@@ -249,26 +245,21 @@ def _norm(
     entry = np.vstack([Bw + Bu @ d @ Dyw, b @ Dyw])
     out = np.hstack([Cz + Dzu @ d @ Cy, Dzu @ c])
     direct = Dzw + Dzu @ d @ Dyw
-    omega = weights.speed * np.geomspace(1e-4, 1e3, 600)
-    norm = np.inf
-    for every in (20, 1):
-        response = transfer_function(closed, entry, out, direct, 1j * omega[::every])
-        norm = float(np.linalg.norm(response, ord=2, axis=(1, 2)).max())
-        if norm > enough:
-            break
-    return norm
+    identity = np.eye(len(closed))
+    ways = len(closed), w, z
+    return float(slycot.ab13dd("C", "I", "S", "D", *ways, closed, identity, entry, out, direct)[0])
 
 
 def _reduced(
-    whole: System, generalised: System, weights: Weights, enough: float, fastest: float
+    whole: System, generalised: System, enough: float, fastest: float
 ) -> tuple[System, float]:
     """Return the controller of least order whose norm is enough, else the largest; and its norm."""
     slow = _without_fast_poles(whole, fastest)
     for found in _truncated(slow):
-        norm = _norm(generalised, weights, found, enough)
+        norm = _norm(generalised, found)
         if norm <= enough:
             return found, norm
-    return slow, _norm(generalised, weights, slow)
+    return slow, _norm(generalised, slow)
 
 
 def _least(generalised: System, ways: tuple[int, int], closely: float) -> tuple[float, System]:
@@ -346,25 +337,11 @@ def _without_fast_poles(system: System, fastest: float) -> System:
 
 def _truncated(system: System) -> Iterator[System]:
     """Yield the balanced truncations of a stable system, from order 1 (square-root method)."""
-    from scipy.linalg import solve_continuous_lyapunov
+    import slycot
 
     A, B, C, D = system
-    size = np.sqrt(np.abs(C).max() / np.abs(B).max())
-    with warnings.catch_warnings():
-        # Of modes that nearly integrate; what becomes of it is held against the whole.
-        warnings.simplefilter("ignore", RuntimeWarning)
-        reach = _root(solve_continuous_lyapunov(A, -size * size * B @ B.T))
-        see = _root(solve_continuous_lyapunov(A.T, -C.T @ C / (size * size)))
-    U, values, Vt = np.linalg.svd(see.T @ reach)
+    told = "C", "B", "S", len(A), B.shape[1], len(C), A, B, C
     # What nothing reaches or shows has no place in a balanced order.
-    most = int(np.count_nonzero(values > 1e-15 * values[0]))
+    most = slycot.ab09ad(*told)[0]
     for order in range(1, min(most + 1, len(A))):
-        scale = np.sqrt(values[:order])
-        T = reach @ Vt[:order].T / scale
-        Ti = (see @ U[:, :order] / scale).T
-        yield Ti @ A @ T, Ti @ B, C @ T, D
-
-
-def _root(P: Matrix) -> Matrix:
-    values, vectors = np.linalg.eigh(0.5 * (P + P.T))
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+        yield *slycot.ab09ad(*told, nr=order)[1:4], D
