@@ -20,14 +20,15 @@ Columns = Mapping[str, npt.ArrayLike]
 """Values in SI by a heading as in a file, ``"flow [m3/s]"``."""
 
 
-def recording(name: str, step: float, commands: Columns, read: Columns) -> Recording:
-    """Return a recording with a sample every ``step``, in s."""
+def recording(name: str, time: npt.ArrayLike, commands: Columns, read: Columns) -> Recording:
+    """Return a recording at some instants, or with a sample every so many, in s."""
     signals = []
     for role, columns in (("command", commands), ("measurement", read)):
         for heading, values in columns.items():
-            own, _, unit = heading.removesuffix("]").partition(" [")
-            signals.append(Signal(own, np.asarray(values), unit, role=role))
-    return Recording(name, step * np.arange(len(signals[0].values)), tuple(signals))
+            own, _, unit = heading.partition(" ")
+            signals.append(Signal(own, np.asarray(values), unit.strip("[]"), role=role))
+    instants = time if np.ndim(time) else time * np.arange(len(signals[0].values))
+    return Recording(name, instants, tuple(signals))
 
 
 def file(path: Path, columns: Columns, digits: int = 9) -> Path:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
+from tests.diagnosis.machine_data import recording
 from workbench.errors import check_range
 from workbench.recordings.recording import Recording, Signal, Vector
 
@@ -78,23 +80,8 @@ def example_recording(
     )
 
 
-def recorded(
-    time: float | Vector, commands: Mapping[str, Vector], readings: Mapping[str, Vector]
-) -> Recording:
-    """Make a recording of named columns.
-
-    Args:
-        time: Step or instants, in s.
-        commands: Samples by a name and, after a blank, a unit.
-        readings: As the commands, of the measurements.
-    """
-    signals = []
-    for role, columns in (("command", commands), ("measurement", readings)):
-        for head, values in columns.items():
-            name, _, unit = head.partition(" ")
-            signals.append(Signal(name, values, unit, role=role))  # type: ignore[arg-type]
-    instants = time * np.arange(len(signals[0].values)) if isinstance(time, float) else time
-    return Recording("recorded", instants, tuple(signals))
+recorded = partial(recording, "recorded")
+"""Makes a recording of columns; see `recording`."""
 
 
 def with_values(recording: Recording, name: str, values: npt.ArrayLike) -> Recording:
