@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable
-from typing import Any
+from collections.abc import Collection, Iterable, Mapping
 
 from workbench.model import Effect, Model
 from workbench.physics.hypothesis import Hypothesis, look_alikes
@@ -17,10 +16,18 @@ __all__ = ["LAWS", "Hypothesis", "Law", "every_name", "library", "look_alikes"]
 def library(
     model: Model,
     *,
+    outputs: tuple[str, ...] | None = None,
     extra: Iterable[Law | Hypothesis] = (),
+    duration: float = 0.0,
+    sample_time: float = 0.0,
+    period: float = 0.0,
+    episode: tuple[float, float] | None = None,
+    held: bool = False,
+    strides: Mapping[str, float] | None = None,
+    ranges: Mapping[str, tuple[float, float]] | None = None,
     more_of: Collection[str] = (),
+    found: Collection[str] = (),
     named: str | None = None,
-    **known: Any,
 ) -> tuple[Hypothesis, ...]:
     """Return every law of the library at each place of a model that it fits, at zero size.
 
@@ -28,11 +35,23 @@ def library(
     model. So is the delay of a sensor that has a lag, and the other way round.
 
     Args:
+        outputs: Names of the outputs that are recorded, for the effects of sensors; all by default.
         extra: Laws of your own that stand in no registry, or hypotheses; of two with one name
             yours is taken.
+        duration: Length of the recordings, in s, for times at which something may have happened;
+            0 if it is not known.
+        sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
+        period: Period with which something repeats that nobody read, in s; 0 if nothing does.
+        episode: From when to when most of what nobody read acts, in s; None if it always may.
+        held: Whether only a loop can have held the machine, whose commands follow measurements.
+        strides: How much of a command passes until something repeats, in its unit times s, by
+            port, or how far a state goes, by its name; nothing repeats at others.
+        ranges: Smallest and largest value along the recordings of ports and states, by name, in
+            SI, for limits that lie there.
         more_of: Names of attached effects of which there may be more than their parameters allow.
+        found: Names of attached effects that were missing at first: what they are is not offered a
+            change with time too.
         named: Only laws with whose names this name begins, as a hypothesis of theirs does.
-        known: What is known of the recordings, as `Survey` takes it.
 
     Example:
         >>> from workbench.plants.servo_axis import servo_axis
@@ -40,7 +59,10 @@ def library(
         >>> "stribeck_friction" in names, "coulomb_friction" in names
         (True, False)
     """
-    survey = Survey(model, **known)
+    survey = Survey(
+        model, outputs, duration=duration, sample_time=sample_time, period=period,
+        episode=episode, held=held, strides=strides, ranges=ranges, found=found,
+    )  # fmt: skip
     given = [item for item in extra if isinstance(item, Hypothesis)]
     laws = dict.fromkeys([*LAWS.members().values(), *(x for x in extra if isinstance(x, Law))])
     if named is not None:
@@ -48,12 +70,12 @@ def library(
     own = {hypothesis.name for hypothesis in given}
     offered = [h for law in laws for h in law.hypotheses(survey) if h.name not in own]
     taken = {effect.name for effect in model.effects}
-    attached = [effect for effect in model.effects if effect.name not in more_of]
+    known = [effect for effect in model.effects if effect.name not in more_of]
     downhill = {law.name for law in laws if law.downhill}
     missing = [
         h
         for h in (*offered, *given)
-        if h.name not in taken and not any(_same(h, e, downhill) for e in attached)
+        if h.name not in taken and not any(_same(h, e, downhill) for e in known)
     ]
     return tuple(sorted(missing, key=lambda h: h.group == "sensor"))
 

@@ -337,20 +337,18 @@ class Survey:
     """Everything about a model that decides which laws may act where.
 
     Args:
-        outputs: Names of the outputs that are recorded, for the effects of sensors; all by default.
-        duration: Length of the recordings, in s, for times at which something may have happened;
-            0 if it is not known.
+        outputs: Names of the outputs that are recorded; all by default.
+        duration: Length of the recordings, in s; 0 if it is not known.
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
         period: Period with which something repeats that nobody read, in s; 0 if nothing does.
         episode: From when to when most of what nobody read acts, in s; None if it always may.
         held: Whether only a loop can have held the machine, whose commands follow measurements.
-        strides: How much of a command passes until something repeats, in its unit times s, by
-            port, or how far a state goes, by its name; nothing repeats at others.
+        strides: The same by commands: how much of one passes meanwhile, in its unit times s, by
+            port; and by what is moved: how far it goes, by state.
         ranges: Smallest and largest value along the recordings of ports and states, by name, and
             of differences of two states, in SI; of a sensor that stands at an end, that value
             twice.
-        found: Names of attached effects that were missing at first: their parameters are not
-            offered a change with time.
+        found: Names of attached effects whose parameters are not offered a change with time.
 
     Example:
         >>> from workbench.plants.servo_axis import servo_axis

@@ -125,7 +125,7 @@ class Race(NamedTuple):
     Args:
         base: The fitted model without the effects.
         fit_on: Fitting recordings, with a start for the model of ``base``.
-        known: Minus the logarithm of the priors, which is in the cost of a refit too.
+        known: Minus the logarithm of the priors, which the cost of a refit has too, dimensionless.
         thorough: Whether refits on short recordings begin from more places.
     """
 
@@ -867,8 +867,8 @@ def in_turn(
     Args:
         begin: Values with which it begins, by name, in SI.
         noise_scale: Process-noise scale with which it begins, dimensionless.
-        ladder: Scales of which every refit begins with the first; all that are no larger than where
-            the one before ended if empty.
+        ladder: Scales, dimensionless, of which every refit begins with the first; all that are no
+            larger than where the one before ended if empty.
         enough: Log likelihood that a further refit has to gain, dimensionless.
         times: How often bounds are widened and guesses tuned at most.
         sharper: Whether transitions are narrowed too.
