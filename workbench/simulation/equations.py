@@ -62,11 +62,14 @@ class Equations:
     """Functions of states, inputs and parameters (and what else they take), in one library.
 
     Each object has its own memory, so objects may work in parallel threads, one thread each.
+
+    Args:
+        flags: Those of the compiler.
     """
 
-    def __init__(self, functions: Sequence[ca.Function]) -> None:
+    def __init__(self, functions: Sequence[ca.Function], flags: tuple[str, ...] = SOON) -> None:
         self.functions = tuple(functions)
-        self._library = _library(self.functions)
+        self._library = _library(self.functions, flags)
         self._kept: list[tuple[npt.NDArray[np.generic], ...]] = []
 
     @property
@@ -118,7 +121,7 @@ def _entry(library: ctypes.CDLL, function: ca.Function) -> tuple[int, tuple[int,
 
 
 @functools.lru_cache(maxsize=128)
-def _library(functions: tuple[ca.Function, ...]) -> ctypes.CDLL | None:
+def _library(functions: tuple[ca.Function, ...], flags: tuple[str, ...]) -> ctypes.CDLL | None:
     if compiler() is None:
         return None
     # Each argument and result is there: nothing asks for it. What only CasADi's own loader calls,
@@ -126,5 +129,5 @@ def _library(functions: tuple[ca.Function, ...]) -> ctypes.CDLL | None:
     source = re.sub(r"\b(arg\[\d+\])\? (\1\[\d+\]) : 0;", r"\2;", generated(functions))
     source = re.sub(r"\bif \(res\[\d+\]!=0\) ", "", source)
     source = re.sub(_FOR_LOADER, "", source, flags=re.MULTILINE)
-    library = built("_".join(f.name() for f in functions), source, SOON)
+    library = built("_".join(f.name() for f in functions), source, flags)
     return None if library is None else ctypes.CDLL(str(library))

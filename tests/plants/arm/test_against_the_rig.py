@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.evaluation.rig import plain
 from workbench.evaluation.rig import parameters, plant
 from workbench.experiments import pulse_train
 from workbench.model import Model
@@ -26,7 +25,7 @@ def rig_state(x: np.ndarray, p: dict[str, float]) -> np.ndarray:
     space = plant.namespace(p)
     state[INDEX["spool"]], state[INDEX["spool_speed"]] = x[0], x[1]
     state[INDEX["speed"]] = x[7]
-    for k, (_, _, s) in enumerate(plain.lengths(state, space)):
+    for k, s in enumerate(plant.fibres(state, space)):
         volume = plant.volume(s) + p["dead_volume"]
         state[2 + 2 * k] = x[2 + 2 * k] * volume / (GAS_CONSTANT * x[3 + 2 * k])
         state[3 + 2 * k] = x[2 + 2 * k] * volume / (GAMMA - 1)
@@ -39,7 +38,8 @@ def rig_rates(x: np.ndarray, u: float, p: dict[str, float]) -> np.ndarray:
     space = plant.namespace(p)
     rate = plant.derivative(state, u, p)
     out = [rate[INDEX["spool"]], rate[INDEX["spool_speed"]]]
-    for k, (_, slope, s) in enumerate(plain.lengths(state, space)):
+    slopes = plant.distance_slope(x[6]), -plant.distance_slope(plant.SPAN - x[6])
+    for k, (s, slope) in enumerate(zip(plant.fibres(state, space), slopes, strict=True)):
         volume = plant.volume(s) + p["dead_volume"]
         growth = plant.volume_slope(s) * slope * x[7] / volume
         mass, energy = state[2 + 2 * k], state[3 + 2 * k]

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from tests.evaluation.rig import plain
 from workbench.errors import WorkbenchError
 from workbench.evaluation.rig import parameters
 from workbench.evaluation.rig import plant as rig_plant
@@ -54,11 +53,11 @@ def test_load_cell_reads_what_the_torques_leave(load: float, plane: str) -> None
     angle, measurement = float(run["angle"][-1]), float(run["load_cell"][-1])
     assert abs(run["speed"][-1]) < 1e-5
     space = namespace(parameters.nominal({"load": load, "vertical": float(plane == "vertical")}))
-    expected = -plain.gravity(angle, load, space)
+    expected = -rig_plant.gravity(angle, load, space)
     for k, (own, sign) in enumerate(((angle, 1.0), (rig_plant.SPAN - angle, -1.0))):
         fibre = rig_plant.distance(own) - rig_plant.FITTINGS
         force = rig_plant.force(fibre, float(run[f"pressure_{k + 1}"][-1]), 1.0, space)
-        expected += sign * force * plain.distance_slope(own)
+        expected += sign * force * rig_plant.distance_slope(own)
     assert measurement * 0.367 == pytest.approx(expected, rel=1e-4)
     # The stop is a spring: it is compressed by just that torque.
     assert -2e4 * angle == pytest.approx(expected, rel=1e-3)

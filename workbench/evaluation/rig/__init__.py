@@ -5,7 +5,7 @@ gas (the product keeps pressure and temperature), has its own integrator, and hi
 nominal plant does not contain; its recordings are what plant and diagnosis are tried on.
 
 Modules: `parameters` (names, units, nominal values), `effects` (switches), `plant` (geometry,
-muscles, state vector) with `plant.c` (its derivative and fixed steps of a Runge-Kutta rule),
+muscles, state vector, derivative) with `rig.c` (repeats fixed steps of a Runge-Kutta rule),
 `electronics`, `simulate` (a command or a controller in, records out), `excitation` and `cases`
 (folders in the recording format).
 """
