@@ -243,7 +243,7 @@ class Law:
         period: Name of the parameter with which that event repeats, in s.
         begins: Name of the state that begins otherwise in each recording.
         level: Whether that state stays as it begins.
-        tells: Name of the parameter that is told beside the size though no refit changes it.
+        tells: Name of the parameter that is told beside the size.
         advance: Name of the parameter by which recordings are moved ahead, in s.
         downhill: Whether it acts at the first of its ports, the others only take what it gives off.
         same_as: Names of hypotheses that give the very same measurements, of a model and the

@@ -8,8 +8,8 @@ from dataclasses import replace
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression
 from workbench.physics.flow import orifice_flow
-from workbench.physics.law import Fit, Law, by_end, by_number, each, size, twins
-from workbench.physics.place import Survey
+from workbench.physics.law import Fit, Law, by_end, by_number, each, shape, size, twins
+from workbench.physics.place import Place, Survey
 
 centre_leakage = Law(
     "centre_leakage",
@@ -63,6 +63,41 @@ chamber_leakage = Law(
     look_alikes=("cross_leakage", "edge_leakage", "creep"),
     separated_by="hold with the valve shut at different pressures, one muscle at a time",
 )
+
+
+def _pressures(at: Place) -> list[float]:
+    """Gauge pressures, in Pa, from which on a leak may open: a part of what was seen."""
+    pressure, ambient = at.other("pressure"), at.other("ambient_pressure").start
+    low, high = pressure.seen or (ambient, ambient + 2.0 * pressure.scale)
+    return [max(0.0, low + part * (high - low) - ambient) for part in (0.35, 0.55, 0.75)]
+
+
+def _opened(at: PortView) -> Expression:
+    s, p = at.signals, at.p
+    beyond = (s.pressure - s.ambient_pressure - p.threshold) / p.width
+    return at.form.clip(beyond, 0.0, 1.0, 0.1) * _to_ambient(at)
+
+
+# A cracked tube, a loose clamp, a relief valve: shut up to a pressure, open beyond.
+opening_leakage = replace(
+    chamber_leakage,
+    name="opening_leakage",
+    equation="flow - C rho0 p sqrt(T0 / T) psi from a gauge pressure on",
+    parameters=lambda at: (
+        _conductance,
+        shape("threshold", "Pa", _pressures(at)[1], "gauge pressure at which the leak opens",
+              around=None, between=(0.0, 1e8), scale=0.1 * at.other("pressure").scale),
+        shape("width", "Pa", 0.1 * at.other("pressure").scale,
+              "how much more opens it fully", refined=True),
+    ),
+    transform=lambda at: at.value - _opened(at),
+    usual=False,
+    shapes=lambda at: [{"threshold": pressure} for pressure in _pressures(at)],
+    tells="threshold",
+    source="relief valve; ISO 6358",
+    look_alikes=("chamber_leakage", "edge_leakage"),
+    separated_by="hold with the valve shut at rising pressures: below one of them nothing is lost",
+)  # fmt: skip
 
 _LAG = 0.005
 """Time, in s, in which the cross leak follows the pressures, so that both chambers see one flow."""

@@ -12,7 +12,12 @@ from tests.physics.numbers_of import iso6358
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.physics.gas import AIR, isothermal_gas, polytropic_exchange, polytropic_gas
-from workbench.physics.leakage import chamber_leakage, cross_leakage, edge_leakage
+from workbench.physics.leakage import (
+    chamber_leakage,
+    cross_leakage,
+    edge_leakage,
+    opening_leakage,
+)
 from workbench.physics.stores import overflow
 from workbench.physics.supply import line, regulator_droop, silencer, supply_droop
 from workbench.plants.arm import arm, pneumatic_muscle, servovalve
@@ -32,6 +37,13 @@ def test_a_leak_is_choked_at_high_pressure() -> None:
     assert high == pytest.approx([-1e-10 * 1.185 * p for p in (4e5, 6e5)], rel=1e-9)
     assert read(model, pressure=1e5, **AMBIENT) == 0.0
     assert 0.0 < -read(model, pressure=2e5, **AMBIENT) < 1e-10 * 1.185 * 2e5
+
+
+def test_a_crack_opens_at_its_pressure() -> None:
+    values = {"conductance": 1e-10, "threshold": 3e5, "width": 1e4}
+    model = bench(opening_leakage("chamber_1.flow", **values), "kg/s", *GAS)
+    lost = [-read(model, pressure=1e5 + gauge, **AMBIENT) for gauge in (2.9e5, 3.05e5, 3.2e5)]
+    assert lost == pytest.approx([0.0, 0.5e-10 * 1.185 * 4.05e5, 1e-10 * 1.185 * 4.2e5], rel=1e-9)
 
 
 def test_a_cross_leak_takes_from_one_what_it_gives_to_the_other() -> None:
