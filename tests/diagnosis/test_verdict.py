@@ -157,28 +157,31 @@ def test_a_name_is_doubted_where_most_is_missing_still() -> None:
     assert finding.doubts[-1].startswith("beside it 60 % of what was missing is still missing")
 
 
-@pytest.mark.parametrize(("left", "noise_scale", "belief"), [
-    (0.3, 3.0, "likely"),
+@pytest.mark.parametrize(("left", "noise", "noise_scale", "belief"), [
+    (0.3, 1e-5, 3.0, "likely"),
     # Little is left, or equations that leave nothing out drift off with the noise.
-    (0.1, 3.0, "sure"),
-    (0.3, 0.003, "sure"),
+    (0.1, 1e-5, 3.0, "sure"),
+    (0.3, 1e-5, 0.003, "sure"),
     # Most is there without it: such equations are trusted by what they cannot show.
-    (0.6, 0.003, "likely"),
+    (0.6, 1e-5, 0.003, "likely"),
+    # Near the noise, what is left counts by how far it is beyond it.
+    (0.3, 1.1e-3, 3.0, "likely"),
+    (0.3, 2.5e-3, 3.0, "sure"),
 ])  # fmt: skip
 def test_a_name_is_doubted_where_equations_leave_something_out_and_run_off(
-    left: float, noise_scale: float, belief: str
+    left: float, noise: float, noise_scale: float, belief: str
 ) -> None:
     given = example_diagnosis()
     extended = replace(given.extended, noise_scale=noise_scale)
     found = replace(given, validated=replace(given.validated, extended=extended))
     fit = {
-        "noise_floor": {"position": 1e-5},
+        "noise_floor": {"position": noise},
         "refitted": {"position": 1e-2},
         "extended": {"position": left * 1e-2},
     }
-    doubts = _still_off(_rest(found, fit), fit)
+    doubts = _still_off(found, fit)
     assert bool(doubts) == (belief == "likely")
-    told = f"{100 * left**2:.0f} % of the mean square"
+    told = f"{100 * (1.0 - explained(fit)):.0f} % of the mean square"
     assert all(text.startswith(told) for text in doubts)
 
 

@@ -70,7 +70,7 @@ def conclude(diagnosis: Diagnosis) -> Verdict:
     fit = held_out_errors(validated.runs, prepared.judging)
     count = len(diagnosis.accepted)
     rest = _rest(diagnosis, fit) if count else ""
-    doubts = (*_still_missing(diagnosis), *_still_off(rest, fit)) if count else ()
+    doubts = (*_still_missing(diagnosis), *_still_off(diagnosis, fit)) if count else ()
     findings = tuple(
         _finding(diagnosis, i, fit, (*doubts, *_differs(found.candidate.entry.effect, rest)))
         for i, found in enumerate(diagnosis.accepted)
@@ -495,14 +495,15 @@ def _add_up(model: Model, one: Occurrence, other: Occurrence) -> bool:
     )
 
 
-def _still_off(rest: str, fit: Mapping[str, Mapping[str, float]]) -> tuple[str, ...]:
+def _still_off(diagnosis: Diagnosis, fit: Mapping[str, Mapping[str, float]]) -> tuple[str, ...]:
     """Doubt what was found where equations that leave something out still run far off with it.
 
     Or where they are trusted, and yet most of the error beyond the noise is there without it too.
     """
-    share = 1.0 - explained(fit)
-    little = share > 1.0 - rules.LEAST_SHOWN and max(over_noise(fit).values()) > rules.NEAR_NOISE
-    if not (little or (share > rules.MOST_OFF and rest)):
+    share, over = 1.0 - explained(fit), max(over_noise(fit).values())
+    little = share > 1.0 - rules.LEAST_SHOWN and over > rules.NEAR_NOISE
+    beyond = min((over**2 - 1.0) / (rules.NEAR_NOISE**2 - 1.0), 1.0)
+    if not (little or (share * beyond > rules.MOST_OFF and _leaves_out(diagnosis))):
         return ()
     return (f"{100 * share:.0f} % of the mean square error of the held-out runs is left",)
 
@@ -598,9 +599,7 @@ def _rest(diagnosis: Diagnosis, fit: Mapping[str, Mapping[str, float]]) -> str:
     """Say what is still left out, by how much, and what would explain most of it."""
     over = over_noise(fit)
     output = max(over, key=lambda name: over[name])
-    if over[output] <= rules.NEAR_NOISE:
-        return ""
-    if diagnosis.extended.noise_scale <= rules.IMPERFECT and not _drifts_off(diagnosis):
+    if over[output] <= rules.NEAR_NOISE or not _leaves_out(diagnosis):
         return ""
     said = (
         f" Something else is still left out: the held-out error of {output.replace('_', ' ')} is"
@@ -618,12 +617,14 @@ def _rest(diagnosis: Diagnosis, fit: Mapping[str, Mapping[str, float]]) -> str:
     return f"{said}. {rest.sentence('What is left')}" if rest else f"{said}."
 
 
-def _drifts_off(diagnosis: Diagnosis) -> bool:
-    """Whether runs with all that was found go farther off than its uncertain parameters explain.
+def _leaves_out(diagnosis: Diagnosis) -> bool:
+    """Whether the equations with all that was found still leave something out.
 
-    A filter that corrects a level at each sample may leave its equations next to no doubt where
-    small errors add up along a run.
+    A filter that corrects a level at each sample may leave them next to no doubt where small errors
+    add up along a run, to more than uncertain parameters explain.
     """
+    if diagnosis.extended.noise_scale > rules.IMPERFECT:
+        return True
     try:
         over = over_floor(diagnosis.extended, diagnosis.nominal, diagnosis.prepared.judging)
     except (NumericalError, np.linalg.LinAlgError):

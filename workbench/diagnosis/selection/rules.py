@@ -238,7 +238,8 @@ stand for something that the library does not have."""
 MOST_OFF = 0.03
 """Part of the mean square of the held-out runs' error beyond the noise that is left beside
 everything found, from which on a name is only likely where the equations leave something out: the
-nearest law of the library takes the place of one that it does not have."""
+nearest law of the library takes the place of one that it does not have. Runs nearer to the noise
+than `NEAR_NOISE` may leave a larger part, of as many times the noise."""
 
 BESIDE_LARGER = 0.15
 """What a finding does at its strongest over what another does at the same place, up to which it may
