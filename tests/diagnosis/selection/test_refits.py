@@ -552,25 +552,64 @@ def test_what_explains_less_is_followed_where_what_explains_nearly_all_is_refuse
     names = ("sensor_lag_angle", "valve_offset")
     both = [_candidate(n, gain, 0.5) for n, gain in zip(names, (900.0, 400.0), strict=True)]
     first = [replace(c, refused=SURPASSED, followed=False, fit=_trusting(c)) for c in both]
+    tried, found = _followed_of(monkeypatch, first, fails=names[:1] * fails)
+    assert tried == [*names[: 1 + fails]]
+    assert _taken(found) == [names[int(fails)]]
+
+
+@pytest.mark.parametrize(("cosine", "trusts"), [(0.97, False), (0.97, True), (0.9995, True)])
+def test_what_does_the_same_as_what_was_found_is_followed_and_may_take_its_place(
+    monkeypatch: pytest.MonkeyPatch, cosine: float, trusts: bool
+) -> None:
+    names = ("cubic_drag", "ripple", "tilt_gravity", "valve_offset", "quadratic_drag")
+    gains = (900.0, 30.0, 29.0, 28.0, 6.0)
+    every = [_candidate(n, gain, 0.5) for n, gain in zip(names, gains, strict=True)]
+    first = [replace(c, refused=SURPASSED, followed=False) for c in every]
+    first[0] = replace(first[0], fit=_trusting(first[0]))
+    if trusts:
+        first[-1] = replace(first[-1], fit=_trusting(first[-1]))
+
+    def alike(name: str, above: float = 0.95) -> tuple[str, ...]:
+        return names[-1:] * (name == names[0] and cosine > above)
+
+    tried, found = _followed_of(monkeypatch, first, alike, gained={names[-1]: 1200.0})
+    # One of two that nearly do the same may have come to trust the equations by chance.
+    again = cosine > 0.999 or not trusts
+    assert tried == [names[0], *names[4:] * again]
+    assert _taken(found) == [names[4 if again else 0]]
+
+
+def _followed_of(
+    monkeypatch: pytest.MonkeyPatch,
+    first: list[Candidate],
+    alike: refits.Alike | None = None,
+    *,
+    fails: tuple[str, ...] = (),
+    gained: dict[str, float] | None = None,
+) -> tuple[list[str], tuple[Candidate, ...]]:
+    """Return which of first refits were followed, and what became of all."""
     tried = []
 
     def followed(_: Any, candidate: Candidate, *__: Any) -> Candidate:
         tried.append(candidate.name)
-        if fails and candidate.name == names[0]:
+        if candidate.name in fails:
             return replace(refits.untried(candidate.entry, "it broke"), followed=True)
-        return replace(candidate, refused="", followed=True)
+        gain = (gained or {}).get(candidate.name, candidate.gain)
+        blocks = (np.full(30, -gain / 30.0),)
+        return replace(candidate, refused="", followed=True, gain=gain, blocks=blocks)
 
     monkeypatch.setattr(refits, "_first_refits", lambda *_: list(first))
-    monkeypatch.setattr(refits, "_trusted", lambda *_: list(first))
+    monkeypatch.setattr(refits, "_trusted", lambda *given: list(given[-1]))
     monkeypatch.setattr(refits, "_followed", followed)
     monkeypatch.setattr(refits, "_closest_errors", lambda *_: WITHOUT)
     monkeypatch.setattr(refits, "blocks_of_cost", lambda *_: np.zeros(1))
-    field = [_score(n, 90.0) for n in names]
+    field = [_score(c.name, 90.0) for c in first]
     base: Any = SimpleNamespace(cost=0.0, model=None)
     seen: Any = SimpleNamespace(outputs=np.zeros((100, 1)))
-    found = refits.refit_candidates(base, field, (), [seen], [], limits=Limits(20.0, 100.0), jobs=1)
-    assert tried == [*names[: 1 + fails]]
-    assert _taken(found) == [names[int(fails)]]
+    found = refits.refit_candidates(
+        base, field, (), [seen], [], limits=Limits(20.0, 100.0), jobs=1, alike=alike
+    )
+    return tried, found
 
 
 def test_many_short_recordings_are_raced_on_some_among_them_the_one_that_shows_it_best(

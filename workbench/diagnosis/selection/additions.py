@@ -18,7 +18,7 @@ from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.decision import closer_unseen, degenerates_to, preferred
 from workbench.diagnosis.selection.held_out import held_out_gain, told_apart
 from workbench.diagnosis.selection.moments import changed_values, is_event, with_own_starts
-from workbench.diagnosis.selection.refits import entry_priors, refit_candidates
+from workbench.diagnosis.selection.refits import Alike, entry_priors, refit_candidates
 from workbench.diagnosis.selection.score import Score, Scores, score_library
 from workbench.diagnosis.selection.selected import Accepted, Round, Selected
 from workbench.diagnosis.selection.task import Task
@@ -55,10 +55,12 @@ def refits_beside(
     limits: rules.Limits,
     *,
     thorough: bool = False,
+    alike: Alike | None = None,
 ) -> tuple[Candidate, ...]:
     """Refit effects beside what a model has, judged on the held-out recordings.
 
     Args:
+        alike: As for `refit_candidates`.
         thorough: Whether refits on short recordings begin from more places: where nothing was found
             yet, whose parameters would lead the way.
     """
@@ -72,6 +74,7 @@ def refits_beside(
         jobs=task.jobs,
         progress=task.say,
         thorough=thorough,
+        alike=alike,
     )
 
 

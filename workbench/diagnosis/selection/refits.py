@@ -36,7 +36,7 @@ from workbench.diagnosis.selection.moments import (
     level_everywhere,
     with_own_starts,
 )
-from workbench.diagnosis.selection.rules import SAME_LEVELS, SURPASSED, UNTRIED, Limits
+from workbench.diagnosis.selection.rules import SAME_LEVELS, SURPASSED, TWIN, UNTRIED, Limits
 from workbench.diagnosis.selection.score import COLLINEAR, Score, reason_of
 from workbench.diagnosis.selection.shortlist import LEAST_SCORE
 from workbench.diagnosis.selection.simulation_error import closest_runs
@@ -118,6 +118,10 @@ _WIDER, _WIDENINGS = 5.0, 4
 
 Progress = Callable[[str], None]
 
+Alike = Callable[..., Sequence[str]]
+"""Gives the names of effects whose signature resembles that of one, above a cosine; see
+`Scores.look_alikes`."""
+
 
 class Race(NamedTuple):
     """What all hypotheses begin with.
@@ -149,11 +153,14 @@ def refit_candidates(
     jobs: int = 2,
     progress: Progress | None = None,
     thorough: bool = True,
+    alike: Alike | None = None,
 ) -> tuple[Candidate, ...]:
     """Refit each hypothesis together with the free parameters.
 
     Args:
         base, fit_on, thorough: As for `Race`.
+        alike: Gives the hypotheses whose signature resembles that of one; nobody asks for them by
+            default.
 
     Returns:
         Candidates by falling gain, each accepted or refused with the reason.
@@ -190,7 +197,9 @@ def refit_candidates(
     before = blocks_as_trusted(base, hold_out) if leaders and hold_out else None
     race = race._replace(hold_out=hold_out)
     plain: list[Call[Any]] = [(_closest_errors, (base, base.model, fit_on, hold_out))]
-    runs, found, at_first = NO_RUNS, decided((*first, *lost), NO_RUNS, limits), tuple(first)
+    runs, at_first = NO_RUNS, tuple(first)
+    first += lost
+    found = decided(first, NO_RUNS, limits)
     best: Candidate | None = None
     waiting = [leaders, weaker]
     while waiting:
@@ -198,18 +207,21 @@ def refit_candidates(
         if not some:
             continue
         if progress:
-            progress("comparing " + " and ".join(field[i].entry.name for i in some))
+            progress("comparing " + " and ".join(first[i].entry.name for i in some))
         finals: list[Call[Any]] = [(_followed, (race, first[i], before)) for i in some]
         done: list[Any] = in_order([*finals, *plain], jobs=jobs)
         for i, final in zip(some, done, strict=False):
             first[i] = final
         if plain:
             runs, plain = done[-1], []
-        found = decided((*first, *lost), runs, limits)
+        found = decided(first, runs, limits)
         early = best is None
         best = next((c for c in found if not c.refused), None)
         if best is not None:
-            waiting = [_came_too(at_first, first, best)] if early and len(fit_on) > 1 else []
+            waiting = []
+            if early:
+                came = _came_too(at_first, first, best) if len(fit_on) > 1 else []
+                waiting = [came, _twins(alike, first, best) if alike else []]
     if best is None or not best.entry.alone:
         return found
     # What acts at several places alike may act at one of them.
@@ -220,7 +232,7 @@ def refit_candidates(
         for entry in best.entry.alone
     ]
     alone = in_order([(_followed, (race, c, before)) for c in at_one], jobs=jobs)
-    return decided((*first, *lost, *alone), runs, limits)
+    return decided((*first, *alone), runs, limits)
 
 
 def _raced(race: Race, field: Sequence[Score]) -> list[Candidate]:
@@ -404,6 +416,23 @@ def _came_too(
     events = [i for i, c in enumerate(now) if is_event(c.entry.effect) and not c.followed]
     events = [i for i in events if now[i].fit is not None and now[i].gain > least]
     return sorted(events, key=lambda i: -now[i].gain)[: _FINALISTS - 1]
+
+
+def _twins(alike: Alike, now: Sequence[Candidate], best: Candidate) -> list[int]:
+    """Return what was not followed yet and does the same to these recordings as what was found.
+
+    A friction of what turns one way only is a constant torque: which of them a short refit brings
+    further is chance. So it is which of two laws that do nearly the same comes to trust the
+    equations: until then neither gains much.
+    """
+    same, nearly = alike(best.name, above=TWIN), alike(best.name)
+    twins = [
+        i
+        for i, c in enumerate(now)
+        if c.fit is not None and not c.followed
+        if c.name in same or (c.name in nearly and _trusts_less(c, best))
+    ]
+    return sorted(twins, key=lambda i: -now[i].gain)[:_FINALISTS]
 
 
 def entry_priors(

@@ -10,7 +10,7 @@ the next, so that a search can be written down and continued.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -33,11 +33,11 @@ from workbench.diagnosis.selection.additions import (
     scored_beside,
     with_candidate,
 )
-from workbench.diagnosis.selection.candidate import Candidate, is_sensor
+from workbench.diagnosis.selection.candidate import is_sensor
 from workbench.diagnosis.selection.held_out import over_floor
 from workbench.diagnosis.selection.pairs import as_told, with_pair
 from workbench.diagnosis.selection.refits import entry_priors, leaves_nothing, untried
-from workbench.diagnosis.selection.score import Score, Scores, by_name, score_library
+from workbench.diagnosis.selection.score import by_name, score_library
 from workbench.diagnosis.selection.selected import Accepted, Round, Scored, Selected
 from workbench.diagnosis.selection.shortlist import (
     MOST_AGAIN,
@@ -192,7 +192,10 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
             perfect=current.noise_scale <= PERFECT and bool(number),
         )
 
-        refits = partial(refits_beside, task, current, state.free, limits=limits, thorough=first)
+        refits = partial(
+            refits_beside, task, current, state.free,
+            limits=limits, thorough=first, alike=scores.look_alikes,
+        )  # fmt: skip
         evident = [s for s in chosen if s.entry.evident]
         candidates = refits(evident) if evident else ()
         if not any(leaves_nothing(current, c) and not c.refused for c in candidates):
@@ -200,7 +203,6 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
         if later and all(c.refused for c in candidates):
             more = refits(later)
             candidates = tuple(sorted((*more, *candidates), key=lambda c: -c.gain))
-        candidates = _with_twins(task, state, scores, candidates, chosen, limits)
         scored_names = {s.entry.name for s in scores.scores}
         candidates += tuple(
             untried(entry, why)
@@ -223,32 +225,6 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
     if len(state.accepted) > 1:
         state = _exchanged(task, scored, state)
     return state, goes_on(task, scored, current, state)
-
-
-def _with_twins(
-    task: Task,
-    state: Selected,
-    scores: Scores,
-    candidates: tuple[Candidate, ...],
-    chosen: Sequence[Score],
-    limits: rules.Limits,
-) -> tuple[Candidate, ...]:
-    """Follow too what does the same to these recordings as what passed every rule.
-
-    A friction of what turns one way only is a constant torque: which of them a short refit brings
-    further is chance.
-    """
-    best = next((c.name for c in candidates if not c.refused), "")
-    alike = set(scores.look_alikes(best, above=rules.TWIN))
-    alike -= {c.name for c in candidates if c.followed}
-    twins = [s for s in chosen if s.entry.name in alike][:_RIVALS]
-    if not twins:
-        return candidates
-    followed = {
-        c.name: replace(c, refused=c.refused or rules.SURPASSED)
-        for c in refits_beside(task, state.extended, state.free, twins, limits)
-    }
-    return tuple(followed.get(c.name, c) for c in candidates)
 
 
 def goes_on(task: Task, scored: Scored, before: ProcessNoiseFit, state: Selected) -> bool:
