@@ -219,10 +219,10 @@ def test_what_passes_less_what_an_input_takes_of_it_fills_a_store_through_its_th
 
 def test_a_transfer_function_of_second_order_rubs() -> None:
     model = model_of_system(ct.tf([2e4], [1.0, 150.0, 2.6e5]))
-    law = {h.name: h for h in library(model)}["coulomb_friction"].at_size(0.03)
-    # A speed of 1 and a place of 0: what rubs takes away from its rate, in 1/s.
-    rates = model.with_effect(law).rates([1.0, 0.0], [0.0])
-    assert rates == pytest.approx([-150.03, 1.0])
+    law = {h.name: h for h in library(model)}["coulomb_friction"].at_size(600.0)
+    # A speed of the output, and a place of 0: what rubs takes away from its rate, in 1/s.
+    rates = model.with_effect(law).rates([100.0, 0.0], [0.0])
+    assert rates == pytest.approx([-15600.0, 100.0])
 
 
 def test_a_measured_force_resists_the_motion() -> None:

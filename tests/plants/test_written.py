@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.io import savemat
@@ -13,6 +15,7 @@ from tests.shell import Shell
 from workbench.errors import WorkbenchError
 from workbench.linearisation.transfer import transfer_function
 from workbench.model.linear_system import with_free_coefficients
+from workbench.physics.library import library
 from workbench.plants.registry import PLANTS
 
 
@@ -54,10 +57,39 @@ def test_common_factors_and_delays_have_states_once() -> None:
     assert len(one.states) == 5 and [q.name for q in one.outputs] == ["y_1", "y_2"]
 
 
-def test_what_stands_for_a_delay_is_no_coefficient_to_refit() -> None:
-    late, prompt = (PLANTS.get(text).model({}) for text in ("exp(-s)/(2 s + 1)", "1/(2 s + 1)"))
-    assert with_free_coefficients(late) is late
-    assert with_free_coefficients(prompt).parameters
+def test_what_stands_for_a_delay_is_no_coefficient_to_refit_and_no_place() -> None:
+    texts = ("exp(-s)/(2 s + 1)", "1/(2 s + 1)", "1/(2 s + 1) + exp(-s)/(s + 3)")
+    late, prompt, both = (PLANTS.get(text).model({}) for text in texts)
+    # A gain and a time constant, and where the lag is, whatever comes before it.
+    assert len(with_free_coefficients(late).parameters) == 2
+    assert len(with_free_coefficients(prompt).parameters) == 2
+    assert [port.name for port in late.ports] == [port.name for port in prompt.ports]
+    assert with_free_coefficients(both) is both
+
+
+@pytest.mark.parametrize(("text", "exact", "free"), [
+    ("2/(s (0.5 s + 1))", lambda s: 2 / (s * (0.5 * s + 1)), 2),
+    ("1/(s (s + 2) (0.1 s + 1))", lambda s: 1 / (s * (s + 2) * (0.1 * s + 1)), 3),
+    ("exp(-0.1 s)/(s (s + 2) (0.1 s + 1))",
+     lambda s: late(0.1, s) / (s * (s + 2) * (0.1 * s + 1)), 3),
+    ("5/(s (s^2 + 4 s + 400))", lambda s: 5 / (s * (s * s + 4 * s + 400)), 3),
+    ("1/(s (s^2 + 0.4 s + 1))", lambda s: 1 / (s * (s * s + 0.4 * s + 1)), 3),
+    ("(s + 3)/((s^2 + s + 4) (s^2 + 3 s + 900))",
+     lambda s: (s + 3) / ((s * s + s + 4) * (s * s + 3 * s + 900)), 6),
+    ("1/((s + 2) (s^2 + 0.4 s + 100))", lambda s: 1 / ((s + 2) * (s * s + 0.4 * s + 100)), 4),
+])  # fmt: skip
+def test_friction_acts_on_a_speed_whose_place_is_read(
+    text: str, exact: Callable[[complex], complex], free: int
+) -> None:
+    model = PLANTS.get(text).model({})
+    (friction,) = (h for h in library(model) if h.name == "coulomb_friction")
+    names = [q.name for q in model.states]
+    speed = model.exact.x[names.index(friction.ports[0].removesuffix(".rate"))]
+    places = [ca.is_equal(rate, speed) for rate in ca.vertsplit(model.exact.rates)]
+    assert sum(places) == 1
+    assert ca.depends_on(model.exact.outputs, model.exact.x[places.index(True)])
+    assert len(with_free_coefficients(model).parameters) == free
+    assert answer(text, 0.7j)[0, 0] == pytest.approx(exact(0.7j), rel=1e-6)
 
 
 def test_a_column_of_a_distillation_has_rows_for_outputs() -> None:

@@ -16,6 +16,7 @@ from workbench.model.model import Model
 from workbench.model.quantities import Input, Output, Parameter, State
 from workbench.model.scope import Scope
 from workbench.model.trace import Equations
+from workbench.model.traits import Traits
 
 Rows = tuple[tuple[float, ...], ...]
 Entry = tuple[str, int, int]
@@ -31,7 +32,7 @@ class LinearEquations:
         C: Output matrix, in SI.
         D: Feedthrough, in SI.
         sample_time: Time between the samples that the system was given by, in s; 0 if continuous.
-        late: Whether states stand for a delay.
+        late: Whether states between others stand for a delay.
         free: Coefficients that are parameters of the model: matrix, row and column, from 0 on.
     """
 
@@ -77,9 +78,9 @@ def with_free_coefficients(model: Model) -> Model:
 
     What scales a state shows in no response: a coefficient for each state stays as it is, of ones
     rather than others, those that read it rather than those between states. So does a rate that is
-    a state, as that of a position. Each may be anything from 0 to twice its value. A model that is
-    no linear system or has parameters, a system with a delay and one of many coefficients are
-    returned as they are.
+    a state, as that of a position, and all of a delay of the commands. Each may be anything from 0
+    to twice its value. A model that is no linear system or has parameters, a system with other
+    delays and one of many coefficients are returned as they are.
     """
     equations = model.equations
     if not isinstance(equations, LinearEquations) or model.parameters or equations.late:
@@ -92,17 +93,27 @@ def with_free_coefficients(model: Model) -> Model:
         if abs(a) > _NOTHING * max(map(abs, row))
     }
     ones = {e for e, a in entries.items() if math.isclose(abs(a), 1.0)}
+    passing = {k for k, q in enumerate(model.states) if q.name in model.traits.passing}
     # Kruskal's tree of the states and what is outside: what it holds cannot be told.
     group = list(range(len(model.states) + 1))
     kept = set[Entry]()
-    for entry in sorted(entries, key=lambda e: e not in ones):
-        name, i, j = entry
-        ends = {"A": (i, j), "B": (i, -1), "C": (-1, j), "D": (-1, -1)}[name]
-        one, other = group[ends[0]], group[ends[1]]
-        if one != other:
+    ends = {
+        e: {"A": (i, j), "B": (i, -1), "C": (-1, j), "D": (-1, -1)}[name]
+        for e in entries
+        for name, i, j in (e,)
+    }
+    rows = [(name, i) for name, i, _ in entries]
+    given = {
+        e
+        for e in entries
+        if passing & {*ends[e]}
+        or (e in ones and e[0] == "A" and e[1] != e[2] and rows.count(e[:2]) == 1
+            and ("B", e[1]) not in rows)
+    }  # fmt: skip
+    for entry in sorted(entries, key=lambda e: (e not in given, e not in ones)):
+        one, other = (group[end] for end in ends[entry])
+        if one != other or entry in given:
             group = [one if g == other else g for g in group]
-            kept.add(entry)
-        elif name == "A" and i != j and entry in ones:
             kept.add(entry)
     free = tuple(e for e in entries if e not in kept)
     if len(free) > _MOST_FREE:
@@ -161,8 +172,11 @@ def model_of_system(
     parts = _parts(given)
     if sampled:
         parts = _continuous(system, parts, float(sampled))
+    grown = len(parts[0]) > len(given.A)
+    passing = getattr(system, "passing", 0)
     if late:
-        parts = _in_series(parts, _late((late,) * len(inputs)))
+        before = _late((late,) * len(inputs))
+        parts, passing = _in_series(parts, before), passing + len(before[0])
     A, B, C, D = parts
     states = labels(given.state_labels)
     if len(states) != len(A):
@@ -177,7 +191,7 @@ def model_of_system(
             _rows(D),
             (states, inputs, outputs),
             float(sampled),
-            late=len(A) > len(given.A) or getattr(system, "late", False),
+            late=grown or getattr(system, "late", False),
         ),
         states=tuple(State(name, "1") for name in states),
         inputs=tuple(
@@ -191,6 +205,7 @@ def model_of_system(
             for low, high in (ends.get(n, infinite),)
         ),
         description="linear system",
+        traits=Traits(passing=states[len(states) - passing :]),
     )
     # Where nobody says how far outputs go, the one that goes farthest counts by its unit.
     farthest = max([1.0, *(q.scale for q in model.outputs if not q.sized)])
@@ -213,7 +228,6 @@ def proper_system(system: Any, what: str) -> Any:
         [[-3.0]]
     """
     import control as ct
-    from scipy.signal import tf2ss
 
     scipys = type(system).__module__.startswith("scipy.signal")
     if not scipys and not isinstance(system, (ct.StateSpace, ct.TransferFunction)):
@@ -224,12 +238,11 @@ def proper_system(system: Any, what: str) -> Any:
     try:
         if not scipys:
             fraction = isinstance(system, ct.TransferFunction) and system.issiso()
-            if not fraction or system.dt or len(system.den[0][0]) != 3:
+            parts = _in_motion(system.num[0][0], system.den[0][0]) if fraction else None
+            if parts is None or system.dt:
                 return ct.ss(system)
-            # Of second order: a speed and its place, which laws of motion ask for.
             names = {"inputs": system.input_labels, "outputs": system.output_labels}
-            own = tf2ss(system.num[0][0], system.den[0][0])
-            return ct.ss(*own, name=system.name, **names)
+            return ct.ss(*parts, name=system.name, **names)
         given = system.to_ss()
     except ValueError as error:
         raise WorkbenchError(
@@ -239,6 +252,51 @@ def proper_system(system: Any, what: str) -> Any:
 
 
 Parts = tuple[Matrix, Matrix, Matrix, Matrix]
+
+
+def _in_motion(num: Vector, den: Vector) -> Parts | None:
+    """Return a transfer function as a speed and its place, as laws of motion ask for, behind lags.
+
+    The slowest two poles are the motion. Of a pole at 0 and a pair, such as those of a cylinder, a
+    force moves it that its speed takes away. The other poles lead to what moves it. At rest the
+    output is the place.
+
+    Args:
+        num: Coefficients, highest powers of s (in rad/s) first, shape (m,).
+        den: The same of the denominator, shape (n,).
+
+    Returns:
+        The matrices, the place behind its speed, the lags last; None for one of first order, or
+        with more zeros than the motion has poles.
+    """
+    from scipy.signal import tf2ss
+
+    num, den = (np.trim_zeros(np.asarray(part, dtype=float), "f") for part in (num, den))
+    poles = np.array(sorted(np.roots(den), key=lambda p: (abs(p), p.imag)))
+    turning = np.abs(poles.imag) > _NOTHING * np.abs(poles)
+    size, first = 2, 0
+    if len(poles) > 2 and turning[1] and not turning[0]:
+        size, first = (3, 0) if poles[0] == 0.0 else (2, 1)
+    moved = slice(first, first + size)
+    before = np.delete(poles, moved)
+    if not 1 < len(poles) >= size >= len(num) - 1 or not before.all():
+        return None
+    gain = num / den[0] / np.real(np.prod(-before))
+    A, B, C, D = tf2ss(gain, np.real(np.poly(poles[moved])))
+    sizes = np.ones(size) / (gain[-1] or 1.0)
+    if size == 3:
+        # The force is of the size of the speed, and no rate that is known already.
+        pace = float(abs(poles[1]))
+        sizes[0] *= pace if pace != 1.0 else 2.0
+    whole: Parts = A * sizes / sizes[:, None], B / sizes[:, None], C * sizes, D
+    for pole in before[before.imag >= 0.0]:
+        pace, lag = abs(pole), pole.imag == 0.0
+        rates = [[pole.real]] if lag else [[2.0 * pole.real, -pace], [pace, 0.0]]
+        entry = [[-pole.real]] if lag else [[pace], [0.0]]
+        read = [[1.0]] if lag else [[0.0, 1.0]]
+        own = (*map(np.array, (rates, entry, read)), np.zeros((1, 1)))
+        whole = _in_series(whole, own)
+    return whole
 
 
 class Late(NamedTuple):
@@ -290,7 +348,11 @@ def late_system(rows: Sequence[Sequence[Sequence[Late]]], what: str) -> Any:
             entries.append(whole)
         table.append(_block(entries, stacked=False))
     found = ct.ss(*_in_series(_block(table, stacked=True), _late(common)), name="linear system")
-    found.late = any(term.delay for row in rows for entry in row for term in entry)
+    found.late = any(
+        term.delay > least
+        for row in rows for entry, least in zip(row, common, strict=True) for term in entry
+    )  # fmt: skip
+    found.passing = len(_late(common)[0])
     return found
 
 

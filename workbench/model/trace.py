@@ -280,7 +280,7 @@ def trace(model: Written, form: Form) -> Trace:
         written_rates = rates
         if not declared:
             rates = _default_exchanges(model, scope, plain, rates, symbols, sizes)
-        whole = _whole(rates, declared, scope, perturbations)
+        whole = _whole(rates, declared, scope, perturbations) | {*model.traits.passing}
         rates = _default_rates(model, scope, rates, sizes, whole)
         outputs = _felt(model, written_rates, rates, outputs)
     outputs = _default_measurements(model, scope, outputs, sizes)

@@ -86,6 +86,7 @@ class Traits:
         straight: Inputs that go straight from sample to sample of a recording; others are held.
         misread: Inputs that were read by a meter, with its noise, root mean square in SI: it moves
             the model and not the machine.
+        passing: States that stand for a delay: nothing acts on what only comes later.
     """
 
     sums: tuple[DriftingSum, ...] = ()
@@ -98,6 +99,7 @@ class Traits:
     opened: bool = False
     straight: tuple[str, ...] = ()
     misread: tuple[tuple[str, float], ...] = ()
+    passing: tuple[str, ...] = ()
 
     def curve(self, name: str) -> ActuatorCurve:
         """Return a curve by the name of its input."""
