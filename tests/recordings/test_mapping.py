@@ -262,6 +262,10 @@ def test_unknown_unit_is_left_out_or_an_error(read: Read) -> None:
     told = read(lines, signals={"x": "1"})
     assert np.array_equal(told["x"], 5.0 + np.arange(20.0))
     assert any("furlong, which is taken as it stands" in r.note for r in told.mapping or ())
+    # So it is where its author left the unit out; what is known otherwise needs its name.
+    plain = read(table("time_s", "x [Hz]", "y"), signals={"x": "1"})
+    assert np.array_equal(plain["x"], told["x"])
+    assert any("Hz, which is taken as it stands" in r.note for r in plain.mapping or ())
 
 
 @pytest.mark.parametrize(

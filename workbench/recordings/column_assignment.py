@@ -177,14 +177,17 @@ def _signal(
             " another column, or say which numbers words stand for ([words] in a mapping file)"
         )
     unit, note = rule.unit or header.unit, ""
+    plain = bool(request.unit) and same_dimension(request.unit, "1")
     if header.problem and not rule.unit:
-        if not request.unit or not same_dimension(request.unit, "1"):
+        if not plain:
             raise WorkbenchError(
                 f"column {header.column!r}: {header.problem}; write a known unit in the header or"
                 " give one in a mapping file"
             )
         # What is no unit of the SI, such as NTU or mU/min, is a number for the plant too.
         note = f"in {header.stated}, which is taken as it stands"
+    elif plain and unit and not rule.unit and not same_dimension(unit, "1"):
+        unit, note = "", f"in {unit}, which is taken as it stands"
     if request.unit and unit and not same_dimension(unit, request.unit):
         raise WorkbenchError(
             f"column {header.column!r} is in {unit!r} but {rule.signal} is measured in "

@@ -299,6 +299,9 @@ def match_requested(
                 i for i, h in enumerate(headers) if i not in used and _same(signal, h) == quality
             ]
             fitting = [i for i in named if _units_agree(signal, headers[i])]
+            if not fitting and quality == 2 and signal.unit and same_dimension(signal.unit, "1"):
+                # Its author may have left the unit out.
+                fitting = named
             if named and not fitting and quality == 2:
                 bad = headers[named[0]]
                 raise WorkbenchError(
