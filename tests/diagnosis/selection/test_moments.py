@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import warnings
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +15,7 @@ from tests.diagnosis.newcomers import levels
 from tests.machines import machine
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.process_noise import extended_start, fit_with_process_noise
-from workbench.diagnosis.selection.moments import moments, with_own_moments
+from workbench.diagnosis.selection.moments import least_between, moments, with_own_moments
 from workbench.model import Model, Scope
 from workbench.physics.library import library
 from workbench.recordings.recording import Recording
@@ -75,3 +77,15 @@ def test_events_that_came_together_are_moved_together() -> None:
     assert abs(moments(model, alone[0], "run 2")[0] - 8.0) > 1.0
     for event in both:
         assert moments(model, event, "run 2")[0] == pytest.approx(8.0, abs=STEP)
+
+
+def test_the_least_of_what_fails_somewhere_is_found_without_a_warning() -> None:
+    def cost(value: float) -> float:
+        return (value - 0.2) ** 2 if value < 0.5 else math.inf
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        where, least = least_between(cost, 0.0, 1.0, 60, xatol=1e-4)
+        nowhere = least_between(lambda _: math.inf, 0.0, 1.0, 20)
+    assert where == pytest.approx(0.2, abs=1e-3) and least < 1e-5
+    assert nowhere[1] == math.inf

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -143,13 +143,10 @@ def _begun(
             step *= 2.0
             tried = best + step * np.array([-1.0, 0.0, 1.0, 2.0]) * (1 if best > middle else -1)
             best = float(tried[int(np.argmin([cost(start) for start in tried]))])
-        options = {"xatol": _KNOWN, "maxiter": _STEPS}
-        near = minimize_scalar(
-            cost, bounds=(best - step, best + step), method="bounded", options=options
-        )
-        if not math.isfinite(near.fun):
+        least, value = least_between(cost, best - step, best + step, _STEPS, xatol=_KNOWN)
+        if not math.isfinite(value):
             return effect
-        found[observed.name] = float(near.x)
+        found[observed.name] = least
     own = {q.name: q for q in effect.parameters}
     size = next(iter(own))
     if about.level:
@@ -370,6 +367,24 @@ def moments(model: Model, effect: Effect, recording: str) -> tuple[float, float]
     return begin - starts[0], end - starts[-1]
 
 
+def least_between(
+    cost: Callable[[float], float], low: float, high: float, steps: int, **options: float
+) -> tuple[float, float]:
+    """Return where a function of one number is least within bounds, and its value there.
+
+    Where it is infinite, a parabola through three of its values is none.
+
+    Args:
+        steps: How often it is called at most.
+        options: Those of the bounded search of SciPy, in the unit of the number.
+    """
+    with np.errstate(invalid="ignore"):
+        found = minimize_scalar(
+            cost, bounds=(low, high), method="bounded", options={"maxiter": steps} | options
+        )
+    return float(found.x), float(found.fun)
+
+
 def _likeliest(of: Delays, now: float, tried: Vector) -> float | None:
     """Return how late clocks start in a recording, in s; None if not clearly otherwise than now.
 
@@ -381,12 +396,7 @@ def _likeliest(of: Delays, now: float, tried: Vector) -> float | None:
     best = int(np.argmin(costs))
     late, least = float(tried[best]), float(costs[best])
     if 0 < best < len(tried) - 1:
-        near = minimize_scalar(
-            of.cost,
-            bounds=(tried[best - 1], tried[best + 1]),
-            method="bounded",
-            options={"maxiter": _STEPS},
-        )
-        if near.fun < least:
-            late, least = float(near.x), float(near.fun)
+        near, cost = least_between(of.cost, tried[best - 1], tried[best + 1], _STEPS)
+        if cost < least:
+            late, least = near, cost
     return late if least < now - _CLEARLY else None

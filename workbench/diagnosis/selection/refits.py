@@ -10,7 +10,6 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import as_recorded, free_run
@@ -33,6 +32,7 @@ from workbench.diagnosis.selection.held_out import NO_RUNS, RunErrors, held_out_
 from workbench.diagnosis.selection.moments import (
     changed_values,
     is_event,
+    least_between,
     level_everywhere,
     with_own_starts,
 )
@@ -749,9 +749,8 @@ def _between(cost: Callable[[float], float], here: float, q: Parameter, enough: 
     curvature, slope, _ = np.polyfit(x - x[1], costs, 2)
     if curvature <= 0.0 or slope**2 < 4.0 * curvature * enough:
         return here
-    options = {"xatol": _FINE, "maxiter": _FINEST}
-    found = minimize_scalar(lambda v: cost(math.exp(v)), bounds=(x[0], x[2]), options=options)
-    return math.exp(found.x) if found.fun < costs[1] else here
+    place, least = least_between(lambda v: cost(math.exp(v)), x[0], x[2], _FINEST, xatol=_FINE)
+    return math.exp(place) if least < costs[1] else here
 
 
 def _scanned(cost: Callable[[float], float], here: float, q: Parameter) -> float:
