@@ -67,6 +67,14 @@ def test_what_stands_for_a_delay_is_no_coefficient_to_refit_and_no_place() -> No
     assert with_free_coefficients(both) is both
 
 
+def test_a_product_of_two_poles_may_go_as_far_as_both_of_them() -> None:
+    model = with_free_coefficients(PLANTS.get("3/((5 s + 1) (2 s + 1) (s + 1))").model({}))
+    ends = {q.name: (q.lower, q.upper) for q in model.parameters}
+    # 0.2 and 0.5 1/s are the motion, whose place is read, and 1 1/s comes before.
+    assert ends["A_0_1"] == pytest.approx((-0.4, 0.0))
+    assert ends["A_2_2"] == pytest.approx((-2.0, 0.0))
+
+
 @pytest.mark.parametrize(("text", "exact", "free"), [
     ("2/(s (0.5 s + 1))", lambda s: 2 / (s * (0.5 * s + 1)), 2),
     ("1/(s (s + 2) (0.1 s + 1))", lambda s: 1 / (s * (s + 2) * (0.1 * s + 1)), 3),

@@ -79,8 +79,9 @@ def with_free_coefficients(model: Model) -> Model:
     What scales a state shows in no response: a coefficient for each state stays as it is, of ones
     rather than others, those that read it rather than those between states. So does a rate that is
     a state, as that of a position, and all of a delay of the commands. Each may be anything from 0
-    to twice its value. A model that is no linear system or has parameters, a system with other
-    delays and one of many coefficients are returned as they are.
+    to twice its value, or to four times where it changes the rate of a position: the product of
+    two poles of twice their value is four times theirs. A model that is no linear system or has
+    parameters, a system with other delays and one of many coefficients are returned as they are.
     """
     equations = model.equations
     if not isinstance(equations, LinearEquations) or model.parameters or equations.late:
@@ -103,13 +104,13 @@ def with_free_coefficients(model: Model) -> Model:
         for name, i, j in (e,)
     }
     rows = [(name, i) for name, i, _ in entries]
-    given = {
+    places = {
         e
-        for e in entries
-        if passing & {*ends[e]}
-        or (e in ones and e[0] == "A" and e[1] != e[2] and rows.count(e[:2]) == 1
-            and ("B", e[1]) not in rows)
-    }  # fmt: skip
+        for e in ones
+        if e[0] == "A" and e[1] != e[2] and rows.count(e[:2]) == 1 and ("B", e[1]) not in rows
+    }
+    given = places | {e for e in entries if passing & {*ends[e]}}
+    speeds = {j for _, _, j in places}
     for entry in sorted(entries, key=lambda e: (e not in given, e not in ones)):
         one, other = (group[end] for end in ends[entry])
         if one != other or entry in given:
@@ -118,14 +119,18 @@ def with_free_coefficients(model: Model) -> Model:
     free = tuple(e for e in entries if e not in kept)
     if len(free) > _MOST_FREE:
         return model
-    parameters = tuple(
-        Parameter(
-            _coefficient(e), "1/s" if e[0] in "AB" else "1", value=entries[e],
-            lower=min(0.0, 2.0 * entries[e]), upper=max(0.0, 2.0 * entries[e]), fitted=True,
-        )
-        for e in free
-    )  # fmt: skip
-    return replace(model, equations=replace(equations, free=free), parameters=parameters)
+    parameters = []
+    for e in free:
+        most = (4.0 if e[0] in "AB" and e[1] in speeds else 2.0) * entries[e]
+        unit = "1/s" if e[0] in "AB" else "1"
+        parameters.append(
+            Parameter(
+                _coefficient(e), unit, value=entries[e],
+                lower=min(0.0, most), upper=max(0.0, most), fitted=True,
+            )
+        )  # fmt: skip
+    equations = replace(equations, free=free)
+    return replace(model, equations=equations, parameters=tuple(parameters))
 
 
 def is_system(found: object) -> bool:
@@ -289,12 +294,13 @@ def _in_motion(num: Vector, den: Vector) -> Parts | None:
         pace = float(abs(poles[1]))
         sizes[0] *= pace if pace != 1.0 else 2.0
     whole: Parts = A * sizes / sizes[:, None], B / sizes[:, None], C * sizes, D
+    none = np.zeros((1, 1))
     for pole in before[before.imag >= 0.0]:
-        pace, lag = abs(pole), pole.imag == 0.0
-        rates = [[pole.real]] if lag else [[2.0 * pole.real, -pace], [pace, 0.0]]
-        entry = [[-pole.real]] if lag else [[pace], [0.0]]
-        read = [[1.0]] if lag else [[0.0, 1.0]]
-        own = (*map(np.array, (rates, entry, read)), np.zeros((1, 1)))
+        rate, pace = float(pole.real), abs(pole)
+        own = np.array([[rate]]), np.array([[-rate]]), np.eye(1), none
+        if pole.imag:
+            turning_by = np.array([[2.0 * rate, -pace], [pace, 0.0]])
+            own = turning_by, np.array([[pace], [0.0]]), np.array([[0.0, 1.0]]), none
         whole = _in_series(whole, own)
     return whole
 
