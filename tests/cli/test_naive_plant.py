@@ -226,7 +226,7 @@ def test_coefficients_of_a_linear_system_are_refitted_and_kept(here: Path, shell
         np.savetxt(f"{name}.csv", table, delimiter=",", header="t [s],u,y", comments="")
     said = shell("diagnose --plant lines:G --fit a.csv --hold-out b.csv --out found")
     # Two poles and a zero with a gain: ones scale the states.
-    assert "coefficients of the system are refitted: C_0_0, C_0_1, A_0_0, A_0_1" in said.err
+    assert "coefficients of the system are refitted: C_0_0, A_0_0, A_0_1, B_0_0" in said.err
     assert "nothing_missing" in said.out
     kept = PLANTS.get("found/verdict.json").model()
     assert kept.parameter("A_0_0").value == pytest.approx(-0.5, rel=0.05)
