@@ -85,7 +85,7 @@ def test_the_least_of_what_fails_somewhere_is_found_without_a_warning() -> None:
 
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        where, least = least_between(cost, 0.0, 1.0, 60, xatol=1e-4)
+        where, least = least_between(cost, 0.0, 1.0, 60, 1e-4)
         nowhere = least_between(lambda _: math.inf, 0.0, 1.0, 20)
     assert where == pytest.approx(0.2, abs=1e-3) and least < 1e-5
     assert nowhere[1] == math.inf

@@ -143,7 +143,7 @@ def _begun(
             step *= 2.0
             tried = best + step * np.array([-1.0, 0.0, 1.0, 2.0]) * (1 if best > middle else -1)
             best = float(tried[int(np.argmin([cost(start) for start in tried]))])
-        least, value = least_between(cost, best - step, best + step, _STEPS, xatol=_KNOWN)
+        least, value = least_between(cost, best - step, best + step, _STEPS, _KNOWN)
         if not math.isfinite(value):
             return effect
         found[observed.name] = least
@@ -368,20 +368,25 @@ def moments(model: Model, effect: Effect, recording: str) -> tuple[float, float]
 
 
 def least_between(
-    cost: Callable[[float], float], low: float, high: float, steps: int, **options: float
+    cost: Callable[[float], float], low: float, high: float, steps: int, within: float = 1e-5
 ) -> tuple[float, float]:
     """Return where a function of one number is least within bounds, and its value there.
 
     Where it is infinite, a parabola through three of its values is none.
 
     Args:
+        cost: Function of a number in any unit, dimensionless.
+        low: Lower bound, in the unit of the number.
+        high: Upper bound, in the unit of the number.
         steps: How often it is called at most.
-        options: Those of the bounded search of SciPy, in the unit of the number.
+        within: How close to the least value is close enough, in the unit of the number.
+
+    Returns:
+        The number, in its unit, and the least value, dimensionless.
     """
+    options = {"maxiter": steps, "xatol": within}
     with np.errstate(invalid="ignore"):
-        found = minimize_scalar(
-            cost, bounds=(low, high), method="bounded", options={"maxiter": steps} | options
-        )
+        found = minimize_scalar(cost, bounds=(low, high), method="bounded", options=options)
     return float(found.x), float(found.fun)
 
 

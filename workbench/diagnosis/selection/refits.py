@@ -749,7 +749,7 @@ def _between(cost: Callable[[float], float], here: float, q: Parameter, enough: 
     curvature, slope, _ = np.polyfit(x - x[1], costs, 2)
     if curvature <= 0.0 or slope**2 < 4.0 * curvature * enough:
         return here
-    place, least = least_between(lambda v: cost(math.exp(v)), x[0], x[2], _FINEST, xatol=_FINE)
+    place, least = least_between(lambda v: cost(math.exp(v)), x[0], x[2], _FINEST, _FINE)
     return math.exp(place) if least < costs[1] else here
 
 
