@@ -26,7 +26,7 @@ from workbench.diagnosis.problem import Problem, problem_of_files
 from workbench.diagnosis.second_search import View, where_none_is_declared
 from workbench.diagnosis.selection.held_out import over_floor
 from workbench.diagnosis.undeclared import as_coarse_as_recorded, opened, with_undeclared
-from workbench.model import Input, Model, Output, Scope
+from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.library import LAWS, library
 from workbench.plants.servo_axis import servo_axis
@@ -55,6 +55,35 @@ def test_steps_coarser_than_declared_count_as_noise() -> None:
     model, (row,) = as_coarse_as_recorded(oscillator(), [_swinging(0.0), _swinging(0.02)])
     assert model.outputs[0].resolution == pytest.approx(0.02)
     assert row["result"] == "corrected" and "steps of 0.02 m" in row["note"]
+
+
+def test_a_parameter_without_bounds_goes_from_zero_to_ten_times_its_value() -> None:
+    def equations(m: Scope) -> Equations:
+        pull = m.p.gain * m.u.drive - m.p.stiffness * m.x.position - m.p.damping * m.x.speed
+        return {"position": m.x.speed, "speed": pull - m.p.mass}, {"position": m.x.position}
+
+    parameters = (
+        Parameter("gain", "1/kg", value=-2.0, fitted=True),
+        Parameter("stiffness", "1/s2", value=30.0, lower=5.0, fitted=True),
+        Parameter("damping", "1/s", value=0.5, lower=0.0, upper=1.0, fitted=True),
+        Parameter("mass", "m/s2", value=0.1),
+    )
+    plant = Model(
+        "oscillator",
+        equations,
+        (State("position", "m"), State("speed", "m/s")),
+        (Input("drive", "N", 1.0),),
+        (Output("position", "m", 1.0, noise_rms=1e-3),),
+        parameters,
+    )
+    told, notes = with_undeclared(plant, [_swinging(0.0)])
+    assert [(q.lower, q.upper) for q in told.parameters[:3]] == [(-20, 0), (5, 300), (0, 1)]
+    assert told.parameters[3] == parameters[3]
+    assert notes[:2] == (
+        "gain declares no bounds; -20 to 0 1/kg is taken",
+        "stiffness declares no bounds; 5 to 300 1/s2 is taken",
+    )
+    assert [q.name for q in default_priors(told)] == ["gain", "stiffness", "damping"]
 
 
 def test_a_recording_of_another_pace_tells_less_of_the_noise() -> None:

@@ -37,6 +37,10 @@ from workbench.recordings.recording import Recording
 from workbench.recordings.resampling import refined
 from workbench.simulation import simulate
 
+_MOST = 10.0
+"""How many times its value a parameter may become that declares no bounds: what a machine is built
+of is known to a factor of some."""
+
 _ROUNDS = 3
 """Refits that look for the noise beside a model."""
 
@@ -129,6 +133,7 @@ def with_undeclared(
             in SI, by output.
     """
     read_too = read_too or {}
+    model, bounded = _bounded(model)
     model = model.sized_by(reached(model, recordings) | _ranged(model, recordings))
     told, sizes = _with_data(model, recordings)
     wider = _wider(told, recordings)
@@ -154,7 +159,8 @@ def with_undeclared(
             )
             told, sizes = _with_data(replace(model, outputs=outputs), recordings)
     read = {q.name: q for q in told.outputs}
-    notes = [f"{q.name} declares no noise_rms; {_noise_text(read[q.name])}" for q in undeclared]
+    notes = [*bounded]
+    notes += [f"{q.name} declares no noise_rms; {_noise_text(read[q.name])}" for q in undeclared]
     if sizes:
         notes.append(
             f"no port of {model.name} declares a disturbance; a twentieth of its signal is taken: "
@@ -169,6 +175,20 @@ def with_undeclared(
         for name in straight
     ]
     return told, tuple(notes)
+
+
+def _bounded(model: Model) -> tuple[Model, tuple[str, ...]]:
+    """Give bounds to parameters that are refitted and have none, and say so."""
+    given, notes = {}, []
+    for q in model.parameters:
+        if q.fitted and q.value and not (math.isfinite(q.lower) and math.isfinite(q.upper)):
+            ends = zip((q.lower, q.upper), sorted((0.0, _MOST * q.value)), strict=True)
+            lower, upper = (own if math.isfinite(own) else end for own, end in ends)
+            given[q.name] = replace(q, lower=lower, upper=upper)
+            unit = "" if q.unit == "1" else f" {q.unit}"
+            notes.append(f"{q.name} declares no bounds; {lower:g} to {upper:g}{unit} is taken")
+    parameters = tuple(given.get(q.name, q) for q in model.parameters)
+    return (replace(model, parameters=parameters) if given else model), tuple(notes)
 
 
 def opened(model: Model, recordings: Sequence[Recording]) -> tuple[Model, tuple[str, ...]]:
