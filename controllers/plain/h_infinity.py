@@ -45,7 +45,10 @@ FACTORS = (0.15, 0.3, 0.5, 0.8, 1.2, 2.0)
 """Speeds that are tried, over that of a state feedback."""
 
 INPUT_SIZES = (8.0, 1.0, 0.4, 0.2)
-"""Sizes of the command that are tried, over that at which the plant moves the output by itself."""
+HOLDING_SIZES = (*INPUT_SIZES, 0.05, 0.01)
+"""Sizes of the command that are tried, over that at which the plant moves the output by itself;
+also of one that is unstable, of which a controller that takes little more than it must is stable by
+itself more often."""
 
 BESIDES = (0.1, 0.01)
 """Errors of what nobody follows, over a change of a reference, ratios: the next where no controller
@@ -76,10 +79,11 @@ def _within(want: PlainHInfinitySpecification, limits: LoopLimits) -> TransferLa
 
     about = 0.0 if want.speed else reachable_speed(limits)
     tried = [about * factor for factor in FACTORS] if about else [want.speed]
+    sizes = HOLDING_SIZES if limits.growing else INPUT_SIZES
     reason = NumericalError("")
     for beside in BESIDES if loop.read else BESIDES[:1]:
         try:
-            designs = [partial(designed, w, size, beside) for w in tried for size in INPUT_SIZES]
+            designs = [partial(designed, w, size, beside) for w in tried for size in sizes]
             best = limits.best(designs, family)
             break
         except NumericalError as error:

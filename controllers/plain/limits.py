@@ -60,6 +60,7 @@ from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
 from workbench.linearisation.pace import reach_of
 from workbench.linearisation.transfer import transfer_function
+from workbench.model.units import in_time
 from workbench.work import in_one_thread
 from workbench.work.buffered import Buffered
 
@@ -105,6 +106,10 @@ that of a plant that is unstable."""
 
 USUAL_COMPLEMENTARY = 2.8
 """Limit on Mt, a ratio, where none is given."""
+
+
+FEEDBACK = "a state feedback"
+"""What a state feedback is called."""
 
 
 class Judged(NamedTuple):
@@ -202,7 +207,8 @@ class ReadingSpecification(LoopSpecification):
             try:
                 law = design(limits)
             except WorkbenchError as error:
-                reason = reason or error
+                # What reads more says more.
+                reason = error if reason is None or limits is both[1] else reason
                 continue
             own = limits
             if len(law.sensors) < limits.sensors:
@@ -326,9 +332,9 @@ class LoopLimits:
         ends = self.loop.words
         least = float(np.min(judged.excess, initial=math.inf))
         if not math.isfinite(least):
-            raise WorkbenchError(
-                f"{family} makes no stable loop of {ends}; take another family, such as lqi"
-            )
+            fix = "measure more" if family == FEEDBACK else "take another family, such as lqi"
+            late = self._too_late()
+            raise WorkbenchError(f"{family} makes no stable loop of {ends}{late}; {fix}")
         want = self.want
         given = (("Ms", want.maximum_sensitivity), ("Mt", want.maximum_complementary))
         asked = [f"{name} <= {limit:g}" for name, limit in given if limit]
@@ -340,6 +346,21 @@ class LoopLimits:
                 " larger peaks, tolerate less, or let noise move the command more (quiet)"
             )
         return np.flatnonzero(judged.excess <= max(1.0, NEARLY * least)).tolist()
+
+    def _too_late(self) -> str:
+        """Say how late commands may be of a plant that grows at p: every |T| peaks by e^(p T).
+
+        Source: Åström and Murray, Feedback Systems, 2008, section 11.5, with p T < 1/3 for margins.
+        """
+        late = self.want.delay + 0.5 * self.want.sample_time
+        turned = float(self.loop.linear.poles.real.max(initial=0.0)) * late
+        if turned < 1.0 / 3.0:
+            return ""
+        return (
+            f", which grows in {in_time(late / turned)} and is {in_time(late)} late: no loop has an"
+            f" Mt below {math.exp(min(turned, 99.0)):.3g}, and good ones are late by less than"
+            f" {in_time(late / turned / 3.0)}"
+        )
 
     def steps(self, laws: LinearLaw) -> tuple[Vector, Matrix, Matrix]:
         """Return the outputs of linear loops after unit steps.
@@ -954,7 +975,8 @@ def _turned(
         share = each * (turn / (1.0 + L * turn))[..., None]
         s = np.maximum(s, np.abs(1.0 - share).max(axis=2) / AT_A_SENSOR)
         t = np.maximum(t, np.abs(share).max(axis=2) / AT_A_SENSOR)
-    return s, t, stirred, crossed
+    # One that is crossed between two frequencies comes near to it at both.
+    return s, t, stirred, crossed | (s.max(axis=1) > NEAR)
 
 
 def _turned_together(
@@ -1009,7 +1031,7 @@ TURN, HARDLY = 0.4, 0.02
 is none, in rad."""
 
 NEAR = 20.0
-"""Sensitivity of a loop, a ratio, that a delay between two angles may make unstable."""
+"""Sensitivity of a loop, a ratio, that a delay or a frequency between two may make unstable."""
 
 
 def stacked(laws: Sequence[LinearLaw]) -> LinearLaw:

@@ -36,6 +36,7 @@ from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
 from controllers.design import Design
 from controllers.linear_law import LinearLaw
 from controllers.plain.limits import (
+    FEEDBACK,
     LAGS,
     Answer,
     LoopLimits,
@@ -374,8 +375,6 @@ def _fastest(
             return calmer, tuple((1.0 / time[np.maximum(risen, 1)]).tolist())
     return law, tuple(tried[k] for k in chosen)
 
-
-FEEDBACK = "a state feedback"
 
 CALM = (1.0, 3.0, 10.0, 30.0, 100.0)
 """Errors that weigh as much as all of the command, over those that it makes at the speed: where no

@@ -99,9 +99,29 @@ def test_a_body_on_wheels_has_an_h_infinity_controller_that_is_stable_by_itself(
     assert designed("plain-h-infinity", linear, **told).sensors == ("way", "pitch")
 
 
+def test_a_cart_with_a_heavy_brake_is_held_by_an_h_infinity_controller_of_few_volts() -> None:
+    # Of those that may take a fifth of what the plant moves by itself, none is stable by itself.
+    A = np.zeros((4, 4))
+    A[0, 1] = A[2, 3] = 1.0
+    A[1, 1:3], A[3, 1:3] = (-8.2, -2.4), (24.8, 37.0)
+    B = np.array([[0.0], [1.84], [0.0], [-5.58]])
+    cart = ct.ss(A, B, np.eye(4)[[0, 2]], 0, inputs="voltage", outputs=["cart", "angle"])
+    linear = linear_model(cart, limits={"voltage": (-10.0, 10.0)})
+    law = designed("plain-h-infinity", linear, measured="cart", sample_time=0.005)
+    worst = max(loop.sensitivity for loop in analyse_loop(law, linear) if loop.command)
+    assert worst < 1.8 and settled_after(law, linear, {"cart": 0.1}) < 15.0
+
+
+def test_a_plant_that_grows_sooner_than_its_commands_act_is_said() -> None:
+    linear = linear_model("1 / (s - 5)", limits={"u": (-2.0, 2.0)})
+    for name in ("lqi", "plain-mpc", "plain-pid", "plain-sliding-mode"):
+        with pytest.raises(WorkbenchError, match=r"Mt below 2\.73, .* late by less than 66\.7 ms"):
+            designed(name, linear, sample_time=0.002, delay=0.2)
+
+
 def test_where_no_speed_was_asked_for_none_is_told_to_be_smaller() -> None:
     linear = linear_model(pendulum()).select(outputs=["cart"])
-    with pytest.raises(WorkbenchError, match=r"of cart by force.* another family, such as lqi"):
+    with pytest.raises(WorkbenchError, match=r"loop of cart by force; measure more$"):
         designed("plain-h-infinity", linear, sample_time=H)
 
 
