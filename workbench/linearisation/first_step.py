@@ -15,7 +15,6 @@ from workbench.linearisation.linearise import linearise
 from workbench.linearisation.pace import reach_of, step_time
 from workbench.linearisation.transfer import transfer_function
 from workbench.model import Input, Model
-from workbench.model.quantities import of_names
 from workbench.model.units import from_si, of_difference, to_si
 from workbench.operating_point import operating_point
 
@@ -99,7 +98,7 @@ of a plant that is unstable, of which a loop bears less."""
 
 
 def _alike(one: LinearModel, other: LinearModel, outputs: Sequence[str], command: str) -> bool:
-    """Tell whether commands move outputs alike by two linear models.
+    """Tell whether commands move each output alike by two linear models.
 
     They do by C (i w - A)^-1 B where that of one differs from the other by no more than a part; w
     is how fast the plant grows, or 1 / `step_time`.
@@ -112,13 +111,12 @@ def _alike(one: LinearModel, other: LinearModel, outputs: Sequence[str], command
     found = []
     for linear in (one, other):
         own = linear.select(inputs=acting, outputs=outputs)
-        rows = np.array([q.scale for q in of_names(model.outputs, own.output_names)])
         columns = np.array([inputs[n].scale for n in own.input_names])
         response = transfer_function(own.A, own.B, own.C, own.D, 1j * max(growing, slow))
-        found.append(response * columns / rows[:, None])
-    least = min(float(np.linalg.norm(response)) for response in found)
-    apart = float(np.linalg.norm(found[1] - found[0]))
-    return apart <= (NEARLY_ALIKE if growing > slow else ALIKE) * least
+        found.append(response * columns)
+    one_by, other_by, apart = np.linalg.norm([*found, found[1] - found[0]], axis=2)
+    most = NEARLY_ALIKE if growing > slow else ALIKE
+    return bool(np.all(apart <= most * np.minimum(one_by, other_by)))
 
 
 def as_the_loop_rests(

@@ -271,3 +271,15 @@ def test_how_far_a_step_goes_is_looked_for_once_by_all_designs_of_a_linear_model
     assert reached.call_count == 1
     step_of(model, linear, output, (output,), model.inputs[0].name)
     assert reached.call_count == 2
+
+
+def test_a_heading_steps_no_farther_than_a_place_is_moved_alike() -> None:
+    # The heading is moved most; behind 200 degrees the same thrust leads back.
+    def equations(m: Any) -> Any:
+        ahead = m.x.speed * np.cos(m.x.heading)
+        return {"north": ahead, "speed": m.u.thrust, "heading": m.x.turn, "turn": m.u.helm}
+
+    states = "north m, speed m/s, heading rad, turn rad/s"
+    vessel = machine(equations, states, "thrust N -1 1, helm N -60 60", "north m, heading rad")
+    outputs = ("north", "heading")
+    assert 0.01 < step_of(vessel, at_rest(vessel), "heading", outputs) < 0.9
