@@ -10,7 +10,7 @@ import pytest
 from tests.machines import machine
 from workbench.errors import WorkbenchError
 from workbench.reports.figure import FIGURES, Figure, own_figures, sections
-from workbench.reports.figures.tracking import tracked
+from workbench.reports.figures.tracking import Trajectory, tracked, tracking
 from workbench.reports.page import Words
 from workbench.reports.pictures import Picture
 from workbench.study.study import Report
@@ -83,3 +83,11 @@ def test_each_followed_output_stands_beside_a_command_that_moves() -> None:
     for output, command in (("level", "pump in m/s"), ("warmth", "heater in K/s")):
         *_, below = tracked(cast(Any, study), "step", runs, output).axes
         assert below.get_ylabel().replace("\n", " ") == command
+
+
+def test_what_only_rounds_is_drawn_as_a_line() -> None:
+    time, held = np.arange(9.0), np.zeros(9)
+    one = Trajectory("mine", time, held + 1e-16 * (-1.0) ** time, held, held)
+    words = {"quantity": "speed", "unit": "m/s", "command": "drive in N"}
+    whole, error, _ = tracking(time, held, [one], size=20.0, **words).axes
+    assert min(np.ptp(whole.get_ylim()), np.ptp(error.get_ylim())) > 1e-5

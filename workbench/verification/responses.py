@@ -52,7 +52,13 @@ def settling_time(time: Vector, trajectory: Vector, *, initial: float, final: fl
         return Value(0.0)
     last = int(outside[-1])
     if last >= len(trajectory) - max(1, len(trajectory) // 10):
-        return Value(math.nan, f"not within {100 * BAND:g} % of the step by the end of the record")
+        away = (trajectory - final)[len(trajectory) * 9 // 10 :]
+        if away.min() < -width and away.max() > width:
+            # Noise, a sensor's steps, play or friction does that, or a loop that is not stable.
+            how = "swings by more than"
+        else:
+            how = "not within"
+        return Value(math.nan, f"{how} {100 * BAND:g} % of the step by the end of the record")
     return Value(float(time[last + 1] - time[0]))
 
 

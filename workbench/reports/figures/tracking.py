@@ -69,6 +69,7 @@ def tracking(
     unit: str,
     command: str,
     error_limit: float | None = None,
+    size: float = 0.0,
     lines: tuple[str, str] = ("full plant", "linear model"),
     shades: Mapping[str, Colour] | None = None,
 ) -> Drawing:
@@ -79,6 +80,7 @@ def tracking(
         reference: Reference, shape (n,), in ``unit``.
         unit: Its unit as written.
         error_limit: Steady error allowed, in ``unit``, drawn as lines about zero error.
+        size: Typical size of the output, in ``unit``: a millionth of it is no more than rounding.
     """
     figure, (position, error, actuator) = new_figure([2.2, 1.1, 1.0])
     t, reference = np.asarray(time, dtype=float), np.asarray(reference, dtype=float)
@@ -99,6 +101,10 @@ def tracking(
             error.axhline(limit, color=REFERENCE.light, linewidth=0.9, linestyle=":")
         # Right after a step the error is the step; what matters is whether it comes to rest.
         error.set_ylim(-5.0 * error_limit, 5.0 * error_limit)
+    for axes in (position, error):
+        low, high = axes.get_ylim()
+        room = max(0.5 * (1e-6 * size - (high - low)), 0.0)
+        axes.set_ylim(low - room, high + room)
     handles.append(named_line("reference", REFERENCE, width=1.0))
     if any(trajectory.linear is not None for trajectory in trajectories):
         plain, dashed = lines
@@ -163,6 +169,7 @@ def tracked(
         unit=written(quantity.display_unit),
         command=f"{command} in {written(driven.display_unit)}",
         error_limit=steady_limit(study, scenario, output),
+        size=float(convert(quantity.scale, quantity.unit, of_difference(quantity.display_unit))),
         lines=lines,
         shades=shades_of(study),
     )
