@@ -29,6 +29,25 @@ def bath(volume_m3=0.05):
     )
 """
 
+FLAP = """
+from workbench.model import Input, Model, Output, State
+
+def flap():
+    def equations(m):
+        torque = 0.4 * m.x.i - 0.3 * m.x.angle - 0.03 * m.x.speed
+        dropped = 1.8 * m.x.i + 0.4 * m.x.speed
+        rates = {"angle": m.x.speed, "speed": 500 * torque, "i": 500 * (m.u.volts - dropped)}
+        return rates, {"angle": m.x.angle}
+
+    return Model(
+        "flap",
+        equations,
+        states=(State("angle", "rad"), State("speed", "rad/s"), State("i", "A")),
+        inputs=(Input("volts", "V", lower=-12.0, upper=12.0),),
+        outputs=(Output("angle", "rad"),),
+    )
+"""
+
 
 @pytest.fixture
 def bath(here: Path) -> PlantRecipe:
@@ -49,6 +68,15 @@ def test_what_may_differ_follows_from_the_plant(bath: PlantRecipe) -> None:
     assert {"loss 16 W/K", "loss 24 W/K", "noise x 2", "volume 0.06 m³"} <= set(machines)
     for machine in machines.values():
         assert machine.plant != bath and machine.plant.build().parameters
+
+
+def test_no_machine_runs_away_by_itself_that_rests_without_a_difference(here: Path) -> None:
+    (here / "my_flap.py").write_text(FLAP)
+    flap = PlantRecipe("my_flap:flap", folder=here)
+    names = {one.name for one in differences(flap, ["angle"], 2e-3)}
+    assert {"delay_volts_command", "drive_lag_volts_command"} <= names
+    # Its own drop of voltage, ten milliseconds late, would make a coil of one millisecond grow.
+    assert not {"delay_i_rate", "drive_lag_i_rate"} & names
 
 
 def test_a_plant_that_says_what_it_tolerates_is_taken_at_its_word() -> None:

@@ -17,8 +17,11 @@ from typing import TypeVar
 import numpy as np
 
 from workbench.errors import WorkbenchError
+from workbench.linearisation import linearise
 from workbench.model import Parameter
 from workbench.model.units import in_time, parse_unit, same_dimension, with_unit
+from workbench.operating_point import operating_point
+from workbench.operating_point.operating_point import GROWS
 from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.library import library
 from workbench.physics.place import Survey
@@ -75,10 +78,17 @@ def differences(
     followed = {f"{name}.reading" for name in controlled}
     # A loop that samples coarsely has no delays of as many samples.
     usual = Survey(model).place(model.ports[0].name).interval
-    laws = [
-        _law(h)
+    fitting = [
+        h
         for h in library(model, sample_time=min(sample_time, usual))
         if h.usual and not (followed & set(h.ports) and (h.effect.dry or not h.effect.states))
+    ]
+    calm = not _grows(machine)
+    # A machine that runs away by itself is none that anybody has, as a coil whose own drop is late.
+    laws = [
+        law
+        for h in fitting
+        if (law := _law(h)) and not (calm and h.effect.states and _grows(law.made(machine, 1, 0)))
     ]
     known = {q.name: q for q in model.parameters}
     ends = plant.tolerated or {n: own for n, q in known.items() if any(own := _spread(q))}
@@ -97,6 +107,14 @@ def differences(
         signed=False,
     )
     return (*laws, *parameters, *options, *([noise] if noisy else []))
+
+
+def _grows(machine: PlantRecipe) -> bool:
+    """Tell whether a machine that rests runs away by itself; of one that does not, no."""
+    with suppress(WorkbenchError):
+        poles = linearise(operating_point(machine.build()), verdict=False).poles
+        return bool(np.any(poles.real > GROWS * np.abs(poles).max(initial=0.0)))
+    return False
 
 
 def _law(law: Hypothesis) -> Difference:
