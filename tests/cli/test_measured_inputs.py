@@ -117,6 +117,14 @@ def test_commands_that_are_late_are_reckoned_with(
     assert "delay" in refused(*step, "--delay -1s")
 
 
+def test_a_delay_of_hours_is_of_as_many_samples_as_steps_reckon_with(shell: Shell) -> None:
+    plant = ["verify", "--plant", "1/((5086*s+1)*(3600*s+1))", "--limit", "1"]
+    said = shell(*plant, "-c", "lqi", "--delay", "2h", "--json")
+    assert "late by 40 samples of 180 s" in said.err
+    (found,) = json.loads(said.out)["runs"]
+    assert found["metrics"]["overshoot"]["value"] < 0.05
+
+
 def test_one_of_several_designs_that_does_not_suit_the_plant_is_a_run_that_failed(
     folder: Path, shell: Shell, refused: Refused
 ) -> None:

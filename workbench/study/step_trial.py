@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controllers.design import DESIGNS, designs_for
-from controllers.plain.limits import settled_after
+from controllers.plain.limits import MOST_LATE, settled_after
 from controllers.plain.loop import PlainLaw, loop_of
 from controllers.plain.pairing import interaction
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
@@ -114,7 +114,8 @@ class StepTrial:
 
         found = scenarios()
         if self.delay is not None and sample_time is None and self._stated is None:
-            part = self.delay / max(found[0].late_samples, 1)
+            # More samples of it than steps reckon with make no loop any faster.
+            part = self.delay / min(max(found[0].late_samples, 1), MOST_LATE)
             if part >= FINER * found[0].sample_time:
                 sample_time = part
                 found = scenarios()
