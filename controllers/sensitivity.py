@@ -85,22 +85,14 @@ def gain_of(
     closed = np.block([[A + B @ J @ C, B @ H], [G @ C, F]])
     stable = bool(np.max(np.abs(np.linalg.eigvals(closed))) < 1.0)
     if sensor is None:
-        # That command comes from outside, the others stay connected.
-        keep = np.diag(np.arange(B.shape[1]) != command)
-        a = np.block([[A + B @ keep @ J @ C, B @ keep @ H], [G @ C, F]])
         b = np.vstack([B[:, [command]], np.zeros((len(F), 1))])
         c = np.hstack([J @ C, H])[[command]]
     else:
-        # The measurement comes from outside there, the others stay connected.
-        keep = np.ones(len(C))
-        keep[sensor] = 0.0
-        rest = np.diag(keep) @ C
-        at = np.eye(len(C))[:, [sensor]]
-        a = np.block([[A + B @ J @ rest, B @ H], [G @ rest, F]])
-        b = np.vstack([B @ J @ at, G @ at])
+        b = np.vstack([B @ J[:, [sensor]], G[:, [sensor]]])
         c = np.hstack([C[[sensor]], np.zeros((1, len(F)))])
-    nothing = np.zeros((len(c), b.shape[1]))
-    return -transfer_function(a, b, c, nothing, np.exp(1j * angle))[:, 0, 0], stable
+    # What was fed back there comes from outside, the others stay connected.
+    gain = transfer_function(closed - b @ c, b, c, np.zeros((1, 1)), np.exp(1j * angle))
+    return -gain[:, 0, 0], stable
 
 
 def sensitivities_of(loop_parts: LoopMatrices, angle: Matrix) -> tuple[Complex, Complex]:
