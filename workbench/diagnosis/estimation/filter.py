@@ -474,7 +474,7 @@ def _along(slope: ca.Function, rates: ca.Function, sample_time: float, steps: St
             good *= easy
             end = gone(x, h, k)
             x = step(easy, end, x, u, p, scale) if step is not None else end
-        transition, half = _exponential_of(a.size1())(time * a.T)
+        transition, half = exponential_of(a.size1())(time * a.T)
         return [x, transition, ca.mtimes(half, time * b.T)], good
 
     def unless_bent(few: list[ca.MX], good: ca.MX, fine: ca.Function) -> ca.Function:
@@ -500,11 +500,12 @@ def _along(slope: ca.Function, rates: ca.Function, sample_time: float, steps: St
 
 
 @functools.lru_cache(maxsize=32)
-def _exponential_of(n: int) -> ca.Function:
+def exponential_of(n: int, little: float = _LITTLE) -> ca.Function:
     """Build the exponential of a matrix of n rows, and its mean on the way from the unit matrix.
 
-    Taylor's polynomial of a part of the matrix whose largest sum along a row is at most `_LITTLE`,
-    doubled until it is the whole: Golub and Van Loan, Matrix Computations, section 9.3.
+    Taylor's polynomial of a part of the matrix whose largest sum along a row is at most little,
+    dimensionless, doubled until it is the whole: Golub and Van Loan, Matrix Computations, section
+    9.3.
     """
     matrix, identity = ca.MX.sym("a", n, n), ca.DM.eye(n)
     numbers = []
@@ -516,7 +517,7 @@ def _exponential_of(n: int) -> ca.Function:
             mean = 0.5 * (mean + ca.mtimes(transition, mean))
             transition = ca.mtimes(transition, transition)
         numbers.append(ca.Function("doubled", [matrix], [transition, mean]))
-    size = ca.mmax(ca.sum2(ca.fabs(matrix))) / _LITTLE
+    size = ca.mmax(ca.sum2(ca.fabs(matrix))) / little
     doubled = ca.Function.conditional("doubled", numbers[:-1], numbers[-1])
     number = ca.ceil(ca.log(ca.fmax(size, 1.0)) / math.log(2.0))
     return ca.Function("exponential", [matrix], doubled(number, matrix))

@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from workbench.arrays import Vector
+from workbench.diagnosis.estimation.filter import exponential_of
 from workbench.diagnosis.estimation.prediction_error import (
     Observed,
     PredictionError,
@@ -31,6 +32,9 @@ TRUSTED = 0.1
 MEMORY = 0.5
 """Time over which the unknown input is taken as correlated, over that of what a model leaves out,
 up to 50 samples."""
+
+_LITTLE = 2.0**-10
+"""Sum along a row of a matrix of which a polynomial of third order is the exponential to 1e-13."""
 
 _PASSES = 2
 _MOST_STEPS = 3000
@@ -147,12 +151,13 @@ class _Linearised:
         rates, outputs = ca.substitute(
             [trace.perturbed_rates, trace.perturbed_outputs[rows]], [trace.perturbation], [full]
         )
-        arguments = [trace.x, trace.u, trace.p, push]
-        self._rates = ca.Function("rates", arguments, [rates], {"cse": True})
+        given = [trace.u, trace.p, push]
+        own = ca.Function("rates", [trace.x, ca.vertcat(*given)], [rates], {"cse": True})
+        self._step = ca.simpleRK(own, steps_along(model, observed).number)
         names = [trace.signal_names.index(port.name) for port in trace.ports]
         self._slopes = ca.Function(
             "slopes",
-            arguments,
+            [trace.x, *given],
             [
                 ca.densify(ca.jacobian(rates, trace.x)),
                 ca.densify(ca.jacobian(rates, push)),
@@ -164,7 +169,6 @@ class _Linearised:
             ],
             {"cse": True},
         )
-        self._steps = steps_along(model, observed).number
 
     def around(self, states: Vector, signal: Vector) -> _Linear:
         """Linearise about an estimate."""
@@ -174,17 +178,18 @@ class _Linearised:
         sd = np.array([model.ports[i].scale for i in self.ports])
         grid = np.arange(0, len(seen.inputs), every)
         p = np.tile(model.values[:, None], (1, n))
-        a, b, h, d, read, by_port, at_port = (
-            result.reshape(len(result), n, result.shape[1] // n).transpose(1, 0, 2)
-            for result in map(
-                np.asarray, self._slopes.map(n)(states.T, seen.inputs[grid].T, p, signal.T)
-            )
-        )
+
+        def told(function: ca.Function, *values: Vector) -> list[Vector]:
+            found = [np.asarray(result) for result in function.map(n)(*values)]
+            return [m.reshape(len(m), n, m.shape[1] // n).transpose(1, 0, 2) for m in found]
+
+        given = states.T, seen.inputs[grid].T, p, signal.T
+        a, b, h, d, read, by_port, at_port = told(self._slopes, *given)
         step = every * seen.sample_time
         # Mean of both ends of the step: second order in its length.
         rate_a = 0.5 * step * (a + np.concatenate([a[1:], a[-1:]]))
         rate_b = 0.5 * step * (b + np.concatenate([b[1:], b[-1:]]))
-        forward, integral = _exponential(rate_a)
+        forward, integral = told(exponential_of(n_x, _LITTLE), np.hstack(list(rate_a)))
         transition = np.zeros((n, n_x + n_d, n_x + n_d))
         transition[:, :n_x, :n_x] = forward / sx[:, None] * sx
         transition[:, :n_x, n_x:] = integral @ rate_b / sx[:, None] * sd
@@ -227,39 +232,13 @@ class _Linearised:
     def _forward(self, states: Vector, signal: Vector) -> Vector:
         """Carry every estimate one step on by the nonlinear equations (Runge-Kutta)."""
         seen, every = self.observed, self.every
-        n = len(states)
+        n, x = len(states), states.T
         p = np.tile(self.model.values[:, None], (1, n))
-        rates = self._rates.map(n)
-        h = seen.sample_time / self._steps
-        x, d = states.T, signal.T
         for i in range(every):
             rows = np.minimum(np.arange(n) * every + i, len(seen.inputs) - 1)
-            u = seen.inputs[rows].T
-            for _ in range(self._steps):
-                k1 = np.asarray(rates(x, u, p, d))
-                k2 = np.asarray(rates(x + 0.5 * h * k1, u, p, d))
-                k3 = np.asarray(rates(x + 0.5 * h * k2, u, p, d))
-                k4 = np.asarray(rates(x + h * k3, u, p, d))
-                x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        return np.asarray(x.T)
-
-
-def _exponential(matrices: Vector) -> tuple[Vector, Vector]:
-    """Exponentials and their integrals over the unit interval, by scaling and squaring."""
-    size = max(float(np.abs(matrices).sum(axis=2).max(initial=0.0)), 1e-12)
-    halvings = max(0, int(np.ceil(np.log2(size))) + 2)
-    small = matrices / 2.0**halvings
-    identity = np.eye(matrices.shape[1])
-    term = np.broadcast_to(identity, matrices.shape)
-    forward, integral = term.copy(), term.copy()
-    for order in range(1, 9):
-        term = term @ small / order
-        forward = forward + term
-        integral = integral + term / (order + 1)
-    for _ in range(halvings):
-        integral = 0.5 * (integral + forward @ integral)
-        forward = forward @ forward
-    return forward, integral
+            given = np.vstack([seen.inputs[rows].T, p, signal.T])
+            x = self._step.map(n)(x, given, np.full((1, n), seen.sample_time))
+        return np.asarray(x).T
 
 
 def _smooth(
