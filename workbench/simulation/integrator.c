@@ -1,5 +1,5 @@
 /* The integrator: Dormand and Prince's explicit Runge-Kutta pair 5(4) with adaptive steps, restarted
- * at every sample, so that no step crosses a jump of the inputs. `runge_kutta.py` does the same in
+ * at every sample, so that no step crosses a jump of the inputs. `integrators.py` does the same in
  * Python, in the same order of operations.
  *
  * Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 1993, table II.5.2 and
