@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from tests.diagnosis.machine_data import recording
 from tests.machines import machine
-from workbench.diagnosis.estimation.filter import Steps, _exponential_of
+from workbench.diagnosis.estimation.filter import Steps, exponential_of
 from workbench.diagnosis.estimation.made_up import made_up, made_up_axis
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import (
@@ -172,7 +172,7 @@ def test_the_exponential_of_stiff_slopes_fades_as_it_should(fastest: float) -> N
     rng = np.random.default_rng(0)
     turn = np.linalg.qr(rng.normal(size=(4, 4)))[0]
     slopes = turn @ np.diag([-fastest, -fastest / 2, -0.1, 0.0]) @ turn.T
-    transition, mean = (np.asarray(v) for v in _exponential_of(4)(slopes))
+    transition, mean = (np.asarray(v) for v in exponential_of(4)(slopes))
     np.testing.assert_allclose(transition, expm(slopes), atol=1e-2)
     # The second block of the exponential of this matrix is the integral of the first.
     both = expm(np.block([[slopes, np.eye(4)], [np.zeros((4, 8))]]))
