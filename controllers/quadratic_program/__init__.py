@@ -1,1 +1,1 @@
-"""Small dense quadratic programs: the solver in Python and the same in C."""
+"""Small dense quadratic programs: a solver in C, and those of CasADi."""
