@@ -133,6 +133,24 @@ def test_equations_that_leave_something_out_make_no_start_surer_than_they_move_i
     assert right.start_rms[2] < moved[2]
 
 
+def test_equations_that_leave_something_out_do_not_move_a_start_beyond_what_is_known_of_it() -> (
+    None
+):
+    nominal = machine(
+        lambda m: {"x": m.x.core - m.x.x + 0.1 * m.u.u, "core": -0.1 * m.x.core},
+        "x K, core K start_rms=0.05",
+        "u K -10 10",
+        "x K 1e-3",
+    )
+    # In truth a sun shines on it, which a core of half a kelvin explains for a while.
+    time = 0.05 * np.arange(400.0)
+    noise = 1e-3 * np.random.default_rng(1).normal(size=time.shape)
+    read = {"x [K]": 0.5 * (1.0 - np.exp(-time)) + noise}
+    seen = observe(nominal, recording("sun", 0.05, {"u [K]": 0.0 * time}, read))
+    assert likely_start(nominal, seen, seen).start[1] > 0.3
+    assert likely_start(nominal, seen, seen, 1.0) is seen
+
+
 def test_a_start_that_is_as_likely_as_any_stays() -> None:
     tanks = cascaded_tanks()
     seen = made_up(tanks, np.full(200, 3.0), sample_time=4.0)

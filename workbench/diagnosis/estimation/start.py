@@ -39,6 +39,10 @@ _HIDDEN, _NEARER, _CLEARLY = 0.01, (0.3, 0.1), 20.0
 """Uncertainty of a start, over the size of its state, that a fit may lessen; shares of it that are
 left; and log likelihood that a fitted start must gain."""
 
+_BEYOND = 3.0
+"""Standard deviations of what is known of a start from which on equations are wrong about it that
+leave something out."""
+
 
 def fit_with_likely_starts(
     model: Model, recordings: Sequence[Observed], priors: Sequence[Prior]
@@ -103,6 +107,7 @@ def likely_start(
         noise_scale: How far the equations are from what was recorded, dimensionless. Those that
             leave something out are no reason to be surer of a start than by how far they move it: a
             gas whose law is wrong would begin 40 K off, for every law that is tried afterwards.
+            Nor are they one to move it beyond what is known of it.
     """
     if np.all(observed.start_rms < _HIDDEN * np.array([q.scale for q in model.states])):
         return now
@@ -118,10 +123,13 @@ def likely_start(
             start = fitted_start(model, first, samples=samples).start
         except (NumericalError, np.linalg.LinAlgError):
             continue
+        away = np.abs(start - observed.start)
+        if noise_scale > PERFECT and np.any(away > _BEYOND * observed.start_rms):
+            continue
         for share in _NEARER:
             rms = share * observed.start_rms
             if noise_scale > PERFECT:
-                rms = np.maximum(rms, np.abs(start - observed.start))
+                rms = np.maximum(rms, away)
             with contextlib.suppress(NumericalError):
                 trial = replace(first, start=start, start_rms=rms)
                 cost = filter_.run(trial, model.values).cost + _CLEARLY
