@@ -512,7 +512,7 @@ def _cascade_helps(want: PlainPIDSpecification, limits: LoopLimits, wider: LoopL
 
 
 def _within(linear: LinearModel, want: PlainPIDSpecification, limits: LoopLimits) -> TransferLaw:
-    loop, h = limits.loop, want.sample_time
+    loop, h, limits = limits.loop, want.sample_time, limits.late
     best = _best([_tuned(limits, want, one) for one in _begun(limits, want)], want)
     gains, mix, weight = best.gains, best.mix, best.weight
     moved, read = np.any(mix != 0.0, axis=1), np.any(gains[:, :3] != 0.0, axis=1)
@@ -522,7 +522,7 @@ def _within(linear: LinearModel, want: PlainPIDSpecification, limits: LoopLimits
         also = tuple(y for y, used in zip(loop.sensors, read, strict=True) if used)
         loop = loop_of(linear, loop.measured, taken, also, want.sample_time)
         mix, gains = mix[moved][:, read], gains[read]
-        limits = LoopLimits(loop, want)
+        limits = LoopLimits(loop, want).late
     cascade = "PID cascade" if len(gains) > limits.outputs else "PID"
     name = "decoupled PID" if best.mixed else cascade
     law = _pids(gains, mix, weight, loop.ends, sample_time=h, name=name)

@@ -744,3 +744,12 @@ def test_a_reference_brakes_where_a_plant_has_no_more_than_its_commands(tmp_path
     assert state.paced[0] == pytest.approx(2.0, abs=1e-12)
     assert -sum(min(move, 0.0) for move in moves) <= law.brake[0] / 8.0
     assert np.abs(np.diff(moves)).max() <= law.brake[0] * (1.0 + 1e-9)
+
+
+def test_pids_of_late_commands_are_the_best_of_late_steps() -> None:
+    # Those that were the best of steps at once overshot by 15 % and settled in 18 s.
+    linear = linear_model("1 / ((5 s + 1) (3 s + 1))", limits={"u": (-1.0, 1.0)})
+    law = designed("plain-pid", linear, sample_time=0.05, delay=1.0)
+    step = step_scenario("y", 0.0, 0.08, hold=30.0, sample_time=0.05)
+    found = metrics(verify(law, linear, replace(step, late_samples=20)))
+    assert found["overshoot"].value < 0.05 and found["settling_time"].value < 12.0
