@@ -427,6 +427,38 @@ def test_what_a_later_law_makes_needless_leaves_no_successor() -> None:
     assert [gone.candidate.entry.law for gone in found.withdrawn] == ["lugre_friction"]
 
 
+def test_a_spring_beside_a_biased_gyro_is_not_exchanged_for_stops_that_meet() -> None:
+    def equations(m: Scope) -> Equations:
+        pull = (m.p.motor * m.u.volts - m.p.drag * m.x.rate) / 1.5e-3
+        return {"tilt": m.x.rate, "rate": pull}, {"gyro": m.x.rate, "angle": m.x.tilt}
+
+    gimbal = machine(
+        equations,
+        "tilt rad, rate rad/s",
+        "volts V",
+        "gyro rad/s, angle rad",
+        "motor N m/V 0.02 0 0.2, drag N m s 0.004 0 0.04",
+        name="gimbal",
+    )
+
+    def rates(_: float, x: Vector, volts: float) -> list[float]:
+        return [x[1], (0.022 * volts - 0.0035 * x[1] - 0.05 * x[0]) / 1.5e-3]
+
+    runs = []
+    for seed in (1, 2):
+        rng = np.random.default_rng(seed)
+        volts = np.repeat(rng.uniform(-3.0, 3.0, 38), 40)[:1500]
+        x = held(rates, [0.0, 0.0], [volts], 0.01)
+        gyro = x[:, 1] + np.radians(1.5 + 0.3 * rng.normal(size=1500))
+        angle = x[:, 0] + np.radians(0.05 * rng.normal(size=1500))
+        read = {"gyro [rad/s]": gyro, "angle [rad]": angle}
+        runs.append(recording(f"gimbal {seed}", 0.01, {"volts [V]": volts}, read))
+    laws = "linear_spring end_stops maxwell_element unbalanced_mass sensor_offset_gyro"
+    found = {f.effect: f for f in diagnosed(gimbal, runs, laws).verdict.findings}
+    assert set(found) == {"linear_spring", "sensor_offset_gyro"}
+    assert found["linear_spring"].parameters["stiffness"].value == approx(0.05 / 1.5e-3, rel=0.01)
+
+
 def test_tyres_that_saturate_are_curves_over_their_slip() -> None:
     found = diagnosed(car(), [cornering(1), cornering(2)], "sensor_lag *_over_argument")
     verdict = found.verdict

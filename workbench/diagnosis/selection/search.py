@@ -329,7 +329,9 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
             free = (*free, *own)
             started = task.started(task.fitting, best.fit.model)
             extended = polished(best.fit, started, free, beside=state.extended)
-            if extended.cost >= state.extended.cost:
+            # Stops that meet in the middle are a spring: it takes more than their parameters.
+            more = best.own_parameters > found.candidate.own_parameters
+            if extended.cost >= state.extended.cost - rules.SAME * more:
                 continue
             state, changed = replace(state, free=free, extended=extended), True
         renewed = Accepted(best, explain_as_well(best, candidates, scores))
