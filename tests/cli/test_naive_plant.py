@@ -86,11 +86,17 @@ def test_a_plant_that_fits_nothing_is_judged_as_it_is(folder: Path, shell: Shell
     assert "no parameter of 'motor' is declared fitted=True" in said
 
 
+def test_a_parameter_without_bounds_goes_up_to_ten_times_its_value(
+    folder: Path, shell: Shell
+) -> None:
+    (folder / "naive.py").write_text(PLANT.replace(", lower=0.0, upper=0.2", ""))
+    assert "kt declares no bounds; 0 to 0.5 N m/V is taken" in shell(REFIT).err
+
+
 @pytest.mark.parametrize(
     ("written", "instead", "said"),
     [
         ('"N m s/rad"', '"Nms/rad"', "did you mean 'N m s'?"),
-        (", lower=0.0, upper=0.2", "", "between which it surely lies"),
         ('Input("u", "V")', 'Input("u", "A")', "no column for signal 'u' (A)"),
     ],
 )
