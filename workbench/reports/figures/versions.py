@@ -77,17 +77,16 @@ def versions(result: StudyResult) -> tuple[Block, ...]:
         for case in study.cases
         for name, record in nominal_runs(result, scenario, case).items()
     }
+    latest = words[-len(_STYLES) :]
     drawn = {
-        kind: {
-            word: runs[name] for word, name in list(own.items())[-len(_STYLES) :] if name in runs
-        }
+        kind: {word: runs[own[word]] for word in latest if own.get(word) in runs}
         for kind, own in kinds.items()
     }
     drawn = {kind: own for kind, own in drawn.items() if own}
     if not drawn:
         return (table,)
     caption = f"{scenario}: each controller in its versions; {', '.join(heads)}."
-    return table, Picture("versions", _drawn(result, drawn, words), caption)
+    return table, Picture("versions", _drawn(result, drawn, latest), caption)
 
 
 def _drawn(
@@ -97,7 +96,7 @@ def _drawn(
     first = next(iter(next(iter(kinds.values())).values()))
     name = next(n for n in first if n.startswith("reference.")).removeprefix("reference.")
     output, shades = output_of(study, name), shades_of(study)
-    styles = dict(zip(words[-len(_STYLES) :], _STYLES[-len(words) :], strict=True))
+    styles = dict(zip(words, _STYLES[-len(words) :], strict=True))
     figure, panels = new_figure([1.15] * len(kinds))
     time, reference = vector(first["time"]), shown(first[f"reference.{name}"], output)
     changed = time[1:][np.diff(reference) != 0.0]
