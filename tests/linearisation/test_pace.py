@@ -68,6 +68,25 @@ def test_a_fast_valve_does_not_set_the_pace_of_a_furnace() -> None:
     assert 0.1 < horizon_of(late) < 1.5
 
 
+def test_an_output_alone_has_its_own_pace() -> None:
+    """A load swings below what carries it; neither its designs nor its steps need its angle."""
+    crane = machine(
+        lambda m: (
+            {"x": m.x.v, "v": m.u.f - 0.2 * m.x.v, "angle": m.x.w, "w": -m.u.f - 10.0 * m.x.angle},
+            {"x": m.x.x, "angle": m.x.angle},
+        ),
+        "x m, v m/s, angle rad, w rad/s",
+        "f N -1 1",
+        "x m, angle rad",
+    )
+    alone = at_rest(crane).select(outputs=["x"])
+    assert horizon_of(alone) > 0.0 and reach_of(alone, "x") > 0.0
+
+
+def test_a_gain_alone_is_a_plant() -> None:
+    assert len(at_rest(linear_model(ct.tf(2.0, 1.0)).operating_point.model).A) == 0
+
+
 @pytest.mark.parametrize("late", [0.0, 0.001, 0.1, 10.0])
 def test_a_delay_does_not_make_a_step_tiny(late: float) -> None:
     behind = f"exp(-{late} s)" if late else "1"

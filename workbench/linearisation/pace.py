@@ -27,7 +27,7 @@ def horizon_of(linear: LinearModel) -> float:
     take for the first output that they do, up to the slowest lag.
     """
     poles = np.array([m.pole for m in linear.modes])
-    outputs = linear.operating_point.model.outputs
+    outputs = of_names(linear.operating_point.model.outputs, linear.output_names)
     if len(linear.A) and np.all(linear.poles == 0.0):
         times = [_time_for(_mover(linear, q.name), _shows(q)) for q in outputs]
         if moved := [time for time in times if time < math.inf]:

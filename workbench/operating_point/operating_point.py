@@ -252,7 +252,8 @@ def _rests_at_a_root(model: Model, solution: Solution) -> bool:
             np.abs(at(solution.x + side * by * size, solution.u, model.values)[1][:n, :n]) * size
             for by in BESIDE
         )
-        if np.any(near > GROWN * np.maximum(far, GROWS * far.max(axis=1, keepdims=True))):
+        least = GROWS * far.max(axis=1, initial=0.0, keepdims=True)
+        if np.any(near > GROWN * np.maximum(far, least)):
             return True
     return False
 
