@@ -134,6 +134,26 @@ def test_a_study_takes_a_design_that_meets_it(
     assert "no design of the workbench brings position there" in said
 
 
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.system
+def test_a_study_steps_every_output_that_is_controlled(here: Path, shell: Shell) -> None:
+    Path("dosing.py").write_text(
+        "from workbench.model import Input, Model, Output, State\n"
+        "def mixer():\n"
+        "    return Model('mixer', lambda m: ({'level': m.u.hot + m.u.cold - 0.5 * m.x.level,\n"
+        "        'heat': m.u.hot - 0.5 * m.x.heat}, {'level': m.x.level, 'heat': m.x.heat}),\n"
+        "        states=(State('level'), State('heat')),\n"
+        "        inputs=(Input('hot', nominal=1.0, lower=0.0, upper=5.0),\n"
+        "            Input('cold', nominal=1.0, lower=0.0, upper=5.0)),\n"
+        "        outputs=(Output('level'), Output('heat')))\n"
+    )
+    shell("new-study", "mine.toml", "--plant", "dosing:mixer")
+    shell("compare", "mine.toml", "--out", "found", "--jobs", "1")
+    results = json.loads(Path("found/results.json").read_text())
+    judged = {(one["scenario"], one["metric"]) for one in results["requirements"] if one["met"]}
+    assert {(name, f"{name}.settling_time") for name in ("level", "heat")} <= judged
+
+
 def test_a_name_with_blanks_stands_in_quotes(tmp_path: Path, shell: Shell) -> None:
     file = tmp_path / "first try.toml"
     said = shell("new-study", file).out.strip().partition("; run it: ")[2]

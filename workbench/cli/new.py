@@ -14,7 +14,9 @@ import typer
 from workbench.errors import WorkbenchError
 
 if TYPE_CHECKING:
+    from workbench.model import Model
     from workbench.study.designs import ControllerRecipe
+    from workbench.verification import Scenario
 
 
 def new_study(file: Path, *, plant: str | None = None) -> int:
@@ -65,51 +67,42 @@ def study_fields() -> int:
 
 
 def _of_plant(plant: str) -> dict[str, Any]:
-    """Return what a study of a plant says: the first design that meets it, step and parameters."""
+    """Return what a study of a plant says: the first design that meets it, steps and parameters."""
     from workbench.cli.plant import chosen_plant
     from workbench.cli.running import note
     from workbench.cli.verify import nominal_design
-    from workbench.linearisation.pace import noise_of
-    from workbench.model.units import from_si, in_time, of_difference
+    from workbench.model.units import in_time
     from workbench.study.step_trial import StepTrial
-    from workbench.verification import Steps, metrics, verify
+    from workbench.verification import metrics, verify
 
     chosen = chosen_plant(plant)
     trial = StepTrial(chosen.recipe, nominal_design(chosen), say=note)
-    recipes, (scenario, *_) = trial.prepared()
-    outputs = {q.name: q for q in chosen.model.outputs}
-    stepped = next(name for name, own in scenario.references.items() if own.changes)
-    about, reference = outputs[stepped], scenario.references[stepped]
-    unit, held = about.display_unit, []
-    for name, own in scenario.references.items():
-        if name != stepped and isinstance(own, Steps):
-            q = outputs[name]
-            value = float(from_si(own.values[0], q.display_unit))
-            held.append((name, json.dumps(q.display_unit), f"{value:.6g}"))
-    assert isinstance(reference, Steps)
-    levels = [float(f"{float(from_si(v, unit)):.6g}") for v in reference.values]
-    prefix = f"{stepped}." if held else ""
-    # Nobody sees a step settle within 2 % of less than fifty times the noise.
-    shows = 0.02 * abs(reference.values[1] - reference.values[0]) >= noise_of(about)
-    arrives, settling = "settling_time" if shows else "rise_time", 0.4 * scenario.duration
-    error = 0.1 * abs(levels[1] - levels[0])
+    recipes, scenarios = trial.prepared()
+    asked = [_asked(chosen.model, scenario) for scenario in scenarios]
 
-    def met(recipe: ControllerRecipe) -> bool:
+    def missed(recipe: ControllerRecipe) -> list[str]:
+        """Return the outputs that a design does not bring where they shall go."""
+        left = [own["output"] for own in asked]
         with suppress(WorkbenchError):
-            found = metrics(verify(recipe.build(), chosen.model, scenario))
-            late, left = (found[prefix + name] for name in (arrives, "steady_error"))
-            return (
-                late.value <= settling and float(from_si(left.value, of_difference(unit))) <= error
-            )
-        return False
+            law = recipe.build()
+            for scenario, own in zip(scenarios, asked, strict=True):
+                found = metrics(verify(law, chosen.model, scenario))
+                late, error = (found[own["prefix"] + n] for n in (own["arrives"], "steady_error"))
+                if late.value <= own["within"] and error.value <= own["near"]:
+                    left.remove(own["output"])
+        return left
 
-    design = next(filter(met, recipes), None)
-    if design is None:
+    tried: list[tuple[list[str], ControllerRecipe]] = []
+    while len(tried) < len(recipes) and all(left for left, _ in tried):
+        design = recipes[len(tried)]
+        tried.append((missed(design), design))
+    left, design = min(tried, key=lambda pair: len(pair[0]))
+    if left:
+        within = in_time(max(own["within"] for own in asked))
         note(
-            f"no design of the workbench brings {stepped} there within {in_time(settling)}; the"
+            f"no design of the workbench brings {' and '.join(left)} there within {within}; the"
             " study asks for it all the same: step less far, or give a design of your own"
         )
-    design = design or recipes[0]
     told = {
         "model": chosen.model.name,
         "name": plant,
@@ -117,24 +110,52 @@ def _of_plant(plant: str) -> dict[str, Any]:
         "design": json.dumps(design.name),
         "at": ", ".join(f"{name} = {value:.10g}" for name, value in design.at),
         "told": ", ".join(f"{n} = {json.dumps(v)}" for n, v in design.specification),
-        "duration": f"{scenario.duration:.6g}",
-        "sample_time": f"{scenario.sample_time:.6g}",
-        "output": stepped,
-        "held": held,
-        "prefix": prefix,
-        "unit": json.dumps(unit),
-        "times": list(reference.times),
-        "levels": levels,
-        "arrives": arrives,
-        "settling": f"{settling:.6g}",
-        "error": f"{error:.3g}",
-        "difference": json.dumps(of_difference(unit)),
+        "scenarios": asked,
         "varied": "",
     }
     if varied := next((q for q in chosen.model.parameters if q.fitted and q.value), None):
         low, high = max(varied.lower, 0.9 * varied.value), min(varied.upper, 1.1 * varied.value)
         told |= {"varied": varied.name, "low": f"{low:.6g}", "high": f"{high:.6g}"}
     return told
+
+
+def _asked(model: Model, scenario: Scenario) -> dict[str, Any]:
+    """Return what a study asks of a step of one output, the others staying where they are."""
+    from workbench.linearisation.pace import noise_of
+    from workbench.model.quantities import of_names
+    from workbench.model.units import from_si, of_difference
+    from workbench.verification import Steps
+
+    references = {n: own for n, own in scenario.references.items() if isinstance(own, Steps)}
+    name = next(name for name, own in references.items() if own.changes)
+    about, far = of_names(model.outputs, [name])[0], references[name].values
+    step = abs(far[1] - far[0])
+    # Nobody sees a step settle within 2 % of less than fifty times the noise.
+    shows, within = 0.02 * step >= noise_of(about), 0.4 * scenario.duration
+    error = float(from_si(0.1 * step, of_difference(about.display_unit)))
+    rows = [
+        (
+            q.name,
+            json.dumps(q.display_unit),
+            list(references[q.name].times),
+            [float(f"{float(from_si(v, q.display_unit)):.6g}") for v in references[q.name].values],
+        )
+        for q in of_names(model.outputs, references)
+    ]
+    return {
+        "name": name if len(rows) > 1 else "step",
+        "output": name,
+        "references": rows,
+        "duration": f"{scenario.duration:.6g}",
+        "sample_time": f"{scenario.sample_time:.6g}",
+        "prefix": f"{name}." if len(rows) > 1 else "",
+        "arrives": "settling_time" if shows else "rise_time",
+        "within": within,
+        "limit": f"{within:.6g}",
+        "near": 0.1 * step,
+        "error": f"{error:.3g}",
+        "difference": json.dumps(of_difference(about.display_unit)),
+    }
 
 
 def _write(file: Path, template: str, plant: str | None = None) -> int:
