@@ -226,8 +226,8 @@ def refusals() -> list[tuple[str, object, str]]:
         ("input", lambda: tank().rates([1.0], []), "needs 1: inflow"),
         ("form", lambda: tank().form("regularized"), "did you mean 'regularised'?"),
         ("names", lambda: tank(states=(two, two)), "uses the name 'level' twice"),
-        ("unit", lambda: State("level", "furlong"), "furlong"),
-        ("not SI", lambda: State("level", "mm"), "SI"),
+        ("unit", lambda: State("level", "m/(s"), "write symbols, joined by spaces"),
+        ("not SI", lambda: tank(states=(State("level", "mm"),)), "do not belong together"),
         ("no port", lambda: Effect("e", (), lambda at: at.value), "names no port"),
         (
             "no rates",
@@ -257,7 +257,7 @@ def test_mistakes_are_one_clear_sentence(call, text: str) -> None:  # type: igno
             lambda m: ({"level": m.port("a.b", 1.0, unit="m") + m.port("a.b", 1.0, unit="m")}, {}),
             "opens? 'a.b' twice|'a.b' twice",
         ),
-        (lambda m: ({"level": m.port("a.b", 1.0, unit="furlong")}, {}), "furlong"),
+        (lambda m: ({"level": m.port("a.b", 1.0, unit="m/(s")}, {}), "cannot be read"),
     ],
 )
 def test_incomplete_equations_are_refused(equations, text: str) -> None:  # type: ignore[no-untyped-def]

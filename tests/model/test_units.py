@@ -1,13 +1,15 @@
 """Factors of the units that data sheets and files use, from the definitions of the SI."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
 from workbench.errors import WorkbenchError
 from workbench.model import Input, Model, Output, Parameter, State
-from workbench.model.units import convert, same_dimension, to_si
+from workbench.model.trace import Equations
+from workbench.model.units import convert, is_known, same_dimension, to_si
 from workbench.simulation.trajectory import what_moved
 
 
@@ -65,11 +67,64 @@ def test_one_of_a_unit_in_si(unit: str, si: str, size: float) -> None:
     assert float(convert(size, si, unit)) == pytest.approx(1.0, rel=1e-12)
 
 
-def test_a_quantity_out_of_si_says_how_to_convert_it() -> None:
-    with pytest.raises(WorkbenchError, match=r"0 degC = 273.15 K.*display_unit"):
-        State("T", "degC")
-    with pytest.raises(WorkbenchError, match=r"1 mm = 0.001 SI"):
-        State("gap", "mm")
+def glucose(*, rest: str = "mg/dl", fixed: float | None = None) -> Model:
+    """Sugar that insulin lowers, in minutes; ``fixed`` stands for its rest, as a bare number."""
+
+    def equations(m: Any) -> Equations:
+        rate = m.p.pace * ((m.p.rest if fixed is None else fixed) - m.x.sugar)
+        taken = m.port("body.uptake", m.p.gain * m.u.insulin, unit="mg/(dl min)", scale=2.0)
+        return {"sugar": rate - taken}, {"read": m.x.sugar}
+
+    return Model(
+        "glucose",
+        equations,
+        states=(State("sugar", "mg/dl", initial=120.0, lower=0.0),),
+        inputs=(Input("insulin", "mU/min", lower=0.0, upper=50.0, nominal=10.0),),
+        outputs=(Output("read", "mg/dl", noise_rms=2.0),),
+        parameters=(
+            Parameter("pace", "1/min", value=0.012, lower=0.0, upper=0.1),
+            Parameter("rest", rest, value=130.0),
+            Parameter("gain", "mg/(dl mU)", value=0.02),
+        ),
+    )
+
+
+@pytest.mark.parametrize("fixed", [None, 130.0])
+def test_equations_count_in_units_of_their_own(fixed: float | None) -> None:
+    plant = glucose(fixed=fixed)
+    sugar, (pace, *_) = plant.states[0], plant.parameters
+    assert (sugar.unit, sugar.display_unit, plant.read_in("pace")) == ("kg/m3", "mg/dl", "1/min")
+    assert pace.value == pytest.approx(0.012 / 60.0)
+    assert plant.inputs[0].unit == "mU/s"
+    rate = 0.012 * (130.0 - 120.0) - 0.02 * 10.0
+    assert plant.rates([1.2], [10.0 / 60.0]) == pytest.approx([rate * 0.01 / 60.0])
+    assert plant.read([1.2], [0.0]) == pytest.approx([1.2])
+    uptake = next(port for port in plant.ports if port.name == "body.uptake")
+    passed = plant.signals([1.2], [10.0 / 60.0])["body.uptake"]
+    assert to_si(passed, uptake.unit) == pytest.approx(0.2 * 0.01 / 60.0)
+    assert to_si(uptake.scale, uptake.unit) == pytest.approx(2.0 * 0.01 / 60.0)
+
+
+def test_units_that_do_not_belong_together_are_refused() -> None:
+    with pytest.raises(WorkbenchError, match=r"sugar is in 'mg/dl'.*display_unit"):
+        glucose(rest="g/m3")
+    with pytest.raises(WorkbenchError, match=r"T is in 'degC'.*display_unit"):
+        Model(
+            "oven",
+            lambda m: ({"T": m.p.room - m.x.T}, {"read": m.x.T}),
+            states=(State("T", "degC"),),
+            inputs=(),
+            outputs=(Output("read", "degC"),),
+            parameters=(Parameter("room", "K", value=293.0),),
+        )
+
+
+def test_what_is_no_unit_here_is_one_by_its_own_name() -> None:
+    assert convert(3.0, "mU/min", "mU/h") == pytest.approx(180.0)
+    assert not same_dimension("mU", "CFU")
+    assert not is_known("mU/min")
+    with pytest.raises(WorkbenchError, match=r"cannot be read at '\^\^2'"):
+        convert(1.0, "mU^^2", "mU")
 
 
 def test_inputs_and_outputs_are_read_in_units_of_their_own() -> None:

@@ -21,8 +21,9 @@ from workbench.diagnosis.estimation.windows import settled, windowed_run
 from workbench.diagnosis.selection.rules import SAME
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Input, Model, Output
+from workbench.model.own_units import InSI
 from workbench.model.traits import LEFT_OUT
-from workbench.model.units import from_si, of_difference, with_unit
+from workbench.model.units import from_si, in_time, of_difference, strangers, with_unit
 from workbench.recordings.checks.expected import reached
 from workbench.recordings.checks.noise import (
     all_white_rms,
@@ -159,7 +160,7 @@ def with_undeclared(
             )
             told, sizes = _with_data(replace(model, outputs=outputs), recordings)
     read = {q.name: q for q in told.outputs}
-    notes = [*bounded]
+    notes = [*_unit_notes(model), *bounded]
     notes += [f"{q.name} declares no noise_rms; {_noise_text(read[q.name])}" for q in undeclared]
     if sizes:
         notes.append(
@@ -175,6 +176,21 @@ def with_undeclared(
         for name in straight
     ]
     return told, tuple(notes)
+
+
+def _unit_notes(model: Model) -> list[str]:
+    """Tell in which units equations count that are not those of the SI."""
+    quantities = (*model.states, *model.inputs, *model.outputs, *model.parameters)
+    units = dict.fromkeys(q.stated or q.unit for q in quantities)
+    notes = []
+    if isinstance(model.equations, InSI):
+        own = dict.fromkeys(q.stated for q in quantities if q.stated)
+        time = in_time(model.equations.time)
+        notes.append(f"{model.name} counts in {', '.join(own)}, with {time} for its unit of time")
+    unknown = dict.fromkeys(word for unit in units for word in strangers(unit))
+    if unknown:
+        notes.append(f"{', '.join(unknown)} in the units of {model.name} stands for itself")
+    return notes
 
 
 def _bounded(model: Model) -> tuple[Model, tuple[str, ...]]:

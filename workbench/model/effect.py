@@ -92,6 +92,12 @@ class Effect:
                 f"effect {self.name!r} has {len(self.states)} state(s) and"
                 f" {'a' if self.rates else 'no'} rates function; it needs both or neither"
             )
+        for q in (*self.parameters, *self.states):
+            if q.stated:
+                raise WorkbenchError(
+                    f"{q.name} of effect {self.name!r} is in {q.stated!r}; a law counts in the SI,"
+                    f" here {q.unit!r}"
+                )
         own = [q.name for q in (*self.parameters, *self.states)]
         if len(set(own)) != len(own):
             raise WorkbenchError(f"effect {self.name!r} uses a name twice: {', '.join(own)}")

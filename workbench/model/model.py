@@ -17,13 +17,14 @@ from workbench.arrays import Vector
 from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError, check_choice, check_finite
 from workbench.model.effect import Effect
+from workbench.model.own_units import in_si_equations
 from workbench.model.quantities import Input, Output, Parameter, Quantity, State, declared_unit
 from workbench.model.regularisation import EXACT, REGULARISED, Expression, Form
 from workbench.model.scope import Names, Port
 from workbench.model.sizes import horizon, missing, poles_of, silent, sized, sizes
 from workbench.model.trace import Equations, Trace, trace
 from workbench.model.traits import Bound, Traits
-from workbench.model.units import readably, same_dimension, with_unit
+from workbench.model.units import of_difference, readably, same_dimension, with_unit
 
 Own = TypeVar("Own", State, Parameter)
 
@@ -80,6 +81,9 @@ class Model(Shown):
             double = sorted({n for n in names if names.count(n) > 1})
             if double:
                 raise WorkbenchError(f"model {self.name!r} uses the name {double[0]!r} twice")
+        kinds = ("states", "inputs", "outputs", "parameters")
+        equations = in_si_equations(self.equations, {k: getattr(self, k) for k in kinds})
+        object.__setattr__(self, "equations", equations)
         read = {q.name: q.display_unit for q in self.outputs if q.display_unit != q.unit}
         states = tuple(
             replace(q, display_unit=read[q.name])
@@ -204,7 +208,8 @@ class Model(Shown):
         """
         effect = next((e for e in self.effects if e.name == name.partition(".")[0]), None)
         places = (name,) if effect is None or "." not in name else effect.ports
-        return self.read_at(places, self.parameter(name).unit)
+        one = self.parameter(name)
+        return of_difference(one.display_unit) or self.read_at(places, one.unit)
 
     def read_at(self, places: Iterable[str], unit: str) -> str:
         """Return the unit in which people read something of an SI unit at ports; empty if none."""

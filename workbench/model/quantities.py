@@ -6,12 +6,12 @@ import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TypeVar
 
 from workbench.errors import WorkbenchError
 from workbench.model.units import (
-    KNOWN,
+    in_si,
     in_symbols,
     of_difference,
     parse_unit,
@@ -23,11 +23,6 @@ from workbench.model.units import (
 _REFUSED: ContextVar[list[str] | None] = ContextVar("refused", default=None)
 """Why units were refused, while they are collected."""
 
-_IN_SI = (
-    ". Quantities of a model are in SI units: convert them, and their equations; inputs and outputs"
-    " are still read in their own with display_unit, as in Output('level', 'm', display_unit='mm')"
-)
-
 
 @contextmanager
 def units_together() -> Iterator[None]:
@@ -38,10 +33,10 @@ def units_together() -> Iterator[None]:
 
     Example:
         >>> with units_together():
-        ...     State("level", "metre/minut"), Input("heat", "kW")
+        ...     State("level", "metre/(min"), Input("heat", "kW s^^2")
         Traceback (most recent call last):
             ...
-        workbench.errors.WorkbenchError: level: unit 'm/minut' ...; heat is declared in 'kW' ...
+        workbench.errors.WorkbenchError: level: unit 'm/(min' ...; heat: unit 'kW s^^2' ...
     """
     refused: list[str] = []
     token = _REFUSED.set(refused)
@@ -54,24 +49,42 @@ def units_together() -> Iterator[None]:
     finally:
         _REFUSED.reset(token)
     if refused:
-        # What is the same for all is said once, at the end.
-        own, tails = list(dict.fromkeys(refused)), ""
-        for tail in (KNOWN, _IN_SI):
-            tails += tail if any(reason.endswith(tail) for reason in own) else ""
-            own = [reason.removesuffix(tail) for reason in own]
-        raise WorkbenchError("; ".join(own) + tails)
+        raise WorkbenchError("; ".join(dict.fromkeys(refused)))
+
+
+_AT = ("initial", "nominal", "value", "lower", "upper")
+_SIZES = (
+    "scale",
+    "start_rms",
+    "resolution",
+    "slew",
+    "noise_rms",
+    "correlated_noise_rms",
+    "setting",
+)
+"""What a quantity says in its unit: values, and sizes, of which the zero of a scale is no part."""
 
 
 @dataclass(frozen=True)
 class Quantity:
     """A named number with a unit and a scale.
 
+    What is declared in another unit than that of the SI is converted: ``unit`` and all numbers are
+    then those of the SI, and ``stated`` tells in which the equations count.
+
     Args:
         name: Name by which it is found; letters, digits, underscores and dots.
-        unit: Unit of SI, ``"1"`` of a plain number.
+        unit: Unit, ``"1"`` of a plain number.
         scale: Typical size, in ``unit``; sets tolerances and conditioning. Where it is left out, 0,
             the model finds it in its equations (`workbench.model.sizes`).
         sized: Whether the author declared the scale.
+        display_unit: Unit in which people read it.
+        stated: Unit in which the author declared it, where that is not of the SI.
+
+    Example:
+        >>> sugar = State("sugar", "mg/dl", initial=120.0)
+        >>> round(sugar.initial, 6), sugar.unit, sugar.display_unit
+        (1.2, 'kg/m3', 'mg/dl')
     """
 
     name: str
@@ -79,6 +92,8 @@ class Quantity:
     scale: float = 0.0
     description: str = ""
     sized: bool = field(default=True, kw_only=True)
+    display_unit: str = field(default="", kw_only=True)
+    stated: str = field(default="", kw_only=True)
 
     def __post_init__(self) -> None:
         if not self.name.replace(".", "_").replace("_", "a").isalnum():
@@ -104,14 +119,19 @@ class Quantity:
             unit = parse_unit(self.unit)
         except WorkbenchError as error:
             raise WorkbenchError(f"{self.name}: {error}") from None
-        object.__setattr__(self, "unit", in_symbols(self.unit))
-        if not math.isclose(unit.factor, 1.0) or unit.offset:
-            size = (
-                f"0 {self.unit} = {unit.offset:g} K"
-                if unit.offset
-                else f"1 {self.unit} = {unit.factor:g} SI"
-            )
-            raise WorkbenchError(f"{self.name} is declared in {self.unit!r} ({size}){_IN_SI}")
+        stated = in_symbols(self.unit)
+        object.__setattr__(self, "unit", stated)
+        if math.isclose(unit.factor, 1.0) and not unit.offset:
+            return
+        found: dict[str, object] = {"unit": in_si(stated), "stated": stated}
+        found["display_unit"] = self.display_unit or stated
+        for name, value in ((f.name, getattr(self, f.name)) for f in fields(self)):
+            if name in _AT:
+                found[name] = value * unit.factor + unit.offset
+            elif name in _SIZES:
+                found[name] = value * unit.factor
+        for name, value in found.items():
+            object.__setattr__(self, name, value)
 
 
 Q = TypeVar("Q", bound=Quantity)
@@ -133,7 +153,6 @@ class State(Quantity):
         upper: Largest value inside the validity of the model's laws, in ``unit``.
         start_rms: How far a recording may start from ``initial``, root mean square, in ``unit``;
             0, the default, stands for the scale.
-        display_unit: Unit in which people read it; by default that of an output of its name.
         start_in: Names of recordings that begin otherwise, each with the value there, in ``unit``.
     """
 
@@ -141,19 +160,12 @@ class State(Quantity):
     lower: float = -math.inf
     upper: float = math.inf
     start_rms: float = 0.0
-    display_unit: str = field(default="", kw_only=True)
     start_in: tuple[tuple[str, float], ...] = field(default=(), kw_only=True)
 
 
 @dataclass(frozen=True)
 class Channel(Quantity):
-    """What goes into a machine or is read from it.
-
-    Args:
-        display_unit: Unit in which people read it, such as ``deg``; the SI unit by default.
-    """
-
-    display_unit: str = field(default="", kw_only=True)
+    """What goes into a machine or is read from it; people read it in its unit by default."""
 
     def _check_units(self) -> None:
         """Check both units; the SI unit is the default for display."""
@@ -194,14 +206,14 @@ class Input(Channel):
     commanded: bool = field(default=True, kw_only=True)
 
     def __post_init__(self) -> None:
+        if not self.nominal:
+            object.__setattr__(self, "nominal", self.unsaid)
         super().__post_init__()
         if not self.slew > 0.0:
             raise WorkbenchError(
                 f"slew of {self.name} is {self.slew!r}; give its fastest change in {self.unit} per"
                 " s, or leave it out"
             )
-        if not self.nominal:
-            object.__setattr__(self, "nominal", self.unsaid)
 
     @property
     def unsaid(self) -> float:

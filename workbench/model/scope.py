@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from workbench.errors import WorkbenchError, check_choice
 from workbench.model.regularisation import Expression, Form
-from workbench.model.units import parse_unit
+from workbench.model.units import in_si, parse_unit
 
 
 class Names(Mapping[str, Expression]):
@@ -161,6 +161,7 @@ class Scope:
         values: Final value of every port and published signal so far, by name, in its SI unit.
         units: Those SI units, by name of port or signal.
         scales: Typical sizes of ports that declare none, in SI by name.
+        in_si: Whether signals are in SI, in whatever unit the author declares them.
     """
 
     x: Names
@@ -173,6 +174,7 @@ class Scope:
     units: dict[str, str] = field(default_factory=dict)
     ranges: list[ValidRange] = field(default_factory=list)
     scales: Mapping[str, float] = field(default_factory=dict)
+    in_si: bool = False
 
     def port(
         self,
@@ -197,15 +199,16 @@ class Scope:
             disturbance: Root mean square of what the equations may leave out here, in ``unit``.
             relative_disturbance: The same, as a fraction of the signal's magnitude, dimensionless.
         """
-        self._claim(name, unit)
+        size = parse_unit(unit).factor if self.in_si else 1.0
+        unit = self._claim(name, unit)
         local = Names(f"signal at port {name}", signals or {})
         port = Port(
             name,
             unit,
-            (self.scales.get(name) or 1.0) if scale is None else scale,
+            (self.scales.get(name) or 1.0) if scale is None else scale * size,
             description,
             tuple(local),
-            disturbance,
+            disturbance * size,
             relative_disturbance,
             role,
             sized=scale is not None,
@@ -231,16 +234,18 @@ class Scope:
             lower: Smallest value for which the laws that use it hold, in ``unit``.
             upper: Largest value for which the laws that use it hold, in ``unit``.
         """
-        self._claim(name, unit)
+        size = parse_unit(unit).factor if self.in_si else 1.0
+        unit = self._claim(name, unit)
         self.values[name] = value
         if lower > -math.inf or upper < math.inf:
-            self.ranges.append(ValidRange(name, unit, lower, upper))
+            self.ranges.append(ValidRange(name, unit, lower * size, upper * size))
         return value
 
-    def _claim(self, name: str, unit: str) -> None:
+    def _claim(self, name: str, unit: str) -> str:
         if name in self.values:
             raise WorkbenchError(
                 f"the equations open {name!r} twice; ports and signals need different names"
             )
-        parse_unit(unit)
-        self.units[name] = unit
+        known = parse_unit(unit).factor == 1.0 or not self.in_si
+        self.units[name] = unit if known else in_si(unit)
+        return self.units[name]

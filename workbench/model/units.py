@@ -20,15 +20,13 @@ import numpy.typing as npt
 
 from workbench.errors import WorkbenchError
 
-BASES = ("m", "kg", "s", "K", "A", "rad", "mol", "cd")
-"""Base units."""
-
-Dimensions = tuple[float, ...]
-"""Exponents of the base units; a valve's m3/(s Pa^0.5) has one that is not whole."""
+Dimensions = tuple[tuple[str, float], ...]
+"""Base units with their exponents, in the order of their names: those of the SI, the radian, and
+what another field counts in, by its own name. A valve's m3/(s Pa^0.5) has one that is not whole."""
 
 
-def _dim(**exponents: int) -> Dimensions:
-    return tuple(exponents.get(name, 0) for name in BASES)
+def _dim(**exponents: float) -> Dimensions:
+    return tuple(sorted((base, power) for base, power in exponents.items() if power))
 
 
 _ONE = _dim()
@@ -179,7 +177,7 @@ class Unit:
 
     Args:
         factor: Size of the unit in SI base units.
-        dimensions: Exponents of the base units.
+        dimensions: Base units with their exponents.
         offset: SI value of zero in this unit; non-zero for temperature scales only.
     """
 
@@ -190,7 +188,10 @@ class Unit:
 
 
 def _combine(a: Dimensions, b: Dimensions, power: float) -> Dimensions:
-    return tuple(x + power * y for x, y in zip(a, b, strict=True))
+    found = dict(a)
+    for base, exponent in b:
+        found[base] = found.get(base, 0) + power * exponent
+    return _dim(**found)
 
 
 def _parts(token: str) -> tuple[str, ...]:
@@ -203,19 +204,55 @@ def _parts(token: str) -> tuple[str, ...]:
     return ()
 
 
-KNOWN = (
-    " (known: the units of the SI, such as m, kg, s, K, A, mol, N, Pa, V, W, with their prefixes,"
-    " and bar, l, h, rpm, deg, % and the like, joined by spaces and /)"
-)
-"""End of a sentence about a unit that is not known."""
-
-
 def _unknown(text: str, token: str) -> WorkbenchError:
-    typed = difflib.get_close_matches(token, _SYMBOLS, n=1, cutoff=0.85)
-    near = difflib.get_close_matches(token, _SYMBOLS, n=1, cutoff=0.5)
-    meant = "".join(typed) or " ".join(_parts(token)) or "".join(near)
-    hint = f"; did you mean {meant!r}?" if meant else ""
-    return WorkbenchError(f"unit {text!r} has the unknown part {token!r}{hint}{KNOWN}")
+    return WorkbenchError(
+        f"unit {text!r} cannot be read at {token!r}; write symbols, joined by spaces and /, with"
+        " their powers behind them, such as 'N m s/rad' or 'mU/(l min^2)'"
+    )
+
+
+def strangers(text: str) -> tuple[str, ...]:
+    """Return the words of a unit that are no symbols known here, each with what may be meant.
+
+    Example:
+        >>> strangers("mU/l"), strangers("Nms/rad"), strangers("kW")
+        (("'mU'",), ("'Nms' (did you mean 'N m s'?)",), ())
+    """
+    found, symbols = [], in_symbols(text.strip())
+    plain = symbols in ("", "-", *_SCALES)
+    for token in dict.fromkeys(symbol for symbol, _ in ([] if plain else powers(symbols))):
+        if token in _SYMBOLS:
+            continue
+        typed = difflib.get_close_matches(token, _SYMBOLS, n=1, cutoff=0.85)
+        meant = "".join(typed) or " ".join(_parts(token))
+        found.append(f"{token!r}" + f" (did you mean {meant!r}?)" * bool(meant))
+    return tuple(found)
+
+
+def refuse_slips(text: str) -> None:
+    """Refuse what cannot be read as a unit, or is most likely a slip of the pen.
+
+    Raises:
+        WorkbenchError: With what is most likely meant.
+    """
+    parse_unit(text)
+    for word in strangers(text):
+        if "did you mean" in word:
+            raise WorkbenchError(f"unit {text!r} has the unknown part {word}")
+
+
+def is_known(text: str) -> bool:
+    """Tell whether a text is a unit of which every symbol is known here.
+
+    Example:
+        >>> is_known("l/min"), is_known("mU/min"), is_known("(")
+        (True, False, False)
+    """
+    try:
+        parse_unit(text)
+        return not strangers(text)
+    except (WorkbenchError, OverflowError, ZeroDivisionError):
+        return False
 
 
 @lru_cache(maxsize=4096)
@@ -258,7 +295,7 @@ def powers(text: str) -> list[tuple[str, float]]:
                 raise _unknown(text, ")")
             group.pop()
             sign = 1
-        elif token in _SYMBOLS and token != "-":
+        elif (token in _SYMBOLS and token != "-") or _WORD.fullmatch(token):
             found.append((token, group[-1] * sign))
             sign, raised = 1, False
         else:
@@ -277,13 +314,15 @@ def powers(text: str) -> list[tuple[str, float]]:
 def parse_unit(text: str) -> Unit:
     """Return the unit that a text says, with its factor to SI and its dimensions.
 
+    A word that is not known is a base unit by its own name.
+
     Args:
         text: Unit such as ``"N m s/rad"``; ``""``, ``"1"`` and ``"-"`` mean dimensionless.
 
     Example:
-        >>> unit = parse_unit("m3/(s Pa)")
+        >>> unit = parse_unit("mU m/(s Pa)")
         >>> unit.factor, unit.dimensions
-        (1.0, (4, -1, 1, 0, 0, 0, 0, 0))
+        (1.0, (('kg', -1), ('m', 2), ('mU', 1), ('s', 1)))
     """
     # Micro and ohm have two signs each that look alike.
     stripped = in_symbols(text.strip()).replace("\u03bc", "\u00b5").replace("\u2126", "\u03a9")
@@ -294,9 +333,28 @@ def parse_unit(text: str) -> Unit:
         return Unit(text, degree, _dim(K=1), zero)
     factor, dimensions = 1.0, _ONE
     for symbol, power in powers(stripped):
-        size, dims = _SYMBOLS[symbol]
+        size, dims = _SYMBOLS.get(symbol) or (1.0, ((symbol, 1),))
         factor, dimensions = factor * size**power, _combine(dimensions, dims, power)
     return Unit(text, factor, dimensions)
+
+
+def in_si(unit: str) -> str:
+    """Return the unit of the SI that measures what a unit does.
+
+    Example:
+        >>> in_si("mg/dl"), in_si("1/min"), in_si("kW/m2"), in_si("bar"), in_si("%")
+        ('kg/m3', '1/s', 'kg/s3', 'Pa', '1')
+    """
+    dimensions = parse_unit(unit).dimensions
+    for plain in ("N", "Pa", "J", "W", "V", "Ohm", "F", "H"):
+        if parse_unit(plain).dimensions == dimensions:
+            return plain
+    above = [f"{base}{power if power != 1 else ''}" for base, power in dimensions if power > 0]
+    below = [f"{base}{-power if power != -1 else ''}" for base, power in dimensions if power < 0]
+    text = " ".join(above) or "1"
+    if below:
+        text += f"/({' '.join(below)})" if len(below) > 1 else f"/{below[0]}"
+    return text
 
 
 Values = TypeVar("Values", float, npt.NDArray[np.float64])
@@ -403,7 +461,7 @@ def quantity(name: str, given: object, unit: str, *, difference: bool = False) -
         raise WorkbenchError(f"{name} {given!r} is not a finite number; {example}")
     if not match[2]:
         return value
-    parse_unit(match[2])
+    refuse_slips(match[2])
     if not same_dimension(match[2], unit):
         raise WorkbenchError(
             f"{name} {given!r} has the unit {match[2]!r}, which does not measure it; {example}"

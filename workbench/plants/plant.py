@@ -22,8 +22,8 @@ from workbench.model.quantities import units_together
 from workbench.model.rate_functions import is_rates, model_of_rates
 from workbench.model.units import (
     ends_a_name,
+    is_known,
     named_value,
-    parse_unit,
     quantity,
     same_dimension,
     to_si,
@@ -343,7 +343,8 @@ def parse_parameter(model: Model, text: str) -> tuple[str, float]:
     """Return name and value, in SI, of a parameter written as ``NAME=VALUE``."""
     name, value = named_value("parameter", text)
     check_choice("parameter", name, [q.name for q in model.parameters])
-    unit = model.parameter(name).unit
+    parameter = model.parameter(name)
+    unit = parameter.display_unit or parameter.unit
     return name, to_si(quantity(f"parameter {name}", value, unit), unit)
 
 
@@ -438,8 +439,4 @@ def _is_unit(text: str) -> bool:
     # "level_min" is a smallest level, not one in minutes.
     if not text or ends_a_name(text) or text in ("min", "t", "h", "l", "count", "turn", "rev"):
         return False
-    try:
-        parse_unit(text)
-    except WorkbenchError:
-        return False
-    return not text.isdigit()
+    return is_known(text) and not text.isdigit()

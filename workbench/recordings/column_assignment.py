@@ -167,6 +167,13 @@ def _readable(columns: Columns, index: int, name: str) -> str:
     return "" if name else "has no name"
 
 
+def _measures(unit: str, other: str) -> bool:
+    try:
+        return same_dimension(unit, other)
+    except WorkbenchError:
+        return False
+
+
 def _signal(
     columns: Columns, index: int, header: Header, rule: ColumnRule, request: Requested, how: str
 ) -> tuple[Signal, MappedColumn]:
@@ -178,7 +185,10 @@ def _signal(
         )
     unit, note = rule.unit or header.unit, ""
     plain = bool(request.unit) and same_dimension(request.unit, "1")
-    if header.problem and not rule.unit:
+    if not unit and header.stated and request.unit and not plain:
+        # The plant counts in it too.
+        unit = header.stated if _measures(header.stated, request.unit) else ""
+    if header.problem and not unit:
         if not plain:
             raise WorkbenchError(
                 f"column {header.column!r}: {header.problem}; write a known unit in the header or"

@@ -6,8 +6,7 @@ import re
 from dataclasses import dataclass
 from functools import lru_cache
 
-from workbench.errors import WorkbenchError
-from workbench.model.units import ends_a_name, in_symbols, parse_unit
+from workbench.model.units import ends_a_name, in_symbols, is_known
 from workbench.recordings.quantity_kinds import kind_of
 
 _REFERENCES = {
@@ -91,11 +90,7 @@ def unit_of_time(name: str) -> str:
 @lru_cache(maxsize=4096)
 def _known(unit: str) -> str | None:
     text = in_symbols(unit.strip())
-    try:
-        parse_unit(text)
-    except (WorkbenchError, OverflowError, ZeroDivisionError):
-        return None
-    return text
+    return text if is_known(text) else None
 
 
 def read_unit(text: str) -> tuple[str | None, str]:

@@ -25,7 +25,7 @@ from workbench.checked_json import (
     within,
 )
 from workbench.errors import WorkbenchError
-from workbench.model.units import parse_unit
+from workbench.model.units import is_known, refuse_slips
 from workbench.recordings.recording import Role
 
 
@@ -62,7 +62,7 @@ class ColumnRule:
             raise WorkbenchError(
                 f"factor of signal {self.signal!r} in the mapping is 0; it must not be"
             )
-        parse_unit(self.unit)
+        refuse_slips(self.unit)
 
 
 @dataclass(frozen=True)
@@ -102,11 +102,10 @@ def _own_unit(value: Any, place: Place) -> tuple[float, str]:
         factor = float(size)
     except ValueError:
         factor = 0.0
-    if not factor or not unit.strip():
+    if not factor or not unit.strip() or not is_known(unit):
         raise ShapeError(
             place, f'is {value!r}; write a number and a known unit, such as "0.0015 rad"'
         )
-    parse_unit(unit.strip())
     return factor, unit.strip()
 
 

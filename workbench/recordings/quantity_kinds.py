@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from workbench.model.units import BASES, Unit, parse_unit
+from workbench.model.units import in_si, parse_unit
 
 
 @dataclass(frozen=True)
@@ -45,16 +45,6 @@ _KINDS = (
 UNSTATED = Kind("unstated", "", "")
 
 
-def _composed(unit: Unit) -> Kind:
-    powers = dict(zip(BASES, unit.dimensions, strict=True))
-    above = [f"{b}{e if e > 1 else ''}" for b, e in powers.items() if e > 0]
-    below = [f"{b}{-e if e < -1 else ''}" for b, e in powers.items() if e < 0]
-    text = " ".join(above) or "1"
-    if below:
-        text += f"/({' '.join(below)})" if len(below) > 1 else f"/{below[0]}"
-    return Kind(text, text, text)
-
-
 def kind_of(unit: str) -> Kind:
     """Return what a unit measures, named after its SI unit if that has no common name.
 
@@ -71,4 +61,5 @@ def kind_of(unit: str) -> Kind:
     for kind in _KINDS:
         if parse_unit(kind.unit).dimensions == parsed.dimensions:
             return kind
-    return _composed(parsed)
+    text = in_si(unit)
+    return Kind(text, text, text)

@@ -1,0 +1,186 @@
+"""Equations that count in units of their own, such as mg/dl and minutes, or bar and litres."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from workbench.errors import WorkbenchError
+from workbench.model.quantities import Quantity
+from workbench.model.regularisation import EXACT, Expression
+from workbench.model.scope import Names, Scope
+from workbench.model.units import in_symbols, parse_unit, powers, same_dimension
+
+_SAME = 1e-9
+"""Relative difference that rounding leaves."""
+
+_POINTS = 3
+"""Points at which equations in SI and in their own units are compared."""
+
+Sizes = Mapping[str, tuple[float, float]]
+"""Of each quantity the size of its unit and the zero of that, in SI, by name."""
+
+_SI = (1.0, 0.0)
+
+
+@dataclass(frozen=True)
+class InSI:
+    """Equations in SI, made of those that count in units of their own.
+
+    Args:
+        equations: What counts in units of its own.
+        time: Its unit of time, in s.
+        plainly: Whether it holds in SI as it stands, because no number in it has a unit.
+    """
+
+    equations: Callable[[Scope], Any]
+    time: float
+    states: Sizes
+    inputs: Sizes
+    outputs: Sizes
+    parameters: Sizes
+    plainly: bool = False
+
+    def __call__(self, scope: Scope) -> Any:
+        """Write the equations down with the names of a scope."""
+        if self.plainly:
+            return self.equations(replace(scope, in_si=True))
+        x, u, p = (
+            Names(kind, {n: (v - of[n][1]) / of[n][0] if n in of else v for n, v in own.items()})
+            for kind, own, of in (
+                ("state", scope.x, self.states),
+                ("input", scope.u, self.inputs),
+                ("parameter", scope.p, self.parameters),
+            )
+        )
+        found = self.equations(replace(scope, x=x, u=u, p=p))
+        if not _are_two(found):
+            return found
+        rates, outputs = found
+        # What is read as it is stays recognisable.
+        read = {_node(own[n]): whole[n] for own, whole in ((u, scope.u), (x, scope.x)) for n in own}
+        return (
+            {n: v * (self.states.get(n, _SI)[0] / self.time) for n, v in rates.items()},
+            {
+                n: read.get(_node(v), v * size + zero)
+                for n, v in outputs.items()
+                for size, zero in (self.outputs.get(n, _SI),)
+            },
+        )
+
+
+def _node(value: Expression) -> object:
+    return value.element_hash() if isinstance(value, ca.SX) and value.is_scalar() else object()
+
+
+def _are_two(found: object) -> bool:
+    return isinstance(found, tuple) and [isinstance(v, Mapping) for v in found] == [True, True]
+
+
+def in_si_equations(
+    equations: Callable[[Scope], Any], groups: Mapping[str, Sequence[Quantity]]
+) -> Callable[[Scope], Any]:
+    """Return equations in SI: those given, where all quantities are declared in its units.
+
+    Others count in the units that are declared, their time in that which these are made of. They
+    must belong together as those of the SI do: litres with decimetres, minutes with minutes.
+
+    Args:
+        groups: ``states``, ``inputs``, ``outputs`` and ``parameters``.
+
+    Raises:
+        WorkbenchError: If the units do not belong together.
+    """
+    declared = [q for group in groups.values() for q in group]
+    if isinstance(equations, InSI) or not any(q.stated for q in declared):
+        return equations
+    time = _time([q.stated or q.unit for q in declared])
+    if time is None:
+        said = dict.fromkeys(f"{q.name} is in {q.stated!r}" for q in declared if q.stated)
+        raise WorkbenchError(
+            f"the units do not belong together: {', '.join(said)}, others in units of the SI or of"
+            " another size, so that the equations would hold factors between them; declare all of"
+            " a kind in the same unit, such as minutes, or in the SI, and what a recording or a"
+            " reader counts in as display_unit, as in Output('level', 'm', display_unit='mm')"
+        )
+    units = {
+        kind: {q.name: parse_unit(q.stated) for q in group if q.stated}
+        for kind, group in groups.items()
+    }
+    states, inputs, outputs, parameters = (
+        {name: (unit.factor, unit.offset) for name, unit in units[kind].items()}
+        for kind in ("states", "inputs", "outputs", "parameters")
+    )
+    found = InSI(equations, time, states, inputs, outputs, parameters)
+    plainly = replace(found, plainly=True)
+    return plainly if _alike(found, plainly, groups) else found
+
+
+def _time(units: Sequence[str]) -> float | None:
+    """Return the unit of time, in s, of units that belong together; None if they do not."""
+    parsed = [unit for unit in map(parse_unit, dict.fromkeys(units)) if unit.dimensions]
+    # A temperature is told from absolute zero, or from another, throughout.
+    scales = {unit.offset for unit in parsed if unit.dimensions == (("K", 1),)}
+    if len(scales) > 1:
+        return None
+    bases = sorted({base for unit in parsed for base, _ in unit.dimensions} - {"rad", "s"})
+    powers_of = [dict(unit.dimensions) for unit in parsed]
+    matrix = np.array([[each.get(base, 0.0) for base in bases] for each in powers_of])
+    named = {
+        parse_unit(symbol).factor
+        for unit in parsed
+        for symbol, _ in powers(in_symbols(unit.text))
+        if symbol != "1" and same_dimension(symbol, "s")
+    }
+    for time in (*named, *({1.0, 3600.0} - named)):
+        wanted = np.array(
+            [
+                math.log(unit.factor) - each.get("s", 0.0) * math.log(time)
+                for unit, each in zip(parsed, powers_of, strict=True)
+            ]
+        )
+        found = np.linalg.lstsq(matrix, wanted, rcond=None)[0] if bases else np.zeros(0)
+        if np.abs(matrix @ found - wanted).max(initial=0.0) < _SAME:
+            return time
+    return None
+
+
+def _alike(
+    first: Callable[[Scope], Any],
+    second: Callable[[Scope], Any],
+    groups: Mapping[str, Sequence[Quantity]],
+) -> bool:
+    """Tell whether two equations are the same, at some points about those that are declared."""
+    symbols = {k: {q.name: ca.SX.sym(q.name) for q in group} for k, group in groups.items()}
+    given = [symbols[k] for k in ("states", "inputs", "parameters")]
+    each = []
+    for equations in (first, second):
+        x, u, p = map(Names, ("state", "input", "parameter"), given)
+        found = equations(Scope(x, u, p, form=EXACT))
+        if not _are_two(found):
+            return True
+        each.append(ca.vcat([ca.SX(v) for part in found for v in part.values()]))
+    vectors = [ca.vcat(list(v.values())) if v else ca.SX(0, 1) for v in given]
+    both = ca.Function("both", vectors, each)
+    random = np.random.default_rng(0)
+    for _ in range(_POINTS):
+        at = [
+            [_value(q) * random.uniform(0.8, 1.2) for q in groups[k]]
+            for k in ("states", "inputs", "parameters")
+        ]
+        own, plain = (np.asarray(v, dtype=float).ravel() for v in both.call(at))
+        if not np.allclose(own, plain, rtol=_SAME, atol=0.0, equal_nan=True):
+            return False
+    return True
+
+
+def _value(q: Quantity) -> float:
+    """Return a value, in SI, that a quantity may have; one of its unit where it says none."""
+    unit = parse_unit(q.stated or q.unit)
+    said = (getattr(q, name, 0.0) for name in ("value", "initial", "nominal"))
+    return next((v for v in said if v), unit.factor + unit.offset)
