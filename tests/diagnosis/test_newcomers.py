@@ -578,6 +578,42 @@ def test_a_sensor_whose_curve_bends_is_no_spring_that_hardens() -> None:
     named(found, "sensor_bend_position", straight=approx(0.3, abs=0.05), amount=amount)
 
 
+def _dive(seed: int) -> Recording:
+    """Dive with a hull that the depth compresses: 3 N/m less buoyancy, none at 20 m; by SciPy."""
+    rng, dt = np.random.default_rng(seed), 0.5
+    x, rows, goal, ballast = np.array([20.0, 0.0]), [], 20.0, 0.0
+    for k in range(600):
+        goal = float(rng.uniform(10.0, 35.0)) if k % 60 == 0 else goal
+        ballast = float(rng.uniform(-200.0, 200.0)) if k % 24 == 0 else ballast
+        pitch = float(np.clip(0.08 * (x[0] - goal) + 0.3 * x[1], -0.4, 0.4))
+        rows.append((pitch, ballast, x[0] + 0.02 * rng.normal()))
+
+        def rates(_: float, x: Vector, pitch: float, ballast: float) -> list[float]:
+            return [x[1] - 1.5 * pitch, (ballast + 3.0 * (x[0] - 20.0)) / 2200.0 - 0.35 * x[1]]
+
+        x = held(rates, x, ([pitch] * 2, [ballast] * 2), dt)[-1]
+    pitch_, ballast_, depth = np.transpose(rows)
+    commands = {"pitch [rad]": pitch_, "ballast [N]": ballast_}
+    return recording(f"dive {seed}", dt, commands, {"depth [m]": depth})
+
+
+def test_buoyancy_that_falls_with_the_depth_is_a_spring_that_pushes_away() -> None:
+    boat = machine(
+        lambda m: {
+            "depth": m.x.sink - 1.5 * m.u.pitch,
+            "sink": m.u.ballast / m.p.mass - m.p.drag * m.x.sink,
+        },
+        "depth m 20, sink m/s",
+        "pitch rad -0.5 0.5, ballast N -500 500",
+        "depth m",
+        "mass kg 2000 500 8000, drag 1/s 0.3 0.02 3",
+    )
+    laws = "linear_spring constant_force creep viscous_friction sensor_drift"
+    found = diagnosed(boat, [_dive(1), _dive(2)], laws)
+    rest = approx(20.0, abs=0.2)
+    named(found, "linear_spring*", stiffness=approx(-3.0 / 2200.0, rel=0.03), rest=rest)
+
+
 def _winding(seed: int) -> Recording:
     """A coil behind two diodes: 0.5 V drop in the direction of the current, beside SciPy."""
     volts = levels(400, seed, 4.0, 10, 40)

@@ -201,7 +201,9 @@ def _bounded(model: Model) -> tuple[Model, tuple[str, ...]]:
             ends = zip((q.lower, q.upper), sorted((0.0, _MOST * q.value)), strict=True)
             lower, upper = (own if math.isfinite(own) else end for own, end in ends)
             given[q.name] = replace(q, lower=lower, upper=upper)
-            unit = "" if q.unit == "1" else f" {q.unit}"
+            shown = q.display_unit or q.unit
+            unit = "" if shown == "1" else f" {shown}"
+            lower, upper = from_si(lower, shown), from_si(upper, shown)
             notes.append(f"{q.name} declares no bounds; {lower:g} to {upper:g}{unit} is taken")
     parameters = tuple(given.get(q.name, q) for q in model.parameters)
     return (replace(model, parameters=parameters) if given else model), tuple(notes)

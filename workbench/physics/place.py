@@ -787,20 +787,22 @@ class Survey:
                 ratio = float(np.nanmedian(moving / self._rate(index, state)))
             if math.isfinite(ratio) and _same(ratio * self._rate(index, state), moving):
                 return state.geared(abs(ratio), speed.unit.removesuffix("/s")).turned(ratio)
-        return next((q for q in single if self._follows(index, q, speed)), None)
+        followed = [q for q in single if self._follows(q, speed)]
+        sees = (q for q in followed if self._slope(index, q).any())
+        return next(sees, next(iter(followed), None))
 
-    def _follows(self, index: int, place: Local, speed: Local) -> bool:
-        """Tell whether a speed adds to a place that the port sees, beside what else carries it off.
+    def _follows(self, place: Local, speed: Local) -> bool:
+        """Tell whether a speed adds to a place, beside what else carries it off.
 
-        So the pitch rate of an aircraft adds to the angle at which the wind meets it.
+        So the pitch rate of an aircraft adds to the angle at which the wind meets it, and the rise
+        of a boat through the water, beside its pitch, to its depth.
         """
         at, t = self._state_index, self.trace
         if place.source not in at or speed.source not in at or place.minus or speed.minus:
             return False
         own, over = at[place.source], t.x[at[speed.source]]
         slope = self._sampled(ca.jacobian(t.rates[own], over))
-        seen = ca.depends_on(self._port_value(index), t.x[own])
-        return seen and self._is_rate(speed.unit, place.unit) and _same(slope, np.ones_like(slope))
+        return self._is_rate(speed.unit, place.unit) and _same(slope, np.ones_like(slope))
 
     def _directed(self, index: int, motion: dict[str, Local]) -> tuple[dict[str, Local], bool]:
         """Turn speed and coordinate so that more of the signal raises them.

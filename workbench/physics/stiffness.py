@@ -1,6 +1,7 @@
 """Forces over position that the equations do not know: springs, bumpers, ripple, local catches.
 
-The rest position of a spring is held in a fit; a constant force tells where it really is.
+The rest position of a linear spring is refitted; that of another is held in a fit, and a constant
+force tells where it really is.
 """
 
 from __future__ import annotations
@@ -29,11 +30,13 @@ def _deflection(at: PortView) -> Expression:
 
 
 def _linear(at: Place) -> tuple[Own, ...]:
-    typical = 0.1 * at.scale / at.coordinate.scale
+    typical, (low, high) = 0.1 * at.scale / at.coordinate.scale, _seen(at)
+    reach = high - low or 1.0
     return (
         size("stiffness", per(at.unit, at.coordinate.unit), typical, 20 * typical,
-             "stiffness of the spring", resists=True),
-        _rest(at),
+             "stiffness of the spring, negative where it pushes away", signed=True),
+        shape("rest", at.coordinate.unit, 0.5 * (low + high), "position without force",
+              around=None, between=(low - reach, high + reach), scale=0.1 * reach),
     )  # fmt: skip
 
 
