@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from workbench.cli.options import AsJson, Jobs
-from workbench.cli.running import counting, processes, write_study
+from workbench.cli.running import counting, write_study
+from workbench.work.processes import processes
 
 if TYPE_CHECKING:
     from workbench.study.study import Study

@@ -10,9 +10,10 @@ import typer
 
 from workbench.cli.options import Jobs, Positive
 from workbench.cli.plant import Chosen, with_plant
-from workbench.cli.running import counting, note, processes, typed, write_study
+from workbench.cli.running import counting, note, typed, write_study
 from workbench.cli.verify import nominal_design
 from workbench.errors import WorkbenchError
+from workbench.work.processes import processes
 
 _DRAWS = "Number of drawn machines; of the arm 200, else twice what may differ."
 

@@ -34,7 +34,7 @@ def diagnose(
     recorded: Callable[[], Loaded],
     *,
     effects: list[str] | None = None,
-    jobs: int = 2,
+    jobs: int | None = None,
     time_limit: str | None = None,
     quick: bool = False,
     propose: Path | None = None,
@@ -56,7 +56,7 @@ def diagnose(
     Args:
         effects (NAME): Physics of your own that may be missing, beside the library: module:object,
             an effect or a function that returns one; may be given several times.
-        jobs: Processes that work side by side.
+        jobs: Processes that work side by side; one per core by default, 8 at the most.
         time_limit (TIME): End after this time, such as 60s or 2min (1 to 1e6 s), with the best
             verdict until then, which says what was not tried; exit status 0.
         quick: The same as --time-limit 20.
@@ -72,7 +72,8 @@ def diagnose(
 
     begin = time.perf_counter()
     limit = _limit(time_limit, quick=quick)
-    workers = round(check_range("number of processes", jobs, 1, 64))
+    if jobs is not None:
+        check_range("number of processes", jobs, 1, 64)
     if out is not None and out.exists() and not out.is_dir():
         raise WorkbenchError(f"folder {str(out)!r} is a file; give the name of a folder")
     loaded = recorded()
@@ -84,7 +85,7 @@ def diagnose(
         )
     own = own_laws(problem.model, effects or (), folder=Path.cwd())
     machine = None if experiment is None else _machine(experiment, loaded)
-    asked = _Asked(loaded, own, tuple(effects or ()), workers, out, begin, limit, as_json)
+    asked = _Asked(loaded, own, tuple(effects or ()), jobs, out, begin, limit, as_json)
     found = asked.diagnosed()
     if propose is not None:
         _propose(found, propose, as_json=as_json)
@@ -106,7 +107,7 @@ class _Asked:
     loaded: Loaded
     own: tuple[Law | Hypothesis, ...]
     references: tuple[str, ...]
-    jobs: int
+    jobs: int | None
     out: Path | None
     begin: float
     limit: float | None

@@ -10,7 +10,8 @@ import typer
 from workbench.cli.compare import Limit, named_study
 from workbench.cli.options import Jobs, Short
 from workbench.cli.plant import value_at_rest
-from workbench.cli.running import counting, processes, typed
+from workbench.cli.running import counting, typed
+from workbench.work.processes import processes
 
 
 def report(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import os
 import shlex
 import signal
 import sys
@@ -177,11 +176,6 @@ def write_study(outcome: StudyResult, out: Path, *, more: str = "", as_json: boo
     note("writing the report ...")
     files = write_study_files(outcome, out, command=typed())
     typer.echo(f"written to {out}: {', '.join(path.name for path in files)}{more}", err=as_json)
-
-
-def processes(jobs: int | None) -> int:
-    """Return the number of processes that was asked for: one per core by default."""
-    return (os.cpu_count() or 1) if jobs is None else jobs
 
 
 @contextmanager

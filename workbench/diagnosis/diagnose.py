@@ -45,7 +45,11 @@ from workbench.model import Model
 from workbench.physics.library import Hypothesis, Law, library
 from workbench.recordings.checks import check_recording
 from workbench.recordings.recording import Recording
-from workbench.work.processes import Call, in_order
+from workbench.work.processes import Call, in_order, processes
+
+_MOST_JOBS = 8
+"""Processes that a diagnosis has at the most where nobody says: four laws at a time are compared to
+the end, and a process takes some seconds and 250 MB to begin."""
 
 Progress = Callable[[str], None]
 
@@ -58,7 +62,7 @@ def diagnose(
     entries: Sequence[Hypothesis] | None = None,
     extra: Sequence[Law | Hypothesis] = (),
     priors: Sequence[Prior] | None = None,
-    jobs: int = 2,
+    jobs: int | None = None,
     advise: bool = True,
     folder: Path | None = None,
     progress: Progress | None = None,
@@ -69,6 +73,7 @@ def diagnose(
         entries: Effects that may be missing; the whole library by default.
         extra: Laws and hypotheses of your own that may be missing beside the library.
         priors: Free parameters of the nominal model; `default_priors` by default.
+        jobs: Processes that work side by side; one per core by default, 8 at the most.
         advise: Whether to work out what to record next.
         folder: Where stages are kept: what an earlier call reached there is not done again.
         progress: Called with a line of text before each step; by default a notebook shows a bar.
@@ -112,7 +117,7 @@ def stages(
     entries: Sequence[Hypothesis] | None = None,
     extra: Sequence[Law | Hypothesis] = (),
     priors: Sequence[Prior] | None = None,
-    jobs: int = 2,
+    jobs: int | None = None,
     advise: bool = True,
     folder: Path | None = None,
     progress: Progress | None = None,
@@ -128,7 +133,7 @@ def stages(
             f"a diagnosis needs recordings to fit on and others to judge on; it got {len(fit_on)}"
             f" and {len(hold_out)}"
         )
-    say = progress or notebook_progress()
+    say, jobs = progress or notebook_progress(), processes(jobs, _MOST_JOBS)
     both: Sequence[Recording] = (*fit_on, *hold_out)
     model, notes = with_undeclared(model, both)
     model, rows = as_coarse_as_recorded(model, both)

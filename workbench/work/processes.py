@@ -33,6 +33,15 @@ class _Team:
     code: ClassVar[dict[str, tuple[int, int]]] = {}
 
 
+def processes(asked: int | None, most: int = 1024) -> int:
+    """Return a number of processes: what is asked for, or one per core of this machine.
+
+    Args:
+        most: How many there are at the most where nobody asks.
+    """
+    return min(os.cpu_count() or 1, most) if asked is None else asked
+
+
 def begin_anew() -> None:
     """Let other processes do what comes next: those that are there have read what has changed."""
     _Team.number += 1

@@ -67,7 +67,7 @@ class Task:
     priors: tuple[Prior, ...]
     location: Location | None = None
     entries: tuple[Hypothesis, ...] | None = None
-    jobs: int = 2
+    jobs: int = 1
     say: Progress = lambda text: None
     extra: tuple[Law | Hypothesis, ...] = ()
     tries: Callable[[Hypothesis], bool] = lambda _: True
