@@ -56,11 +56,12 @@ def refits_beside(
     *,
     thorough: bool = False,
     alike: Alike | None = None,
+    begun: Mapping[str, Candidate] | None = None,
 ) -> tuple[Candidate, ...]:
     """Refit effects beside what a model has, judged on the held-out recordings.
 
     Args:
-        alike: As for `refit_candidates`.
+        alike, begun: As for `refit_candidates`.
         thorough: Whether refits on short recordings begin from more places: where nothing was found
             yet, whose parameters would lead the way.
     """
@@ -75,6 +76,7 @@ def refits_beside(
         progress=task.say,
         thorough=thorough,
         alike=alike,
+        begun=begun,
     )
 
 

@@ -150,15 +150,18 @@ def refit_candidates(
     hold_out: Sequence[Observed],
     *,
     limits: Limits,
-    jobs: int = 2,
+    jobs: int = 1,
     progress: Progress | None = None,
     thorough: bool = True,
     alike: Alike | None = None,
+    begun: Mapping[str, Candidate] | None = None,
 ) -> tuple[Candidate, ...]:
     """Refit each hypothesis together with the free parameters.
 
     Args:
         base, fit_on, thorough: As for `Race`.
+        begun: Refits beside another base by name of the hypothesis, each from where that one goes
+            on.
         alike: Gives the hypotheses whose signature resembles that of one; nobody asks for them by
             default.
 
@@ -166,24 +169,30 @@ def refit_candidates(
         Candidates by falling gain, each accepted or refused with the reason.
     """
     field, lost = list(chosen), []
-    begun: list[Candidate] = []
     lengths = [len(r.outputs) for r in fit_on]
     known = base.cost - float(blocks_of_cost(base, fit_on).sum()) if field else 0.0
     fit_on, hold_out = tuple(fit_on), tuple(hold_out)
     race = Race(base, tuple(priors), fit_on, (), known, jobs, thorough)
-    if max(lengths) > _RACED * _HEADS[0] or sum(lengths) > _RACED * _HEADS[1]:
-        if progress and field:
-            progress(f"racing {len(field)} effects on the beginning of the recordings")
-        raced = _raced(race, field)
-        order = sorted(range(len(field)), key=lambda i: (i >= _BY_SCORE, -raced[i].gain))
+    earlier = {name: _beside(base, c) for name, c in (begun or {}).items()}
+    racing = [s for s in chosen if s.entry.name not in earlier]
+    if racing and (max(lengths) > _RACED * _HEADS[0] or sum(lengths) > _RACED * _HEADS[1]):
+        if progress:
+            progress(f"racing {len(racing)} effects on the beginning of the recordings")
+        raced = dict(zip([s.entry.name for s in racing], _raced(race, racing), strict=True))
+
+        def place(i: int) -> tuple[bool, float]:
+            found = raced.get(chosen[i].entry.name)
+            return found is not None and i >= _BY_SCORE, -found.gain if found else -math.inf
+
+        order = sorted(range(len(field)), key=place)
         field = [chosen[i] for i in order[:_FIELD]]
-        begun = [raced[i] for i in order[:_FIELD]]
-        lost = [raced[i] for i in order[_FIELD:]]
+        earlier |= raced
+        lost = [earlier[chosen[i].entry.name] for i in order[_FIELD:]]
     if progress and field:
         names = [s.entry.name for s in field]
         said, more = ", ".join(names[:_SAID]), len(names) - _SAID
         progress(f"refitting with {said}{f' and {more} more' if more > 0 else ''}")
-    first = _first_refits(race, field, _HEADS[1], _NEAR, begun)
+    first = _first_refits(race, field, _HEADS[1], _NEAR, earlier)
     leaders = _leaders(first, field.index(chosen[0]) if field else 0, several=len(fit_on) > 1)
     weaker: list[int] = []
     if len(leaders) > 1:
@@ -261,15 +270,16 @@ def _first_refits(
     field: Sequence[Score],
     samples: int,
     enough: float,
-    begun: Sequence[Candidate] = (),
+    begun: Mapping[str, Candidate] | None = None,
 ) -> list[Candidate]:
     """Refit hypotheses on the beginning of each recording, from where earlier refits ended.
 
     What happens later than that is refitted on as much as shows it.
 
     Args:
-        begun: The earlier refits; none if empty.
+        begun: The earlier refits by name.
     """
+    begun = begun or {}
     if not field:
         return []
     short = race.thorough and sum(len(r.outputs) for r in race.fit_on) <= _SHORT
@@ -288,7 +298,7 @@ def _first_refits(
         calls: list[Call[Candidate]] = []
         for i in some:
             (head, cost), least = heads[i], _CONTENDS * clear * seen[i]
-            own, earlier = race._replace(fit_on=head, thorough=ways), begun[i] if begun else None
+            own, earlier = race._replace(fit_on=head, thorough=ways), begun.get(field[i].entry.name)
             calls.append((_first, (own, cost, field[i], enough, earlier, least)))
         found |= dict(zip(some, in_order(calls, jobs=race.jobs), strict=True))
     return [found[i] for i in range(len(field))]
@@ -349,6 +359,17 @@ def _with_trust(race: Race, cost: float, first: Candidate) -> Candidate:
         # Whatever a law does, its failure must not end the diagnosis.
         return first
     return replace(first, fit=fit, gain=cost - fit.cost)
+
+
+def _beside(base: ProcessNoiseFit, candidate: Candidate) -> Candidate:
+    """Return a refit beside another base as one from which a refit beside this one may go on."""
+    assert candidate.fit is not None
+    fit, own = candidate.fit, f"{candidate.entry.name}."
+    estimates = tuple(
+        e for e in fit.refit.estimates if e.name in base.refit.values or e.name.startswith(own)
+    )
+    refit = replace(fit.refit, estimates=estimates)
+    return replace(candidate, fit=replace(fit, refit=refit, noise_scale=base.noise_scale))
 
 
 def leaves_nothing(base: ProcessNoiseFit, candidate: Candidate) -> bool:
@@ -574,7 +595,7 @@ def _first(
     far = score.entry.far or score.entry.replaces
     if begun is not None and begun.fit is not None:
         ended = begun.fit.refit.values
-        ways = [_Way({}, (begun.fit.noise_scale,), (ended, ended | usual))]
+        ways = [_Way({}, (begun.fit.noise_scale,), (usual | ended, ended | usual))]
         score = replace(score, entry=begun.entry, shape={})
     else:
         # Without the effect, the free parameters have gone where they reproduce it best, from where

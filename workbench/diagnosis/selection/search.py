@@ -305,9 +305,11 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
         known = by_name(scores)
         # One that acts at one of several places is found again by way of all of them.
         known |= {a.name: s for s in scores.scores for a in s.entry.alone if a.name not in known}
-        followed = [c.name for c in state.rounds[number].candidates if c.followed and c.fit]
-        rivals = [name for name in followed if name != found.candidate.name][:_RIVALS]
-        tried = [known[name] for name in (found.candidate.name, *rivals) if name in known]
+        followed = [c for c in state.rounds[number].candidates if c.followed and c.fit]
+        rivals = [c for c in followed if c.name != found.candidate.name][:_RIVALS]
+        # They go on from where they were, and it from where it is.
+        begun = {c.name: c for c in (replace(found.candidate, fit=state.extended), *rivals)}
+        tried = [known[name] for name in begun if name in known]
         if found is not state.accepted[-1]:
             tried += shortlist(scores, most=_NEWCOMERS)
             alike = look_alikes(found.candidate.entry, [s.entry for s in scores.scores])
@@ -316,7 +318,7 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
         asked = rules.Limits(state.penalty, _least(scored, base, number), near_noise=near)
         chosen = tuple({s.entry.name: s for s in tried}.values())
         try:
-            candidates = refits_beside(task, base, free, chosen, asked)
+            candidates = refits_beside(task, base, free, chosen, asked, begun=begun)
         except NumericalError:
             # Without the effect the recordings cannot be followed: it is needed as it is.
             continue
