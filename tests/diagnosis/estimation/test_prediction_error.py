@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from tests.diagnosis.machine_data import recording
 from tests.machines import machine
-from workbench.diagnosis.estimation.filter import Steps, exponential_of
+from workbench.diagnosis.estimation.filter import Steps, exponential_of, steps_of
 from workbench.diagnosis.estimation.made_up import made_up, made_up_axis
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import (
@@ -233,3 +233,13 @@ def test_a_stop_that_is_met_between_samples_is_predicted_to_the_noise() -> None:
     # An impact is an outlier of 5 standard deviations where steps do not end at the stop.
     assert np.abs(errors).max() < 4.5
     assert np.mean(errors**2) < 1.0
+
+
+def test_the_rounded_corner_of_a_stop_asks_for_no_steps() -> None:
+    model, rest = _before_a_stop(), [0.02, 0.0]
+    # A mass meets the stop at 1 m/s, or is away from it.
+    met, away = (
+        steps_of(model, SAMPLE, np.array([rest, [place, -1.0]]), np.zeros((2, 1)))
+        for place in (0.0, 0.01)
+    )
+    assert met == away
