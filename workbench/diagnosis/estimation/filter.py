@@ -111,10 +111,10 @@ def steps_of(model: Model, sample_time: float, states: Vector, inputs: Vector) -
     # What rubs is stiff at rest. Elsewhere a rounded corner is passed in no time: where it bends, a
     # step is taken in parts.
     each = []
-    for form, count in (("exact", len(states)), ("regularised", 1)):
+    for form, n in (("exact", len(states)), ("regularised", 1)):
         function = model.form(form).jacobian_function
-        slopes = np.asarray(function(states[:count].T, inputs[:count].T, model.values)[0], float)
-        each += np.split(slopes, count, axis=1)
+        slopes = np.asarray(function(states[:n].T, inputs[:n].T, model.values)[0], dtype=float)
+        each += np.split(slopes, n, axis=1)
     modes = np.linalg.eigvals(np.where(np.abs(each) < _BEYOND, each, 0.0)) * sample_time
     fastest = np.abs(modes).max(axis=1, initial=0.0)
     # A step of angle w is late by w^5 / 120, summed up for as long as the mode remembers.
