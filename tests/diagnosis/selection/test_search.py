@@ -173,6 +173,30 @@ def test_beside_what_drifts_a_pair_is_searched_for_while_much_is_left_out(
     assert beside == ["coulomb_friction"] * searched
 
 
+@pytest.mark.parametrize(("noise_scale", "searched"), [(0.03, 1), (0.3, 2)])
+def test_beside_a_pair_that_leaves_nothing_out_no_other_opening_is_tried(
+    monkeypatch: pytest.MonkeyPatch, noise_scale: float, searched: int
+) -> None:
+    given, task = example_diagnosis(), example_task()
+    (found,) = given.selected.accepted
+    opening = replace(found.candidate, refused="too little", rule=SHARE.name)
+    base = replace(given.base, noise_scale=0.3)
+    rounds = (given.selected.rounds[0]._replace(candidates=(opening,)),)
+    begun = replace(given.selected, accepted=(), rounds=rounds, extended=base, free=task.priors)
+    both = replace(given.selected, extended=replace(base, noise_scale=noise_scale))
+    tried: list[Selected] = []
+
+    def completed(_: object, state: Selected, *__: object) -> tuple[Selected, Selected]:
+        tried.append(state)
+        return state, both
+
+    monkeypatch.setattr(pairs, "_openings", lambda *_, **__: [opening, opening])
+    monkeypatch.setattr(pairs, "with_candidate", lambda _, state, *__: state)
+    monkeypatch.setattr(pairs, "_completed", completed)
+    with_pair(task, begun, Limits(1.0))
+    assert len(tried) == searched
+
+
 def test_what_ends_on_its_upper_bound_may_be_too_little() -> None:
     given, task = example_diagnosis(), example_task()
     assert task._more_of == set()

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.process_noise import (
+    PERFECT,
     ProcessNoiseFit,
     blocks_of_cost,
     gain_interval,
@@ -73,6 +74,9 @@ def with_pair(task: Task, state: Selected, limits: rules.Limits, left: float = 0
         begun = with_candidate(task, replace(state, rounds=rounds), first, round_)
         state, both = _completed(task, state, begun, alone)
         found += [both] if both else []
+        if both and both.extended.noise_scale <= PERFECT < current.noise_scale:
+            # Beside what leaves nothing out nobody waits for another way there.
+            break
     if not found:
         return state
     best = replace(min(found, key=lambda s: s.extended.cost), compared=state.compared)
