@@ -31,10 +31,21 @@ _LEAST_SAMPLES, _LEAST_UNSTABLE = 25, 5
 
 
 def settled(model: Model, nominal: Model, observed: Observed) -> Observed:
-    """Return a recording with a start fitted to its first fortieth."""
+    """Return a recording with a start fitted to its first fortieth.
+
+    Which is too short for slow hidden states: from there on they may lead the whole run farther
+    away than the start as it was, which is returned then.
+    """
     begun = extended_start(observed, nominal, model)
     wanted = max(_START_SAMPLES, round(_START_SHARE * len(begun.outputs)))
-    return fitted_start(model, begun, samples=min(window_samples(observed), wanted))
+    fitted = fitted_start(model, begun, samples=min(window_samples(observed), wanted))
+    if observed.growth > 0.0:
+        return fitted
+    runs = free_runs(model, [begun, fitted])
+    away = [
+        np.nansum((run.error / observed.noise_rms) ** 2) if run.finite else np.inf for run in runs
+    ]
+    return begun if away[0] < away[1] else fitted
 
 
 def window_samples(observed: Observed) -> int:
