@@ -170,3 +170,44 @@ def test_what_says_no_unit_is_a_plain_number() -> None:
     )
     every = (*plain.states, *plain.inputs, *plain.outputs, *plain.parameters)
     assert {q.unit for q in every} == {"1"}
+
+
+def test_units_that_no_equation_joins_may_be_of_any_size() -> None:
+    def drum(m: Any) -> Equations:
+        steam = m.p.valve * m.x.pressure
+        return {"pressure": (m.u.heat - steam * m.p.latent) / m.p.store}, {"flow": steam}
+
+    plant = Model(
+        "drum",
+        drum,
+        states=(State("pressure", "bar", initial=40.0),),
+        inputs=(Input("heat", "kW"),),
+        outputs=(Output("flow", "kg/s"),),
+        parameters=(
+            Parameter("valve", "kg/(s bar)", value=0.4),
+            Parameter("latent", "kJ/kg", value=1700.0),
+            Parameter("store", "kJ/bar", value=9000.0),
+        ),
+    )
+    rate = (3e4 - 0.4 * 40.0 * 1700.0) / 9000.0
+    assert plant.rates([40e5], [3e7]) == pytest.approx([rate * 1e5])
+
+
+def test_who_says_the_time_of_equations_says_that_they_hold_their_factors() -> None:
+    def tank(time: str) -> Model:
+        return Model(
+            "tank",
+            lambda m: ({"level": 60.0 / 1000.0 * m.u.pump / m.p.area}, {"level": m.x.level}),
+            states=(State("level", "m"),),
+            inputs=(Input("pump", "l/min"),),
+            outputs=(Output("level", "m"),),
+            parameters=(Parameter("area", "m2", value=2.0),),
+            time=time,
+        )
+
+    with pytest.raises(WorkbenchError, match=r"pump is in 'l/min'.*time='min'"):
+        tank("")
+    with pytest.raises(WorkbenchError, match=r"time is 'm'; give a unit of time"):
+        tank("m")
+    # 10 l/min into 2 m2 are 0.3 m an hour.
+    assert tank("h").rates([0.0], [1e-2 / 60.0]) == pytest.approx([0.3 / 3600.0])

@@ -48,6 +48,8 @@ class Model(Shown):
         parameters: Parameters, those of attached effects last.
         effects: Attached effects, in the order in which they act on a port.
         traits: What general rooms may know of the plant beside its equations.
+        time: Unit in which the equations count time, where that is not the second and the units of
+            their quantities do not tell it.
 
     Example:
         >>> def equations(m):
@@ -74,6 +76,7 @@ class Model(Shown):
     effects: tuple[Effect, ...] = ()
     description: str = ""
     traits: Traits = Traits()
+    time: str = ""
 
     def __post_init__(self) -> None:
         for group in (self.states, self.inputs, self.outputs, self.parameters):
@@ -82,7 +85,8 @@ class Model(Shown):
             if double:
                 raise WorkbenchError(f"model {self.name!r} uses the name {double[0]!r} twice")
         kinds = ("states", "inputs", "outputs", "parameters")
-        equations = in_si_equations(self.equations, {k: getattr(self, k) for k in kinds})
+        groups = {kind: getattr(self, kind) for kind in kinds}
+        equations = in_si_equations(self.equations, groups, self.time)
         object.__setattr__(self, "equations", equations)
         read = {q.name: q.display_unit for q in self.outputs if q.display_unit != q.unit}
         states = tuple(

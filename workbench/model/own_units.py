@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -83,31 +83,24 @@ def _are_two(found: object) -> bool:
 
 
 def in_si_equations(
-    equations: Callable[[Scope], Any], groups: Mapping[str, Sequence[Quantity]]
+    equations: Callable[[Scope], Any], groups: Mapping[str, Sequence[Quantity]], time: str = ""
 ) -> Callable[[Scope], Any]:
     """Return equations in SI: those given, where all quantities are declared in its units.
 
-    Others count in the units that are declared, their time in that which these are made of. They
-    must belong together as those of the SI do: litres with decimetres, minutes with minutes.
+    Others hold in SI too where no number in them has a unit. Else they count in the units that are
+    declared, which then must belong together as those of the SI do, litres with decimetres, or
+    their author says which unit of time is theirs, and that they hold what factors there are.
 
     Args:
         groups: ``states``, ``inputs``, ``outputs`` and ``parameters``.
+        time: Unit of time of the equations, where the author says it.
 
     Raises:
         WorkbenchError: If the units do not belong together.
     """
     declared = [q for group in groups.values() for q in group]
-    if isinstance(equations, InSI) or not any(q.stated for q in declared):
+    if isinstance(equations, InSI) or not (time or any(q.stated for q in declared)):
         return equations
-    time = _time([q.stated or q.unit for q in declared])
-    if time is None:
-        said = dict.fromkeys(f"{q.name} is in {q.stated!r}" for q in declared if q.stated)
-        raise WorkbenchError(
-            f"the units do not belong together: {', '.join(said)}, others in units of the SI or of"
-            " another size, so that the equations would hold factors between them; declare all of"
-            " a kind in the same unit, such as minutes, or in the SI, and what a recording or a"
-            " reader counts in as display_unit, as in Output('level', 'm', display_unit='mm')"
-        )
     units = {
         kind: {q.name: parse_unit(q.stated) for q in group if q.stated}
         for kind, group in groups.items()
@@ -116,38 +109,57 @@ def in_si_equations(
         {name: (unit.factor, unit.offset) for name, unit in units[kind].items()}
         for kind in ("states", "inputs", "outputs", "parameters")
     )
-    found = InSI(equations, time, states, inputs, outputs, parameters)
-    plainly = replace(found, plainly=True)
-    return plainly if _alike(found, plainly, groups) else found
+    if time and not same_dimension(time, "s"):
+        raise WorkbenchError(f"time is {time!r}; give a unit of time, such as 'min'")
+    texts = dict.fromkeys(q.stated or q.unit for q in declared)
+    for size in (parse_unit(time).factor,) if time else _times(texts):
+        found = InSI(equations, size, states, inputs, outputs, parameters)
+        plainly = replace(found, plainly=True)
+        if _alike(found, plainly, groups):
+            return plainly
+        if time or _belong_together(texts, size):
+            return found
+    said = ", ".join(f"{q.name} is in {q.stated!r}" for q in declared if q.stated)
+    raise WorkbenchError(
+        f"the units do not belong together: {said}, others in units of the SI or of another size,"
+        " so that the equations would hold factors between them; declare all of a kind in the same"
+        " unit, such as minutes, or in the SI, and what a recording or a reader counts in as"
+        " display_unit, as in Output('level', 'm', display_unit='mm'); or say with"
+        " Model(..., time='min') that the equations hold these factors and count minutes"
+    )
 
 
-def _time(units: Sequence[str]) -> float | None:
-    """Return the unit of time, in s, of units that belong together; None if they do not."""
-    parsed = [unit for unit in map(parse_unit, dict.fromkeys(units)) if unit.dimensions]
+def _times(units: Iterable[str]) -> list[float]:
+    """Return sizes of the units of time that units are made of, in s, then those that usual are."""
+    named = [
+        parse_unit(symbol).factor
+        for unit in units
+        for symbol, _ in powers(in_symbols(unit))
+        if symbol != "1" and same_dimension(symbol, "s")
+    ]
+    return list(dict.fromkeys([*named, 1.0, 3600.0]))
+
+
+def _belong_together(units: Iterable[str], time: float) -> bool:
+    """Tell whether units are products of powers of one size each of length, mass and so on.
+
+    Args:
+        time: That of time, in s.
+    """
+    parsed = [unit for unit in map(parse_unit, units) if unit.dimensions]
     # A temperature is told from absolute zero, or from another, throughout.
     scales = {unit.offset for unit in parsed if unit.dimensions == (("K", 1),)}
-    if len(scales) > 1:
-        return None
     bases = sorted({base for unit in parsed for base, _ in unit.dimensions} - {"rad", "s"})
     powers_of = [dict(unit.dimensions) for unit in parsed]
     matrix = np.array([[each.get(base, 0.0) for base in bases] for each in powers_of])
-    named = {
-        parse_unit(symbol).factor
-        for unit in parsed
-        for symbol, _ in powers(in_symbols(unit.text))
-        if symbol != "1" and same_dimension(symbol, "s")
-    }
-    for time in (*named, *({1.0, 3600.0} - named)):
-        wanted = np.array(
-            [
-                math.log(unit.factor) - each.get("s", 0.0) * math.log(time)
-                for unit, each in zip(parsed, powers_of, strict=True)
-            ]
-        )
-        found = np.linalg.lstsq(matrix, wanted, rcond=None)[0] if bases else np.zeros(0)
-        if np.abs(matrix @ found - wanted).max(initial=0.0) < _SAME:
-            return time
-    return None
+    wanted = np.array(
+        [
+            math.log(unit.factor) - each.get("s", 0.0) * math.log(time)
+            for unit, each in zip(parsed, powers_of, strict=True)
+        ]
+    )
+    found = np.linalg.lstsq(matrix, wanted, rcond=None)[0] if bases else np.zeros(0)
+    return len(scales) < 2 and bool(np.abs(matrix @ found - wanted).max(initial=0.0) < _SAME)
 
 
 def _alike(
