@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from controllers import design_mpc, design_pid
-from tests.machines import at_rest
+from tests.machines import at_rest, machine
 from tests.verification.scripted import Scripted
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
@@ -85,6 +85,21 @@ def test_worst_step_counts(plant: Model, linear: LinearModel) -> None:
     found = metrics(verify(design_pid(linear), plant, hasty))["settling_time"]
     assert math.isnan(found.value)
     assert "2 % of the step" in str(found)
+
+
+def test_what_rests_is_judged_where_others_have_arrived() -> None:
+    """A short run: at its middle, too, something steps and moves what rests for 20 ms."""
+    plant = machine(
+        lambda m: ({"x": (m.u.u - m.x.x) / 4e-3}, {"y": m.x.x, "moved": m.u.u - m.x.x}),
+        "x K",
+        "u K -10 10",
+        "y K, moved K",
+    )
+    steps = {"y": Steps((0.0, 0.1, 0.3), (0.0, 1.0, 0.0)), "moved": Steps((0.0,), (0.0,))}
+    given = (*[0.0] * 50, *[1.0] * 100, *[0.0] * 100)
+    held = Scripted(given, controlled=("y", "moved"), actuators=("u",))
+    run = verify(held, plant, Scenario("short", steps, 0.5, start={"y": 0.0}, settle=0.0))
+    assert metrics(run)["moved.steady_error"].value < 1e-4
 
 
 def test_sine_has_no_step_figures(plant: Model, linear: LinearModel) -> None:

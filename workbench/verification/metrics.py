@@ -346,10 +346,13 @@ def _at_rest(respond: Callable[[Run, str, slice], Value]) -> Callable[[Run, str]
     """Return the worst of what an output does where its reference rests."""
 
     def measure(run: Run, name: str) -> Value:
-        steps = each_step(run.time, run.scenario.references[name].changes)
-        parts = [step.part for step in steps]
+        asked = run.scenario.references
+        parts = [step.part for step in each_step(run.time, asked[name].changes)]
         if not parts and np.ptp(run.references[name]) == 0.0:
-            parts = [slice(None)]
+            # It is moved where others step.
+            steps = {change[0]: change for own in asked.values() for change in own.changes}
+            others = each_step(run.time, [steps[time] for time in sorted(steps)])
+            parts = [step.part for step in others] or [slice(None)]
         found = [respond(run, name, part) for part in parts]
         return worst(found) if found else Value(math.nan, "the reference never rests")
 
