@@ -80,6 +80,9 @@ def _reached(
         with suppress(WorkbenchError):
             given = dict(as_the_loop_rests(model, at, command) if command else at)
             point = operating_point(model, given)
+            if abs(part) < LEAST * size and point.residual > EXACTLY:
+                # Nothing rests there, as a hopper that is emptied: it is only so little.
+                continue
             rests.append(part)
             # What the linear model leaves out, as dry friction, is no reason to step less far.
             point = point if own is model else operating_point(own, given)
@@ -91,6 +94,9 @@ def _reached(
 
 LEAST = 0.03
 """Least part of a usual step that is taken for the linear model to be of use behind it."""
+
+EXACTLY = 1e-11
+"""Residual of rest, over the states' scales, that rounding leaves where there is one."""
 
 ALIKE, NEARLY_ALIKE = 0.5, 0.15
 """Most by which the responses at both ends of a step may differ, over the lesser of them; and that

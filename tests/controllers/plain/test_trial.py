@@ -283,3 +283,16 @@ def test_a_heading_steps_no_farther_than_a_place_is_moved_alike() -> None:
     vessel = machine(equations, states, "thrust N -1 1, helm N -60 60", "north m, heading rad")
     outputs = ("north", "heading")
     assert 0.01 < step_of(vessel, at_rest(vessel), "heading", outputs) < 0.9
+
+
+def test_what_empties_a_hopper_steps_as_far_as_it_goes() -> None:
+    """Nothing rests where something flows: a step of 1e-8 kg/s is not one that a hopper bears."""
+
+    def equations(m: Any) -> Any:
+        flow = 2e-3 * m.x.speed * (0.8 + 0.01 * m.x.mass)
+        return {"speed": (m.u.turn - m.x.speed) / 0.3, "mass": m.u.refill - flow}, {"flow": flow}
+
+    inputs = "turn rad/s 0 12, refill kg/s commanded=0"
+    feeder = machine(equations, "speed rad/s 5, mass kg 15", inputs, "flow kg/s")
+    linear = at_rest(feeder)
+    assert step_of(feeder, linear, "flow", ("flow",)) > 0.1 * reach_of(linear, "flow")
