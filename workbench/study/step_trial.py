@@ -21,6 +21,7 @@ from controllers.design import DESIGNS, designs_for
 from controllers.plain.limits import MOST_LATE, settled_after
 from controllers.plain.loop import PlainLaw, loop_of
 from controllers.plain.pairing import interaction
+from controllers.sensitivity import loops_at
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 from workbench.linearisation import LinearModel, linearise
 from workbench.linearisation.first_step import as_the_loop_rests, command_of_loop, step_of
@@ -33,6 +34,7 @@ from workbench.linearisation.pace import (
     usual_sample_time,
 )
 from workbench.model import Model
+from workbench.model.quantities import of_names
 from workbench.model.units import convert, from_si, in_time, named_value, of_difference, quantity
 from workbench.operating_point import operating_point
 from workbench.plants.plant import Plant
@@ -143,22 +145,28 @@ class StepTrial:
                     f" default; --hold {whole} runs all of it"
                 )
         found = scenarios()
-        self._tell_noise(found)
+        self._tell_noise(recipes, found)
         return recipes, found
 
-    def _tell_noise(self, scenarios: Sequence[Scenario]) -> None:
+    def _tell_noise(
+        self, recipes: Sequence[ControllerRecipe], scenarios: Sequence[Scenario]
+    ) -> None:
         """Say which steps are so small that noise may keep them from settling."""
-        outputs = {q.name: q for q in self.model.outputs}
-        for scenario in scenarios:
-            for name, asked in scenario.references.items():
-                size = max((abs(last - first) for _, first, last in asked.changes), default=0.0)
-                share = noise_of(outputs[name]) / size if size else 0.0
-                if share > LOUD:
-                    self.say(
-                        f"the sensor of {name} has noise of {100.0 * share:.2g} % of its step, rms:"
-                        " what loops make of it may keep them from settling; step farther if the"
-                        " plant lets you (--to), or take a quieter sensor"
-                    )
+        moved: dict[str, list[str]] = {}
+        for recipe in recipes:
+            late = scenarios[0].late_samples * scenarios[0].sample_time
+            rms = _stirred(recipe, self.linear, late)
+            for scenario in scenarios:
+                for name, asked in scenario.references.items():
+                    size = max((abs(b - a) for _, a, b in asked.changes), default=math.inf)
+                    if (share := rms.get(name, 0.0) / size) > LOUD:
+                        moved.setdefault(name, []).append(f"{recipe.name} {100.0 * share:.2g} %")
+        for name, each in moved.items():
+            self.say(
+                f"noise of the sensors moves {name} by so much of its step, rms, that it may not"
+                f" settle: {', '.join(each)}; step farther if the plant lets you (--to), or take"
+                " quieter sensors"
+            )
 
     def scenario(self, stepped: Sequence[str]) -> Scenario:
         """Return a step of some controlled outputs and back, the others staying where they are."""
@@ -364,9 +372,33 @@ def _follows(recipe: ControllerRecipe) -> tuple[str, ...]:
     return ()
 
 
-LOUD = 0.05
-"""Noise of a sensor over a step, rms, from which on a loop must let less than a tenth of it through
-to settle within 2 %: four times that is outside once in thousands of samples."""
+def _stirred(recipe: ControllerRecipe, linear: LinearModel, delay: float) -> dict[str, float]:
+    """Return what noise of the sensors moves followed outputs by in a loop, rms, in SI.
+
+    With the loop's states x' = M x + N n, their covariance P = M P M^T + N N^T.
+    """
+    from scipy.linalg import solve_discrete_lyapunov
+
+    # One that cannot be built is a run that failed.
+    with suppress(WorkbenchError):
+        law: Any = recipe.build()
+        if not hasattr(law, "around_rest"):
+            return {}
+        A, B, C, F, G, H, J = loops_at(law, linear, ((delay, 0.0),))[0]
+        p = len(C)
+        M = np.block([[A + B @ J[:, :p] @ C, B @ H], [G[:, :p] @ C, F]])
+        if np.abs(np.linalg.eigvals(M)).max(initial=0.0) < 1.0:
+            read = of_names(linear.operating_point.model.outputs, law.sensors)
+            N = np.vstack([B @ J[:, :p], G[:, :p]]) * [noise_of(q) for q in read]
+            P = solve_discrete_lyapunov(M, N @ N.T)[: len(A), : len(A)]
+            rms = np.sqrt(np.maximum(np.diag(C @ P @ C.T), 0.0)).tolist()
+            return dict(zip(law.controlled, rms, strict=False))
+    return {}
+
+
+LOUD = 0.005
+"""What noise moves an output by, rms, over its step, from which on it may keep that from settling
+within 2 %: four times that is outside once in thousands of samples."""
 
 LONGEST, LONG = 20_000, 5_000
 """Most samples between steps that a loop that is slower than its plant is given by default; and
