@@ -170,7 +170,8 @@ def loops_at(
     for name in (*controller.sensors, *controller.controlled):
         check_choice("output of the linear model", name, linear.output_names)
     valve = getattr(unguarded(controller), "valve", None)
-    if isinstance(valve, ValveInverse) and OPENING in linear.input_names:
+    by_opening = OPENING in linear.input_names and OPENING not in controller.actuators
+    if isinstance(valve, ValveInverse) and by_opening:
         columns, gain = [linear.input_names.index(OPENING)], np.array([valve.gain_at_rest])
     else:
         for name in controller.actuators:

@@ -87,15 +87,16 @@ def opening_input(
     linear: LinearModel, valve: ValveInverse, actuator: str = "valve"
 ) -> OpeningInput:
     """Tell how the valve's opening enters a linear model, whichever input it was made with."""
-    name = OPENING if OPENING in linear.input_names else actuator
+    # A plant of one's own may well have a command of that name.
+    name = actuator if actuator in linear.input_names else OPENING
     if name not in linear.input_names:
         raise WorkbenchError(
             f"actuator of the linear model is {', '.join(linear.input_names)}, and this design is"
-            f" for a joint with {name!r}; for any linear model take a plain design, such as"
+            f" for a joint with {actuator!r}; for any linear model take a plain design, such as"
             " plain-pid or lqi (controllers.plain)"
         )
     at_point = float(linear.u0[linear.input_names.index(name)])
-    if name == OPENING:
+    if name != actuator:
         return OpeningInput(name, 1.0, at_point)
     return OpeningInput(name, 1.0 / valve.gain_at_rest, valve.opening(at_point))
 

@@ -336,6 +336,24 @@ def test_limits_of_a_lone_command_are_told_by_its_letter(name: str) -> None:
     assert (command.name, command.lower, command.upper) == ("u_0", -2.0, 3.0)
 
 
+@pytest.mark.parametrize("name", ["lqi", "plain-mpc"])
+def test_a_command_may_be_called_opening(name: str) -> None:
+    """As the openings do that an MPC of the arm's valve reckons with."""
+    gate = machine(
+        lambda m: {"flow": (3.0 * m.u.opening - m.x.flow) / 20.0, "level": m.x.flow - 0.6},
+        "flow m3/s 0.6, level m 1.5",
+        "opening m 0 1",
+        "level m",
+    )
+    linear = at_rest(gate)
+    law = designed(name, linear, sample_time=1.0)
+    start = law.initial_state((1.5,))
+    assert law.step(start, (1.5,), (1.5,))[0] == pytest.approx((0.2,))
+    (loop,) = loops_at(law, linear, ((0.0, 0.0),))
+    # A command of so much less has one gain, whatever it is called.
+    assert loop.B[0, 0] * linear.state_scales[0] == pytest.approx(3.0 * (1 - math.exp(-0.05)))
+
+
 def test_a_plant_that_nothing_drives_gets_no_controller() -> None:
     decay = machine(lambda m: {"level": -m.x.level}, "level m", "", "level m")
     with pytest.raises(WorkbenchError, match=r"'machine' has no input.*inputs=\(Input"):
