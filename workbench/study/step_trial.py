@@ -375,10 +375,9 @@ def _follows(recipe: ControllerRecipe) -> tuple[str, ...]:
 def _stirred(recipe: ControllerRecipe, linear: LinearModel, delay: float) -> dict[str, float]:
     """Return what noise of the sensors moves followed outputs by in a loop, rms, in SI.
 
-    With the loop's states x' = M x + N n, their covariance P = M P M^T + N N^T.
+    With the loop's states x' = M x + N n, their covariance is P = M P M^T + N N^T, by doubling
+    (Smith, Matrix equation XA + BX = C, SIAM J. Appl. Math. 16, 1968).
     """
-    from scipy.linalg import solve_discrete_lyapunov
-
     # One that cannot be built is a run that failed.
     with suppress(WorkbenchError):
         law: Any = recipe.build()
@@ -387,11 +386,14 @@ def _stirred(recipe: ControllerRecipe, linear: LinearModel, delay: float) -> dic
         A, B, C, F, G, H, J = loops_at(law, linear, ((delay, 0.0),))[0]
         p = len(C)
         M = np.block([[A + B @ J[:, :p] @ C, B @ H], [G[:, :p] @ C, F]])
-        if np.abs(np.linalg.eigvals(M)).max(initial=0.0) < 1.0:
+        if np.abs(np.linalg.eigvals(M)).max(initial=0.0) < 1.0 - 1e-9:
             read = of_names(linear.operating_point.model.outputs, law.sensors)
             N = np.vstack([B @ J[:, :p], G[:, :p]]) * [noise_of(q) for q in read]
-            P = solve_discrete_lyapunov(M, N @ N.T)[: len(A), : len(A)]
-            rms = np.sqrt(np.maximum(np.diag(C @ P @ C.T), 0.0)).tolist()
+            P = N @ N.T
+            while np.abs(M).max() > 1e-12:
+                P, M = P + M @ P @ M.T, M @ M
+            seen = C @ P[: len(A), : len(A)] @ C.T
+            rms = np.sqrt(np.maximum(np.diag(seen), 0.0)).tolist()
             return dict(zip(law.controlled, rms, strict=False))
     return {}
 
