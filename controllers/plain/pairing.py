@@ -233,5 +233,6 @@ def interaction(loop: Loop) -> list[str]:
 
 
 def _rate(s: complex) -> str:
-    turn = f" {'+' if s.imag > 0.0 else '-'} {abs(s.imag):.3g}i" if s.imag else ""
+    # Those of a real system come in pairs.
+    turn = f" ± {abs(s.imag):.3g}i" if s.imag else ""
     return f"{s.real:.3g}{turn} rad/s"

@@ -171,8 +171,9 @@ class StepTrial:
     def scenario(self, stepped: Sequence[str]) -> Scenario:
         """Return a step of some controlled outputs and back, the others staying where they are."""
         linear, shown = self.linear, step_time(self.linear)
-        # Zero plus zero has no sign.
-        y0 = {n: float(y) + 0.0 for n, y in zip(linear.output_names, linear.y0, strict=True)}
+        at = zip(of_names(self.model.outputs, linear.output_names), linear.y0.tolist(), strict=True)
+        # What rounding leaves is nothing, and zero plus zero has no sign.
+        y0 = {q.name: 0.0 if abs(y) < ROUNDED * q.scale else y + 0.0 for q, y in at}
         moved = {name: self._levels(name, y0) for name in stepped}
         held = shown if self.hold is None else self.hold
         check_range("time between the steps", held, *TIMES_S, "s")
@@ -363,6 +364,10 @@ class StepTrial:
         for demand in demands:
             check_demand(demand, units, scenarios, controllers, metrics)
         return tuple(demands), own
+
+
+ROUNDED = 1e-12
+"""Output at rest over its scale that is what rounding leaves."""
 
 
 def _follows(recipe: ControllerRecipe) -> tuple[str, ...]:
