@@ -47,6 +47,7 @@ from controllers.plain.loop import (
     paced,
     spare_outputs,
 )
+from controllers.plain.pairing import zeros
 from controllers.plain.trial import borne
 from controllers.sensitivity import (
     frequencies,
@@ -332,9 +333,11 @@ class LoopLimits:
         ends = self.loop.words
         least = float(np.min(judged.excess, initial=math.inf))
         if not math.isfinite(least):
-            fix = "measure more" if family == FEEDBACK else "take another family, such as lqi"
-            late = self._too_late()
-            raise WorkbenchError(f"{family} makes no stable loop of {ends}{late}; {fix}")
+            beside = self._beside_a_zero()
+            more = family == FEEDBACK or beside
+            fix = "measure more" if more else "take another family, such as lqi"
+            why = self._too_late() or beside
+            raise WorkbenchError(f"{family} makes no stable loop of {ends}{why}; {fix}")
         want = self.want
         given = (("Ms", want.maximum_sensitivity), ("Mt", want.maximum_complementary))
         asked = [f"{name} <= {limit:g}" for name, limit in given if limit]
@@ -360,6 +363,24 @@ class LoopLimits:
             f", which grows in {in_time(late / turned)} and is {in_time(late)} late: no loop has an"
             f" Mt below {math.exp(min(turned, 99.0)):.3g}, and good ones are late by less than"
             f" {in_time(late / turned / 3.0)}"
+        )
+
+    def _beside_a_zero(self) -> str:
+        """Say how near to a zero z an output grows at p: Ms >= product |z + p| / |z - p|.
+
+        Source: Skogestad and Postlethwaite, Multivariable Feedback Control, 2005, section 5.3.
+        """
+        poles = self.loop.linear.poles
+        growing = poles[poles.real > 0.0]
+        late = [z for z in zeros(self.loop) if z.real > 1e-6 * abs(z)] if self.sensors == 1 else []
+        each = [float(np.prod(np.abs((z + growing.conj()) / (z - growing)))) for z in late]
+        if max(each, default=0.0) <= USUAL_SENSITIVITY:
+            return ""
+        worst = max(each)
+        z = late[each.index(worst)]
+        return (
+            f", which grows at {growing.real.max():.3g} rad/s beside a zero at {abs(z):.3g} rad/s:"
+            f" no loop of it has an Ms below {worst:.3g}"
         )
 
     def steps(self, laws: LinearLaw) -> tuple[Vector, Matrix, Matrix]:
