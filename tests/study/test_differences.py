@@ -57,6 +57,7 @@ def bath(here: Path) -> PlantRecipe:
 
 def test_what_may_differ_follows_from_the_plant(bath: PlantRecipe) -> None:
     found = {one.name: one for one in differences(bath, ["warmth"], 1.0)}
+    assert found["sensor_lag_warmth"].told(1e-3) == "10 ms"
     assert {"loss", "volume", "noise", "delay_heat_command", "sensor_lag_warmth"} <= set(found)
     # Temperatures have no part of themselves; a loop cannot see what falsifies its own sensor.
     assert not {"room", "sensor_offset_warmth", "sensor_gain_warmth"} & set(found)

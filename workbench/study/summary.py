@@ -9,7 +9,7 @@ from typing import Any
 
 from workbench.display import aligned_table
 from workbench.errors import WorkbenchError
-from workbench.model.units import from_si, shown_unit, with_unit
+from workbench.model.units import from_si, in_time, shown_unit, with_unit
 from workbench.study.baseline import IN_BOX, Change
 from workbench.study.grouped import Group, changes_by_plant, missed_by_plant
 from workbench.study.judgements import RUN_FAILED, Judgement, Score, judge_records
@@ -289,6 +289,8 @@ def score_text(value: float, *, capped: bool = False) -> str:
 def parameter_text(value: float, unit: str) -> str:
     """Write the value of a parameter, in its SI unit, as people read it."""
     shown = shown_unit(unit)
+    if shown == "s":
+        return in_time(value)
     return with_unit(f"{float(from_si(value, shown)):.3g}", shown)
 
 
