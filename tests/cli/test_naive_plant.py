@@ -473,9 +473,13 @@ def test_a_step_is_more_than_the_noise_of_its_sensor(balls: None, shell: Shell) 
 
 
 def test_a_step_that_noise_drowns_is_told(balls: None, shell: Shell) -> None:
-    step = "verify --plant balls:ball -c plain-pid --from 0cm --to"
-    told = "noise of the sensors moves ball by so much of its step"
-    assert told in shell(step, "1cm").err and told not in shell(step, "5cm").err
+    step = "verify --plant balls:ball -c plain-pid --json --from 0cm --to"
+    told = "noise of the sensors moves ball by so much of its step, rms, that it may not settle"
+    drowned, shown = shell(step, "0.1cm"), shell(step, "1cm")
+    assert told in drowned.err and told not in shown.err
+    # It is so: of 1 mm, the rms of the sensor, a loop that lets 5 % of it through never settles.
+    settled = [said.result["runs"][0]["metrics"]["settling_time"] for said in (drowned, shown)]
+    assert settled[0]["value"] is None and settled[1]["value"] < 3.0
 
 
 def test_a_linear_model_is_a_plant(balls: None, shell: Shell, refused: Refused) -> None:
