@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from controllers.plain.loop import LoopSpecification, loop_of
 from tests.controllers.families import designed
 from tests.machines import machine
 from tests.shell import Refused, Shell
-from workbench.linearisation import linearise
+from workbench.linearisation import LinearModel, linearise
 from workbench.linearisation.first_step import _reached
 from workbench.linearisation.pace import reach_of, step_time, usual_sample_time
 from workbench.model import Input, Model, Output, State
@@ -198,6 +199,38 @@ def test_a_step_that_takes_most_of_a_command_in_the_end_is_held_for_few_samples(
     _, (scenario, *_) = trial.prepared()
     # As long as the slow part takes, with samples that show the quick one: 2.25 million.
     assert 10_000 < scenario.samples < 15_000
+
+
+class Proportional:
+    """A controller of somebody's own, which says nothing of when it settles."""
+
+    name, sample_time, preview = "P", 0.002, 0
+    sensors = controlled = ("power",)
+    actuators = ("rod",)
+
+    def initial_state(self, measurement: tuple[float, ...]) -> None: ...
+
+    def step(
+        self, state: None, measurement: tuple[float, ...], reference: tuple[float, ...]
+    ) -> Any:
+        return (2.0 * (reference[0] - measurement[0]),), None, {}
+
+    def linear_command(self, command: Any) -> Any:
+        return command
+
+
+def proportional(linear: LinearModel, specification: object) -> Proportional:
+    return Proportional()
+
+
+def test_an_own_law_is_run_on_a_slow_plant_for_seconds_of_computing_and_that_is_said() -> None:
+    machine, said = PlantRecipe(f"{__name__}:poisoned"), list[str]()
+    own = (f"{__name__}:proportional",)
+    base = ControllerRecipe("", "", machine, ())
+    _, (scenario, *_) = StepTrial(machine, base, own, say=said.append).prepared()
+    # The plant takes 200 million samples of that controller.
+    assert scenario.samples == 450_000
+    assert any("--hold" in sentence for sentence in said)
 
 
 def test_a_heater_that_rests_near_its_end_is_as_fast_as_its_power() -> None:

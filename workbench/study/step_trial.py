@@ -132,17 +132,22 @@ class StepTrial:
         moved = [names for names in moved if followed & set(names)] or moved[:1]
         sample_time = found[0].sample_time
         if hold is None:
+            usual = step_time(self.linear)
             needed = [settling(recipes, self.linear, scenario) for scenario in found]
-            times = [each.time or step_time(self.linear) for each in needed]
-            hold = max(times) if any(each.time for each in needed) else None
+            hold = max(each.time or min(usual, each.most * sample_time) for each in needed)
             slowest: dict[str, float] = {}
             for name, settled in (pair for each in needed for pair in each.slow.items()):
                 slowest[name] = max(settled, slowest.get(name, 0.0))
-            for name, settled in slowest.items():
-                whole = in_time(rounded_up(2.0 * settled)).replace(" ", "")
+            late = {
+                n: (f"{n} settles in", t, 2.0 * t) for n, t in slowest.items() if 2.0 * t > hold
+            }
+            if hold < usual and not all(each.most == LONGEST for each in needed):
+                late[""] = "the plant responds in", usual, usual
+            for what, time, whole in late.values():
                 self.say(
-                    f"{name} settles in {in_time(settled)}, later than the step is run for by"
-                    f" default; --hold {whole} runs all of it"
+                    f"{what} {in_time(time)}, later than the step is run for by default; 'workbench"
+                    f" verify' with --hold {in_time(rounded_up(whole)).replace(' ', '')} runs all"
+                    " of it"
                 )
         found = scenarios()
         self._tell_noise(recipes, found)
@@ -408,9 +413,10 @@ LOUD = 0.005
 within 2 %: four times that is outside once in thousands of samples."""
 
 LONGEST, LONG = 20_000, 5_000
-"""Most samples between steps that a loop that is slower than its plant is given by default; and
-that one which settles long before is given, for what its command does slowly then to begin to show:
-some ten times as many as most settle in."""
+"""Most samples between steps that a loop is given by default, seconds of computing, and ten times
+as many one of which nobody knows when it settles; and those that one which settles long before is
+given, for what its command does slowly then to begin to show: some ten times as many as most settle
+in."""
 
 
 class Needed(NamedTuple):
@@ -419,10 +425,12 @@ class Needed(NamedTuple):
     Args:
         time: Time between steps, in s; 0 if they have it.
         slow: By name, what loops that would need too many samples take to settle, in s.
+        most: Most samples between steps.
     """
 
     time: float
     slow: Mapping[str, float]
+    most: int
 
 
 def settling(
@@ -440,17 +448,19 @@ def settling(
     steps = {name: own[0][2] - own[0][1] for name, own in changes.items() if own}
     times = [change[0] for own in changes.values() for change in own]
     usual = max(times, default=0.0) - min(times, default=0.0)
-    long, ended, all_told, room = 0.0, 0.0, True, True
+    long, ended, all_told, room, most = 0.0, 0.0, True, True, LONGEST
     for recipe in recipes:
         told = False
         # One that cannot be built is a run that failed.
         with suppress(WorkbenchError):
             law: Any = recipe.build()
             told = hasattr(law, "around_rest") and not recipe.kind().sensors
-            if told := told or isinstance(law, PlainLaw):
+            if not (told := told or isinstance(law, PlainLaw)):
+                most = 10 * LONGEST
+            else:
                 late = scenario.late_samples * scenario.sample_time
                 settled = settled_after(law, linear, steps) + late
-                if 2.0 * settled > max(usual, LONGEST * scenario.sample_time):
+                if 2.0 * settled > LONGEST * scenario.sample_time:
                     slow[recipe.name], told = settled, False
                 else:
                     long = max(long, settled)
@@ -458,17 +468,17 @@ def settling(
             ended = max(ended, least_time(linear, law.actuators, steps))
         all_told = all_told and told
     if not long:
-        return Needed(0.0, slow)
+        return Needed(0.0, slow, most)
     # A step back may have less of the command than the step, as what only cools.
     both = 2.0 * (long + ended)
     least = rounded_up(2.0 * long)
     if least > usual or (room and usual < both < math.inf):
-        return Needed(rounded_up(both) if both < math.inf else least, slow)
+        return Needed(rounded_up(both) if both < math.inf else least, slow, most)
     enough = max(5.0 * long, both)
     if not room:
         enough = max(enough, LONG * scenario.sample_time)
     ends = all_told and enough < 0.99 * usual
-    return Needed(rounded_up(enough) if ends else 0.0, slow)
+    return Needed(rounded_up(enough) if ends else 0.0, slow, most)
 
 
 def _levels_behind(linear: LinearModel, scenario: Scenario) -> dict[str, float]:
