@@ -51,7 +51,7 @@ CASES: list[tuple[str, ...]] = [
     ("linearise --supply 20bar", "supply pressure is 20 bar"),
     ("simulate", "no input is given", "--valve 0:1"),
     ("simulate --valve 0:12V", "valve is 12 V", "0 to 10 V"),
-    ("simulate --valve 5", "no value", "TIME:VALUE", "0:5"),
+    ("simulate --valve 0:5,6", "no value", "TIME:VALUE", "0:6"),
     ("simulate --valve 0:5 --pulses 1", "both --valve and --pulses"),
     ("simulate --pulses 7V", "pulse height of valve is 7 V"),
     ("demo --data no-such-folder", "data folder 'no-such-folder' does not exist"),
@@ -61,7 +61,7 @@ CASES: list[tuple[str, ...]] = [
     ("linearise --angle", "--angle", "--help"),
     ("diagnose", "there is nothing to work on"),
     ("diagnose nowhere", "neither a folder with a case nor one of"),
-    ("diagnose --fit a.csv", "are both needed"),
+    ("recording .", ". is a folder"),
     ("diagnose practice-07 --fit a.csv", "keep one of them"),
     ("diagnose --fit a.csv --hold-out b.csv --plant robot", "plant is 'robot'"),
     ("diagnose --fit a.csv --hold-out b.csv --plant emps --load 3", "No such option: --load"),
@@ -88,6 +88,12 @@ def test_one_sentence_and_status_2(case: tuple[str, ...], here: Path, shell: She
     assert said.err.count("\n") == 1 and "Traceback" not in said.err
     assert [word for word in words if word not in said.err] == []
     assert not list(here.iterdir())
+
+
+@pytest.mark.parametrize("typed", ["", "evaluate"])
+def test_the_help_alone_answers_no_word_at_all(typed: str, shell: Shell) -> None:
+    said = shell(typed, status=WRONG_USE)
+    assert "--help" in said.out + said.err and "workbench: " not in said.err
 
 
 @pytest.mark.parametrize("verb", ["demo", "linearise", "simulate --valve 0:5"])

@@ -223,7 +223,7 @@ def test_report_shows_the_linear_loop(folder: Path, shell: Shell) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (f"simulate {OWN} --source 0", "write it as TIME:VALUE"),
+        (f"simulate {OWN} --source 0:1,0", "write it as TIME:VALUE"),
         (f"simulate {OWN} --source 0:12V", "source is 12 V; the valid range is -10 to 10"),
         (f"simulate {OWN} --resistence 3", "did you mean --resistance"),
         (f"simulate {OWN} --resistance 3V", "does not measure it"),
@@ -242,3 +242,19 @@ def test_mistakes_are_one_sentence(
 ) -> None:
     said = refused(arguments)
     assert message in said and said.count("\n") == 1
+
+
+def test_a_unit_that_one_output_alone_is_measured_in_tells_which_is_meant(
+    here: Path, shell: Shell
+) -> None:
+    both = PLANTS.replace(
+        '"tapped": m.x.charge_voltage}',
+        '"tapped": m.x.charge_voltage, "filling": 0.2 * m.x.charge_voltage}',
+    ).replace("noise_rms=1e-3),)", 'noise_rms=1e-3), Output("filling", "1", display_unit="%"))')
+    (here / "my_plants.py").write_text(both)
+    told = shell("verify --plant my_plants:circuit -c plain-pid --from 0% --to 4% --json").result
+    assert [run["scenario"] for run in told["runs"]] == ["step 0 to 4 % and back"]
+    held = shell("simulate --plant my_plants:circuit --source 2V --duration 20ms --out held.csv")
+    assert "circuit" in held.out
+    rows = np.genfromtxt("held.csv", delimiter=",", names=True)
+    assert np.all(rows["source_V"] == 2.0)

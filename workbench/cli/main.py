@@ -113,6 +113,9 @@ def run(arguments: Sequence[str]) -> int:
         _complain("interrupted; what was finished is kept")
         return INTERRUPTED
     except (typer.TyperException, WorkbenchError) as error:
+        if str(error) == "" and isinstance(error, typer.TyperException):
+            # Without any word, the help is shown.
+            return WRONG_USE
         _complain(_sentence(error) if isinstance(error, typer.TyperException) else str(error))
         return WRONG_USE
     except BaseException as error:

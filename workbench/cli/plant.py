@@ -149,8 +149,8 @@ def chosen_plant(
             CasADi of your own as module:object, looked up in the current folder, the .mat file of a
             system, or the verdict.json of a diagnosis.
         inputs (--input NAME=TIME:VALUE,...): Values of an input from times on, such as
-            valve=0:5.5,1.5:4.6, a number alone in the input's display unit; the short form is
-            --valve 0:5.5.
+            valve=0:5.5,1.5:4.6, or one value throughout; a number alone in the input's display
+            unit; the short form is --valve 0:5.5.
         at (NAME=VALUE): Value of an output, state or input at rest, such as angle=30deg; the short
             form is --angle 30deg. By default the plant's own.
         option (-o NAME=VALUE): Choose an option of the plant, such as load=3kg; the short form is
@@ -253,7 +253,8 @@ def _steps(model: Model, texts: Iterable[str]) -> dict[str, tuple[tuple[float, f
         name = name.replace("-", "_")
         check_choice("input", name, quantities)
         about, word = quantities[name], name.replace("_", " ")
-        for step in steps.split(","):
+        # A value alone is held from the start on.
+        for step in steps.split(",") if ":" in steps else [f"0:{steps}"]:
             time, sign, value = step.partition(":")
             if not sign:
                 raise WorkbenchError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -52,10 +53,10 @@ def verify(
         design (NAME=VALUE): What the design takes for another than the plant has: an option, or a
             value at rest, such as load=1kg or angle=30deg; the short form is --design-load 1kg.
         start (--from VALUE): Controlled output before the step, the plant's first that no command
-            moves at once, or another as NAME=VALUE, which is then controlled alone; several that
-            step together are NAME=VALUE,NAME=VALUE; a plant that declares no point of its own is
-            designed for there. By default every output that the commands hold independently is
-            controlled, and each steps by itself.
+            moves at once, or another as NAME=VALUE or in a unit that it alone is measured in, which
+            is then controlled alone; several that step together are NAME=VALUE,NAME=VALUE; a plant
+            that declares no point of its own is designed for there. By default every output that
+            the commands hold independently is controlled, and each steps by itself.
         end (--to VALUE): Controlled output after the step, or several as before it.
         hold (TIME): Time between the steps. By default what the linear model takes to respond, but
             between two and five times what the slowest loop of it takes to settle.
@@ -137,6 +138,10 @@ def _controlled(
     named = dict.fromkeys(name.strip() for found in pairs for name, _, _ in found if name)
     for name in named:
         check_choice("controlled output", name, [q.name for q in chosen.model.outputs])
+    for value in (value for found in pairs for name, _, value in found if not named and not name):
+        alone = _measured_in(chosen.model, value)
+        if len(alone) == 1 and alone[0] != controlled[0]:
+            named = dict.fromkeys(alone)
     only = next(iter(named), controlled[0])
     begins, ends = (
         {
@@ -151,6 +156,18 @@ def _controlled(
             " name all that step in both"
         )
     return tuple(named) or (controlled if begins or ends else ()), begins, ends
+
+
+def _measured_in(model: Model, text: str) -> list[str]:
+    """Return the outputs that a value may be one of, by its unit."""
+    from workbench.model.units import quantity
+
+    found = []
+    for q in model.outputs:
+        with suppress(WorkbenchError):
+            quantity(q.name, text, q.unit)
+            found.append(q.name)
+    return found
 
 
 def _level(model: Model, text: str, what: str) -> float:

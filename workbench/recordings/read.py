@@ -65,7 +65,7 @@ def rules_of(mapping: MappingLike) -> MappingRules:
 
 def _require_file(path: Path) -> None:
     if path.is_dir():
-        raise WorkbenchError(f"{path} is a folder; read_case reads a folder of recordings")
+        raise WorkbenchError(f"{path} is a folder; give one of its files")
     if path.is_file():
         return
     folder = path.parent
@@ -98,7 +98,7 @@ def read_columns(path: str | Path, rules: MappingRules, *, max_rows: int = MAX_R
 def mapping_beside(path: str | Path) -> Path | None:
     """Return the mapping of one file, such as ``trial.mapping.toml`` beside ``trial.csv``."""
     file = Path(path)
-    own = file.with_name(f"{_title(file)}.mapping.toml")
+    own = file.parent / f"{_title(file)}.mapping.toml"
     return own if own.is_file() else None
 
 
