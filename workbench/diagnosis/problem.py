@@ -10,6 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from workbench.diagnosis.averaging import averaged
+from workbench.diagnosis.division import with_some_held_out
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.undeclared import misread, more_finely, with_undeclared
@@ -94,16 +95,11 @@ def problem_of_case(case: Case, model: Model | None = None) -> Problem:
 def problem_of_files(
     model: Model, fit: Sequence[Path], hold_out: Sequence[Path], *, mapping: MappingLike = None
 ) -> Problem:
-    """Read recordings of a model.
+    """Read recordings of a model; where none is held out, a part of them is.
 
     Raises:
-        WorkbenchError: If there are none of one kind, one is given twice, or cannot be read.
+        WorkbenchError: If there is none to fit on, one is given twice, or cannot be read.
     """
-    if not fit or not hold_out:
-        raise WorkbenchError(
-            f"recordings to fit on ({len(fit)}) and others to judge on ({len(hold_out)}) are both"
-            " needed; give --fit and --hold-out"
-        )
     names = dict(zip((*fit, *hold_out), _titles((*fit, *hold_out)), strict=True))
     if len(names) < len(fit) + len(hold_out):
         raise WorkbenchError(
@@ -140,7 +136,10 @@ def problem_of_files(
         straight = replace(declared.traits, straight=model.traits.straight)
         model, again = with_undeclared(replace(declared, traits=straight), finer)
         notes = (*again, *(note for note in notes if note not in again and "straight" in note))
-    said = [fewer] if fewer else []
+    (fits, held), divided = with_some_held_out(
+        model, [read[path] for path in fit], [read[path] for path in hold_out]
+    )
+    said = [text for text in (divided, fewer) if text]
     said += [note for recording in read.values() for note in recording.notes]
     said += _taken_as_si(declared, list(read.values()))
     for recording in read.values():
@@ -152,8 +151,8 @@ def problem_of_files(
         name=", ".join(names[path] for path in fit),
         title=model.description or model.name,
         model=model,
-        fit=tuple(read[path] for path in fit),
-        hold_out=tuple(read[path] for path in hold_out),
+        fit=fits,
+        hold_out=held,
         notes=(*dict.fromkeys(said), *notes),
     )
 

@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from workbench.diagnosis.division import in_two
 from workbench.diagnosis.estimation.made_up import made_up_recording
 from workbench.diagnosis.experiment.menu import Experiment
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.recordings.recording import Recording
 from workbench.recordings.saving import csv_text
-
-HELD_OUT = 0.4
-"""Share of a new recording that is held out."""
-
-_ROOM = 0.1
-_STILL, _STILL_SAMPLES = 0.01, 10
 
 
 @runtime_checkable
@@ -76,8 +71,6 @@ def with_experiment(
 ) -> tuple[Recording, tuple[Recording, ...], tuple[Recording, ...]]:
     """Play an experiment on a machine and add its recording, a part of it to those held out.
 
-    The recording is divided where the measurements move least, about `HELD_OUT` from its end.
-
     Returns:
         The recording, then recordings to fit on and to judge on.
 
@@ -108,15 +101,5 @@ def with_experiment(
             f"the machine recorded {n} samples of {len(experiment.inputs)}; it must play at least"
             " half of the experiment"
         )
-    moved = np.nansum(
-        [np.abs(np.diff(recording[q.name], prepend=np.nan)) / q.scale for q in outputs], axis=0
-    )
-    width = max(_STILL_SAMPLES, round(_STILL * n))
-    around = np.convolve(moved, np.ones(width), mode="same")
-    first, last = (round((1.0 - HELD_OUT + off) * n) for off in (-_ROOM, _ROOM))
-    at = first + int(np.argmin(around[first:last]))
-    parts = [
-        replace(recording.take(rows), name=f"{recording.name}, {word}")
-        for rows, word in ((slice(0, at), "first part"), (slice(at, n), "last part"))
-    ]
-    return recording, (*fit_on, parts[0]), (*hold_out, parts[1])
+    begun, rest = in_two(model, recording)
+    return recording, (*fit_on, begun), (*hold_out, rest)
