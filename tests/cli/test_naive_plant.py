@@ -223,7 +223,7 @@ def test_coefficients_of_a_linear_system_are_refitted_and_kept(here: Path, shell
     for name, seed in (("a", 1), ("b", 2)):
         rng = np.random.default_rng(seed)
         drive = np.repeat(rng.uniform(-6.0, 6.0, 20), 20)
-        read = simulate(plant, drive, sample_time=0.05)["y_0"] + rng.normal(0.0, 0.05, 400)
+        read = simulate(plant, drive, sample_time=0.05)["y"] + rng.normal(0.0, 0.05, 400)
         table = np.c_[0.05 * np.arange(400), drive, read]
         np.savetxt(f"{name}.csv", table, delimiter=",", header="t [s],u,y", comments="")
     said = shell("diagnose --plant lines:G --fit a.csv --hold-out b.csv --out found")

@@ -18,14 +18,10 @@ from tests.diagnosis.axis_case import (
     excitation,
     held_out,
     positions,
-    recording,
 )
 from workbench.diagnosis import diagnose as module
-from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.stages import Prepared
-from workbench.errors import WorkbenchError
-from workbench.plants.servo_axis import servo_axis
 
 
 def test_the_truth_is_converged_and_starts_moving_as_it_must() -> None:
@@ -75,11 +71,6 @@ def test_the_verdict_carries_the_improved_model() -> None:
     assert "stribeck_friction" in {effect.name for effect in verdict.model.effects}
     data = json.loads(verdict.to_json())
     assert data["findings"][0]["effect"] == "stribeck_friction"
-
-
-def test_no_recordings_to_judge_on_are_refused() -> None:
-    with pytest.raises(WorkbenchError, match="others to judge on"):
-        diagnose(servo_axis(), [recording(1, hidden=False, n=100)], [])
 
 
 @pytest.mark.parametrize(

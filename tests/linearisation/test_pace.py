@@ -50,10 +50,10 @@ def test_a_slow_plant_is_tried_over_its_own_time() -> None:
 def test_what_integrates_goes_as_far_whatever_slows_it_down() -> None:
     def reach(damping: float) -> float:
         body, swing = ct.tf([1.0], [1.0, damping, 0.0]), ct.tf([900.0], [1.0, 2.0, 900.0])
-        known = linear_model(body * swing, limits={"u_0": (-1.0, 1.0)}).operating_point.model
+        known = linear_model(body * swing, limits={"u": (-1.0, 1.0)}).operating_point.model
         # Equations of which nobody knows that they are linear.
         plant = replace(known, equations=lambda m: known.equations(m))
-        return reach_of(at_rest(plant), "y_0")
+        return reach_of(at_rest(plant), "y")
 
     # A body on a spring that swings far faster than it is slowed down.
     assert 0.5 < reach(0.001) / reach(0.1) < 2.0

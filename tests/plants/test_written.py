@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
+import control as ct
 import numpy as np
 import pytest
 from scipy.io import savemat
@@ -13,10 +16,13 @@ from scipy.io import savemat
 from tests.machines import at_rest
 from tests.shell import Shell
 from workbench.errors import WorkbenchError
+from workbench.linearisation import linear_model, linearise
 from workbench.linearisation.transfer import transfer_function
 from workbench.model.linear_system import with_free_coefficients
+from workbench.operating_point import operating_point
 from workbench.physics.library import library
 from workbench.plants.registry import PLANTS
+from workbench.simulation import simulate
 
 
 def answer(plant: str, s: complex) -> np.ndarray:
@@ -188,3 +194,20 @@ def test_a_file_without_a_system_is_told(tmp_path: Path) -> None:
     (tmp_path / "text.mat").write_text("A = 1")
     with pytest.raises(WorkbenchError, match="and no system|cannot be read"):
         PLANTS.get(str(tmp_path / "text.mat"))
+
+
+def test_what_a_verb_takes_for_a_plant_a_function_takes_too() -> None:
+    system = ct.tf([2.0], [0.5, 1.0, 0.0])
+    for plant in (system, linear_model(system), "2 / (s (0.5 s + 1))", lambda: system):
+        np.testing.assert_allclose(np.sort(linearise(plant, verdict=False).poles), [-2.0, 0.0])
+        assert operating_point(plant).model.outputs[0].name == "y"
+        assert simulate(plant, np.ones(3), sample_time=0.1)["y"][1] > 0.0
+    with pytest.raises(WorkbenchError, match="plant 'float' is a float; a plant is a function"):
+        operating_point(2.0)
+
+
+@pytest.mark.parametrize("limits", [5.0, {"u": 5}, {"u": (-5.0, 5.0)}])
+def test_a_largest_magnitude_is_a_limit(limits: Any) -> None:
+    model = linear_model(ct.tf([1.0], [1.0, 1.0]), limits=limits).operating_point.model
+    assert [(q.lower, q.upper) for q in model.inputs] == [(-5.0, 5.0)]
+    assert model.outputs[0].upper == math.inf

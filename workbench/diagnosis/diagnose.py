@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from workbench.diagnosis.conclude import conclude, still_missing
+from workbench.diagnosis.division import with_some_held_out
 from workbench.diagnosis.estimation.fixed_parameters import (
     with_fixed_refitted,
     with_fixed_uncertainty,
@@ -40,9 +41,11 @@ from workbench.diagnosis.stages import Diagnosis, Fitted, Located, Prepared, Val
 from workbench.diagnosis.undeclared import as_coarse_as_recorded, with_undeclared
 from workbench.diagnosis.verdict import Verdict
 from workbench.display import notebook_progress
-from workbench.errors import NumericalError, WorkbenchError
+from workbench.errors import NumericalError
 from workbench.model import Model
+from workbench.model.linear_system import with_free_coefficients
 from workbench.physics.library import Hypothesis, Law, library
+from workbench.plants.registry import model_of
 from workbench.recordings.checks import check_recording
 from workbench.recordings.recording import Recording
 from workbench.work.processes import Call, in_order, processes
@@ -55,9 +58,9 @@ Progress = Callable[[str], None]
 
 
 def diagnose(
-    model: Model,
+    model: Model | Any,
     fit_on: Sequence[Recording],
-    hold_out: Sequence[Recording],
+    hold_out: Sequence[Recording] = (),
     *,
     entries: Sequence[Hypothesis] | None = None,
     extra: Sequence[Law | Hypothesis] = (),
@@ -70,6 +73,8 @@ def diagnose(
     """Diagnose a model on recordings of the machine.
 
     Args:
+        model: The plant, or what stands for it, such as a system of python-control.
+        hold_out: Recordings to judge on; by default the last of several, or a part of the only one.
         entries: Effects that may be missing; the whole library by default.
         extra: Laws and hypotheses of your own that may be missing beside the library.
         priors: Free parameters of the nominal model; `default_priors` by default.
@@ -79,7 +84,7 @@ def diagnose(
         progress: Called with a line of text before each step; by default a notebook shows a bar.
 
     Raises:
-        WorkbenchError: If there are no recordings or they do not belong to the model.
+        WorkbenchError: If there are no recordings, or they do not belong to the model.
         NumericalError: If the nominal model cannot be refitted.
 
     Example:
@@ -95,7 +100,7 @@ def diagnose(
         'nothing_missing'
     """
     *_, finished = stages(
-        model,
+        with_free_coefficients(model_of(model)),
         fit_on,
         hold_out,
         entries=entries,
@@ -128,11 +133,7 @@ def stages(
         The diagnosis with each stage that is reached, and after each round of the search; the last
         one has a verdict.
     """
-    if not fit_on or not hold_out:
-        raise WorkbenchError(
-            f"a diagnosis needs recordings to fit on and others to judge on; it got {len(fit_on)}"
-            f" and {len(hold_out)}"
-        )
+    (fit_on, hold_out), divided = with_some_held_out(model, fit_on, hold_out)
     say, jobs = progress or notebook_progress(), processes(jobs, _MOST_JOBS)
     both: Sequence[Recording] = (*fit_on, *hold_out)
     model, notes = with_undeclared(model, both)
@@ -140,7 +141,11 @@ def stages(
     both, late = with_commands_in_time(model, both)
     fit_on, hold_out = both[: len(fit_on)], both[len(fit_on) :]
     model, noise = with_correlated_noise(model, both)
-    for note in (*notes, *(row["note"] for row in (*rows, *late, *noise))):
+    for note in (
+        *filter(None, [divided]),
+        *notes,
+        *(row["note"] for row in (*rows, *late, *noise)),
+    ):
         say(note)
     searched = partial(
         _stages,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -19,7 +20,7 @@ from workbench.linearisation.validity import DescribingFunction, Validity, find_
 from workbench.model import EXACT, ActuatorCurve, Form, Model, Quantity
 from workbench.model.sizes import response
 from workbench.model.units import rate_unit
-from workbench.operating_point import Derivatives, OperatingPoint, derivatives_of
+from workbench.operating_point import Derivatives, OperatingPoint, derivatives_of, operating_point
 
 _POINTS = 32
 
@@ -214,7 +215,7 @@ def _room(model: Model, u: Vector, by: Vector) -> float:
 
 
 def linearise(
-    op: OperatingPoint,
+    op: OperatingPoint | Any,
     *,
     input: str = "plant",  # noqa: A002 -- The word of the field.
     amplitude: Mapping[str, float] | None = None,
@@ -229,6 +230,7 @@ def linearise(
     what is within a dead zone there, where no input would move an output otherwise.
 
     Args:
+        op: The operating point, or a plant, which is linearised where it rests.
         input: ``"plant"`` for the plant's own inputs, or the name of an actuator's curve that the
             plant declares and a controller inverts, such as ``"opening"`` of the arm's valve,
             -1..1: the model's ``inverse``. The state behind the curve is then straight in it.
@@ -259,6 +261,7 @@ def linearise(
         >>> kink.name, round(kink.factor, 1)  # filling is faster than venting
         ('spool', 1.6)
     """
+    op = op if isinstance(op, OperatingPoint) else operating_point(op)
     curve = None if input == "plant" else op.model.traits.curve(input)
     if curve is not None and len(op.model.inputs) != 1:
         raise WorkbenchError(

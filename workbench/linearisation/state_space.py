@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, cast
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from workbench.arrays import Vector
 from workbench.linearisation.linear_model import LinearModel
 from workbench.model import EXACT, Model
-from workbench.model.linear_system import LinearEquations, model_of_system
+from workbench.model.linear_system import Limits, LinearEquations, model_of_system
 from workbench.model.transfer_text import system_of_text
 from workbench.operating_point import Derivatives, OperatingPoint
 
@@ -18,31 +17,32 @@ from workbench.operating_point import Derivatives, OperatingPoint
 def linear_model(
     system: Any,
     *,
-    limits: Mapping[str, tuple[float, float]] | None = None,
+    limits: Limits = None,
     delay: float = 0.0,
 ) -> LinearModel:
     """Take a system of python-control, or one written as text, as a linear model.
 
-    The names are those of its signals; ``u[0]`` becomes ``u_0``. Its units are SI. Where no limits
-    are given, the scale of an input is 1, and that of an output what the inputs make of it, or 1 if
-    that is more. It is a plant too: ``linear_model(system).operating_point.model``. The ``system``
-    of a `LinearModel` has its operating point still.
+    The names are those of its signals; ``u[0]`` becomes ``u_0``, or ``u`` if it is the only one.
+    Its units are SI. Where no limits are given, the scale of an input is 1, and that of an output
+    what the inputs make of it, or 1 if that is more. It is a plant too:
+    ``linear_model(system).operating_point.model``. The ``system`` of a `LinearModel` has its
+    operating point still.
 
     Args:
         system: A ``control.StateSpace`` or ``control.TransferFunction``, or one of
             ``scipy.signal``, proper, in continuous time or with a sample time over which its inputs
             are held; a text such as ``"2 exp(-0.1 s) / (s + 1)"``; or a `LinearModel`, which is
             returned.
-        limits: Lower and upper end of inputs and outputs by name, in SI; infinite if not given. A
-            lone ``u[0]`` or ``u_0`` may be called ``u``.
+        limits: Lower and upper end of inputs and outputs by name, in SI, or the largest magnitude,
+            which alone is that of every input; infinite if not given.
         delay: Time by which every input acts late, in s, by a Pade function of second over third
             order. Whole samples by which a sampled system is late (poles at z = 0) count too.
 
     Example:
         >>> import control
         >>> linear_model(control.tf([1.0], [0.1, 1.0, 0.0])).output_names
-        ('y_0',)
-        >>> linear_model("1 / (s (0.1 s + 1))", limits={"u": (-1.0, 1.0)}).output_names
+        ('y',)
+        >>> linear_model("1 / (s (0.1 s + 1))", limits=1.0).output_names
         ('y',)
     """
     if isinstance(system, str):

@@ -20,6 +20,7 @@ from workbench.model.traits import Traits
 
 Rows = tuple[tuple[float, ...], ...]
 Entry = tuple[str, int, int]
+Limits = Mapping[str, tuple[float, float] | float] | float | None
 
 
 @dataclass(frozen=True)
@@ -142,7 +143,7 @@ def is_system(found: object) -> bool:
 def model_of_system(
     system: Any,
     *,
-    limits: Mapping[str, tuple[float, float]] | None = None,
+    limits: Limits = None,
     delay: float = 0.0,
 ) -> Model:
     """Return a linear system as a plant; units and arguments are those of `linear_model`.
@@ -162,11 +163,13 @@ def model_of_system(
     late = check_range("delay", delay, 0.0, TIMES_S[1], "s")
     given = proper_system(system, "the plant of a design")
     named: Any = system if hasattr(system, "input_labels") else given
-    inputs, outputs = labels(named.input_labels), labels(named.output_labels)
-    # Of one signal that python-control has numbered, the letter says which.
-    alone = [names[0] for names in (inputs, outputs) if len(names) == 1]
-    called = {name.removesuffix("_0"): name for name in alone}
-    ends = {called.get(n, _plain(n)): own for n, own in (limits or {}).items()}
+    inputs, outputs = signal_names(named.input_labels), signal_names(named.output_labels)
+    called = {f"{name}_0": name for name in ("u", "y") if name in (*inputs, *outputs)}
+    told = dict.fromkeys(inputs, limits) if isinstance(limits, (int, float)) else limits or {}
+    ends = {
+        called.get(_plain(n), _plain(n)): (-own, own) if isinstance(own, (int, float)) else own
+        for n, own in told.items()
+    }
     for name in ends:
         check_choice("name of a limited signal", name, (*inputs, *outputs))
         if not ends[name][0] < ends[name][1]:
@@ -543,6 +546,11 @@ def _rows(matrix: Vector) -> Rows:
 def labels(names: Sequence[str]) -> tuple[str, ...]:
     """Return names of signals as those of a plant: ``x[0]`` is ``x_0``."""
     return tuple(_plain(name) for name in names)
+
+
+def signal_names(given: Sequence[str]) -> tuple[str, ...]:
+    """Return names of inputs or outputs; of one that python-control has numbered, the letter."""
+    return labels([given[0].removesuffix("[0]")] if len(given) == 1 else given)
 
 
 def _plain(label: str) -> str:

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from workbench.errors import WorkbenchError
-from workbench.model.linear_system import labels
+from workbench.model.linear_system import labels, signal_names
 from workbench.model.model import Model
 from workbench.model.quantities import Input, Output, Parameter, State
 from workbench.model.scope import Scope
@@ -77,9 +77,8 @@ def model_of_rates(system: Any) -> Model:
                 f"system {title!r} is sampled; give its rates in continuous time, dx/dt = f(x, u)"
             )
         both = _of_control(system, title)
-        names = tuple(
-            labels(own) for own in (system.state_labels, system.input_labels, system.output_labels)
-        )
+        driven, measured = system.input_labels, system.output_labels
+        names = labels(system.state_labels), signal_names(driven), signal_names(measured)
         free = {k: float(v) for k, v in system.params.items() if isinstance(v, (int, float)) and v}
     states, inputs, outputs = names
     return Model(

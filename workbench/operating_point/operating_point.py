@@ -13,6 +13,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -34,6 +35,7 @@ from workbench.operating_point.trim import (
     solve,
     what_would_be_possible,
 )
+from workbench.plants.registry import model_of
 
 
 @dataclass(frozen=True, repr=False)
@@ -123,7 +125,7 @@ class OperatingPoint(Shown):
 
 
 def operating_point(
-    model: Model,
+    model: Model | Any,
     given: Mapping[str, float] | None = None,
     *,
     bounds: Mapping[str, tuple[float, float]] | None = None,
@@ -140,6 +142,7 @@ def operating_point(
     holds both pressures. What changes at a time, such as a jump of a parameter, has changed.
 
     Args:
+        model: The plant, or what stands for it, such as a system of python-control.
         given: Values of measurements, states or inputs by name, in SI, at most one per input (and
             one per drifting direction); measurements are looked up first. By default the inputs at
             rest, or in the middle of their ranges where a model that says nothing of rest stands at
@@ -165,6 +168,7 @@ def operating_point(
         >>> round(free["pressure_1"] / 1e5, 1), free.is_equilibrium
         (4.2, True)
     """
+    model = model_of(model)
     if not given and _tells_where(model) and (held := _held_at_start(model, bounds, near)):
         return held
     wanted = _with_disturbances(model, _checked(model, given))

@@ -151,3 +151,23 @@ class Plants(Registry[Plant]):
 
 PLANTS = Plants("plant", Plant, package="workbench.plants", group="workbench.plants", adopt=adopt)
 """Plants by name; one of the user's own as ``module:object``: a function, a model or a Plant."""
+
+
+def model_of(plant: Any) -> Model:
+    """Return what stands for a plant as its model, with the defaults of its options.
+
+    Args:
+        plant: A `Model`, a function that returns one, a system of python-control, SciPy or CasADi,
+            a `LinearModel`, or the name of a plant, such as ``"1 / (s + 1)"``.
+
+    Raises:
+        WorkbenchError: If it is none of these.
+
+    Example:
+        >>> [q.name for q in model_of("2 / (s (0.5 s + 1))").outputs]
+        ['y']
+    """
+    if isinstance(plant, Model):
+        return plant
+    found = PLANTS.get(plant) if isinstance(plant, str) else adopt(plant, type(plant).__name__)
+    return found.model()

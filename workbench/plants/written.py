@@ -89,8 +89,7 @@ def plant_of_matlab(path: Path) -> Plant:
 
 
 def _model(system: Any, limit: float = 0.0, delay: float = 0.0) -> Model:
-    limits = dict.fromkeys(system.input_labels, (-limit, limit)) if limit else None
-    return model_of_system(system, limits=limits, delay=delay)
+    return model_of_system(system, limits=limit or None, delay=delay)
 
 
 _NAMES = {

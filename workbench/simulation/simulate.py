@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,7 @@ from workbench.errors import NumericalError, WorkbenchError, check_choice, check
 from workbench.model import EXACT, Form, Model
 from workbench.model.model import check_vector
 from workbench.model.units import in_time
+from workbench.plants.registry import model_of
 from workbench.simulation.integrators import METHODS, Method
 from workbench.simulation.stepper import Stepper
 from workbench.simulation.trajectory import Trajectory, read_outputs
@@ -23,7 +24,7 @@ TRUSTED = 0.01
 
 
 def simulate(
-    model: Model,
+    model: Model | Any,
     inputs: npt.ArrayLike,
     *,
     sample_time: float,
@@ -39,6 +40,7 @@ def simulate(
     The integrator is restarted at every sample, so that no step crosses a jump of the inputs.
 
     Args:
+        model: The plant, or what stands for it, such as a system of python-control.
         inputs: Inputs, shape (n, n_inputs), or (n,) for a single input, in SI; row k is held from
             sample k to sample k + 1.
         sample_time: Time between samples, in s.
@@ -59,6 +61,7 @@ def simulate(
         >>> round(float(run["position"][-1]), 3)
         0.609
     """
+    model = model_of(model)
     held = check_inputs(model, inputs)
     check_choice("integration method", method, ("auto", *METHODS))
     if start is None or isinstance(start, Mapping):

@@ -333,7 +333,7 @@ def test_limits_of_a_lone_command_are_told_by_its_letter(name: str) -> None:
     (command,) = linear_model(
         ct.tf([1.0], [1.0, 1.0]), limits={name: (-2, 3)}
     ).operating_point.model.inputs
-    assert (command.name, command.lower, command.upper) == ("u_0", -2.0, 3.0)
+    assert (command.name, command.lower, command.upper) == ("u", -2.0, 3.0)
 
 
 @pytest.mark.parametrize("name", ["lqi", "plain-mpc"])
@@ -569,7 +569,7 @@ def test_a_system_of_small_numbers_without_limits_is_as_fast_and_goes_as_far(nam
 def test_a_scenario_without_the_reference_of_a_followed_output_is_refused() -> None:
     system = ct.ss(-np.eye(2), np.eye(2), np.eye(2), 0, inputs=2, outputs=["hot", "cold"])
     law = design_lqi(system, LQISpecification(sample_time=0.05))
-    with pytest.raises(WorkbenchError, match=r"follows hot, cold, and .* has no reference of cold"):
+    with pytest.raises(WorkbenchError, match="references of hot; give one of cold"):
         verify(law, linear_model(system), step_scenario("hot", 0.0, 1.0, sample_time=0.05))
 
 
@@ -623,14 +623,14 @@ def test_an_h_infinity_loop_shows_a_reference_no_tail_of_what_it_does_about_load
     # The water of a boiler's drum: it integrates, and swells the wrong way first.
     drum = linear_model(
         ct.ss(np.diag([0.0, -1.0 / 15.0]), [[6.7e-5], [-3.3e-4]], [[1.0, 1.0]], [[0.0]]),
-        limits={"u_0": (-20.0, 20.0)},
+        limits={"u": (-20.0, 20.0)},
     )
     law = designed("plain-h-infinity", drum, sample_time=0.2, noise=2e-3)
     plant = drum.operating_point.model
-    run = verify(law, plant, step_scenario("y_0", 0.0, 0.05, hold=600.0, sample_time=0.2))
+    run = verify(law, plant, step_scenario("y", 0.0, 0.05, hold=600.0, sample_time=0.2))
     scores = metrics(run)
     # The command is at its end on the way; within the ends the loop settles in 50 s.
-    assert run["u_0"].max() == 20.0
+    assert run["u"].max() == 20.0
     assert scores["settling_time"].value < 200.0 and scores["overshoot"].value < 0.02
 
 
@@ -724,7 +724,7 @@ def test_a_reference_enters_as_suits_commands_that_are_late() -> None:
     plant = linear_model(ct.tf([2400.0], np.poly([-35.6, -1.05 + 0.7j, -1.05 - 0.7j]).real))
     h = 0.01
     law = designed("plain-h-infinity", plant, sample_time=h, delay=0.1)
-    late = replace(step_scenario("y_0", 0.0, 1.0, hold=4.0, sample_time=h), late_samples=10)
+    late = replace(step_scenario("y", 0.0, 1.0, hold=4.0, sample_time=h), late_samples=10)
     run = metrics(verify(law, plant.operating_point.model, late))
     assert run["overshoot"].value < 0.04 and run["settling_time"].value < 1.5
 
@@ -746,7 +746,7 @@ def test_a_reference_brakes_where_a_plant_has_no_more_than_its_commands(tmp_path
     # A bath behind the lag of its sensor, without noise: small steps take all of the heater too.
     bath = linear_model(ct.tf([1.0], np.convolve([2700.0, 1.0], [20.0, 1.0])), limits={"u": (0, 9)})
     law = designed("plain-pid", bath, sample_time=2.0)
-    found = stepped(law, bath.operating_point.model, "y_0", 1.0, 3.0, hold=1500.0)
+    found = stepped(law, bath.operating_point.model, "y", 1.0, 3.0, hold=1500.0)
     # All of it takes 780 s.
     assert found["settling_time"] < 900.0 and found["overshoot"] < 0.02
     in_c, state = InC(law, tmp_path), law.initial_state((0.0,))

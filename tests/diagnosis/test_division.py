@@ -1,0 +1,50 @@
+"""What is held out where nobody says, and what stands for a plant in a diagnosis."""
+
+from __future__ import annotations
+
+import control as ct
+import numpy as np
+import pytest
+
+from workbench.diagnosis.diagnose import diagnose
+from workbench.diagnosis.division import with_some_held_out
+from workbench.errors import WorkbenchError
+from workbench.plants.servo_axis import servo_axis
+from workbench.recordings.recording import Recording, Signal
+
+AXIS = servo_axis()
+
+
+def run(name: str, samples: int) -> Recording:
+    time = 0.01 * np.arange(samples)
+    force = Signal("force", np.zeros(samples), "N", role="command")
+    return Recording(name, time, (force, Signal("position", np.sin(time), "m")))
+
+
+def test_the_last_of_several_is_held_out_and_of_one_its_last_part() -> None:
+    a, b = run("a", 400), run("b", 400)
+    assert with_some_held_out(AXIS, [a], [b]) == (((a,), (b,)), "")
+    assert with_some_held_out(AXIS, [a, b], []) == (
+        ((a,), (b,)),
+        "no recording is held out (--hold-out), so b is",
+    )
+    ((fit,), (held,)), said = with_some_held_out(AXIS, [a], [])
+    assert len(fit) + len(held) == 400 and fit.time[-1] < held.time[0]
+    assert 0.3 < len(held) / 400 <= 0.5 and "of a are" in said
+    with pytest.raises(WorkbenchError, match="short has 60 samples"):
+        with_some_held_out(AXIS, [run("short", 60)], [])
+    with pytest.raises(WorkbenchError, match="no recording to fit on"):
+        with_some_held_out(AXIS, [], [a])
+
+
+def test_a_system_of_python_control_is_diagnosed_on_one_recording() -> None:
+    time, rng = 0.02 * np.arange(1500), np.random.default_rng(1)
+    drive = np.repeat(rng.uniform(-1.0, 1.0, 30), 50)
+    # The machine is a fifth slower than is believed.
+    slow = ct.ss(ct.tf([2.0], [0.6, 1.0]))
+    _, read = ct.forced_response(ct.sample_system(slow, 0.02), time, drive)
+    signals = Signal("u", drive, "1"), Signal("y", read + rng.normal(0.0, 0.01, 1500), "1")
+    found = diagnose(ct.tf([2.0], [0.5, 1.0]), [Recording("lag", time, signals)], entries=())
+    assert found.verdict.kind == "nothing_missing"
+    values = {q.name: q.value for q in found.verdict.model.parameters}
+    assert values["A_0_0"] == pytest.approx(-1.0 / 0.6, rel=0.02)
