@@ -191,6 +191,8 @@ STACK = (
 CYLINDER = plant("valve 1", "s m, p Pa"), ("air valve", "p [bar]"), "s"
 WHEEL = plant("brake Pa", "v_car m/s, w_wheel rad/s"), ("brake [bar]", "w_wheel [rad/s]"), "v_car"
 
+DRIVE = plant("supply V", "current A, speed rad/s"), ("supply [V]", "current [A]"), "speed"
+
 
 @pytest.mark.parametrize(
     ("machine", "header", "taken", "other"),
@@ -205,6 +207,10 @@ WHEEL = plant("brake Pa", "v_car m/s, w_wheel rad/s"), ("brake [bar]", "w_wheel 
         (CYLINDER, "gap [mm]", False, ""),
         (WHEEL, "v [km/h]", True, ""),
         (WHEEL, "wind [km/h]", False, ""),
+        (DRIVE, "shaft velocity [rad/s]", True, "n [rpm]"),
+        (DRIVE, "Drehzahl in 1/min", True, ""),
+        (DRIVE, "n_rpm", True, ""),
+        (DRIVE, "gear [rpm]", False, ""),
     ],
 )
 def test_what_a_header_may_say_of_a_name(

@@ -15,7 +15,7 @@ from workbench.recordings.recording import Role
 _SYNONYMS = (
     {"angle", "theta", "phi", "joint_angle", "winkel", "q", "alpha"},
     {"position", "x", "y", "displacement", "pos", "stroke", "weg", "qm"},
-    {"speed", "velocity", "omega", "v", "angular_speed", "geschwindigkeit"},
+    {"speed", "velocity", "omega", "v", "angular_speed", "geschwindigkeit", "drehzahl"},
     {"valve", "u", "command", "valve_command", "valve_voltage", "input", "ventil", "control"},
     {"pressure", "p", "druck"},
     {
@@ -177,15 +177,17 @@ def _shortened(requested: Requested, header: Header) -> bool:
 def _told(requested: Requested, header: Header) -> bool:
     """Tell whether something beside its unit speaks for a header.
 
-    It is part of the name, or a word of it, as ``v`` is of ``v_car``, the name is one of its words,
-    as of ``travel s``, or it begins with the letter of what it measures, as ``T_stack`` does.
+    It is part of the name, or a word of it, as ``v`` is of ``v_car``, the name or a synonym is one
+    of its words, as of ``travel s`` or ``shaft velocity``, or it begins with the letter of what it
+    measures, as ``T_stack`` and ``n`` do.
     """
     first, *rest = re.split(r"[\W_]+", header.name)
     if requested.name in rest or _shortened(requested, header):
         return True
-    if _words(header.name) <= _words(requested.name):
+    words = _words(header.name)
+    if words <= _words(requested.name) or _meaning(requested.name) in map(_meaning, words):
         return True
-    return bool(rest) and first in _letters(header.unit) and not _words(header.name) & _REFERENCES
+    return first in _letters(header.unit) and not words & _REFERENCES
 
 
 def _letters(unit: str) -> set[str]:
