@@ -51,6 +51,27 @@ def test_files_that_hold_the_same(read: Read, content: str | bytes) -> None:
     assert np.allclose(np.rad2deg(recording["angle"]), ANGLE, atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("2024-01-31 ", "2024-02-01 "),
+        ("31.01.2024 ", "01.02.2024 "),
+        ("31.1.24 ", "1.2.24 "),
+        ("31-Jan-2024 ", "01-Feb-2024 "),
+        ("1/31/2024 ", "2/1/2024 "),
+        ("31/01/2024 ", "01/02/2024 "),
+        # Neither says by itself which number is the day.
+        ("5/6/2024 ", "6/6/2024 "),
+        ("6/5/24 ", "6/6/24 "),
+    ],
+)
+def test_a_date_may_be_written_in_any_order(read: Read, before: str, after: str) -> None:
+    rows = [f"{before}23:59:{s:02d},{s}" for s in range(50, 60)]
+    rows += [f"{after}00:00:{s:02d},{10 + s}" for s in range(10)]
+    recording = read("stamp,angle_deg\n" + "\n".join(rows))
+    assert np.array_equal(recording.time, np.arange(20.0))
+
+
 def test_row_of_units_and_comments(read: Read) -> None:
     recording = read("# rig: 2\n# load_kg = 3\n\n" + table(header="time,valve,angle\nms,V,deg"))
     assert np.allclose(recording.time, TIME / 1000)

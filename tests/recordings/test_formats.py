@@ -55,6 +55,15 @@ def test_mat_5_structs_and_matrices(tmp_path: Path, title: str, data: str) -> No
     assert np.array_equal(recording["p"], VOLTAGE)
 
 
+def test_tables_that_share_their_first_column_have_it_for_the_time(tmp_path: Path) -> None:
+    both = {"u": np.c_[TIME, VOLTAGE], "y": np.c_[TIME, POSITION, 2.0 * POSITION]}
+    recording = read_recording(saved(tmp_path, **both))
+    assert recording.names == ("u", "y_1", "y_2")
+    assert np.array_equal(recording.time, TIME) and np.array_equal(recording["u"], VOLTAGE)
+    other = read_recording(saved(tmp_path, **both | {"u": np.c_[VOLTAGE, VOLTAGE], "t": TIME}))
+    assert other.names == ("u_1", "u_2", "y_1", "y_2", "y_3")
+
+
 def test_arrays_of_other_lengths_than_the_time_are_no_signals(tmp_path: Path) -> None:
     others = {f"map_{k}": np.arange(400.0) for k in range(3)}
     path = saved(tmp_path, t=TIME, qm=POSITION, vir=VOLTAGE, kp=160.18, **others)
@@ -158,7 +167,7 @@ def test_unknown_format_and_missing_file(tmp_path: Path) -> None:
     (tmp_path / "trial.csv").write_text("")
     with pytest.raises(WorkbenchError, match=r"did you mean 'trial.csv'"):
         read_recording(tmp_path / "trail.csv")
-    with pytest.raises(WorkbenchError, match="is a folder; read_case"):
+    with pytest.raises(WorkbenchError, match="is a folder; give one of its"):
         read_recording(tmp_path)
 
 
@@ -283,10 +292,13 @@ def test_labview_measurements(read: Read, with_time: bool, end: str) -> None:
     titles = ["X_Value"] * with_time + ["qm", "vir", "Comment"]
     lines = ["\t".join(titles), *("\t".join(map(str, row)) + end for row in rows)]
     head = LVM.format(columns="One" if with_time else "No")
-    recording = read(head + "\n".join(lines), "trial.lvm")
-    assert recording.time == pytest.approx(TIME)
-    assert recording["qm"] == pytest.approx(POSITION)
-    assert recording.signal("vir").unit == "V"
+    # LabVIEW leaves the first column empty where no time is written.
+    empty = ["X_Value\t" + lines[0], *("\t" + line for line in lines[1:])]
+    for written in [lines] if with_time else [lines, empty]:
+        recording = read(head + "\n".join(written), "trial.lvm")
+        assert recording.time == pytest.approx(TIME)
+        assert recording["qm"] == pytest.approx(POSITION)
+        assert recording.signal("vir").unit == "V"
 
 
 def test_tdms(tmp_path: Path) -> None:
@@ -303,6 +315,26 @@ def test_tdms(tmp_path: Path) -> None:
     assert recording.metadata["kp"] == 160.18
     path.write_bytes(b"TDSm" + bytes(20))
     with pytest.raises(WorkbenchError, match="not a TDMS file|holds no channels"):
+        read_recording(path)
+
+
+def test_mdf(tmp_path: Path) -> None:
+    asammdf = pytest.importorskip("asammdf")
+    path = tmp_path / "trial.mf4"
+    file = asammdf.MDF()
+    file.append([asammdf.Signal(POSITION, TIME, name="qm", unit="m")])
+    slow = TIME[::2]
+    file.append([asammdf.Signal(2.0 * slow, slow, name="vir", unit="V")])
+    file.save(path)
+    file.close()
+    recording = read_recording(path)
+    assert recording.time == pytest.approx(TIME)
+    assert np.array_equal(recording["qm"], POSITION)
+    # The last instant of the slower one holds.
+    assert recording["vir"][:-1] == pytest.approx(2.0 * TIME[:-1])
+    assert recording.signal("vir").unit == "V"
+    path.write_bytes(b"no measurement at all")
+    with pytest.raises(WorkbenchError, match="not an MDF file"):
         read_recording(path)
 
 
@@ -333,6 +365,7 @@ def test_the_longest_sheet_of_a_workbook(tmp_path: Path) -> None:
         ("nptdms", "a.tdms", "logs"),
         ("openpyxl", "a.xlsx", "logs"),
         ("pyarrow", "a.parquet", "parquet"),
+        ("asammdf", "a.mf4", "mdf"),
     ],
 )
 def test_what_an_extra_reads_says_so(

@@ -48,7 +48,8 @@ def recording(
     my_plants:rig'.
 
     Args:
-        file: Recording: CSV, Excel, MATLAB, Octave, HDF5, NumPy, LabVIEW, TDMS, Parquet or JSON.
+        file: Recording: text, Excel, MATLAB, Octave, HDF5, NumPy, LabVIEW, TDMS, MDF, Parquet or
+            JSON.
         mapping (FILE): TOML file that says which column is which signal.
         out: Folder for the page and the pictures.
     """

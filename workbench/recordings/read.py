@@ -141,7 +141,7 @@ def read_recording(
     max_rows: int = MAX_ROWS,
     name: str | None = None,
 ) -> Recording:
-    r"""Read a recording: text, Excel, MATLAB, Octave, HDF5, NumPy, LabVIEW, TDMS, Parquet or JSON.
+    r"""Read a recording: text, or a file of a program in any of the formats that are known.
 
     Units come from the headers (``pressure_1_bar``, ``angle [deg]``), a row of units or the
     mapping; a column without unit is taken as SI and the mapping says so. Print

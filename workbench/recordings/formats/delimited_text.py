@@ -41,8 +41,9 @@ _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "+inf", "-inf", 
 _WORDS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
 _STAMP = re.compile(
     r"(?P<date>(?P<year>\d{4})([-/.])(?P<month>\d\d?)\3(?P<day>\d\d?)"
-    r"|(?P<d>\d\d?)\.(?P<m>\d\d?)\.(?P<y>\d{4})"
-    r"|(?P<us_m>\d\d?)/(?P<us_d>\d\d?)/(?P<us_y>\d{4})(?=.*[AaPp][Mm]$))?"
+    r"|(?P<d>\d\d?)\.(?P<m>\d\d?)\.(?P<y>\d{4}|\d\d)"
+    r"|(?P<slashed_m>\d\d?)/(?P<slashed_d>\d\d?)/(?P<slashed_y>\d{4}|\d\d)"
+    r"|(?P<named_d>\d\d?)[- ](?P<named_m>[A-Za-z]{3})[- ](?P<named_y>\d{4}|\d\d))?"
     r"(?:(?:(?<=\d)[T ]\s*)?(?P<clock>(?P<h>\d\d?):(?P<min>\d\d)"
     r"(?::(?P<s>\d\d(?:[.,]\d*)?)|(?P<part>[.,]\d+))?(?:\s?(?P<half>[AaPp])[Mm])?)"
     r"\s?(?:Z|UTC|(?P<east>[+-]\d\d):?(?P<more>\d\d))?)?"
@@ -50,6 +51,10 @@ _STAMP = re.compile(
 Instant = tuple[float | None, float | None]
 NEVER: Instant = (None, None)
 _MILLENNIUM = date(2000, 1, 1).toordinal()
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_PARTS = [(f"{of}y", f"{of}m", f"{of}d") for of in ("", "slashed_", "named_")] + [
+    ("year", "month", "day")
+]
 _SETTING = re.compile(r"^\s*([A-Za-z][\w ./()\[\]-]{0,60}?)\s*[:=]\s*(\S.*?)\s*$")
 
 
@@ -62,6 +67,7 @@ class Layout:
         units: Units from a row of units; empty if there is none.
         first: Index of the first row of numbers among the lines of the file.
         words: Numbers that words stand for, dimensionless, by the word in lower case.
+        day_first: Whether 3/4/2024 is a day of April.
     """
 
     separator: str | None
@@ -73,6 +79,7 @@ class Layout:
     metadata: dict[str, Scalar] = field(default_factory=dict)
     saved: dict[str, Any] | None = None
     words: Mapping[str, float] = field(default_factory=dict)
+    day_first: bool = False
 
 
 def split_line(line: str, separator: str | None) -> list[str]:
@@ -108,8 +115,34 @@ def _tells(cell: str, decimal: str) -> bool:
     return cell.count(".") + cell.count(",") > 1 and bool(_GROUPED[decimal].match(cell))
 
 
-def instant(cell: str) -> Instant:
+def _date(found: re.Match[str], *, day_first: bool) -> float:
+    """Return a date, counted from 2000, in s; ValueError if there is none of that number."""
+    year, month, day = found.group(*next(parts for parts in _PARTS if found[parts[0]]))
+    if found["slashed_y"] and (int(month) > 12 or (day_first and int(day) <= 12)):
+        month, day = day, month
+    number = int(month) if month.isdigit() else 1 + _MONTHS.index(month.lower())
+    whole = date(int(year) + 2000 * (len(year) == 2), number, int(day))
+    return 86400.0 * (whole.toordinal() - _MILLENNIUM)
+
+
+def _day_first(lines: Sequence[str]) -> bool:
+    """Tell whether dates such as 3/4/2024 begin with the day, as they lie closer together then.
+
+    Example:
+        >>> _day_first(["5/6/2024 23:59:59,1.0", "6/6/2024 00:00:00,1.1"])
+        True
+    """
+    dates = set(re.findall(r"\b\d\d?/\d\d?/\d+", "\n".join(lines)))
+    days = [[instant(d, day_first=first)[0] for d in dates] for first in (True, False)]
+    own, other = (np.ptp([day for day in each if day is not None] or [0.0]) for each in days)
+    return bool(own < other) or any(int(d.partition("/")[0]) > 12 for d in dates)
+
+
+def instant(cell: str, *, day_first: bool = False) -> Instant:
     """Return the date that a cell holds, counted from 2000, and its time of day, both in s.
+
+    Args:
+        day_first: Whether 3/4/2024 is a day of April; 13/4/2024 is one anyway.
 
     Example:
         >>> instant("04.01.2000 06:00"), instant("2000-01-04T00:01:30.5Z"), instant("7:00")
@@ -122,10 +155,8 @@ def instant(cell: str) -> Instant:
         return NEVER
     day = clock = None
     if found["date"]:
-        orders = ("year", "month", "day"), ("y", "m", "d"), ("us_y", "us_m", "us_d")
-        numbers = found.group(*next(order for order in orders if found[order[0]]))
         try:
-            day = 86400.0 * (date(*map(int, numbers)).toordinal() - _MILLENNIUM)
+            day = _date(found, day_first=day_first)
         except ValueError:
             return NEVER
     if found["clock"]:
@@ -411,7 +442,7 @@ def _value(cell: str, layout: Layout) -> float | None:
     decimal = layout.decimal
     if is_number(cell, decimal) or _GROUPED[decimal].match(cell):
         return float(cell.replace("." if decimal == "," else ",", "").replace(decimal, "."))
-    parts = [part for part in instant(cell) if part is not None]
+    parts = [part for part in instant(cell, day_first=layout.day_first) if part is not None]
     if parts:
         return sum(parts)
     return math.nan if is_missing(cell) else layout.words.get(cell.lower())
@@ -498,7 +529,9 @@ def _read_lines(
         cut.append(f"a row per value: {len(lines)} rows became {len(wide) - 1}")
     layout = detect_layout(first[:_LOOK_AHEAD], source=path.name)
     own = {word.lower(): value for word, value in options.words.items()}
-    layout = replace(layout, words={**_WORDS, **own})
+    body = first[layout.first :]
+    day_first = "/" in body[0] and _day_first(body)
+    layout = replace(layout, words={**_WORDS, **own}, day_first=day_first)
     return _read_rows(path, first, blocks, layout, options, cut)
 
 

@@ -103,8 +103,8 @@ def format_of(path: Path) -> Format:
     if not rivals:
         raise WorkbenchError(
             f"{path.name} ends in {suffix or 'nothing'!r}, which is no known format; recordings are"
-            f" {', '.join(known_suffixes())} (text also as .gz); read a file of your own with"
-            ' format = "module:object" in its mapping file'
+            f" {', '.join(known_suffixes())} (text also as .gz): save it as one, or read it with"
+            ' format = "module:object" of your own in its mapping file'
         )
     if len(rivals) == 1:
         return rivals[0]

@@ -32,6 +32,11 @@ def read_lvm(path: Path, options: ReadOptions) -> Columns:
     if units and first >= 0:
         rest = found.units[len(named) :]
         found = replace(found, units=(*found.units[:first], *units, *rest))
+    if "X_Value" in found.headers and not np.isfinite(found.values[:, 0]).any():
+        # The step is told in the header alone.
+        found = replace(
+            found, headers=found.headers[1:], units=found.units[1:], values=found.values[:, 1:]
+        )
     headers = tuple("time" if h == "X_Value" else h for h in found.headers)
     empty = Columns(headers, found.units, np.empty((0, len(headers))))
     step = told.get("Delta_X", [""])[0].replace(",", ".")

@@ -88,6 +88,25 @@ def _sorted_out(flat: Mapping[str, Any]) -> tuple[dict[str, Vector], dict[str, S
     return vectors, scalars, odd
 
 
+def _with_time(flat: dict[str, Any], options: ReadOptions) -> dict[str, Any]:
+    """Take the first column that all of several tables share for the time.
+
+    So Simulink has signals, ``[t, u]`` and ``[t, y]``. Nothing else may be called a time.
+    """
+    tables = {
+        name: value.T if value.shape[0] < value.shape[1] else value
+        for name, value in flat.items()
+        if isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in "fiu"
+    }
+    empty = Columns(tuple(flat), ("",) * len(flat), np.empty((0, len(flat))))
+    if len(tables) < 2 or options.find_time(empty) is not None:
+        return flat
+    first, *others = [table[:, 0] for table in tables.values()]
+    if not all(np.array_equal(first, other) for other in others) or np.any(np.diff(first) <= 0.0):
+        return flat
+    return {"time": first} | flat | {name: np.squeeze(t[:, 1:]) for name, t in tables.items()}
+
+
 def _time_base(vectors: Mapping[str, Vector], options: ReadOptions) -> int:
     """Return the length of the columns: that of the time, or the most frequent one."""
     empty = Columns(tuple(vectors), ("",) * len(vectors), np.empty((0, len(vectors))))
@@ -113,7 +132,7 @@ def columns_of_variables(path: Path, content: Mapping[str, Any], options: ReadOp
         content = {k: v for k, v in content.items() if v is not inside[0]} | dict(inside[0])
     for name, value in content.items():
         flatten(name, value, flat)
-    vectors, scalars, odd = _sorted_out(flat)
+    vectors, scalars, odd = _sorted_out(_with_time(flat, options))
     if not vectors:
         raise WorkbenchError(
             f"{path.name} holds no vectors of numbers; it holds: {', '.join(flat) or 'nothing'}"
