@@ -11,6 +11,7 @@ which a `controllers.valve_inverse.ClosedForm` has. One without, such as one's o
 
 from __future__ import annotations
 
+import numbers
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -22,6 +23,7 @@ from controllers.guard import unguarded
 from controllers.named_state import flat, restored
 from controllers.protocol import Controller
 from workbench.arrays import Matrix
+from workbench.errors import WorkbenchError
 
 _SMALLEST = 1e-9
 """Smallest step of a difference as a share of a value, and smallest value that counts, in SI."""
@@ -94,6 +96,11 @@ def _differenced(
     controller: Controller, measurement: tuple[float, ...], reference: tuple[float, ...]
 ) -> LinearLaw:
     example = controller.initial_state(measurement)
+    if odd := [v for v in flat(example) if not isinstance(v, numbers.Real)]:
+        raise WorkbenchError(
+            f"{controller.name} keeps {type(odd[0]).__name__} in its state, where only numbers,"
+            " alone or in tuples, have slopes and so margins"
+        )
     z0, m0 = np.array(flat(example), dtype=float), np.array(measurement, dtype=float)
     n, stack = len(z0), np.concatenate([z0, m0])
 
@@ -107,6 +114,13 @@ def _differenced(
         step[i] = size
         return np.asarray((run(stack + step) - run(stack - step)) / (2.0 * size))
 
+    beside = stack + 1e-3 * np.maximum(np.abs(stack), 1.0)
+    if not np.allclose(run(beside), run(beside), rtol=1e-6, atol=0.0):
+        raise WorkbenchError(
+            f"{controller.name} answers the same state and measurement otherwise the second time,"
+            " so it remembers something in itself; let step return it as the state, or there are no"
+            " margins"
+        )
     columns = []
     for i, value in enumerate(stack):
         # Small beside the clipping limits and the corners of the valve curve, whatever the unit: a

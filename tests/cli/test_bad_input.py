@@ -62,6 +62,7 @@ CASES: list[tuple[str, ...]] = [
     ("diagnose", "there is nothing to work on"),
     ("diagnose nowhere", "neither a folder with a case nor one of"),
     ("recording .", ". is a folder"),
+    ("compare .", "study '.' is a folder", "--out"),
     ("diagnose practice-07 --fit a.csv", "keep one of them"),
     ("diagnose --fit a.csv --hold-out b.csv --plant robot", "plant is 'robot'"),
     ("diagnose --fit a.csv --hold-out b.csv --plant emps --load 3", "No such option: --load"),

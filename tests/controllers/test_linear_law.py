@@ -15,6 +15,7 @@ from controllers.linear_law import linear_law
 from controllers.named_state import flat, restored
 from controllers.plain.state_feedback import LQISpecification, design_lqi
 from tests.controllers.families import family
+from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
 
 LAWS = {
@@ -76,6 +77,31 @@ def test_a_law_without_symbols_is_differenced() -> None:
         linear_law(own, rest, (0.5,)), linear_law(pid, rest, (0.5,)), strict=True
     ):
         np.testing.assert_allclose(ours, theirs, rtol=1e-3, atol=1e-6)
+
+
+def test_a_law_that_remembers_in_itself_or_no_numbers_has_no_margins() -> None:
+    class Own:
+        name, sample_time, preview, integral = "own", 0.01, 0, 0.0
+        sensors = controlled = ("y",)
+        actuators = ("u",)
+
+        def initial_state(self, measurement: tuple[float, ...]) -> Any:
+            return self.first
+
+        def step(self, state: Any, measurement: tuple[float, ...], reference: Any) -> Any:
+            self.integral += reference[0] - measurement[0]
+            return (self.integral,), state, {}
+
+        def linear_command(self, command: Any) -> Any:
+            return command
+
+    own: Any = Own()
+    own.first = None
+    with pytest.raises(WorkbenchError, match="otherwise the second time"):
+        linear_law(own, (0.0,), (0.0,))
+    own.first = b"memory"
+    with pytest.raises(WorkbenchError, match="keeps bytes in its state"):
+        linear_law(own, (0.0,), (0.0,))
 
 
 def test_states_keep_their_form() -> None:

@@ -12,6 +12,7 @@ import typer
 
 from workbench.cli.options import AsJson, Jobs
 from workbench.cli.running import counting, write_study
+from workbench.errors import WorkbenchError
 from workbench.work.processes import processes
 
 if TYPE_CHECKING:
@@ -100,7 +101,15 @@ def named_study(given: Path, limit: bool | None, options: Iterable[str]) -> Stud
     from workbench.study.schema import read_study, resolve, shipped_study
 
     named = given.is_file() or given.suffix or len(given.parts) > 1
-    file = read_study(given if named else shipped_study(str(given)))
+    try:
+        file = read_study(given if named else shipped_study(str(given)))
+    except WorkbenchError:
+        if not given.is_dir():
+            raise
+        raise WorkbenchError(
+            f"study {str(given)!r} is a folder; give the file of the study, and a folder of results"
+            " with --out"
+        ) from None
     if changed := dict(named_value("option", text) for text in options):
         plant = {**file.table.get("plant", {}), **changed}
         file = replace(file, table={**file.table, "plant": plant})

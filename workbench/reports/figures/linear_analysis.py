@@ -32,7 +32,7 @@ def linear_blocks(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Block]:
         return []
     blocks: list[Block] = [
         Words(
-            "The same controller objects on linear models at several operating points, each loop "
+            "The same controller objects on the linear models of their operating points, each loop "
             "opened at the measured output. The shaded disk is the one of the smallest disk margin "
             "of these loops."
         ),
@@ -232,7 +232,7 @@ def _margins(a: LoopAnalysis) -> tuple[Cell | str, ...]:
 LINEAR = Figure(
     "linear",
     lambda result: linear_blocks(result.study, result.loops),
-    title="Linear analysis at every operating point",
+    title="Linear analysis",
     order=40,
     methods=methods("linear"),
 )
