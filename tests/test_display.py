@@ -13,7 +13,7 @@ import pytest
 
 import workbench as wb
 from tests.machines import machine
-from workbench.display import Drawn, Rows, Shown
+from workbench.display import Drawn, Rows, Shown, in_notebook
 from workbench.errors import WorkbenchError
 
 
@@ -164,3 +164,8 @@ def test_bode_plot_of_python_control_takes_a_linear_model() -> None:
 def test_a_linear_model_has_no_other_attributes(axis: dict[str, object]) -> None:
     with pytest.raises(AttributeError, match="no attribute 'frequency'"):
         _ = axis["linear"].frequency  # type: ignore[attr-defined]
+
+
+def test_a_program_that_imports_a_kernel_is_no_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "ipykernel", sys)
+    assert not in_notebook()

@@ -132,7 +132,9 @@ class Drawn(Shown):
 
 def in_notebook() -> bool:
     """Tell whether the interpreter is the kernel of a notebook."""
-    return "ipykernel" in sys.modules
+    # Programs may import a kernel's package and be none.
+    shell = sys.modules.get("IPython")
+    return shell is not None and hasattr(shell.get_ipython(), "kernel")
 
 
 def notebook_progress() -> Callable[..., None]:
