@@ -430,7 +430,7 @@ class Needed(NamedTuple):
 
     time: float
     slow: Mapping[str, float]
-    most: int
+    most: int = LONGEST
 
 
 def settling(
@@ -455,15 +455,15 @@ def settling(
         with suppress(WorkbenchError):
             law: Any = recipe.build()
             told = hasattr(law, "around_rest") and not recipe.kind().sensors
-            if not (told := told or isinstance(law, PlainLaw)):
-                most = 10 * LONGEST
-            else:
+            if told := told or isinstance(law, PlainLaw):
                 late = scenario.late_samples * scenario.sample_time
                 settled = settled_after(law, linear, steps) + late
                 if 2.0 * settled > LONGEST * scenario.sample_time:
                     slow[recipe.name], told = settled, False
                 else:
                     long = max(long, settled)
+            else:
+                most = 10 * LONGEST
             room = room and has_room(linear, law.actuators, steps)
             ended = max(ended, least_time(linear, law.actuators, steps))
         all_told = all_told and told
