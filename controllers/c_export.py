@@ -23,7 +23,7 @@ from pathlib import Path
 
 from controllers.c_source import CSource
 from controllers.guard import Fault, Guarded
-from controllers.protocol import Controller
+from controllers.protocol import Controller, check_controller
 from workbench.errors import WorkbenchError
 from workbench.files import write_whole
 
@@ -69,6 +69,7 @@ def export_c(
             f"name of the exported controller is {name!r}; give small letters, digits and"
             " underscores, beginning with a letter, such as 'pid'"
         )
+    check_controller(controller)
     guarded = controller if isinstance(controller, Guarded) else Guarded(controller)
     if not hasattr(guarded.controller, "c_source"):
         reason = getattr(guarded.controller, "not_in_c", "it was not written for symbols")

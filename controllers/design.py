@@ -13,8 +13,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from typing import Any, Literal, NamedTuple, cast
 
-from controllers.protocol import Controller
-from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
+from controllers.protocol import check_controller
+from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation import LinearModel
 from workbench.model.units import parse_unit, quantity, to_si
 from workbench.registry import Registry, user_code
@@ -122,31 +122,8 @@ class Design:
                 found: Any = self.function(source, specification)
         else:
             found = self.function(source, specification, **(given or {}))
-        _check_controller(self.name, found)
+        check_controller(found, f"what design {self.name!r} returned")
         return _named(found, name) if name else found
-
-
-def _check_controller(design: str, found: Any) -> None:
-    """Check that what a design returned has every member of a controller."""
-    if isinstance(found, type):
-        raise WorkbenchError(
-            f"design {design!r} returned the class {found.__name__}; return an object of it"
-        )
-    members = [name for name in vars(Controller) if not name.startswith("_")]
-    lacking = [name for name in members if not hasattr(found, name)]
-    if lacking:
-        raise WorkbenchError(
-            f"design {design!r} returned {type(found).__name__}, which is no controller: it has no"
-            f" {', '.join(lacking)}"
-        )
-    for name in ("sensors", "controlled", "actuators"):
-        names = getattr(found, name)
-        if isinstance(names, str) or not all(isinstance(n, str) for n in names):
-            raise WorkbenchError(
-                f"{name} of the controller of design {design!r} is {names!r}; give a tuple of"
-                ' names, such as ("angle",)'
-            )
-    check_range(f"sample_time of the controller of design {design!r}", found.sample_time, *TIMES_S)
 
 
 def _named(controller: Any, name: str) -> Any:

@@ -59,6 +59,34 @@ def linear_law(
     return _differenced(controller, measurement, reference)
 
 
+def to_system(
+    controller: Controller, measurement: tuple[float, ...] = (), reference: tuple[float, ...] = ()
+) -> Any:
+    """Return a controller as a sampled ``control.StateSpace`` from measurements to commands.
+
+    The sign is that of the law: with the plant it makes a loop of positive feedback.
+
+    Args:
+        measurement: Where it is linearised, in SI; by default at 0, or where it shall rest.
+        reference: The reference there, in SI; what is measured there by default.
+
+    Example:
+        >>> from controllers.plain.transfer_law import pid_by_hand
+        >>> pi = pid_by_hand(2.0, 10.0, measured="speed", actuator="voltage", sample_time=0.01)
+        >>> K = to_system(pi)
+        >>> K.input_labels, K.output_labels, K.dt
+        (['speed'], ['voltage'], 0.01)
+    """
+    import control as ct
+
+    at = measurement or (0.0,) * len(controller.sensors)
+    places = [controller.sensors.index(name) for name in controller.controlled]
+    wanted = reference or tuple(at[i] for i in places) * (1 + controller.preview)
+    matrices = linear_law(controller, at, wanted)
+    names = {"inputs": list(controller.sensors), "outputs": list(controller.actuators)}
+    return ct.ss(*matrices, controller.sample_time, **names)
+
+
 def _differentiated(
     controller: Any, measurement: tuple[float, ...], reference: tuple[float, ...]
 ) -> LinearLaw:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Protocol, runtime_checkable
 
+from workbench.errors import TIMES_S, WorkbenchError, check_range
+
 Measurement = tuple[float, ...]
 """Measurements of the controller's `Controller.sensors`, in their order, in SI."""
 
@@ -73,3 +75,29 @@ class Controller(Protocol):
         A controller that inverts a static curve of the actuator hands the plant a command bent by
         that inverse; the linear model has the straight line at rest instead.
         """
+
+
+def check_controller(found: Any, what: str = "the controller") -> None:
+    """Check that something has every member of a controller.
+
+    Raises:
+        WorkbenchError: If it is none.
+    """
+    if isinstance(found, type):
+        raise WorkbenchError(f"{what} is the class {found.__name__}; give an object of it")
+    members = [name for name in vars(Controller) if not name.startswith("_")]
+    lacking = [name for name in members if not hasattr(found, name)]
+    if lacking:
+        system = hasattr(found, "ninputs") or hasattr(found, "to_ss")
+        made = "; transfer_controller in controllers.plain.transfer_law makes one of it"
+        raise WorkbenchError(
+            f"{what} is a {type(found).__name__}, which is no controller: it has no"
+            f" {', '.join(lacking)}{made if system else ''}"
+        )
+    for name in ("sensors", "controlled", "actuators"):
+        names = getattr(found, name)
+        if isinstance(names, str) or not all(isinstance(n, str) for n in names):
+            raise WorkbenchError(
+                f'{name} of {what} is {names!r}; give a tuple of names, such as ("angle",)'
+            )
+    check_range(f"sample_time of {what}", found.sample_time, *TIMES_S)

@@ -20,6 +20,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import control
 import numpy as np
 import pytest
 
@@ -346,7 +347,10 @@ def test_refusals(linear: LinearModel, schedule: JointSchedule, tmp_path: Path) 
     class Unwritten:
         name, sensors, controlled, actuators = "rule of thumb", ("angle",), ("angle",), ("valve",)
         sample_time, preview = 0.002, 0
+        initial_state = step = linear_command = None
 
+    with pytest.raises(WorkbenchError, match="TransferFunction, .*transfer_controller in"):
+        export_c(control.tf([1.0], [1.0, 1.0]), tmp_path)
     with pytest.raises(WorkbenchError, match="'rule of thumb' cannot be written as C"):
         export_c(Unwritten(), tmp_path)  # type: ignore[arg-type]
 

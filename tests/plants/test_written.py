@@ -136,6 +136,7 @@ def test_a_column_of_a_distillation_has_rows_for_outputs() -> None:
         ("1/(2p + 1)", "'p' stands behind '1/(2'"),
         ("tf(1, [1 1], 'InputDelay', 2)", "'tf' stands where a number"),
         ("arm.slx", "linmod('arm'); save arm.mat A B C D"),
+        ("arm.fmu", "only its own program runs"),
     ],
 )
 def test_what_is_no_transfer_function_is_told_where(text: str, said: str) -> None:

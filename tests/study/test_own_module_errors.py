@@ -95,7 +95,7 @@ IN_A_RUN = {
     "one name as sensors": ('("angle",)', '"angle"', "give a tuple of names", ""),
     "an unknown sensor": ('("angle",)', '("angel",)', "did you mean 'angle'?", ""),
     "an unknown actuator": ('("valve",)', '("pump",)', "actuator is 'pump'", ""),
-    "a class": ("return Mine()", "return Mine", "returned the class Mine", ""),
+    "a class": ("return Mine()", "return Mine", "is the class Mine", ""),
     "nothing": ("return Mine()", "return None", "is no controller", ""),
     "a step that returns nothing": ("return (5.0,), state + 1, {}", "pass", "returned None", ""),
     "a step of two parts": (", {}", "", "it must return the command", ""),

@@ -12,6 +12,7 @@ from workbench.model import EXACT, Model
 from workbench.model.linear_system import Limits, LinearEquations, model_of_system
 from workbench.model.transfer_text import system_of_text
 from workbench.operating_point import Derivatives, OperatingPoint
+from workbench.plants.registry import model_of
 
 
 def linear_model(
@@ -67,7 +68,7 @@ def linear_model(
     return LinearModel(A, B, C, D, point, states, inputs, outputs, x0, u0, y0, np.zeros(n))
 
 
-def to_iosystem(model: Model) -> Any:
+def to_iosystem(model: Model | Any) -> Any:
     """Return a model as a ``control.NonlinearIOSystem`` with its names.
 
     python-control interpolates inputs linearly between samples, while a controller holds them: a
@@ -79,6 +80,7 @@ def to_iosystem(model: Model) -> Any:
     """
     import control as ct
 
+    model = model_of(model)
     at = Derivatives(model, EXACT)
     p, n = model.values, len(model.states)
 

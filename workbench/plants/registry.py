@@ -140,11 +140,12 @@ class Plants(Registry[Plant]):
             return plant_of_file(path, lambda other: self.get(other, folder=folder), folder=folder)
         if name.lower().endswith(".mat"):
             return plant_of_matlab(Path(name) if folder is None else folder / name)
-        if name.lower().endswith((".slx", ".mdl", ".m")):
+        if name.lower().endswith((".slx", ".mdl", ".m", ".fmu", ".mo", ".vi")):
             raise WorkbenchError(
-                f"plant {name!r} is a file that only MATLAB runs; save a linear system of it, such"
-                f" as [A, B, C, D] = linmod('{Path(name).stem}'); save {Path(name).stem}.mat A B C"
-                " D -v7"
+                f"plant {name!r} is a file that only its own program runs, and no physics can be"
+                " added to; write its equations ('workbench new-plant FILE'), or save a linear"
+                f" system of it, such as [A, B, C, D] = linmod('{Path(name).stem}'); save"
+                f" {Path(name).stem}.mat A B C D -v7"
             )
         return plant_of_text(name) if is_written(name) else super().get(name, folder=folder)
 

@@ -24,7 +24,7 @@ from typing import Any, Literal
 import numpy as np
 
 from controllers.guard import Guarded, unguarded
-from controllers.protocol import Controller
+from controllers.protocol import Controller, check_controller
 from workbench.arrays import Vector
 from workbench.errors import NumericalError, WorkbenchError, check_choice, check_finite, check_range
 from workbench.linearisation import LinearModel
@@ -61,6 +61,7 @@ def verify(
         NumericalError: If the plant left the range of its laws so far that it cannot be simulated.
     """
     check_choice("integration method", method, ("auto", "erk", "rosenbrock"))
+    check_controller(controller)
     if not isinstance(plant, Model):
         from workbench.linearisation.state_space import linear_model
 
@@ -77,6 +78,9 @@ def verify(
             f" {scenario.name!r} every {h:g} s; design the controller for the scenario's sample"
             " time"
         )
+    known = plant if isinstance(plant, Model) else plant.operating_point.model
+    for name in controller.controlled:
+        check_choice("controlled output", name, [q.name for q in known.outputs])
     for left in (name for name in controller.controlled if name not in scenario.references):
         raise WorkbenchError(
             f"controller {controller.name!r} follows {', '.join(controller.controlled)}, and"
@@ -84,7 +88,6 @@ def verify(
             f" one of {left}, such as Steps((0.0,), (0.0,)) where it stays at 0, or follow fewer"
             " outputs (measured)"
         )
-    known = plant if isinstance(plant, Model) else plant.operating_point.model
     for actuator in controller.actuators:
         check_choice("actuator", actuator, [q.name for q in known.inputs])
     events: list[tuple[int, str, float]] = []
