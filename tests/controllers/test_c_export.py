@@ -20,7 +20,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import control
+import control as ct
 import numpy as np
 import pytest
 
@@ -350,7 +350,7 @@ def test_refusals(linear: LinearModel, schedule: JointSchedule, tmp_path: Path) 
         initial_state = step = linear_command = None
 
     with pytest.raises(WorkbenchError, match="TransferFunction, .*transfer_controller in"):
-        export_c(control.tf([1.0], [1.0, 1.0]), tmp_path)
+        export_c(ct.tf([1.0], [1.0, 1.0]), tmp_path)
     with pytest.raises(WorkbenchError, match="'rule of thumb' cannot be written as C"):
         export_c(Unwritten(), tmp_path)  # type: ignore[arg-type]
 
