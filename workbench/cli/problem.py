@@ -64,7 +64,8 @@ def _loaded(
         case ([CASE]): Folder of a case, or name of a shipped case such as practice-08 or of a
             machine such as emps.
         fit: Instead of a case: a recording to fit on; may be given several times.
-        hold_out: A recording to judge on; may be given several times.
+        hold_out: A recording to judge on; may be given several times. By default the last of
+            several, or the last part of the only one.
         plant (NAME): Plant: a name of 'workbench plants', or a function or model of your own as
             module:object; by default that of the case, or the arm.
         mapping (FILE): TOML file that maps their columns to signals.
@@ -84,7 +85,7 @@ def _loaded(
 
     if case is None and not fit and not hold_out:
         raise WorkbenchError(
-            "there is nothing to work on; name a case, or give recordings with --fit and --hold-out"
+            "there is nothing to work on; name a case, or give recordings with --fit"
         )
     if case is not None and (fit or hold_out):
         raise WorkbenchError(f"both the case {case!r} and recordings are given; keep one of them")
