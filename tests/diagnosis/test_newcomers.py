@@ -614,6 +614,72 @@ def test_buoyancy_that_falls_with_the_depth_is_a_spring_that_pushes_away() -> No
     named(found, "linear_spring*", stiffness=approx(-3.0 / 2200.0, rel=0.03), rest=rest)
 
 
+def _charged_twice(seed: int) -> Recording:
+    """Charge a capacitor that holds more at a higher voltage, 220 F + 80 F/V, by SciPy."""
+    rng, amps, volts = np.random.default_rng(seed), levels(600, seed, 20.0, 10, 60), [1.5]
+
+    def rates(_: float, v: Vector, i: float) -> Vector:
+        return (i - 2.0 * v) / (220.0 + 80.0 * v)
+
+    for k in range(600):
+        # It is neither overcharged nor emptied.
+        amps[k] = -abs(amps[k]) if volts[-1] > 2.5 else amps[k]
+        amps[k] = abs(amps[k]) if volts[-1] < 0.6 else amps[k]
+        volts.append(held(rates, [volts[-1]], ([amps[k]] * 2,), 1.0)[-1, 0])
+    read = volts[:-1] + 3e-3 * amps + 1e-3 * rng.normal(size=600)
+    return recording(f"charge {seed}", 1.0, {"current [A]": amps}, {"terminal [V]": read})
+
+
+def test_a_parameter_may_change_over_what_an_output_reads_beside_an_input() -> None:
+    capacitor = machine(
+        lambda m: (
+            {"volts": (m.u.current - m.p.leak * m.x.volts) / m.p.capacity},
+            {"terminal": m.x.volts + m.p.ohms * m.u.current},
+        ),
+        "volts V 1.5",
+        "current A -50 50",
+        "terminal V",
+        "capacity F 300 50 2000, ohms Ohm 2e-3 1e-4 5e-2, leak S 1 0 10",
+    )
+    laws = "parameter_curve gain linear_outflow sensor_bend"
+    found = diagnosed(capacitor, [_charged_twice(1), _charged_twice(2)], laws)
+    named(found, "parameter_curve_capacity_over_volts", amount=approx(80.0, rel=0.05))
+
+
+def _fermented(seed: int) -> Recording:
+    """Cool what ferments the faster the warmer it is, 900 W exp((T - 285 K) / 9 K), by SciPy."""
+    rng, flow = np.random.default_rng(seed), 0.05 + levels(800, seed, 0.05, 30, 90)
+
+    def rates(_: float, x: Vector, u: float) -> list[float]:
+        passed, heat = 280.0 * (x[1] - x[0]), 900.0 * math.exp((x[0] - 285.0) / 9.0)
+        return [(heat + passed) / 7e5, (4186.0 * u * (270.0 - x[1]) - passed) / 3.5e5]
+
+    x = held(rates, [286.0, 281.0], (flow,), 60.0) + rng.normal(size=(800, 2)) * [0.03, 0.05]
+    read = {"beer [K]": x[:, 0], "jacket [K]": x[:, 1]}
+    return recording(f"brew {seed}", 60.0, {"flow [kg/s]": flow}, read)
+
+
+def test_what_is_constant_may_change_over_the_state_that_it_feeds() -> None:
+    def equations(m: Scope) -> dict[str, Any]:
+        passed = m.p.transfer * (m.x.jacket - m.x.beer)
+        cooling = 4186.0 * m.u.flow * (270.0 - m.x.jacket)
+        return {
+            "beer": (m.p.heat + passed) / m.p.store,
+            "jacket": (cooling - passed) / m.p.metal,
+        }
+
+    tank = machine(
+        equations,
+        "beer K 285, jacket K 280",
+        "flow kg/s 0 0.3",
+        "beer K, jacket K",
+        "heat W 800 0 5e3, transfer W/K 300 30 3e3, store J/K 8e5 1e5 5e6, metal J/K 4e5 1e5 2e6",
+    )
+    laws = "parameter_curve parameter_fade heat_loss"
+    found = diagnosed(tank, [_fermented(1), _fermented(2)], laws)
+    named(found, "parameter_curve_heat_over_beer")
+
+
 def _winding(seed: int) -> Recording:
     """A coil behind two diodes: 0.5 V drop in the direction of the current, beside SciPy."""
     volts = levels(400, seed, 4.0, 10, 40)

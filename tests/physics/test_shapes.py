@@ -56,7 +56,9 @@ def test_a_parameter_bends_over_an_input_where_a_sensor_reads_their_product() ->
         "tau s 0.3 0.1 1, resistance ohm 2e-3 0 0.1",
     )
     found = {h.name: h for h in parameter_curve.hypotheses(Survey(stack))}
-    assert list(found) == ["parameter_curve_resistance_over_current"]
+    # The loss is read too, beside an input.
+    over = {"resistance_over_current", "resistance_over_loss", "tau_over_loss"}
+    assert set(found) == {f"parameter_curve_{curve}" for curve in over}
     bent = stack.with_effect(found["parameter_curve_resistance_over_current"].at_size(1e-3))
     # A line over the range of the current: as much more above its middle as less below.
     lost = [1.0 - float(bent.read([0.0], [i])[0]) for i in (12.5, 25.0, 37.5)]

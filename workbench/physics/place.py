@@ -926,19 +926,27 @@ class Survey:
     def may_bend_over(self, q: Parameter, places: Sequence[Place]) -> tuple[Local, ...]:
         """Return the measured states and inputs over which a parameter at some ports may change.
 
-        Not states that its term is a function of, and of nothing else: a curve over them is a law
-        of its own. Of the inputs those that it is a factor of in what a sensor reads, where no
-        other law is a curve over them: a resistance over its current. And those without which its
-        term is, of which the equations make nothing or that multiply a state beside it: a decay
-        over the light, a heat transfer over the flow that carries the heat.
+        A state is measured too where an output reads no other, as that of a capacitor behind a
+        resistance does. What is constant, as the heat of a fermentation, may change over the state
+        that it feeds. Not states that its term is a function of, and of nothing else: a curve over
+        them is a law of its own. Of the inputs those that it is a factor of in what a sensor reads,
+        where no other law is a curve over them: a resistance over its current. And those without
+        which its term is, of which the equations make nothing or that multiply a state beside it: a
+        decay over the light, a heat transfer over the flow that carries the heat.
         """
         t, found = self.trace, []
         values = [self._signal(at) for at in places]
         slopes = [ca.jacobian(value, self._own_symbol(q)) for value in values]
-        for name in dict.fromkeys(self._measured.values()):
+        names = list(self._state_index)
+        slopes_of = (ca.jacobian(y, t.x) for y in t.outputs.elements())
+        alone = (s.sparsity().get_col() for s in slopes_of if s.nnz() == 1)
+        constant = not any(ca.depends_on(s, ca.vertcat(t.x, t.u)) for s in slopes)
+        raised = {k for at in places for k in self._rates_of(self._port_index[at.name])}
+        for name in dict.fromkeys([*self._measured.values(), *(names[k] for (k,) in alone)]):
             other = [t.x[i] for n, i in self._state_index.items() if n != name]
             rest = ca.vertcat(*other, t.u)
-            if "." not in name and any(ca.depends_on(s, rest) for s in slopes):
+            source = constant and self._state_index.get(name) in raised
+            if "." not in name and (source or any(ca.depends_on(s, rest) for s in slopes)):
                 found.append(self._of(name))
         # As a slip is; of how far two states are apart other laws are curves.
         over = self.driving(q, places)
