@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_finite, check_range
-from workbench.model.units import same_dimension, to_si
+from workbench.model.units import refuse_slips, same_dimension, to_si
 from workbench.registry import Registry, user_code
 
 FREQUENCIES_HZ = (1.0 / TIMES_S[1], 1.0 / TIMES_S[0])
@@ -210,6 +210,7 @@ def signal_from_table(table: Mapping[str, Any], *, folder: Path | None = None) -
     entries = dict(table)
     kind = SIGNALS.get(str(entries.pop("kind", "steps")), folder=folder)
     unit = str(entries.pop("unit", "1"))
+    refuse_slips(unit)
     if kind.name == "recorded" and {"file"} <= set(entries) <= {"file", "column"}:
         path = (folder or Path()) / str(entries["file"])
         return Recorded.read(path, str(entries.get("column", "")), unit=unit)
