@@ -211,3 +211,17 @@ def test_who_says_the_time_of_equations_says_that_they_hold_their_factors() -> N
         tank("m")
     # 10 l/min into 2 m2 are 0.3 m an hour.
     assert tank("h").rates([0.0], [1e-2 / 60.0]) == pytest.approx([0.3 / 3600.0])
+
+
+def test_what_goes_in_and_comes_out_says_no_time_of_plain_equations() -> None:
+    heart = Model(
+        "heart",
+        lambda m: ({"beats": (m.p.gain * m.u.air - m.x.beats) / m.p.time}, {"rate": m.x.beats}),
+        states=(State("beats"),),
+        inputs=(Input("air", "l/min"),),
+        outputs=(Output("rate", "1/min"),),
+        parameters=(Parameter("gain", value=3.0), Parameter("time", "s", value=20.0)),
+    )
+    # 10 l/min raise it by 30 beats a minute, in 20 s.
+    assert heart.rates([0.0], [1e-2 / 60.0]) == pytest.approx([1.5])
+    assert heart.read([30.0], [0.0]) == pytest.approx([0.5])

@@ -62,12 +62,16 @@ class InSI:
         if not _are_two(found):
             return found
         rates, outputs = found
-        # What is read as it is stays recognisable.
-        read = {_node(own[n]): whole[n] for own, whole in ((u, scope.u), (x, scope.x)) for n in own}
+        # What is read as it is, in the same unit, stays recognisable.
+        read = {
+            (_node(own[n]), of.get(n, _SI)): whole[n]
+            for own, whole, of in ((u, scope.u, self.inputs), (x, scope.x, self.states))
+            for n in own
+        }
         return (
             {n: v * (self.states.get(n, _SI)[0] / self.time) for n, v in rates.items()},
             {
-                n: read.get(_node(v), v * size + zero)
+                n: read.get((_node(v), (size, zero)), v * size + zero)
                 for n, v in outputs.items()
                 for size, zero in (self.outputs.get(n, _SI),)
             },
@@ -111,8 +115,15 @@ def in_si_equations(
     )
     if time and not same_dimension(time, "s"):
         raise WorkbenchError(f"time is {time!r}; give a unit of time, such as 'min'")
-    texts = dict.fromkeys(q.stated or q.unit for q in declared)
-    for size in (parse_unit(time).factor,) if time else _times(texts):
+    # Beside states that are plain numbers the unit of an output says nothing of the equations.
+    plain = all(q.unit == "1" and not q.stated for q in groups["states"])
+    joined = [
+        q for kind, group in groups.items() if not (plain and kind == "outputs") for q in group
+    ]
+    texts = dict.fromkeys(q.stated or q.unit for q in joined)
+    # What goes in is given in any unit: a flow in l/min is no sign of equations that count minutes.
+    own = [q.stated or q.unit for kind in ("states", "parameters") for q in groups[kind]]
+    for size in (parse_unit(time).factor,) if time else _times(own):
         found = InSI(equations, size, states, inputs, outputs, parameters)
         plainly = replace(found, plainly=True)
         if _alike(found, plainly, groups):
