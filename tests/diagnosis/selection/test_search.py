@@ -17,6 +17,7 @@ from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.selection import pairs, withdrawal
 from workbench.diagnosis.selection import search as selection_search
+from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.pairs import _openings, with_pair
 from workbench.diagnosis.selection.refits import entry_priors
 from workbench.diagnosis.selection.rules import (
@@ -125,20 +126,28 @@ def test_only_what_gains_where_it_was_not_fitted_opens_a_pair() -> None:
     assert _openings([replace(candidate, refused="failed", rule="refit")], asked) == []
 
 
+def _opened(task: Task) -> tuple[Candidate, Selected]:
+    """Return what may open a pair, and a search that found it too little."""
+    given = example_diagnosis()
+    (found,) = given.selected.accepted
+    opening = replace(found.candidate, refused="too little", rule=SHARE.name)
+    rounds = (given.selected.rounds[0]._replace(candidates=(opening,)),)
+    base = replace(given.base, noise_scale=0.3)
+    return opening, replace(given.selected, rounds=rounds, extended=base, free=task.priors)
+
+
 def test_where_the_equations_leave_nothing_out_no_pair_is_searched_for() -> None:
     said: list[str] = []
     given = example_diagnosis()
     task = example_task(
         entries=tuple(s.entry for s in given.selected.rounds[0].scores.scores), say=said.append
     )
-    opening = replace(given.selected.accepted[0].candidate, refused="too little", rule=SHARE.name)
+    opening, both = _opened(task)
     asked = Limits(0.5 * min(opening.gain, opening.held_out[0]))
     assert _openings([opening], asked) == [opening]
-    rounds = (given.selected.rounds[0]._replace(candidates=(opening,)),)
-    base = replace(given.base, noise_scale=0.3)
-    begun = replace(given.selected, accepted=(), rounds=rounds, extended=base, free=task.priors)
+    begun = replace(both, accepted=())
     assert with_pair(task, begun, replace(asked, near_noise=True)) is begun
-    perfect = replace(begun, extended=replace(base, noise_scale=0.03))
+    perfect = replace(begun, extended=replace(begun.extended, noise_scale=0.03))
     assert with_pair(task, perfect, asked) is perfect
     assert said == []
     with_pair(task, begun, asked)
@@ -151,12 +160,8 @@ def test_where_the_equations_leave_nothing_out_no_pair_is_searched_for() -> None
 def test_beside_what_drifts_a_pair_is_searched_for_while_much_is_left_out(
     monkeypatch: pytest.MonkeyPatch, explained: float, left: float, searched: bool
 ) -> None:
-    given, task = example_diagnosis(), example_task()
-    (found,) = given.selected.accepted
-    opening = replace(found.candidate, refused="too little", rule=SHARE.name)
-    base = replace(given.base, noise_scale=0.3)
-    rounds = (given.selected.rounds[0]._replace(candidates=(opening,)),)
-    begun = replace(given.selected, rounds=rounds, extended=base, free=task.priors)
+    task = example_task()
+    opening, begun = _opened(task)
     beside: list[str] = []
 
     def completed(
@@ -177,13 +182,10 @@ def test_beside_what_drifts_a_pair_is_searched_for_while_much_is_left_out(
 def test_beside_a_pair_that_leaves_nothing_out_no_other_opening_is_tried(
     monkeypatch: pytest.MonkeyPatch, noise_scale: float, searched: int
 ) -> None:
-    given, task = example_diagnosis(), example_task()
-    (found,) = given.selected.accepted
-    opening = replace(found.candidate, refused="too little", rule=SHARE.name)
-    base = replace(given.base, noise_scale=0.3)
-    rounds = (given.selected.rounds[0]._replace(candidates=(opening,)),)
-    begun = replace(given.selected, accepted=(), rounds=rounds, extended=base, free=task.priors)
-    both = replace(given.selected, extended=replace(base, noise_scale=noise_scale))
+    task = example_task()
+    opening, found = _opened(task)
+    begun = replace(found, accepted=())
+    both = replace(found, extended=replace(found.extended, noise_scale=noise_scale))
     tried: list[Selected] = []
 
     def completed(_: object, state: Selected, *__: object) -> tuple[Selected, Selected]:
