@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from types import SimpleNamespace
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.axis_case import SAMPLE_TIME, diagnosed, excitation, positions
+from tests.diagnosis.example_diagnosis import example_diagnosis
 from tests.diagnosis.machine_data import recording
 from tests.diagnosis.newcomers import damper, driven_carts, rubbed, two_carts
 from tests.machines import machine
@@ -635,6 +637,38 @@ def test_many_short_recordings_are_raced_on_some_among_them_the_one_that_shows_i
     assert raced == [0, 1, 2]
     assert used[0] == used[2] == ([0, 1, 2, 3, 7], 7)
     assert used[1] == ([0, 1, 2, 3, 4], 2)
+
+
+def test_what_was_refitted_beside_another_base_goes_on_from_there_and_is_not_raced(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    given = example_diagnosis()
+    known, base = given.selected.accepted[0].candidate, replace(given.base, noise_scale=0.3)
+    other = _candidate("tilt_gravity", 50.0, 0.5)
+    raced: list[str] = []
+    handed: dict[str, Candidate] = {}
+
+    def first(_race: Any, field: Sequence[Score], *given: Any) -> list[Candidate]:
+        handed.update(given[-1])
+        return [replace(handed[s.entry.name], fit=None) for s in field]
+
+    def race(_race: Any, field: Sequence[Score]) -> list[Candidate]:
+        raced.extend(s.entry.name for s in field)
+        return [other]
+
+    monkeypatch.setattr(refits, "_raced", race)
+    monkeypatch.setattr(refits, "_first_refits", first)
+    monkeypatch.setattr(refits, "blocks_of_cost", lambda *_: np.zeros(1))
+    monkeypatch.setattr(refits, "_closest_errors", lambda *_: WITHOUT)
+    field = [_score(known.entry, 90.0), _score(other.name, 90.0)]
+    seen: Any = SimpleNamespace(outputs=np.zeros((9000, 1)))
+    refits.refit_candidates(
+        base, field, (), [seen], [], limits=Limits(20.0, 100.0), begun={known.name: known}
+    )
+    assert raced == [other.name]
+    begun = handed[known.name].fit
+    assert known.fit is not None and begun is not None
+    assert begun.refit.values == known.fit.refit.values and begun.noise_scale == 0.3
 
 
 def test_what_acts_at_one_of_a_pair_is_told_from_what_acts_at_both() -> None:
