@@ -14,6 +14,7 @@ from workbench.diagnosis import diagnose as stages
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
 from workbench.diagnosis.selection import task
 from workbench.physics.library import library
+from workbench.physics.recorded_facts import RecordedFacts
 from workbench.physics.stiffness import linear_spring
 from workbench.plants.registry import PLANTS
 from workbench.plants.servo_axis import servo_axis
@@ -57,7 +58,7 @@ def given(diagnosed_already: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]
 
     def few(*given: Any, **known: Any) -> Any:
         laws = ("coulomb_friction", "linear_spring")
-        return [e for e in library(*given, **known) if e.law in laws]
+        return [e for e in library(*given, RecordedFacts(**known)) if e.law in laws]
 
     for place in (stages, task):
         monkeypatch.setattr(place, "library", few)

@@ -15,6 +15,7 @@ from workbench.diagnosis.stages import Diagnosis
 from workbench.evaluation.rig import plant
 from workbench.evaluation.rig.parameters import elements, nominal
 from workbench.physics.library import library
+from workbench.physics.recorded_facts import RecordedFacts
 from workbench.recordings import read_case
 
 SECONDS = 6.0
@@ -55,7 +56,7 @@ def diagnosed() -> Diagnosis:
         for recordings in (case.fit, case.hold_out)
     )
     outputs = tuple(q.name for q in model.outputs if q.name in fit_on[0])
-    entries = [e for e in library(model, outputs=outputs) if e.name in TRIED]
+    entries = [e for e in library(model, RecordedFacts(outputs=outputs)) if e.name in TRIED]
     return diagnose(model, fit_on, hold_out, entries=entries, jobs=1)
 
 

@@ -29,6 +29,7 @@ from workbench.diagnosis.selection.score import score_library
 from workbench.diagnosis.verdict import Finding
 from workbench.physics.drift import from_first
 from workbench.physics.library import library
+from workbench.physics.recorded_facts import RecordedFacts
 from workbench.recordings.recording import Recording
 
 STEP, SAMPLES, INNER = 0.02, 500, 4
@@ -78,7 +79,7 @@ def test_a_damper_that_goes_on_ageing_is_no_jump() -> None:
 
 
 def test_what_ages_begins_at_what_the_first_recording_shows_as_reached() -> None:
-    known = library(oscillator(), duration=10.0, sample_time=0.02)
+    known = library(oscillator(), RecordedFacts(duration=10.0, sample_time=0.02))
     fade = next(e.effect for e in known if e.name == "parameter_fade_damping")
     fade = fade.with_parameters({"amount": 0.2, "time_constant": 10.0, "lasting": 10.0})
     # Three amounts were reached as the first recording began: damping was 0.5 + 3 x 0.2 N s/m.

@@ -25,7 +25,8 @@ from workbench.diagnosis.selection.selected import Accepted, Selected
 from workbench.diagnosis.stages import Diagnosis
 from workbench.model import Model, Scope
 from workbench.physics.library import library
-from workbench.physics.place import Survey, term_of
+from workbench.physics.recorded_facts import RecordedFacts, term_of
+from workbench.physics.survey import Survey
 from workbench.plants.servo_axis import servo_axis
 from workbench.recordings.recording import Recording
 
@@ -214,8 +215,10 @@ def test_terms_that_balance_tell_how_large_a_law_may_be() -> None:
         term_of("speed.rate", 1): (-260.0, -40.0),
         term_of("speed.rate", 2): (-4.0, 4.0),
     }
-    assert Survey(press, ranges=seen).place("speed.rate").scale == approx(2.0)
-    assert Survey(press, ranges=seen | terms).place("speed.rate").scale == approx(120.0)
+    assert Survey(press, RecordedFacts(ranges=seen)).place("speed.rate").scale == approx(2.0)
+    assert Survey(press, RecordedFacts(ranges=seen | terms)).place("speed.rate").scale == approx(
+        120.0
+    )
 
 
 @pytest.mark.parametrize("square", [False, True])
@@ -271,7 +274,7 @@ def test_what_is_left_beside_one_episode_is_told_with_its_time() -> None:
     axis = servo_axis()
     (pulse,) = (
         h
-        for h in library(axis, duration=6.0, sample_time=0.01, episode=(4.0, 4.6))
+        for h in library(axis, RecordedFacts(duration=6.0, sample_time=0.01, episode=(4.0, 4.6)))
         if h.name == "offset_pulse_axis_force"
     )
     found = axis.with_effect(pulse.at_size(-100.0))

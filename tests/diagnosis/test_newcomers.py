@@ -67,7 +67,8 @@ from workbench.evaluation.foreign.foreign_case import plan
 from workbench.model import Scope
 from workbench.model.trace import Equations
 from workbench.physics.library import library
-from workbench.physics.place import Survey
+from workbench.physics.recorded_facts import RecordedFacts
+from workbench.physics.survey import Survey
 from workbench.recordings.recording import Recording, Signal
 
 
@@ -474,7 +475,9 @@ def test_tyres_that_saturate_are_curves_over_their_slip() -> None:
 def test_a_curve_over_what_it_multiplies_is_that_of_a_plain_sum() -> None:
     ranges = {"argument of front": (-0.1, 0.1)}
     (curve,) = (
-        h for h in library(car(), ranges=ranges) if h.name == "parameter_curve_front_over_argument"
+        h
+        for h in library(car(), RecordedFacts(ranges=ranges))
+        if h.name == "parameter_curve_front_over_argument"
     )
     bent = car().with_effect(curve.at_size(-2e4).with_parameters({"bend": np.pi / 2}))
     slip, rate, steering, speed = 0.02, 0.3, 0.05, 25.0

@@ -31,6 +31,7 @@ from workbench.model import Scope
 from workbench.model.trace import Equations
 from workbench.physics.friction import coulomb_friction
 from workbench.physics.library import library
+from workbench.physics.recorded_facts import RecordedFacts
 from workbench.physics.stiffness import linear_spring
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
@@ -104,7 +105,7 @@ def test_a_parameter_that_is_a_curve_is_told_along_it() -> None:
         "tacho m/s display_unit=km/h",
         "mu 1 0.3 0.05 0.6",
     )
-    seen = library(wagon, ranges={"speed": (5.0, 25.0)})
+    seen = library(wagon, RecordedFacts(ranges={"speed": (5.0, 25.0)}))
     (law,) = (h for h in seen if h.name == "parameter_curve_mu_over_speed")
     model = wagon.with_effect(law.at_size(0.1, {"bend": math.pi}))
     told = _along(model, model.effects[-1])
@@ -125,7 +126,7 @@ def test_a_curve_is_told_along_the_scale_of_the_thermometer_that_reads_its_state
         "tacho rad/s display_unit=rpm, disc K display_unit=degC",
         "mu 1 0.3 -0.6 0.6",
     )
-    seen = library(brake, ranges={"T": (273.15, 473.15)})
+    seen = library(brake, RecordedFacts(ranges={"T": (273.15, 473.15)}))
     law = next(h for h in seen if h.name == "parameter_curve_mu_over_T")
     model = brake.with_effect(law.at_size(-0.1))
     assert _along(model, model.effects[-1]) == "; mu is 0.4 at 0°C, 0.3 at 100°C, 0.2 at 200°C of T"
@@ -139,7 +140,7 @@ def test_a_curve_over_several_signals_is_told_along_what_a_parameter_multiplies(
     conveyor = machine(
         equations, "drum rad/s, belt m/s", "drive rad/s2", "belt m/s", "grip 1/s 10 1 100"
     )
-    seen = library(conveyor, ranges={"argument of grip": (-0.05, 0.05)})
+    seen = library(conveyor, RecordedFacts(ranges={"argument of grip": (-0.05, 0.05)}))
     law = next(h for h in seen if h.name == "parameter_curve_grip_over_argument")
     model = conveyor.with_effect(law.at_size(2.0, {"bend": 0.0}))
     told = _along(model, model.effects[-1])

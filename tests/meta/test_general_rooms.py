@@ -33,7 +33,8 @@ ALLOWED = {
     "recordings/column_matching.py": "what columns of files are called, in several languages",
     "recordings/headers.py": "angle is a quantity",
     "recordings/quantity_kinds.py": "angle is a quantity",
-    "physics/place.py": "angle is a quantity, load what weighs on a bearing",
+    "physics/motion.py": "angle is a quantity",
+    "physics/survey.py": "load is what weighs on a bearing",
     "physics/supply.py": "supply_pressure is a role of ports",
 }
 

@@ -14,7 +14,8 @@ from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.physics.library import library
 from workbench.physics.offset_gain import gain
-from workbench.physics.place import Survey, argument_of
+from workbench.physics.recorded_facts import RecordedFacts, argument_of
+from workbench.physics.survey import Survey
 
 
 def tanks(*, shared: bool = False) -> Model:
@@ -98,7 +99,9 @@ def test_a_geared_coupling_is_as_far_apart_as_it_is_bent(gear: float) -> None:
 def test_what_is_offered_beside_an_exchange_can_be_attached() -> None:
     model = drivetrain()
     ranges = {argument_of(q.name): (-1.0, 2.0) for q in model.parameters}
-    offered = [h for h in library(model, ranges=ranges) if h.name.endswith("_argument")]
+    offered = [
+        h for h in library(model, RecordedFacts(ranges=ranges)) if h.name.endswith("_argument")
+    ]
     assert offered
     for law in offered:
         assert np.isfinite(model.with_effect(law.effect).rates([0.3, 0.1, 2.0, 1.5], [0.0])).all()

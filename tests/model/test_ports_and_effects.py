@@ -27,6 +27,7 @@ from workbench.model.expressions import cofactor
 from workbench.operating_point import operating_point
 from workbench.physics.friction import coulomb_friction
 from workbench.physics.library import library
+from workbench.physics.recorded_facts import RecordedFacts
 from workbench.plants.arm import arm
 from workbench.plants.plant import adopt
 from workbench.plants.servo_axis import servo_axis
@@ -397,7 +398,9 @@ def test_a_model_with_other_values_is_opened_with_them() -> None:
 
 def test_what_changes_a_parameter_of_an_effect_goes_with_it() -> None:
     axis = servo_axis()
-    known = {e.name: e.effect for e in library(axis, duration=10.0, sample_time=0.01)}
+    known = {
+        e.name: e.effect for e in library(axis, RecordedFacts(duration=10.0, sample_time=0.01))
+    }
     worn = axis.with_effect(known["parameter_jump_coulomb_friction_level"])
     assert [e.name for e in worn.without("coulomb_friction").effects] == ["viscous_friction"]
     # Its time scales are those without friction, worn or not.

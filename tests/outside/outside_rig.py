@@ -9,8 +9,8 @@ import numpy as np
 
 from controllers.design import Design
 from workbench.model import Input, Model, Output, Parameter, State
+from workbench.model.units import per
 from workbench.physics.law import Law, each, size
-from workbench.physics.place import per
 from workbench.plants.plant import Option, Plant
 from workbench.recordings.columns import Columns
 from workbench.recordings.formats.format import Format

@@ -16,9 +16,10 @@ from tests.physics.effects.bench import offered
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.model.linear_system import model_of_system
+from workbench.model.units import per
 from workbench.physics.friction import coulomb_friction, viscous_friction
 from workbench.physics.library import LAWS, library
-from workbench.physics.place import Survey, per
+from workbench.physics.survey import Survey
 from workbench.plants.servo_axis import servo_axis
 
 OWN_LAW = '''

@@ -14,7 +14,8 @@ from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.physics.drift import parameter_curve
 from workbench.physics.library import library
-from workbench.physics.place import Survey
+from workbench.physics.recorded_facts import RecordedFacts
+from workbench.physics.survey import Survey
 from workbench.plants.arm import arm
 from workbench.plants.cascaded_tanks import cascaded_tanks
 from workbench.plants.servo_axis import servo_axis
@@ -30,7 +31,7 @@ PLANTS = (
 def test_shapes_are_within_bounds(plant: Callable[[], Model], turns: float) -> None:
     model = plant()
     seen = {q.name: (-turns, turns) for q in model.states}
-    for hypothesis in library(model, duration=10.0, sample_time=0.01, ranges=seen):
+    for hypothesis in library(model, RecordedFacts(duration=10.0, sample_time=0.01, ranges=seen)):
         for values in hypothesis.shapes:
             # Attaching is where bounds are checked.
             hypothesis.at_size(hypothesis.typical_size, values)
@@ -75,7 +76,7 @@ def test_a_parameter_that_is_never_negative_falls_towards_zero(lower: float) -> 
         "i A",
         f"inductance H 0.1 {lower} 1",
     )
-    (curve,) = parameter_curve.hypotheses(Survey(choke, ranges={"i": (-10.0, 10.0)}))
+    (curve,) = parameter_curve.hypotheses(Survey(choke, RecordedFacts(ranges={"i": (-10.0, 10.0)})))
     iron = choke.with_effect(curve.at_size(-0.4, {"bend": 0.5 * math.pi}))
     currents = np.array([0.0, 2.5, 4.0, 10.0])
     found = [5.0 / float(iron.rates([i], [5.0 + i])[0]) for i in currents]
@@ -113,7 +114,9 @@ def test_a_second_store_takes_what_the_first_one_loses_until_both_are_level() ->
     blood = machine(
         lambda m: {"level": m.u.dose}, "level kg/m3", "dose kg/(m3 s) 0 1", "level kg/m3"
     )
-    law = {h.name: h for h in library(blood, duration=10.0, sample_time=0.1)}["second_store_level"]
+    law = {h.name: h for h in library(blood, RecordedFacts(duration=10.0, sample_time=0.1))}[
+        "second_store_level"
+    ]
     model = blood.with_effect(law.at_size(0.4, {"time_constant": 5.0}))
     times = np.linspace(0.0, 30.0, 301)
     start = {"level": 3.0, "second_store_level.beside": 0.0}
@@ -124,7 +127,7 @@ def test_a_second_store_takes_what_the_first_one_loses_until_both_are_level() ->
 
 
 def test_a_slow_response_goes_on_where_an_input_is_read_at_once() -> None:
-    found = {h.name: h for h in library(cell(), duration=100.0, sample_time=1.0)}
+    found = {h.name: h for h in library(cell(), RecordedFacts(duration=100.0, sample_time=1.0))}
     law = found["slow_response_voltage_current"]
     times = np.linspace(0.0, 100.0, 101)
     slow, none = (

@@ -18,6 +18,7 @@ from workbench.linearisation import linearise
 from workbench.model import Model
 from workbench.operating_point import operating_point
 from workbench.physics.library import every_name, library
+from workbench.physics.recorded_facts import RecordedFacts
 from workbench.plants.plant import adopt
 from workbench.plants.registry import PLANTS, saved_plant
 from workbench.simulation import simulate
@@ -59,7 +60,7 @@ def test_a_size_that_followed_from_the_recordings_is_taken_as_it_stands(tmp_path
     nominal = plant.model()
     (slow,) = (
         entry.effect
-        for entry in library(nominal, sample_time=1.0)
+        for entry in library(nominal, RecordedFacts(sample_time=1.0))
         if entry.name == "sensor_delay_angle"
     )
     late = nominal.with_effect(slow).with_parameters({"sensor_delay_angle.time": 5.0})

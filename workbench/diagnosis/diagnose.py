@@ -45,6 +45,7 @@ from workbench.errors import NumericalError
 from workbench.model import Model
 from workbench.model.linear_system import with_free_coefficients
 from workbench.physics.library import Hypothesis, Law, library
+from workbench.physics.recorded_facts import RecordedFacts
 from workbench.plants.registry import model_of
 from workbench.recordings.checks import check_recording
 from workbench.recordings.recording import Recording
@@ -205,10 +206,8 @@ def _stages(
     if entries is None:
         offered = library(
             model,
-            outputs=recorded,
+            RecordedFacts(recorded, longest.duration, longest.sample_time),
             extra=extra,
-            duration=longest.duration,
-            sample_time=longest.sample_time,
         )
     offered = tuple(filter(view.tries, offered if entries is None else entries))
     files = StageFiles(folder, model, offered)

@@ -22,6 +22,7 @@ from workbench.evaluation.rig.plant import namespace
 from workbench.model import Effect, Model
 from workbench.physics.gas import isothermal_gas
 from workbench.physics.library import library
+from workbench.physics.recorded_facts import RecordedFacts
 from workbench.plants.arm import arm, pneumatic_muscle
 from workbench.plants.arm.laws import constant_volume
 from workbench.recordings import Recording, Signal, read_case
@@ -233,7 +234,7 @@ def answer(case: LeftOut, jobs: int) -> dict[str, Any]:
         tried = None
         if case.tried:
             read = tuple(q.name for q in model.outputs if q.name in fit[0])
-            tried = [e for e in library(model, outputs=read) if e.name in case.tried]
+            tried = [e for e in library(model, RecordedFacts(read)) if e.name in case.tried]
         return diagnosed(row, model, fit, hold_out, jobs=jobs, entries=tried, more=more)
 
 

@@ -19,7 +19,7 @@ from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.validity import DescribingFunction, Validity, find_kinks, slope_read
 from workbench.model import EXACT, ActuatorCurve, Form, Model, Quantity
 from workbench.model.sizes import response
-from workbench.model.units import rate_unit
+from workbench.model.units import per
 from workbench.operating_point import Derivatives, OperatingPoint, derivatives_of, operating_point
 
 _POINTS = 32
@@ -324,7 +324,7 @@ def linearise(
         i = places[name]
         if not np.array_equal(matrix[:, i], jacobian[:, i]):
             row = int(np.argmax(np.abs(matrix[: len(names), i] - jacobian[: len(names), i])))
-            of, unit = names[row], rate_unit(model.states[row].unit)
+            of, unit = names[row], per(model.states[row].unit, "s")
             described.append(
                 DescribingFunction(
                     name,

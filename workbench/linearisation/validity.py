@@ -17,7 +17,7 @@ from workbench.linearisation.pace import horizon_of, step_time
 from workbench.linearisation.transfer import transfer_function
 from workbench.model import Model, Output, Parameter, Quantity, Scope
 from workbench.model.trace import Equations
-from workbench.model.units import from_si, in_time, of_difference, rate_unit, with_unit
+from workbench.model.units import from_si, in_time, of_difference, per, with_unit
 from workbench.operating_point import Derivatives, OperatingPoint
 from workbench.simulation.integrators import Method
 from workbench.simulation.stepper import Stepper
@@ -111,7 +111,7 @@ def find_kinks(
     quantities = [*model.states, *model.inputs]
     rows = [f"d {q.name}/dt" for q in model.states] + [q.name for q in model.outputs]
     names = [f"rate of {q.name}" for q in model.states] + [q.name for q in model.outputs]
-    units = [rate_unit(q.unit) for q in model.states] + [q.unit for q in model.outputs]
+    units = [per(q.unit, "s") for q in model.states] + [q.unit for q in model.outputs]
     columns = np.array([q.scale for q in quantities])
     sizes = np.array([q.scale for q in (*model.states, *model.outputs)])
     norm = columns / sizes[:, None]

@@ -15,7 +15,7 @@ from workbench.model.units import (
     in_symbols,
     of_difference,
     parse_unit,
-    rate_unit,
+    per,
     same_dimension,
     shown_unit,
 )
@@ -291,13 +291,13 @@ def declared_unit(
         if said not in ("", q.unit):
             if same_dimension(unit, q.unit):
                 return of_difference(said) if difference else said
-            if same_dimension(unit, rate_unit(q.unit)):
-                return rate_unit(of_difference(said))
+            if same_dimension(unit, per(q.unit, "s")):
+                return per(of_difference(said), "s")
     read = [q for q in quantities if isinstance(q, (Channel, State)) and q.display_unit]
     alike = {q.display_unit for q in read if q.unit == unit} or {
-        rate_unit(of_difference(q.display_unit))
+        per(of_difference(q.display_unit), "s")
         for q in read
-        if q.display_unit != q.unit and same_dimension(unit, rate_unit(q.unit))
+        if q.display_unit != q.unit and same_dimension(unit, per(q.unit, "s"))
     }
     agreed = alike.pop() if len(alike) == 1 and unit != "1" else unit
     return agreed if agreed not in (unit, "1") and of_difference(agreed) == agreed else ""

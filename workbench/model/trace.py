@@ -20,7 +20,7 @@ from workbench.model.quantities import Input, Quantity
 from workbench.model.regularisation import Expression, Form
 from workbench.model.scope import EffectView, Names, Port, PortView, Scope, ValidRange
 from workbench.model.traits import LEFT_OUT, Traits
-from workbench.model.units import rate_unit, same_dimension
+from workbench.model.units import per, same_dimension
 
 # NumPy's functions of a symbol give a symbol, in equations too, and say nothing of it.
 ca.GlobalOptions.setNumpyMode(-1)
@@ -407,7 +407,7 @@ def _opened(
 ) -> Expression:
     """Open a port for a quantity of a plant whose author has opened none."""
     moves = what in ("rate", "exchange")
-    unit = rate_unit(q.unit) if moves else q.unit
+    unit = per(q.unit, "s") if moves else q.unit
     name = name or f"{q.name}.{what}"
     own = q.scale if q.sized and not moves else 0.0
     return scope.port(name, value, unit=unit, scale=sizes.get(name) or own or None)
@@ -511,7 +511,7 @@ def _felt(model: Written, plain: Named, rates: Named, outputs: Named) -> Named:
         rates: The same behind their ports.
     """
     moved = [
-        (rate_unit(q.unit), _symbolic(plain[q.name]), _symbolic(rates[q.name]))
+        (per(q.unit, "s"), _symbolic(plain[q.name]), _symbolic(rates[q.name]))
         for q in model.states
         if q.name in plain
     ]

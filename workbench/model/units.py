@@ -506,17 +506,30 @@ def written_unit(unit: str) -> str:
 _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
-def rate_unit(unit: str) -> str:
-    """Return the unit of a rate of change.
+def per(unit: str, divisor: str, power: float = 1) -> str:
+    """Return the unit of a quantity per power of another one.
 
     Example:
-        >>> rate_unit("rad/s"), rate_unit("Pa"), rate_unit("mol/m3")
-        ('rad/s2', 'Pa/s', 'mol/(m3 s)')
+        >>> per("N", "m", 3), per("N m", "rad/s"), per("m/s2", "m/s", 2), per("V/s", "V")
+        ('N/m3', 'N m s/rad', '1/m', '1/s')
+        >>> per("m3/s", "Pa", 0.5)
+        'm3/(s Pa^0.5)'
     """
-    if unit.endswith("/s"):
-        return f"{unit}2"
-    above, sign, below = unit.partition("/")
-    return f"{above}/({below.strip('()')} s)" if sign else f"{above}/s"
+    total: dict[str, float] = {}
+    for text, sign in ((unit, 1), (divisor, -power)):
+        for symbol, exponent in powers(text):
+            if symbol not in ("1", "-"):
+                total[symbol] = total.get(symbol, 0) + sign * exponent
+
+    def raised(name: str, power: float) -> str:
+        whole = power == round(power)
+        return name if power == 1 else f"{name}{power:.0f}" if whole else f"{name}^{power:g}"
+
+    over, under = (
+        [raised(n, abs(e)) for n, e in total.items() if sign * e > 0] for sign in (1, -1)
+    )
+    divided = f"({' '.join(under)})" if len(under) > 1 else "".join(under)
+    return (" ".join(over) or "1") + (f"/{divided}" if divided else "")
 
 
 def shown_unit(unit: str) -> str:

@@ -12,8 +12,7 @@ from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation import LinearModel
 from workbench.linearisation.transfer import frequency_response
 from workbench.model.quantities import shown_in
-from workbench.model.units import from_si, parse_unit
-from workbench.physics.place import per
+from workbench.model.units import from_si, parse_unit, per
 from workbench.recordings import Recording
 from workbench.reports.figures.diagnosis import as_read, diagnosis_runs
 from workbench.reports.figures.loops import bode

@@ -9,7 +9,8 @@ import casadi as ca
 from workbench.model import PortView, State
 from workbench.model.regularisation import Expression
 from workbench.physics.law import Fit, Law, Own, by_number, shape, size, twins
-from workbench.physics.place import Place, Survey
+from workbench.physics.place import Place
+from workbench.physics.survey import Survey
 
 _NEEDS = ("contraction", "gauge_pressure")
 

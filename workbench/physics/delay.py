@@ -11,7 +11,7 @@ import casadi as ca
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression
 from workbench.model.scope import Names
-from workbench.model.units import same_dimension
+from workbench.model.units import per, same_dimension
 from workbench.physics.law import (
     Fit,
     Law,
@@ -25,7 +25,9 @@ from workbench.physics.law import (
     shape,
     size,
 )
-from workbench.physics.place import FLOWS, Place, Survey, per
+from workbench.physics.place import Place
+from workbench.physics.roles import FLOWS
+from workbench.physics.survey import Survey
 
 
 def _constant(p: Names) -> Expression:

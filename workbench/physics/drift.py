@@ -12,6 +12,7 @@ from workbench.errors import TIMES_S
 from workbench.model import Effect, Model, Parameter, PortView, State
 from workbench.model.regularisation import Expression
 from workbench.model.scope import EffectView, Names
+from workbench.model.units import per
 from workbench.physics.law import (
     Fit,
     Law,
@@ -30,7 +31,10 @@ from workbench.physics.law import (
     with_subject,
 )
 from workbench.physics.offset_gain import sensor_error
-from workbench.physics.place import EFFORTS, FLOWS, Local, Place, Survey, per
+from workbench.physics.parameter_arguments import argument, driving, may_bend_over
+from workbench.physics.place import Local, Place
+from workbench.physics.roles import EFFORTS, FLOWS
+from workbench.physics.survey import Survey
 
 _WIDTH = 0.03
 """Half-width of a jump whose time is still to be found, as a fraction of the recording."""
@@ -152,9 +156,10 @@ def when(at: Place) -> tuple[Own, ...]:
     Of a sharp jump at the wrong time nothing says in which direction the right time lies. What
     ends on the lower bound of the time was there from the start: it is no jump.
     """
+    known = at.recorded.duration
     return (
         shape("time", "s", _FRACTIONS[0] * at.lasting, "time of the jump", around=None,
-              between=(_WIDTH * at.duration, at.duration or TIMES_S[1]), scale=0.1 * at.lasting),
+              between=(_WIDTH * known, known or TIMES_S[1]), scale=0.1 * at.lasting),
         shape("width", "s", _WIDTH * at.lasting, "half-width of the jump",
               around=(2e-3, 5.0), source="", fitted=False),
         floor(at, 0.5),
@@ -178,7 +183,7 @@ offset_jump = Law(
     ),
     lambda at: at.value + at.p.amount * passed(at),
     states=lambda at: (
-        State("clock", "s", at.duration or 6.0 * at.lasting, "time since the start",
+        State("clock", "s", at.recorded.duration or 6.0 * at.lasting, "time since the start",
               start_rms=1e-8 * at.lasting),
     ),
     rates=lambda e: {name: 1.0 + 0.0 * clock for name, clock in e.x.items()},
@@ -194,7 +199,7 @@ def _for_a_while(jump: Law) -> Law:
     """Return the law of what jumps and jumps back, where most of what is missing acts once."""
 
     def parameters(at: Place) -> tuple[Own, ...]:
-        begin, end = at.episode or (0.0, at.horizon)
+        begin, end = at.recorded.episode or (0.0, at.horizon)
         own = {q.name: q for q in jump.parameters(at)}
         first = max(begin, own["time"].lower)
         own["time"] = replace(own["time"], value=first, scale=0.1 * (end - begin))
@@ -207,7 +212,7 @@ def _for_a_while(jump: Law) -> Law:
         jump,
         name=jump.name.replace("jump", "pulse"),
         equation=jump.equation.replace("step(t - time)", "(0 < t - time < duration)"),
-        where=lambda survey: jump.where(survey) if survey.episode else (),
+        where=lambda survey: jump.where(survey) if survey.recorded.episode else (),
         parameters=parameters,
         # It may end earlier or later in one recording than in another.
         states=lambda at: tuple(
@@ -224,7 +229,7 @@ offset_pulse = _for_a_while(offset_jump)
 
 def _wave(usual: Callable[[Place], float]) -> Callable[[Place], tuple[Own, ...]]:
     def parameters(at: Place) -> tuple[Own, ...]:
-        period = at.period or at.horizon
+        period = at.recorded.period or at.horizon
         apart = min(0.5, period / at.lasting)
         return (
             size("amplitude", at.unit, usual(at) * at.scale, 200.0 * usual(at) * at.scale,
@@ -257,12 +262,12 @@ periodic_push = replace(
     " s = sin(2 pi (t - time) / period)",
     where=each(
         *EFFORTS, "flow", "heat", "current",
-        only=lambda at: at.period > 0.0 and not at.commanded, label=by_port,
+        only=lambda at: at.recorded.period > 0.0 and not at.commanded, label=by_port,
     ),
     parameters=_wave(lambda at: 0.1),
     transform=_waved,
     shapes=lambda at: [
-        {"time": part * (at.period or at.horizon), "flatness": flatness}
+        {"time": part * (at.recorded.period or at.horizon), "flatness": flatness}
         for flatness in (0.0, 10.0)
         for part in (0.0, 0.25)
     ],
@@ -275,7 +280,7 @@ periodic_push = replace(
 sensor_hum = replace(
     periodic_push,
     name="sensor_hum",
-    where=sensors(together=False, only=lambda at: at.period > 0.0),
+    where=sensors(together=False, only=lambda at: at.recorded.period > 0.0),
     parameters=_wave(sensor_error),
     group="sensor",
     source="pick-up of mains, light or vibration",
@@ -371,7 +376,7 @@ def _changing(q: Parameter, places: Sequence[Place], over: Local) -> tuple[Site,
 
 def _each_parameter_over(survey: Survey) -> Iterator[Fit]:
     for q, places in gained(survey):
-        for over in survey.may_bend_over(q, places):
+        for over in may_bend_over(survey, q, places):
             yield f"_{q.name}_over_{over.source}", _changing(q, places, over)
 
 
@@ -525,7 +530,7 @@ def _resisting(survey: Survey) -> Iterator[Fit]:
     """Yield parameters that divide or multiply what drives a flow: a resistance, a conductance."""
     for q, places in gained(survey):
         fills = q.lower >= 0.0 and any(at.role in FLOWS for at in places)
-        if fills and (over := survey.driving(q, places)):
+        if fills and (over := driving(survey, q, places)):
             yield f"_{q.name}", _changing(q, places, over)
 
 
@@ -588,7 +593,7 @@ parameter_curve = Law(
 
 def _terms(survey: Survey) -> Iterator[Fit]:
     for q, places in gained(survey):
-        if over := survey.argument(q, places):
+        if over := argument(survey, q, places):
             yield f"_{q.name}", _changing(q, places, over)
 
 

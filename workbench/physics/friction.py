@@ -9,6 +9,7 @@ import casadi as ca
 
 from workbench.model import Names, PortView, State
 from workbench.model.regularisation import EXACT, Expression, Form
+from workbench.model.units import per
 from workbench.physics.law import (
     Fit,
     Law,
@@ -21,7 +22,10 @@ from workbench.physics.law import (
     twins,
     with_subject,
 )
-from workbench.physics.place import RESISTED, Local, Place, Survey, per
+from workbench.physics.parameter_arguments import joint_dampings
+from workbench.physics.place import Local, Place
+from workbench.physics.roles import RESISTED
+from workbench.physics.survey import Survey
 
 
 def transition(at: Place, around: float = 1e3) -> Own:
@@ -299,7 +303,7 @@ muscle_viscosity = Law(
 
 
 def _joints(survey: Survey) -> Iterator[Fit]:
-    for q, places, speed in survey.joints:
+    for q, places, speed in joint_dampings(survey):
         yield (
             f"_{q.name}",
             tuple((replace(at, parameters=(q,)).with_signal("turning", speed),) for at in places),

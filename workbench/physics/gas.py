@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from workbench.model import About, Effect, PortView
 from workbench.model.regularisation import EXACT, Expression, Form
 from workbench.physics.law import Fit, Law, Where, shape, share, size
-from workbench.physics.place import Survey
+from workbench.physics.survey import Survey
 
 FLOW_WIDTH = 1e-6
 """Half-width over which the regularised form changes the temperature of a reversing flow, kg/s."""

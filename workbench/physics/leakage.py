@@ -9,7 +9,8 @@ from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression
 from workbench.physics.flow import orifice_flow
 from workbench.physics.law import Fit, Law, by_end, by_number, each, shape, size, twins
-from workbench.physics.place import Place, Survey
+from workbench.physics.place import Place
+from workbench.physics.survey import Survey
 
 centre_leakage = Law(
     "centre_leakage",

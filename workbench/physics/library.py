@@ -3,28 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable
 
 from workbench.model import Effect, Model
 from workbench.physics.hypothesis import Hypothesis, look_alikes
 from workbench.physics.law import LAWS, Law
-from workbench.physics.place import Survey
+from workbench.physics.recorded_facts import NOTHING, RecordedFacts
+from workbench.physics.survey import Survey
 
 __all__ = ["LAWS", "Hypothesis", "Law", "every_name", "library", "look_alikes"]
 
 
 def library(
     model: Model,
+    recorded: RecordedFacts = NOTHING,
     *,
-    outputs: tuple[str, ...] | None = None,
     extra: Iterable[Law | Hypothesis] = (),
-    duration: float = 0.0,
-    sample_time: float = 0.0,
-    period: float = 0.0,
-    episode: tuple[float, float] | None = None,
-    held: bool = False,
-    strides: Mapping[str, float] | None = None,
-    ranges: Mapping[str, tuple[float, float]] | None = None,
     more_of: Collection[str] = (),
     found: Collection[str] = (),
     named: str | None = None,
@@ -35,19 +29,9 @@ def library(
     model. So is the delay of a sensor that has a lag, and the other way round.
 
     Args:
-        outputs: Names of the outputs that are recorded, for the effects of sensors; all by default.
+        recorded: What is known of the recordings.
         extra: Laws of your own that stand in no registry, or hypotheses; of two with one name
             yours is taken.
-        duration: Length of the recordings, in s, for times at which something may have happened;
-            0 if it is not known.
-        sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
-        period: Period with which something repeats that nobody read, in s; 0 if nothing does.
-        episode: From when to when most of what nobody read acts, in s; None if it always may.
-        held: Whether only a loop can have held the machine, whose commands follow measurements.
-        strides: How much of a command passes until something repeats, in its unit times s, by
-            port, or how far a state goes, by its name; nothing repeats at others.
-        ranges: Smallest and largest value along the recordings of ports and states, by name, in
-            SI, for limits that lie there.
         more_of: Names of attached effects of which there may be more than their parameters allow.
         found: Names of attached effects that were missing at first: what they are is not offered a
             change with time too.
@@ -59,10 +43,7 @@ def library(
         >>> "stribeck_friction" in names, "coulomb_friction" in names
         (True, False)
     """
-    survey = Survey(
-        model, outputs, duration=duration, sample_time=sample_time, period=period,
-        episode=episode, held=held, strides=strides, ranges=ranges, found=found,
-    )  # fmt: skip
+    survey = Survey(model, recorded, found=found)
     given = [item for item in extra if isinstance(item, Hypothesis)]
     laws = dict.fromkeys([*LAWS.members().values(), *(x for x in extra if isinstance(x, Law))])
     if named is not None:
@@ -100,13 +81,16 @@ def every_name(
         if q.fitted:
             values[q.name] = max((*ends, min(q.scale, q.upper)), key=abs)
     refitted = model.with_parameters(values)
-    strides = {f"{q.name}.command": q.scale * model.horizon for q in model.inputs}
+    recorded = RecordedFacts(
+        duration=duration,
+        sample_time=sample_time,
+        period=model.horizon,
+        episode=(0.0, model.horizon),
+        strides={f"{q.name}.command": q.scale * model.horizon for q in model.inputs},
+    )
     found: dict[str, Hypothesis] = {}
     for known, more_of in ((model, ()), (refitted, [e.name for e in model.effects])):
-        offered = library(
-            known, duration=duration, sample_time=sample_time, period=model.horizon,
-            episode=(0.0, model.horizon), strides=strides, more_of=more_of, named=named,
-        )  # fmt: skip
+        offered = library(known, recorded, more_of=more_of, named=named)
         for hypothesis in (one for h in offered for one in (h, *h.alone)):
             found.setdefault(hypothesis.name, hypothesis)
         if named in found:

@@ -23,7 +23,7 @@ from workbench.errors import check_choice
 from workbench.model import PortView
 from workbench.model.regularisation import EXACT, Expression, Form, maximum, sqrt
 from workbench.physics.law import Fit, Law, size, twins
-from workbench.physics.place import Survey
+from workbench.physics.survey import Survey
 
 END_HEIGHT_FLOOR = 1e-7
 """Height of the ends while d <= d0, m: the 0.0001 mm branch of line [8]. It keeps second

@@ -28,7 +28,9 @@ from workbench.physics.law import (
     size,
     together,
 )
-from workbench.physics.place import EFFORTS, FLOWS, Place, Survey
+from workbench.physics.place import Place
+from workbench.physics.roles import EFFORTS, FLOWS
+from workbench.physics.survey import Survey
 
 
 def _amount(typical: float, largest: float) -> Callable[[Place], tuple[Own, ...]]:
@@ -257,8 +259,8 @@ _NOTHING = 1e-6
 def _beside_others(survey: Survey) -> Iterator[Fit]:
     read = {q.name for q in survey.model.outputs}
     # The noise of a measurement goes into the command of a loop that follows it.
-    heard = (q for q in survey.model.inputs if not (survey.held and q.commanded))
-    causes = [survey.input(q.name) for q in heard if q.name not in read]
+    heard = (q for q in survey.model.inputs if not (survey.recorded.held and q.commanded))
+    causes = [survey.ports.of(q.name) for q in heard if q.name not in read]
     for place in survey.fitting("measurement"):
         if place.output is None:
             continue

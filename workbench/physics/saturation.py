@@ -13,6 +13,7 @@ import casadi as ca
 
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression
+from workbench.model.units import per
 from workbench.physics.law import (
     Law,
     Own,
@@ -27,7 +28,8 @@ from workbench.physics.law import (
     size,
     together,
 )
-from workbench.physics.place import EFFORTS, Place, per
+from workbench.physics.place import Place
+from workbench.physics.roles import EFFORTS
 
 
 def _beyond(at: PortView) -> Expression:

@@ -14,10 +14,12 @@ import casadi as ca
 
 from workbench.model import PortView
 from workbench.model.regularisation import Expression
-from workbench.model.units import same_dimension
+from workbench.model.units import per, same_dimension
 from workbench.physics.friction import transition
 from workbench.physics.law import Fit, Law, Own, by_port, each, known, sensors, shape, size, twins
-from workbench.physics.place import COORDINATES, RESISTED, Place, Survey, per
+from workbench.physics.place import COORDINATES, Place
+from workbench.physics.roles import RESISTED
+from workbench.physics.survey import Survey
 
 
 def _rest(at: Place) -> Own:

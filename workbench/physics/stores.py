@@ -16,9 +16,10 @@ import casadi as ca
 
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression, maximum, sqrt
-from workbench.model.units import same_dimension
+from workbench.model.units import per, same_dimension
 from workbench.physics.law import Fit, Law, Own, each, floor, shape, size
-from workbench.physics.place import Local, Place, Survey, per
+from workbench.physics.place import Local, Place
+from workbench.physics.survey import Survey
 
 _FAR = 10.0
 """Distance of what is around from the temperature at the start, over the latter's typical size."""

@@ -16,7 +16,8 @@ from workbench.physics.drift import offset_jump, sensor_drift, warming
 from workbench.physics.flow import orifice_flow
 from workbench.physics.gas import AIR
 from workbench.physics.law import Fit, Law, Own, Site, by_number, each, shape, share, size
-from workbench.physics.place import Place, Survey
+from workbench.physics.place import Place
+from workbench.physics.survey import Survey
 
 
 def _volume_and_restriction(conductance: float, *more: Own) -> Callable[[Place], tuple[Own, ...]]:

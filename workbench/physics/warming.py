@@ -12,13 +12,15 @@ from dataclasses import replace
 from workbench.model import State
 from workbench.physics.drift import gained
 from workbench.physics.law import Fit, Law, Own, shape, size, with_subject
-from workbench.physics.place import Local, Place, Survey
+from workbench.physics.parameter_arguments import dissipating, heating
+from workbench.physics.place import Local, Place
 from workbench.physics.stores import heat_stores, sense
+from workbench.physics.survey import Survey
 
 
 def _warmed(survey: Survey) -> Iterator[Fit]:
     for q, places in gained(survey):
-        if over := survey.dissipating(q, places):
+        if over := dissipating(survey, q, places):
             at = (replace(p, parameters=(q,)).with_signal("over", over) for p in places)
             yield f"_{q.name}", (tuple(at),)
 
@@ -67,7 +69,7 @@ own_warming = Law(
 
 def _heated(survey: Survey) -> Iterator[Fit]:
     for name, ((place,),) in heat_stores(survey):
-        for over in survey.heating(place):
+        for over in heating(survey):
             at = place.with_signal("over", over)
             yield f"{name}_{over.source}", ((at,),)
 

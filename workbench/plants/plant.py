@@ -30,7 +30,7 @@ from workbench.model.units import (
 )
 from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.law import Law
-from workbench.physics.place import Survey
+from workbench.physics.survey import Survey
 from workbench.registry import load_object, user_code
 
 

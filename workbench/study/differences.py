@@ -24,7 +24,8 @@ from workbench.operating_point import operating_point
 from workbench.operating_point.operating_point import GROWS
 from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.library import library
-from workbench.physics.place import Survey
+from workbench.physics.recorded_facts import RecordedFacts
+from workbench.physics.survey import Survey
 from workbench.plants.plant import Option
 from workbench.study.plants import PlantRecipe
 from workbench.study.study import Demand, Study, Variation
@@ -80,7 +81,7 @@ def differences(
     usual = Survey(model).place(model.ports[0].name).interval
     fitting = [
         h
-        for h in library(model, sample_time=min(sample_time, usual))
+        for h in library(model, RecordedFacts(sample_time=min(sample_time, usual)))
         if h.usual and not (followed & set(h.ports) and (h.effect.dry or not h.effect.states))
     ]
     calm = not _grows(machine)

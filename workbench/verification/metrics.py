@@ -21,7 +21,7 @@ from workbench.arrays import Vector
 from workbench.display import Rows, Shown
 from workbench.errors import check_choice
 from workbench.model import Model, Output
-from workbench.model.units import convert, of_difference, rate_unit, time_unit
+from workbench.model.units import convert, of_difference, per, time_unit
 from workbench.registry import Registry
 from workbench.verification import responses
 from workbench.verification.closed_loop_run import NoSignalError, Run
@@ -321,7 +321,7 @@ def _unit(text: str, unit: str) -> str:
     if unit == "1":
         text = text.removeprefix("{unit} ")
     if text == "{unit}/s":
-        return rate_unit(unit)
+        return per(unit, "s")
     return text.replace("{unit}", unit)
 
 

@@ -16,6 +16,7 @@ from workbench.diagnosis.undeclared import with_undeclared
 from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.physics.library import library
+from workbench.physics.recorded_facts import RecordedFacts
 from workbench.recordings.checks.noise import growing_rms
 from workbench.recordings.recording import Recording
 
@@ -63,7 +64,11 @@ def test_the_noise_of_every_sample_weighs_it() -> None:
 
 
 def test_a_right_model_lacks_nothing_and_a_disease_is_found_on_its_day() -> None:
-    few = [h for h in library(culture(), duration=SAMPLES * HOUR) if h.law == "parameter_jump"]
+    few = [
+        h
+        for h in library(culture(), RecordedFacts(duration=SAMPLES * HOUR))
+        if h.law == "parameter_jump"
+    ]
     assert {h.name for h in few} == {"parameter_jump_growth", "parameter_jump_death"}
     right, sick = (
         diagnose(culture(), [a], [b], entries=few, jobs=1, advise=False)

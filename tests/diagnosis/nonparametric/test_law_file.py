@@ -17,7 +17,7 @@ from workbench.diagnosis.verdict import Verdict
 from workbench.errors import WorkbenchError
 from workbench.physics.law import Law
 from workbench.physics.library import library
-from workbench.physics.place import Survey
+from workbench.physics.survey import Survey
 from workbench.plants.cascaded_tanks import cascaded_tanks
 from workbench.plants.plant import own_laws
 from workbench.plants.servo_axis import servo_axis

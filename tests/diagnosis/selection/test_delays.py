@@ -12,6 +12,7 @@ from workbench.diagnosis.estimation.prediction_error import PredictionError, dis
 from workbench.diagnosis.estimation.process_noise import extended_start
 from workbench.diagnosis.selection.delays import Delays
 from workbench.physics.library import library
+from workbench.physics.recorded_facts import RecordedFacts
 from workbench.plants.servo_axis import servo_axis
 from workbench.work.counted import done
 
@@ -21,7 +22,9 @@ STEP, SAMPLES = 0.005, 6000
 def test_what_is_filtered_once_changes_no_cost() -> None:
     axis = servo_axis()
     seen = made_up(axis, pushes(SAMPLES, largest=200.0), sample_time=STEP)
-    laws = {h.name: h for h in library(axis, duration=SAMPLES * STEP, sample_time=STEP)}
+    laws = {
+        h.name: h for h in library(axis, RecordedFacts(duration=SAMPLES * STEP, sample_time=STEP))
+    }
     jump = laws["offset_jump_axis_force"].effect
     model = axis.with_effect(jump.with_parameters({"amount": 30.0, "time": 10.0, "width": 0.02}))
     begun = extended_start(seen, axis, model)

@@ -18,6 +18,7 @@ from workbench.diagnosis.estimation.process_noise import extended_start, fit_wit
 from workbench.diagnosis.selection.moments import least_between, moments, with_own_moments
 from workbench.model import Model, Scope
 from workbench.physics.library import library
+from workbench.physics.recorded_facts import RecordedFacts
 from workbench.recordings.recording import Recording
 
 STEP, SAMPLES = 0.02, 600
@@ -56,7 +57,9 @@ def test_events_that_came_together_are_moved_together() -> None:
     """Alone one goes to another wrong time in the second recording: it needs the other."""
     plain = driven()
     seen = [observe(plain, _changed(1, 5.0)), observe(plain, _changed(2, 8.0))]
-    laws = {h.name: h for h in library(plain, duration=SAMPLES * STEP, sample_time=STEP)}
+    laws = {
+        h.name: h for h in library(plain, RecordedFacts(duration=SAMPLES * STEP, sample_time=STEP))
+    }
     found = {"parameter_jump_gain": 0.5, "parameter_jump_stiffness": 15.0}
     events = []
     for name, amount in found.items():

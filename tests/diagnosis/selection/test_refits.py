@@ -50,7 +50,8 @@ from workbench.physics.friction import coulomb_friction
 from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.law import Law, size, twins
 from workbench.physics.library import library
-from workbench.physics.place import Survey
+from workbench.physics.recorded_facts import RecordedFacts
+from workbench.physics.survey import Survey
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
 
@@ -312,7 +313,7 @@ def test_what_unseen_recordings_prefer_twice_is_taken_before_a_larger_gain() -> 
 
 
 def test_a_jump_at_time_zero_is_the_offset_that_it_degenerates_to() -> None:
-    survey = Survey(arm(3), duration=20.0)
+    survey = Survey(arm(3), RecordedFacts(duration=20.0))
     (jump,) = [h for h in offset_jump.hypotheses(survey) if h.ports == ("joint.torque",)]
     (constant,) = [h for h in library(arm(3)) if h.name == "constant_torque"]
 
@@ -433,7 +434,7 @@ def test_what_comes_late_is_raced_on_what_shows_it() -> None:
     priors = default_priors(axis)
     base = fit_with_process_noise(axis, [observed], priors)
     duration = SAMPLE_TIME * n
-    tried = [e for e in library(axis, duration=duration, sample_time=SAMPLE_TIME)
+    tried = [e for e in library(axis, RecordedFacts(duration=duration, sample_time=SAMPLE_TIME))
              if e.name in ("offset_jump_axis_force", "linear_spring")]  # fmt: skip
     scores = score_library(base.model, [observed], priors, tried, noise_scale=base.noise_scale)
     jump = by_name(scores)["offset_jump_axis_force"]
@@ -519,7 +520,7 @@ def test_what_is_either_there_or_not_begins_at_the_priors_too(
 def test_times_of_an_event_that_gain_nothing_are_searched_once(
     monkeypatch: pytest.MonkeyPatch, gained: float, searches: int
 ) -> None:
-    survey = Survey(arm(3), duration=20.0)
+    survey = Survey(arm(3), RecordedFacts(duration=20.0))
     (jump,) = [h for h in offset_jump.hypotheses(survey) if h.ports == ("joint.torque",)]
     costs = [-100.0 - gained * k for k in range(3)]
     told = []
@@ -717,7 +718,9 @@ def test_a_law_that_contends_is_refitted_with_the_trust_that_it_earns() -> None:
     seen = observe(block, run)
     priors = tuple(default_priors(block))
     base = fit_with_process_noise(block, [seen], priors)
-    laws = {h.name: h for h in library(block, duration=2.0 * len(read), sample_time=2.0)}
+    laws = {
+        h.name: h for h in library(block, RecordedFacts(duration=2.0 * len(read), sample_time=2.0))
+    }
     field, first = [], []
     for name in ("heat_loss_block", "offset_jacket_command"):
         own, start = refits.entry_priors(laws[name])

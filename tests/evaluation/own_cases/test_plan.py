@@ -25,13 +25,18 @@ from workbench.evaluation.own_cases.plan import (
 from workbench.evaluation.rig.effects import EFFECTS
 from workbench.evaluation.rig.parameters import PARAMETERS, nominal
 from workbench.physics.library import library
+from workbench.physics.recorded_facts import RecordedFacts
 from workbench.plants.arm import arm
 
 WHOLE = plan()
 
 
 def test_every_effect_of_the_rig_is_planned_and_has_a_meaning() -> None:
-    known = {e.name for entry in library(arm(3), period=0.3) for e in (entry, *entry.alone)}
+    known = {
+        e.name
+        for entry in library(arm(3), RecordedFacts(period=0.3))
+        for e in (entry, *entry.alone)
+    }
     for name in EFFECTS:
         assert set(names().effects[name].library) <= known
     assert NOTHING not in SINGLE

@@ -12,6 +12,7 @@ import numpy as np
 from workbench.model import Effect, Input, Model, Output, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.library import Hypothesis, library
+from workbench.physics.recorded_facts import RecordedFacts
 
 Path = Callable[[float], Mapping[str, float]]
 
@@ -41,7 +42,7 @@ def bench(effect: Effect, unit: str = "N", *signals: str) -> Model:
 
 def offered(model: Model, name: str, **known: Any) -> Hypothesis:
     """Return what the library offers a model by the name of a hypothesis, or of its law."""
-    found = library(model, **known)
+    found = library(model, RecordedFacts(**known))
     return next(h for h in found if name == h.name or name == h.law)
 
 

@@ -16,6 +16,7 @@ from workbench.evaluation.machines.plants import muscle
 from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.physics.library import library
+from workbench.physics.recorded_facts import RecordedFacts
 
 
 def heat(model: Model, temperature: float) -> float:
@@ -42,7 +43,7 @@ def test_evaporation_goes_with_the_pressure_of_saturated_vapour() -> None:
     assert lost[320.5] - lost[319.5] == pytest.approx(2.0, rel=1e-3)
     dry = 2.0 * 2.34e3 / 536.0
     assert (lost[363.15] + dry) / (lost[353.15] + dry) == pytest.approx(70.2 / 47.4, rel=0.01)
-    boiling = library(tank(), ranges={"temperature": (290.0, 400.0)})
+    boiling = library(tank(), RecordedFacts(ranges={"temperature": (290.0, 400.0)}))
     assert "evaporation" not in {e.law for e in boiling}
 
 
@@ -284,7 +285,7 @@ def test_what_crowds_is_lost_with_the_square_of_its_level() -> None:
 
 def test_limits_are_looked_for_where_the_recordings_have_their_ends() -> None:
     seen = {"level.reading": (0.1, 0.377), "pump.voltage": (0.0, 7.0), "level": (0.1, 0.5)}
-    found = {h.name: h for h in library(tank(), ranges=seen)}
+    found = {h.name: h for h in library(tank(), RecordedFacts(ranges=seen))}
     assert found["sensor_clipping_level"].shapes[0] == {"limit": 0.377}
     assert all(0.0 < s["limit"] < 7.0 for s in found["saturation_pump_voltage"].shapes)
     assert all(0.1 < s["limit"] < 0.5 for s in found["overflow_tank"].shapes)

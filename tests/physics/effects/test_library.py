@@ -17,6 +17,7 @@ from workbench.physics.gas import isothermal_gas
 from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.library import LAWS, every_name, library, look_alikes
 from workbench.physics.muscle_volume import flattened_ends
+from workbench.physics.recorded_facts import RecordedFacts
 from workbench.plants.arm import arm
 from workbench.plants.arm.laws import constant_volume
 from workbench.plants.cascaded_tanks import cascaded_tanks
@@ -76,7 +77,7 @@ def built(plant: str) -> Model:
 @cache
 def offered(plant: str) -> tuple[Hypothesis, ...]:
     model = built(plant)
-    return library(model, episode=(10.0 * model.horizon, 20.0 * model.horizon))
+    return library(model, RecordedFacts(episode=(10.0 * model.horizon, 20.0 * model.horizon)))
 
 
 @pytest.mark.parametrize("plant", PLANTS)
@@ -198,7 +199,7 @@ def test_size_one_of_a_share_is_the_law() -> None:
 
 
 def test_outputs_limit_the_sensors() -> None:
-    entries = library(arm(), outputs=("angle", "pressure_1", "pressure_2"))
+    entries = library(arm(), RecordedFacts(outputs=("angle", "pressure_1", "pressure_2")))
     assert not any("load_cell" in port for entry in entries for port in entry.ports)
     assert next(e for e in entries if e.name == "clock_shift").ports == (
         "angle.reading",

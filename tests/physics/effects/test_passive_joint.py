@@ -15,7 +15,9 @@ from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.physics.friction import joint_drag, joint_friction
 from workbench.physics.library import library
-from workbench.physics.place import Survey
+from workbench.physics.parameter_arguments import joint_dampings
+from workbench.physics.recorded_facts import RecordedFacts
+from workbench.physics.survey import Survey
 
 CART, BOB, LENGTH, DAMPING, HINGE = 1.1, 0.25, 0.4, 4.0, 0.01
 
@@ -47,7 +49,7 @@ def test_only_the_joint_without_a_command_is_offered_them() -> None:
     joints = [h.name for h in library(crane()) if h.name.startswith("joint_")]
     assert {"joint_friction_hinge", "joint_drag_hinge"} <= set(joints)
     assert not any("damping" in name for name in joints)
-    ((q, places, speed),) = Survey(crane()).joints
+    ((q, places, speed),) = joint_dampings(Survey(crane()))
     assert q.name == "hinge"
     assert [at.name for at in places] == ["speed.rate", "rate.rate"]
     assert speed.source == "rate"
@@ -97,7 +99,7 @@ def test_what_rubs_between_a_wheel_and_the_body_that_drives_it_acts_as_the_dampi
     bearing = "bearing N m s/rad 5e-4 0 0.01"
     robot = machine(equations, states, "torque N m", "tilt rad, way m", bearing)
     seen = {"argument of bearing": (-20.0, 20.0)}
-    offered = {h.name: h for h in library(robot, ranges=seen)}
+    offered = {h.name: h for h in library(robot, RecordedFacts(ranges=seen))}
     assert {"joint_friction_bearing", "joint_drag_bearing"} < offered.keys()
     rubbing = robot.with_effect(offered["joint_friction_bearing"].at_size(0.02))
     state = [0.1, 0.5, 0.0, 0.3]

@@ -20,7 +20,6 @@ from workbench.model.units import same_dimension
 from workbench.physics.delay import delay, sensor_delay, sensor_lag
 from workbench.physics.drift import sensor_drift, sensor_fade
 from workbench.physics.library import library
-from workbench.physics.place import argument_of
 from workbench.physics.play import (
     command_hysteresis,
     command_play,
@@ -29,6 +28,7 @@ from workbench.physics.play import (
     play,
     spool_hysteresis,
 )
+from workbench.physics.recorded_facts import RecordedFacts, argument_of
 from workbench.physics.saturation import (
     slew_limit,
 )
@@ -270,7 +270,9 @@ def test_a_code_wheel_beside_its_axis_errs_once_a_turn() -> None:
 
 def test_times_of_lags_and_delays_follow_the_sampling_interval() -> None:
     for interval in (1e-5, 4.0):
-        entries = library(servo_axis(), sample_time=interval, duration=1e3 * interval)
+        entries = library(
+            servo_axis(), RecordedFacts(sample_time=interval, duration=1e3 * interval)
+        )
         late = [e for e in entries if e.law in ("sensor_lag", "sensor_delay", "delay")]
         assert len(late) >= 2
         for entry in late:
@@ -397,7 +399,9 @@ def test_what_drives_a_flow_between_two_stores_may_be_turbulent() -> None:
         outputs=flow.outputs[:1],
     )
     ranges = {argument_of("resistance"): (-1e3, 2e3)}
-    assert "turbulent_flow_resistance" in {h.name for h in library(model, ranges=ranges)}
+    assert "turbulent_flow_resistance" in {
+        h.name for h in library(model, RecordedFacts(ranges=ranges))
+    }
 
 
 def test_a_sensor_reads_something_of_an_input() -> None:
@@ -407,12 +411,12 @@ def test_a_sensor_reads_something_of_an_input() -> None:
     assert heard.read([3e-4], [2e3])[1] == pytest.approx(3e-4 + 2e-6)
     assert heard.rates([3e-4], [2e3]) == pytest.approx(model.rates([3e-4], [2e3]))
     # A command that a loop computes from the volume has its noise in it.
-    assert law.name not in {h.name for h in library(model, held=True)}
+    assert law.name not in {h.name for h in library(model, RecordedFacts(held=True))}
 
 
 def test_a_meter_counts_what_leaks_with_the_root_of_a_pressure() -> None:
     model = breathing("resistance")
-    laws = {h.name: h for h in library(model, ranges={"pressure": (4e2, 2.5e3)})}
+    laws = {h.name: h for h in library(model, RecordedFacts(ranges={"pressure": (4e2, 2.5e3)}))}
     law = laws["sensor_cross_talk_flow_pressure"]
     assert {"exponent": 0.5} in law.shapes
     assert {"exponent": 0.5} not in laws["sensor_cross_talk_volume_pressure"].shapes
@@ -481,5 +485,5 @@ def test_an_input_with_a_port_of_its_own_is_interpolated_there_alone() -> None:
 
 @pytest.mark.parametrize(("low", "offered"), [(-1e3, True), (0.0, False)])
 def test_two_gains_of_what_goes_one_way_are_one(low: float, offered: bool) -> None:
-    found = library(breathing("resistance"), ranges={"pressure.command": (low, 2e3)})
+    found = library(breathing("resistance"), RecordedFacts(ranges={"pressure.command": (low, 2e3)}))
     assert ("asymmetric_gain_pressure_command" in {h.name for h in found}) == offered

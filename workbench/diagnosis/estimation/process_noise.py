@@ -24,7 +24,8 @@ from workbench.errors import NumericalError
 from workbench.model import Model
 from workbench.model.expressions import cofactor, terms
 from workbench.model.model import index_of
-from workbench.physics.place import Survey, argument_of, end_of, term_of
+from workbench.physics.recorded_facts import argument_of, end_of, term_of
+from workbench.physics.survey import Survey
 from workbench.recordings.checks.clipping import clipped_samples
 
 LADDER = (3000.0, 300.0, 30.0, 3.0, 1.0, 0.3, 0.03, 0.003)

@@ -24,7 +24,7 @@ from workbench.diagnosis.stages import Diagnosis
 from workbench.model import Effect, Model, Port
 from workbench.model.model import index_of
 from workbench.model.quantities import declared_unit
-from workbench.model.units import rate_unit
+from workbench.model.units import per
 
 
 def missing_signals(diagnosis: Diagnosis) -> tuple[tuple[tuple[MissingSignal, ...], ...], str]:
@@ -400,10 +400,7 @@ def _arguments(
     return [
         *((q.name, q.unit, states[:, i]) for i, q in enumerate(model.states)),
         *((q.name, q.unit, inputs[:, i]) for i, q in enumerate(model.inputs)),
-        *(
-            (f"rate of {q.name}", rate_unit(q.unit), rates[:, i])
-            for i, q in enumerate(model.states)
-        ),
+        *((f"rate of {q.name}", per(q.unit, "s"), rates[:, i]) for i, q in enumerate(model.states)),
     ]
 
 

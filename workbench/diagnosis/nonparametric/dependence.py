@@ -12,9 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.model.units import same_dimension
+from workbench.model.units import per, same_dimension
 from workbench.physics.nonparametric_term import Curve
-from workbench.physics.place import per
 
 SURROGATES = 99
 """Shifted signals against which a dependence is tested; the smallest p-value is 0.01."""

@@ -28,7 +28,7 @@ from workbench.diagnosis.nonparametric.result import Argument, Likeness, Nonpara
 from workbench.errors import NumericalError
 from workbench.model import Effect, Parameter, PortView
 from workbench.model.regularisation import Expression
-from workbench.physics.place import per
+from workbench.model.units import per
 
 EFFECT_NAME = "shape"
 """Name of the effect while a shape is refitted."""

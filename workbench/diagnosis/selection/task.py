@@ -30,9 +30,9 @@ from workbench.diagnosis.selection.selected import Accepted, Selected
 from workbench.diagnosis.selection.simulation_error import closest_runs
 from workbench.errors import NumericalError
 from workbench.model import Model
-from workbench.model.units import same_dimension
+from workbench.model.units import per, same_dimension
 from workbench.physics.library import Hypothesis, Law, library
-from workbench.physics.place import per
+from workbench.physics.recorded_facts import RecordedFacts
 
 MOST_FINDINGS = 3
 """Effects that are searched for, one after the other."""
@@ -94,15 +94,17 @@ class Task:
             longest = max(self.fitting, key=lambda r: len(r.outputs))
             entries = library(
                 model,
-                outputs=longest.used,
+                RecordedFacts(
+                    longest.used,
+                    longest.sample_time * (len(longest.outputs) - 1),
+                    longest.sample_time,
+                    self._period,
+                    self._episode,
+                    any(r.diverges for r in self.fitting),
+                    self._strides,
+                    self._ranges,
+                ),
                 extra=self.extra,
-                duration=longest.sample_time * (len(longest.outputs) - 1),
-                sample_time=longest.sample_time,
-                period=self._period,
-                episode=self._episode,
-                held=any(r.diverges for r in self.fitting),
-                strides=self._strides,
-                ranges=self._ranges,
                 more_of=self._more_of,
                 found=attached - given,
             )

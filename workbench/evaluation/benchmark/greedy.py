@@ -28,6 +28,7 @@ from workbench.diagnosis.stages import Diagnosis
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.files import picked
 from workbench.physics.library import library
+from workbench.physics.recorded_facts import RecordedFacts
 
 MOST = 3
 """Effects at the most."""
@@ -103,7 +104,7 @@ def _best(
         scores = diagnosis.rounds[0][0]
     else:
         short = [extended_start(_head(r, SCORE_S), diagnosis.nominal, current.model) for r in heads]
-        entries = library(current.model, outputs=heads[0].used)
+        entries = library(current.model, RecordedFacts(heads[0].used))
         entries = tuple(e for e in entries if not e.stiff)
         scores = score_library(current.model, short, free, entries, noise_scale=current.noise_scale)
     best = max(scores.scores, key=lambda s: s.gain)

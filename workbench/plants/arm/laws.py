@@ -14,7 +14,7 @@ from workbench.physics.force_laws import PaperLaw, Sarosi
 from workbench.physics.gas import chambers, wall_heat
 from workbench.physics.law import Fit, Law, each, shape, share, size, twins
 from workbench.physics.muscle_volume import BraidedCylinder
-from workbench.physics.place import Survey
+from workbench.physics.survey import Survey
 from workbench.plants.arm.joint import ArmBody, lever
 
 _BODY = ArmBody()

@@ -12,8 +12,7 @@ from controllers.plain.pairing import interaction
 from workbench.errors import WorkbenchError
 from workbench.linearisation.pace import horizon_of
 from workbench.linearisation.transfer import frequency_response
-from workbench.model.units import in_time, parse_unit
-from workbench.physics.place import per
+from workbench.model.units import in_time, parse_unit, per
 from workbench.reports.figure import Figure
 from workbench.reports.figures.loops import bode, nyquist
 from workbench.reports.figures.study_traces import output_of, point_text, shown, written

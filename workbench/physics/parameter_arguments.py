@@ -1,0 +1,192 @@
+"""What a parameter multiplies, resists or heats at its ports, and over what it may change."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+
+from workbench.model import Parameter
+from workbench.model.expressions import cofactor
+from workbench.model.units import per, same_dimension
+from workbench.physics.place import SPEEDS, Local, Place, largest
+from workbench.physics.recorded_facts import argument_of
+from workbench.physics.survey import Survey
+
+_DAMPINGS = ("N s/m", "N m s/rad")
+
+_RESISTANCES = ("ohm", "S", *_DAMPINGS, "Pa s/m3", "m3/(s Pa)")
+"""Units of parameters that make heat of what they multiply, or divide."""
+
+
+def joint_dampings(survey: Survey) -> tuple[tuple[Parameter, tuple[Place, ...], Local], ...]:
+    """Damping parameters that several ports bring in, with the speed that each resists.
+
+    They are those of joints that no command works on: what rubs there turns all the bodies of a
+    machine, each through its inertia, as the damping does. So does what rubs over a speed that
+    several signals make, as that of a wheel beside the body that drives it.
+    """
+    found = []
+    commanded = {at.speed.source for at in survey.places if at.shared}
+    for q, places in survey.spread:
+        values = [survey.ports.value_at(at) for at in places]
+        over = {str(cofactor(value, survey.ports.symbol_of(q))) for value in values}
+        speed = next(iter(over))
+        if len(over) == 1 and speed in survey.ports.integral and speed not in commanded:
+            found.append((q, places, survey.ports.of(speed)))
+        elif same_dimension(q.unit, *_DAMPINGS):
+            made, together = driving(survey, q, places), _multiplied(survey, q, values)
+            if made and made.unit in SPEEDS and not _is_difference(ca.SX(together)):
+                found.append((q, places, made))
+    return tuple(found)
+
+
+def may_bend_over(survey: Survey, q: Parameter, places: Sequence[Place]) -> tuple[Local, ...]:
+    """Return the measured states and inputs over which a parameter at some ports may change.
+
+    A state is measured too where an output reads no other, as that of a capacitor behind a
+    resistance does. What is constant, as the heat of a fermentation, may change over the state
+    that it feeds. Not states that its term is a function of, and of nothing else: a curve over
+    them is a law of its own. Of the inputs those that it is a factor of in what a sensor reads,
+    where no other law is a curve over them: a resistance over its current. And those without
+    which its term is, of which the equations make nothing or that multiply a state beside it: a
+    decay over the light, a heat transfer over the flow that carries the heat.
+    """
+    t, found = survey.trace, []
+    values = [survey.ports.value_at(at) for at in places]
+    slopes = [ca.jacobian(value, survey.ports.symbol_of(q)) for value in values]
+    names = list(survey.ports.state_index)
+    slopes_of = (ca.jacobian(y, t.x) for y in t.outputs.elements())
+    alone = (s.sparsity().get_col() for s in slopes_of if s.nnz() == 1)
+    constant = not any(ca.depends_on(s, ca.vertcat(t.x, t.u)) for s in slopes)
+    raised = {k for at in places for k in survey.ports.rates_of(survey.ports.port_index[at.name])}
+    for name in dict.fromkeys([*survey.ports.measured.values(), *(names[k] for (k,) in alone)]):
+        other = [t.x[i] for n, i in survey.ports.state_index.items() if n != name]
+        rest = ca.vertcat(*other, t.u)
+        source = constant and survey.ports.state_index.get(name) in raised
+        if "." not in name and (source or any(ca.depends_on(s, rest) for s in slopes)):
+            found.append(survey.ports.of(name))
+    # As a slip is; of how far two states are apart other laws are curves.
+    over = driving(survey, q, places)
+    if over and not _is_difference(ca.SX(_multiplied(survey, q, values))):
+        found.append(over)
+    read = any(at.output for at in places)
+    beside = [
+        t.rates[i] for at in places for i in survey.ports.rates_of(survey.ports.port_index[at.name])
+    ]
+    unused = {u.source for u in survey.unused_inputs}
+    for i, u in enumerate(survey.model.inputs):
+        if any(ca.depends_on(s, t.u[i]) for s in slopes):
+            bends = read
+        else:
+            carries = (ca.depends_on(ca.jacobian(rate, t.u[i]), t.x) for rate in beside)
+            bends = u.name in unused or any(carries)
+        if bends:
+            found.append(survey.ports.of(u.name))
+    return tuple(found)
+
+
+def dissipating(survey: Survey, q: Parameter, places: Sequence[Place]) -> Local | None:
+    """Return what a parameter at some ports makes heat of: a current, what a resistance passes.
+
+    It is what the parameter multiplies there, or divides.
+    """
+    own = survey.ports.symbol_of(q)
+    parts = (cofactor(survey.ports.value_at(at), own) for at in places)
+    found = [part for part in parts if part is not None]
+    known = (str(e) for e in found if e.is_symbolic())
+    passed = [survey.ports.of(name) for name in known if name in survey.ports.known]
+    # A magnet is weaker the warmer the current makes it, which it turns as well as brakes with.
+    if current := next((q for q in passed if same_dimension(q.unit, "A")), None):
+        return current
+    if (
+        len(found) < len(places)
+        or not ca.depends_on(found[0], ca.vertcat(survey.trace.x, survey.trace.u))
+        or not all(ca.is_equal(found[0], e, 8) for e in found[1:])
+        or not same_dimension(q.unit, *_RESISTANCES)
+    ):
+        return None
+    return passed[0] if passed else _argument(survey, q, "1")
+
+
+def heating(survey: Survey) -> tuple[Local, ...]:
+    """Return the currents, and the voltages and shares of one that are set, that may heat."""
+    heating = [q for q in survey.model.states if same_dimension(q.unit, "A")] + [
+        q for q in survey.model.inputs if q.commanded and same_dimension(q.unit, "A", "V", "1")
+    ]
+    return tuple(survey.ports.of(q.name) for q in heating)
+
+
+def argument(survey: Survey, q: Parameter, places: Sequence[Place]) -> Local | None:
+    """Return what a parameter multiplies at some ports, if that is made of several signals.
+
+    What it divides, as an inertia does, is all that acts there.
+    """
+    values, own = [survey.ports.value_at(at) for at in places], survey.ports.symbol_of(q)
+    first = _multiplied(survey, q, values)
+    if first is None or any(ca.depends_on(ca.jacobian(v, own), own) for v in values):
+        return None
+    return _argument(survey, q, _argument_unit(survey, q, first, values[0], places[0]))
+
+
+def driving(survey: Survey, q: Parameter, places: Sequence[Place]) -> Local | None:
+    """Return what a parameter multiplies or divides at some ports, made of several signals."""
+    seen = survey.ports.ranges.get(argument_of(q.name))
+    values = [survey.ports.value_at(at) for at in places]
+    first = _multiplied(survey, q, values)
+    if seen is None or seen[0] == seen[1] or first is None:
+        return None
+    return _argument(survey, q, _argument_unit(survey, q, first, values[0], places[0]))
+
+
+def _argument_unit(survey: Survey, q: Parameter, first: ca.SX, value: ca.SX, at: Place) -> str:
+    """Return the unit of what a parameter multiplies in the value of a port.
+
+    What adds up has one unit, that of a bare signal in it; what is all of the port with the
+    parameter has the port's over its own.
+    """
+    units = {survey.ports.known[n].unit for n in _added(first) if n in survey.ports.known}
+    if len(units) == 1 and units != {"1"}:
+        return units.pop()
+    alone = ca.is_equal(value, first * survey.ports.symbol_of(q), 8)
+    return per(at.unit, q.unit) if alone else "1"
+
+
+def _argument(survey: Survey, q: Parameter, unit: str) -> Local:
+    """Return what a parameter multiplies as a signal of its own."""
+    seen = survey.ports.ranges.get(argument_of(q.name))
+    return Local("argument", unit, largest(seen) or 1.0, seen=seen, multiplied=True)
+
+
+def _multiplied(survey: Survey, q: Parameter, values: Sequence[ca.SX]) -> ca.SX | None:
+    """Return what a parameter multiplies in all values; None unless several signals make it."""
+    t, own = survey.trace, survey.ports.symbol_of(q)
+    found = [cofactor(value, own) for value in values]
+    # What weighs a body is also in what an exchange with another one does to it.
+    given = [i for name, i in survey.ports.port_index.items() if name.endswith(".exchange")]
+    weighs = any(ca.depends_on(t.rates_by_port[:, i], own) for i in given)
+    if not found or weighs or any(e is None for e in found):
+        return None
+    first = ca.SX(found[0])
+    signals = ca.vertcat(t.x, t.u)
+    many = sum(ca.depends_on(first, signals[i]) for i in range(signals.numel()))
+    alike = all(ca.is_equal(first, ca.SX(e), 8) for e in found[1:])
+    return first if alike and many > 1 and ca.depends_on(first, t.x) else None
+
+
+def _parts(expression: ca.SX) -> list[ca.SX]:
+    return [expression.dep(i) for i in range(expression.n_dep())]
+
+
+def _added(expression: ca.SX) -> list[str]:
+    """Return the bare signals that add up, with others, to an expression."""
+    if expression.is_symbolic():
+        return [str(expression)]
+    if expression.op() not in (ca.OP_ADD, ca.OP_SUB, ca.OP_NEG):
+        return []
+    return [name for part in _parts(expression) for name in _added(part)]
+
+
+def _is_difference(expression: ca.SX) -> bool:
+    """Tell whether an expression is made of two bare signals."""
+    return all(part.is_symbolic() for part in _parts(expression))

@@ -1,0 +1,256 @@
+"""A survey of a model: every port as a place, and what decides which laws may act there."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from functools import cached_property
+
+import casadi as ca
+
+from workbench.errors import check_choice
+from workbench.model import Model, Parameter, Port
+from workbench.model.units import same_dimension
+from workbench.physics import parameter_ports
+from workbench.physics.motion import (
+    carried_motion,
+    directed_motion,
+    is_elastic,
+    motion_of,
+    muscle_signals,
+)
+from workbench.physics.parameter_ports import is_gain
+from workbench.physics.place import Local, Place
+from workbench.physics.ports import Ports, same
+from workbench.physics.recorded_facts import NOTHING, RecordedFacts, end_of, term_of
+from workbench.physics.roles import EFFORTS, FLOWS, role_of
+
+_PULLS = ("force", "muscle_tension")
+"""Roles of ports where pressure and contraction of a muscle may act."""
+
+
+class Survey:
+    """Everything about a model that decides which laws may act where.
+
+    Args:
+        recorded: What the recordings tell of the machine.
+        found: Names of attached effects whose parameters are not offered a change with time.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> place = Survey(servo_axis()).place("axis.force")
+        >>> place.role, place.speed.unit, place.coordinate.source
+        ('force', 'm/s', 'position')
+    """
+
+    def __init__(
+        self, model: Model, recorded: RecordedFacts = NOTHING, *, found: Collection[str] = ()
+    ) -> None:
+        self.model, self.trace, self.recorded, self._found = model, model.exact, recorded, found
+        self.ports = Ports(model, recorded.ranges)
+        read = recorded.outputs
+        self._outputs = [q for q in model.outputs if read is None or q.name in read]
+
+    @cached_property
+    def places(self) -> tuple[Place, ...]:
+        """Every port as a place; sensors of outputs that are not recorded apart."""
+        found = (self.place(q.name) for q in self.trace.ports)
+        unrecorded = {q.name for q in self.model.outputs} - {q.name for q in self._outputs}
+        return tuple(
+            q
+            for q in found
+            if q.role != "measurement" or q.name.removesuffix(".reading") not in unrecorded
+        )
+
+    def fitting(self, *roles: str, needs: tuple[str, ...] = ()) -> tuple[Place, ...]:
+        """Return the places of some roles at which some signals can be had."""
+        shared = "shared command" in roles
+        return tuple(
+            q
+            for q in self.places
+            if (q.role in roles or (shared and q.shared)) and set(needs) <= set(q.signals)
+        )
+
+    def with_level(self, place: Place) -> Place:
+        """Return a place with the level of the store that it alone changes."""
+        level = self.ports.of(place.store)
+        return place.with_signal("level", level)
+
+    def arriving(self, place: Place) -> tuple[Local, ...]:
+        """Return the levels of other stores that enter what fills a store at once."""
+        value, own = self.ports.value_at(place), place.level.source
+        levels = dict.fromkeys(
+            q.level.source for q in self.fitting(*FLOWS, needs=("level",)) if q.level.source != own
+        )
+        return tuple(
+            self.ports.of(name)
+            for name in levels
+            if name in self.ports.state_index
+            and ca.depends_on(value, self.trace.x[self.ports.state_index[name]])
+        )
+
+    def beside(self, place: Place) -> tuple[Local, ...]:
+        """Return what other sensors read that the one of a place is not meant to read.
+
+        Not the rate of what it reads, nor that of which it reads the rate: those are a delay.
+        """
+        value, own = self.ports.value_at(place), self.ports.symbols
+        seen = [n for n in self.ports.state_index if ca.depends_on(value, own[n])]
+        near = {*seen, *(self.ports.integral.get(n, n) for n in seen)} | {
+            q.name for q in self.model.inputs
+        }
+        recorded = [
+            self.ports.measured[q.name] for q in self._outputs if q.name in self.ports.measured
+        ]
+        return tuple(
+            self.ports.of(n)
+            for n in dict.fromkeys(recorded)
+            if n in self.ports.state_index and not near & {n, self.ports.integral.get(n, n)}
+        )
+
+    def causes(self, place: Place) -> tuple[Local, ...]:
+        """Return the inputs that enter the signal of a place at once."""
+        entered = self.ports.entered[self.ports.port_index[place.name]]
+        entering = zip(self.model.inputs, entered, strict=True)
+        return tuple(self.ports.of(q.name) for q, enters in entering if enters)
+
+    @cached_property
+    def inputs_alone(self) -> tuple[Place, ...]:
+        """Inputs that enter the equations through one port alone, beside other signals there.
+
+        Each is that port as its cause alone is seen there, with its unit, scale and range.
+        """
+        t, found = self.trace, []
+        for k, q in enumerate(self.model.inputs):
+            at = [i for i, entered in enumerate(self.ports.entered) if entered[k]]
+            if len(at) != 1 or at[0] in self.ports.commanded:
+                continue
+            slope = ca.jacobian(self.ports.value(at[0]), t.u[k])
+            whole = ca.jacobian(ca.vertcat(t.rates, t.outputs), t.u[k])
+            if not same(
+                self.ports.sampled(self.ports.by_port[:, at[0]] * slope), self.ports.sampled(whole)
+            ):
+                continue
+            cause, port = self.ports.of(q.name), t.ports[at[0]]
+            found.append(
+                Place(
+                    replace(port, unit=cause.unit, scale=cause.scale),
+                    "command",
+                    {"cause": cause},
+                    driven=True,
+                    horizon=self.model.horizon,
+                    recorded=self.recorded,
+                    seen=cause.seen,
+                )
+            )
+        return tuple(found)
+
+    def inputs_alike(self, level: Local) -> tuple[Local, ...]:
+        """Return the inputs in the unit of a level."""
+        alike = [q.name for q in self.model.inputs if same_dimension(q.unit, level.unit)]
+        return tuple(self.ports.of(name) for name in alike)
+
+    @property
+    def unused_inputs(self) -> tuple[Local, ...]:
+        """Return the inputs that the equations do not use."""
+        t, e = self.trace, ca.vertcat(self.trace.rates, self.trace.outputs)
+        unused = (k for k in range(t.u.numel()) if not ca.depends_on(e, t.u[k]))
+        return tuple(self.ports.of(self.model.inputs[k].name) for k in unused)
+
+    def attached(self, equation: str) -> bool:
+        """Tell whether an effect of that equation is part of the model."""
+        return any(e.about.equation == equation for e in self.model.effects)
+
+    def place(self, name: str) -> Place:
+        """Return a port of the model as a place."""
+        ports, ranges = self.ports, self.recorded.ranges
+        check_choice(f"port of {self.model.name}", name, ports.port_index)
+        index = ports.port_index[name]
+        port, role = self.trace.ports[index], role_of(ports, index)
+        output = next((q for q in self._outputs if name == f"{q.name}.reading"), None)
+        signals = {
+            s: ports.local(port, s, o) for s, o in zip(port.signals, port.origins, strict=True)
+        }
+        shaped = muscle_signals(ports, index, signals) if role in _PULLS else {}
+        signals |= shaped
+        bodies = sum(q.name in ports.integral for q in ports.moved[index])
+        shared = role == "command" and bodies > 1
+        carried: dict[str, Local] = {}
+        directed = elastic = True
+        if role in EFFORTS or shared:
+            moved, directed = directed_motion(ports, index, motion_of(ports, index, signals))
+            signals |= moved | _bearing_loads(signals)
+            carried = carried_motion(ports, index, moved)
+            elastic = "coordinate" in moved and is_elastic(ports, index, moved["coordinate"])
+        store, fills = "", 1.0
+        if role in FLOWS:
+            signals |= self._levels(index)
+            store, fills = ports.alone(index)
+        if output is not None and output.name in ports.measured:
+            signals.setdefault("measured", ports.of(ports.measured[output.name]))
+        gains = tuple(q for q in self._entering[index] if is_gain(ports, q, index))
+        return Place(
+            port, role, signals, any(ports.entered[index]), store=store, fills=fills,
+            commanded=index in ports.commanded, shared=shared, shaped=bool(shaped),
+            rubbed=any(
+                e.dry and name in e.ports and e.name not in self._found for e in self.model.effects
+            ),
+            empty=ports.value(index).is_zero(), gains=gains,
+            parameters=tuple(q for q in self._entering[index] if q not in gains),
+            whole=ports.whole(index), elastic=(shared or role in EFFORTS) and elastic,
+            between=role in EFFORTS and ports.between_bodies(index),
+            directed=directed, output=output, horizon=self.model.horizon, recorded=self.recorded,
+            seen=ranges.get(name), stands=ranges.get(end_of(name), (None,))[0],
+            stride=self._stride(name, signals), terms=self._terms(port), carried=carried,
+            usual=ports.weighing(index) if role in (*EFFORTS, *FLOWS) else {},
+        )  # fmt: skip
+
+    def _levels(self, index: int) -> dict[str, Local]:
+        """Return what a flow fills, what it empties, and what it fills from there."""
+        ports, found = self.ports, {}
+        moved, raised = ports.moved[index], ports.pushed[:, index] > 0.0
+        if len(ports.filled[index]) == 1:
+            found["level"] = ports.of(ports.filled[index][0].name)
+        if head := ports.emptied(index):
+            found["head"] = ports.of(head)
+            filled = [q.name for q in moved if raised[ports.state_index[q.name]]]
+            if len(filled) == 1 and len(moved) == 2:
+                found["back"] = ports.of(filled[0])
+        return found
+
+    def _stride(self, name: str, signals: Mapping[str, Local]) -> float:
+        """Return how much of a signal passes, or how far what it moves goes, until it repeats."""
+        way = signals.get("coordinate")
+        alone = way is not None and not way.minus
+        return self.recorded.strides.get(way.source if way and alone else name, 0.0)
+
+    def _terms(self, port: Port) -> float:
+        """Return how far the largest term of a port's signal goes, if its author gives no size."""
+        size, number = 0.0, 0
+        if port.sized and port.name not in dict(self.model.traits.sizes):
+            return size
+        while (seen := self.recorded.ranges.get(term_of(port.name, number))) is not None:
+            size, number = max(size, 0.5 * (seen[1] - seen[0])), number + 1
+        return size
+
+    @cached_property
+    def _entering(self) -> tuple[tuple[Parameter, ...], ...]:
+        return parameter_ports.alone(self.ports, self._found)
+
+    @cached_property
+    def spread(self) -> tuple[tuple[Parameter, tuple[Place, ...]], ...]:
+        """Refitted parameters of the plant that several ports bring into the equations."""
+        found = parameter_ports.spread(self.ports, self._entering)
+        return tuple((q, tuple(map(self.place, names))) for q, names in found)
+
+
+def _bearing_loads(signals: Mapping[str, Local]) -> dict[str, Local]:
+    """Find what loads a contact at a port: its forces, torques and pressures, by unit or name."""
+
+    def loads(name: str, unit: str) -> bool:
+        if unit != "1":
+            return same_dimension(unit, "N", "N m", "Pa")
+        return name.rstrip("_0123456789").endswith(("force", "load", "pressure"))
+
+    found = [q for name, q in signals.items() if loads(name, q.unit)]
+    return {f"bearing_load_{i + 1}": q for i, q in enumerate(found)}
