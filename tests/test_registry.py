@@ -70,7 +70,7 @@ def test_a_mistake_in_a_users_module_is_a_sentence(tmp_path: Path, text: str, to
 @pytest.mark.parametrize("name", ["nowhere", "nowhere.py"])
 def test_a_module_that_is_not_there_is_told_with_the_folder(tmp_path: Path, name: str) -> None:
     _write(tmp_path, "nowhere_else", "best = 1\n")
-    with pytest.raises(WorkbenchError, match=rf"no module '{name}' in {tmp_path}.*mine\.py"):
+    with pytest.raises(WorkbenchError, match=rf"no module 'nowhere' in {tmp_path}.*mine\.py"):
         load_object("design", f"{name}:best", folder=tmp_path)
 
 
@@ -82,6 +82,15 @@ def test_modules_of_the_same_name_in_two_folders_are_told_apart(tmp_path: Path) 
         load_object("number", "my_own_numbers:value", folder=tmp_path / f) for f in ("a", "b", "a")
     ]
     assert found == [1.0, 2.0, 1.0]
+
+
+def test_a_file_stands_for_its_module(tmp_path: Path) -> None:
+    (tmp_path / "rigs").mkdir()
+    _write(tmp_path / "rigs", "my_own_rig", "import math\nfrom pathlib import Path\nlength = 3.0\n")
+    for file in ("rigs/my_own_rig.py", str(tmp_path / "rigs" / "my_own_rig.py")):
+        assert load_object("number", f"{file}:length", folder=tmp_path) == 3.0
+    with pytest.raises(WorkbenchError, match=r"must be one of length; did you mean 'length'"):
+        load_object("number", "rigs/my_own_rig.py:lenght", folder=tmp_path)
 
 
 def test_what_is_no_reference_is_refused() -> None:

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.metadata import entry_points
 from pathlib import Path
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import Any, Generic, TypeVar, cast
 
 from workbench.errors import WorkbenchError, check_choice
@@ -138,21 +138,29 @@ def load_object(kind: str, reference: str, *, folder: Path | None = None) -> Any
 
     Args:
         kind: What the object stands for, as the user knows it.
-        reference: ``module:object``; the object may be dotted.
+        reference: ``module:object``; the object may be dotted, and a file stand for its module,
+            ``rigs/mine.py:object``.
         folder: Folder of the module; searched before the Python path, for this import only.
 
     Raises:
         WorkbenchError: If the reference is not of that form, the module cannot be imported or has
             no such object; a mistake inside the module is told with its file and line.
     """
-    module_name, sign, path = reference.partition(":")
+    module_name, sign, path = reference.rpartition(":")
+    if module_name.endswith(".py"):
+        file = (folder or Path.cwd()) / module_name
+        folder, module_name = file.parent, file.stem
     if not sign or not path or not module_name.replace(".", "_").isidentifier():
         raise WorkbenchError(f"{kind} is {reference!r}; write one of your own as module:object")
     with user_code(f"{kind} {reference!r}"), _searched(folder):
         found: Any = _import(module_name, folder)
     for part in path.split("."):
         if not hasattr(found, part):
-            known = [n for n in vars(found) if not n.startswith("_")] if path else []
+            named = {n: o for n, o in vars(found).items() if not n.startswith("_")}
+            # What a module imports is not its own.
+            other = {n for n, o in named.items() if getattr(o, "__module__", "") != module_name}
+            foreign = {n for n in other if isinstance(named[n], (ModuleType, type, FunctionType))}
+            known = [n for n in named if n not in foreign]
             check_choice(f"object of {module_name} for {kind}", part, known)
         found = getattr(found, part)
     return found

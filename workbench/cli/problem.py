@@ -62,7 +62,7 @@ def _loaded(
 
     Args:
         case ([CASE]): Folder of a case, or name of a shipped case such as practice-08 or of a
-            machine such as emps.
+            machine such as emps; a file is a recording to fit on.
         fit: Instead of a case: a recording to fit on; may be given several times.
         hold_out: A recording to judge on; may be given several times. By default the last of
             several, or the last part of the only one.
@@ -83,6 +83,8 @@ def _loaded(
     from workbench.model.linear_system import with_free_coefficients
     from workbench.recordings.case import RefitSettings, read_case
 
+    if case is not None and Path(case).is_file():
+        fit, case = [Path(case), *(fit or ())], None
     if case is None and not fit and not hold_out:
         raise WorkbenchError(
             "there is nothing to work on; name a case, or give recordings with --fit"

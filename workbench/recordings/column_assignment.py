@@ -183,7 +183,7 @@ def _signal(
             f"column {header.column!r}, needed for {rule.signal!r}, {problem}; repair the file, map"
             " another column, or say which numbers words stand for ([words] in a mapping file)"
         )
-    unit, note = rule.unit or header.unit, ""
+    unit, note = rule.unit or header.unit or ("" if header.stated else request.stated), ""
     plain = bool(request.unit) and same_dimension(request.unit, "1")
     if not unit and header.stated and request.unit and not plain:
         # The plant counts in it too.

@@ -48,6 +48,7 @@ class Requested:
         unit: Unit of the same dimension as the column must have; ``""`` for any.
         role: Role the signal gets; ``""`` to guess it from the name.
         display_unit: Unit in which people read it; ``""`` for the column's.
+        stated: Unit in which numbers count that state none; ``""`` for that of the SI.
     """
 
     name: str
@@ -55,11 +56,13 @@ class Requested:
     role: Role | str = ""
     display_unit: str = ""
     optional: bool = False
+    stated: str = ""
 
 
 def _requested(q: Any, role: Role) -> Requested:
     shown = getattr(q, "display_unit", q.unit)
-    return Requested(q.name, q.unit, role, "" if shown == q.unit else shown)
+    shown = "" if shown == q.unit else shown
+    return Requested(q.name, q.unit, role, shown, stated=getattr(q, "stated", ""))
 
 
 def requested_signals(signals: Any) -> tuple[Requested, ...]:
