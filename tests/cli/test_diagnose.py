@@ -21,7 +21,6 @@ from workbench.diagnosis import diagnose as engine
 from workbench.diagnosis.selection import task
 from workbench.diagnosis.selection.selected import Scored
 from workbench.physics.library import library
-from workbench.physics.recorded_facts import RecordedFacts
 
 
 def _write(folder: Path, seed: int, *, hidden: bool) -> Path:
@@ -48,7 +47,7 @@ def few_effects(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def few(*given: Any, **known: Any) -> Any:
         laws = ("stribeck_friction", "linear_spring", "cubic_drag")
-        return [e for e in library(*given, RecordedFacts(**known)) if e.law in laws]
+        return [e for e in library(*given, **known) if e.law in laws]
 
     for place in (engine, task):
         monkeypatch.setattr(place, "library", few)

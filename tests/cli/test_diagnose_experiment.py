@@ -14,7 +14,6 @@ from workbench.diagnosis import diagnose as stages
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
 from workbench.diagnosis.selection import task
 from workbench.physics.library import library
-from workbench.physics.recorded_facts import RecordedFacts
 from workbench.physics.stiffness import linear_spring
 from workbench.plants.registry import PLANTS
 from workbench.plants.servo_axis import servo_axis
@@ -58,7 +57,7 @@ def given(diagnosed_already: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]
 
     def few(*given: Any, **known: Any) -> Any:
         laws = ("coulomb_friction", "linear_spring")
-        return [e for e in library(*given, RecordedFacts(**known)) if e.law in laws]
+        return [e for e in library(*given, **known) if e.law in laws]
 
     for place in (stages, task):
         monkeypatch.setattr(place, "library", few)
@@ -116,8 +115,8 @@ def test_a_law_without_a_name_becomes_a_law_of_the_user(
         made = made_up_recording(sprung, push, sample_time=0.01, name=f"axis {seed}")
         write_recording(made, here / f"{seed}.csv")
 
-    def without_springs(model: Any, **options: Any) -> Any:
-        every = library(model, **options)
+    def without_springs(*given: Any, **options: Any) -> Any:
+        every = library(*given, **options)
         return [h for h in every if h.name in ("stribeck_friction", "found")]
 
     for place in (stages, task):

@@ -28,7 +28,6 @@ from workbench.diagnosis.verdict import Finding
 from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.physics.library import Hypothesis, library
-from workbench.physics.recorded_facts import RecordedFacts
 from workbench.recordings.recording import Recording
 
 Law = Callable[[float, float], float]
@@ -41,7 +40,7 @@ def diagnosed(
     words = laws.split()
 
     def few(*given: Any, **known: Any) -> list[Hypothesis]:
-        every = library(*given, RecordedFacts(**known))
+        every = library(*given, **known)
         return [e for e in every if any(fnmatch(n, w) for n in (e.law, e.name) for w in words)]
 
     with patch.object(task, "library", few):
