@@ -13,7 +13,13 @@ from tests.diagnosis.example_diagnosis import rubbing_runs
 from workbench.diagnosis import diagnose as engine
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.location import located_signal
-from workbench.diagnosis.selection import refits, search, simulation_error, withdrawal
+from workbench.diagnosis.selection import (
+    final_refit,
+    first_refit,
+    search,
+    simulation_error,
+    withdrawal,
+)
 from workbench.diagnosis.verdict import Verdict
 from workbench.errors import NumericalError
 from workbench.model import Effect, Parameter, PortView
@@ -54,18 +60,20 @@ def test_a_law_of_the_users_that_fails_is_a_line(law: Callable[[PortView], Expre
 
 
 @pytest.mark.parametrize("error", [NumericalError("lost"), RuntimeError("gcc: out of memory")])
-@pytest.mark.parametrize("step", ["_refitted", "_judged_on"])
+@pytest.mark.parametrize(
+    ("room", "step"), [(first_refit, "_refitted"), (final_refit, "_judged_on")]
+)
 def test_a_refit_that_fails_is_a_line(
-    step: str, error: Exception, monkeypatch: pytest.MonkeyPatch
+    room: Any, step: str, error: Exception, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole = getattr(refits, step)
+    whole = getattr(room, step)
 
     def sometimes(base: Any, given: Any, *rest: Any) -> Any:
         if given.entry.name == "spring":
             raise error
         return whole(base, given, *rest)
 
-    monkeypatch.setattr(refits, step, sometimes)
+    monkeypatch.setattr(room, step, sometimes)
     spring = next(e for e in library(servo_axis()) if e.law == "linear_spring")
     verdict = _diagnosed(replace(spring, effect=spring.effect.renamed("spring")))
     assert [f.effect for f in verdict.findings] == ["coulomb_friction"]

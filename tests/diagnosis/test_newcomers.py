@@ -60,7 +60,7 @@ from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.estimation.windows import windowed_run
 from workbench.diagnosis.problem import Problem
 from workbench.diagnosis.refit_report import run_refit
-from workbench.diagnosis.selection import refits
+from workbench.diagnosis.selection import race
 from workbench.diagnosis.selection.selected import Selected
 from workbench.diagnosis.undeclared import with_undeclared
 from workbench.evaluation.foreign.foreign_case import plan
@@ -363,7 +363,7 @@ def test_a_friction_of_what_turns_one_way_cannot_be_told_from_a_torque(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # Which short refit comes further is chance: here one is followed for it.
-    monkeypatch.setattr(refits, "_FINALISTS", 1)
+    monkeypatch.setattr(race, "_FINALISTS", 1)
     runs = []
     for seed in (1, 2):
         rng, pulls = np.random.default_rng(seed), np.zeros(0)

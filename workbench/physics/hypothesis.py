@@ -72,6 +72,11 @@ class Hypothesis:
         return next(q for q in self.effect.parameters if q.name == self.size_parameter)
 
     @property
+    def size_name(self) -> str:
+        """Name of that parameter in a model to which the effect is attached."""
+        return f"{self.effect.name}.{self.size_parameter}"
+
+    @property
     def unit(self) -> str:
         """Unit of the size."""
         return self.size.unit
@@ -103,7 +108,7 @@ class Hypothesis:
     @property
     def absent(self) -> dict[str, float]:
         """Values at which the attached effect changes nothing, by name, in their units."""
-        return dict.fromkeys((f"{self.effect.name}.{self.size_parameter}", *self.advanced), 0.0)
+        return dict.fromkeys((self.size_name, *self.advanced), 0.0)
 
     def at_size(self, size: float, shape: Mapping[str, float] | None = None) -> Effect:
         """Return the effect at another size.

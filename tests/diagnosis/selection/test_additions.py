@@ -11,12 +11,11 @@ from tests.diagnosis.example_diagnosis import example_diagnosis
 from tests.diagnosis.machine_data import held, recording
 from tests.diagnosis.newcomers import levels, oscillator
 from workbench.diagnosis.estimation.observe import observe
-from workbench.diagnosis.estimation.priors import default_priors
+from workbench.diagnosis.estimation.priors import default_priors, entry_priors
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, fit_with_process_noise
 from workbench.diagnosis.selection import additions
 from workbench.diagnosis.selection.additions import shaped
 from workbench.diagnosis.selection.candidate import Candidate
-from workbench.diagnosis.selection.refits import entry_priors
 from workbench.diagnosis.selection.task import Task
 from workbench.physics.library import library
 from workbench.recordings.recording import Recording
@@ -49,7 +48,7 @@ def test_the_sharpness_of_a_loop_is_refitted_where_that_explains_more(exponent: 
     base = fit_with_process_noise(nominal, fitting, priors)
     task = Task(nominal, base, fitting, judging, priors, jobs=1)
     entry = next(e for e in library(nominal) if e.name == "bouc_wen_hysteresis")
-    free = (*priors, *entry_priors(entry)[0])
+    free = (*priors, *entry_priors(entry))
     model = nominal.with_effect(entry.effect)
     seen = task.started(fitting, model)
     begin = {"bouc_wen_hysteresis.level": 1.5, "bouc_wen_hysteresis.breakaway": 0.02}

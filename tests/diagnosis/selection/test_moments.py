@@ -15,7 +15,8 @@ from tests.diagnosis.newcomers import levels
 from tests.machines import machine
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.process_noise import extended_start, fit_with_process_noise
-from workbench.diagnosis.selection.moments import least_between, moments, with_own_moments
+from workbench.diagnosis.selection.moments import moments, with_own_moments
+from workbench.diagnosis.selection.scalar_search import least_between
 from workbench.model import Model, Scope
 from workbench.physics.library import library
 from workbench.physics.recorded_facts import RecordedFacts

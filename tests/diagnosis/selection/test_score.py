@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.axis_case import COULOMB_N, observed
+from tests.diagnosis.selection.candidates import made_score
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.selection.score import COLLINEAR, Scores, by_name, score_library
@@ -77,3 +78,22 @@ def test_the_same_law_twice_is_one_class() -> None:
         base.model, seen, default_priors(model), [*entries, other], noise_scale=base.noise_scale
     )
     assert scores.look_alikes("one") == ("two",)
+
+
+def test_what_a_parameter_hides_off_its_bound_is_scored_where_it_is_on_it() -> None:
+    ripple, tilt = made_score("ripple", 90.0), made_score("tilt_gravity", 60.0)
+    hidden = replace(tilt, sigma=0.4, collinearity=0.999)
+    confusion = np.array([[1.0, 0.2], [0.2, 1.0]])
+    scores = Scores((ripple, hidden), confusion, 1.0)
+    # As good elsewhere, what these data show is left as it was.
+    at_bound = Scores((replace(tilt, gain=200.0), replace(ripple, gain=300.0)), np.eye(2), 1.0)
+    assert scores.shown_by(at_bound).scores == (at_bound.scores[0], ripple)
+    assert scores.shown_by(replace(at_bound, scores=(hidden,))).scores == scores.scores
+
+
+def test_what_acts_late_and_in_few_blocks_is_late_too() -> None:
+    score = replace(made_score("parameter_jump_arm_inertia", 1000.0), due=8000)
+    assert score.late == 8000
+    # Its scatter about the mean over all blocks is large, and what it gains is too.
+    assert replace(score, sigma=1.8).late == 8000
+    assert replace(score, sigma=1.8, gain=20.0).late == 0

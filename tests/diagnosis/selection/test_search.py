@@ -12,14 +12,13 @@ import pytest
 from tests.diagnosis.example_diagnosis import example_diagnosis, example_task
 from tests.diagnosis.newcomers import levels, oscillations, oscillator, recorded
 from workbench.diagnosis.estimation.observe import observe
-from workbench.diagnosis.estimation.priors import Prior, default_priors
+from workbench.diagnosis.estimation.priors import Prior, default_priors, entry_priors, entry_start
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.selection import pairs, withdrawal
 from workbench.diagnosis.selection import search as selection_search
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.pairs import _openings, with_pair
-from workbench.diagnosis.selection.refits import entry_priors
 from workbench.diagnosis.selection.rules import (
     FREE_RUN,
     HELD_OUT,
@@ -231,7 +230,7 @@ def test_what_ended_as_a_simpler_law_is_told_as_that() -> None:
     ((found, _),) = given.selected.accepted
     tuned = {q.name: q.value for q in found.entry.effect.parameters if not q.fitted}
     curve = replace(curve, effect=curve.effect.with_parameters(tuned))
-    own, start = entry_priors(curve)
+    own, start = entry_priors(curve), entry_start(curve)
     # Of the places where its shape is that of a simpler law, the one at a bound.
     own = tuple(
         replace(p, lower=1.0 - 1e-6) if p.name.endswith("coulomb_share") else p for p in own
@@ -253,7 +252,7 @@ def test_what_ended_alike_in_all_recordings_is_told_as_what_acts_always(other: f
     (level,) = entry.effect.states
     level = replace(level, start_in=(("axis 1", 1.0), ("axis 2", other)))
     entry = replace(entry, effect=replace(entry.effect, states=(level,)))
-    named = _found_instead(task, given.selected, entry, *entry_priors(entry))
+    named = _found_instead(task, given.selected, entry, entry_priors(entry), entry_start(entry))
     ((told, _),) = simplified(task, named).accepted
     assert told.entry.law == ("constant_force" if other > 0.0 else "offset_by_recording")
 

@@ -6,8 +6,14 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
-from workbench.diagnosis.selection.shortlist import MOST_AT_FIRST, shortlist, to_refit
-from workbench.physics.library import Hypothesis, library
+import numpy as np
+
+from tests.diagnosis.selection.candidates import entries, made_score
+from workbench.diagnosis.selection.score import Scores
+from workbench.diagnosis.selection.shortlist import MOST_AT_FIRST, shortlist, to_refit, where
+from workbench.physics.friction import coulomb_friction
+from workbench.physics.hypothesis import Hypothesis
+from workbench.physics.library import library
 from workbench.plants.arm import arm
 
 
@@ -54,3 +60,38 @@ def test_what_is_simpler_and_scores_nearly_as_well_at_a_place_is_tried_too() -> 
     assert len(chosen) == MOST_AT_FIRST < len(rated)
     assert {"sensor_bend_angle", "sensor_offset_angle"} <= set(chosen)
     assert "sensor_gain_angle" not in chosen
+
+
+def test_shortlist_takes_look_alikes_and_the_best_of_other_places() -> None:
+    ranked = [
+        ("tilt_gravity", 900.0),
+        ("constant_torque", 800.0),
+        ("linear_spring", 700.0),
+        ("stribeck_friction", 690.0),
+        ("ripple", 680.0),
+        ("local_catch", 670.0),
+        ("valve_offset", 50.0),
+        ("chamber_leakage_1", 3.0),
+    ]
+    confusion = np.eye(len(ranked))
+    confusion[0, 1] = confusion[1, 0] = 0.99
+    scores = Scores(tuple(made_score(name, gain) for name, gain in ranked), confusion, 1.0)
+    names = [score.entry.name for score in shortlist(scores, most=3)]
+    assert names[0] == "tilt_gravity"
+    # The look-alike, and the best of another component although others at the joint score more.
+    assert set(names[1:]) == {"constant_torque", "valve_offset"}
+
+
+def test_what_cannot_be_tested_or_gains_too_little_is_not_refitted() -> None:
+    collinear = made_score("tilt_gravity", 90.0, collinearity=0.999)
+    scores = Scores((replace(collinear, sigma=1.5), made_score("ripple", 2.0)), np.eye(2), 1.0)
+    assert shortlist(scores, most=18) == ()
+    # What parameters reproduce but for a thousandth is refitted where that is seen clearly.
+    clear = replace(scores, scores=(collinear, scores.scores[1]))
+    assert [score.entry.name for score in shortlist(clear, most=18)] == ["tilt_gravity"]
+
+
+def test_location_of_an_effect_is_that_of_its_ports() -> None:
+    assert where(entries()["cross_leakage"]) == ("chamber_1", "chamber_2")
+    friction = Hypothesis(coulomb_friction("joint.torque", level=0.0), "level", 0.5)
+    assert where(friction) == ("joint",)

@@ -10,6 +10,7 @@ import numpy as np
 from workbench.errors import WorkbenchError
 from workbench.model import Model, Parameter
 from workbench.model.model import index_of
+from workbench.physics.hypothesis import Hypothesis
 
 _WIDE = 100.0
 """Ratio of the bounds of a parameter beyond which its usual value is a guess only."""
@@ -60,3 +61,35 @@ def default_priors(model: Model, names: Sequence[str] | None = None) -> tuple[Pr
             )
         priors.append(Prior(name, q.value, (q.upper - q.lower) / 4, q.lower, q.upper))
     return tuple(priors)
+
+
+def entry_priors(entry: Hypothesis) -> tuple[Prior, ...]:
+    """Return the priors of an effect's own parameters: its size, and shapes that are refitted.
+
+    The size of a law that is either there or not is fixed.
+    """
+    priors = []
+    for q in entry.effect.parameters:
+        name = f"{entry.name}.{q.name}"
+        if q.name == entry.size_parameter and not entry.replaces:
+            # A wide prior about zero: absence is as plausible as any size. What recordings were
+            # moved ahead by leaves no less.
+            low = q.lower + sum(entry.advanced.values())
+            priors.append(Prior(name, 0.0, entry.largest_size, low, q.upper))
+        elif q.fitted and np.isfinite(q.lower) and np.isfinite(q.upper):
+            priors.append(Prior(name, q.value, (q.upper - q.lower) / 4, q.lower, q.upper))
+    return tuple(priors)
+
+
+def entry_start(entry: Hypothesis, size: float = 0.0) -> dict[str, float]:
+    """Return where to start an effect's own parameters, by name, in SI: the library's shape.
+
+    Args:
+        size: Its expected size, in its unit.
+    """
+    own = {p.name: p for p in entry_priors(entry)}
+    start = {name: p.mean for name, p in own.items()}
+    if not entry.replaces:
+        bounds = own[entry.size_name]
+        start[entry.size_name] = float(np.clip(size, bounds.lower, bounds.upper))
+    return start

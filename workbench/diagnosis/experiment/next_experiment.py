@@ -167,7 +167,7 @@ def _sharpening(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> Advice:
     best = diagnosis.accepted[0][0]
     if best.size is None or not diagnosis.improved:
         return Advice()
-    name = f"{best.entry.name}.{best.entry.size_parameter}"
+    name = best.entry.size_name
     explanation = Explanation(best.entry.name, diagnosis.extended, name)
     separator = Separator(recordings[0], diagnosis.nominal)
     offered = _offered(diagnosis.extended.model, recordings, diagnosis.nominal)

@@ -236,7 +236,7 @@ def visible(
     """
     base = explanation.fit.model
     model = base.with_effect(*(e.effect for e in entries))
-    sizes = tuple(f"{e.name}.{e.size_parameter}" for e in entries)
+    sizes = tuple(e.size_name for e in entries)
     scale, free = explanation.fit.noise_scale, (*explanation.free, *sizes)
     filter_ = filter_of(model, separator.recording, scale, free, beside=base)
     n = len(explanation.free)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from workbench.diagnosis.estimation.prediction_error import Observed
-from workbench.diagnosis.estimation.priors import Prior, default_priors
+from workbench.diagnosis.estimation.priors import Prior, default_priors, entry_priors
 from workbench.diagnosis.estimation.process_noise import (
     INDIFFERENT,
     ProcessNoiseFit,
@@ -18,8 +18,7 @@ from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.decision import closer_unseen, degenerates_to, preferred
 from workbench.diagnosis.selection.held_out import held_out_gain, told_apart
 from workbench.diagnosis.selection.moments import changed_values, is_event, with_own_starts
-from workbench.diagnosis.selection.refits import Alike, entry_priors, refit_candidates
-from workbench.diagnosis.selection.score import Score, Scores, score_library
+from workbench.diagnosis.selection.score import Scores, score_library
 from workbench.diagnosis.selection.selected import Accepted, Round, Selected
 from workbench.diagnosis.selection.task import Task
 from workbench.diagnosis.selection.weights import Compared
@@ -47,39 +46,6 @@ def scored_beside(
     return score_library(fit.model, seen, free, tried, noise_scale=fit.noise_scale)
 
 
-def refits_beside(
-    task: Task,
-    base: ProcessNoiseFit,
-    free: Sequence[Prior],
-    chosen: Sequence[Score],
-    limits: rules.Limits,
-    *,
-    thorough: bool = False,
-    alike: Alike | None = None,
-    begun: Mapping[str, Candidate] | None = None,
-) -> tuple[Candidate, ...]:
-    """Refit effects beside what a model has, judged on the held-out recordings.
-
-    Args:
-        alike, begun: As for `refit_candidates`.
-        thorough: Whether refits on short recordings begin from more places: where nothing was found
-            yet, whose parameters would lead the way.
-    """
-    return refit_candidates(
-        base,
-        chosen,
-        free,
-        task.started(task.fitting, base.model),
-        task.started(task.judging, base.model),
-        limits=limits,
-        jobs=task.jobs,
-        progress=task.say,
-        thorough=thorough,
-        alike=alike,
-        begun=begun,
-    )
-
-
 def with_candidate(task: Task, state: Selected, found: Candidate, beside: Round) -> Selected:
     """Add an effect to the model, refitted to the end.
 
@@ -87,7 +53,7 @@ def with_candidate(task: Task, state: Selected, found: Candidate, beside: Round)
         beside: The round in which it was found.
     """
     assert found.fit is not None
-    free = (*state.free, *entry_priors(found.entry)[0])
+    free = (*state.free, *entry_priors(found.entry))
     # What is no more than this law with more parameters may have come further.
     more = next((c.fit for c in beside.candidates if degenerates_to(c, found)), None)
     started = task.started(task.fitting, found.fit.model)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
+from workbench.diagnosis.estimation.process_noise import PERFECT, ProcessNoiseFit
 from workbench.diagnosis.estimation.refit_result import Estimate
 from workbench.diagnosis.selection.held_out import RunErrors
 from workbench.physics.library import Hypothesis
@@ -54,7 +54,7 @@ class Candidate:
         """Estimate of the size parameter; None if the refit failed or the size was fixed."""
         if self.fit is None or self.entry.replaces:
             return None
-        return self.fit.refit.estimate(f"{self.entry.effect.name}.{self.entry.size_parameter}")
+        return self.fit.refit.estimate(self.entry.size_name)
 
     @property
     def _own(self) -> list[Estimate]:
@@ -70,7 +70,7 @@ class Candidate:
     @property
     def degenerate(self) -> bool:
         """Whether its shape ended on a bound, where it is a simpler law: a jump at the start."""
-        size = f"{self.entry.effect.name}.{self.entry.size_parameter}"
+        size = self.entry.size_name
         return any(e.on_bound and e.name != size for e in self._own)
 
     def __str__(self) -> str:
@@ -94,3 +94,19 @@ def colours_noise(candidate: Candidate) -> bool:
     effect = candidate.entry.effect
     remembers = not effect.about.level and any(q.unit != "s" for q in effect.states)
     return is_sensor(candidate) and remembers
+
+
+def explains(candidate: Candidate) -> bool:
+    """Whether the equations with an effect explain nearly all."""
+    return candidate.fit is not None and candidate.fit.noise_scale <= PERFECT
+
+
+def leaves_nothing(base: ProcessNoiseFit, candidate: Candidate) -> bool:
+    """Whether the equations that left something out are complete with an effect."""
+    return base.noise_scale > PERFECT and explains(candidate) and not colours_noise(candidate)
+
+
+def trusts_less(candidate: Candidate, best: Candidate) -> bool:
+    """Whether a refit trusts the equations less than another, so that the gains do not compare."""
+    fit, other = candidate.fit, best.fit
+    return fit is not None and other is not None and fit.noise_scale > other.noise_scale

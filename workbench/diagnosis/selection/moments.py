@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, filter_of
@@ -15,6 +14,7 @@ from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import LADDER, ProcessNoiseFit, extended_start
 from workbench.diagnosis.estimation.refit import refit
 from workbench.diagnosis.selection.delays import Delays
+from workbench.diagnosis.selection.scalar_search import least_between
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Effect, Model, Parameter, State
 from workbench.physics.drift import from_first
@@ -365,29 +365,6 @@ def moments(model: Model, effect: Effect, recording: str) -> tuple[float, float]
     starts = [dict(q.start_in).get(recording, q.initial) for q in _clocks(effect)]
     begin, end = _times(model, effect)
     return begin - starts[0], end - starts[-1]
-
-
-def least_between(
-    cost: Callable[[float], float], low: float, high: float, steps: int, within: float = 1e-5
-) -> tuple[float, float]:
-    """Return where a function of one number is least within bounds, and its value there.
-
-    Where it is infinite, a parabola through three of its values is none.
-
-    Args:
-        cost: Function of a number in any unit, dimensionless.
-        low: Lower bound, in the unit of the number.
-        high: Upper bound, in the unit of the number.
-        steps: How often it is called at most.
-        within: How close to the least value is close enough, in the unit of the number.
-
-    Returns:
-        The number, in its unit, and the least value, dimensionless.
-    """
-    options = {"maxiter": steps, "xatol": within}
-    with np.errstate(invalid="ignore"):
-        found = minimize_scalar(cost, bounds=(low, high), method="bounded", options=options)
-    return float(found.x), float(found.fun)
 
 
 def _likeliest(of: Delays, now: float, tried: Vector) -> float | None:

@@ -19,7 +19,6 @@ from workbench.diagnosis.estimation.process_noise import (
 )
 from workbench.diagnosis.selection import rules
 from workbench.diagnosis.selection.additions import (
-    refits_beside,
     remembered,
     scored_beside,
     with_candidate,
@@ -27,6 +26,7 @@ from workbench.diagnosis.selection.additions import (
 from workbench.diagnosis.selection.candidate import Candidate, is_sensor
 from workbench.diagnosis.selection.decision import decided
 from workbench.diagnosis.selection.held_out import RunErrors, run_errors, told_apart
+from workbench.diagnosis.selection.race import refit_candidates
 from workbench.diagnosis.selection.selected import Accepted, Round, Selected
 from workbench.diagnosis.selection.shortlist import MOST_AGAIN, to_refit
 from workbench.diagnosis.selection.task import MOST_FINDINGS, Task
@@ -136,7 +136,7 @@ def _completed(
     scores = scored_beside(task, begun.extended, begun.free)
     chosen, _ = to_refit(task, scores, MOST_AGAIN, begun.extended.model, quiet=False)
     try:
-        refitted = refits_beside(task, begun.extended, begun.free, chosen, alone.limits)
+        refitted = refit_candidates(task, begun.extended, begun.free, chosen, alone.limits)
     except NumericalError:
         # What begins cannot be followed along the held-out recordings.
         return state, None

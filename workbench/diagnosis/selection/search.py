@@ -16,6 +16,7 @@ from functools import partial
 
 import numpy as np
 
+from workbench.diagnosis.estimation.priors import entry_priors
 from workbench.diagnosis.estimation.process_noise import (
     PERFECT,
     ProcessNoiseFit,
@@ -27,16 +28,16 @@ from workbench.diagnosis.selection.additions import (
     explain_as_well,
     passed_all,
     polished,
-    refits_beside,
     remembered,
     retimed,
     scored_beside,
     with_candidate,
 )
-from workbench.diagnosis.selection.candidate import is_sensor
+from workbench.diagnosis.selection.candidate import is_sensor, leaves_nothing
+from workbench.diagnosis.selection.first_refit import untried
 from workbench.diagnosis.selection.held_out import over_floor
 from workbench.diagnosis.selection.pairs import as_told, with_pair
-from workbench.diagnosis.selection.refits import entry_priors, leaves_nothing, untried
+from workbench.diagnosis.selection.race import refit_candidates
 from workbench.diagnosis.selection.score import by_name, score_library
 from workbench.diagnosis.selection.selected import Accepted, Round, Scored, Selected
 from workbench.diagnosis.selection.shortlist import (
@@ -193,7 +194,7 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
         )
 
         refits = partial(
-            refits_beside, task, current, state.free,
+            refit_candidates, task, current, state.free,
             limits=limits, thorough=first, alike=scores.look_alikes,
         )  # fmt: skip
         evident = [s for s in chosen if s.entry.evident]
@@ -318,7 +319,7 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
         asked = rules.Limits(state.penalty, _least(scored, base, number), near_noise=near)
         chosen = tuple({s.entry.name: s for s in tried}.values())
         try:
-            candidates = refits_beside(task, base, free, chosen, asked, begun=begun)
+            candidates = refit_candidates(task, base, free, chosen, asked, begun=begun)
         except NumericalError:
             # Without the effect the recordings cannot be followed: it is needed as it is.
             continue
@@ -327,7 +328,7 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
         if best is None or best.fit is None:
             continue
         if best.name != found.candidate.name:
-            own = entry_priors(best.entry)[0]
+            own = entry_priors(best.entry)
             free = (*free, *own)
             started = task.started(task.fitting, best.fit.model)
             extended = polished(best.fit, started, free, beside=state.extended)

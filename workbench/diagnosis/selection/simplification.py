@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from workbench.diagnosis.estimation.priors import Prior
+from workbench.diagnosis.estimation.priors import Prior, entry_priors
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.selection.moments import level_everywhere
-from workbench.diagnosis.selection.refits import Race, entry_priors, in_turn
+from workbench.diagnosis.selection.refit_in_turn import Basis, in_turn
 from workbench.diagnosis.selection.rules import SAME
 from workbench.diagnosis.selection.selected import Accepted, Selected
 from workbench.diagnosis.selection.task import Task
@@ -22,7 +22,7 @@ def simplified(task: Task, state: Selected) -> Selected:
     judged = {c.name for r in state.rounds for c in r.candidates if c.followed}
     for found in state.accepted:
         entry, full = found.candidate.entry, state.extended
-        name, size = entry.effect.name, f"{entry.effect.name}.{entry.size_parameter}"
+        name, size = entry.name, entry.size_name
         own = {e.name: e for e in full.refit.estimates if e.name.startswith(f"{name}.")}
         ended = any(
             e.on_bound or e.std > _UNTOLD * e.prior.std for e in own.values() if e.name != size
@@ -33,28 +33,28 @@ def simplified(task: Task, state: Selected) -> Selected:
             e
             for e in look_alikes(entry, task.tried(state.extended.model.without(name)))
             if e.ports == entry.ports and not e.effect.about.begins
-            if len(entry_priors(e)[0]) < len(own) + (level is not None)
+            if len(entry_priors(e)) < len(own) + (level is not None)
             if ended or level is not None or e.name not in judged
         ]
         without = task.without(state, found) if shorter and size in own else None
         if without is None:
             continue
         base, free = without
-        race = Race(base, free, task.started(task.fitting, base.model))
+        basis = Basis(base, free, task.started(task.fitting, base.model))
         values = {k: v for k, v in full.refit.values.items() if k not in own}
         amount = own[size].value * (1.0 if level is None else level)
         for simpler in shorter:
             other = _begun(simpler, entry, amount)
             if other.replaces or other.unit != entry.unit:
                 continue
-            begin = values | {f"{other.name}.{other.size_parameter}": amount}
+            begin = values | {other.size_name: amount}
             try:
-                other, fit, _ = in_turn(race, other, begin, full.noise_scale)
+                other, fit, _ = in_turn(basis, other, begin, full.noise_scale)
             except Exception:  # noqa: BLE001
                 # What cannot be fitted is no simpler law.
                 continue
             if fit.cost < state.extended.cost + SAME:
-                known = (*free, *entry_priors(other)[0])
+                known = (*free, *entry_priors(other))
                 state = _renamed(state, found, other, replace(fit, passed=None), known)
                 break
     return state

@@ -14,7 +14,7 @@ from typing import Any
 
 from workbench.diagnosis.estimation.free_run import free_run, rms_of
 from workbench.diagnosis.estimation.prediction_error import Observed
-from workbench.diagnosis.estimation.priors import Prior
+from workbench.diagnosis.estimation.priors import Prior, entry_priors, entry_start
 from workbench.diagnosis.estimation.process_noise import (
     ProcessNoiseFit,
     blocks_of_cost,
@@ -22,7 +22,6 @@ from workbench.diagnosis.estimation.process_noise import (
     fit_with_process_noise,
     start_values,
 )
-from workbench.diagnosis.selection.refits import entry_priors
 from workbench.diagnosis.selection.score import Score, score_library
 from workbench.diagnosis.stages import Diagnosis
 from workbench.errors import NumericalError, WorkbenchError
@@ -71,7 +70,7 @@ def greedy(
         if fit is None:
             stopped = "the refit failed"
             break
-        own = entry_priors(best.entry)[0]
+        own = entry_priors(best.entry)
         measurements = sum(r.outputs.size for r in heads)
         gain = _cost(diagnosis, current, heads) - _cost(diagnosis, fit, heads)
         if gain <= 0.5 * len(own) * math.log(measurements):
@@ -128,13 +127,12 @@ def _with(
     entry = best.entry
     effect = entry.at_size(1.0) if entry.replaces else entry.at_size(0.0, best.shape)
     model = current.model.with_effect(effect)
-    own, start = entry_priors(best.entry, best.size)
     try:
         return fit_with_process_noise(
             model,
             [extended_start(r, diagnosis.nominal, model) for r in heads],
-            (*free, *own),
-            start=start | start_values(current.refit, free),
+            (*free, *entry_priors(entry)),
+            start=entry_start(entry, best.size) | start_values(current.refit, free),
             noise_scale=current.noise_scale,
             follow=False,
             enough=10.0,

@@ -1,0 +1,378 @@
+"""A race of hypotheses: ever fewer are refitted on ever more of the recordings, one is taken."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.diagnosis.estimation.priors import Prior, entry_priors
+from workbench.diagnosis.estimation.process_noise import (
+    ProcessNoiseFit,
+    blocks_as_trusted,
+    blocks_of_cost,
+    fit_with_process_noise,
+)
+from workbench.diagnosis.selection.candidate import (
+    Candidate,
+    explains,
+    leaves_nothing,
+    trusts_less,
+)
+from workbench.diagnosis.selection.decision import decided
+from workbench.diagnosis.selection.final_refit import closest_errors, followed
+from workbench.diagnosis.selection.first_refit import first_refit
+from workbench.diagnosis.selection.held_out import NO_RUNS
+from workbench.diagnosis.selection.moments import is_event
+from workbench.diagnosis.selection.refit_in_turn import Basis
+from workbench.diagnosis.selection.rules import TWIN, Limits
+from workbench.diagnosis.selection.score import Score
+from workbench.diagnosis.selection.shortlist import LEAST_SCORE
+from workbench.diagnosis.selection.task import Task
+from workbench.work.processes import Call, in_order
+
+_FINALISTS = 4
+_MOST_SENSORS = 2
+
+_FIELD = 12
+"""How many hypotheses are refitted on a longer part of the recordings."""
+
+_RIVALS = 0.7
+"""Gain over that of one that leaves little of the equations in doubt, from which on others may be
+as good on all of the recordings."""
+
+_CONTENDS = 0.3
+"""Gain of a first refit over the best one, up to which more trust makes no rival of it, where both
+trust the equations as much."""
+
+_SAID = 4
+"""How many of those that are refitted are told by name."""
+
+_BY_SCORE = 4
+"""How many of them are there for their score, whatever they gain in a first short refit."""
+
+_HEADS = (1500, 5000)
+"""Samples of each recording that the first refits of a hypothesis use, one after the other."""
+
+_RACED = 1.3
+"""Length of a recording over its head from which on a first refit uses the head only."""
+
+_SHORT = 5000
+"""Samples of all recordings below which a refit begins from more places."""
+
+_FAR = 50.0
+"""A step that gains less log likelihood than this ends a short refit."""
+
+_NEAR = 10.0
+"""A step that gains less log likelihood than this ends the first refit of a hypothesis."""
+
+Alike = Callable[..., Sequence[str]]
+"""Gives the names of effects whose signature resembles that of one, above a cosine; see
+`Scores.look_alikes`."""
+
+
+def refit_candidates(
+    task: Task,
+    base: ProcessNoiseFit,
+    priors: Sequence[Prior],
+    chosen: Sequence[Score],
+    limits: Limits,
+    *,
+    thorough: bool = False,
+    alike: Alike | None = None,
+    begun: Mapping[str, Candidate] | None = None,
+) -> tuple[Candidate, ...]:
+    """Refit each hypothesis beside what a model has, together with the free parameters.
+
+    Args:
+        base: The fitted model without them.
+        priors: Those of its parameters that are refitted.
+        thorough: Whether refits on short recordings begin from more places: where nothing was found
+            yet, whose parameters would lead the way.
+        alike: Gives the hypotheses whose signature resembles that of one; nobody asks for them by
+            default.
+        begun: Refits beside another base by name of the hypothesis, each from where that one goes
+            on.
+
+    Returns:
+        Candidates by falling gain, each accepted or refused with the reason.
+    """
+    if not chosen:
+        return ()
+    fit_on, hold_out = (task.started(r, base.model) for r in (task.fitting, task.judging))
+    known = base.cost - float(blocks_of_cost(base, fit_on).sum())
+    basis = Basis(base, tuple(priors), tuple(fit_on), known, task.jobs, thorough)
+    earlier = {name: _beside(base, c) for name, c in (begun or {}).items()}
+    racing = [s for s in chosen if s.entry.name not in earlier]
+    lengths = [len(r.outputs) for r in fit_on]
+    field, lost = list(chosen), []
+    if racing and (max(lengths) > _RACED * _HEADS[0] or sum(lengths) > _RACED * _HEADS[1]):
+        task.say(f"racing {len(racing)} effects on the beginning of the recordings")
+        raced = dict(zip((s.entry.name for s in racing), _raced(basis, racing), strict=True))
+
+        def place(i: int) -> tuple[bool, float]:
+            found = raced.get(chosen[i].entry.name)
+            return found is not None and i >= _BY_SCORE, -found.gain if found else -math.inf
+
+        order = [chosen[i] for i in sorted(range(len(chosen)), key=place)]
+        earlier |= raced
+        field, lost = order[:_FIELD], [earlier[s.entry.name] for s in order[_FIELD:]]
+    names, more = [s.entry.name for s in field[:_SAID]], len(field) - _SAID
+    task.say(f"refitting with {', '.join(names)}{f' and {more} more' if more > 0 else ''}")
+    at_first = _first_refits(basis, field, _HEADS[1], _NEAR, earlier)
+    leaders = _leaders(at_first, field.index(chosen[0]), several=len(fit_on) > 1)
+    leaders, weaker = _rivals(basis, field, at_first, leaders)
+    before = blocks_as_trusted(base, hold_out) if leaders and hold_out else None
+
+    def follow(candidate: Candidate) -> Call[Candidate]:
+        return followed, (basis, candidate, hold_out, before)
+
+    plain: list[Call[Any]] = [(closest_errors, (base, base.model, fit_on, hold_out))]
+    runs, first = NO_RUNS, [*at_first, *lost]
+    found = decided(first, runs, limits)
+    best: Candidate | None = None
+    waiting = [leaders, weaker]
+    while waiting:
+        some = waiting.pop(0)
+        if not some:
+            continue
+        task.say("comparing " + " and ".join(first[i].entry.name for i in some))
+        done: list[Any] = in_order([*(follow(first[i]) for i in some), *plain], jobs=task.jobs)
+        for i, final in zip(some, done, strict=False):
+            first[i] = final
+        if plain:
+            runs, plain = done[-1], []
+        found = decided(first, runs, limits)
+        early = best is None
+        best = next((c for c in found if not c.refused), None)
+        if best is not None:
+            waiting = []
+            if early:
+                came = _came_too(at_first, first, best) if len(fit_on) > 1 else []
+                waiting = [came, _twins(alike, first, best) if alike else []]
+    if best is None or not best.entry.alone:
+        return found
+    # What acts at several places alike may act at one of them.
+    # It begins with the parameters as they were widened and tuned.
+    shape = best.entry.effect.parameters
+    at_one = [
+        replace(best, entry=replace(entry, effect=replace(entry.effect, parameters=shape)))
+        for entry in best.entry.alone
+    ]
+    return decided((*first, *in_order([*map(follow, at_one)], jobs=task.jobs)), runs, limits)
+
+
+def _raced(basis: Basis, field: Sequence[Score]) -> list[Candidate]:
+    """Refit hypotheses on the beginning of two recordings, or on more if they are short.
+
+    The one that shows a hypothesis best is among them.
+    """
+    fit_on = basis.fit_on
+    groups: dict[tuple[int, ...], list[int]] = {}
+    for i, score in enumerate(field):
+        order = sorted(range(len(fit_on)), key=lambda k: k != score.clearest)
+        sizes = np.cumsum([min(len(fit_on[k].outputs), _HEADS[0]) for k in order])
+        enough = int(np.searchsorted(sizes, 2 * _HEADS[0])) + 1
+        groups.setdefault(tuple(sorted(order[:enough])), []).append(i)
+    found: dict[int, Candidate] = {}
+    for chosen, own in groups.items():
+        here = [replace(field[i], clearest=chosen.index(field[i].clearest)) for i in own]
+        some = basis._replace(fit_on=[fit_on[k] for k in chosen])
+        done = _first_refits(some, here, _HEADS[0], _FAR)
+        found |= dict(zip(own, done, strict=True))
+    return [found[i] for i in range(len(field))]
+
+
+def _first_refits(
+    basis: Basis,
+    field: Sequence[Score],
+    samples: int,
+    enough: float,
+    begun: Mapping[str, Candidate] | None = None,
+) -> list[Candidate]:
+    """Refit hypotheses on the beginning of each recording, from where earlier refits ended.
+
+    What happens later than that is refitted on as much as shows it.
+
+    Args:
+        begun: The earlier refits by name.
+    """
+    begun = begun or {}
+    short = basis.thorough and sum(len(r.outputs) for r in basis.fit_on) <= _SHORT
+    heads = _heads(basis, field, samples)
+    seen = [sum(len(r.outputs) for r in head) for head, _ in heads]
+    order = sorted(range(len(field)), key=lambda i: -field[i].gain)
+    found: dict[int, Candidate] = {}
+    # The best scores first, then ever more at a time.
+    ends = [_BY_SCORE * (2**k - 1) for k in range(len(order).bit_length() + 1)]
+    for some in (order[i:j] for i, j in pairwise(ends) if i < len(order)):
+        # Beside what leaves nothing out nobody waits for the others to be tried in every way.
+        complete = {k: c.gain for k, c in found.items() if leaves_nothing(basis.base, c)}
+        ways = short and not complete
+        # Nor for what explains much less, by sample: what comes late is refitted on more of them.
+        clear = max((gain / seen[k] for k, gain in complete.items()), default=0.0)
+        calls: list[Call[Candidate]] = []
+        for i in some:
+            (head, cost), least = heads[i], _CONTENDS * clear * seen[i]
+            own, earlier = (
+                basis._replace(fit_on=head, thorough=ways),
+                begun.get(field[i].entry.name),
+            )
+            calls.append((first_refit, (own, cost, field[i], enough, earlier, least)))
+        found |= dict(zip(some, in_order(calls, jobs=basis.jobs), strict=True))
+    return [found[i] for i in range(len(field))]
+
+
+def _heads(
+    basis: Basis, field: Sequence[Score], samples: int
+) -> list[tuple[list[Observed], float]]:
+    """Return the beginnings that show each hypothesis, and their cost without it, dimensionless."""
+    lengths = [samples if score.late < samples else 2 * score.late for score in field]
+    heads = {n: [r.part(slice(n)) for r in basis.fit_on] for n in {*lengths}}
+    costs = {n: float(blocks_of_cost(basis.base, head).sum()) for n, head in heads.items()}
+    return [(heads[n], basis.known + costs[n]) for n in lengths]
+
+
+def _rivals(
+    basis: Basis, field: Sequence[Score], first: Sequence[Candidate], leaders: list[int]
+) -> tuple[list[int], list[int]]:
+    """Part leaders from those that explain clearly less than what explains nearly all.
+
+    They are no rivals, unless what explains more is refused.
+    """
+    if len(leaders) < 2:
+        return leaders, []
+    trusted = _trusted(basis, [field[i] for i in leaders], [first[i] for i in leaders])
+    top = max(trusted, key=lambda c: c.gain)
+    if not explains(top):
+        return leaders, []
+    least = _RIVALS * top.gain
+    rivals = [i for i, c in zip(leaders, trusted, strict=True) if c.gain > least]
+    return rivals, [i for i in leaders if i not in rivals]
+
+
+def _trusted(basis: Basis, field: Sequence[Score], first: Sequence[Candidate]) -> list[Candidate]:
+    """Refit hypotheses that contend with as much trust in the equations as each of them earns.
+
+    Where the equations are as imperfect as without it, the right law gains little more than a wrong
+    one that bends the same way: the noise that is expected makes up for the rest.
+    """
+    best = max(first, key=lambda c: c.gain)
+    least = max(_CONTENDS * best.gain, LEAST_SCORE)
+    chosen = [i for i, c in enumerate(first) if c.gain > least or trusts_less(c, best)]
+    heads = _heads(basis, [field[i] for i in chosen], _HEADS[1])
+    calls = [
+        (_with_trust, (basis._replace(fit_on=head), cost, first[i]))
+        for i, (head, cost) in zip(chosen, heads, strict=True)
+    ]
+    found = list(first)
+    for i, candidate in zip(chosen, in_order(calls, jobs=basis.jobs), strict=True):
+        found[i] = candidate
+    return found
+
+
+def _with_trust(basis: Basis, cost: float, first: Candidate) -> Candidate:
+    assert first.fit is not None
+    model = first.fit.model
+    try:
+        fit = fit_with_process_noise(
+            model,
+            basis.started(basis.fit_on, model),
+            (*basis.priors, *entry_priors(first.entry)),
+            start=first.fit.refit.values,
+            noise_scale=first.fit.noise_scale,
+            enough=_NEAR,
+        )
+    except Exception:  # noqa: BLE001
+        # Whatever a law does, its failure must not end the diagnosis.
+        return first
+    return replace(first, fit=fit, gain=cost - fit.cost)
+
+
+def _beside(base: ProcessNoiseFit, candidate: Candidate) -> Candidate:
+    """Return a refit beside another base as one from which a refit beside this one may go on."""
+    assert candidate.fit is not None
+    fit, own = candidate.fit, f"{candidate.entry.name}."
+    estimates = tuple(
+        e for e in fit.refit.estimates if e.name in base.refit.values or e.name.startswith(own)
+    )
+    refit = replace(fit.refit, estimates=estimates)
+    return replace(candidate, fit=replace(fit, refit=refit, noise_scale=base.noise_scale))
+
+
+def _leaders(first: Sequence[Candidate], best: int, *, several: bool = False) -> list[int]:
+    """Choose which hypotheses to follow, by their gain in the first refit.
+
+    A lag or delay of a sensor reproduces many a slow or springy part of the process, and does so at
+    several sensors: of each such law one is followed, and two at the most. The best score is
+    followed too, whatever its first refit gained, and takes nobody's place; so is the best event of
+    several recordings, which may come to each at a time of its own. An event is not followed where
+    what acts there all the time explains as much.
+
+    Args:
+        best: Place of the best score.
+    """
+    order = sorted(range(len(first)), key=lambda i: -first[i].gain)
+    worthy = [i for i in order if first[i].fit is not None and first[i].gain > LEAST_SCORE]
+    worthy = [i for i in worthy if not any(_always(first[k], first[i]) for k in worthy)]
+    leaders: list[int] = []
+    laws: set[str] = set()
+    for i in worthy:
+        entry = first[i].entry
+        if entry.group == "sensor":
+            if entry.law in laws or len(laws) >= _MOST_SENSORS:
+                continue
+            laws.add(entry.law)
+        if len(leaders) < _FINALISTS:
+            leaders.append(i)
+    if first and first[best].fit is not None and best not in leaders:
+        leaders.append(best)
+    events = [i for i in worthy if is_event(first[i].entry.effect)]
+    if several and events and not set(events) & set(leaders):
+        leaders += [i for i in events[:1] if first[i].gain > _RIVALS * first[worthy[0]].gain]
+    return leaders
+
+
+def _always(one: Candidate, event: Candidate) -> bool:
+    """Whether a law without a time explains as much, with no less trust, as what comes at one."""
+    if not is_event(event.entry.effect) or is_event(one.entry.effect) or trusts_less(one, event):
+        return False
+    ports = one.entry.effect.ports == event.entry.effect.ports
+    return ports and one.own_parameters < event.own_parameters and one.gain >= event.gain
+
+
+def _came_too(
+    at_first: Sequence[Candidate], now: Sequence[Candidate], best: Candidate
+) -> list[int]:
+    """Return what may have come instead of an event that was found, and was not followed yet.
+
+    Told one time for all recordings it gained about as much, which of several times says little.
+    """
+    if not is_event(best.entry.effect):
+        return []
+    least = _RIVALS * max((c.gain for c in at_first if c.name == best.name), default=math.inf)
+    events = [i for i, c in enumerate(now) if is_event(c.entry.effect) and not c.followed]
+    events = [i for i in events if now[i].fit is not None and now[i].gain > least]
+    return sorted(events, key=lambda i: -now[i].gain)[: _FINALISTS - 1]
+
+
+def _twins(alike: Alike, now: Sequence[Candidate], best: Candidate) -> list[int]:
+    """Return what was not followed yet and does the same to these recordings as what was found.
+
+    A friction of what turns one way only is a constant torque: which of them a short refit brings
+    further is chance. So it is which of two laws that do nearly the same comes to trust the
+    equations: until then neither gains much.
+    """
+    same, nearly = alike(best.name, above=TWIN), alike(best.name)
+    twins = [
+        i
+        for i, c in enumerate(now)
+        if c.fit is not None and not c.followed
+        if c.name in same or (c.name in nearly and trusts_less(c, best))
+    ]
+    return sorted(twins, key=lambda i: -now[i].gain)[:_FINALISTS]
