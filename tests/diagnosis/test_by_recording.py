@@ -14,7 +14,7 @@ import pytest
 
 from tests.diagnosis.machine_data import by_runge_kutta, recording
 from tests.diagnosis.newcomers import diagnosed, levels, oscillator
-from workbench.diagnosis.conclude import still_missing
+from workbench.diagnosis.doubts import still_missing
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise

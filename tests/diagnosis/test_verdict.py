@@ -13,17 +13,16 @@ import pytest
 
 from tests.diagnosis.example_diagnosis import example_diagnosis
 from tests.machines import machine
-from workbench.diagnosis.conclude import (
+from workbench.diagnosis.conclude import _beyond, conclude
+from workbench.diagnosis.doubts import (
     _add_up,
-    _along,
-    _beside_larger,
-    _beyond,
-    _differs,
-    _rest,
-    _still_off,
-    _too_quick,
-    conclude,
+    beside_larger,
+    differs,
+    left_out_too,
+    still_off,
+    too_quick,
 )
+from workbench.diagnosis.findings import along
 from workbench.diagnosis.selection.held_out import explained
 from workbench.diagnosis.selection.weights import Compared
 from workbench.diagnosis.verdict import SCHEMA, Finding, Value, Verdict
@@ -108,10 +107,10 @@ def test_a_parameter_that_is_a_curve_is_told_along_it() -> None:
     seen = library(wagon, RecordedFacts(ranges={"speed": (5.0, 25.0)}))
     (law,) = (h for h in seen if h.name == "parameter_curve_mu_over_speed")
     model = wagon.with_effect(law.at_size(0.1, {"bend": math.pi}))
-    told = _along(model, model.effects[-1])
+    told = along(model, model.effects[-1])
     # What is never negative changes by factors, here of exp(0.1 / 0.3).
     assert told == "; mu is 0.419 at 18 km/h, 0.3 at 54 km/h, 0.215 at 90 km/h of speed"
-    assert _along(model, coulomb_friction("speed.rate")) == ""
+    assert along(model, coulomb_friction("speed.rate")) == ""
 
 
 def test_a_curve_is_told_along_the_scale_of_the_thermometer_that_reads_its_state() -> None:
@@ -129,7 +128,7 @@ def test_a_curve_is_told_along_the_scale_of_the_thermometer_that_reads_its_state
     seen = library(brake, RecordedFacts(ranges={"T": (273.15, 473.15)}))
     law = next(h for h in seen if h.name == "parameter_curve_mu_over_T")
     model = brake.with_effect(law.at_size(-0.1))
-    assert _along(model, model.effects[-1]) == "; mu is 0.4 at 0°C, 0.3 at 100°C, 0.2 at 200°C of T"
+    assert along(model, model.effects[-1]) == "; mu is 0.4 at 0°C, 0.3 at 100°C, 0.2 at 200°C of T"
 
 
 def test_a_curve_over_several_signals_is_told_along_what_a_parameter_multiplies() -> None:
@@ -143,7 +142,7 @@ def test_a_curve_over_several_signals_is_told_along_what_a_parameter_multiplies(
     seen = library(conveyor, RecordedFacts(ranges={"argument of grip": (-0.05, 0.05)}))
     law = next(h for h in seen if h.name == "parameter_curve_grip_over_argument")
     model = conveyor.with_effect(law.at_size(2.0, {"bend": 0.0}))
-    told = _along(model, model.effects[-1])
+    told = along(model, model.effects[-1])
     assert "10 1/s at 0 m/s, 12.2 1/s at 0.05 m/s of what grip multiplies" in told
 
 
@@ -180,7 +179,7 @@ def test_a_name_is_doubted_where_equations_leave_something_out_and_run_off(
         "refitted": {"position": 1e-2},
         "extended": {"position": left * 1e-2},
     }
-    doubts = _still_off(found, fit)
+    doubts = still_off(found, fit)
     assert bool(doubts) == (belief == "likely")
     told = f"{100 * (1.0 - explained(fit)):.0f} % of the mean square"
     assert all(text.startswith(told) for text in doubts)
@@ -192,16 +191,14 @@ def test_runs_that_drift_off_are_told_whatever_a_filter_makes_of_the_equations(
     given = example_diagnosis()
     assert given.extended.noise_scale < 0.1
     fit = {"noise_floor": {"position": 1e-5}, "extended": {"position": 2e-3}}
-    assert _rest(given, fit) == ""
-    monkeypatch.setattr(
-        "workbench.diagnosis.conclude.over_floor", lambda *given: {"position": 150.0}
-    )
-    assert "the held-out error of position is 200 times the noise." in _rest(given, fit)
+    assert left_out_too(given, fit) == ""
+    monkeypatch.setattr("workbench.diagnosis.doubts.over_floor", lambda *given: {"position": 150.0})
+    assert "the held-out error of position is 200 times the noise." in left_out_too(given, fit)
     gained = given.rounds[0]
     idle = gained._replace(candidates=tuple(replace(c, gain=0.7) for c in gained.candidates))
     for later, told in ((gained, "; the best candidate for it, coulomb"), (idle, ", and no law")):
         state = replace(given.selected, rounds=(gained, later))
-        assert f"times the noise{told}" in _rest(replace(given, selected=state), fit)
+        assert f"times the noise{told}" in left_out_too(replace(given, selected=state), fit)
 
 
 def test_numbers_that_are_not_finite_become_null() -> None:
@@ -299,8 +296,8 @@ def test_what_may_be_the_rest_of_a_larger_finding_is_doubted(
         validated=replace(given.validated, missing=missing),
         selected=replace(given.selected, accepted=2 * given.selected.accepted),
     )
-    assert _beside_larger(found, 0) == ()
-    said = " ".join(_beside_larger(found, 1))
+    assert beside_larger(found, 0) == ()
+    said = " ".join(beside_larger(found, 1))
     assert said.startswith("it is 5 % of coulomb friction at") if doubted else said == ""
 
 
@@ -319,7 +316,7 @@ def test_a_memory_that_may_be_shorter_than_a_sample_is_doubted(
         "time_constant": Value(samples * sample, "s", std * sample),
         "time": Value(0.0, "s", 0.0),
     }
-    said = " ".join(_too_quick(given, own))
+    said = " ".join(too_quick(given, own))
     assert said.startswith("its time constant may be shorter than a sample, ") == doubted
     assert bool(said) == doubted
 
@@ -328,9 +325,9 @@ def test_what_differs_by_recording_is_doubted_where_more_is_left_out() -> None:
     axis = servo_axis()
     entries = {e.law: e for e in library(axis)}
     differing = entries["offset_by_recording"].effect
-    assert _differs(differing, " Something else is still left out.") != ()
-    assert _differs(differing, "") == ()
-    assert _differs(entries["constant_force"].effect, " Something else is still left out.") == ()
+    assert differs(differing, " Something else is still left out.") != ()
+    assert differs(differing, "") == ()
+    assert differs(entries["constant_force"].effect, " Something else is still left out.") == ()
 
 
 def test_a_size_is_read_in_the_unit_of_its_sentence() -> None:

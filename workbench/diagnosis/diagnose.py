@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from workbench.diagnosis.conclude import conclude, still_missing
+from workbench.diagnosis.conclude import conclude
+from workbench.diagnosis.doubts import still_missing
 from workbench.diagnosis.division import with_some_held_out
 from workbench.diagnosis.estimation.fixed_parameters import (
     with_fixed_refitted,

@@ -1,0 +1,256 @@
+"""Findings of a verdict: what is missing, where, how large, since when, and how sure that is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import casadi as ca
+
+from workbench.diagnosis.doubts import Errors, beside_larger, differs, too_quick
+from workbench.diagnosis.estimation.fixed_parameters import value_instead
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, extended_start
+from workbench.diagnosis.estimation.refit_result import Estimate
+from workbench.diagnosis.selection.held_out import explained
+from workbench.diagnosis.selection.moments import levels, moments
+from workbench.diagnosis.stages import Diagnosis
+from workbench.diagnosis.verdict import Finding, Value
+from workbench.model import Effect, Model
+from workbench.model.quantities import declared_unit, shown_in
+from workbench.model.units import from_si, in_time, in_times, with_unit
+from workbench.physics.drift import along_curve
+from workbench.physics.hypothesis import Hypothesis
+
+_LEAST_ALIKE = 0.1
+"""Weight from which what stands for an effect in a set of effects cannot be told from it."""
+
+
+def named(
+    diagnosis: Diagnosis, index: int, fit: Errors, rest: str, together: tuple[str, ...]
+) -> Finding:
+    """Return the finding of an effect that was accepted.
+
+    Args:
+        index: Which of them, in the order of finding.
+        rest: What is left out beside all that was found, in words; empty if nothing.
+        together: Doubts of all that was found.
+    """
+    candidate, alike = diagnosis.accepted[index]
+    entry, model = candidate.entry, diagnosis.extended.model
+    attached = model.effect(entry.name)
+    alike = (*alike, *(n for n in _instead(diagnosis, entry.name) if n not in alike))
+    parameters = own_parameters(diagnosis.extended, entry.name)
+    tried = {c.name: c.entry for _, candidates in diagnosis.rounds for c in candidates}
+    members = (entry, *(tried[name] for name in alike[1:] if name in tried))
+    # What each of them is told by; why it is, stands behind a colon.
+    texts = (q.effect.about.separated_by.partition(":")[0] for q in members)
+    deciding = dict.fromkeys(text for text in texts if text)
+    # What was found is doubted alone, and together with all else.
+    doubts = (
+        *candidate.doubts,
+        *too_quick(diagnosis, parameters),
+        *beside_larger(diagnosis, index),
+        *together,
+        *differs(entry.effect, rest),
+    )
+    # A law that is either there or not is told by its other numbers.
+    size = parameters.get(entry.size_parameter)
+    told = {entry.size_parameter: size} if size else parameters
+    numbers = {name: v.read for name, v in told.items()}
+    formula = computed(entry, diagnosis.nominal)
+    text = (
+        f"{'Likely missing' if doubts else 'Missing'}:"
+        f" {entry.name.replace('_', ' ')} at {', '.join(entry.ports)}"
+        + "".join(
+            f", {name} {value:.3g} +- {std:.2g} {unit}".removesuffix(" 1")
+            for name, (value, std, unit) in numbers.items()
+        )
+        + _beside(model, entry.effect)
+        + _by_recording(model, attached)
+        + along(model, entry.effect)
+        + (f"; cannot be told from {', '.join(alike[1:])}" if len(alike) > 1 else "")
+        + (f"; {' or '.join(deciding)} would decide" if len(alike) > 1 and deciding else "")
+        + _instead_of(diagnosis, entry)
+        + (f"; so would another formula for {formula}" if formula else "")
+        + "."
+        + (f" Only likely: {'; '.join(doubts)}." if doubts else "")
+    )
+    occurrence = diagnosis.validated.occurrence(index) if diagnosis.validated else None
+    if occurrence is not None:
+        occurrence = replace(occurrence, since=_since(diagnosis, attached))
+    weights = [w.weight for w in diagnosis.weights if {entry.name, *alike} & {*w.effects}]
+    return Finding(
+        where=entry.ports,
+        effect=entry.name,
+        alike=alike,
+        sentence=f"{text} {occurrence or ''}".rstrip(),
+        parameters=parameters,
+        excess_explained=explained(fit),
+        gain=candidate.gain,
+        held_out=candidate.held_out,
+        weight=min(1.0, sum(weights)) if diagnosis.weights else math.nan,
+        p_value=_by_chance(candidate.held_out),
+        belief="likely" if doubts else "sure",
+        doubts=doubts,
+        occurrence=occurrence,
+    )
+
+
+def without_name(diagnosis: Diagnosis, fit: Errors) -> tuple[Finding, ...]:
+    """Say where something is left out that no effect of the library explains."""
+    term = diagnosis.nonparametric
+    occurrence = diagnosis.validated.occurrence() if diagnosis.validated else None
+    if diagnosis.complete or (wrong_values(diagnosis) and not (term and term.accepted)):
+        return ()
+    if term is not None and term.accepted:
+        over = " and ".join(a.name for a in term.arguments)
+        law = term.likeness.law.replace("_", " ") if term.likeness else ""
+        alike = f" The curve has the shape of {law}." if law else ""
+        return (
+            Finding(
+                where=term.ports,
+                effect=term.effect_name,
+                alike=(term.effect_name,),
+                sentence=(
+                    f"Missing at {', '.join(term.ports)}: something that the library has no name"
+                    f" for; a curve over {over}{' with a memory' if term.loop else ''} takes away"
+                    f" {100 * term.explained:.0f} % of the signal that is missing there."
+                    f"{alike} {occurrence or ''}".rstrip()
+                ),
+                parameters=own_parameters(diagnosis.extended, term.effect_name),
+                excess_explained=explained(fit),
+                gain=term.gain,
+                held_out=term.held_out,
+                p_value=_by_chance(term.held_out),
+                occurrence=occurrence,
+            ),
+        )
+    ports = diagnosis.before.ports(diagnosis.nominal) if diagnosis.before else ()
+    if not ports:
+        return ()
+    said = f"Something is left out, most likely at {', '.join(ports)}. {occurrence or ''}".rstrip()
+    return (Finding(ports, None, (), said, occurrence=occurrence),)
+
+
+def wrong_values(diagnosis: Diagnosis) -> list[Estimate]:
+    """Return estimates on a bound of a model whose equations are complete otherwise."""
+    if diagnosis.validated is None:
+        return []
+    return [e for e in diagnosis.base.refit.estimates if e.name in diagnosis.validated.wrong]
+
+
+def own_parameters(fit: ProcessNoiseFit, effect: str) -> dict[str, Value]:
+    """Return the estimates of the parameters of an effect by short name."""
+    return {
+        e.name.removeprefix(f"{effect}."): Value(e.value, e.unit, e.std, fit.model.read_in(e.name))
+        for e in fit.refit.estimates
+        if e.name.startswith(f"{effect}.")
+    }
+
+
+def _by_chance(held_out: tuple[float, float, float]) -> float:
+    """Probability of a held-out gain by chance, from its 99 % interval."""
+    gain, low, _ = held_out
+    deviation = max((gain - low) / 2.576, 1e-9)
+    return 0.5 * math.erfc(gain / deviation / math.sqrt(2))
+
+
+def _instead(diagnosis: Diagnosis, name: str) -> list[str]:
+    """Return the effects with which, instead of one, a set of all others has a weight."""
+    beside = {a.candidate.name for a in diagnosis.accepted} - {name}
+    found = []
+    for effects, weight in diagnosis.weights:
+        other = set(effects) - beside
+        if weight >= _LEAST_ALIKE and len(other) == 1 and len(effects) == len(beside) + 1:
+            found += [n for n in other if n != name]
+    return found
+
+
+def _since(diagnosis: Diagnosis, effect: Effect) -> str:
+    """Say from when on an event acts in each recording; empty if it is none."""
+    model, prepared = diagnosis.extended.model, diagnosis.prepared
+    if not effect.about.moment or effect.about.period:
+        return ""
+    said = []
+    for seen in (*prepared.fitting, *prepared.judging):
+        begin, end = moments(model, effect, seen.name)
+        last = seen.sample_time * (len(seen.outputs) - 2)
+        if begin > last or end < 2.0 * seen.sample_time:
+            said.append(f"not in {seen.name}")
+        elif end < last:
+            ends, unit = in_times([max(begin, 0.0), end])
+            said.append(f"from {' to '.join(ends)} {unit} of {seen.name}")
+        elif begin < seen.sample_time:
+            said.append(f"throughout {seen.name}")
+        else:
+            said.append(f"from {in_time(begin)} of {seen.name} on")
+    return ", ".join(said)
+
+
+def _by_recording(model: Model, effect: Effect) -> str:
+    """Say where what differs from recording to recording begins; empty if nothing does."""
+    found, about = levels(model, effect), effect.about
+    if not found or (not about.level and max(found.values()) == min(found.values())):
+        return ""
+    subject = about.subject
+    unit = model.parameter(subject).unit if subject else effect.parameters[0].unit
+    told = (f"{model.size_text(v, unit, effect.ports, 3)} in {k}" for k, v in found.items())
+    return f"; {subject or 'it'} {'is' if about.level else 'begins at'} {', '.join(told)}"
+
+
+def _beside(model: Model, effect: Effect) -> str:
+    """Say the value that is told beside the size; empty if there is none."""
+    if not effect.about.tells:
+        return ""
+    q = model.parameter(f"{effect.name}.{effect.about.tells}")
+    return f", {effect.about.tells} {model.size_text(q.value, q.unit, effect.ports, 3)}"
+
+
+def along(model: Model, effect: Effect) -> str:
+    """Say what a parameter is along the signal that it changes with; empty if it does not."""
+    found = along_curve(model, effect)
+    if not found:
+        return ""
+    subject, unit = effect.about.subject, model.parameter(f"{effect.name}.middle").unit
+    named = [q for q in (*model.states, *model.inputs) if f"_over_{q.name}" in effect.name]
+    over = max(named, key=lambda q: len(q.name), default=None)
+    said = f"what {subject} multiplies" if over is None else over.name.replace("_", " ")
+    read = declared_unit(over.name if over else "", unit, model.quantities)
+    unit = read or (shown_in(over) if over else unit)
+    own = model.parameter(subject).unit
+    told = (
+        f"{model.size_text(value, own, effect.ports, 3)} at"
+        f" {with_unit(f'{from_si(at, unit):.3g}', unit)}"
+        for at, value in found.items()
+    )
+    return f"; {subject} is {', '.join(told)} of {said}"
+
+
+def _instead_of(diagnosis: Diagnosis, entry: Hypothesis) -> str:
+    """Say which value, that no refit changes, is wrong if an effect is not there; or nothing."""
+    fit, nominal = diagnosis.extended, diagnosis.nominal
+    seen = extended_start(diagnosis.prepared.fitting[0], nominal, fit.model)
+    found = value_instead(fit, entry.effect, entry.size_parameter, seen)
+    if found is None:
+        return ""
+    q = nominal.parameter(found[0])
+    values = [nominal.size_text(value, q.unit, (q.name,), 3) for value in (found[1], q.value)]
+    return (
+        f"; {q.name} would do the same if it is {values[0]}, not {values[1]} (no refit changes it)"
+    )
+
+
+def computed(entry: Hypothesis, nominal: Model) -> str:
+    """Return the output whose formula would do the same as what a sensor does; empty if none.
+
+    What the model computes of its states, such as the pressure of a gas of a volume, may be wrong
+    as well as what reads it.
+    """
+    (port, *more) = entry.ports
+    name = port.removesuffix(".reading")
+    rows = [i for i, q in enumerate(nominal.outputs) if q.name == name]
+    if entry.group != "sensor" or entry.effect.states or more or not rows:
+        return ""
+    trace = nominal.exact
+    slopes = ca.jacobian(trace.outputs[rows[0]], trace.x)
+    return name.replace("_", " ") if ca.depends_on(slopes, trace.x) else ""
