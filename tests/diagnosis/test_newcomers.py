@@ -62,7 +62,7 @@ from workbench.diagnosis.problem import Problem
 from workbench.diagnosis.refit_report import run_refit
 from workbench.diagnosis.selection import race
 from workbench.diagnosis.selection.selected import Selected
-from workbench.diagnosis.undeclared import with_undeclared
+from workbench.diagnosis.undeclared.plant import with_undeclared
 from workbench.evaluation.foreign.foreign_case import plan
 from workbench.model import Scope
 from workbench.model.trace import Equations

@@ -16,7 +16,6 @@ from tests.diagnosis.machine_data import file, held, recording
 from tests.diagnosis.newcomers import oscillator
 from tests.machines import machine
 from workbench.arrays import Vector
-from workbench.diagnosis import undeclared
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import default_priors
@@ -25,7 +24,10 @@ from workbench.diagnosis.estimation.start import fit_with_likely_starts
 from workbench.diagnosis.problem import Problem, problem_of_files
 from workbench.diagnosis.second_search import View, where_none_is_declared
 from workbench.diagnosis.selection.held_out import over_floor
-from workbench.diagnosis.undeclared import as_coarse_as_recorded, opened, with_undeclared
+from workbench.diagnosis.undeclared import inputs, noise
+from workbench.diagnosis.undeclared.disturbances import opened
+from workbench.diagnosis.undeclared.noise import as_coarse_as_recorded
+from workbench.diagnosis.undeclared.plant import with_undeclared
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.library import LAWS, library
@@ -198,7 +200,7 @@ def test_a_run_that_diverges_tells_nothing_of_noise(monkeypatch: pytest.MonkeyPa
     run = _swinging(0.0)
     short = run.take(slice(600))
     told = with_undeclared(bare, [short])[0].outputs[0].noise_rms
-    through = undeclared.free_run, undeclared.windowed_run
+    through = noise.free_run, noise.windowed_run
 
     def diverging(go: Any) -> Any:
         def run(*args: Any) -> Any:
@@ -212,8 +214,8 @@ def test_a_run_that_diverges_tells_nothing_of_noise(monkeypatch: pytest.MonkeyPa
 
         return run
 
-    monkeypatch.setattr(undeclared, "free_run", diverging(through[0]))
-    monkeypatch.setattr(undeclared, "windowed_run", diverging(through[1]))
+    monkeypatch.setattr(noise, "free_run", diverging(through[0]))
+    monkeypatch.setattr(noise, "windowed_run", diverging(through[1]))
     assert with_undeclared(bare, [short])[0].outputs[0].noise_rms > 0.3 * told
 
 
@@ -563,7 +565,7 @@ def test_a_slow_machine_lacks_nothing_beside_the_noise_of_what_it_is_given(follo
         warm.append(mean + (warm[-1] - mean) * np.exp(-0.01))
     read = np.array(warm) + random.normal(0.0, 0.05, 1500)
     recordings = [recording("tank", 1.0, {"inlet [K]": smooth + wrong}, {"T [K]": read})]
-    found = undeclared.misread(with_undeclared(tank, recordings)[0], recordings)
+    found = inputs.misread(with_undeclared(tank, recordings)[0], recordings)
     assert (found is None) == followed
     if found:
         assert dict(found.inputs) == {"inlet": pytest.approx(0.5, rel=0.1)}

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from workbench.diagnosis.conclude import conclude
-from workbench.diagnosis.doubts import still_missing
 from workbench.diagnosis.division import with_some_held_out
+from workbench.diagnosis.doubts import still_missing
 from workbench.diagnosis.estimation.fixed_parameters import (
     with_fixed_refitted,
     with_fixed_uncertainty,
@@ -39,7 +39,8 @@ from workbench.diagnosis.selection.task import Task
 from workbench.diagnosis.selection.withdrawal import all_withdrawn, likely, run_freely
 from workbench.diagnosis.stage_files import StageFiles, fingerprint
 from workbench.diagnosis.stages import Diagnosis, Fitted, Located, Prepared, Validated
-from workbench.diagnosis.undeclared import as_coarse_as_recorded, with_undeclared
+from workbench.diagnosis.undeclared.noise import as_coarse_as_recorded
+from workbench.diagnosis.undeclared.plant import with_undeclared
 from workbench.diagnosis.verdict import Verdict
 from workbench.display import notebook_progress
 from workbench.errors import NumericalError

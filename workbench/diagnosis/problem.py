@@ -13,7 +13,8 @@ from workbench.diagnosis.averaging import averaged
 from workbench.diagnosis.division import with_some_held_out
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
-from workbench.diagnosis.undeclared import misread, more_finely, with_undeclared
+from workbench.diagnosis.undeclared.inputs import misread, more_finely
+from workbench.diagnosis.undeclared.plant import with_undeclared
 from workbench.errors import WorkbenchError
 from workbench.model import Input, Model, Output
 from workbench.model.units import to_si

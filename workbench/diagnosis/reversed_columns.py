@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from workbench.diagnosis.undeclared import clearly_likelier, with_undeclared
+from workbench.diagnosis.undeclared.inputs import clearly_likelier
+from workbench.diagnosis.undeclared.plant import with_undeclared
 from workbench.model import Model
 from workbench.recordings.checks.report import CheckReport
 

@@ -20,7 +20,7 @@ from workbench.diagnosis.estimation.noise_colour import (
 from workbench.diagnosis.selection.held_out import over_noise
 from workbench.diagnosis.selection.rules import LITTLE_LEFT, OFF_NOISE
 from workbench.diagnosis.stages import Diagnosis
-from workbench.diagnosis.undeclared import opened
+from workbench.diagnosis.undeclared.disturbances import opened
 from workbench.model import Model
 from workbench.physics.library import Hypothesis
 from workbench.recordings.recording import Recording

@@ -12,7 +12,7 @@ from tests.machines import machine
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import PredictionError
-from workbench.diagnosis.undeclared import with_undeclared
+from workbench.diagnosis.undeclared.plant import with_undeclared
 from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.physics.library import library

@@ -30,7 +30,7 @@ from workbench.diagnosis.estimation.process_noise import (
     start_values,
 )
 from workbench.diagnosis.estimation.start import fit_with_likely_starts
-from workbench.diagnosis.undeclared import with_undeclared
+from workbench.diagnosis.undeclared.plant import with_undeclared
 from workbench.errors import NumericalError
 from workbench.evaluation.foreign.foreign_case import plan
 from workbench.model import Scope

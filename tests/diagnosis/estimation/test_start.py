@@ -22,7 +22,7 @@ from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, perfect_cost
 from workbench.diagnosis.estimation.start import fit_with_likely_starts, fitted_start, likely_start
 from workbench.diagnosis.estimation.windows import settled
-from workbench.diagnosis.undeclared import with_undeclared
+from workbench.diagnosis.undeclared.plant import with_undeclared
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.plants.cascaded_tanks import cascaded_tanks

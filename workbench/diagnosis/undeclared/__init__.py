@@ -1,0 +1,1 @@
+"""What a plant does not declare, taken from its recordings."""
