@@ -46,14 +46,14 @@ def test_the_law_lies_on_the_located_signal_of_held_out_recordings() -> None:
     found = diagnosed(True)
     proof = proof_of(found)
     (located,) = proof.located
-    assert located.port == "axis.force" and located.argument == "speed"
+    assert located.port == "axis.force" and located.argument.name == "speed"
     assert located.law is not None
     rows = located.known
     assert np.corrcoef(located.signal[rows], located.law[rows])[0, 1] > 0.8
     assert located.explained > 0.5
     # The effect opposes the motion.
-    fast = rows & (np.abs(located.argument_values) > 0.005)
-    assert np.mean(located.law[fast] * located.argument_values[fast]) < 0
+    fast = rows & (np.abs(located.argument.values) > 0.005)
+    assert np.mean(located.law[fast] * located.argument.values[fast]) < 0
 
 
 def test_errors_are_those_of_the_verdict() -> None:

@@ -59,10 +59,10 @@ def test_the_curve_is_shown_with_its_argument_and_the_improved_run() -> None:
     assert len(ordinates) == 6
     assert ordinates[0] == "nonparametric term, curve at position 0 mm, in N (new)"
     (located,) = proof_of(found).located
-    assert located.argument == "position" and located.law is not None
+    assert located.argument.name == "position" and located.law is not None
     # The made-up spring pulls with 200 N/m; the curve is constant beyond its hull.
     low, high = found.nonparametric.hull["position"]
-    share = float(((located.argument_values < low) | (located.argument_values > high)).mean())
+    share = float(((located.argument.values < low) | (located.argument.values > high)).mean())
     assert share > 0.5
     caption = next(p.caption for p in page.pictures if p.name == "law-1")
     assert f"{100 * share:.0f} % of these samples lie outside the data hull" in caption

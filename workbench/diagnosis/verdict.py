@@ -11,7 +11,7 @@ from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.selection.weights import Weighted
 from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError
-from workbench.files import json_text, plain
+from workbench.files import json_text, picked, plain
 from workbench.model import Model
 from workbench.model.units import of_difference, parse_unit, readably, time_unit, written_unit
 from workbench.work.counted import Work
@@ -150,44 +150,19 @@ class Verdict(Shown):
 
     def as_data(self) -> dict[str, Any]:
         """Return the verdict as plain data; numbers that are not finite become None."""
+        findings = [
+            picked(f, "where effect class=alike belief doubts sentence")
+            | {"parameters": {k: picked(v, "value unit std") for k, v in f.parameters.items()}}
+            | picked(f, "excess_explained log_likelihood_gain=gain held_out_gain=held_out p_value")
+            | {"weight": f.weight, "occurrence": f.occurrence and f.occurrence.as_data()}
+            for f in self.findings
+        ]
         data: dict[str, Any] = plain(
-            {
-                "schema": SCHEMA,
-                "verdict": self.kind,
-                "sentence": self.sentence,
-                "findings": [
-                    {
-                        "where": list(f.where),
-                        "effect": f.effect,
-                        "class": list(f.alike),
-                        "belief": f.belief,
-                        "doubts": list(f.doubts),
-                        "sentence": f.sentence,
-                        "parameters": {
-                            k: {"value": v.value, "unit": v.unit, "std": v.std}
-                            for k, v in f.parameters.items()
-                        },
-                        "excess_explained": f.excess_explained,
-                        "log_likelihood_gain": f.gain,
-                        "held_out_gain": list(f.held_out),
-                        "p_value": f.p_value,
-                        "weight": f.weight,
-                        "occurrence": f.occurrence.as_data() if f.occurrence else None,
-                    }
-                    for f in self.findings
-                ],
-                "fit": {"held_out": self.fit, "units": self.units},
-                "parameters": self.parameters,
-                "improved_parameters": self.improved,
-                "not_testable": list(self.not_testable),
-                "refused": list(self.refused),
-                "weights": [{"effects": list(w.effects), "weight": w.weight} for w in self.weights],
-                "next_experiment": self.next_experiment,
-                "data": list(self.data),
-                "location": self.location,
-                "seconds": self.seconds,
-                "work": self.work,
-            }
+            {"schema": SCHEMA, "verdict": self.kind, "sentence": self.sentence}
+            | {"findings": findings, "fit": {"held_out": self.fit, "units": self.units}}
+            | picked(self, "parameters improved_parameters=improved not_testable refused")
+            | {"weights": [picked(w, "effects weight") for w in self.weights]}
+            | picked(self, "next_experiment data location seconds work")
             | ({"occurrence": self.occurrence.as_data()} if self.occurrence else {})
             | ({"interrupted": True} if self.interrupted else {})
         )

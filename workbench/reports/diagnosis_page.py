@@ -186,7 +186,7 @@ def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
                 f"law-{i + 1}",
                 figures.diagnosis_law(located),
                 _law_caption(located) + (_outside_sentence(term, located) if term else ""),
-                f"located signal at {located.port} against {located.argument}",
+                f"located signal at {located.port} against {located.argument.name}",
             ),
             Picture(
                 f"signal-{i + 1}",
@@ -254,10 +254,10 @@ def _outside_sentence(term: NonparametricTerm, located: MissingSignal) -> str:
 
     It is empty if all of them lie inside, or another quantity was drawn.
     """
-    own = next((a for a in term.arguments if located.argument.startswith(a.name)), None)
+    own = next((a for a in term.arguments if located.argument.name.startswith(a.name)), None)
     if own is None:
         return ""
-    x = located.argument_values
+    x = located.argument.values
     share = 100.0 * np.mean((x < own.hull[0]) | (x > own.hull[1]))
     outside = "of these samples lie outside the data hull, where the curve is only continued."
     return f" {share:.0f} % {outside}" if share >= 1.0 else ""
@@ -273,8 +273,8 @@ def _group_sentence(told: Isolability, ports: tuple[str, ...]) -> str:
 
 def _law_caption(located: MissingSignal) -> str:
     what = (
-        f"The signal at {located.port} against {located.argument.replace('_', ' ')}, at times at"
-        " which the measurements tell it to half its size or better"
+        f"The signal at {located.port} against {located.argument.name.replace('_', ' ')}, at times"
+        " at which the measurements tell it to half its size or better"
     )
     law = f"; and {located.law_name}" if located.law is not None else ""
     if law and located.explained > 0:

@@ -10,13 +10,15 @@ import pytest
 from tests.diagnosis.axis_case import diagnosed
 from tests.diagnosis.example_diagnosis import shaken
 from tests.machines import machine
+from workbench.arrays import Vector
 from workbench.diagnosis.conclude import conclude
 from workbench.diagnosis.estimation.made_up import made_up
-from workbench.diagnosis.location.located_signal import _shown, added_at_ports, missing_signals
+from workbench.diagnosis.location.added_at_ports import added_at_ports
+from workbench.diagnosis.location.located_signal import missing_signals
 from workbench.diagnosis.location.missing_signal import (
+    LocalSignal,
     Occurrence,
     Place,
-    Vector,
     correlation_ratio,
     occurrence,
 )
@@ -38,7 +40,7 @@ def _told(signal: Vector, std: float = 0.01) -> Occurrence:
         [("first", TIME[:half]), ("second", TIME[half:] - TIME[half])],
         signal,
         np.full(len(TIME), std),
-        [("angle", "rad", ANGLE), ("speed", "rad/s", SPEED)],
+        [LocalSignal("angle", "rad", ANGLE), LocalSignal("speed", "rad/s", SPEED)],
     )
 
 
@@ -51,15 +53,17 @@ def test_a_declared_unit_is_told_and_a_difference_has_no_zero() -> None:
     )
     level, heat = 323.15 + 10.0 * ANGLE, np.where(ANGLE > 0.0, 3e3, 0.0)
     # A state and an input may have one name.
-    arguments = [("oven", "K", level), ("oven", "W", heat + 10 * SPEED)]
-    read = _shown(warm, arguments)
+    arguments = [
+        LocalSignal("oven", unit, values, declared_unit("oven", unit, warm.quantities))
+        for unit, values in (("K", level), ("W", heat + 10 * SPEED))
+    ]
     told = []
     for port, unit, which in (("oven.rate", "K/s", 0), ("oven.reading", "K", 0), ("heat", "W", 1)):
         shown = declared_unit(port, unit, warm.quantities, difference=True)
         signal = np.where(ANGLE > 0.5, 2.0e3, 0.0)
         chosen = arguments[which : which + 1]
         none = np.zeros(len(TIME))
-        found = occurrence(port, unit, [("run", TIME)], signal, none, chosen, read, shown)
+        found = occurrence(port, unit, [("run", TIME)], signal, none, chosen, shown)
         assert found.places[0].unit == chosen[0][1] and found.as_data()["unit"] == unit
         told.append((found.where.partition("most at ")[2], found.how_large))
     assert told[0][0].endswith("60 °C") and told[0][1] == "2e+03 K/s"

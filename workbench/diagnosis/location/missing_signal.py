@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
+from workbench.diagnosis.location.periods import period_of
+from workbench.files import picked
 from workbench.model.units import in_time, in_times, readably, written_unit
 
 BINS = 24
@@ -33,17 +37,22 @@ _LEAST_DEPENDENCE = 0.05
 _CONSTANT = 1e-5
 """Standard deviation over root mean square up to which a signal is a constant."""
 
-_SINE, _REPEATS = 0.15, 3
-"""Share of the variance that a sine holds, and how often it repeats, where a signal is periodic."""
-
-_OUTSTANDING, _LINE = 4.0, 3
-"""Power of the line of that sine over the strongest other one, and how many lines away that is."""
-
-_STRETCH, _COURSE = 4, 3
-"""Samples to a stretch of a way, on the mean, and degree of the course along it."""
-
 _EXPLAINED = 0.3
 """Share of the variance that is a function of a local signal from which time explains no more."""
+
+
+class LocalSignal(NamedTuple):
+    """A quantity along recordings with which another signal may go.
+
+    Args:
+        values: Its values, shape (n,), in ``unit``.
+        shown: Unit declared for reading it; empty if none.
+    """
+
+    name: str
+    unit: str
+    values: Vector
+    shown: str = ""
 
 
 @dataclass(frozen=True)
@@ -162,30 +171,13 @@ class Occurrence:
         """Return it as a sentence."""
         return self.sentence()
 
-    def as_data(self) -> dict[str, object]:
-        """Return it as plain data, in SI."""
-        return {
-            "port": self.port,
-            "unit": self.unit,
-            "rms": self.rms,
-            "largest": self.largest,
-            "share_of_time": self.active,
-            "period": self.period if math.isfinite(self.period) else None,
-            "times": [
-                {"recording": s.recording, "from": s.begin, "to": s.end, "share": s.share}
-                for s in self.spans
-            ],
-            "places": [
-                {
-                    "signal": p.signal,
-                    "unit": p.unit,
-                    "dependence": p.dependence,
-                    "ranges": [list(ends) for ends in p.ranges],
-                    "share_of_samples": p.covered,
-                }
-                for p in self.places
-            ],
-        }
+    def as_data(self) -> dict[str, Any]:
+        """Return it as data, in SI."""
+        times = [picked(s, "recording from=begin to=end share") for s in self.spans]
+        said = "signal unit dependence ranges share_of_samples=covered"
+        places = [picked(p, said) for p in self.places]
+        own = picked(self, "port unit rms largest share_of_time=active period")
+        return own | {"times": times, "places": places}
 
 
 @dataclass(frozen=True)
@@ -199,14 +191,10 @@ class MissingSignal:
         std: Its standard deviation, shape (n,), in ``unit``.
         law: What the effect that was found adds there, shape (n,), in ``unit``; None if nothing
             was found.
-        argument: Name of the quantity, among those that the port sees, that the law depends on
-            most.
-        argument_unit: Its SI unit.
-        argument_values: Its values, shape (n,), in ``argument_unit``.
+        argument: The quantity, among those that the port sees, that the law depends on most.
         explained: Share of the mean square of the signal that the law takes away where the
             measurements determine it, dimensionless; NaN without law.
         shown: Unit declared for reading the signal; empty if none.
-        argument_shown: The same of the argument.
     """
 
     port: str
@@ -215,20 +203,81 @@ class MissingSignal:
     signal: Vector
     std: Vector
     law: Vector | None
-    argument: str
-    argument_unit: str
-    argument_values: Vector
+    argument: LocalSignal
     explained: float = math.nan
     recordings: tuple[str, ...] = ()
     law_name: str = "the effect that was found"
     occurrence: Occurrence | None = None
     shown: str = ""
-    argument_shown: str = ""
 
     @property
     def known(self) -> npt.NDArray[np.bool_]:
         """Where the signal is determined to half its own size or better, shape (n,)."""
         return known_rows(self.signal, self.std)
+
+
+def occurrence(
+    port: str,
+    unit: str,
+    recordings: Sequence[tuple[str, Vector]],
+    signal: Vector,
+    std: Vector,
+    local: Sequence[LocalSignal],
+    shown: str = "",
+) -> Occurrence:
+    """Tell when a signal acts, and at which values of which local signal.
+
+    A recording is divided into windows, a local signal into classes with equally many samples; the
+    signal acts where its mean square, less its variance, is at least `STRONG` squared times that of
+    the strongest.
+
+    Args:
+        recordings: Name and times from the first sample, in s, one after the other, n in all.
+        signal: The signal, shape (n,), in ``unit``.
+        std: Its standard deviation, shape (n,), in ``unit``.
+        shown: Unit declared for reading the signal; empty if none.
+
+    Example:
+        >>> t = np.linspace(0.0, 10.0, 1000)
+        >>> late = np.where(t > 6.0, 2.0, 0.0)
+        >>> force = LocalSignal("force", "N", -t)
+        >>> found = occurrence("axis.force", "N", [("run", t)], late, 0 * t, [force])
+        >>> found.when, found.where
+        ('from 6.01 to 10 s of run', 'with force (96 % of its variance), most at -10 to -5.84 N')
+    """
+    rows = known_rows(signal, std)
+    square = np.where(rows, np.maximum(signal**2 - std**2, 0.0), 0.0)
+    windows: list[Span] = []
+    levels, lengths, first = [], [], 0
+    for name, time in recordings:
+        count = min(_WINDOWS, max(1, len(time) // 10))
+        for part in np.array_split(np.arange(len(time)), count):
+            here = part + first
+            told = np.count_nonzero(rows[here])
+            enough = told >= _LEAST_KNOWN * len(here)
+            level = float(np.sum(square[here]) / told) if enough else 0.0
+            end = min(int(part[-1]) + 1, len(time) - 1)
+            windows.append(Span(name, float(time[part[0]]), float(time[end]), level * len(here)))
+            levels.append(level)
+            lengths.append(len(here))
+        first += len(time)
+    largest = max(levels)
+    acting = [0.0 < level >= STRONG**2 * largest for level in levels]
+    each = (_place(where, signal, square, rows) for where in local)
+    places = [place for place in each if place.dependence >= _LEAST_DEPENDENCE]
+    places.sort(key=lambda place: -place.dependence)
+    explained = bool(places) and places[0].dependence >= _EXPLAINED
+    return Occurrence(
+        port,
+        unit,
+        float(np.sqrt(np.mean(square[rows]))),
+        math.sqrt(largest),
+        _spans(windows, acting),
+        sum(itertools.compress(lengths, acting)) / sum(lengths),
+        tuple(places[:_MOST_PLACES]),
+        math.nan if explained else period_of(recordings, signal),
+        shown,
+    )
 
 
 def known_rows(signal: Vector, std: Vector) -> npt.NDArray[np.bool_]:
@@ -246,180 +295,26 @@ def known_rows(signal: Vector, std: Vector) -> npt.NDArray[np.bool_]:
     return known if np.count_nonzero(known) > 10 else np.ones(len(signal), dtype=bool)
 
 
-def occurrence(
-    port: str,
-    unit: str,
-    recordings: Sequence[tuple[str, Vector]],
-    signal: Vector,
-    std: Vector,
-    arguments: Sequence[tuple[str, str, Vector]],
-    read: Mapping[tuple[str, str], str] | None = None,
-    shown: str = "",
-) -> Occurrence:
-    """Tell when a signal acts, and at which values of which local signal.
-
-    A recording is divided into windows, a local signal into classes with equally many samples; the
-    signal acts where its mean square, less its variance, is at least `STRONG` squared times that of
-    the strongest.
-
-    Args:
-        recordings: Name and times from the first sample, in s, one after the other, n in all.
-        signal: The signal, shape (n,), in ``unit``.
-        std: Its standard deviation, shape (n,), in ``unit``.
-        arguments: Name, unit and values, shape (n,), of local signals.
-        read: Units declared for reading the local signals, by name and SI unit.
-        shown: Unit declared for reading the signal; empty if none.
-
-    Example:
-        >>> t = np.linspace(0.0, 10.0, 1000)
-        >>> late = np.where(t > 6.0, 2.0, 0.0)
-        >>> found = occurrence("axis.force", "N", [("run", t)], late, 0 * t, [("force", "N", -t)])
-        >>> found.when, found.where
-        ('from 6.01 to 10 s of run', 'with force (96 % of its variance), most at -10 to -5.84 N')
-    """
-    rows = known_rows(signal, std)
-    square = np.where(rows, np.maximum(signal**2 - std**2, 0.0), 0.0)
-    windows: list[tuple[str, float, float, float, int]] = []
-    first = 0
-    for name, time in recordings:
-        count = min(_WINDOWS, max(1, len(time) // 10))
-        for part in np.array_split(np.arange(len(time)), count):
-            here = part + first
-            told = np.count_nonzero(rows[here])
-            enough = told >= _LEAST_KNOWN * len(here)
-            level = float(np.sum(square[here]) / told) if enough else 0.0
-            end = min(int(part[-1]) + 1, len(time) - 1)
-            windows.append((name, float(time[part[0]]), float(time[end]), level, len(here)))
-        first += len(time)
-    levels = np.array([w[3] for w in windows])
-    lengths = np.array([w[4] for w in windows], dtype=float)
-    acting = (levels >= STRONG**2 * levels.max()) & (levels > 0)
-    strongest = float(np.sqrt(levels.max()))
-    each = (_place(*a, (read or {}).get(a[:2], ""), signal, square, rows) for a in arguments)
-    places = [place for place in each if place.dependence >= _LEAST_DEPENDENCE]
-    places.sort(key=lambda place: -place.dependence)
-    return Occurrence(
-        port,
-        unit,
-        float(np.sqrt(np.mean(square[rows]))),
-        strongest,
-        _spans(windows, acting),
-        float(lengths[acting].sum() / lengths.sum()),
-        tuple(places[:_MOST_PLACES]),
-        math.nan
-        if places and places[0].dependence >= _EXPLAINED
-        else period_of(recordings, signal),
-        shown,
-    )
-
-
-def _spans(
-    windows: Sequence[tuple[str, float, float, float, int]], acting: npt.NDArray[np.bool_]
-) -> tuple[Span, ...]:
+def _spans(windows: Sequence[Span], acting: Sequence[bool]) -> tuple[Span, ...]:
     """Join windows that follow each other, or that a single quiet one parts."""
-    total = sum(level * n for *_, level, n in windows) or 1.0
+    total = sum(window.share for window in windows) or 1.0
     found: list[Span] = []
     last = -9
-    for i, (name, begin, end, level, n) in enumerate(windows):
-        if not acting[i]:
-            continue
-        share = level * n / total
-        if found and found[-1].recording == name and i - last <= 2:
-            found[-1] = Span(name, found[-1].begin, end, found[-1].share + share)
-        else:
-            found.append(Span(name, begin, end, share))
+    for i in np.flatnonzero(acting).tolist():
+        own = replace(windows[i], share=windows[i].share / total)
+        if found and found[-1].recording == own.recording and i - last <= 2:
+            before = found.pop()
+            own = replace(own, begin=before.begin, share=before.share + own.share)
+        found.append(own)
         last = i
     return tuple(sorted(found, key=lambda span: -span.share))
 
 
-def period_of(recordings: Sequence[tuple[str, Vector]], signal: Vector) -> float:
-    """Return the period, in s, of the one sine that a signal mostly is; NaN if it is none.
-
-    The strongest line of the periodogram is refined by least squares. It has to stand out, and hold
-    `_SINE` of the variance over at least `_REPEATS` periods, in every recording at one frequency.
-
-    Args:
-        recordings: Name and times from the first sample, in s, one after the other, n in all.
-        signal: The signal, shape (n,), any unit.
-
-    Example:
-        >>> t = 0.1 * np.arange(4000)
-        >>> wave = np.sin(2.0 * np.pi * t / 80.0)
-        >>> noise = np.random.default_rng(1).normal(0.0, 0.5, t.size)
-        >>> round(period_of([("run", t)], wave + noise), 1)
-        80.0
-    """
-    rates, widths, first = [], [], 0
-    for _, time in recordings:
-        part = signal[first : first + len(time)] - np.mean(signal[first : first + len(time)])
-        first += len(time)
-        whole, variance = float(time[-1] - time[0]), float(np.mean(part**2))
-        lines = np.abs(np.fft.rfft(part * np.hanning(len(part)))[: len(part) // 2]) ** 2
-        if len(lines) <= _REPEATS or not variance > 0.0 or not whole > 0.0:
-            return math.nan
-        line = int(np.argmax(lines))
-        others = [*lines[: max(line - _LINE, 0)], *lines[line + _LINE + 1 :]]
-        held, rate = max(
-            (_held(time, part, f / whole), f / whole)
-            for f in np.linspace(max(line - 1, _REPEATS), max(line + 1, _REPEATS + 1), 41)
-        )
-        stands_out = lines[line] > _OUTSTANDING * max(others, default=0.0)
-        if line < _REPEATS or held < _SINE * variance or not stands_out:
-            return math.nan
-        rates.append(rate)
-        widths.append(1.0 / whole)
-    apart = max(rates) - min(rates)
-    return 1.0 / float(np.mean(rates)) if apart <= 0.5 * max(widths) else math.nan
-
-
-def stride_of(way: Vector, signal: Vector) -> float:
-    """Return how far one goes along a way, back and forth, until a signal repeats; NaN if never.
-
-    The signal is averaged over short stretches of the way, and its course over all of it left out.
-
-    Args:
-        way: Where the signal acts, shape (n,), any unit.
-        signal: The signal, shape (n,), any unit.
-
-    Returns:
-        The stride, in the unit of the way.
-
-    Example:
-        >>> way = 0.3 * np.sin(0.01 * np.arange(4000))
-        >>> noise = np.random.default_rng(1).normal(0.0, 1.0, way.size)
-        >>> round(stride_of(way, np.sin(2.0 * np.pi * way / 0.0125) + way + noise), 4)
-        0.0125
-    """
-    edges = np.linspace(np.min(way), np.max(way), max(len(way) // _STRETCH, 1) + 1)
-    which = np.clip(np.searchsorted(edges, way) - 1, 0, len(edges) - 2)
-    count = np.bincount(which, minlength=len(edges) - 1)
-    level = np.bincount(which, weights=signal, minlength=len(count)) / np.maximum(count, 1)
-    if np.count_nonzero(count) <= _COURSE:
-        return math.nan
-    middles = np.linspace(-1.0, 1.0, len(count))
-    level = np.interp(middles, middles[count > 0], level[count > 0])
-    level = level - np.polyval(np.polyfit(middles, level, _COURSE), middles)
-    return period_of([("", 0.5 * (edges[1:] + edges[:-1]))], level)
-
-
-def _held(time: Vector, signal: Vector, rate: float) -> float:
-    """Return the mean square of the sine of a rate, in 1/s, that is nearest to a signal."""
-    angle = 2.0 * np.pi * rate * time
-    waves = np.column_stack([np.sin(angle), np.cos(angle)])
-    return float(np.mean((waves @ np.linalg.lstsq(waves, signal, rcond=None)[0]) ** 2))
-
-
 def _place(
-    name: str,
-    unit: str,
-    values: Vector,
-    shown: str,
-    signal: Vector,
-    square: Vector,
-    rows: npt.NDArray[np.bool_],
+    local: LocalSignal, signal: Vector, square: Vector, rows: npt.NDArray[np.bool_]
 ) -> Place:
     """Find the values of a local signal at which a signal is strong."""
-    x, y = values[rows], square[rows]
+    x, y = local.values[rows], square[rows]
     edges = np.unique(np.quantile(x, np.linspace(0, 1, BINS + 1)[1:-1]))
     which = np.searchsorted(edges, x)
     count = np.bincount(which, minlength=len(edges) + 1)
@@ -439,12 +334,12 @@ def _place(
         last = i
     ranges.sort(key=lambda r: -r[2])
     return Place(
-        name,
-        unit,
+        local.name,
+        local.unit,
         max(correlation_ratio(signal[rows], x), correlation_ratio(y, x)),
         tuple((a, b) for a, b, _ in ranges[:2]),
         float(count[strong].sum() / max(len(x), 1)),
-        shown,
+        local.shown,
     )
 
 

@@ -24,7 +24,8 @@ from workbench.diagnosis.estimation.process_noise import (
 )
 from workbench.diagnosis.location.by_refits import located_by_refits
 from workbench.diagnosis.location.locate import Location
-from workbench.diagnosis.location.missing_signal import occurrence, period_of, stride_of
+from workbench.diagnosis.location.missing_signal import occurrence
+from workbench.diagnosis.location.periods import period_of, stride_of
 from workbench.diagnosis.location.unknown_input import unknown_input
 from workbench.diagnosis.selection.selected import Accepted, Selected
 from workbench.diagnosis.selection.simulation_error import closest_runs

@@ -269,7 +269,8 @@ def _draw_law(axes: Axes, located: MissingSignal) -> None:
     """Draw a located signal and the law on it against its argument."""
     rows = np.flatnonzero(located.known)
     rows = rows[:: max(1, len(rows) // _POINTS)]
-    x = readably(located.argument_values[rows], located.argument_unit, located.argument_shown)[0]
+    along = located.argument
+    x = readably(along.values[rows], along.unit, along.shown)[0]
     drawn = [(located.signal, MEASURED, 0.6, "from the measurements")]
     if located.law is not None:
         drawn.append((located.law, AFTER, 1.0, located.law_name))
@@ -283,7 +284,7 @@ def _draw_law(axes: Axes, located: MissingSignal) -> None:
     axes.margins(x=0.03)
     label(
         axes,
-        x=titled(located.argument, located.argument_unit, located.argument_shown),
+        x=titled(along.name, along.unit, along.shown),
         y=titled(located.port, located.unit, located.shown),
     )
     key(axes, columns=2)
