@@ -47,14 +47,18 @@ def run_as_found(task: Task, state: Selected) -> tuple[Selected, float]:
         if without is None:
             return all_withdrawn(task, state, why), share
         # One that spoils the run must not take those before it along.
-        state = replace(
-            state,
-            accepted=state.accepted[:-1],
-            withdrawn=(*state.withdrawn, Withdrawn(last.candidate, why)),
-            extended=without[0],
-            free=without[1],
-        )
+        state = replace(_taken_back(state, last, why, without[0]), free=without[1])
     return state, share
+
+
+def _taken_back(state: Selected, found: Accepted, why: str, fit: ProcessNoiseFit) -> Selected:
+    """Take back one effect; the fit of the model without it is given."""
+    return replace(
+        state,
+        accepted=tuple(a for a in state.accepted if a is not found),
+        withdrawn=(*state.withdrawn, Withdrawn(found.candidate, why)),
+        extended=fit,
+    )
 
 
 def run_freely(task: Task, state: Selected) -> tuple[Selected, float]:
@@ -135,13 +139,8 @@ def too_little_withdrawn(task: Task, state: Selected, excess: float) -> Selected
         if count == 1 and gain >= rules.LEAST_PREDICTED * excess:
             shown = _shown_in_runs(task, state.accepted[0].candidate)
             state = _set_aside(state, why, shown=shown)
-        state = replace(
-            state,
-            accepted=state.accepted[:-1],
-            withdrawn=(*state.withdrawn, Withdrawn(state.accepted[-1].candidate, why)),
-            extended=state.fits[count - 1],
-            fits=state.fits[:count],
-        )
+        state = _taken_back(state, state.accepted[-1], why, state.fits[count - 1])
+        state = replace(state, fits=state.fits[:count])
     return state
 
 
@@ -187,13 +186,7 @@ def left_out(task: Task, state: Selected, least: float) -> Selected:
     for found in state.accepted[:-1]:
         without = task.without(state, found)
         if without is not None and without[0].cost - state.extended.cost < least:
-            needless = Withdrawn(found.candidate, "a later one makes it needless")
-            state = replace(
-                state,
-                accepted=tuple(a for a in state.accepted if a is not found),
-                withdrawn=(*state.withdrawn, needless),
-                extended=without[0],
-            )
+            state = _taken_back(state, found, "a later one makes it needless", without[0])
     return state
 
 
