@@ -95,8 +95,6 @@ def located_ports(diagnosis: Diagnosis) -> tuple[str, ...]:
         return ()
     if verdict.findings:
         return verdict.findings[0].where
-    if not diagnosis.before.alone:
-        return ()
     return groups_of(diagnosis.base.model)[diagnosis.before.best]
 
 
