@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import csv
 import gzip
+import io
 import json
 import math
 import re
@@ -13,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import date
 from functools import partial
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 from typing import Any
 
@@ -291,14 +292,9 @@ def _titles(
     if not above and not used:
         # The header may be the last comment line above the numbers.
         for i in range(body[start][0] - 1, -1, -1):
-            text = lines[i].lstrip().lstrip("#%/ ").rstrip()
-            cells = split_line(text, separator)
-            if (
-                is_comment(lines[i])
-                and len(cells) == width
-                and width > 1
-                and not (lines[i].startswith(SAVED_MARK))
-            ):
+            cells = split_line(lines[i].lstrip().lstrip("#%/ ").rstrip(), separator)
+            comment = is_comment(lines[i]) and not lines[i].startswith(SAVED_MARK)
+            if comment and len(cells) == width > 1:
                 return tuple(cells), units, {i}
     if not above:
         return (), units, used
@@ -370,41 +366,31 @@ def _pieces(path: Path, cut: list[str]) -> Iterator[bytes]:
 
 def line_blocks(path: Path, cut: list[str]) -> Iterator[list[str]]:
     r"""Yield the lines of a text file, without their ends, in blocks of about 4 MB."""
-    decoder: codecs.IncrementalDecoder | None = None
+    decoder: io.IncrementalNewlineDecoder | None = None
     waiting: list[str] = []
-    size, rest = 0, ""
+    size = 0
     for piece in _pieces(path, cut):
         if decoder is None:
-            decoder = codecs.getincrementaldecoder(guess_encoding(piece, path.name))("replace")
-        text = decoder.decode(piece)
-        waiting.append(text)
-        size += len(text)
+            own = codecs.getincrementaldecoder(guess_encoding(piece, path.name))("replace")
+            decoder = io.IncrementalNewlineDecoder(own, translate=True)
+        waiting.append(decoder.decode(piece))
+        size += len(waiting[-1])
         if size < _BLOCK:
             continue
-        lines, rest = _split(rest + "".join(waiting))
-        waiting, size = [], 0
-        if len(rest) > _MAX_LINE or any(len(line) > _MAX_LINE for line in lines):
+        *lines, rest = "".join(waiting).split("\n")
+        waiting, size = [rest], 0
+        if any(len(line) > _MAX_LINE for line in (rest, *lines)):
             raise WorkbenchError(
                 f"{path.name} has a line of more than {_MAX_LINE} characters; it is not a table of "
                 "numbers"
             )
         yield lines
-    lines, rest = _split(rest + "".join(waiting))
-    if rest.rstrip("\r"):
-        lines.append(rest.rstrip("\r"))
+    *lines, rest = "".join(waiting).split("\n")
+    lines += [rest] if rest else []
     if any(len(line) > _MAX_LINE for line in lines):
         raise WorkbenchError(f"{path.name} has a line too long for a table of numbers")
     if lines:
         yield lines
-
-
-def _split(text: str) -> tuple[list[str], str]:
-    """Split into complete lines and the rest; a carriage return at the end may be half an end."""
-    if "\r" in text:
-        half = "\r" if text.endswith("\r") else ""
-        text = text[: len(text) - len(half)].replace("\r\n", "\n").replace("\r", "\n") + half
-    lines = text.split("\n")
-    return lines[:-1], lines[-1]
 
 
 @dataclass
@@ -570,8 +556,7 @@ def _read_rows(
     time = options.find_time(empty)
     tally, thinner = _Tally(line=layout.first), Thinner(options.max_rows)
     timeless, backwards, last = 0, 0, -math.inf
-    block: list[str] | None = first[layout.first :]
-    while block is not None:
+    for block in chain([first[layout.first :]], blocks):
         rows = _fast(block, layout) if block else None
         if rows is None:
             rows = _slow(block, layout, tally)
@@ -586,7 +571,6 @@ def _read_rows(
             backwards += int((np.diff(instants) <= 0).sum())
             last = float(instants[-1])
         thinner.add(rows)
-        block = next(blocks, None)
     values = thinner.rows()
     if len(values) == 0 and time in tally.unreadable:
         raise WorkbenchError(
