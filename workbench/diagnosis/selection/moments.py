@@ -194,11 +194,9 @@ def with_own_moments(
             first recording.
 
     Returns:
-        The effects; the same ones if one is no event, or all times are as they were.
+        The effects; the same ones if all times are as they were.
     """
     model = fit.model
-    if not all(map(is_event, effects)):
-        return tuple(effects)
     names = [q.name for q in model.states]
     clocks = {e.name: [names.index(f"{e.name}.{q.name}") for q in _clocks(e)] for e in effects}
     usual = {i: model.states[i].initial for own in clocks.values() for i in own}
