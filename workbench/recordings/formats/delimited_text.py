@@ -12,7 +12,6 @@ import re
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import date
 from functools import partial
 from itertools import chain, product
 from pathlib import Path
@@ -24,6 +23,12 @@ from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
 from workbench.recordings.columns import Columns, Thinner, titles
 from workbench.recordings.formats.format import Format, ReadOptions
+from workbench.recordings.formats.instants import (
+    NEVER,
+    begins_with_day,
+    instant,
+    start_at_zero,
+)
 from workbench.recordings.formats.long_table import Long, long_table, widened
 from workbench.recordings.headers import read_unit
 from workbench.recordings.recording import Scalar
@@ -40,22 +45,6 @@ _GROUPED = {
 _REMARKS = ("", "comment", "comments", "remark", "remarks")
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "+inf", "-inf", "#n/a"}
 _WORDS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
-_STAMP = re.compile(
-    r"(?P<date>(?P<year>\d{4})([-/.])(?P<month>\d\d?)\3(?P<day>\d\d?)"
-    r"|(?P<d>\d\d?)\.(?P<m>\d\d?)\.(?P<y>\d{4}|\d\d)"
-    r"|(?P<slashed_m>\d\d?)/(?P<slashed_d>\d\d?)/(?P<slashed_y>\d{4}|\d\d)"
-    r"|(?P<named_d>\d\d?)[- ](?P<named_m>[A-Za-z]{3})[- ](?P<named_y>\d{4}|\d\d))?"
-    r"(?:(?:(?<=\d)[T ]\s*)?(?P<clock>(?P<h>\d\d?):(?P<min>\d\d)"
-    r"(?::(?P<s>\d\d(?:[.,]\d*)?)|(?P<part>[.,]\d+))?(?:\s?(?P<half>[AaPp])[Mm])?)"
-    r"\s?(?:Z|UTC|(?P<east>[+-]\d\d):?(?P<more>\d\d))?)?"
-)
-Instant = tuple[float | None, float | None]
-NEVER: Instant = (None, None)
-_MILLENNIUM = date(2000, 1, 1).toordinal()
-_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
-_PARTS = [(f"{of}y", f"{of}m", f"{of}d") for of in ("", "slashed_", "named_")] + [
-    ("year", "month", "day")
-]
 _SETTING = re.compile(r"^\s*([A-Za-z][\w ./()\[\]-]{0,60}?)\s*[:=]\s*(\S.*?)\s*$")
 
 
@@ -114,66 +103,6 @@ def is_number(cell: str, decimal: str = ".") -> bool:
 def _tells(cell: str, decimal: str) -> bool:
     """Tell whether a cell shows by its thousands which sign is the decimal one."""
     return cell.count(".") + cell.count(",") > 1 and bool(_GROUPED[decimal].match(cell))
-
-
-def _date(found: re.Match[str], *, day_first: bool) -> float:
-    """Return a date, counted from 2000, in s; ValueError if there is none of that number."""
-    year, month, day = found.group(*next(parts for parts in _PARTS if found[parts[0]]))
-    if found["slashed_y"] and (int(month) > 12 or (day_first and int(day) <= 12)):
-        month, day = day, month
-    number = int(month) if month.isdigit() else 1 + _MONTHS.index(month.lower())
-    whole = date(int(year) + 2000 * (len(year) == 2), number, int(day))
-    return 86400.0 * (whole.toordinal() - _MILLENNIUM)
-
-
-def _day_first(lines: Sequence[str]) -> bool:
-    """Tell whether dates such as 3/4/2024 begin with the day, as they lie closer together then.
-
-    Example:
-        >>> _day_first(["5/6/2024 23:59:59,1.0", "6/6/2024 00:00:00,1.1"])
-        True
-    """
-    dates = set(re.findall(r"\b\d\d?/\d\d?/\d+", "\n".join(lines)))
-    days = [[instant(d, day_first=first)[0] for d in dates] for first in (True, False)]
-    own, other = (np.ptp([day for day in each if day is not None] or [0.0]) for each in days)
-    return bool(own < other) or any(int(d.partition("/")[0]) > 12 for d in dates)
-
-
-def instant(cell: str, *, day_first: bool = False) -> Instant:
-    """Return the date that a cell holds, counted from 2000, and its time of day, both in s.
-
-    Args:
-        day_first: Whether 3/4/2024 is a day of April; 13/4/2024 is one anyway.
-
-    Example:
-        >>> instant("04.01.2000 06:00"), instant("2000-01-04T00:01:30.5Z"), instant("7:00")
-        ((259200.0, 21600.0), (259200.0, 90.5), (None, 25200.0))
-        >>> instant("2000-01-04T03:00+02:00"), instant("04:59.5"), instant("1/4/2000 12:00:30 AM")
-        ((259200.0, 3600.0), (None, 299.5), (259200.0, 30.0))
-    """
-    found = _STAMP.fullmatch(cell)
-    if found is None:
-        return NEVER
-    day = clock = None
-    if found["date"]:
-        try:
-            day = _date(found, day_first=day_first)
-        except ValueError:
-            return NEVER
-    if found["clock"]:
-        numbers = found.group("h", "min", "s")
-        if found["part"]:
-            # "04:59.5", as Excel writes what is shorter than an hour.
-            numbers = "0", found["h"], found["min"] + found["part"]
-        hour, minute, second = (float((n or "0").replace(",", ".")) for n in numbers)
-        if found["half"]:
-            # A clock of twelve hours begins with its twelfth.
-            hour = hour % 12.0 + 12.0 * (found["half"] in "Pp")
-        clock = 3600.0 * hour + 60.0 * minute + second
-        if found["east"]:
-            east = float(found["east"])
-            clock -= 3600.0 * east + math.copysign(60.0 * float(found["more"]), east)
-    return day, clock
 
 
 def is_missing(cell: str) -> bool:
@@ -505,8 +434,7 @@ def _read_lines(
         first += block
         if len(first) >= _LOOK_AHEAD:
             break
-    found = _long(first[:_LOOK_AHEAD])
-    if found is not None:
+    if found := _long(first[:_LOOK_AHEAD]):
         separator, long = found
         lines = [line for block in (first, *blocks) for line in block if not is_comment(line)]
         rows = (split_line(line, separator) for line in lines[long.first + 1 :])
@@ -516,7 +444,7 @@ def _read_lines(
     layout = detect_layout(first[:_LOOK_AHEAD], source=path.name)
     own = {word.lower(): value for word, value in options.words.items()}
     body = first[layout.first :]
-    day_first = "/" in body[0] and _day_first(body)
+    day_first = "/" in body[0] and begins_with_day(body)
     layout = replace(layout, words={**_WORDS, **own}, day_first=day_first)
     return _read_rows(path, first, blocks, layout, options, cut)
 
@@ -531,8 +459,7 @@ def _long(lines: Sequence[str]) -> tuple[str | None, Long] | None:
     for separator, decimal in _candidates(body):
         if separator is not None:
             rows = [split_line(line, separator) for line in body]
-            found = long_table(rows, partial(_is_value, decimal))
-            if found is not None:
+            if found := long_table(rows, partial(_is_value, decimal)):
                 return separator, found
     return None
 
@@ -582,24 +509,9 @@ def _read_rows(
     notes = _notes(tally, thinner, timeless, cut, file.name)
     if thinner.factor > 1 and backwards:
         notes.append(f"before averaging, the time stood still or ran backwards {backwards} time(s)")
-    _count_from_the_first(values, stamps)
+    start_at_zero(values, stamps)
     found = replace(empty, values=values, notes=tuple(notes), saved=layout.saved)
     return _lift_scalars(found, tally.unreadable)
-
-
-def _count_from_the_first(values: Vector, stamps: Sequence[Instant]) -> None:
-    """Let instants begin at zero: a date and a time of day beside it are one, in both columns."""
-    dates = [k for k, (day, clock) in enumerate(stamps) if day is not None and clock is None]
-    clocks = [k for k, (day, clock) in enumerate(stamps) if day is None and clock is not None]
-    if dates and clocks:
-        values[:, dates[0]] += values[:, clocks[0]]
-        values[:, clocks[0]] = values[:, dates[0]]
-    for k in () if dates else clocks:
-        midnights = np.diff(values[:, k], prepend=values[0, k]) < -43200.0
-        values[:, k] += 86400.0 * np.cumsum(midnights)
-    for k, stamp in enumerate(stamps):
-        if stamp != NEVER:
-            values[:, k] -= values[0, k]
 
 
 def _notes(

@@ -11,14 +11,9 @@ from typing import Any
 
 from workbench.errors import WorkbenchError
 from workbench.recordings.columns import Columns
-from workbench.recordings.formats.delimited_text import (
-    NEVER,
-    cell_text,
-    instant,
-    is_number,
-    read_cells,
-)
+from workbench.recordings.formats.delimited_text import cell_text, is_number, read_cells
 from workbench.recordings.formats.format import Format, ReadOptions
+from workbench.recordings.formats.instants import NEVER, instant
 from workbench.recordings.formats.variables import flatten, unreadable
 
 _MAX_BYTES = 500_000_000
