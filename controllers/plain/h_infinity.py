@@ -16,17 +16,20 @@ import numpy as np
 
 from controllers.design import Design
 from controllers.h_infinity.synthesis import Weights, synthesise
-from controllers.plain.limits import LoopLimits, ReadingSpecification
+from controllers.plain.limits import LoopLimits, LoopSpecification
 from controllers.plain.loop import Loop
+from controllers.plain.pace import at_pace, best_at_pace, swing
+from controllers.plain.reading import designed_for
+from controllers.plain.references import better, entering, lags, led, unexcited
+from controllers.plain.selection import best_of
 from controllers.plain.state_feedback import reachable_speed, reading_helps
 from controllers.plain.transfer_law import TransferLaw, sampled_controller
 from workbench.errors import NumericalError, WorkbenchError, check_range
 from workbench.linearisation import LinearModel
-from workbench.linearisation.transfer import transfer_function
 
 
 @dataclass(frozen=True)
-class PlainHInfinitySpecification(ReadingSpecification):
+class PlainHInfinitySpecification(LoopSpecification):
     """What an H-infinity controller for any linear model is designed for.
 
     Args:
@@ -64,18 +67,19 @@ def design_plain_h_infinity(
         WorkbenchError: If slycot is not installed, or there is no such controller.
     """
     want = specification or PlainHInfinitySpecification()
-    return want.designed(linear, partial(_within, want), reading_helps)
+    return designed_for(want, linear, partial(_within, want), reading_helps)
 
 
 def _within(want: PlainHInfinitySpecification, limits: LoopLimits) -> TransferLaw:
-    loop, family = limits.loop, "an H-infinity controller"
+    loop = limits.loop
     without_lags: dict[TransferLaw, tuple[TransferLaw, float]] = {}
 
-    def designed(speed: float, input_size: float, beside: float) -> TransferLaw:
+    def designed(_: tuple[int, ...], at: tuple[float, float, float]) -> TransferLaw:
+        speed, input_size, beside = at
         law = _h_infinity(loop, want, speed, input_size, beside)
-        led = law.behind_lags((speed,) * limits.outputs)
-        without_lags[led] = law, speed
-        return led
+        slowed = law.behind_lags((speed,) * limits.outputs)
+        without_lags[slowed] = law, speed
+        return slowed
 
     about = 0.0 if want.speed else reachable_speed(limits)
     tried = [about * factor for factor in FACTORS] if about else [want.speed]
@@ -83,8 +87,8 @@ def _within(want: PlainHInfinitySpecification, limits: LoopLimits) -> TransferLa
     reason = NumericalError("")
     for beside in BESIDES if loop.read else BESIDES[:1]:
         try:
-            designs = [partial(designed, w, size, beside) for w in tried for size in sizes]
-            best = limits.best(designs, family)
+            places = [((), (w, size, beside)) for w in tried for size in sizes]
+            found, _ = best_of(limits, designed, places, "an H-infinity controller")
             break
         except NumericalError as error:
             reason = error
@@ -95,28 +99,28 @@ def _within(want: PlainHInfinitySpecification, limits: LoopLimits) -> TransferLa
             f"no H-infinity controller of {loop.words} is found at any speed that was tried"
             f" ({str(reason).partition(';')[0]}); take another family, such as lqi"
         )
-    law, speed = without_lags[best]
+    law, speed = without_lags[found]
     speeds, own, limits = (speed,) * limits.outputs, law.around_rest(), limits.late
-    mild = limits.led(law.behind_lags, limits.lags(speeds))
-    others = [law.referred(*entry) for entry in limits.unexcited(own)]
-    entering = limits.entering(own)
+    mild = led(limits, law.behind_lags, lags(limits, speeds))
+    others = [law.referred(*entry) for entry in unexcited(limits, own)]
+    enter = entering(limits, own)
 
     def entered(reluctance: float, speeds: tuple[float, ...]) -> TransferLaw:
-        return law.referred(*entering(speeds, reluctance))
+        return law.referred(*enter(speeds, reluctance))
 
     for by in (partial(entered, reluctance) for reluctance in RELUCTANCES):
-        lags = limits.lags(speeds)[FASTER:]
+        tried_lags = lags(limits, speeds)[FASTER:]
         if limits.growing:
             # Commands that are at their ends for a reference hold nothing that grows.
-            most = max(SWING, limits.swing(mild))
-            lags = [each for each in lags if limits.swing(by(each)) <= most]
-        others += [limits.led(by, lags)] if lags else []
+            most = max(SWING, swing(limits, mild))
+            tried_lags = [each for each in tried_lags if swing(limits, by(each)) <= most]
+        others += [led(limits, by, tried_lags)] if tried_lags else []
     if not others:
-        return limits.at_pace(mild)
-    eager = limits.better(others)
+        return at_pace(limits, mild)
+    eager = better(limits, others)
     if limits.growing:
-        return limits.at_pace(limits.better([mild, eager]))
-    return limits.best_at_pace([mild, eager, eager.conditioned(), others[-1]])
+        return at_pace(limits, better(limits, [mild, eager]))
+    return best_at_pace(limits, [mild, eager, eager.conditioned(), others[-1]])
 
 
 RELUCTANCES = (1e-3, 0.1)
@@ -134,14 +138,11 @@ def _h_infinity(
     loop: Loop, want: PlainHInfinitySpecification, w: float, input_size: float, beside: float
 ) -> TransferLaw:
     own, h = loop.linear, want.sample_time
-    seen = transfer_function(
-        own.A, own.B, loop.seen, np.zeros((len(loop.seen), own.B.shape[1])), [1j * w]
-    )
-    read = np.linalg.norm(np.abs(seen[0]) * loop.command_scale, axis=1)
+    read = np.linalg.norm(np.abs(loop.response([w], read=True)[0]) * loop.command_scale, axis=1)
     # Time counts in 1 / w and states in scales, so that no machine is too slow or too small for the
     # numbers. The commands pass a delay (first-order Pade); disturbances enter beside it.
     states = own.state_scales
-    B, C = own.B / states[:, None] * (loop.command_scale / w), loop.seen * states / read[:, None]
+    B, C = own.B / states[:, None] * (loop.command_scale / w), loop.shown.C * states / read[:, None]
     # Neither what enters the states nor what is seen of them is lost beside the other.
     even = math.sqrt(np.linalg.norm(B) / np.linalg.norm(C))
     B, C = B / even, C * even

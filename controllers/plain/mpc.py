@@ -25,10 +25,14 @@ from controllers.mpc.whole_model import (
     observer_of,
     reference_paths,
 )
-from controllers.plain.limits import LoopLimits, ReadingSpecification
+from controllers.plain.limits import LoopLimits, LoopSpecification
 from controllers.plain.loop import Loop, speeds
+from controllers.plain.observer_law import DISTURBANCES, doubts, random_walk
+from controllers.plain.pace import at_pace
 from controllers.plain.pairing import gain_at_rest
-from controllers.plain.state_feedback import DISTURBANCES, doubts, random_walk
+from controllers.plain.reading import designed_for
+from controllers.plain.references import lags, led
+from controllers.plain.selection import best_of
 from controllers.valve_inverse import ValveInverse
 from workbench.arrays import Matrix
 from workbench.errors import check_range
@@ -49,7 +53,7 @@ ENDLESS = 1e6
 
 
 @dataclass(frozen=True)
-class PlainMPCSpecification(ReadingSpecification):
+class PlainMPCSpecification(LoopSpecification):
     """What a linear MPC for any linear model is designed for.
 
     Args:
@@ -88,7 +92,7 @@ def design_plain_mpc(
     """
     want = specification or PlainMPCSpecification()
     # What else is measured is held against the model at rest, from which a plant is far elsewhere.
-    return want.designed(linear, partial(_within, want), lambda *_: False)
+    return designed_for(want, linear, partial(_within, want), lambda *_: False)
 
 
 def _within(want: PlainMPCSpecification, limits: LoopLimits) -> LinearMPC:
@@ -104,7 +108,7 @@ def _within(want: PlainMPCSpecification, limits: LoopLimits) -> LinearMPC:
     outputs = len(loop.measured)
     given = np.broadcast_to(np.array(want.error_scale, dtype=float), outputs)
     walks = [want.disturbance] if want.disturbance else list(DISTURBANCES)
-    curves, read = _straight(loop), loop.read or loop.linear
+    curves, read = _straight(loop), loop.shown
 
     # The horizon does not depend on the disturbance, nor the observer on the error.
     @cache
@@ -128,21 +132,21 @@ def _within(want: PlainMPCSpecification, limits: LoopLimits) -> LinearMPC:
     alike = ALIKE[:1] if np.all(given > 0.0) else ALIKE
     filters = itertools.product(tried, walks, doubts(loop))
     start = [((k,) * outputs, at) for at in filters for k in alike]
-    law, _ = limits.best_of(designed, start, "a linear MPC", len(ERRORS))
+    law, _ = best_of(limits, designed, start, "a linear MPC", len(ERRORS))
     if want.speed:
-        return limits.at_pace(law)
+        return at_pace(limits, law)
 
     def lagging(speed: tuple[float, ...]) -> LinearMPC:
         path = reference_paths(speed, h, law.prediction.preview_index)
         return replace(law, reference_speed=speed, path=path)
 
     late = limits.late
-    return late.at_pace(late.led(lagging, limits.lags(law.reference_speed)))
+    return at_pace(late, led(late, lagging, lags(late, law.reference_speed)))
 
 
 def _straight(loop: Loop) -> tuple[ValveInverse, ...]:
     """Return the curve of each command, or a straight line, fully open at its farther end."""
-    full, rest = np.maximum(*_rooms(loop)).tolist(), loop.rest_command.tolist()
+    full, rest = np.maximum(*_rooms(loop)).tolist(), loop.linear.u0.tolist()
     return tuple(
         ValveInverse((0.0, far), (0.0, 1.0), at) if curve is None or left else curve.scaled(far)
         for far, at, curve, left in zip(full, rest, loop.curves, loop.fading, strict=True)
@@ -151,7 +155,7 @@ def _straight(loop: Loop) -> tuple[ValveInverse, ...]:
 
 def _rooms(loop: Loop) -> tuple[Matrix, Matrix]:
     """Return what each command may change by below and above rest, in SI."""
-    rooms = (loop.rest_command - loop.lower, loop.upper - loop.rest_command)
+    rooms = (loop.linear.u0 - loop.lower, loop.upper - loop.linear.u0)
     below, above = (np.where(room < math.inf, room, ENDLESS * loop.command_scale) for room in rooms)
     return below, above
 
@@ -168,7 +172,7 @@ def _problem(
     """Return what an MPC is told, whose openings are fractions of full ones, in SI.
 
     Args:
-        doubt: As of `controllers.plain.state_feedback.doubts`.
+        doubt: As of `controllers.plain.observer_law.doubts`.
     """
     below, above = _rooms(loop)
     full = np.maximum(below, above)

@@ -16,7 +16,9 @@ from typing import Any, Generic, NamedTuple, TypeVar, cast
 
 import numpy as np
 
-from controllers.plain.loop import LoopSpecification, PlainLaw
+from controllers.plain.limits import LoopSpecification
+from controllers.plain.plain_law import PlainLaw
+from controllers.plain.selection import OVERSHOT
 from workbench.linearisation import LinearModel
 from workbench.linearisation.first_step import command_of_loop, step_of
 from workbench.linearisation.from_rest import FromRest, bends
@@ -163,9 +165,6 @@ WITHIN = 0.02
 
 POOR = 0.06
 """Overshoot beyond what is allowed of a step that asks for another loop, as a fraction of it."""
-
-OVERSHOT = 10.0
-"""What an overshoot beyond that, as a fraction of the step, adds to errors, a ratio."""
 
 SAMPLES, BLOCK, SETTLED = 2000, 100, 0.01
 """Samples of a step; and those in which it has settled if it stays as near as this to where it

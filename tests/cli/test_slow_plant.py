@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controllers.plain.limits import settled_after
-from controllers.plain.loop import LoopSpecification, loop_of
+from controllers.plain.limits import LoopSpecification
+from controllers.plain.loop import loop_of
+from controllers.plain.selection import settled_after
 from tests.controllers.families import designed
 from tests.machines import machine
 from tests.shell import Refused, Shell

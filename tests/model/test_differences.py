@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from controllers.plain.transfer_law import PlainPIDSpecification, design_plain_pid
+from controllers.plain.pid_design import PlainPIDSpecification, design_plain_pid
 from tests.machines import at_rest, machine
 from workbench.model import Model
 from workbench.model.units import of_difference, parse_unit, quantity

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from controllers.plain.mpc import PlainMPCSpecification, design_plain_mpc
+from controllers.plain.pid_design import PlainPIDSpecification, design_plain_pid
 from controllers.plain.state_feedback import LQISpecification, design_lqi
-from controllers.plain.transfer_law import PlainPIDSpecification, design_plain_pid
 from controllers.sensitivity import peak_sensitivities
 from tests.machines import at_rest, machine
 from workbench.diagnosis.location.structure import cut

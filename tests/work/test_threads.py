@@ -12,8 +12,8 @@ import control as ct
 import numpy as np
 import pytest
 
-from controllers.plain.limits import LoopLimits
-from controllers.plain.transfer_law import PlainPIDSpecification
+from controllers.plain.limits import LoopLimits, LoopSpecification
+from controllers.plain.reading import designed_for
 from workbench.diagnosis.estimation.made_up import made_up_axis
 from workbench.diagnosis.estimation.prediction_error import PredictionError, disturbances
 from workbench.linearisation import linear_model
@@ -87,7 +87,7 @@ def test_a_design_keeps_linear_algebra_to_one_thread() -> None:
 
         # Linear equations: there are none on which a finished law is tried.
         linear = linear_model(ct.tf([1.0], [1.0, 1.0]))
-        PlainPIDSpecification().designed(linear, design, lambda *_: False)
+        designed_for(LoopSpecification(), linear, design, lambda *_: False)
         assert seen == [1] * len(before)
         assert [count() for count, _ in _thread_counts()] == [2] * len(before)
     finally:

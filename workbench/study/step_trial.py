@@ -18,9 +18,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controllers.design import DESIGNS, designs_for
-from controllers.plain.limits import MOST_LATE, settled_after
-from controllers.plain.loop import PlainLaw, loop_of
+from controllers.plain.limits import MOST_LATE
+from controllers.plain.loop import loop_of
 from controllers.plain.pairing import interaction
+from controllers.plain.plain_law import PlainLaw
+from controllers.plain.selection import settled_after
 from controllers.sensitivity import loops_at
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 from workbench.linearisation import LinearModel, linearise

@@ -16,19 +16,16 @@ import pytest
 from controllers.design import DESIGNS
 from controllers.h_infinity.synthesis import has_slycot
 from controllers.pid import design_pid
-from controllers.plain.limits import settled_after
 from controllers.plain.loop import loop_of
+from controllers.plain.pid_design import design_plain_pid
+from controllers.plain.selection import settled_after
+from controllers.plain.sliding_mode import design_plain_sliding_mode
 from controllers.plain.state_feedback import (
     LQISpecification,
     design_lqi,
-    design_plain_sliding_mode,
     state_feedback_by_hand,
 )
-from controllers.plain.transfer_law import (
-    design_plain_pid,
-    pid_by_hand,
-    transfer_controller,
-)
+from controllers.plain.transfer_law import pid_by_hand, transfer_controller
 from controllers.sensitivity import frequencies, loops_at, peak_sensitivities, peaks_of
 from tests.controllers.families import designed
 from tests.controllers.in_c import InC, agrees_on

@@ -10,8 +10,8 @@ import control as ct
 import numpy as np
 import pytest
 
-from controllers.plain.limits import settled_after
 from controllers.plain.loop import loop_of, spare_outputs
+from controllers.plain.selection import settled_after
 from controllers.plain.transfer_law import pid_by_hand
 from tests.controllers.families import designed
 from tests.controllers.in_c import agrees_on

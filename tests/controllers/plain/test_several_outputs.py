@@ -15,9 +15,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from controllers.h_infinity.synthesis import has_slycot
-from controllers.plain.limits import LoopLimits, settled_after
+from controllers.plain.limits import LoopLimits
 from controllers.plain.loop import loop_of
 from controllers.plain.pairing import best_pairing, interaction, relative_gains, zeros
+from controllers.plain.selection import settled_after
 from controllers.plain.state_feedback import LQISpecification, reachable_speed
 from controllers.sensitivity import least_gain, loop_matrices
 from tests.controllers import families

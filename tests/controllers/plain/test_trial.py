@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from controllers.plain import trial
-from controllers.plain.limits import settled_after
 from controllers.plain.loop import loop_of
 from controllers.plain.pairing import interaction
+from controllers.plain.selection import settled_after
 from controllers.plain.state_feedback import LQISpecification, design_lqi
 from controllers.sensitivity import peak_sensitivities
 from tests.controllers.families import designed

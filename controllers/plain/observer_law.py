@@ -1,0 +1,394 @@
+"""State feedback or a sliding mode on a Kalman filter of the states: the law, and its model.
+
+With deviations from rest, the estimate x and the references r of the outputs y = C x behind two
+lags of speeds w_r, sample k:
+
+    x     = xp + M (y - C xp)                        Kalman filter, gain M
+    s     = S x - Sr r - Sq q                        the surface; 0 for a state feedback
+    u     = u0 + Kr r - K x + Kq q - rho sat(s / layer), clipped to its ends
+    xp+   = F x + G (u_clipped - u0),    q+ = q + h P (r - y)
+
+P leads to what moves no command that is at its end, where fewer are left than outputs: nothing is
+summed while the only one is. rho, a share of the command, leads to the surface s = 0. With xs r
+and us r the state and command at which the outputs are r, Kr is us + K xs, or the share of it whose
+zero takes the place of the slowest pole: the integral then holds the rest, and no overshoot is
+needed to empty it. Sr is found the same way.
+
+Units: SI.
+
+Source: Kwakernaak and Sivan, Linear Optimal Control Systems, 1972, chapters 3 to 5.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
+from controllers.linear_law import LinearLaw
+from controllers.plain.limits import LoopLimits, LoopSpecification
+from controllers.plain.loop import Loop, listed
+from controllers.plain.plain_law import PlainLaw
+from controllers.plain.references import LAGS, led
+from controllers.reference.horizon import lagged
+from controllers.riccati import balanced_regulator
+from controllers.sampling import Rows, product, rows, total
+from controllers.specification import number
+from workbench.arrays import Matrix
+from workbench.errors import TIMES_S, WorkbenchError
+from workbench.linearisation.zero_order_hold import zero_order_hold
+
+
+class ObservedState(NamedTuple):
+    """What a `ObserverLaw` remembers.
+
+    Args:
+        predicted: Predicted states xp, deviations in SI.
+        error_integral: Integrals q of the errors, in SI of the outputs times s.
+        filtered: References after the first lag, deviations in SI.
+        target: References after the second lag, deviations in SI.
+        paced: References before the lags at their pace, deviations in SI, and by how much they
+            moved in the last sample; None without a pace.
+        commands: Commands, in SI; None without a slew.
+    """
+
+    predicted: Numbers
+    error_integral: Numbers
+    filtered: Numbers
+    target: Numbers
+    paced: Numbers | None = None
+    commands: Numbers | None = None
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class ObserverLaw(PlainLaw):
+    """State feedback with integral action, with or without a sliding mode.
+
+    All is in SI, with n states, the offsets of what is measured and not followed the last of them,
+    m commands, p outputs that are followed, and s that are measured, those first.
+
+    Args:
+        F: Transition of the states over a sample, shape (n, n).
+        G: Effect of the commands, shape (n, m).
+        C: Measured outputs, shape (s, n).
+        M: Gain of the Kalman filter, shape (n, s).
+        gain: K, shape (m, n).
+        integral_gain: Kq, shape (m, p).
+        reference_gain: Kr, shape (m, p).
+        target: xs, shape (n, p).
+        start: Integrals at rest per deviation of the outputs, shape (p, p), in s.
+        surface: S, shape (n,), in SI of the command per SI of the states.
+        surface_integral: Sq, in SI of the command per SI of the output and s.
+        surface_reference: Sr, in SI of the command per SI of the output.
+        reach: rho, in SI of the command per s; 0 for a state feedback.
+        layer: Half width of the boundary layer, in the unit of the surface.
+        reference_speed: Speeds w_r of the references' lags, in rad/s; 0 for none.
+    """
+
+    F: Rows
+    G: Rows
+    C: Rows
+    M: Rows
+    gain: Rows
+    integral_gain: Rows
+    reference_gain: Rows
+    target: Rows
+    start: Rows
+    surface: tuple[float, ...] = ()
+    surface_integral: float = 0.0
+    surface_reference: float = 0.0
+    reach: float = 0.0
+    layer: float = 1.0
+    reference_speed: tuple[float, ...]
+
+    def initial_state(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> ObservedState:
+        """Return the state of a plant that the commands at rest hold where it is measured."""
+        y = self.deviations(measurement)[: len(self.controlled)]
+        x, q = product(self.target, y), product(self.start, y)
+        return ObservedState(x, q, y, y, self.resting(y), self.kept(None, self.rest))
+
+    def law(
+        self, state: ObservedState, measurement: Numbers, reference: Numbers, arithmetic: Arithmetic
+    ) -> tuple[Numbers, ObservedState, Told]:
+        y = self.deviations(measurement)
+        now, paced = self.followed(state.paced, reference, arithmetic)
+        lags = [
+            lagged(first, second, asked, speed * self.sample_time) if speed else (asked, asked)
+            for first, second, asked, speed in zip(
+                state.filtered, state.target, now, self.reference_speed, strict=True
+            )
+        ]
+        filtered, r = (tuple(part) for part in zip(*lags, strict=True))
+        residual = tuple(v - total(0.0, c, state.predicted) for v, c in zip(y, self.C, strict=True))
+        x = product(self.M, residual, state.predicted)
+        q = state.error_integral
+        asked = product(self.reference_gain, r, self.rest)
+        asked = product(self.integral_gain, q, asked)
+        asked = tuple(u - total(0.0, k, x) for u, k in zip(asked, self.gain, strict=True))
+        told: Told = {}
+        if self.reach:
+            s = total(0.0, self.surface, x)
+            s = s - self.surface_reference * r[0] - self.surface_integral * q[0]
+            asked = (asked[0] - self.reach * arithmetic.clip(s / self.layer, -1.0, 1.0),)
+            told["surface"] = s
+        command = self.applied(state.commands, asked, arithmetic)
+        change = tuple(self.sample_time * (a - b) for a, b in zip(r, y, strict=False))
+        free = [u == v for u, v in zip(command, asked, strict=True)]
+        change = _freed(change, self.integral_gain, free, arithmetic)
+        if self.reach:
+            # Outside its layer a surface is reached as fast as may be, and farther off no faster.
+            away = s * self.surface_integral * change[0] < 0.0
+            held = arithmetic.where(away, 0.0 * change[0], change[0])
+            outside = arithmetic.largest(s, -s) > self.layer
+            change = (arithmetic.where(outside, held, change[0]),)
+        summed = tuple(a + b for a, b in zip(q, change, strict=True))
+        move = tuple(u - rest for u, rest in zip(command, self.rest, strict=True))
+        predicted = product(self.G, move, product(self.F, x))
+        kept = self.kept(state.commands, command)
+        following = ObservedState(predicted, summed, filtered, r, paced, kept)
+        sent = self.sent(state.commands, command, arithmetic)
+        return sent, following, {**self.told(asked), **told}
+
+    def around_rest(self) -> LinearLaw:
+        own = (self.F, self.G, self.C, self.M, self.gain, self.integral_gain, self.reference_gain)
+        F, G, C, M, K, Kq, Kr = (np.array(part) for part in own)
+        n, p, h = len(F), len(self.controlled), self.sample_time
+        # Rows of what is linear in the state, measurements and references.
+        places = np.cumsum([n, p, p, p, len(C), p])
+        parts = np.split(np.eye(places[-1]), places[:-1])
+        predicted, q, filtered, target, y, asked = parts
+        speed = np.array(self.reference_speed)[:, None]
+        fresh = np.where(speed > 0.0, speed * h, 1.0)
+        filtered, r = lagged(filtered, target, asked, fresh)
+        x = predicted + M @ (y - C @ predicted)
+        u = Kr @ r + Kq @ q - K @ x
+        if self.reach:
+            s = self.surface @ x - self.surface_reference * r[0] - self.surface_integral * q[0]
+            u = u - self.reach / self.layer * s
+        table = np.vstack([F @ x + G @ u, q + h * (r - y[:p]), filtered, r])
+        k = places[3]
+        return LinearLaw(table[:, :k], table[:, k:], u[:, :k], u[:, k:])
+
+
+def _freed(change: Numbers, gain: Rows, free: Sequence[Any], arithmetic: Arithmetic) -> Numbers:
+    """Return what of a change, in any units, moves no command that is not free.
+
+    As long as no fewer are free than there are outputs, that is all of it: the others take over.
+    Else each such command's row of the gain is made orthogonal to those before it, and taken away.
+    """
+    spare = len(gain) - len(change)
+    bound = sum(arithmetic.where(may, 0.0, 1.0) for may in free)
+    if len(change) == 1:
+        # What is left of the only one is nothing, to the last digit, by whatever it enters.
+        return (arithmetic.where(bound < spare + 0.5, change[0], 0.0 * change[0]),)
+    taken: list[tuple[Numbers, Any]] = []
+    for row, may in zip(gain, free, strict=True):
+        if not any(row):
+            continue
+        size = sum(k * k for k in row)
+        own: Numbers = row
+        for other, norm in taken:
+            share = total(0.0, row, other) / norm
+            own = tuple(a - share * b for a, b in zip(own, other, strict=True))
+        norm = total(0.0, (1.0,) * len(own), tuple(a * a for a in own))
+        # What the others already hold back leaves nothing but rounding.
+        small = norm < 1e-12 * size
+        norm = arithmetic.where(small, size, norm)
+        away = tuple(arithmetic.where(small, 0.0 * a, a) for a in own)
+        away = tuple(arithmetic.where(bound < spare + 0.5, 0.0 * a, a) for a in away)
+        own = tuple(arithmetic.where(may, 0.0 * a, a) for a in away)
+        share = total(
+            0.0, (1.0,) * len(own), tuple(a * b for a, b in zip(own, change, strict=True))
+        )
+        change = tuple(c - share / norm * a for a, c in zip(own, change, strict=True))
+        taken.append((own, norm))
+    return change
+
+
+SHARES = (0.0, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0)
+"""Shares of rest elsewhere that are tried for integrals to hold after a step of the reference."""
+
+DISTURBANCES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
+"""Disturbances of the command that are tried for a Kalman filter, as fractions of it."""
+
+
+def doubts(loop: Loop) -> tuple[float, ...]:
+    """Return the doubts of what is measured and not followed that are tried, ratios.
+
+    A filter that is told of less noise leans on those measurements more, which is what the margins
+    at the command ask of it, as loop transfer recovery asks for more noise at the command. Source:
+    Doyle and Stein, Multivariable feedback design, IEEE Trans. AC-26, 1981.
+    """
+    return (1.0,) if loop.read is None else (1.0, 0.1)
+
+
+@dataclass(frozen=True)
+class ObserverSpecification(LoopSpecification):
+    """What every law on a Kalman filter of the states is told.
+
+    Args:
+        reference_speed: Speed of the reference's lags, in rad/s; by default (0) what leads a step
+            best.
+        disturbance: What the disturbance of the command is taken to walk by in ten time constants
+            of the loop, rms, as a fraction of the command; what suits the loop by default (0).
+    """
+
+    reference_speed: float = number(0.0, 0.0, 1.0 / TIMES_S[0])
+    disturbance: float = number(0.0, 0.0, 1e3, words="disturbance of the command")
+
+    @property
+    def disturbances(self) -> tuple[float, ...]:
+        """Disturbances that are tried, fractions."""
+        return (self.disturbance,) if self.disturbance else DISTURBANCES
+
+
+def random_walk(disturbance: float, speed: float) -> float:
+    """Return the random walk of the integral of the command's disturbance, a fraction, per s."""
+    return disturbance * math.sqrt(10.0 / speed)
+
+
+class ObservedModel:
+    """What every law on a Kalman filter of a loop's states shares.
+
+    Raises:
+        WorkbenchError: If the outputs cannot be held at references by the commands.
+    """
+
+    def __init__(self, loop: Loop, want: ObserverSpecification) -> None:
+        own, size = loop.linear, loop.linear.state_scales
+        self.loop, self.want = loop, want
+        self.F, self.G = zero_order_hold(own.A, own.B, want.sample_time)
+        n, (p, m) = len(self.F), own.D.shape
+        rest = np.block([[own.A, own.B], [own.C, np.zeros((p, m))]])
+        right = np.vstack([np.zeros((n, p)), np.diag(loop.output_scale)])
+        rest = rest * np.append(size, loop.command_scale)
+        scale = np.maximum(np.max(np.abs(rest), axis=1), 1e-300)[:, None]
+        rest, right = rest / scale, right / scale
+        target = np.linalg.lstsq(rest, right, rcond=None)[0]
+        if np.max(np.abs(rest @ target - right)) > 1e-6 * np.max(right):
+            raise WorkbenchError(
+                f"{listed(loop.measured)} cannot be held at a reference by"
+                f" {listed(loop.actuators)}; follow another output"
+            )
+        target = target / loop.output_scale
+        self.target = target[:n] * size[:, None]
+        self.command = target[n:] * loop.command_scale[:, None]
+
+    def observed(
+        self, law: ObserverLaw, disturbance: float, speed: float, doubt: float = 1.0
+    ) -> ObserverLaw:
+        """Put a state feedback on a Kalman filter.
+
+        Measurements that nobody follows have an offset each, a state that is found in ten time
+        constants: far from rest, or with friction, a plant shows them otherwise than its model.
+
+        Args:
+            disturbance: What that of each command walks by in ten time constants of the loop, rms,
+                as a fraction of the command.
+            speed: Speed of the loop, in rad/s.
+            doubt: Noise of what is measured and not followed that the filter is told, over that
+                which it has.
+        """
+        loop, h, noise = self.loop, self.want.sample_time, self.want.loop_noise(self.loop)
+        n, m, p = len(self.F), len(self.command), len(loop.measured)
+        noise[p:] *= doubt
+        k = len(noise) - p
+        # The disturbance is white noise, held over a sample.
+        entry = self.G * (random_walk(disturbance, speed) * loop.command_scale)
+        q = entry @ entry.T / h
+        q = q + 1e-15 * np.diag(np.diag(q)) + 1e-300 * np.eye(n)
+        q = np.pad(q, (0, k)) + np.diag(np.append(np.zeros(n), (0.1 * speed * h * noise[p:]) ** 2))
+        F, G = np.pad(self.F, (0, k)), np.pad(self.G, ((0, k), (0, 0)))
+        F[n:, n:] = np.eye(k)
+        C = np.hstack([loop.shown.C, np.eye(p + k, k, -p)])
+        size = np.append(loop.linear.state_scales, noise[p:])
+        predictor = balanced_regulator(F.T, C.T / noise, q, 1.0 / size).T / noise
+        return replace(
+            law,
+            F=rows(F),
+            G=rows(G),
+            C=rows(C),
+            # From the gain of the predictor to that of the correction.
+            M=rows(np.linalg.solve(F, predictor)),
+            gain=rows(np.hstack([law.gain, np.zeros((m, k))])),
+            target=rows(np.pad(law.target, ((0, k), (0, 0)))),
+            surface=law.surface and (*law.surface, *[0.0] * k),
+        )
+
+    def law(
+        self,
+        gain: Matrix,
+        integral_gain: Matrix,
+        slow: float = 0.0,
+        told: dict[str, Any] | None = None,
+    ) -> ObserverLaw:
+        """Return a state feedback that has no observer yet.
+
+        Args:
+            slow: Pole that a zero takes the place of, in rad/s; none by default (0).
+            told: What else an `ObserverLaw` is told.
+        """
+        loop = self.loop
+        usual = {"name": "state feedback", "reference_speed": (0.0,) * len(loop.measured)}
+        law = ObserverLaw(
+            F=rows(self.F),
+            G=rows(self.G),
+            C=rows(loop.shown.C),
+            M=(),
+            gain=rows(gain),
+            integral_gain=rows(integral_gain),
+            reference_gain=(),
+            target=rows(self.target),
+            start=(),
+            sample_time=self.want.sample_time,
+            **usual | loop.ends | (told or {}),
+        )
+        # What the integrals hold at rest is what no zero takes the place of.
+        whole = slow * np.diag(self._whole(law))
+        shares = 1.0 - np.clip(1.0 / np.where(whole, whole, math.inf), 0.0, 1.0)
+        return self.held(law, shares.tolist())
+
+    def _whole(self, law: ObserverLaw) -> Matrix:
+        """Return integrals that hold all of rest elsewhere, shape (p, p), in s; 0 without them."""
+        xs, into, out = (
+            np.array(law.target),
+            self.loop.command_scale[:, None],
+            self.loop.output_scale,
+        )
+        if law.surface:
+            return np.full((1, 1), float(np.dot(law.surface, xs[:, 0])) / law.surface_integral)
+        forward = self.command + np.array(law.gain) @ xs
+        scaled = np.array(law.integral_gain) / into * out, forward / into * out
+        return np.asarray(out[:, None] * np.linalg.lstsq(*scaled, rcond=None)[0] / out)
+
+    def held(self, law: ObserverLaw, shares: Sequence[float]) -> ObserverLaw:
+        """Return the law whose integrals hold shares of rest elsewhere, references the others."""
+        start, xs, along = self._whole(law) * np.array(shares), np.array(law.target), 0.0
+        if law.surface:
+            along = float(np.dot(law.surface, xs[:, 0])) * (1.0 - shares[0])
+        forward = self.command + np.array(law.gain) @ xs - np.array(law.integral_gain) @ start
+        return replace(
+            law, reference_gain=rows(forward), start=rows(start), surface_reference=along
+        )
+
+    def led(self, limits: LoopLimits, law: ObserverLaw) -> ObserverLaw:
+        """Return the law whose references enter, behind lags and past integrals, as suits best."""
+        whole, lags = np.diag(self._whole(law)), (1.0,) if self.want.reference_speed else LAGS
+        own = np.diag(law.start) / np.where(whole, whole, 1.0)
+        top, speeds = 0.5 / law.sample_time, law.reference_speed
+        each = [tuple(own.tolist()), *((share,) * len(own) for share in SHARES if whole.any())]
+        tried = [
+            tuple((min(k * w, top), share) for w, share in zip(speeds, shares, strict=True))
+            for k in lags
+            for shares in each
+        ]
+
+        def entered(chosen: Sequence[tuple[float, float]]) -> ObserverLaw:
+            speed, shares = zip(*chosen, strict=True)
+            return replace(self.held(law, shares), reference_speed=speed)
+
+        return led(limits, entered, tried)

@@ -1,0 +1,161 @@
+"""Sliding mode with boundary layer and integral for any linear model, on a Kalman filter.
+
+Of one output by one command: s = 0 is the surface on which the model with its integral has given
+poles (Ackermann and Utkin's formula); K, Kr and Kq keep the model on it
+(`controllers.plain.observer_law`).
+
+Units: SI.
+
+Source: Ackermann and Utkin, Sliding mode control design based on Ackermann's formula, IEEE Trans.
+AC-43, 1998.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from functools import cache, partial
+
+import numpy as np
+
+from controllers.plain.limits import LoopLimits
+from controllers.plain.loop import speeds
+from controllers.plain.observer_law import ObservedModel, ObserverLaw, ObserverSpecification, doubts
+from controllers.plain.pace import at_pace
+from controllers.plain.pairing import zeros
+from controllers.plain.reading import designed_for
+from controllers.plain.selection import best_of
+from controllers.plain.state_feedback import reading_helps
+from controllers.sliding_mode import sliding_design
+from controllers.specification import number
+from workbench.arrays import Matrix, Vector
+from workbench.errors import WorkbenchError, check_range
+from workbench.linearisation import LinearModel
+
+
+@dataclass(frozen=True)
+class PlainSlidingModeSpecification(ObserverSpecification):
+    """What a sliding mode for any linear model is designed for.
+
+    Args:
+        slope: Speed of the poles on the surface, in rad/s; poles of the model that are faster stay.
+            By default (0) the best loop within its limits.
+        reach: What may lead to the surface, as a fraction of the command.
+        layer_bandwidth: Pole inside the boundary layer, in rad/s; twice the slope by default (0).
+    """
+
+    slope: float = 0.0
+    reach: float = number(0.5, 1e-6, 10.0, words="reach to the surface")
+    layer_bandwidth: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_range("slope of the surface", self.slope, 0.0, 0.2 / self.sample_time, "rad/s")
+        top = 0.5 / self.sample_time
+        check_range("bandwidth of the layer", self.layer_bandwidth, 0.0, top, "rad/s")
+
+
+def design_plain_sliding_mode(
+    linear: LinearModel, specification: PlainSlidingModeSpecification | None = None
+) -> ObserverLaw:
+    """Design a sliding mode with boundary layer and integral for any linear model.
+
+    Raises:
+        WorkbenchError: If the command does not reach all states, or several outputs are followed.
+    """
+    want = specification or PlainSlidingModeSpecification()
+    h = want.sample_time
+    slopes = [want.slope] if want.slope else [w for w in speeds(h) if w <= 0.2 / h]
+
+    def within(limits: LoopLimits) -> ObserverLaw:
+        loop = limits.loop
+        if len(loop.actuators) > 1 or len(loop.measured) > 1:
+            raise WorkbenchError(
+                f"a sliding mode of the workbench has one surface, and {loop.words} needs"
+                f" {len(loop.actuators)}; follow one output by one command, or take another family,"
+                " such as lqi"
+            )
+        model = ObservedModel(loop, want)
+        sliding = cache(partial(_sliding, model, want))
+
+        def designed(_: tuple[int, ...], at: tuple[float, float, float]) -> ObserverLaw:
+            slope, disturbance, doubt = at
+            return model.observed(sliding(slope), disturbance, slope, doubt)
+
+        tried = itertools.product(slopes, want.disturbances, doubts(loop))
+        law, _ = best_of(limits, designed, [((), at) for at in tried], "a sliding mode")
+        return at_pace(limits.late, model.led(limits.late, law))
+
+    def helps(limits: LoopLimits, wider: LoopLimits) -> bool:
+        # What is refused need not be looked at.
+        return limits.outputs == 1 and reading_helps(limits, wider)
+
+    return designed_for(want, linear, within, helps)
+
+
+def _sliding(
+    model: ObservedModel, want: PlainSlidingModeSpecification, slope: float
+) -> ObserverLaw:
+    """Return a law that has no observer yet, whose surface has a slope in rad/s."""
+    loop = model.loop
+    A, B, C = loop.linear.A, loop.linear.B, loop.linear.C
+    n = len(A)
+    # With q' = -C x in the place of the error's integral, whose reference is at rest.
+    joined = np.block([[A, np.zeros((n, 1))], [-C, np.zeros((1, 1))]])
+    entry = np.vstack([B, [[0.0]]])
+    poles = [-abs(p) if abs(p) > slope else -slope for p in np.linalg.eigvals(A)]
+    # Behind a zero that is slower, no other pole keeps a step from overshooting by far.
+    slow = sorted(z.real for z in zeros(loop) if -slope < z.real < 0.0 and not z.imag)
+    for z in slow[: poles.count(-slope) - 1]:
+        poles[poles.index(-slope)] = z
+    size = np.append(loop.linear.state_scales, loop.output_scale / slope)
+    surface = _surface(joined, entry, sorted(poles)[:n], size, loop.actuators[0])
+    kept = surface @ joined
+    bandwidth = want.layer_bandwidth or 2.0 * slope
+    reach = want.reach * float(loop.command_scale[0])
+    told = {
+        "name": "sliding mode",
+        "surface": tuple(surface[:n].tolist()),
+        "surface_integral": -float(surface[n]),
+        "reach": reach,
+        "reference_speed": (want.reference_speed or slope,),
+        "layer": reach / bandwidth,
+    }
+    return model.law(kept[None, :n], -kept[None, n:], slope, told)
+
+
+def _surface(A: Matrix, B: Matrix, poles: list[float], size: Vector, actuator: str) -> Matrix:
+    """Return S with S B = 1 such that the model has these poles on S x = 0.
+
+    Where B is along the first axis and A an upper Hessenberg matrix, that is the last axis times
+    (A - p) for each pole p: its powers need not be formed.
+
+    Source: Ackermann and Utkin, 1998; Petkov, Christov and Konstantinov, Computational Methods for
+    Linear Control Systems, 1991 (Hessenberg form).
+    """
+    from scipy.linalg import hessenberg
+
+    n = len(A)
+    a, b = A * size / size[:, None], B[:, 0] / size
+    first = np.linalg.qr(np.column_stack([b, np.eye(n)]))[0]
+    a, turned = hessenberg(first.T @ a @ first, calc_q=True)
+    steps = np.abs(np.diag(a, -1))
+    if not np.any(b) or np.any(steps <= 1e-14 * np.abs(a).max()):
+        raise WorkbenchError(
+            f"{actuator} does not reach all states of the linear model with the integral of the"
+            " error; leave the others out of the model, or take a PID"
+        )
+    row = np.eye(n)[-1]
+    for pole in poles:
+        row = row @ (a - pole * np.eye(n))
+        row = row / np.abs(row).max()
+    row = row @ (first @ turned).T / size
+    return np.asarray(row / float((row @ B)[0]))
+
+
+PLAIN_SLIDING_MODE = sliding_design(
+    name="plain-sliding-mode",
+    summary="sliding mode with boundary layer and integral, for any linear model",
+    function=design_plain_sliding_mode,
+    specification=PlainSlidingModeSpecification,
+)
