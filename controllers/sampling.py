@@ -32,20 +32,6 @@ def anti_windup(A: Matrix, C: Matrix, pole: float) -> Matrix:
     return np.asarray(moved @ np.linalg.pinv(seen))
 
 
-def tustin(
-    A: Matrix, B: Matrix, C: Matrix, D: Matrix, sample_time: float
-) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-    """Sample a system in continuous time, in any units, by Tustin's rule, every so many s."""
-    n, half = len(A), 0.5 * sample_time * A
-    left = np.eye(n) - half
-    both = np.asarray(
-        np.linalg.solve(left, np.hstack([np.eye(n) + half, sample_time * B])), dtype=float
-    )
-    a, b = both[:, :n], both[:, n:]
-    c = np.asarray(np.linalg.solve(left.T, C.T).T, dtype=float)
-    return a, b, c, D + 0.5 * C @ b
-
-
 def total(start: Number, factors: tuple[float, ...], values: Numbers) -> Number:
     """Return start + sum of factors times values (in any units), in their order, without zeros."""
     for factor, value in zip(factors, values, strict=True):

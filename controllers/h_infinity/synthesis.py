@@ -36,7 +36,6 @@ from typing import NamedTuple
 import numpy as np
 
 from controllers.joint.model import JointModel
-from controllers.sampling import tustin
 from controllers.specification import Checked, number
 from workbench.arrays import Matrix
 from workbench.errors import NumericalError, check_range, missing_package
@@ -164,7 +163,10 @@ def synthesise(
             f"no H-infinity controller was found for a speed of {weights.speed:g} rad/s ({said});"
             " take another speed or a smaller disturbance"
         ) from None
-    return Synthesis(*tustin(*found, h), found, gamma, norm, len(whole[0]))
+    from scipy.signal import cont2discrete
+
+    sampled: System = cont2discrete(found, h, "bilinear")[:4]
+    return Synthesis(*sampled, found, gamma, norm, len(whole[0]))
 
 
 def has_slycot() -> bool:
