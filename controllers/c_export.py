@@ -16,13 +16,18 @@ Mathematical Programming 27, 1983.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
-from controllers.c_source import CSource
-from controllers.guard import Fault, Guarded
+import numpy as np
+
+from controllers.c_source import CSource, defined, table
+from controllers.guard import COUNTS, FADE, TIMES, WIDER, Fault, Guarded
+from controllers.named_state import names
 from controllers.protocol import Controller, check_controller
 from workbench.errors import WorkbenchError
 from workbench.files import write_whole
@@ -77,7 +82,7 @@ def export_c(
             f"controller {controller.name!r} cannot be written as C without dependencies: {reason};"
             " export one of the PID, sliding-mode, state-feedback or linear MPC family"
         )
-    found = guarded.c_source(name)
+    found = _guarded_source(guarded, name)
     target = Path(folder)
     header = write_whole(target / f"{name}.h", _header(controller, name, found, units or {}))
     source = write_whole(target / f"{name}.c", f'#include "{name}.h"\n\n{found.source}')
@@ -153,3 +158,94 @@ def _header(controller: Controller, name: str, found: CSource, units: Mapping[st
         "",
     ]
     return "\n".join(lines)
+
+
+def _guarded_source(guarded: Guarded, name: str) -> CSource:
+    """Write a law in its guard as C."""
+    inner, guard, own = f"{name}_law", guarded.guard, guarded.guard.estimator
+    found: CSource = guarded.controller.c_source(inner)  # type: ignore[attr-defined]
+    n, y = 0 if own is None else len(own.F), len(guarded.sensors)
+    references = len(guarded.controlled) * (1 + guarded.preview)
+    sizes = {
+        "SENSORS": y,
+        "CONTROLLED": len(guarded.controlled),
+        "REFERENCES": references,
+        "COMMANDS": len(guarded.actuators),
+        "REPORTS": len(found.reports),
+        "LAW_STATES": len(found.states),
+        "ESTIMATED": n,
+        "CURVE": 0 if own is None else np.size(own.curve_entered) // len(guarded.actuators),
+        "HAS_INNER": int(own is not None and len(own.K) > 0),
+        "WIDER": WIDER,
+        "FADE": FADE,
+        **{name.upper(): getattr(guard, name) for name in (*TIMES, *COUNTS)},
+        **{fault.name: int(fault) for fault in Fault},
+    }
+    tables: dict[str, Any] = {
+        f"{prefix}_{field.upper()}": column
+        for prefix, limits in (
+            ("SENSOR", guard.sensors),
+            ("REFERENCE", guard.references),
+            ("COMMAND", guard.commands),
+        )
+        for field, column in zip(limits[0]._fields, zip(*limits, strict=True), strict=True)
+    }
+    if own is None:
+        # Limits that only an estimator looks at.
+        for field in ("DOUBT", "LEAST", "MOST"):
+            del tables[f"SENSOR_{field}"]
+        del tables["REFERENCE_BRAKE"], tables["REFERENCE_LAG"]
+    else:
+        unused = () if len(own.K) else ("K", "K_reference", "rest_followed")
+        tables |= {
+            field.name.upper(): getattr(own, field.name)
+            for field in fields(own)
+            if np.size(getattr(own, field.name)) and field.name not in unused
+        }
+    report, parameter = ("report", ", double *report") if found.reports else ("0", "")
+    last = ", report" if found.reports else ""
+    macros = {f"GUARD_{key}": "INFINITY" if v == math.inf else v for key, v in sizes.items()} | {
+        "GUARD_LAW_START(measurement, state)": f"{inner}_start(measurement, state)",
+        "GUARD_LAW_STEP(measurement, reference, state, command, report)": (
+            f"{inner}_step(measurement, reference, state, command{last})"
+        ),
+    }
+    text = (
+        found.source
+        + "".join(map(defined, macros, macros.values()))
+        + "\n"
+        + "".join(table(f"GUARD_{key}", values) for key, values in tables.items())
+        + "\n"
+        + Path(__file__).with_name("guard.c").read_text(encoding="utf-8")
+        + f"""
+int {name}_start(const double *measurement, double *state) {{
+  return guard_start(measurement, state);
+}}
+
+int {name}_step(const double *measurement, const double *reference, double *state,
+{" " * (len(name) + 10)}double *command{parameter}) {{
+  return guard_step(measurement, reference, state, command, {report});
+}}
+
+int {name}_missed(double *state, double *command) {{
+  return guard_missed(state, command);
+}}
+"""
+    )
+    safe = ", ".join(f"{value:g}" for value in guarded.safe)
+    endless = "any time" if guard.patience == math.inf else f"{guard.patience:g} samples"
+    bridge = f"{guard.bridge if own is not None else 0:g}"
+    rest = f"{guard.inner if sizes['HAS_INNER'] else 0:g}"
+    notes = (
+        *found.notes,
+        f"Guard: the law acts on estimates for at most {bridge} samples, and a command is held",
+        f"for {guard.hold:g}; then the inner law brings the plant to rest for {rest}, then the"
+        " safe",
+        f"command is given: {safe}. The law returns after {guard.settle:g} plausible samples,"
+        " its reference",
+        f"along a quintic of {guard.ramp:g} more. A command at its end, or an error that stays:"
+        f" {endless}.",
+    )
+    operations = found.operations + 40 * (y + references) + 2 * n * (n + 4 * y + 4)
+    states = names(guarded.initial_state((0.0,) * y))
+    return CSource(text, states, notes, found.reports, int(operations))

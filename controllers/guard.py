@@ -45,21 +45,15 @@ section 3.6.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import IntEnum
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from controllers.c_source import CSource, defined, table
 from controllers.estimator import Estimator
-from controllers.named_state import names
 from controllers.protocol import Command, Controller, Info, Measurement, Reference
 from workbench.errors import WorkbenchError, check_range
-
-_INFINITE = math.inf
-
 
 TIMES = {"bridge": 0.0, "hold": 0.0, "inner": 0.0, "settle": 1.0, "ramp": 1.0}
 """Times of a `Guard` by name, with the least of each, in samples."""
@@ -115,12 +109,12 @@ class SensorLimits(NamedTuple):
         least: Smallest value that is expected of it, in SI.
     """
 
-    lower: float = -_INFINITE
-    upper: float = _INFINITE
-    jump: float = _INFINITE
-    doubt: float = _INFINITE
-    least: float = -_INFINITE
-    most: float = _INFINITE
+    lower: float = -math.inf
+    upper: float = math.inf
+    jump: float = math.inf
+    doubt: float = math.inf
+    least: float = -math.inf
+    most: float = math.inf
 
 
 class ReferenceLimits(NamedTuple):
@@ -134,12 +128,12 @@ class ReferenceLimits(NamedTuple):
         lag: Samples until reversed commands do so.
     """
 
-    lower: float = -_INFINITE
-    upper: float = _INFINITE
-    tolerance: float = _INFINITE
+    lower: float = -math.inf
+    upper: float = math.inf
+    tolerance: float = math.inf
     sensor: float = -1.0
-    pace: float = _INFINITE
-    brake: float = _INFINITE
+    pace: float = math.inf
+    brake: float = math.inf
     lag: float = 0.0
 
 
@@ -147,8 +141,75 @@ class CommandLimits(NamedTuple):
     """What an actuator is given."""
 
     safe: float
-    lower: float = -_INFINITE
-    upper: float = _INFINITE
+    lower: float = -math.inf
+    upper: float = math.inf
+
+
+@dataclass(frozen=True)
+class Guard:
+    """Limits and times of a guard; times in samples.
+
+    Args:
+        estimator: What the plant's linear model says of measurements; None for nothing.
+        bridge: How long the law acts on estimates, in samples.
+        hold: How long the last command is held, in samples; and how long a measurement must stay to
+            be stuck.
+        inner: How long the inner law then brings the plant to rest, in samples.
+        settle: How long measurements must be plausible before the law returns, in samples.
+        ramp: How long the reference then moves from what is measured to what is asked, in samples.
+        patience: How long a command may be at its end, or an error may stay, in samples.
+        swings: How often an error above a quarter of its tolerance may change its side while the
+            reference rests (dimensionless).
+        deadline: Time that a step of the law may take by what it tells itself, in s.
+    """
+
+    sensors: tuple[SensorLimits, ...]
+    references: tuple[ReferenceLimits, ...]
+    commands: tuple[CommandLimits, ...]
+    estimator: Estimator | None = None
+    bridge: float = 125.0
+    hold: float = 5.0
+    inner: float = 250.0
+    settle: float = 10.0
+    ramp: float = 50.0
+    patience: float = math.inf
+    swings: float = math.inf
+    deadline: float = math.inf
+
+    def __post_init__(self) -> None:
+        for name, least in TIMES.items():
+            value = check_range(f"{name} of a guard", getattr(self, name), least, 1e6, "samples")
+            object.__setattr__(self, name, float(value))
+        for name in COUNTS:
+            value = getattr(self, name)
+            if value != math.inf:
+                value = float(check_range(f"{name} of a guard", value, 1.0, 1e9, "samples"))
+            object.__setattr__(self, name, value)
+
+    @property
+    def plain(self) -> bool:
+        """Whether it has no limits, so that nothing but a number that is not finite is found."""
+        bounds = [
+            *(value for limits in self.sensors for value in limits),
+            *(value for own in self.references for value in (*own[:3], own.pace, own.brake)),
+            *(value for limits in self.commands for value in limits[1:]),
+            self.patience,
+            self.swings,
+            self.deadline,
+        ]
+        return self.estimator is None and all(map(math.isinf, bounds))
+
+
+def plain_guard(controller: Controller) -> Guard:
+    """Return the guard that knows of no limits: it refuses what is not finite."""
+    stated = getattr(controller, "rest_command", (0.0,) * len(controller.actuators))
+    sensors = controller.sensors
+    places = [float(sensors.index(n)) if n in sensors else -1.0 for n in controller.controlled]
+    return Guard(
+        (SensorLimits(),) * len(controller.sensors),
+        tuple(ReferenceLimits(sensor=at) for at in places),
+        tuple(CommandLimits(float(value)) for value in stated),
+    )
 
 
 class GuardState(NamedTuple):
@@ -196,75 +257,6 @@ class GuardState(NamedTuple):
     good: float = 0.0
     wait: float = 0.0
     ramp: float = 0.0
-
-
-@dataclass(frozen=True)
-class Guard:
-    """Limits and times of a guard; times in samples.
-
-    Args:
-        estimator: What the plant's linear model says of measurements; None for nothing.
-        bridge: How long the law acts on estimates, in samples.
-        hold: How long the last command is held, in samples; and how long a measurement must stay to
-            be stuck.
-        inner: How long the inner law then brings the plant to rest, in samples.
-        settle: How long measurements must be plausible before the law returns, in samples.
-        ramp: How long the reference then moves from what is measured to what is asked, in samples.
-        patience: How long a command may be at its end, or an error may stay, in samples.
-        swings: How often an error above a quarter of its tolerance may change its side while the
-            reference rests (dimensionless).
-        deadline: Time that a step of the law may take by what it tells itself, in s.
-    """
-
-    sensors: tuple[SensorLimits, ...]
-    references: tuple[ReferenceLimits, ...]
-    commands: tuple[CommandLimits, ...]
-    estimator: Estimator | None = None
-    bridge: float = 125.0
-    hold: float = 5.0
-    inner: float = 250.0
-    settle: float = 10.0
-    ramp: float = 50.0
-    patience: float = _INFINITE
-    swings: float = _INFINITE
-    deadline: float = _INFINITE
-
-    def __post_init__(self) -> None:
-        for name, least in TIMES.items():
-            value = check_range(f"{name} of a guard", getattr(self, name), least, 1e6, "samples")
-            object.__setattr__(self, name, float(value))
-        for name in COUNTS:
-            value = getattr(self, name)
-            if value != _INFINITE:
-                value = float(check_range(f"{name} of a guard", value, 1.0, 1e9, "samples"))
-            object.__setattr__(self, name, value)
-
-    @property
-    def plain(self) -> bool:
-        """Whether it has no limits, so that nothing but a number that is not finite is found."""
-        bounds = [
-            *(value for limits in self.sensors for value in limits),
-            *(value for own in self.references for value in (*own[:3], own.pace, own.brake)),
-            *(value for limits in self.commands for value in limits[1:]),
-            self.patience,
-            self.swings,
-            self.deadline,
-        ]
-        return self.estimator is None and all(map(math.isinf, bounds))
-
-
-def plain_guard(controller: Controller) -> Guard:
-    """Return the guard that knows of no limits: it refuses what is not finite."""
-    stated = getattr(controller, "rest_command", (0.0,) * len(controller.actuators))
-    return Guard(
-        (SensorLimits(),) * len(controller.sensors),
-        tuple(ReferenceLimits(sensor=_place(controller, name)) for name in controller.controlled),
-        tuple(CommandLimits(float(value)) for value in stated),
-    )
-
-
-def _place(controller: Controller, name: str) -> float:
-    return float(controller.sensors.index(name)) if name in controller.sensors else -1.0
 
 
 class Guarded:
@@ -471,7 +463,7 @@ class Guarded:
             wide = 1.0 + state.bad
         if state.away and state.bad:
             # Nothing was looked at meanwhile: there is nothing to hold a measurement against.
-            wide = _INFINITE
+            wide = math.inf
         strong = float(own is not None and own.strong(state.command))
         fault, believed = Fault.CLEAR, 0
         doubted, same = [], []
@@ -537,7 +529,7 @@ class Guarded:
     ) -> GuardState:
         """Count how long the command is at its end, the error stays, and how often it turns."""
         guard = self.guard
-        if guard.patience == _INFINITE:
+        if guard.patience == math.inf:
             return state
         ends = any(
             value <= limits.lower or value >= limits.upper
@@ -652,103 +644,6 @@ class Guarded:
     ) -> tuple[Command, GuardState, Info]:
         told = {**info, "guard": fault.word, "guard_action": action}
         return state.command, state, told
-
-    def c_source(self, name: str) -> CSource:
-        """Write law and guard as C."""
-        inner = f"{name}_law"
-        found: CSource = self.controller.c_source(inner)  # type: ignore[attr-defined]
-        guard = self.guard
-        state = self.initial_state(tuple(0.0 for _ in self.sensors))
-        own = guard.estimator
-        sizes = {
-            "SENSORS": len(self.sensors),
-            "CONTROLLED": len(self.controlled),
-            "REFERENCES": len(self.controlled) * (1 + self.preview),
-            "COMMANDS": len(self.actuators),
-            "REPORTS": len(found.reports),
-            "LAW_STATES": len(found.states),
-            "ESTIMATED": 0 if own is None else len(own.F),
-            "CURVE": 0 if own is None else np.size(own.curve_entered) // len(self.actuators),
-            "HAS_INNER": int(own is not None and len(own.K) > 0),
-            "WIDER": WIDER,
-            "FADE": FADE,
-            **{name.upper(): getattr(guard, name) for name in (*TIMES, *COUNTS)},
-        }
-        tables: dict[str, Any] = {
-            **_columns("SENSOR", SensorLimits._fields, guard.sensors),
-            **_columns("REFERENCE", ReferenceLimits._fields, guard.references),
-            **_columns("COMMAND", CommandLimits._fields, guard.commands),
-        }
-        if own is None:
-            for field in ("SENSOR_DOUBT", "SENSOR_LEAST", "SENSOR_MOST"):
-                del tables[field]
-            del tables["REFERENCE_BRAKE"], tables["REFERENCE_LAG"]
-        else:
-            unused = () if len(own.K) else ("K", "K_reference", "rest_followed")
-            tables |= {
-                field.name.upper(): getattr(own, field.name)
-                for field in fields(own)
-                if np.size(getattr(own, field.name)) and field.name not in unused
-            }
-        report = "report" if found.reports else "0"
-        parameter = ", double *report" if found.reports else ""
-        text = (
-            found.source
-            + "".join(
-                defined(f"GUARD_{key}", "INFINITY" if value == _INFINITE else value)
-                for key, value in sizes.items()
-            )
-            + "".join(defined(f"GUARD_{fault.name}", int(fault)) for fault in Fault)
-            + defined("GUARD_LAW_START(measurement, state)", f"{inner}_start(measurement, state)")
-            + defined(
-                "GUARD_LAW_STEP(measurement, reference, state, command, report)",
-                f"{inner}_step(measurement, reference, state, command"
-                + (", report)" if found.reports else ")"),
-            )
-            + "\n"
-            + "".join(table(f"GUARD_{key}", values) for key, values in tables.items())
-            + "\n"
-            + Path(__file__).with_name("guard.c").read_text(encoding="utf-8")
-            + f"""
-int {name}_start(const double *measurement, double *state) {{
-  return guard_start(measurement, state);
-}}
-
-int {name}_step(const double *measurement, const double *reference, double *state,
-{" " * (len(name) + 10)}double *command{parameter}) {{
-  return guard_step(measurement, reference, state, command, {report});
-}}
-
-int {name}_missed(double *state, double *command) {{
-  return guard_missed(state, command);
-}}
-"""
-        )
-        safe = ", ".join(f"{value:g}" for value in self.safe)
-        endless = "any time" if guard.patience == _INFINITE else f"{guard.patience:g} samples"
-        bridge = f"{guard.bridge if own is not None else 0:g}"
-        rest = f"{guard.inner if sizes['HAS_INNER'] else 0:g}"
-        notes = (
-            *found.notes,
-            f"Guard: the law acts on estimates for at most {bridge} samples, and a command is held",
-            f"for {guard.hold:g}; then the inner law brings the plant to rest for {rest}, then the"
-            " safe",
-            f"command is given: {safe}. The law returns after {guard.settle:g} plausible samples,"
-            " its reference",
-            f"along a quintic of {guard.ramp:g} more. A command at its end, or an error that stays:"
-            f" {endless}.",
-        )
-        states = names(state)
-        n, y = sizes["ESTIMATED"], len(self.sensors)
-        operations = found.operations + 40 * (y + sizes["REFERENCES"]) + 2 * n * (n + 4 * y + 4)
-        return CSource(text, states, notes, found.reports, int(operations))
-
-
-def _columns(
-    prefix: str, fields: tuple[str, ...], rows: tuple[tuple[float, ...], ...]
-) -> dict[str, tuple[float, ...]]:
-    columns = zip(*rows, strict=True)
-    return {f"{prefix}_{f.upper()}": column for f, column in zip(fields, columns, strict=True)}
 
 
 def unguarded(controller: Any) -> Any:
