@@ -9,13 +9,7 @@ import numpy as np
 
 from workbench.diagnosis.doubts import left_out_too, most_missing, still_off
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, as_it_reads
-from workbench.diagnosis.findings import (
-    computed,
-    named,
-    own_parameters,
-    without_name,
-    wrong_values,
-)
+from workbench.diagnosis.findings import computed, named, own_parameters, without_name, wrong_values
 from workbench.diagnosis.selection import rules
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import held_out_errors

@@ -58,6 +58,10 @@ def named(
     told = {entry.size_parameter: size} if size else parameters
     numbers = {name: v.read for name, v in told.items()}
     formula = computed(entry, diagnosis.nominal)
+    beside = ""
+    if other := entry.effect.about.tells:
+        q = model.parameter(f"{entry.name}.{other}")
+        beside = f", {other} {model.size_text(q.value, q.unit, entry.ports, 3)}"
     text = (
         f"{'Likely missing' if doubts else 'Missing'}:"
         f" {entry.name.replace('_', ' ')} at {', '.join(entry.ports)}"
@@ -65,7 +69,7 @@ def named(
             f", {name} {value:.3g} +- {std:.2g} {unit}".removesuffix(" 1")
             for name, (value, std, unit) in numbers.items()
         )
-        + _beside(model, entry.effect)
+        + beside
         + _by_recording(model, attached)
         + along(model, entry.effect)
         + (f"; cannot be told from {', '.join(alike[1:])}" if len(alike) > 1 else "")
@@ -196,14 +200,6 @@ def _by_recording(model: Model, effect: Effect) -> str:
     unit = model.parameter(subject).unit if subject else effect.parameters[0].unit
     told = (f"{model.size_text(v, unit, effect.ports, 3)} in {k}" for k, v in found.items())
     return f"; {subject or 'it'} {'is' if about.level else 'begins at'} {', '.join(told)}"
-
-
-def _beside(model: Model, effect: Effect) -> str:
-    """Say the value that is told beside the size; empty if there is none."""
-    if not effect.about.tells:
-        return ""
-    q = model.parameter(f"{effect.name}.{effect.about.tells}")
-    return f", {effect.about.tells} {model.size_text(q.value, q.unit, effect.ports, 3)}"
 
 
 def along(model: Model, effect: Effect) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -164,7 +164,7 @@ def test_what_does_the_same_as_what_was_found_is_followed_and_may_take_its_place
 def _followed_of(
     monkeypatch: pytest.MonkeyPatch,
     first: list[Candidate],
-    alike: race.Alike | None = None,
+    alike: Callable[..., Sequence[str]] | None = None,
     *,
     fails: tuple[str, ...] = (),
     gained: dict[str, float] | None = None,

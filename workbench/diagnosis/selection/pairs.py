@@ -18,11 +18,7 @@ from workbench.diagnosis.estimation.process_noise import (
     gain_interval,
 )
 from workbench.diagnosis.selection import rules
-from workbench.diagnosis.selection.additions import (
-    remembered,
-    scored_beside,
-    with_candidate,
-)
+from workbench.diagnosis.selection.additions import remembered, scored_beside, with_candidate
 from workbench.diagnosis.selection.candidate import Candidate, is_sensor
 from workbench.diagnosis.selection.decision import decided
 from workbench.diagnosis.selection.held_out import RunErrors, run_errors, told_apart

@@ -18,12 +18,7 @@ from workbench.diagnosis.estimation.process_noise import (
     blocks_of_cost,
     fit_with_process_noise,
 )
-from workbench.diagnosis.selection.candidate import (
-    Candidate,
-    explains,
-    leaves_nothing,
-    trusts_less,
-)
+from workbench.diagnosis.selection.candidate import Candidate, explains, leaves_nothing, trusts_less
 from workbench.diagnosis.selection.decision import decided
 from workbench.diagnosis.selection.final_refit import closest_errors, followed
 from workbench.diagnosis.selection.first_refit import first_refit
@@ -71,10 +66,6 @@ _FAR = 50.0
 _NEAR = 10.0
 """A step that gains less log likelihood than this ends the first refit of a hypothesis."""
 
-Alike = Callable[..., Sequence[str]]
-"""Gives the names of effects whose signature resembles that of one, above a cosine; see
-`Scores.look_alikes`."""
-
 
 def refit_candidates(
     task: Task,
@@ -84,7 +75,7 @@ def refit_candidates(
     limits: Limits,
     *,
     thorough: bool = False,
-    alike: Alike | None = None,
+    alike: Callable[..., Sequence[str]] | None = None,
     begun: Mapping[str, Candidate] | None = None,
 ) -> tuple[Candidate, ...]:
     """Refit each hypothesis beside what a model has, together with the free parameters.
@@ -94,8 +85,8 @@ def refit_candidates(
         priors: Those of its parameters that are refitted.
         thorough: Whether refits on short recordings begin from more places: where nothing was found
             yet, whose parameters would lead the way.
-        alike: Gives the hypotheses whose signature resembles that of one; nobody asks for them by
-            default.
+        alike: Gives the names of effects whose signature resembles that of one, above a cosine, as
+            `Scores.look_alikes`; nobody asks for them by default.
         begun: Refits beside another base by name of the hypothesis, each from where that one goes
             on.
 
@@ -361,7 +352,9 @@ def _came_too(
     return sorted(events, key=lambda i: -now[i].gain)[: _FINALISTS - 1]
 
 
-def _twins(alike: Alike, now: Sequence[Candidate], best: Candidate) -> list[int]:
+def _twins(
+    alike: Callable[..., Sequence[str]], now: Sequence[Candidate], best: Candidate
+) -> list[int]:
     """Return what was not followed yet and does the same to these recordings as what was found.
 
     A friction of what turns one way only is a constant torque: which of them a short refit brings

@@ -23,12 +23,7 @@ from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
 from workbench.recordings.columns import Columns, Thinner, titles
 from workbench.recordings.formats.format import Format, ReadOptions
-from workbench.recordings.formats.instants import (
-    NEVER,
-    begins_with_day,
-    instant,
-    start_at_zero,
-)
+from workbench.recordings.formats.instants import NEVER, begins_with_day, instant, start_at_zero
 from workbench.recordings.formats.long_table import Long, long_table, widened
 from workbench.recordings.headers import read_unit
 from workbench.recordings.recording import Scalar
