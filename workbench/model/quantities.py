@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import numbers
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -100,6 +101,10 @@ class Quantity:
             raise WorkbenchError(
                 f"quantity name {self.name!r} may hold letters, digits, underscores and dots only"
             )
+        for name in (f.name for f in fields(self) if f.name in (*_AT, *_SIZES)):
+            # Whole numbers would stand in memory otherwise than C code reads them.
+            if isinstance(value := getattr(self, name), numbers.Integral):
+                object.__setattr__(self, name, float(value))
         try:
             self._check_units()
         except WorkbenchError as error:

@@ -107,8 +107,11 @@ def in_c(file: Path) -> ctypes.CDLL | None:
 
 
 def address(array: Vector) -> int:
-    """Return where an array stands in memory, for C code; it must be contiguous and kept alive."""
-    assert array.flags.c_contiguous
+    """Return where an array of doubles stands in memory, for C code.
+
+    It must be contiguous and kept alive.
+    """
+    assert array.flags.c_contiguous and array.dtype == np.float64
     return array.ctypes.data
 
 

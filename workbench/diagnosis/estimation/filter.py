@@ -178,6 +178,11 @@ class Innovations(NamedTuple):
         return float(0.5 * np.sum(self.whitened[used] ** 2) + np.sum(self.log_deviation[used]))
 
 
+def is_outlier(whitened: Vector) -> npt.NDArray[np.bool_]:
+    """Tell which whitened errors are those of outliers, which count as `OUTLIER_SIGMA`."""
+    return np.asarray(np.abs(whitened) > (1.0 - 1e-9) * OUTLIER_SIGMA)
+
+
 class _Struct(ctypes.Structure):
     _fields_ = [
         *((name, CFunction) for name in ("slope", "rates", "read", "noise")),
@@ -243,7 +248,7 @@ class Filter:
     def __init__(self, asked: Asked, sample_time: float, steps: Steps) -> None:
         self._equations = Equations(_functions(asked, sample_time))
         own, plant = len(asked.coloured), len(asked.state_scale)
-        self._scale = np.array([*asked.state_scale, *[1.0] * own])
+        self._scale = np.array([*asked.state_scale, *[1.0] * own], dtype=float)
         self._kept = np.array([*asked.corrected, *range(plant, plant + own)], dtype=np.int64)
         self._sample_time, self._steps = sample_time, steps
         self._coloured = np.array([rms for _, rms, _ in asked.coloured])
