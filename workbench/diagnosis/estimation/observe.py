@@ -25,6 +25,9 @@ _UPDATES = 8
 _STILL = 5.0
 """Multiple of the noise by which the measurements of a rig at rest may differ."""
 
+_CREEPS = 2.0
+"""Standard deviations of a slope from which on first measurements creep."""
+
 _COARSE, _ONE = 4.0, 1.5
 """Multiple of its noise from which on the steps of a sensor outlast it; usual change, in steps, up
 to which it goes by one at a time."""
@@ -124,15 +127,25 @@ def _growth(model: Model, x: Vector, u: Vector) -> float:
     return float(np.max(np.linalg.eigvals(rates).real, initial=-math.inf))
 
 
-def _first_mean(measured: Vector, noise: float) -> tuple[float, float]:
-    """Return the mean of the first measurements, as long as they stand still, and its deviation."""
+def _at_first(measured: Vector, noise: float) -> tuple[float, float]:
+    """Return what the first measurements begin with, as long as they stand still, and its deviation.
+
+    Where they clearly creep, a straight line through them tells where from; of a later value, their
+    mean, all that follows would be sure.
+    """
     first = measured[:_START_SAMPLES]
-    first = first[np.isfinite(first)]
-    if not len(first):
+    at = np.flatnonzero(np.isfinite(first))
+    if not len(at):
         return math.nan, math.nan
-    moved = np.abs(first - first[0]) > _STILL * noise
-    count = int(np.argmax(moved)) if moved.any() else len(first)
-    return float(np.mean(first[:count])), noise / math.sqrt(count)
+    moved = np.abs(first[at] - first[at[0]]) > _STILL * noise
+    at = at[: int(np.argmax(moved))] if moved.any() else at
+    line = np.vander(at, 2, increasing=True).astype(float)
+    if len(at) > 1:
+        spread = np.linalg.inv(line.T @ line)
+        begin, slope = spread @ line.T @ first[at]
+        if abs(slope) > _CREEPS * noise * math.sqrt(spread[1, 1]):
+            return float(begin), noise * math.sqrt(spread[0, 0])
+    return float(np.mean(first[at])), noise / math.sqrt(len(at))
 
 
 def _start(
@@ -145,7 +158,7 @@ def _start(
     """
     spread = np.array([q.start_rms or q.scale for q in model.states])
     rows = [i for i, q in enumerate(model.outputs) if q.name in names]
-    means = [_first_mean(column, rms) for column, rms in zip(read.T, noise, strict=True)]
+    means = [_at_first(column, rms) for column, rms in zip(read.T, noise, strict=True)]
     first, rms = np.array(means).T
     known = np.isfinite(first)
     covariance, before = np.diag(spread**2), model.initial_state(u=inputs)

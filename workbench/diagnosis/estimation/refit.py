@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.filter import Innovations
+from workbench.diagnosis.estimation.filter import OUTLIER_SIGMA, Innovations, is_outlier
 from workbench.diagnosis.estimation.prediction_error import (
     Observed,
     PredictionError,
@@ -35,7 +35,9 @@ _ITERATIONS = 15
 ENOUGH = 0.05
 """A step that gains less log likelihood than this ends the last pass."""
 
-_ATTEMPTS = 4
+_ATTEMPTS, _AS_OUTLIERS, _STEADY = 4, 3, 0.03
+"""Dampings that are tried, also of a step that weighs outliers as they cost, which no longer goes
+too far; and the damping that this one begins with, dimensionless."""
 
 Progress = Callable[[str], None]
 Evaluate = Callable[[Vector], tuple[list[Innovations], float]]
@@ -153,11 +155,11 @@ def _search(
 def _descend(problem: _Problem, values: Vector, evaluate: Evaluate, enough: float) -> Outcome:
     """Take damped Gauss-Newton steps until one promises or gains less than enough."""
     parts, cost = evaluate(values)
-    damping, iterations = 1e-3, 0
+    damping, iterations, as_outliers = 1e-3, 0, False
     while iterations < _ITERATIONS:
         iterations += 1
-        normal = problem.normal_equations(parts, values)
-        for _ in range(_ATTEMPTS):
+        normal = problem.normal_equations(parts, values, as_outliers=as_outliers)
+        for _ in range(_AS_OUTLIERS if as_outliers else _ATTEMPTS):
             trial, promised = problem.step(normal, values, damping)
             if promised < 0.2 * enough:
                 return Outcome(values, parts, cost, True, iterations, 0.0)
@@ -169,14 +171,23 @@ def _descend(problem: _Problem, values: Vector, evaluate: Evaluate, enough: floa
                 break
             damping *= 30
         else:
+            if not as_outliers and _many_outliers(parts):
+                damping, as_outliers = _STEADY, True
+                continue
             # The derivatives hold the filter's gain fixed: near the optimum that is all they show.
             return Outcome(values, parts, cost, True, iterations, 0.0)
         gained = cost - trial_cost
         values, parts, cost = trial, trial_parts, trial_cost
-        damping = max(damping / 5, 1e-9)
+        damping, as_outliers = max(damping / 5, 1e-9), False
         if gained < enough:
             return Outcome(values, parts, cost, True, iterations, 0.0)
     return Outcome(values, parts, cost, False, iterations, 0.0)
+
+
+def _many_outliers(parts: Sequence[Innovations]) -> bool:
+    """Whether outliers, weighed as their cost is, are as much of the Hessian as all others."""
+    share = np.mean(np.concatenate([is_outlier(part.whitened).ravel() for part in parts]))
+    return bool(share * OUTLIER_SIGMA**2 > 1.0)
 
 
 class _Problem:
@@ -193,14 +204,22 @@ class _Problem:
         return 0.5 * float(np.sum(((values - self._mean) / self._std) ** 2))
 
     def normal_equations(
-        self, parts: Sequence[Innovations], values: Vector
+        self, parts: Sequence[Innovations], values: Vector, *, as_outliers: bool = False
     ) -> tuple[Vector, Vector]:
-        """Return gradient and Hessian of the linearised cost in scaled parameters."""
+        """Return gradient and Hessian of the linearised cost in scaled parameters.
+
+        Args:
+            as_outliers: Whether errors that count as outliers weigh as their cost does, the
+                logarithm of an error (iteratively reweighted least squares): a step then takes it
+                away, where one of least squares goes as much too far as an outlier weighs less.
+        """
         errors, jacobian = stack(parts)
         prior = (self._scale / self._std) ** 2
         # Derivatives beyond the range of numbers end a step, not the search.
         with np.errstate(over="ignore", invalid="ignore"):
             gradient = jacobian.T @ errors + prior * (values - self._mean) / self._scale
+            if as_outliers:
+                jacobian = np.where(is_outlier(errors), OUTLIER_SIGMA, 1.0)[:, None] * jacobian
             return gradient, jacobian.T @ jacobian + np.diag(prior)
 
     def step(
