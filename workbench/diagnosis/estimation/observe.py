@@ -128,7 +128,7 @@ def _growth(model: Model, x: Vector, u: Vector) -> float:
 
 
 def _at_first(measured: Vector, noise: float) -> tuple[float, float]:
-    """Return what the first measurements begin with, as long as they stand still, and its deviation.
+    """Return what the first measurements begin with while they stand still, and its deviation.
 
     Where they clearly creep, a straight line through them tells where from; of a later value, their
     mean, all that follows would be sure.
