@@ -181,13 +181,10 @@ def _guarded_source(guarded: Guarded, name: str) -> CSource:
         **{name.upper(): getattr(guard, name) for name in (*TIMES, *COUNTS)},
         **{fault.name: int(fault) for fault in Fault},
     }
+    kinds: Any = {"SENSOR": guard.sensors, "REFERENCE": guard.references, "COMMAND": guard.commands}
     tables: dict[str, Any] = {
         f"{prefix}_{field.upper()}": column
-        for prefix, limits in (
-            ("SENSOR", guard.sensors),
-            ("REFERENCE", guard.references),
-            ("COMMAND", guard.commands),
-        )
+        for prefix, limits in kinds.items()
         for field, column in zip(limits[0]._fields, zip(*limits, strict=True), strict=True)
     }
     if own is None:

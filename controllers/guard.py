@@ -536,17 +536,15 @@ class Guarded:
             for value, limits in zip(command, guard.commands, strict=True)
         )
         railed = state.railed + 1.0 if ends and command == state.command else 0.0
-        error, signed, moved = 0.0, 0.0, state.ramp < guard.ramp
+        signed, moved = 0.0, state.ramp < guard.ramp
         fresh = moved
         for i, sensor, tolerance in self._tracked:
             off = (now[i] - seen[sensor]) / tolerance
-            if abs(off) > error:
-                error = abs(off)
             if abs(off) > abs(signed):
                 signed = off
             moved = moved or now[i] != state.reference[i]
             fresh = fresh or abs(now[i] - state.target[i]) > tolerance
-        target, best, idle = state.target, state.best, state.idle + 1.0
+        error, target, best, idle = abs(signed), state.target, state.best, state.idle + 1.0
         if error <= 1.0 or fresh:
             target, best, idle = now, 0.0 if error <= 1.0 else error, 0.0
         elif best == 0.0 or error < best - 0.5:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
@@ -72,14 +72,10 @@ def design_plain_h_infinity(
 
 def _within(want: PlainHInfinitySpecification, limits: LoopLimits) -> TransferLaw:
     loop = limits.loop
-    without_lags: dict[TransferLaw, tuple[TransferLaw, float]] = {}
+    made = cache(partial(_h_infinity, loop, want))
 
     def designed(_: tuple[int, ...], at: tuple[float, float, float]) -> TransferLaw:
-        speed, input_size, beside = at
-        law = _h_infinity(loop, want, speed, input_size, beside)
-        slowed = law.behind_lags((speed,) * limits.outputs)
-        without_lags[slowed] = law, speed
-        return slowed
+        return made(*at).behind_lags(at[:1] * limits.outputs)
 
     about = 0.0 if want.speed else reachable_speed(limits)
     tried = [about * factor for factor in FACTORS] if about else [want.speed]
@@ -88,7 +84,7 @@ def _within(want: PlainHInfinitySpecification, limits: LoopLimits) -> TransferLa
     for beside in BESIDES if loop.read else BESIDES[:1]:
         try:
             places = [((), (w, size, beside)) for w in tried for size in sizes]
-            found, _ = best_of(limits, designed, places, "an H-infinity controller")
+            _, (_, at) = best_of(limits, designed, places, "an H-infinity controller")
             break
         except NumericalError as error:
             reason = error
@@ -99,8 +95,8 @@ def _within(want: PlainHInfinitySpecification, limits: LoopLimits) -> TransferLa
             f"no H-infinity controller of {loop.words} is found at any speed that was tried"
             f" ({str(reason).partition(';')[0]}); take another family, such as lqi"
         )
-    law, speed = without_lags[found]
-    speeds, own, limits = (speed,) * limits.outputs, law.around_rest(), limits.late
+    law, speeds = made(*at), at[:1] * limits.outputs
+    own, limits = law.around_rest(), limits.late
     mild = led(limits, law.behind_lags, lags(limits, speeds))
     others = [law.referred(*entry) for entry in unexcited(limits, own)]
     enter = entering(limits, own)

@@ -40,9 +40,6 @@ from workbench.model.units import in_time
 ANGLE = np.geomspace(1e-6, 0.98 * np.pi, 300)
 """Frequencies at which a loop is judged, in rad per sample."""
 
-ROUGHLY = 8
-"""Every how many of them tell which loops need not be looked at more closely."""
-
 NEARLY = 1.05
 """Largest ratio to a limit, or to the least that is to be had, of what is as good."""
 
@@ -124,10 +121,8 @@ class LoopSpecification(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, value, least in (
-            ("Ms", self.maximum_sensitivity, 1.05),
-            ("Mt", self.maximum_complementary, 1.0),
-        ):
+        ms, mt = self.maximum_sensitivity, self.maximum_complementary
+        for name, value, least in (("Ms", ms, 1.05), ("Mt", mt, 1.0)):
             if value:
                 check_range(f"limit on {name}", value, least, 10.0)
 
@@ -142,17 +137,12 @@ class LoopSpecification(Checked):
 
     def loop(self, linear: Any) -> Loop:
         """Return the loop to control."""
-        also = self.also_measured
-        return loop_of(linear, self.measured, self.actuator, also, self.sample_time)
+        return loop_of(linear, self.measured, self.actuator, self.also_measured, self.sample_time)
 
 
 @dataclass(frozen=True, eq=False)
 class LoopLimits:
-    """The limits of a specification on a loop.
-
-    Args:
-        late_by: Samples by which the commands are late in steps and where stability is looked at.
-    """
+    """The limits of a specification on a loop, late in steps and stability by some samples."""
 
     loop: Loop
     want: LoopSpecification
@@ -206,7 +196,7 @@ class LoopLimits:
         Those that exceed a limit, and that by more than others or by more than a ratio, are told
         as unstable: a few frequencies show that of many.
         """
-        rough = self._ratio(*self._peaks(laws, ROUGHLY)[:3])
+        rough = self._ratio(*self._peaks(laws, 8)[:3])
         order, least = np.argsort(rough, kind="stable"), most
         told = Judged(*np.full((3, len(rough)), math.inf))
         for first in range(0, len(order), AT_A_TIME):
@@ -258,11 +248,7 @@ class LoopLimits:
         return np.maximum(np.maximum(ms, mt), beyond)
 
     def held(self, judged: Judged, family: str) -> list[int]:
-        """Return which loops hold the limits, or else which exceed them least.
-
-        Raises:
-            WorkbenchError: If none is stable, or a limit that was given is not held.
-        """
+        """Return which loops hold the limits, or else, if none was given, exceed them least."""
         ends = self.loop.words
         least = float(np.min(judged.excess, initial=math.inf))
         if not math.isfinite(least):

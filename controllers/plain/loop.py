@@ -34,9 +34,6 @@ class Loop(NamedTuple):
     """A linear model between commands and followed outputs.
 
     Args:
-        linear: The model to the outputs that are followed, by the commands.
-        lower: Lower ends of the commands.
-        upper: Upper ends of the commands.
         command_scale: Half of what each command may change by at rest, or its scale where that has
             no end.
         slew: Fastest changes of the commands, per s.
@@ -323,21 +320,19 @@ def _check_growing(linear: LinearModel) -> None:
     for k in np.flatnonzero(values.real > HELD * rate):
         shifted = (A - values[k] * np.eye(len(A))) / rate
         state = linear.state_names[int(np.argmax(np.abs(vectors[:, k])))]
-        said = f"{state} grows by itself, as exp({values[k].real:.3g} t), and"
-        for table, words in (
-            (
-                np.hstack([shifted, B / np.maximum(np.abs(B).max(axis=0), 1e-300)]),
-                f"{_do_not(linear.input_names)} move it: no loop of theirs holds it; command"
-                " what does (actuator), or add it to the plant",
-            ),
-            (
-                np.vstack([shifted, C / np.maximum(np.abs(C).max(axis=1), 1e-300)[:, None]]),
-                f"{_do_not(linear.output_names)} show it: no loop of theirs holds it; follow"
-                " an output that does (measured), or add a sensor to the plant",
-            ),
+        moves = np.hstack([shifted, B / np.maximum(np.abs(B).max(axis=0), 1e-300)])
+        shows = np.vstack([shifted, C / np.maximum(np.abs(C).max(axis=1), 1e-300)[:, None]])
+        command = "command what does (actuator), or add it to the plant"
+        follow = "follow an output that does (measured), or add a sensor to the plant"
+        for table, names, does, fix in (
+            (moves, linear.input_names, "move", command),
+            (shows, linear.output_names, "show", follow),
         ):
             if np.linalg.svd(table, compute_uv=False)[-1] < HELD:
-                raise WorkbenchError(f"{said} {words}")
+                raise WorkbenchError(
+                    f"{state} grows by itself, as exp({values[k].real:.3g} t), and {_do_not(names)}"
+                    f" {does} it: no loop of theirs holds it; {fix}"
+                )
 
 
 def _check_independent(linear: LinearModel) -> None:

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -45,17 +45,11 @@ def stacked(laws: Sequence[Any]) -> LinearLaw:
 
 def chosen(parts: P, which: Any) -> P:
     """Return some of laws, or of what is known of each, a named tuple of arrays."""
-    kind: Any = type(parts)
-    found: P = kind(*(part[which] for part in parts))
-    return found
+    return cast(P, cast(Any, type(parts))(*(part[which] for part in parts)))
 
 
 def response(laws: LinearLaw, z: Complex, inputs: int = 1) -> Complex:
-    """Return the transfer functions of laws by their first inputs.
-
-    Returns:
-        Shape (n_laws, n_z, n_commands, n_inputs).
-    """
+    """Return transfer functions by the first inputs, shape (n_laws, n_z, n_commands, n_inputs)."""
     from scipy.linalg.lapack import dgebal, zgees
 
     entry = laws.G[:, :, :inputs]

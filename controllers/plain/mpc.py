@@ -108,19 +108,18 @@ def _within(want: PlainMPCSpecification, limits: LoopLimits) -> LinearMPC:
     outputs = len(loop.measured)
     given = np.broadcast_to(np.array(want.error_scale, dtype=float), outputs)
     walks = [want.disturbance] if want.disturbance else list(DISTURBANCES)
-    curves, read = _straight(loop), loop.shown
 
     # The horizon does not depend on the disturbance, nor the observer on the error.
     @cache
     def horizon(speed: float, error: tuple[float, ...]) -> LinearMPC:
-        own, numbers = _problem(loop, want, curves, speed, DISTURBANCES[0], error)
-        law = mpc_of(read, own, numbers, observer=observer(speed, DISTURBANCES[0], 1.0))
+        own, numbers = _problem(loop, want, speed, DISTURBANCES[0], error)
+        law = mpc_of(loop.shown, own, numbers, observer=observer(speed, DISTURBANCES[0], 1.0))
         return replace(law, name="linear MPC")
 
     @cache
     def observer(speed: float, disturbance: float, doubt: float) -> DisturbanceObserver:
-        own, numbers = _problem(loop, want, curves, speed, disturbance, loop.output_scale, doubt)
-        return observer_of(read, own, numbers)
+        own, numbers = _problem(loop, want, speed, disturbance, loop.output_scale, doubt)
+        return observer_of(loop.shown, own, numbers)
 
     def designed(places: tuple[int, ...], at: tuple[float, float, float]) -> LinearMPC:
         speed, disturbance, doubt = at
@@ -163,17 +162,12 @@ def _rooms(loop: Loop) -> tuple[Matrix, Matrix]:
 def _problem(
     loop: Loop,
     want: PlainMPCSpecification,
-    curves: tuple[ValveInverse, ...],
     speed: float,
     disturbance: float,
     error: npt.ArrayLike,
     doubt: float = 1.0,
 ) -> tuple[Problem, MPCSpecification]:
-    """Return what an MPC is told, whose openings are fractions of full ones, in SI.
-
-    Args:
-        doubt: As of `controllers.plain.observer_law.doubts`.
-    """
+    """Return what an MPC is told, whose openings are fractions of full ones, in SI."""
     below, above = _rooms(loop)
     full = np.maximum(below, above)
     share, usual = loop.command_scale / full, MPCSpecification
@@ -192,7 +186,7 @@ def _problem(
     rate = np.where(ended, share, 1.0) / (want.rate_time or 2.0 * step)
     slow = loop.slew / full
     problem = Problem(
-        curves=curves,
+        curves=_straight(loop),
         actuators=loop.actuators,
         sensors=loop.sensors,
         weights=(

@@ -252,11 +252,7 @@ def random_walk(disturbance: float, speed: float) -> float:
 
 
 class ObservedModel:
-    """What every law on a Kalman filter of a loop's states shares.
-
-    Raises:
-        WorkbenchError: If the outputs cannot be held at references by the commands.
-    """
+    """What every law on a Kalman filter of a loop's states shares."""
 
     def __init__(self, loop: Loop, want: ObserverSpecification) -> None:
         own, size = loop.linear, loop.linear.state_scales
@@ -319,33 +315,21 @@ class ObservedModel:
             surface=law.surface and (*law.surface, *[0.0] * k),
         )
 
-    def law(
-        self,
-        gain: Matrix,
-        integral_gain: Matrix,
-        slow: float = 0.0,
-        told: dict[str, Any] | None = None,
-    ) -> ObserverLaw:
-        """Return a state feedback that has no observer yet.
-
-        Args:
-            slow: Pole that a zero takes the place of, in rad/s; none by default (0).
-            told: What else an `ObserverLaw` is told.
-        """
+    def law(self, gain: Matrix, integral: Matrix, slow: float, told: dict[str, Any]) -> ObserverLaw:
+        """Return a law that has no observer yet, a zero in the place of a slow pole, in rad/s."""
         loop = self.loop
-        usual = {"name": "state feedback", "reference_speed": (0.0,) * len(loop.measured)}
         law = ObserverLaw(
             F=rows(self.F),
             G=rows(self.G),
             C=rows(loop.shown.C),
             M=(),
             gain=rows(gain),
-            integral_gain=rows(integral_gain),
+            integral_gain=rows(integral),
             reference_gain=(),
             target=rows(self.target),
             start=(),
             sample_time=self.want.sample_time,
-            **usual | loop.ends | (told or {}),
+            **{"name": "state feedback"} | loop.ends | told,
         )
         # What the integrals hold at rest is what no zero takes the place of.
         whole = slow * np.diag(self._whole(law))

@@ -233,9 +233,7 @@ def _moving(limits: LoopLimits) -> list[tuple[Vector, Matrix]]:
 def _run(limits: LoopLimits, law: PlainLaw, i: int, step: Vector, pace: Matrix) -> Matrix:
     """Return outputs, shape (n_samples, n_outputs, n), after steps of an output from rest.
 
-    Args:
-        step: Sizes of the steps, shape (n,).
-        pace: Largest changes of the reference and of these, shape (2, n), per sample.
+    The pace is the largest changes of the reference and of these per sample, shape (2, n).
     """
     loop, (A, B, C), p = limits.loop, limits.plants[0], limits.outputs
     law = replace(

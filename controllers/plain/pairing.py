@@ -122,11 +122,6 @@ def best_pairings(loop: Loop, speed: float = 0.0) -> list[Pairing]:
     return list(dict.fromkeys(best))
 
 
-def best_pairing(loop: Loop) -> Pairing:
-    """Return the pairing that is best at rest; see `best_pairings`."""
-    return best_pairings(loop)[0]
-
-
 def paired(loop: Loop, pairing: Pairing) -> Matrix:
     """Return what the law of each output adds to the commands, its own alone, shape (m, p), SI."""
     mix = np.zeros(loop.linear.D.T.shape)
@@ -199,7 +194,7 @@ def interaction(loop: Loop) -> list[str]:
     )
     said = [f"relative gains at rest: {rows}"]
     try:
-        best = best_pairing(loop)
+        best = best_pairings(loop)[0]
     except WorkbenchError as error:
         said.append(str(error))
     else:

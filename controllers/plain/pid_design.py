@@ -158,7 +158,6 @@ class _PIDs(NamedTuple):
         speed: Mean crossover of the best alone, in rad/s.
         excess: Largest ratio to a limit that a better one may have, 1 or more.
         least: Least errors of all that hold the limits, as of `Answer`.
-        answer: What their loop answers.
     """
 
     mix: Matrix
@@ -181,12 +180,10 @@ MUCH_BETTER = 1.5
 
 def _badness(found: Sequence[_PIDs], overshoot: float) -> list[float]:
     """Return how bad PIDs are beside each other, ratios; those of several commands are worse."""
-    least = np.min([one.answer.errors[0] for one in found], axis=0)
+    least = np.min([one.answer.least for one in found], axis=0)
+    costs = [one.excess**4 * float(one.answer.cost(overshoot, least)[0]) for one in found]
     return [
-        one.excess**4
-        * float(one.answer.cost(overshoot, least)[0])
-        * (MUCH_BETTER if one.mixed else 1.0)
-        for one in found
+        own * (MUCH_BETTER if one.mixed else 1.0) for own, one in zip(costs, found, strict=True)
     ]
 
 
@@ -208,11 +205,7 @@ class _PIDLimits:
     mix: Matrix
 
     def laws(self, gains: Matrix) -> LinearLaw:
-        """Return the laws around rest, by the difference equations of `pids`.
-
-        From measurements, references beside their weights, and references by their weights, of
-        those that are followed.
-        """
+        """Return the laws around rest, whose references enter beside their weights, and by them."""
         h, followed = self.want.sample_time, self.limits.outputs
         kp, ki, kd, filter_time = np.moveaxis(gains, 2, 0)
         fade, slope = filter_time / (filter_time + h), kd / (filter_time + h)
@@ -240,11 +233,7 @@ class _PIDLimits:
         return may
 
     def judged(self, gains: Matrix, size: int, enough: Callable[[Vector], bool]) -> Judged:
-        """Judge so many at a time until that is enough, or all if none is within the limits.
-
-        Args:
-            enough: Told the excesses until then, as of `Judged`.
-        """
+        """Judge so many at a time until excesses are enough, or all if none is within limits."""
         found = Judged(*np.zeros((3, 0)))
         for k in range(0, len(gains), size):
             part = self.limits.judge(self.laws(gains[k : k + size]), 1.0)
@@ -440,8 +429,7 @@ def _slowed(own: _PIDLimits, speeds: Vector, plant: Complex) -> tuple[Matrix, Ve
     of all is left to the limits. Where a pair alone cannot be stable, such as one of two magnets
     under one beam, all loops cross at one speed, with one phase.
 
-    Returns:
-        The PIDs, and the mean crossover of the best alone, or of each, shape (n,), in rad/s.
+    The mean crossover of the best alone, or of each, shape (n,), is told beside them, in rad/s.
     """
     p = plant.shape[1]
     crossed: list[float] = []
@@ -527,12 +515,6 @@ def _at_crossover(
     margins: Sequence[float] = PHASE_MARGINS,
 ) -> tuple[Matrix, npt.NDArray[np.int_]]:
     """Return PIDs, of either sign, that give the loop a phase margin at a speed, or more.
-
-    Args:
-        speeds: Crossovers, shape (n_speeds,), in rad/s.
-        plant: Responses there, in SI.
-        zeros: Times of the integral, in time constants of the crossover.
-        margins: Phase margins, in rad.
 
     Returns:
         Kp, Ki, Kd and Tf, shape (n, 4), in SI, and the places of their speeds, shape (n,).

@@ -109,7 +109,7 @@ class PlainLaw(ClosedForm):
         h, found = self.sample_time, []
         slews = self.slew or (math.inf,) * len(asked)
         for k, (b, u, end, slew) in enumerate(zip(before, asked, ends, slews, strict=True)):
-            if self._lagging(k):
+            if self.fading and self.fading[k]:
                 sent = self._through(k, b, u, a)
                 ended = a.clip(sent, *end)
                 found.append(a.where(ended == sent, u, self._back(k, b, ended, a)))
@@ -119,9 +119,6 @@ class PlainLaw(ClosedForm):
                     b + a.clip(within - b, -h * slew, h * slew) if slew < math.inf else within
                 )
         return tuple(found)
-
-    def _lagging(self, k: int) -> bool:
-        return bool(self.fading) and self.fading[k] > 0.0
 
     def _through(self, k: int, before: Number, command: Number, a: Arithmetic) -> Number:
         """Return what is sent so that what lags moves as by a command along a straight line."""
@@ -145,7 +142,7 @@ class PlainLaw(ClosedForm):
             u
             if curve is None
             else self._through(k, cast(Numbers, before)[k], u, a)
-            if self._lagging(k)
+            if self.fading and self.fading[k]
             else curve.command(u - curve.centre, a)
             for k, (u, curve) in enumerate(zip(commands, self.curves, strict=True))
         )

@@ -25,6 +25,7 @@ from workbench.linearisation import LinearModel
 from workbench.work import in_one_thread
 
 C = TypeVar("C")
+Makes = Callable[[LoopLimits], C]
 Helps = Callable[[LoopLimits, LoopLimits], bool]
 """Tells whether loops of the second limits, which read more, are much better."""
 
@@ -34,16 +35,11 @@ steps are poor; and what steps must cost at most, over those of the loop before,
 
 
 @in_one_thread()
-def designed_for(
-    want: LoopSpecification, linear: Any, design: Callable[[LoopLimits], C], helps: Helps
-) -> C:
+def designed_for(want: LoopSpecification, linear: Any, design: Makes[C], helps: Helps) -> C:
     """Return a design of the followed outputs, or of others too where that is what it takes.
 
     It is one whose steps the equations of the plant bear, slower than the linear model lets it be
     if it must.
-
-    Raises:
-        WorkbenchError: If there is no such design.
     """
     from workbench.linearisation.state_space import linear_model
 
@@ -65,9 +61,7 @@ def designed_for(
     return best.law
 
 
-def _upon(
-    want: LoopSpecification, linear: LinearModel, design: Callable[[LoopLimits], C], helps: Helps
-) -> C:
+def _upon(want: LoopSpecification, linear: LinearModel, design: Makes[C], helps: Helps) -> C:
     """Return a design upon a linear model alone; see `designed_for`."""
     try:
         loop = want.loop(linear)
@@ -114,10 +108,7 @@ def much_better(
 ) -> bool:
     """Tell whether a loop makes so much less of an error that what it reads more is worth it.
 
-    Args:
-        limits: Those of the loop without.
-        wider: Those of the loop that reads more.
-        answered: Returns the excess, a ratio, and the answer of a loop within limits.
+    Of loops within limits and wider ones, the excess, a ratio, and the answer are told.
     """
     found = []
     with suppress(WorkbenchError):

@@ -63,7 +63,7 @@ SWINGS = 2.0
 
 
 def unexcited(limits: LoopLimits, own: LinearLaw) -> list[tuple[Matrix, Matrix]]:
-    """Return ways by which references leave as many modes alone as the law has states.
+    """Return ways, Br and Dr, by which references leave as many modes alone as the law has states.
 
     With references entering by E = [B Dr; Br], a mode of left eigenvector w stays at rest if
     w E = 0; what is left free makes the outputs arrive at the references. Those that stay are the
@@ -72,9 +72,6 @@ def unexcited(limits: LoopLimits, own: LinearLaw) -> list[tuple[Matrix, Matrix]]
 
     Source: Åström and Wittenmark, Computer-Controlled Systems, 1997, section 5.2 (observer
     polynomial).
-
-    Returns:
-        Br, shape (n, p), and Dr, shape (m, p), of each.
     """
     (A, B, C), p = limits.plants[0], limits.outputs
     n, k, m = len(A), len(own.F), B.shape[1]

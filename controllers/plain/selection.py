@@ -56,10 +56,9 @@ class Answer(NamedTuple):
         return np.asarray(self.errors.min(axis=0, initial=math.inf))
 
     def cost(self, overshoot: float, least: Vector | None = None) -> Vector:
-        """Return the errors of loops over the least, by default of theirs, shape (n,), ratios.
+        """Return the errors of loops over the least, of theirs by default, shape (n,), ratios.
 
-        Args:
-            overshoot: Of a step of a reference that is allowed, as a fraction of it.
+        An overshoot, as a fraction of a step, is allowed.
         """
         beyond = np.maximum(self.overshoot.max(axis=1) - overshoot, 0.0)
         penalty = (1.0 + OVERSHOT * beyond) * (1.0 + self.interaction.max(axis=1)) ** 2
@@ -124,9 +123,6 @@ def answered(limits: LoopLimits, laws: LinearLaw) -> Answer:
 STRIDES = (4, 2, 1)
 """Steps of a grid by which the speed of one output is changed."""
 
-BETTER = 0.98
-"""Largest cost of a law that is taken in the place of another, over that of the other."""
-
 
 def best_of(
     limits: LoopLimits,
@@ -135,16 +131,13 @@ def best_of(
     family: str,
     count: int = 0,
     apart: Sequence[int] = (),
-) -> tuple[C, tuple[int, ...]]:
-    """Return the best law of a grid, and its steps there.
+) -> tuple[C, Place]:
+    """Return the best law of a grid, and its place there.
 
     A law is designed for a step of the grid for each output, ``count`` being the number of steps,
     and something else. Those of several outputs that are alike are then tried with one of them some
     steps apart, and the step of each output is changed by itself as long as that makes the law
     better, but not of a single one of a plant that is unstable.
-
-    Raises:
-        WorkbenchError: If none can be designed or is stable, or a limit that was given is not held.
     """
     allowed = limits.want.overshoot
 
@@ -198,10 +191,10 @@ def best_of(
                 break
             costs = answered(limits, chosen(laws, held)).cost(allowed, least)
             k = int(np.argmin(costs))
-            if costs[k] > BETTER * cost:
+            if costs[k] > 0.98 * cost:
                 break
             (law, place), cost = found[held[k]], float(costs[k])
-    return law, place[0]
+    return law, place
 
 
 def settled_after(law: Any, linear: LinearModel, sizes: Mapping[str, float]) -> float:

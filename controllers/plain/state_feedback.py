@@ -4,8 +4,6 @@ K and Kq (`controllers.plain.observer_law`) minimise the sum of (y / y_scale)^2 
 (q / (T y_scale))^2 + (u / u_scale)^2 over all outputs and commands (LQI), or K is given.
 
 Units: SI.
-
-Source: Kwakernaak and Sivan, Linear Optimal Control Systems, 1972, chapters 3 to 5.
 """
 
 from __future__ import annotations
@@ -31,7 +29,7 @@ from controllers.plain.observer_law import (
 )
 from controllers.plain.pace import at_pace
 from controllers.plain.reading import designed_for, much_better
-from controllers.plain.selection import Answer, answered, best_of, steps
+from controllers.plain.selection import Answer, Place, answered, best_of, steps
 from controllers.riccati import balanced_regulator
 from controllers.specification import number
 from workbench.arrays import Matrix, Vector
@@ -124,18 +122,16 @@ def _fastest(
         disturbance, doubt, calm = at
         return model.observed(regulated(chosen, calm), disturbance, speed, doubt)
 
-    all_alike = range(len(tried))
-    if np.all(given > 0.0):
-        # The speed at which all of the command makes such an error, of the first output.
-        k = min(int(np.searchsorted(sizes[:, 0], given[0])), len(tried) - 1)
-        all_alike = range(k, k + 1)
+    # The speed at which all of the command makes such an error, of the first output.
+    k = min(int(np.searchsorted(sizes[:, 0], given[0])), len(tried) - 1)
+    all_alike = [k] if np.all(given > 0.0) else range(len(tried))
 
-    def found(calm: Sequence[float]) -> tuple[ObserverLaw, tuple[int, ...]]:
+    def found(calm: Sequence[float]) -> tuple[ObserverLaw, Place]:
         filters = list(itertools.product(disturbances, doubts(loop), calm))
         start = [((k,) * outputs, at) for k in all_alike for at in filters]
         return best_of(limits, designed, start, FEEDBACK, len(tried), APART)
 
-    law, chosen = found(CALM[:1])
+    law, (chosen, _) = found(CALM[:1])
     if not given.any() and (beyond := limits.excess(law)) > 1.0:
         # Below the pace of the plant an error is as large as ever, and late outputs ask for less.
         calmer, _ = found(CALM[1:])
@@ -218,7 +214,8 @@ def state_feedback_by_hand(
         )
     h = want.sample_time
     model = ObservedModel(loop, want)
-    return model.observed(model.law(K, Kq), want.disturbance or 0.3, 0.02 / h)
+    law = model.law(K, Kq, 0.0, {"reference_speed": (0.0,) * len(loop.measured)})
+    return model.observed(law, want.disturbance or 0.3, 0.02 / h)
 
 
 LQI = Design(

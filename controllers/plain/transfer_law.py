@@ -38,7 +38,6 @@ from workbench.errors import TIMES_S, WorkbenchError, check_range
 from workbench.model.linear_system import proper_system
 
 Each = float | Sequence[float]
-"""A number for all, or one for each."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -145,11 +144,8 @@ class TransferLaw(PlainLaw):
         return sent, TransferState(states, paced, kept), self.told(asked)
 
     def around_rest(self) -> LinearLaw:
-        by_output, by_reference, Dy, Dr = (
-            np.array(part)
-            for part in (self.by_output, self.by_reference, self.output_gain, self.reference_gain)
-        )
-        entry, direct = np.hstack([-by_output, by_reference]), np.hstack([-Dy, Dr])
+        entry = np.hstack([-np.array(self.by_output), self.by_reference])
+        direct = np.hstack([-np.array(self.output_gain), self.reference_gain])
         return LinearLaw(np.array(self.A), entry, np.array(self.C), direct)
 
 
@@ -157,7 +153,7 @@ class TransferState(NamedTuple):
     """What a `TransferLaw` remembers.
 
     Args:
-        states: States z, in SI.
+        states: States z.
         paced: References at their pace, deviations in SI, and by how much they moved in the last
             sample; None without a pace.
         commands: Commands, in SI; None without a slew.
