@@ -18,11 +18,11 @@ from workbench.recordings.recording import Recording, Signal
 from workbench.simulation import simulate
 
 
-def tank(*, guarded: bool = False) -> Model:
-    """A tank with a free outflow, as everybody writes it down first."""
+def tank(least: float | None = None) -> Model:
+    """A tank with a free outflow, as everybody writes it first, or with a least level, in m."""
 
     def equations(m: Scope) -> dict[str, Any]:
-        level = ca.fmax(m.x.level, 1e-12) if guarded else m.x.level
+        level = m.x.level if least is None else ca.fmax(m.x.level, least)
         outflow = m.p.orifice * ca.sqrt(2.0 * 9.81 * level)
         return {"level": (m.p.pump * m.u.voltage - outflow) / 1.5e-3}
 
@@ -68,12 +68,14 @@ def test_an_empty_tank_stays_empty_until_it_is_filled() -> None:
 def test_above_zero_nothing_changes() -> None:
     x = np.array([[0.02], [0.3]])
     for level in x:
-        assert tank().rates(level, [2.0]) == pytest.approx(tank(guarded=True).rates(level, [2.0]))
+        assert tank().rates(level, [2.0]) == pytest.approx(tank(1e-12).rates(level, [2.0]))
 
 
-def test_recordings_of_a_tank_that_runs_empty_are_refitted() -> None:
+@pytest.mark.parametrize("least", [None, 0.0])
+def test_recordings_of_a_tank_that_runs_empty_are_refitted(least: float | None) -> None:
+    """Of a level that is cut off at zero the root has a value below, but no slope."""
     runs = [emptied(1), emptied(2)]
-    model = replace(tank(), outputs=(Output("level", "m", noise_rms=1e-3),))
+    model = replace(tank(least), outputs=(Output("level", "m", noise_rms=1e-3),))
     report = run_refit(Problem("tank", "a tank", model, fit=runs[:1], hold_out=runs[1:]))
     found = {e.name: e.value for e in report.refit.estimates}
     assert found == pytest.approx({"pump": 4e-6, "orifice": 1e-5}, rel=0.02)

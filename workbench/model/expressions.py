@@ -100,7 +100,10 @@ _LOOKS = 32
 def leave_the_numbers(
     expressions: Sequence[ca.SX], symbols: Sequence[ca.SX], x: Vector, reach: Vector, *rest: Vector
 ) -> bool:
-    """Tell whether expressions with roots have no value at some states about the usual ones.
+    """Tell whether expressions with roots have no value, or no slope, at some usual states.
+
+    The root of what is cut off at zero, as of a level that is not negative, has a value there, but
+    an infinite slope times none.
 
     Args:
         expressions: Rates and measurements, any shapes, in SI.
@@ -114,6 +117,8 @@ def leave_the_numbers(
     roots = (ca.OP_SQRT, ca.OP_POW, ca.OP_CONSTPOW)
     if not any(f.instruction_id(k) in roots for k in range(f.n_instructions())):
         return False
+    slopes = [ca.jacobian(e, symbols[0]) for e in expressions]
+    f = ca.Function("looked_at", [*symbols, others], [*expressions, *slopes])
     away = np.random.default_rng(3).uniform(-1.0, 1.0, (_LOOKS, len(x))) * reach
     seen = f.call([(x + away).T, *(np.asarray(r) for r in rest), np.zeros(others.numel())])
     return not all(np.isfinite(np.asarray(part, dtype=float)).all() for part in seen)
