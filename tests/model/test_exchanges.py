@@ -112,3 +112,38 @@ def test_no_exchange_turns_on_what_parameters_or_commands_are() -> None:
     equal = model.with_parameters({"rotor": 0.02, "inertia": 0.02, "damping": 0.0})
     for changed in (equal, equal.with_effect(gain("torque.command", excess=0.4))):
         assert ports(changed) == ports(model)
+
+
+def test_what_a_drum_winds_up_is_as_far_apart_as_the_rope_is_long() -> None:
+    """A body that turns and one that slides: the pull between them is a torque for the one."""
+
+    def equations(m: Scope) -> Equations:
+        radius, stretch = 0.1, 0.1 * m.x.angle - m.x.place
+        return (
+            {
+                "angle": m.x.drum,
+                "drum": (m.u.torque - radius * m.p.rope * stretch) / 0.02,
+                "place": m.x.load,
+                "load": (m.p.rope * stretch - m.p.weight) / 4.0,
+            },
+            {"drum": m.x.drum, "load": m.x.load},
+        )
+
+    model = machine(
+        equations,
+        "angle rad, drum rad/s, place m, load m/s",
+        "torque N m",
+        "drum rad/s, load m/s",
+        "rope N/m 3e4 1e3 1e6, weight N 40 0 100",
+    )
+    assert ports(model) == ["drum_load.exchange"]
+    place = Survey(model).place("drum_load.exchange")
+    assert (place.coordinate.source, place.coordinate.minus) == ("angle", "place")
+    assert place.coordinate.ratio == pytest.approx(0.1) and place.coordinate.unit == "m"
+    assert (place.speed.source, place.speed.minus, place.speed.unit) == ("drum", "load", "m/s")
+    stiffer = {h.name: h for h in library(model)}["cubic_stiffness_drum_load"]
+    bent = model.with_effect(stiffer.at_size(1.0))
+    x, u = [0.2, 0.0, 0.01, 0.0], [0.0]
+    more = bent.rates(x, u) - model.rates(x, u)
+    # Of 10 mm the cube, for the drum through its radius and inertia, for the load through its mass.
+    assert more[[1, 3]] == pytest.approx([-1e-6, 1e-6 * 0.02 / 0.1 / 4.0], rel=1e-6)

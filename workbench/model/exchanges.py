@@ -17,6 +17,8 @@ from workbench.arrays import Vector
 from workbench.model.quantities import Quantity
 from workbench.model.units import same_dimension
 
+_SPEEDS = ("m/s", "rad/s")
+
 _LOOKS = 12
 """Random points at which terms are compared; those without a value do not count."""
 
@@ -71,9 +73,7 @@ def exchanges(
     for symbol in p.values():
         slope = ca.jacobian(f, symbol)
         moved = [i for i in range(len(names)) if not slope[i].is_zero()]
-        if len(moved) < 2 or not all(
-            same_dimension(units[names[i]], units[names[moved[0]]]) for i in moved
-        ):
+        if len(moved) < 2 or not _alike([units[names[i]] for i in moved]):
             continue
         bent = symbol * ca.jacobian(slope[moved[0]], symbol)
         see = ca.Function("see", [both, own], [slope[moved], bent])
@@ -108,3 +108,10 @@ def _same(rows: Vector) -> bool:
 
 def _near(a: Vector, b: Vector) -> bool:
     return bool(np.all(np.abs(a - b) <= _ALIKE * np.abs(b).max()))
+
+
+def _alike(units: Sequence[str]) -> bool:
+    """Whether states may give each other something: a drum may turn what a rope pulls."""
+    return all(same_dimension(unit, units[0]) for unit in units) or all(
+        same_dimension(unit, *_SPEEDS) for unit in units
+    )
