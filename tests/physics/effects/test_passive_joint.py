@@ -16,7 +16,6 @@ from workbench.model.trace import Equations
 from workbench.physics.friction import joint_drag, joint_friction
 from workbench.physics.library import library
 from workbench.physics.parameter_arguments import joint_dampings
-from workbench.physics.recorded_facts import RecordedFacts
 from workbench.physics.survey import Survey
 
 CART, BOB, LENGTH, DAMPING, HINGE = 1.1, 0.25, 0.4, 4.0, 0.01
@@ -88,21 +87,32 @@ def test_it_turns_both_bodies(dry: bool) -> None:
     assert np.max(np.abs(of(crane()) - ended(reference))) > 1e-2
 
 
-def test_what_rubs_between_a_wheel_and_the_body_that_drives_it_acts_as_the_damping() -> None:
+@pytest.mark.parametrize("bends", [0.0, 5.0])
+def test_what_rubs_between_a_wheel_and_the_body_that_drives_it_acts_as_the_damping(
+    bends: float,
+) -> None:
+    """Where the ratio of what it does to them changes with the tilt, it is no exchange of theirs."""
+
     def equations(m: Scope) -> Equations:
         sliding = m.x.speed / 0.03 - m.x.rate
         torque = m.u.torque - m.p.bearing * sliding
-        rates = {"speed": torque / 0.03 + 2.0 * m.x.tilt, "rate": 90.0 * m.x.tilt - 70.0 * torque}
+        turned = (70.0 + bends * ca.sin(m.x.tilt)) * torque
+        rates = {"speed": torque / 0.03 + 2.0 * m.x.tilt, "rate": 90.0 * m.x.tilt - turned}
         return rates | {"tilt": m.x.rate, "way": m.x.speed}
 
     states = "tilt rad, rate rad/s, way m, speed m/s"
     bearing = "bearing N m s/rad 5e-4 0 0.01"
     robot = machine(equations, states, "torque N m", "tilt rad, way m", bearing)
-    seen = {"argument of bearing": (-20.0, 20.0)}
-    offered = {h.name: h for h in library(robot, RecordedFacts(ranges=seen))}
-    assert {"joint_friction_bearing", "joint_drag_bearing"} < offered.keys()
-    rubbing = robot.with_effect(offered["joint_friction_bearing"].at_size(0.02))
+    seen = RecordedFacts(ranges={"argument of bearing": (-20.0, 20.0)})
+    offered = {h.name: h for h in library(robot, seen)}
+    if bends:
+        assert {"joint_friction_bearing", "joint_drag_bearing"} < offered.keys()
+        rubbing = robot.with_effect(offered["joint_friction_bearing"].at_size(0.005))
+    else:
+        # The torque is told by what it does to the rate of the tilt.
+        law = offered["coulomb_friction_rate_speed"]
+        rubbing = robot.with_effect(law.at_size(70.0 * 0.005))
     state = [0.1, 0.5, 0.0, 0.3]
     # 0.3 / 0.03 - 0.5 rad/s is far beyond where the reversal is rounded.
-    expected = robot.rates(state, [0.04 - 0.02])
+    expected = robot.rates(state, [0.04 - 0.005])
     np.testing.assert_allclose(rubbing.rates(state, [0.04]), expected, rtol=1e-9)
