@@ -16,6 +16,7 @@ from workbench.model.trace import Equations
 from workbench.physics.friction import joint_drag, joint_friction
 from workbench.physics.library import library
 from workbench.physics.parameter_arguments import joint_dampings
+from workbench.physics.recorded_facts import RecordedFacts
 from workbench.physics.survey import Survey
 
 CART, BOB, LENGTH, DAMPING, HINGE = 1.1, 0.25, 0.4, 4.0, 0.01
@@ -91,7 +92,7 @@ def test_it_turns_both_bodies(dry: bool) -> None:
 def test_what_rubs_between_a_wheel_and_the_body_that_drives_it_acts_as_the_damping(
     bends: float,
 ) -> None:
-    """Where the ratio of what it does to them changes with the tilt, it is no exchange of theirs."""
+    """Where the ratio of what it does to them turns with the tilt, it is no exchange of theirs."""
 
     def equations(m: Scope) -> Equations:
         sliding = m.x.speed / 0.03 - m.x.rate
