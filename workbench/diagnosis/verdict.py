@@ -57,7 +57,7 @@ class Value:
     @property
     def read(self) -> tuple[float, float, str]:
         """Number, standard deviation and unit as people read them."""
-        factor, unit = readably(1.0, self.unit, self.shown)
+        factor, unit = readably(1.0, self.unit, self.shown, self.value)
         if unit == "s":
             unit, size = time_unit(self.value)
             factor = 1.0 / size

@@ -220,15 +220,18 @@ class Model(Shown):
         found = (declared_unit(p, unit, self.quantities, difference=True) for p in places)
         return next(filter(None, found), "")
 
-    def reading(self, unit: str, *places: str) -> tuple[str, float]:
+    def reading(self, unit: str, *places: str, size: float = 0.0) -> tuple[str, float]:
         """Return how differences of an SI unit are read at places: a unit, and its factor from SI.
+
+        Args:
+            size: How large they are, in SI; not known if 0.
 
         Example:
             >>> from workbench.plants.servo_axis import servo_axis
             >>> servo_axis().reading("m/s", "rate of position"), servo_axis().reading("Pa")
             (('mm/s', 1000.0), ('bar', 1e-05))
         """
-        factor, written = readably(1.0, unit, self.read_at(places, unit))
+        factor, written = readably(1.0, unit, self.read_at(places, unit), size)
         return written, factor
 
     def size_text(self, size: float, unit: str, ports: Iterable[str], digits: int = 2) -> str:
@@ -239,7 +242,7 @@ class Model(Shown):
             >>> servo_axis().size_text(1.3e-5, "m", ["position.reading"])
             '0.013 mm'
         """
-        written, factor = self.reading(unit, *ports)
+        written, factor = self.reading(unit, *ports, size=size)
         return with_unit(f"{factor * size:.{digits}g}", written)
 
     def parameter(self, name: str) -> Parameter:

@@ -598,31 +598,43 @@ def in_times(times: Sequence[float], digits: int = 3) -> tuple[list[str], str]:
     return [f"{float(f'{t / size:.{digits}g}'):.10g}" for t in times], unit
 
 
-_READABLE: dict[str, tuple[str, float]] = {
-    "rad": ("°", 180.0 / math.pi),
-    "rad/s": ("°/s", 180.0 / math.pi),
-    "rad/s2": ("°/s²", 180.0 / math.pi),
-    "Pa": ("bar", 1e-5),
-    "kg/s": ("g/s", 1e3),
-    "m3": ("cm³", 1e6),
-    "Pa/s": ("bar/s", 1e-5),
-    "m": ("mm", 1e3),
-    "m/s": ("mm/s", 1e3),
+_READABLE: dict[str, tuple[str, float, float]] = {
+    "rad": ("°", 180.0 / math.pi, 1e4),
+    "rad/s": ("°/s", 180.0 / math.pi, 1e4),
+    "rad/s2": ("°/s²", 180.0 / math.pi, 1e4),
+    "Pa": ("bar", 1e-5, 1e-3),
+    "kg/s": ("g/s", 1e3, 1e3),
+    "m3": ("cm³", 1e6, 1e4),
+    "Pa/s": ("bar/s", 1e-5, 1e-3),
+    "m": ("mm", 1e3, 1e3),
+    "m/s": ("mm/s", 1e3, 1e3),
 }
+"""Unit in which people read one of the SI, its factor, and the number from which on, or up to which
+if the unit is larger, nobody does."""
 
 
-def readable(unit: str) -> tuple[str, float]:
+def readable(unit: str, size: float = 0.0) -> tuple[str, float]:
     """Return the unit in which people read a quantity, and the factor from its SI unit to it.
 
+    Args:
+        size: How large it is, in SI; not known if 0.
+
     Example:
-        >>> readable("Pa"), readable("N m")
-        (('bar', 1e-05), ('N m', 1.0))
+        >>> readable("Pa"), readable("N m"), readable("m", 0.02), readable("m", 300.0)
+        (('bar', 1e-05), ('N m', 1.0), ('mm', 1000.0), ('m', 1.0))
     """
-    return _READABLE.get(unit, (written_unit(unit) or unit, 1.0))
+    plain = written_unit(unit) or unit
+    written, factor, end = _READABLE.get(unit, (plain, 1.0, 0.0))
+    shown = factor * abs(size)
+    far = shown >= end if factor > 1.0 else 0.0 < shown < end
+    return (plain, 1.0) if far else (written, factor)
 
 
-def readably(values: Values, unit: str, shown: str = "") -> tuple[Values, str]:
+def readably(values: Values, unit: str, shown: str = "", size: float = 0.0) -> tuple[Values, str]:
     """Return values, in SI, as people read them, and the unit: ``shown`` if it is declared.
+
+    Args:
+        size: How large they are, in SI; not known if 0.
 
     Example:
         >>> readably(4.5e5, "Pa"), readably(0.25, "m3", "l"), readably(293.15, "K", "degC")
@@ -630,5 +642,5 @@ def readably(values: Values, unit: str, shown: str = "") -> tuple[Values, str]:
     """
     if shown:
         return from_si(values, shown), written_unit(shown) or "1"
-    written, factor = readable(unit)
+    written, factor = readable(unit, size)
     return factor * values, written

@@ -145,10 +145,10 @@ class Occurrence:
         said = f"with {name} ({100 * place.dependence:.0f} % of its variance)"
         if place.covered >= THROUGHOUT:
             return f"{said}, about as much at all its values"
-        unit = readably(0.0, place.unit, place.shown)[1]
-        read = [[readably(x, place.unit, place.shown)[0] for x in pair] for pair in place.ranges]
-        least = _NOTHING * max(abs(x) for pair in read for x in pair)
-        shown = [[_plainly(x if abs(x) > least else 0.0) for x in pair] for pair in read]
+        ranges = np.array(place.ranges)
+        read, unit = readably(ranges, place.unit, place.shown, float(np.abs(ranges).max()))
+        least = _NOTHING * float(np.abs(read).max())
+        shown = [[_plainly(x if abs(x) > least else 0.0) for x in pair] for pair in read.tolist()]
         # Both ends of a narrow range may read the same.
         ends = [" to ".join(dict.fromkeys(pair)) for pair in shown]
         return f"{said}, most at {_listed(ends)} {written_unit(unit)}".rstrip()
@@ -156,7 +156,7 @@ class Occurrence:
     @property
     def how_large(self) -> str:
         """Its size, in words."""
-        largest, unit = readably(self.largest, self.unit, self.shown)
+        largest, unit = readably(self.largest, self.unit, self.shown, self.largest)
         return f"{largest:.3g} {written_unit(unit)}".rstrip()
 
     def sentence(self, subject: str = "It") -> str:
