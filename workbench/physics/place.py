@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 from workbench.model import Output, Parameter, Port
 from workbench.model.regularisation import Expression
-from workbench.model.units import same_dimension
+from workbench.model.units import per, same_dimension
 from workbench.physics.recorded_facts import NOTHING, RecordedFacts
 
 COORDINATES = {"N m": "rad", "N": "m", "V": "A s", "m/s2": "m", "rad/s2": "rad"}
@@ -210,7 +210,7 @@ class Place:
     @property
     def speed(self) -> Local:
         """The speed of what moves."""
-        return self.signals.get("speed") or Local("speed", f"{coordinate_unit(self.unit)}/s")
+        return self.signals.get("speed") or Local("speed", per(coordinate_unit(self.unit), "s"))
 
     @property
     def coordinate(self) -> Local:
