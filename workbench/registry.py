@@ -156,14 +156,16 @@ def load_object(kind: str, reference: str, *, folder: Path | None = None) -> Any
         found: Any = _import(module_name, folder)
     for part in path.split("."):
         if not hasattr(found, part):
-            named = {n: o for n, o in vars(found).items() if not n.startswith("_")}
-            # What a module imports is not its own.
-            other = {n for n, o in named.items() if getattr(o, "__module__", "") != module_name}
-            foreign = {n for n in other if isinstance(named[n], (ModuleType, type, FunctionType))}
-            known = [n for n in named if n not in foreign]
+            known = [n for n, o in vars(found).items() if n[0] != "_" and _own(o, module_name)]
             check_choice(f"object of {module_name} for {kind}", part, known)
         found = getattr(found, part)
     return found
+
+
+def _own(found: object, module: str) -> bool:
+    """Whether an object is none that a module imports."""
+    imported = isinstance(found, (ModuleType, type, FunctionType))
+    return not imported or getattr(found, "__module__", "") == module
 
 
 @contextmanager

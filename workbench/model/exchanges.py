@@ -15,9 +15,7 @@ import numpy as np
 
 from workbench.arrays import Vector
 from workbench.model.quantities import Quantity
-from workbench.model.units import same_dimension
-
-_SPEEDS = ("m/s", "rad/s")
+from workbench.model.units import SPEEDS, same_dimension
 
 _LOOKS = 12
 """Random points at which terms are compared; those without a value do not count."""
@@ -73,7 +71,7 @@ def exchanges(
     for symbol in p.values():
         slope = ca.jacobian(f, symbol)
         moved = [i for i in range(len(names)) if not slope[i].is_zero()]
-        if len(moved) < 2 or not _alike([units[names[i]] for i in moved]):
+        if len(moved) < 2 or not _of_one_kind([units[names[i]] for i in moved]):
             continue
         bent = symbol * ca.jacobian(slope[moved[0]], symbol)
         see = ca.Function("see", [both, own], [slope[moved], bent])
@@ -110,8 +108,8 @@ def _near(a: Vector, b: Vector) -> bool:
     return bool(np.all(np.abs(a - b) <= _ALIKE * np.abs(b).max()))
 
 
-def _alike(units: Sequence[str]) -> bool:
+def _of_one_kind(units: Sequence[str]) -> bool:
     """Whether states may give each other something: a drum may turn what a rope pulls."""
     return all(same_dimension(unit, units[0]) for unit in units) or all(
-        same_dimension(unit, *_SPEEDS) for unit in units
+        same_dimension(unit, *SPEEDS) for unit in units
     )

@@ -598,6 +598,9 @@ def in_times(times: Sequence[float], digits: int = 3) -> tuple[list[str], str]:
     return [f"{float(f'{t / size:.{digits}g}'):.10g}" for t in times], unit
 
 
+SPEEDS = ("m/s", "rad/s")
+"""Units of how fast a body moves."""
+
 _READABLE: dict[str, tuple[str, float, float]] = {
     "rad": ("°", 180.0 / math.pi, 1e4),
     "rad/s": ("°/s", 180.0 / math.pi, 1e4),

@@ -11,7 +11,7 @@ import casadi as ca
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression
 from workbench.model.scope import Names
-from workbench.model.units import per, same_dimension
+from workbench.model.units import SPEEDS, per, same_dimension
 from workbench.physics.law import (
     Fit,
     Law,
@@ -113,7 +113,7 @@ elastic_drive = Law(
     "F = F + share (y - F), y'' / w^2 + 2 d y' / w + y = F + 2 d F' / w",
     each(
         "force", "acceleration", needs=("speed",),
-        only=lambda at: not at.between and same_dimension(at.speed.unit, "m/s", "rad/s"),
+        only=lambda at: not at.between and same_dimension(at.speed.unit, *SPEEDS),
     ),
     lambda at: (
         size("share", "1", 0.5, 5.0, "part that a spring passes on", signed=True),

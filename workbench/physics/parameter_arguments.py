@@ -8,8 +8,8 @@ import casadi as ca
 
 from workbench.model import Parameter
 from workbench.model.expressions import cofactor
-from workbench.model.units import per, same_dimension
-from workbench.physics.place import SPEEDS, Local, Place, largest
+from workbench.model.units import SPEEDS, per, same_dimension
+from workbench.physics.place import Local, Place, largest
 from workbench.physics.recorded_facts import argument_of
 from workbench.physics.survey import Survey
 

@@ -14,7 +14,7 @@ _VISIBLE = 0.02
 """Part of a port's scale that a parameter must bring in to be offered a change with time."""
 
 
-def alone(ports: Ports, known: Collection[str]) -> tuple[tuple[Parameter, ...], ...]:
+def through_one(ports: Ports, known: Collection[str]) -> tuple[tuple[Parameter, ...], ...]:
     """Return the refitted parameters that each port alone brings into the equations.
 
     Args:
@@ -43,11 +43,13 @@ def is_gain(ports: Ports, q: Parameter, index: int) -> bool:
     return any(ports.entered[index]) and same(part, ports.sampled(value))
 
 
-def spread(ports: Ports, apart: Sequence[Sequence[Parameter]]) -> list[tuple[Parameter, list[str]]]:
+def through_several(
+    ports: Ports, apart: Sequence[Sequence[Parameter]]
+) -> list[tuple[Parameter, list[str]]]:
     """Return the refitted parameters of the plant that several ports bring in, with their names.
 
     Args:
-        apart: What each port alone brings in, as of `alone`.
+        apart: What each port alone brings in, as of `through_one`.
     """
     t, found = ports.trace, []
     taken = {q.name for of_port in apart for q in of_port}

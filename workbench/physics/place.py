@@ -14,9 +14,6 @@ from workbench.physics.recorded_facts import NOTHING, RecordedFacts
 COORDINATES = {"N m": "rad", "N": "m", "V": "A s", "m/s2": "m", "rad/s2": "rad"}
 """Unit of what an effort moves, where the model does not tell."""
 
-SPEEDS = ("m/s", "rad/s")
-"""Units of how fast a body moves."""
-
 
 @dataclass(frozen=True)
 class Local:

@@ -8,7 +8,7 @@ import casadi as ca
 
 from workbench.model import EffectView, Names, PortView, State
 from workbench.model.regularisation import Expression, maximum
-from workbench.model.units import same_dimension
+from workbench.model.units import SPEEDS, same_dimension
 from workbench.physics.hysteresis import stretch_rate, stretched
 from workbench.physics.law import (
     Law,
@@ -347,7 +347,7 @@ def _taken_up(at: PortView) -> Expression:
 lost_motion = Law(
     "lost_motion",
     "v = u - w dz/dt, w z the place of the drive within its slack, -w to w",
-    each("command", label=by_port, only=lambda at: same_dimension(at.unit, "m/s", "rad/s")),
+    each("command", label=by_port, only=lambda at: same_dimension(at.unit, *SPEEDS)),
     lambda at: (
         size("half_width", at.unit.removesuffix("/s"), 0.01 * at.scale * at.lasting,
              at.scale * at.lasting, "half of the slack"),

@@ -19,8 +19,8 @@ from workbench.arrays import Vector
 from workbench.model import Model, Parameter, Port, State
 from workbench.model.expressions import weight
 from workbench.model.quantities import Quantity
-from workbench.model.units import same_dimension
-from workbench.physics.place import SPEEDS, Local, Place, largest
+from workbench.model.units import SPEEDS, same_dimension
+from workbench.physics.place import Local, Place, largest
 
 Points = list[tuple[Vector, Vector, Vector]]
 """States, inputs and parameters at which expressions are compared."""

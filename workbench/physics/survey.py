@@ -235,12 +235,12 @@ class Survey:
 
     @cached_property
     def _entering(self) -> tuple[tuple[Parameter, ...], ...]:
-        return parameter_ports.alone(self.ports, self._found)
+        return parameter_ports.through_one(self.ports, self._found)
 
     @cached_property
     def spread(self) -> tuple[tuple[Parameter, tuple[Place, ...]], ...]:
         """Refitted parameters of the plant that several ports bring into the equations."""
-        found = parameter_ports.spread(self.ports, self._entering)
+        found = parameter_ports.through_several(self.ports, self._entering)
         return tuple((q, tuple(map(self.place, names))) for q, names in found)
 
 

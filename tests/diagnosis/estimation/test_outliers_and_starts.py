@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from tests.machines import machine
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation import refit as refitting
 from workbench.diagnosis.estimation.observe import observe
-from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
+from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.refit import refit
 from workbench.model import Scope
 from workbench.model.trace import Equations
@@ -89,14 +88,3 @@ def test_what_creeps_from_the_first_sample_on_begins_where_a_line_through_it_doe
         off.append(seen.start[1] / seen.start_rms[1])
     assert abs(np.mean(off)) < 1.0
     assert 0.8 < np.std(off) < 2.0
-
-
-def test_whole_numbers_are_read_as_what_they_are() -> None:
-    """In memory a whole 300 stands otherwise than a number of 300.0: C code read 1.5e-321."""
-    sizes = [replace(q, scale=int(q.scale)) for q in IRON.states]
-    whole = replace(IRON, states=tuple(sizes))
-    assert [q.scale for q in whole.states] == [300.0, 300.0]
-    assert all(isinstance(q.scale, float) for q in whole.states)
-    seen = _heated()
-    plain, other = (filter_of(model, seen, 1.0).run(seen, model.values) for model in (IRON, whole))
-    np.testing.assert_array_equal(plain.states, other.states)

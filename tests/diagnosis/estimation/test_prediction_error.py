@@ -243,3 +243,20 @@ def test_the_rounded_corner_of_a_stop_asks_for_no_steps() -> None:
         for place in (0.0, 0.01)
     )
     assert met == away
+
+
+def test_whole_numbers_are_read_as_what_they_are() -> None:
+    """In memory a whole 300 stands otherwise than a number of 300.0: C code read 1.5e-321."""
+    plain = machine(
+        lambda m: {"heater": m.u.heat - m.x.heater, "tip": m.x.heater - m.x.tip},
+        "heater K scale=300, tip K scale=300",
+        "heat K",
+        "tip K 0.02 scale=300",
+    )
+    whole = replace(plain, states=tuple(replace(q, scale=int(q.scale)) for q in plain.states))
+    assert [q.scale for q in whole.states] == [300.0, 300.0]
+    assert all(isinstance(q.scale, float) for q in whole.states)
+    heat, tip = np.linspace(0.0, 50.0, 200), np.sin(np.arange(200.0))
+    seen = observe(plain, recording("tip", 0.1, {"heat [K]": heat}, {"tip [K]": tip}))
+    found, other = (filter_of(model, seen, 1.0).run(seen, model.values) for model in (plain, whole))
+    np.testing.assert_array_equal(found.states, other.states)

@@ -248,7 +248,7 @@ class Filter:
     def __init__(self, asked: Asked, sample_time: float, steps: Steps) -> None:
         self._equations = Equations(_functions(asked, sample_time))
         own, plant = len(asked.coloured), len(asked.state_scale)
-        self._scale = np.array([*asked.state_scale, *[1.0] * own], dtype=float)
+        self._scale = np.array([*asked.state_scale, *[1.0] * own])
         self._kept = np.array([*asked.corrected, *range(plant, plant + own)], dtype=np.int64)
         self._sample_time, self._steps = sample_time, steps
         self._coloured = np.array([rms for _, rms, _ in asked.coloured])

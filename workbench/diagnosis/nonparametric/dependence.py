@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.model.units import per, same_dimension
+from workbench.model.units import SPEEDS, per, same_dimension
 from workbench.physics.nonparametric_term import Curve
 
 SURROGATES = 99
@@ -196,7 +196,7 @@ def spread(values: Vector, argument: str, unit: str, most: int, *, centred: bool
     """
     low, high = np.quantile(values, [0.002, 0.998])
     knots = np.linspace(low, high, most)
-    if any(same_dimension(unit, speed) for speed in ("m/s", "rad/s")) and low < 0.0 < high:
+    if same_dimension(unit, *SPEEDS) and low < 0.0 < high:
         side = max(-low, high) * np.geomspace(1.0 / _FINEST, 1.0, max(most // 2, 2))
         knots = np.concatenate([-side[::-1], side])
         knots = knots[(knots > 1.3 * low) & (knots < 1.3 * high)]
