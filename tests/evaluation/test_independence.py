@@ -12,10 +12,7 @@ from workbench import evaluation
 ROOM = Path(evaluation.__file__).parent
 SIMULATORS = {
     "rig": sorted((ROOM / "rig").glob("*.py")),
-    "foreign": [
-        ROOM / "foreign" / f"{name}.py"
-        for name in ("machine", "excitation", "drive", "circuit", "tank", "crane")
-    ],
+    "foreign": [ROOM / "foreign" / f"{name}.py" for name in ("machine", "excitation", "truths")],
 }
 
 

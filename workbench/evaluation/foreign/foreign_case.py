@@ -27,12 +27,9 @@ from workbench.evaluation.blind_round import (
     over_limit,
     score_case,
 )
-from workbench.evaluation.foreign.circuit import CIRCUIT
-from workbench.evaluation.foreign.crane import CRANE
-from workbench.evaluation.foreign.drive import DRIVE
 from workbench.evaluation.foreign.machine import Array, Concealed, Machine, Parameters, State
 from workbench.evaluation.foreign.newcomer import circuit, crane, drive, tank
-from workbench.evaluation.foreign.tank import TANK
+from workbench.evaluation.foreign.truths import CIRCUIT, CRANE, DRIVE, TANK
 from workbench.evaluation.kept import diagnosed, version
 from workbench.evaluation.rates import Rate, reliability_lines, told
 from workbench.files import picked
