@@ -17,7 +17,7 @@ from workbench.errors import WorkbenchError
 from workbench.evaluation.rig.plant import derivative
 from workbench.evaluation.tolerance import at_rest, measured, on_rig, tolerance, tolerant_study
 from workbench.evaluation.variations import KINDS, Draw, Sized, draws
-from workbench.reports.drawn_machines import worst_table
+from workbench.reports.figures.drawn_machines import worst_table
 from workbench.reports.tolerance_page import tables, tried
 from workbench.study.differences import BLIND_SEED
 from workbench.study.plants import tolerated

@@ -12,7 +12,7 @@ from controllers.largest_bandwidth import MarginedDesign
 from controllers.protocol import Controller
 from workbench.evaluation.tolerance import SIMULATORS, tolerant_study
 from workbench.model.units import from_si
-from workbench.reports.drawn_machines import (
+from workbench.reports.figures.drawn_machines import (
     Measured,
     Tried,
     missed_table,

@@ -1,4 +1,4 @@
-"""Closed-loop trajectories of several controllers, on the full and on the linear model."""
+"""Closed-loop trajectories of several controllers: of their outputs, and of others they measure."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from workbench.arrays import Vector
 from workbench.model.units import convert, of_difference, with_unit
 from workbench.reports.figure import Figure
 from workbench.reports.figures.study_traces import (
+    Part,
     nominal_runs,
     output_of,
     parts,
@@ -255,4 +256,36 @@ def _picture(
     return Picture(name, figure, caption, words)
 
 
+def _draw_others(result: StudyResult, scenario: str, case: str, suffix: str) -> list[Picture]:
+    """Draw what controllers measure beside the outputs that they control."""
+    runs = nominal_runs(result, scenario, case)
+    drawn = (_others_in(result, scenario, case, suffix, part) for part in parts(result.study, runs))
+    return [picture for picture in drawn if picture is not None]
+
+
+def _others_in(
+    result: StudyResult, scenario: str, case: str, suffix: str, part: Part
+) -> Picture | None:
+    outputs = {q.name for q in result.study.plant.build().outputs}
+    names = sorted({name for r in part.runs.values() for name in r.traces.keys() & outputs})
+    if not names:
+        return None
+    figure, panels = new_figure([1.6] * len(names))
+    for axes, name in zip(panels, names, strict=True):
+        quantity = output_of(result.study, name)
+        for controller, record in part.runs.items():
+            if name in record.traces:
+                values = shown(record.traces[name], quantity)
+                shade, time = part.shades[controller].light, record.traces["time"]
+                axes.plot(time, values, color=shade, linewidth=1.2, label=controller)
+        label(axes, y=f"{name.replace('_', ' ')} in {written(quantity.display_unit)}")
+    label(panels[-1], x="time in s")
+    key(panels[0])
+    figure.align_ylabels()
+    caption = f"{scenario}, {case or 'nominal plant'}: the other outputs that are measured."
+    words = f"other measured outputs over time in {scenario}"
+    return Picture(f"outputs-{suffix}{part.tail}", figure, caption, words)
+
+
 TRACKING = Figure("tracking", _draw, "scenario", order=10)
+OTHER_OUTPUTS = Figure("other-outputs", _draw_others, "scenario", order=20)
