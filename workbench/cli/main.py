@@ -10,25 +10,21 @@ from typing import Annotated
 
 import typer
 
-from workbench.cli.bless import bless
-from workbench.cli.compare import compare
 from workbench.cli.controllers import controllers
-from workbench.cli.demo import demo
+from workbench.cli.demo import demo, force_map
 from workbench.cli.diagnose import diagnose
 from workbench.cli.evaluate import evaluate
-from workbench.cli.force_map import force_map
 from workbench.cli.linearise import linearise
-from workbench.cli.new import new_controller, new_plant, new_study, study_fields
-from workbench.cli.notebook import notebook
+from workbench.cli.new import new_controller, new_plant, new_study, notebook, study_fields
 from workbench.cli.options import VerbCommand, parameters_of, read_as, summary
 from workbench.cli.plant import PlantCommand
 from workbench.cli.plants import plants
 from workbench.cli.recording import recording
 from workbench.cli.redesign import redesign
 from workbench.cli.refit import refit
-from workbench.cli.report import report
 from workbench.cli.running import claiming, sigterm_interrupts, typing
 from workbench.cli.simulate import simulate
+from workbench.cli.study import bless, compare, report
 from workbench.cli.verify import verify
 from workbench.errors import WorkbenchError
 from workbench.registry import own_place, told

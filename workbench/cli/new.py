@@ -1,4 +1,4 @@
-"""The verbs ``new-study``, ``new-controller`` and ``new-plant``, and ``study-fields``."""
+"""The verbs that write a file to start from, ``new-...`` and ``notebook``; and ``study-fields``."""
 
 from __future__ import annotations
 
@@ -6,12 +6,17 @@ import json
 import re
 import shlex
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
+from workbench.cli.plant import Chosen, chosen_plant, with_plant
+from workbench.cli.running import note
+from workbench.cli.verify import nominal_design
 from workbench.errors import WorkbenchError
+from workbench.files import write_whole
 
 if TYPE_CHECKING:
     from workbench.model import Model
@@ -55,6 +60,26 @@ def new_plant(file: Path) -> int:
     return _write(file, "my_plant.py")
 
 
+@with_plant("option", "effect", "at")
+def notebook(chosen: Chosen, *, out: Path = Path("starter.ipynb")) -> int:
+    """Write a starter notebook: a plant at an operating point, controllers, and their proof.
+
+    Examples: 'workbench notebook --angle 30deg --load 3kg --out arm.ipynb',
+    'workbench notebook --plant my_plants:circuit --at voltage=2V'.
+
+    Args:
+        out (FILE.ipynb): Notebook to write; it must not exist.
+    """
+    from workbench.notebook.starter import starter_notebook
+    from workbench.study.step_trial import StepTrial
+
+    _check_new(out, "starter.ipynb")
+    base = replace(nominal_design(chosen), at=tuple(chosen.design_point.items()))
+    write_whole(out, starter_notebook(StepTrial(chosen.recipe, base, say=note)))
+    typer.echo(f"written to {out}; open it: {shlex.join(('jupyter', 'lab', str(out)))}")
+    return 0
+
+
 def study_fields() -> int:
     """Print every field of a study file with its unit, range and example, as Markdown.
 
@@ -68,9 +93,6 @@ def study_fields() -> int:
 
 def _of_plant(plant: str) -> dict[str, Any]:
     """Return what a study of a plant says: the first design that meets it, steps and parameters."""
-    from workbench.cli.plant import chosen_plant
-    from workbench.cli.running import note
-    from workbench.cli.verify import nominal_design
     from workbench.model.units import in_time
     from workbench.study.step_trial import StepTrial
     from workbench.verification import metrics, verify
@@ -162,24 +184,14 @@ def _write(file: Path, template: str, plant: str | None = None) -> int:
     from jinja2 import Template
 
     from workbench.data_folder import shipped_folder
-    from workbench.files import write_whole
 
-    suffix = Path(template).suffix
-    if file.suffix != suffix:
-        raise WorkbenchError(f"file {str(file)!r} does not end in {suffix}; try {template}")
-    if suffix == ".py" and not file.stem.isidentifier():
-        raise WorkbenchError(
-            f"{file.stem!r} is no name of a Python module; use letters, digits and _, such as"
-            f" {template}"
-        )
-    if file.exists():
-        raise WorkbenchError(f"file {str(file)!r} exists; give another name, nothing was changed")
+    _check_new(file, template)
     text = (shipped_folder() / "templates" / template).read_text(encoding="utf-8")
     # In commands a name with blanks stands in quotes.
     stem = Path(template).stem
     text = re.sub(rf"{stem}(\.[\w.]+)", lambda m: shlex.quote(file.stem + m[1]), text)
     text = text.replace(stem, file.stem)
-    if suffix == ".toml":
+    if file.suffix == ".toml":
         own = None if plant is None else _of_plant(plant)
         text = Template(text, trim_blocks=True, keep_trailing_newline=True).render(own=own)
     write_whole(file, text)
@@ -187,3 +199,17 @@ def _write(file: Path, template: str, plant: str | None = None) -> int:
     where = "" if file.parent == Path() else f"cd {shlex.quote(str(file.parent))} && "
     typer.echo(f"written to {file}; run it: {where}{line}")
     return 0
+
+
+def _check_new(file: Path, example: str) -> None:
+    """Check that a file to be written is named as it must be, and that there is none."""
+    suffix = Path(example).suffix
+    if file.suffix != suffix:
+        raise WorkbenchError(f"file {str(file)!r} does not end in {suffix}; try {example}")
+    if suffix == ".py" and not file.stem.isidentifier():
+        raise WorkbenchError(
+            f"{file.stem!r} is no name of a Python module; use letters, digits and _, such as"
+            f" {example}"
+        )
+    if file.exists():
+        raise WorkbenchError(f"file {str(file)!r} exists; give another name, nothing was changed")
