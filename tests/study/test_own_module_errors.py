@@ -17,8 +17,7 @@ from workbench.errors import WorkbenchError
 from workbench.registry import told
 from workbench.study.schema import load_study
 from workbench.study.tasks import execute, tasks
-from workbench.work.children import PAUSE
-from workbench.work.processes import parallel
+from workbench.work.processes import PAUSE, parallel
 
 STUDY = """
 [controllers.mine]
@@ -180,7 +179,7 @@ def test_a_process_that_ends_in_the_middle_is_a_sentence() -> None:
 
 def test_children_end_when_their_parent_is_killed(tmp_path: Path) -> None:
     child = (
-        "import os, time\nfrom workbench.work.children import end_with\n"
+        "import os, time\nfrom workbench.work.processes import end_with\n"
         "end_with(os.getppid())\nprint(os.getpid(), flush=True)\ntime.sleep(60)\n"
     )
     parent = f"import subprocess, sys\nsubprocess.run([sys.executable, '-uc', {child!r}])\n"

@@ -18,13 +18,12 @@ from workbench.diagnosis.estimation.made_up import made_up_axis
 from workbench.diagnosis.estimation.prediction_error import PredictionError, disturbances
 from workbench.linearisation import linear_model
 from workbench.plants.servo_axis import servo_axis
-from workbench.work import _thread_counts, threads
-from workbench.work.processes import in_order
-from workbench.work.threads import side_by_side
+from workbench.work import _thread_counts, processes
+from workbench.work.processes import in_order, side_by_side
 
 
 def test_results_come_in_order_from_several_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(threads, "threads", lambda: 3)
+    monkeypatch.setattr(processes, "threads", lambda: 3)
     both = threading.Barrier(2, timeout=10)
 
     def name(number: int) -> tuple[int, str]:
@@ -38,13 +37,13 @@ def test_results_come_in_order_from_several_threads(monkeypatch: pytest.MonkeyPa
 
 
 def test_the_first_error_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(threads, "threads", lambda: 3)
+    monkeypatch.setattr(processes, "threads", lambda: 3)
     with pytest.raises(ZeroDivisionError):
         side_by_side([(abs, (1,)), (divmod, (1, 0)), (int, ("x",))])
 
 
 def test_a_worker_has_one_thread() -> None:
-    assert in_order([(threads.threads, ()), (threads.threads, ())], jobs=2) == [1, 1]
+    assert in_order([(processes.threads, ()), (processes.threads, ())], jobs=2) == [1, 1]
 
 
 def test_recordings_are_filtered_side_by_side_as_one_by_one() -> None:
@@ -99,12 +98,12 @@ def test_a_design_keeps_linear_algebra_to_one_thread() -> None:
 def test_a_fork_has_threads_of_its_own() -> None:
     program = (
         "import os\n"
-        "from workbench.work import threads\n"
-        "threads.threads = lambda: 2\n"
+        "from workbench.work import processes\n"
+        "processes.threads = lambda: 2\n"
         "calls = [(max, (1, 2)), (min, (1, 2))]\n"
-        "threads.side_by_side(calls)\n"
+        "processes.side_by_side(calls)\n"
         "child = os.fork()\n"
-        "found = threads.side_by_side(calls)\n"
+        "found = processes.side_by_side(calls)\n"
         "if not child:\n"
         "    os._exit(found != [2, 1])\n"
         "raise SystemExit(os.waitpid(child, 0)[1])\n"

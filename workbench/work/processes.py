@@ -1,24 +1,66 @@
-"""Calls shared among processes, here or on a cluster; the work that they count is added up."""
+"""Calls shared among processes, here or on a cluster, and among threads; counted work is added up.
+
+Processes that work for another end when that one is gone, also after a kill.
+"""
 
 from __future__ import annotations
 
+import functools
 import os
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, suppress
 from operator import itemgetter
 from pathlib import Path
+from secrets import token_hex
 from typing import Any, ClassVar, TypeVar
 
 from workbench.errors import WorkbenchError, check_range, missing_package
 from workbench.registry import own_modules
-from workbench.work.children import THIS_PROCESS, call, end_with
-from workbench.work.counted import add
+from workbench.work.counted import Work, add, done, since
 
 T = TypeVar("T")
 
 Call = tuple[Callable[..., T], tuple[Any, ...]]
 """A function and its arguments."""
+
+PAUSE = 0.5
+"""Time between two looks for the parent, s."""
+
+THIS_PROCESS = token_hex(8)
+"""What tells this process from all others, also on other machines."""
+
+_worker = False
+"""Whether this process is one of several that share the work of another."""
+
+
+def _called(
+    place: int, function: Callable[..., T], arguments: tuple[Any, ...]
+) -> tuple[int, T, Work, str]:
+    """Return the place of a call among others, its result, what it took, and where it was done."""
+    before = done()
+    return place, function(*arguments), since(before), THIS_PROCESS
+
+
+def end_with(parent: int, team: int = 0) -> None:  # noqa: ARG001
+    """Let this process end when the one that started it has ended.
+
+    Args:
+        parent: Number of the process that started it; it may be gone already.
+        team: Which processes it belongs to; only those of one team are used again.
+    """
+    global _worker  # noqa: PLW0603
+    _worker = True
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(PAUSE)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 class _Team:
@@ -100,12 +142,12 @@ def parallel(
             n_jobs=count, return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs"
         )
         try:
-            for returned in workers_pool(
-                joblib.delayed(call)(i, *known) for i, known in enumerate(calls)
+            for place, result, work, process in workers_pool(
+                joblib.delayed(_called)(i, *known) for i, known in enumerate(calls)
             ):
-                if returned.process != THIS_PROCESS:
-                    add(returned.work)
-                yield returned.place, returned.result
+                if process != THIS_PROCESS:
+                    add(work)
+                yield place, result
         except BrokenProcessPool:
             raise WorkbenchError(
                 "a process that did a run ended in the middle of it: it ran out of memory, or a"
@@ -131,3 +173,36 @@ def _client(address: str) -> Any:
             f"there is no Dask scheduler at {address!r} ({reason}); start one with 'dask scheduler'"
             " and give its address, such as tcp://127.0.0.1:8786"
         ) from None
+
+
+def threads() -> int:
+    """Return how many threads may work: one per core, but one in a process that is one of many."""
+    return 1 if _worker else os.cpu_count() or 1
+
+
+def side_by_side(calls: Sequence[Call[T]]) -> list[T]:
+    """Return the results of calls in their order; the first runs in this thread.
+
+    Each call works on memory of its own.
+    """
+    if threads() < 2 or len(calls) < 2:
+        return [function(*arguments) for function, arguments in calls]
+    (function, arguments), *others = calls
+    begun = [_pool().submit(other, *given) for other, given in others]
+    # In the order of the calls, so that of several errors always the same one is raised.
+    try:
+        first = function(*arguments)
+    finally:
+        for future in begun:
+            future.exception()
+    return [first, *(future.result() for future in begun)]
+
+
+@functools.cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(max(1, threads() - 1), thread_name_prefix="workbench")
+
+
+if hasattr(os, "register_at_fork"):
+    # The threads of a pool do not come along.
+    os.register_at_fork(after_in_child=_pool.cache_clear)

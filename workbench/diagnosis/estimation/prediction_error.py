@@ -23,7 +23,7 @@ from workbench.diagnosis.estimation.filter import Asked, End, Filter, Innovation
 from workbench.errors import NumericalError, WorkbenchError, check_choice
 from workbench.model import Model
 from workbench.model.model import index_of
-from workbench.work.threads import side_by_side, threads
+from workbench.work.processes import side_by_side, threads
 
 CORRELATION_TIME = 0.1
 """Time over which an unmodelled signal at a port is taken as correlated at the most, s."""
