@@ -31,7 +31,7 @@ def test_runs_are_drawn_in_the_units_that_the_outputs_declare() -> None:
     sizes = sizes_as_read(MODEL, {"flow": 0.1, "air": 0.1, "pressure": 5.0})
     assert sizes == pytest.approx({"flow": 360.0, "air": 0.1, "pressure": 5.0})
     labels = [axes.get_ylabel() for axes in diagnosis_runs(shown).axes]
-    assert labels == ["flow in m³/h", "air in °C", "pressure in bar", "flow in m³/h"]
+    assert labels == ["flow in m³/h", "air in °C", "pressure in Pa", "flow in m³/h"]
 
 
 @pytest.mark.parametrize(("step", "unit"), [(1.0, "s"), (360.0, "h"), (36000.0, "d")])

@@ -19,11 +19,18 @@ from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.start import fitted_start
 from workbench.diagnosis.redesign import redesign
 from workbench.diagnosis.verdict import upgraded
-from workbench.model.units import readable
+from workbench.model import Model
 from workbench.plants.plant import Plant
 from workbench.plants.registry import PLANTS
 from workbench.recordings import read_case
-from workbench.reports.figures.diagnosis import AFTER, BEFORE, diagnosis_residuals, diagnosis_runs
+from workbench.reports.figures.diagnosis import (
+    AFTER,
+    BEFORE,
+    as_read,
+    diagnosis_residuals,
+    diagnosis_runs,
+    sizes_as_read,
+)
 from workbench.reports.page import Section
 from workbench.reports.pictures import Picture
 from workbench.reports.style import FURTHER, MEASURED, REFERENCE, key, label, new_figure
@@ -60,6 +67,7 @@ class DiagnosedCase:
     """
 
     verdict: Mapping[str, Any]
+    model: Model
     before: FreeRun
     after: FreeRun
     time: Vector
@@ -89,7 +97,7 @@ def diagnosed_case() -> DiagnosedCase:
         free_run(m, fitted_start(m, observe(m, recording), samples=plant.start_samples))
         for m in (before, after)
     )
-    return DiagnosedCase(verdict, first, second, time, tracking)
+    return DiagnosedCase(verdict, before, first, second, time, tracking)
 
 
 def diagnosed_case_part() -> Part:
@@ -133,19 +141,21 @@ def _between(run: FreeRun, start: float, stop: float) -> FreeRun:
 
 def _section(found: DiagnosedCase) -> Section:
     verdict = found.verdict
-    units = {name: readable(unit) for name, unit in verdict["fit"]["units"].items()}
-    held_out = verdict["fit"]["held_out"]
+    model, held_out = found.model, verdict["fit"]["held_out"]
+    before, after = (as_read(model, run) for run in (found.before, found.after))
+    error, less = (as_read(model, run, errors=True) for run in (found.before, found.after))
+    rows = {name: sizes_as_read(model, row) for name, row in held_out.items()}
     blocks = (
         Picture(
             "diagnosed-runs",
-            diagnosis_runs(found.before, found.after),
+            diagnosis_runs(before, after),
             f"{plain(DRAWN)}: measured, and simulated by the refitted nominal model and by the"
             " extended one.",
             "measurements and free runs over time",
         ),
         Picture(
             "diagnosed-errors",
-            diagnosis_residuals(found.before, held_out["noise_floor"], found.after),
+            diagnosis_residuals(error, rows["noise_floor"], less),
             f"{plain(DRAWN)}: error of both free runs, root mean square over 0.2 s.",
             "errors of the free runs over time",
         ),
@@ -153,8 +163,8 @@ def _section(found: DiagnosedCase) -> Section:
             "Errors of free runs over all held-out recordings, rms",
             ("output", "unit", *(plain(model) for model in held_out)),
             tuple(
-                (plain(name), shown, *(number(f * row[name]) for row in held_out.values()))
-                for name, (shown, f) in units.items()
+                (plain(name), unit, *(number(row[name]) for row in rows.values()))
+                for name, unit in zip(error.used, error.units, strict=True)
             ),
         ),
     )

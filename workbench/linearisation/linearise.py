@@ -332,8 +332,8 @@ def linearise(
                     of,
                     float(jacobian[row, i]),
                     float(matrix[row, i]),
-                    model.reading(both[i].unit, name),
-                    slope_read(model, f"rate of {of}", unit, both[i]),
+                    model.reading(both[i].unit, name, size=size),
+                    slope_read(model, f"rate of {of}", unit, both[i], float(matrix[row, i])),
                 )
             )
     linear = replace(_model(op, point, matrix, curve), ends=ends)

@@ -79,14 +79,18 @@ class Kink:
         )
 
 
-def slope_read(model: Model, row: str, row_unit: str, by: Quantity) -> tuple[str, float]:
+def slope_read(
+    model: Model, row: str, row_unit: str, by: Quantity, slope: float
+) -> tuple[str, float]:
     """Return the unit in which people read a slope, and its factor from SI.
 
     Args:
         row: Output, or ``"rate of"`` a state.
         row_unit: Its SI unit.
+        slope: How steep it is, in SI.
     """
-    (top, rise), (bottom, run) = model.reading(row_unit, row), model.reading(by.unit, by.name)
+    top, rise = model.reading(row_unit, row, size=slope * by.scale)
+    bottom, run = model.reading(by.unit, by.name, size=by.scale)
     return f"{top} per {bottom}", rise / run
 
 
@@ -160,8 +164,10 @@ def find_kinks(
                     f"{rows[row]} by {quantities[column].name}",
                     float(below[row, column]),
                     float(above[row, column]),
-                    slope_read(model, names[row], units[row], quantities[column]),
-                    model.reading(quantity.unit, quantity.name),
+                    slope_read(
+                        model, names[row], units[row], quantities[column], above[row, column]
+                    ),
+                    model.reading(quantity.unit, quantity.name, size=distance * quantity.scale),
                 )
             )
     return tuple(sorted(found, key=lambda kink: (kink.distance != 0.0, -kink.factor)))

@@ -499,11 +499,11 @@ def written_unit(unit: str) -> str:
     inverse = re.fullmatch(r"([A-Za-z]+)\^?-1", unit)
     if inverse is not None:
         return f"1/{inverse[1]}"
-    raised = re.sub(r"(?<=[A-Za-z])\^?(-?\d+)(?![.\d])", lambda m: m[1].translate(_RAISED), unit)
+    raised = re.sub(r"(?<=[A-Za-z])\^?(-?\d+)(?![.\d])", lambda m: m[1].translate(RAISED), unit)
     return re.sub(r"\bdeg(?=[CF]?\b)", "°", raised)
 
 
-_RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
 def per(unit: str, divisor: str, power: float = 1) -> str:
@@ -633,11 +633,13 @@ def readable(unit: str, size: float = 0.0) -> tuple[str, float]:
     return (plain, 1.0) if far else (written, factor)
 
 
-def readably(values: Values, unit: str, shown: str = "", size: float = 0.0) -> tuple[Values, str]:
+def readably(
+    values: Values, unit: str, shown: str = "", size: float | None = None
+) -> tuple[Values, str]:
     """Return values, in SI, as people read them, and the unit: ``shown`` if it is declared.
 
     Args:
-        size: How large they are, in SI; not known if 0.
+        size: How large they are, in SI; the largest of them if None, not known if 0.
 
     Example:
         >>> readably(4.5e5, "Pa"), readably(0.25, "m3", "l"), readably(293.15, "K", "degC")
@@ -645,5 +647,7 @@ def readably(values: Values, unit: str, shown: str = "", size: float = 0.0) -> t
     """
     if shown:
         return from_si(values, shown), written_unit(shown) or "1"
+    if size is None:
+        size = float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))
     written, factor = readable(unit, size)
     return factor * values, written

@@ -10,11 +10,11 @@ from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Verdict
-from workbench.model.units import in_time, in_times, readable
+from workbench.model.units import in_time, in_times, with_unit
 from workbench.reports.diagnosis_tables import hull
 from workbench.reports.figures.diagnosis import as_read, farthest_off
 from workbench.reports.page import Answers
-from workbench.reports.tables import interval, number, plain
+from workbench.reports.tables import interval, number, plain, plus_minus
 
 KINDS: dict[str, str] = {
     "data_unfit": "the recordings are unfit to judge",
@@ -60,7 +60,7 @@ def _named(finding: Finding) -> str:
     name = plain(finding.effect or "")
     for parameter, size in finding.parameters.items():
         value, std, unit = size.read
-        said = f"{number(value, 3)} ± {number(std, 2)} {unit}".removesuffix(" 1")
+        said = f"{plus_minus(value, std)} {unit}".removesuffix(" 1")
         return f"{name}, {plain(parameter)} {said}"
     return name
 
@@ -103,8 +103,7 @@ def _when(diagnosis: Diagnosis, verdict: Verdict) -> str:
     title, worst = worst_run(runs)
     run = as_read(diagnosis.nominal, worst)
     rows = farthest_off(run)
-    unit, factor = readable(run.units[0])
-    seen = factor * run.measured[rows, 0]
+    unit, seen = run.units[0], run.measured[rows, 0]
     seen = seen[seen == seen]
     (first, last), unit_of_time = in_times([float(t) for t in run.time[rows][[0, -1]]])
     at = interval(float(seen.min()), float(seen.max()), 2, unit=unit) if seen.size else ""
@@ -176,10 +175,9 @@ def _better(proof: Proof) -> str:
     moved = []
     for row in proof.errors:
         if {"refitted", "extended"} <= set(row.rmse):
-            unit, factor = readable(row.unit)
-            before, after = (number(factor * row.rmse[k]) for k in ("refitted", "extended"))
-            moved.append(f"{plain(row.output)} {before} → {after} {unit}")
-    return f"error on held-out recordings: {', '.join(moved)}".replace(" °", "°") if moved else ""
+            before, after = (number(row.rmse[k]) for k in ("refitted", "extended"))
+            moved.append(f"{plain(row.output)} {before} → {with_unit(after, row.unit)}")
+    return f"error on held-out recordings: {', '.join(moved)}" if moved else ""
 
 
 def _left(verdict: Verdict) -> str:

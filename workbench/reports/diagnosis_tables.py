@@ -17,9 +17,10 @@ from workbench.diagnosis.selection.score import COLLINEAR, Score, Scores
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Verdict
 from workbench.model import Model
-from workbench.model.units import readable, readably
+from workbench.model.units import readably, written_unit
 from workbench.recordings.checks.check import CHECKS, USUAL_FIX
-from workbench.reports.tables import Cell, Table, interval, number, plain
+from workbench.reports.figures.diagnosis import titled
+from workbench.reports.tables import Cell, Table, interval, number, plain, plus_minus
 
 _SHOWN_SCORES = 12
 
@@ -31,16 +32,17 @@ def errors_table(errors: Sequence[ErrorRow], extended: bool) -> Table:
 
     def error(label: str, row: ErrorRow) -> Cell:
         beside = f"{number(100 * row.normalised(label))} % of the spread"
-        shown = number(readable(row.unit)[1] * row.rmse[label])
-        return Cell(shown, reason=f"{beside}, {number(row.over_noise(label))} × noise")
+        return Cell(
+            number(row.rmse[label]), reason=f"{beside}, {number(row.over_noise(label))} × noise"
+        )
 
     return Table.of(
         "Errors of free runs over all held-out recordings",
         errors,
         {
-            "output": lambda row: f"{row.output.replace('_', ' ')} in {readable(row.unit)[0]}",
+            "output": lambda row: titled(row.output, written_unit(row.unit) or "1"),
             **{label: partial(error, label) for label in labels},
-            "sensor's noise": lambda row: number(readable(row.unit)[1] * row.noise),
+            "sensor's noise": lambda row: number(row.noise),
         },
         "Root mean square; nominal: before any fit; refitted: nominal equations, fitted"
         " parameters" + ("; extended: with what was found." if extended else "."),
@@ -66,10 +68,11 @@ def parameters_table(diagnosis: Diagnosis) -> Table:
     for name in names:
         one = before.get(name) or after[name]
         new = name not in before
-        factor, unit = readably(1.0, one.unit, model.read_in(name))
+        size = max(abs(one.prior.mean), abs(one.value))
+        factor, unit = readably(1.0, one.unit, model.read_in(name), size)
         words = ordinates.get(name) or plain(name.replace(".", ", "))
         shown = words if unit == "1" else f"{words} in {unit}"
-        known = f"{_value(factor * one.prior.mean)} ± {_value(factor * one.prior.std, 2)}"
+        known = plus_minus(factor * one.prior.mean, factor * one.prior.std)
         cells: list[Cell | str] = [
             shown + (" (new)" if new else ""),
             "" if new else known,
@@ -112,16 +115,10 @@ def _ordinates(diagnosis: Diagnosis) -> dict[str, str]:
 def _estimate(estimate: Estimate | None, factor: float, *, wrong: bool = False) -> Cell:
     if estimate is None:
         return Cell("")
-    text = f"{_value(factor * estimate.value, 4)} ± {_value(factor * estimate.std, 2)}"
+    text = plus_minus(factor * estimate.value, factor * estimate.std, 4)
     if wrong and estimate.on_bound:
         return Cell(text, "missed", "on the bound of what is plausible")
     return Cell(text, reason="on its bound" if estimate.on_bound else "")
-
-
-def _value(value: float, digits: int = 3) -> str:
-    if 0.0 < abs(value) < 1e-3:
-        return f"{value:.{digits - 1}e}".replace("-", "−")
-    return number(value, digits)
 
 
 def _moved(before: Estimate | None, after: Estimate | None) -> str:
@@ -186,8 +183,8 @@ def weights_table(verdict: Verdict) -> Table:
 
 def _size(score: Score, model: Model) -> str:
     entry = score.entry
-    unit, factor = model.reading(entry.unit, *entry.ports)
-    return f"{_value(factor * score.size)} {unit}".removesuffix(" 1")
+    unit, factor = model.reading(entry.unit, *entry.ports, size=score.size)
+    return f"{number(factor * score.size)} {unit}".removesuffix(" 1")
 
 
 def _fitted(candidate: Candidate | None) -> str:

@@ -10,6 +10,7 @@ from typing import Literal, TypeVar
 
 from workbench.display import aligned_table
 from workbench.errors import WorkbenchError
+from workbench.model.units import RAISED
 
 T = TypeVar("T")
 
@@ -150,6 +151,26 @@ def number(value: float, digits: int = 3, *, unit: str = "") -> str:
     if abs(value) < 1e-4 or abs(value) >= 1e7:
         text = f"{value:.{digits - 1}e}"
     return text.replace("-", "−") + suffix
+
+
+def plus_minus(value: float, std: float, digits: int = 3) -> str:
+    """Write a number with its standard deviation, both by the power of ten of a number far from 1.
+
+    Args:
+        value: The number, in any unit.
+        std: Its standard deviation, in the same unit.
+
+    Example:
+        >>> plus_minus(0.2512, 5.71e-5), plus_minus(-5.4545e9, 8.7e6)
+        ('0.251 ± 0.000057', '(−5.45 ± 0.0087)·10⁹')
+    """
+    power = math.floor(math.log10(abs(value))) if value and math.isfinite(value) else 0
+    if -5 < power < 7:
+        places = 1 - math.floor(math.log10(std)) if 0.0 < std < 1e-3 else 0
+        told = f"{std:.{places}f}" if 0 < places < 10 else number(std, 2)
+        return f"{number(value, digits)} ± {told}"
+    told = plus_minus(value / 10.0**power, std / 10.0**power, digits)
+    return f"({told})·10{str(power).translate(RAISED)}"
 
 
 def interval(low: float, high: float, digits: int = 3, *, unit: str = "") -> str:

@@ -138,12 +138,11 @@ def locate(model: Model, recordings: Sequence[Observed]) -> Location:
             break
 
     def best(free: Sequence[str]) -> float:
-        costs: list[float] = []
-        for level in (3 * trusted, *LEVELS):
-            costs.append(cost({g: level if g in free else trusted for g in groups}))
-            if len(costs) > 1 and costs[-1] > costs[-2]:
-                break
-        return min(costs)
+        # Beyond a level that gains nothing another one may, if far more is missing than is usual.
+        return min(
+            cost({g: level if g in free else trusted for g in groups})
+            for level in (3 * trusted, *LEVELS)
+        )
 
     rest = cost(dict.fromkeys(groups, trusted))
     everywhere = min(best(list(groups)), rest)

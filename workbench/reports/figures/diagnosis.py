@@ -15,7 +15,7 @@ from workbench.diagnosis.location.missing_signal import MissingSignal
 from workbench.diagnosis.nonparametric.result import Argument
 from workbench.errors import WorkbenchError
 from workbench.model import Model
-from workbench.model.units import from_si, of_difference, readable, readably, written_unit
+from workbench.model.units import from_si, of_difference, readably, written_unit
 from workbench.reports.style import (
     BAND,
     FAINT,
@@ -53,42 +53,31 @@ _WINDOWS = 60
 
 
 def as_read(model: Model, run: FreeRun, *, errors: bool = False) -> FreeRun:
-    """Return a free run, in SI, with each output in the unit that the model declares for reading.
-
-    An output that declares none stays in SI.
+    """Return a free run, in SI, with each output in the unit in which people read it.
 
     Args:
         errors: Whether errors are read from it, in which the zero of a scale has no part.
     """
-    units = [_display(model, name) or unit for name, unit in zip(run.used, run.units, strict=True)]
-    units = [of_difference(unit) for unit in units] if errors else units
+    shown = {q.name: q.display_unit for q in model.outputs}
+    units = [of_difference(shown[name]) if errors else shown[name] for name in run.used]
     measured, simulated = (
         np.column_stack([from_si(v[:, i], unit) for i, unit in enumerate(units)])
         for v in (run.measured, run.simulated)
     )
-    shown = tuple(written_unit(unit) or "1" for unit in units)
-    return replace(run, units=shown, measured=measured, simulated=simulated)
+    written = tuple(written_unit(unit) or "1" for unit in units)
+    return replace(run, units=written, measured=measured, simulated=simulated)
 
 
 def sizes_as_read(model: Model, sizes: Mapping[str, float]) -> dict[str, float]:
     """Return errors of outputs, in SI, by name, in the units of `as_read`."""
-    return {
-        name: float(from_si(size, of_difference(_display(model, name) or "1")))
-        for name, size in sizes.items()
-    }
+    shown = {q.name: of_difference(q.display_unit) for q in model.outputs}
+    return {name: float(from_si(size, shown[name])) for name, size in sizes.items()}
 
 
-def _display(model: Model, name: str) -> str:
-    """Return the unit that an output declares beside its SI unit; empty if none."""
-    shown = {q.name: q.display_unit for q in model.outputs if q.display_unit != q.unit}
-    return shown.get(name, "")
-
-
-def titled(name: str, unit: str, declared: str = "") -> str:
-    """Write a quantity with its readable unit, from the SI one, as the label of an axis."""
-    shown = readably(0.0, unit, declared)[1]
+def titled(name: str, unit: str) -> str:
+    """Write a quantity with its unit, as people write it, as the label of an axis."""
     plain = name.replace("_", " ")
-    return plain if shown == "1" else f"{plain} in {shown}"
+    return plain if unit == "1" else f"{plain} in {unit}"
 
 
 def diagnosis_runs(
@@ -149,19 +138,18 @@ def draw_run(
     axes: Axes, before: FreeRun, after: FreeRun | None, i: int, rows: npt.NDArray[np.bool_]
 ) -> None:
     """Draw one output as measured and as both models say, at some of the samples."""
-    factor = readable(before.units[i])[1]
-    time, seen = _thinned(before.time[rows], factor * before.measured[rows, i])
+    time, seen = _thinned(before.time[rows], before.measured[rows, i])
     axes.plot(time, seen, color=MEASURED.light, linewidth=3.0, alpha=0.45)
     for run, colour, dashes in ((before, BEFORE, "-"), (after, AFTER, _DASHES)):
         if run is not None and run.finite:
-            time, told = _thinned(run.time[rows], factor * run.simulated[rows, i])
+            time, told = _thinned(run.time[rows], run.simulated[rows, i])
             axes.plot(time, told, color=colour.light, linewidth=1.2, linestyle=dashes)
-    whole = factor * before.measured[np.isfinite(before.measured[:, i]), i]
+    whole = before.measured[np.isfinite(before.measured[:, i]), i]
     low, high = (f(seen if len(seen) else whole) for f in (np.min, np.max))
     if before.finite:
         # A model that is far off is shown as far as it leaves the measurements legible, be it
         # where nothing moves.
-        told = _thinned(before.time[rows], factor * before.simulated[rows, i])[1]
+        told = _thinned(before.time[rows], before.simulated[rows, i])[1]
         reach = max(high - low, 0.2 * np.ptp(whole))
         low = max(min(low, np.min(told)), low - reach)
         high = min(max(high, np.max(told)), high + reach)
@@ -179,7 +167,7 @@ def diagnosis_residuals(
     """Draw how far both free runs are measured, against the noise of the sensors.
 
     Args:
-        noise: Noise of each output, in its SI unit.
+        noise: Noise of each output, in the unit of the runs.
 
     Returns:
         The figure: root mean square of the error over sixty windows on a logarithmic axis, one
@@ -208,17 +196,16 @@ def draw_error(
     """Draw the error of one output over time, on a logarithmic axis.
 
     Args:
-        noise: Noise of each output, in its SI unit; the band is twice that.
+        noise: Noise of each output, in the unit of the runs; the band is twice that.
     """
-    factor = readable(before.units[i])[1]
-    level = max(factor * noise.get(before.used[i], 0.0), 1e-12)
+    level = max(noise.get(before.used[i], 0.0), 1e-12)
     smallest, largest = level, 3 * level
     for run, colour in ((before, BEFORE), (after, AFTER)):
         if run is not None and run.finite:
             time, rms = moving_rms(run.time, run.error[:, i])
-            axes.plot(time, factor * rms, color=colour.light, linewidth=1.3)
-            smallest = min(smallest, float(np.nanmin(factor * rms, initial=level)))
-            largest = max(largest, float(np.nanmax(factor * rms, initial=level)))
+            axes.plot(time, rms, color=colour.light, linewidth=1.3)
+            smallest = min(smallest, float(np.nanmin(rms, initial=level)))
+            largest = max(largest, float(np.nanmax(rms, initial=level)))
     axes.set_yscale("log")
     axes.set_ylim(0.5 * max(smallest, 1e-3 * level), 2 * largest)
     axes.axhspan(1e-12, 2 * level, color=BAND.light, zorder=0)
@@ -270,23 +257,20 @@ def _draw_law(axes: Axes, located: MissingSignal) -> None:
     rows = np.flatnonzero(located.known)
     rows = rows[:: max(1, len(rows) // _POINTS)]
     along = located.argument
-    x = readably(along.values[rows], along.unit, along.shown)[0]
+    x, unit_of_x = readably(along.values[rows], along.unit, along.shown)
     drawn = [(located.signal, MEASURED, 0.6, "from the measurements")]
     if located.law is not None:
         drawn.append((located.law, AFTER, 1.0, located.law_name))
-    shown = []
-    for values, colour, alpha, name in drawn:
-        shown.append(readably(values[rows], located.unit, located.shown)[0])
-        look: dict[str, Any] = {"markersize": 3.2, "markeredgewidth": 0, "alpha": alpha}
-        axes.plot(x, shown[-1], ".", color=colour.light, label=name, **look)
-    axes.axhline(0.0, color=FAINT.light, linewidth=0.9, zorder=1)
-    _limit(axes, np.concatenate(shown))
-    axes.margins(x=0.03)
-    label(
-        axes,
-        x=titled(along.name, along.unit, along.shown),
-        y=titled(located.port, located.unit, located.shown),
+    shown, unit = readably(
+        np.array([values[rows] for values, *_ in drawn]), located.unit, located.shown
     )
+    for values, (_, colour, alpha, name) in zip(shown, drawn, strict=True):
+        look: dict[str, Any] = {"markersize": 3.2, "markeredgewidth": 0, "alpha": alpha}
+        axes.plot(x, values, ".", color=colour.light, label=name, **look)
+    axes.axhline(0.0, color=FAINT.light, linewidth=0.9, zorder=1)
+    _limit(axes, shown)
+    axes.margins(x=0.03)
+    label(axes, x=titled(along.name, unit_of_x), y=titled(located.port, unit))
     key(axes, columns=2)
     legend = axes.get_legend()
     for handle in legend.legend_handles if legend is not None else ():
@@ -300,20 +284,19 @@ def diagnosis_signal(located: MissingSignal) -> Figure:
     rows = located.time <= located.time[0] + last
     rows &= np.maximum.accumulate(located.time) == located.time
     time = located.time[rows]
-    signal, std = (
-        readably(values[rows], located.unit, located.shown)[0]
-        for values in (located.signal, located.std)
+    told = [located.signal, located.std, *([] if located.law is None else [located.law])]
+    (signal, std, *laws), unit = readably(
+        np.array([values[rows] for values in told]), located.unit, located.shown
     )
     axes.fill_between(
         time, signal - 2 * std, signal + 2 * std, color=FAINT.light, alpha=0.45, linewidth=0
     )
     axes.plot(time, signal, color=MEASURED.light, linewidth=1.2, label="from the measurements")
-    if located.law is not None:
-        law = readably(located.law[rows], located.unit, located.shown)[0]
+    for law in laws:
         axes.plot(time, law, color=AFTER.light, linewidth=1.0, label=located.law_name)
         signal = np.concatenate([signal, law])
     _limit(axes, signal)
-    label(axes, x="time in s", y=titled(located.port, located.unit, located.shown))
+    label(axes, x="time in s", y=titled(located.port, unit))
     key(axes, columns=2)
     return figure
 
@@ -371,10 +354,8 @@ def diagnosis_nonparametric(
         )
     figure, (axes,) = new_figure([2.7])
     bins, shown = argument.bins, "%" if unit == "1" else shown
-    x = readably(bins.x, argument.unit, argument_shown)[0]
-    mean, std, curve = (
-        readably(values, unit, shown)[0] for values in (bins.mean, bins.std, bins.curve)
-    )
+    x, unit_of_x = readably(bins.x, argument.unit, argument_shown)
+    (mean, std, curve), read = readably(np.array([bins.mean, bins.std, bins.curve]), unit, shown)
     axes.fill_between(
         x,
         mean - std,
@@ -390,8 +371,8 @@ def diagnosis_nonparametric(
     axes.margins(x=0.03)
     label(
         axes,
-        x=titled(argument.name, argument.unit, argument_shown),
-        y=f"{'change of ' if unit == '1' else ''}{titled(place, unit, shown)}",
+        x=titled(argument.name, unit_of_x),
+        y=f"{'change of ' if unit == '1' else ''}{titled(place, read)}",
     )
     handles, _ = axes.get_legend_handles_labels()
     # The measurements come first, as they do in every picture.
@@ -421,7 +402,7 @@ def diagnosis_answer(
     error = as_read(model, before, errors=True)
     less = after and as_read(model, after, errors=True)
     draw_error(panels[1], error, sizes_as_read(model, noise), less, 0)
-    label(panels[1], x="time in s", y=f"error in {readable(error.units[0])[0]}")
+    label(panels[1], x="time in s", y=titled("error", error.units[0]))
     key(panels[0], columns=3, handles=run_key(after))
     if located is not None:
         _draw_law(panels[2], located)
