@@ -6,7 +6,8 @@ with the lag and without, has
     Ms = max |1 / (1 + L)|, Mt = max |L / (1 + L)| within their limits,   |T| w <= trusted frequency
 
 (`controllers.plain.many_loops`) and the noise of the measurements moves no command by more than a
-share of half its range. Where no law holds all limits, as no loop of a plant that is unstable and
+share of half its range. Delays of a linear system count as they are, and as the Pade functions that
+a law reckons with, where those turn less. Where no law holds all limits, as no loop of a plant that is unstable and
 late does, those are taken that exceed them least.
 
 Units: SI.
@@ -35,6 +36,7 @@ from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_range
 from workbench.linearisation.pace import noise_of
 from workbench.linearisation.transfer import transfer_function
+from workbench.model.linear_system import LinearEquations, pade
 from workbench.model.units import in_time
 
 ANGLE = np.geomspace(1e-6, 0.98 * np.pi, 300)
@@ -53,6 +55,9 @@ that of a plant that is unstable."""
 STIRRED = 0.3
 """Largest change of a command in a sample that noise makes, rms, over that which its slew lets it
 make: beyond, it lets little else through."""
+
+ALIASES = 20
+"""Frequencies, to either side, that look alike to samples and are reckoned with."""
 
 MOST_LATE = 40
 """Samples of a delay up to which steps reckon with it."""
@@ -179,11 +184,45 @@ class LoopLimits:
 
     @cached_property
     def _responses(self) -> list[Complex]:
+        shown, h = self.loop.shown, self.want.sample_time
         z = np.exp(1j * ANGLE)
-        return [
+        found = [
             transfer_function(a, b, c, np.zeros((len(c), b.shape[1])), z)
             for a, b, c in replace(self, late_by=0).plants
         ]
+        if not self._delays.any():
+            return found
+        # A loop is fast enough for a Pade function to be far from its delay, and must bear both.
+        # Held commands have all frequencies that look alike to samples.
+        w = (ANGLE[:, None] + 2.0 * np.pi * np.arange(-ALIASES, ALIASES + 1)) / h
+        apart = transfer_function(shown.A, shown.B, shown.C, shown.D, 1j * w)
+        turn = w[..., None, None] * self._delays
+        apart *= (np.exp(-1j * turn) / pade(turn)[0] - 1.0) / (1j * h * w[..., None, None])
+        lags = np.array(sorted({0.0, self.want.sensor_lag}))[:, None, None]
+        seen = (1.0 - 1.0 / z)[:, None] / (1.0 + 1j * lags * w)
+        more = np.einsum("lzk,zkpm->lzpm", seen, apart)
+        return [(P + own) * np.exp(1j * self._less) for P, own in zip(found, more, strict=True)]
+
+    @cached_property
+    def _delays(self) -> Matrix:
+        """Times by which the plant is late by Pade functions, shape (p, m), in s.
+
+        What a PID adds to several commands is judged with all of them.
+        """
+        shown, equations = self.loop.shown, self.loop.linear.operating_point.model.equations
+        found = np.zeros(shown.D.shape)
+        if isinstance(equations, LinearEquations) and equations.delays:
+            _, inputs, outputs = equations.names
+            rows = [outputs.index(name) for name in shown.output_names]
+            for k, name in enumerate(shown.input_names):
+                if name in inputs:
+                    found[:, k] = np.array(equations.delays)[rows, inputs.index(name)]
+        return found
+
+    @property
+    def _less(self) -> Matrix:
+        """Angles by which Pade functions turn less than their delays, in rad, shape (n, p, m)."""
+        return pade(ANGLE[:, None, None] / self.want.sample_time * self._delays)[1]
 
     @property
     def _quiet(self) -> float:
@@ -233,7 +272,7 @@ class LoopLimits:
             [P[::every] for P in self._responses],
             laws,
             angle,
-            late=want.delay / want.sample_time,
+            late=(angle * want.delay / want.sample_time)[:, None, None] + self._less[::every],
             noise=want.loop_noise(loop) / loop.command_scale[:, None],
             weight=1.0 + (self._quiet * fast) ** 2,
             followed=self.outputs,

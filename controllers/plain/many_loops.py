@@ -90,7 +90,7 @@ def peaks(
     plants: Sequence[Complex],
     laws: LinearLaw,
     angle: Vector,
-    late: float,
+    late: Matrix,
     noise: Matrix,
     weight: Matrix,
     followed: int,
@@ -101,7 +101,7 @@ def peaks(
 
     Args:
         plants: Responses at frequencies, in rad per sample, each of shape (n_z, p, m).
-        late: Largest delay, in samples.
+        late: Largest angles by which delays turn each loop, in rad, shape (n_z, p, m).
         noise: Noise of the measurements over half of the commands' range, shape (m, p).
         weight: What squares of moves of the commands count, shape (n_z, m), ratios.
         followed: Number of outputs that are followed, the first of those that are measured.
@@ -110,18 +110,19 @@ def peaks(
         Ms, Mt, |T| w in rad per sample, noise of the commands as a share of half their range, and
         whether no delay turns a crossover to -1.
     """
-    z, delays, count = np.exp(1j * angle), angle * late, len(laws.F)
+    z, count = np.exp(1j * angle), len(laws.F)
     _, sensors, commands = plants[0].shape
     more = sensors > followed
     single = commands == 1 and (more or sensors == 1)
     turned = _turned if single else partial(_turned_together, at_outputs=not more)
+    late = late.max(axis=(1, 2)) if single else late
     ms, mt, beyond, stirred = np.zeros((4, count))
     stable = np.ones(count, dtype=bool)
     for first in range(0, count, AT_A_TIME):
         part = slice(first, first + AT_A_TIME)
         K = -response(chosen(laws, part), z, sensors)
         for P in plants:
-            s, t, moved, crossed = turned(P, K, delays, noise)
+            s, t, moved, crossed = turned(P, K, late, noise)
             stable[part] &= ~crossed
             noisy = np.trapezoid(moved * weight, angle, axis=1) / np.pi
             for most, own in (
@@ -178,7 +179,7 @@ is none, in rad."""
 
 
 def _turned_together(
-    P: Complex, K: Complex, late: Vector, noise: Matrix, *, at_outputs: bool
+    P: Complex, K: Complex, late: Matrix, noise: Matrix, *, at_outputs: bool
 ) -> Turned:
     """Return the same of loops of several outputs or commands, all turned together.
 
@@ -188,10 +189,10 @@ def _turned_together(
     late = np.minimum(late, 2.0 * np.pi)
     shares = np.linspace(0.0, 1.0, 1 + math.ceil(float(late.max()) / TURN))
     # Between the ends of what is turned, only where that is something.
-    tried = (late[:, None] > HARDLY) | (shares == 0.0) | (shares == 1.0)
+    tried = (late.max(axis=(1, 2))[:, None] > HARDLY) | (shares == 0.0) | (shares == 1.0)
     z, own = np.nonzero(tried)
     if len(shares) > 1:
-        P, K = np.exp(-1j * late[z] * shares[own])[:, None, None] * P[z], K[:, z]
+        P, K = np.exp(-1j * late[z] * shares[own][:, None, None]) * P[z], K[:, z]
     S = _inverse(one + P @ K)
     KS = K @ S
     T = KS @ P

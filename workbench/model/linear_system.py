@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from workbench.arrays import Matrix, Vector
+from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 from workbench.model.model import Model
 from workbench.model.quantities import Input, Output, Parameter, State
@@ -34,6 +35,8 @@ class LinearEquations:
         D: Feedthrough, in SI.
         sample_time: Time between the samples that the system was given by, in s; 0 if continuous.
         late: Whether states between others stand for a delay.
+        delays: Time by which each output is late behind each input, in s, by a Pade function; none
+            if empty.
         free: Coefficients that are parameters of the model: matrix, row and column, from 0 on.
     """
 
@@ -44,6 +47,7 @@ class LinearEquations:
     names: tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]
     sample_time: float = 0.0
     late: bool = False
+    delays: Rows = ()
     free: tuple[Entry, ...] = ()
 
     def __call__(self, m: Scope) -> Equations:
@@ -178,8 +182,10 @@ def model_of_system(
                 " and then the upper one"
             )
     parts = _parts(given)
+    delays = np.zeros((len(outputs), len(inputs))) + late + getattr(system, "delays", 0.0)
     if sampled:
-        parts = _continuous(system, parts, float(sampled))
+        parts, behind = _continuous(system, parts, float(sampled))
+        delays = delays + behind
     grown = len(parts[0]) > len(given.A)
     passing = getattr(system, "passing", 0)
     if late:
@@ -200,6 +206,7 @@ def model_of_system(
             (states, inputs, outputs),
             float(sampled),
             late=grown or getattr(system, "late", False),
+            delays=_rows(delays) if delays.any() else (),
         ),
         states=tuple(State(name, "1") for name in states),
         inputs=tuple(
@@ -362,6 +369,7 @@ def late_system(rows: Sequence[Sequence[Sequence[Late]]], what: str) -> Any:
         for row in rows for entry, least in zip(row, common, strict=True) for term in entry
     )  # fmt: skip
     found.passing = len(_late(common)[0])
+    found.delays = np.array([[max(t.delay for t in entry) for entry in row] for row in rows])
     return found
 
 
@@ -417,8 +425,8 @@ _NOTHING = 1e-12
 """Coefficient of a polynomial that is zero, over the largest."""
 
 
-def _continuous(system: Any, parts: Parts, h: float) -> Parts:
-    """Return a continuous system with the samples of one with held inputs.
+def _continuous(system: Any, parts: Parts, h: float) -> tuple[Parts, Matrix]:
+    """Return a continuous system with the samples of one with held inputs, and its delays, in s.
 
     Whole samples by which an output is late are delays by Pade functions; what answers within some
     samples and is then gone is a sum of held inputs that are late.
@@ -435,7 +443,7 @@ def _continuous(system: Any, parts: Parts, h: float) -> Parts:
         ]
     if not any(entry and (entry[0] or entry[3]) for row in entries for entry in row):
         a, b = before_hold(A, B, h)
-        return a, b, np.hstack([C, np.zeros((len(C), len(a) - len(A)))]), D
+        return (a, b, np.hstack([C, np.zeros((len(C), len(a) - len(A)))]), D), np.zeros(D.shape)
     common = [min((e[0] for e in column if e), default=0) for column in zip(*entries, strict=True)]
     rows: list[Parts] = []
     for row in entries:
@@ -457,7 +465,8 @@ def _continuous(system: Any, parts: Parts, h: float) -> Parts:
                 whole = _in_series(whole, _late(((late - common[j]) * h,)))
             columns.append(whole)
         rows.append(_block(columns, stacked=False))
-    return _in_series(_block(rows, stacked=True), _late([k * h for k in common]))
+    delays = np.array([[(e[0] + len(e[3])) * h if e else 0.0 for e in row] for row in entries])
+    return _in_series(_block(rows, stacked=True), _late([k * h for k in common])), delays
 
 
 _GONE = 0.2
@@ -513,6 +522,24 @@ def _late(times: Sequence[float]) -> Parts:
         A[own, own], B[own, [i]], C[[i], own], D[i, i] = a, b, c, d[0, 0]
         first += len(a)
     return A, B, C, D
+
+
+def pade(turn: npt.ArrayLike) -> tuple[Complex, Vector]:
+    """Return the Pade function of a delay at frequencies, and by how much less it turns, in rad.
+
+    Args:
+        turn: What the delay turns, its time by the frequency, in rad, any shape.
+
+    Example:
+        >>> value, less = pade(6.0)
+        >>> float(abs(value).round(2)), float(less.round(2))
+        (0.57, 0.97)
+    """
+    s = 1j * np.asarray(turn)
+    above, below = 1.0 - 0.4 * s + s**2 / 20.0, 1.0 + 0.6 * s + 0.15 * s**2 + s**3 / 60.0
+    # Both turn one way, by less than a circle.
+    left = np.mod(-np.angle(above), 2.0 * np.pi) + np.mod(np.angle(below), 2.0 * np.pi)
+    return above / below, np.asarray(turn - left)
 
 
 def _in_series(system: Parts, before: Parts) -> Parts:

@@ -48,7 +48,7 @@ def system_of_text(text: str) -> Any:
     found = late_system(_Parser(text).rows(), f"transfer function {text!r}")
     names = {"inputs": _numbered("u", found.ninputs), "outputs": _numbered("y", found.noutputs)}
     named = ct.ss(found, name="linear system", **names)
-    named.late, named.passing = found.late, found.passing
+    named.late, named.passing, named.delays = found.late, found.passing, found.delays
     return named
 
 
