@@ -7,8 +7,8 @@ with the lag and without, has
 
 (`controllers.plain.many_loops`) and the noise of the measurements moves no command by more than a
 share of half its range. Delays of a linear system count as they are, and as the Pade functions that
-a law reckons with, where those turn less. Where no law holds all limits, as no loop of a plant that is unstable and
-late does, those are taken that exceed them least.
+a law reckons with. Where no law holds all limits, as no loop of a plant that is unstable and late
+does, those are taken that exceed them least.
 
 Units: SI.
 
@@ -94,7 +94,8 @@ class LoopSpecification(Checked):
             or the least that a loop of this plant has.
         maximum_complementary: Limit on Mt, the peak of the complementary sensitivity (ratio); by
             default (0) 2.8, or the least that a loop of this plant has.
-        delay: Delay beside that of sampling up to which the limits hold, in s.
+        delay: Delay beside that of sampling up to which the limits hold, in s, and by which a law
+            with a model predicts.
         sensor_lag: Time constant of the sensor with which the limits hold as well, in s.
         trusted_frequency: Frequency above which nothing of the model is trusted, in rad/s; every
             one is by default (0).
@@ -173,6 +174,11 @@ class LoopLimits:
         """The same, whose steps are those of commands that are late by the delay."""
         count = round(self.want.delay / self.want.sample_time)
         return replace(self, late_by=count) if 0 < count <= MOST_LATE else self
+
+    @cached_property
+    def predicted(self) -> Loop:
+        """The loop that a law with a model reckons with: the commands are late by the delay."""
+        return self.loop.late(self.want.delay)
 
     @cached_property
     def plants(self) -> list[tuple[Matrix, Matrix, Matrix]]:

@@ -52,6 +52,11 @@ class Loop(NamedTuple):
     fading: tuple[float, ...]
     read: LinearModel | None = None
 
+    def late(self, delay: float) -> Loop:
+        """Return the loop whose commands act late, by a time in s."""
+        read = self.read and self.read.late(delay)
+        return self._replace(linear=self.linear.late(delay), read=read) if delay else self
+
     @property
     def measured(self) -> tuple[str, ...]:
         """Names of the outputs that are followed."""

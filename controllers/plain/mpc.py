@@ -96,7 +96,7 @@ def design_plain_mpc(
 
 
 def _within(want: PlainMPCSpecification, limits: LoopLimits) -> LinearMPC:
-    loop, h = limits.loop, want.sample_time
+    loop, h = limits.predicted, want.sample_time
     # Over many time constants of an unstable mode no prediction has a meaning.
     growing = float(np.max(loop.linear.poles.real, initial=0.0))
     top = min(max(2.0 * growing, 0.02 / h) if growing > 1e-6 / h else FASTEST / h, 0.3 / h)

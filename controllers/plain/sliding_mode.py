@@ -75,7 +75,7 @@ def design_plain_sliding_mode(
                 f" {len(loop.actuators)}; follow one output by one command, or take another family,"
                 " such as lqi"
             )
-        model = ObservedModel(loop, want)
+        model = ObservedModel(limits.predicted, want)
         sliding = cache(partial(_sliding, model, want))
 
         def designed(_: tuple[int, ...], at: tuple[float, float, float]) -> ObserverLaw:

@@ -74,7 +74,7 @@ def design_lqi(linear: LinearModel, specification: LQISpecification | None = Non
     def designed(limits: LoopLimits) -> ObserverLaw:
         law, _ = _fastest(limits, want, speeds(want.sample_time), want.disturbances)
         late = limits.late
-        return at_pace(late, ObservedModel(limits.loop, want).led(late, law))
+        return at_pace(late, ObservedModel(limits.predicted, want).led(late, law))
 
     return designed_for(want, linear, designed, reading_helps)
 
@@ -104,7 +104,7 @@ def _fastest(
     limits: LoopLimits, want: LQISpecification, tried: list[float], disturbances: Sequence[float]
 ) -> tuple[ObserverLaw, tuple[float, ...]]:
     """Return the best state feedback and the speed of each output, in rad/s."""
-    loop, model = limits.loop, ObservedModel(limits.loop, want)
+    loop, model = limits.predicted, ObservedModel(limits.predicted, want)
     outputs, sizes = len(loop.measured), loop.sizes(tried)
     given = np.broadcast_to(np.array(want.error_scale, dtype=float), outputs)
 

@@ -15,6 +15,7 @@ from workbench.display import Drawn, Rows
 from workbench.errors import TIMES_S, check_choice, check_range
 from workbench.linearisation.modes import Mode, find_modes
 from workbench.linearisation.zero_order_hold import zero_order_hold
+from workbench.model.linear_system import in_series, late_by
 from workbench.model.sizes import poles_of
 from workbench.model.units import from_si
 from workbench.operating_point import OperatingPoint
@@ -244,6 +245,27 @@ class LinearModel(Drawn):
             state_names=(*self.state_names, *(self.input_names[k] for k in at)),
             x0=np.append(self.x0, self.u0[at]),
             drift=np.append(self.drift, np.zeros(len(at))),
+            ends=ends,
+        )
+
+    def late(self, delay: float) -> LinearModel:
+        """Return the model whose inputs act late, by Pade functions whose states come last.
+
+        Args:
+            delay: Time by which they are late, in s.
+        """
+        k = len(self.input_names)
+        A, B, C, D = in_series((self.A, self.B, self.C, self.D), late_by((delay,) * k))
+        ends = None if self.ends is None else np.pad(self.ends, ((0, 0), (0, 0), (0, 3 * k)))
+        return replace(
+            self,
+            A=A,
+            B=B,
+            C=C,
+            D=D,
+            state_names=(*self.state_names, *np.repeat(self.input_names, 3).tolist()),
+            x0=np.append(self.x0, np.repeat(self.u0, 3)),
+            drift=np.append(self.drift, np.zeros(3 * k)),
             ends=ends,
         )
 

@@ -189,8 +189,8 @@ def model_of_system(
     grown = len(parts[0]) > len(given.A)
     passing = getattr(system, "passing", 0)
     if late:
-        before = _late((late,) * len(inputs))
-        parts, passing = _in_series(parts, before), passing + len(before[0])
+        before = late_by((late,) * len(inputs))
+        parts, passing = in_series(parts, before), passing + len(before[0])
     A, B, C, D = parts
     states = labels(given.state_labels)
     if len(states) != len(A):
@@ -311,7 +311,7 @@ def _in_motion(num: Vector, den: Vector) -> Parts | None:
         if pole.imag:
             turning_by = np.array([[2.0 * rate, -pace], [pace, 0.0]])
             own = turning_by, np.array([[pace], [0.0]]), np.array([[0.0, 1.0]]), none
-        whole = _in_series(whole, own)
+        whole = in_series(whole, own)
     return whole
 
 
@@ -357,18 +357,18 @@ def late_system(rows: Sequence[Sequence[Sequence[Late]]], what: str) -> Any:
             whole: Parts | None = None
             for term in entry:
                 quotient = ct.minreal(ct.tf(term.num, term.den), verbose=False)
-                late = _late((term.delay - least,))
-                one = _in_series(_parts(proper_system(quotient, what)), late)
+                late = late_by((term.delay - least,))
+                one = in_series(_parts(proper_system(quotient, what)), late)
                 whole = _beside(whole, one) if whole is not None else one
             assert whole is not None
             entries.append(whole)
         table.append(_block(entries, stacked=False))
-    found = ct.ss(*_in_series(_block(table, stacked=True), _late(common)), name="linear system")
+    found = ct.ss(*in_series(_block(table, stacked=True), late_by(common)), name="linear system")
     found.late = any(
         term.delay > least
         for row in rows for entry, least in zip(row, common, strict=True) for term in entry
     )  # fmt: skip
-    found.passing = len(_late(common)[0])
+    found.passing = len(late_by(common)[0])
     found.delays = np.array([[max(t.delay for t in entry) for entry in row] for row in rows])
     return found
 
@@ -460,13 +460,13 @@ def _continuous(system: Any, parts: Parts, h: float) -> tuple[Parts, Matrix]:
                 whole = a, b, c, slow[3]
                 for k, tap in enumerate(taps, start=1):
                     if tap:
-                        held = _late(((k - 0.5) * h,))
+                        held = late_by(((k - 0.5) * h,))
                         whole = _beside(whole, (held[0], held[1], tap * held[2], tap * held[3]))
-                whole = _in_series(whole, _late(((late - common[j]) * h,)))
+                whole = in_series(whole, late_by(((late - common[j]) * h,)))
             columns.append(whole)
         rows.append(_block(columns, stacked=False))
     delays = np.array([[(e[0] + len(e[3])) * h if e else 0.0 for e in row] for row in entries])
-    return _in_series(_block(rows, stacked=True), _late([k * h for k in common])), delays
+    return in_series(_block(rows, stacked=True), late_by([k * h for k in common])), delays
 
 
 _GONE = 0.2
@@ -505,22 +505,20 @@ def _without_delay(
     return late, remainder if len(remainder) else np.zeros(1), kept, tuple(c[::-1])
 
 
-def _late(times: Sequence[float]) -> Parts:
+def late_by(times: Sequence[float]) -> Parts:
     """Return signals that are late by times in s, by the Pade function of second over third order.
+
+    Its states are as large as the signal, and the last of them is it at rest.
 
     Source: H. Pade 1892.
     """
-    import control as ct
+    from scipy.linalg import block_diag
 
     one = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1))
-    each = [_parts(ct.ss(ct.tf(*ct.pade(t, 3, 2)))) if t else one for t in times]
-    n, k = sum(len(part[0]) for part in each), len(times)
-    A, B, C, D = np.zeros((n, n)), np.zeros((n, k)), np.zeros((k, n)), np.eye(k)
-    first = 0
-    for i, (a, b, c, d) in enumerate(each):
-        own = slice(first, first + len(a))
-        A[own, own], B[own, [i]], C[[i], own], D[i, i] = a, b, c, d[0, 0]
-        first += len(a)
+    a = np.array([[-9.0, -9.0, -9.0], [4.0, 0.0, 0.0], [0.0, 5.0 / 3.0, 0.0]])
+    b, c = np.array([[9.0], [0.0], [0.0]]), np.array([[1.0, -2.0, 3.0]]) / 3.0
+    each = [(a / t, b / t, c, np.zeros((1, 1))) if t else one for t in times]
+    A, B, C, D = (block_diag(*part) for part in zip(*each, strict=True))
     return A, B, C, D
 
 
@@ -542,7 +540,7 @@ def pade(turn: npt.ArrayLike) -> tuple[Complex, Vector]:
     return above / below, np.asarray(turn - left)
 
 
-def _in_series(system: Parts, before: Parts) -> Parts:
+def in_series(system: Parts, before: Parts) -> Parts:
     """Return a system behind another that leads to its inputs."""
     (A, B, C, D), (a, b, c, d) = system, before
     whole = np.block([[A, B @ c], [np.zeros((len(a), len(A))), a]])

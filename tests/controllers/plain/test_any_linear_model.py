@@ -785,3 +785,13 @@ def test_pids_of_late_commands_are_the_best_of_late_steps() -> None:
     step = step_scenario("y", 0.0, 0.08, hold=30.0, sample_time=0.05)
     found = metrics(verify(law, linear, replace(step, late_samples=20)))
     assert found["overshoot"].value < 0.05 and found["settling_time"].value < 12.0
+
+
+@pytest.mark.parametrize(("name", "most"), [("lqi", 13.0), ("plain-sliding-mode", 11.0)])
+def test_laws_with_a_model_predict_what_late_commands_do(name: str, most: float) -> None:
+    # Laws that bear the delay and do not know of it take 18 and 13 s.
+    linear = linear_model("1 / (4 s + 1)", limits=2.0)
+    law = designed(name, linear, sample_time=0.05, delay=2.0)
+    step = step_scenario("y", 0.0, 0.2, hold=40.0, sample_time=0.05)
+    found = metrics(verify(law, linear, replace(step, late_samples=40)))
+    assert found["overshoot"].value < 0.03 and found["settling_time"].value < most
