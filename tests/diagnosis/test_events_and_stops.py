@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -221,19 +222,30 @@ def test_terms_that_balance_tell_how_large_a_law_may_be() -> None:
     )
 
 
-@pytest.mark.parametrize("square", [False, True])
-def test_what_repeats_is_named_with_its_phase_in_each_recording(square: bool) -> None:
+@pytest.mark.parametrize("form", ["sine", "square", "pulse"])
+def test_what_repeats_is_named_with_its_phase_in_each_recording(form: str) -> None:
     runs = []
     for seed, late in ((1, 0.31), (2, 1.13)):
         wave = np.sin(2.0 * np.pi * (STEP * np.arange(SAMPLES) - late) / 1.6)
         drive = levels(SAMPLES, seed, 30.0, 20, 80)
-        more = 4.0 * (np.sign(wave) if square else wave)
+        pulse = np.maximum(wave - np.cos(0.25 * np.pi), 0.0) / (1.0 - np.cos(0.25 * np.pi))
+        more = 4.0 * {"sine": wave, "square": np.sign(wave), "pulse": pulse}[form]
         runs.append(recorded(1.0, spring, drive, STEP, 1e-3, seed=seed, unread=more))
-    found = diagnosed(oscillator(), runs, "periodic_push sensor_hum sensor_lag offset")
-    finding = named(found, "periodic_push_mass_force", noise=1.5, period=approx(1.6, rel=1e-3))
+    found = diagnosed(
+        oscillator(), runs, "periodic_push periodic_pulse sensor_hum sensor_lag offset"
+    )
+    law = "periodic_pulse_mass_force" if form == "pulse" else "periodic_push_mass_force"
+    finding = named(found, law, noise=1.5, period=approx(1.6, rel=1e-3))
     assert abs(finding.parameters["amplitude"].value) == approx(4.0, rel=0.02)
-    flatness = finding.parameters["flatness"].value
-    assert flatness > 50.0 if square else flatness < 0.1
+    if form == "pulse":
+        assert finding.parameters["part"].value == approx(0.25, rel=0.02)
+        when = (
+            r"every 1.6 s, from 0.5\d* to 0.9\d* s of run 1 on, from 1.3\d* to 1.7\d* s of run 2 on"
+        )
+        assert re.search(when, finding.sentence)
+    else:
+        flatness = finding.parameters["flatness"].value
+        assert flatness > 50.0 if form == "square" else flatness < 0.1
 
 
 def _web(m: Scope) -> dict[str, Any]:

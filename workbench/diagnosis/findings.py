@@ -171,12 +171,20 @@ def _instead(diagnosis: Diagnosis, name: str) -> list[str]:
 
 
 def _since(diagnosis: Diagnosis, effect: Effect) -> str:
-    """Say from when on an event acts in each recording; empty if it is none."""
+    """Say from when on an event acts in each recording, or how often; empty if it is none."""
     model, prepared = diagnosis.extended.model, diagnosis.prepared
-    if not effect.about.moment or effect.about.period:
+    if not effect.about.moment:
         return ""
-    said = []
-    for seen in (*prepared.fitting, *prepared.judging):
+    recordings, said = (*prepared.fitting, *prepared.judging), []
+    if effect.about.period:
+        own = {q.name: model.parameter(f"{effect.name}.{q.name}").value for q in effect.parameters}
+        period, lasting = own[effect.about.period], own.get("part", 0.0) * own[effect.about.period]
+        for seen in recordings if lasting else ():
+            begin = (moments(model, effect, seen.name)[0] - 0.5 * lasting) % period
+            times, unit = in_times([begin, begin + lasting])
+            said.append(f"from {' to '.join(times)} {unit} of {seen.name} on")
+        return ", ".join([f"every {in_time(period)}", *said])
+    for seen in recordings:
         begin, end = moments(model, effect, seen.name)
         last = seen.sample_time * (len(seen.outputs) - 2)
         if begin > last or end < 2.0 * seen.sample_time:

@@ -227,7 +227,9 @@ def _for_a_while(jump: Law) -> Law:
 offset_pulse = _for_a_while(offset_jump)
 
 
-def _wave(usual: Callable[[Place], float]) -> Callable[[Place], tuple[Own, ...]]:
+def _wave(
+    usual: Callable[[Place], float], when: str = "when it first rises through zero"
+) -> Callable[[Place], tuple[Own, ...]]:
     def parameters(at: Place) -> tuple[Own, ...]:
         period = at.recorded.period or at.horizon
         apart = min(0.5, period / at.lasting)
@@ -236,7 +238,7 @@ def _wave(usual: Callable[[Place], float]) -> Callable[[Place], tuple[Own, ...]]
                  "amplitude", signed=True),
             shape("period", "s", period, "period", around=(1.0 - apart, 1.0 + apart),
                   scale=0.1 * apart * period, source=""),
-            shape("time", "s", 0.0, "when it first rises through zero", around=None,
+            shape("time", "s", 0.0, when, around=None,
                   between=(-2.0 * period, 2.0 * period), scale=0.1 * period, source=""),
             shape("flatness", "1", 0.0, "0 for a sine, large for a square wave", around=None,
                   between=(0.0, 1e3), scale=1.0, source=""),
@@ -246,12 +248,22 @@ def _wave(usual: Callable[[Place], float]) -> Callable[[Place], tuple[Own, ...]]
     return parameters
 
 
-def _waved(at: PortView) -> Expression:
-    wave = ca.sin(2.0 * math.pi * (at.x.clock - at.p.time) / at.p.period)
+def _sine(at: PortView, late: float = 0.0) -> Expression:
+    return ca.sin(2.0 * math.pi * ((at.x.clock - at.p.time) / at.p.period - late))
+
+
+def _waved(at: PortView, wave: Expression | None = None) -> Expression:
+    wave = _sine(at) if wave is None else wave
     # No edge is steeper than samples show.
     flatness = at.p.flatness / (1.0 + at.p.flatness * (math.pi * at.p.floor / at.p.period) ** 2)
     flattened = ca.sqrt((1.0 + flatness * wave * wave) / (1.0 + flatness))
     return at.value + at.p.amplitude * wave / flattened
+
+
+def _shone(at: PortView) -> Expression:
+    # Its middle is a quarter of a period after a sine of that time rises through zero.
+    night = ca.cos(math.pi * at.p.part)
+    return _waved(at, at.form.ramp(_sine(at, -0.25) - night, 0.05) / (1.0 - night))
 
 
 # Its period is that of what the model has left of the recordings.
@@ -273,8 +285,29 @@ periodic_push = replace(
     ],
     period="period",
     source="a machine beside it, mains, day and night",
-    look_alikes=("sensor_hum", "ripple"),
+    look_alikes=("sensor_hum", "periodic_pulse", "ripple"),
     separated_by="a recording at rest: it goes on there",
+)  # fmt: skip
+
+# The sun, a shift at work, a pump that runs for a while: the rest of the period it is not there.
+periodic_pulse = replace(
+    periodic_push,
+    name="periodic_pulse",
+    equation="y = u + amplitude r sqrt((1 + flatness) / (1 + flatness r^2)), r = max(0,"
+    " (cos(2 pi (t - time) / period) - c) / (1 - c)), c = cos(pi part)",
+    parameters=lambda at: (
+        *_wave(lambda at: 0.1, "when it is strongest")(at),
+        shape("part", "1", 0.3, "part of the period in which it acts", around=None,
+              between=(0.02, 0.98), scale=0.1),
+    ),
+    transform=_shone,
+    shapes=lambda at: [
+        {"time": late * (at.recorded.period or at.horizon), "part": part}
+        for part in (0.15, 0.4)
+        for late in (0.0, 0.25, 0.5, 0.75)
+    ],
+    source="the sun on a day, a shift at work, what is switched on and off by a clock",
+    look_alikes=("periodic_push",),
 )  # fmt: skip
 
 sensor_hum = replace(

@@ -161,7 +161,8 @@ class Occurrence:
 
     def sentence(self, subject: str = "It") -> str:
         """Return it as a sentence about something."""
-        again = f" It repeats every {in_time(self.period)}." if math.isfinite(self.period) else ""
+        repeats = math.isfinite(self.period) and not self.since
+        again = f" It repeats every {in_time(self.period)}." if repeats else ""
         return (
             f"{subject} acts {self.when}, {self.where}: {self.how_large} root mean square at"
             f" {self.port}.{again}"

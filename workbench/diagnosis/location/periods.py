@@ -9,21 +9,29 @@ import numpy as np
 
 from workbench.arrays import Vector
 
-_SINE, _REPEATS = 0.15, 3
-"""Share of the variance that a sine holds, and how often it repeats, where a signal is periodic."""
+_HELD, _REPEATS = 0.15, 3
+"""Share of the variance that repeats, and how often it does, where a signal is periodic."""
 
-_OUTSTANDING, _LINE = 4.0, 3
-"""Power of the line of that sine over the strongest other one, and how many lines away that is."""
+_OUTSTANDING = 4.0
+"""Power of the strongest line over that of the strongest one beside what repeats."""
+
+_WAVES, _AS_MUCH = 6, 0.9
+"""Sines that what repeats is made of: a sun that shines six hours a day shows more at a third of
+the day than at the day. And what holds so much of what a longer period does is the period."""
+
+_FINER = 40
+"""How many times finer than the lines of a periodogram the rate of what repeats is sought."""
 
 _STRETCH, _COURSE = 4, 3
 """Samples to a stretch of a way, on the mean, and degree of the course along it."""
 
 
 def period_of(recordings: Sequence[tuple[str, Vector]], signal: Vector) -> float:
-    """Return the period, in s, of the one sine that a signal mostly is; NaN if it is none.
+    """Return the period, in s, with which a signal mostly repeats; NaN if it does not.
 
-    The strongest line of the periodogram is refined by least squares. It has to stand out, and hold
-    `_SINE` of the variance over at least `_REPEATS` periods, in every recording at one frequency.
+    The strongest line of the periodogram, or what it is a multiple of, is refined by least squares
+    of `_WAVES` sines. Without them no line may be near as strong; they have to hold `_HELD` of the
+    variance over at least `_REPEATS` periods, in every recording at one frequency.
 
     Args:
         recordings: Name and times from the first sample, in s, one after the other, n in all.
@@ -41,17 +49,26 @@ def period_of(recordings: Sequence[tuple[str, Vector]], signal: Vector) -> float
         part = signal[first : first + len(time)] - np.mean(signal[first : first + len(time)])
         first += len(time)
         whole, variance = float(time[-1] - time[0]), float(np.mean(part**2))
-        lines = np.abs(np.fft.rfft(part * np.hanning(len(part)))[: len(part) // 2]) ** 2
+        lines = _lines(part)
         if len(lines) <= _REPEATS or not variance > 0.0 or not whole > 0.0:
             return math.nan
-        line = int(np.argmax(lines))
-        others = [*lines[: max(line - _LINE, 0)], *lines[line + _LINE + 1 :]]
-        held, rate = max(
-            (_held(time, part, f / whole), f / whole)
-            for f in np.linspace(max(line - 1, _REPEATS), max(line + 1, _REPEATS + 1), 41)
-        )
-        stands_out = lines[line] > _OUTSTANDING * max(others, default=0.0)
-        if line < _REPEATS or held < _SINE * variance or not stands_out:
+        line, found = int(np.argmax(lines)), []
+        between = np.abs(np.fft.rfft(part, _FINER * len(part))) ** 2
+        for divisor in range(1, min(_WAVES, line // _REPEATS) + 1):
+            waves = min(_WAVES, len(lines) * divisor // (line + 1))
+            near = np.arange(_FINER * max(line - 1, _REPEATS * divisor), _FINER * (line + 1) + 1)
+            steps = np.unique(np.rint(near / divisor).astype(int))
+            power = between[np.outer(np.arange(1, waves + 1), steps)].sum(axis=0)
+            rate = (
+                float(steps[int(np.argmax(power))]) / _FINER / len(part) * (len(part) - 1) / whole
+            )
+            wave = _repeated(time, part, rate, waves)
+            found.append((float(np.mean(wave**2)), rate, wave))
+        most = max((held for held, _, _ in found), default=0.0)
+        if most < _HELD * variance:
+            return math.nan
+        _, rate, wave = next(each for each in found if each[0] >= _AS_MUCH * most)
+        if lines[line] <= _OUTSTANDING * np.max(_lines(part - wave)):
             return math.nan
         rates.append(rate)
         widths.append(1.0 / whole)
@@ -89,8 +106,14 @@ def stride_of(way: Vector, signal: Vector) -> float:
     return period_of([("", 0.5 * (edges[1:] + edges[:-1]))], level)
 
 
-def _held(time: Vector, signal: Vector, rate: float) -> float:
-    """Return the mean square of the sine of a rate, in 1/s, that is nearest to a signal."""
-    angle = 2.0 * np.pi * rate * time
-    waves = np.column_stack([np.sin(angle), np.cos(angle)])
-    return float(np.mean((waves @ np.linalg.lstsq(waves, signal, rcond=None)[0]) ** 2))
+def _lines(signal: Vector) -> Vector:
+    """Return the power of the lines of a periodogram, in the square of the signal's unit."""
+    power = np.abs(np.fft.rfft(signal * np.hanning(len(signal)))[: len(signal) // 2]) ** 2
+    return np.asarray(power)
+
+
+def _repeated(time: Vector, signal: Vector, rate: float, waves: int) -> Vector:
+    """Return the sines of a rate, in 1/s, and its multiples that are nearest to a signal."""
+    angle = 2.0 * np.pi * rate * np.outer(time, np.arange(1, waves + 1))
+    sines = np.hstack([np.sin(angle), np.cos(angle)])
+    return np.asarray(sines @ np.linalg.lstsq(sines, signal, rcond=None)[0])
