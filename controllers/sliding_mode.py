@@ -117,11 +117,6 @@ class SlidingMode(ValveLaw):
         check_range(f"boundary layer of {self.name}", self.layer, 1e-9, 1e9, "rad/s2")
         check_range(f"bound on the rate of {self.name}", self.rate_bound, 1e-6, 1e12, "rad/s4")
 
-    @property
-    def layer_bandwidth(self) -> float:
-        """Pole inside the boundary layer, rho / layer, in rad/s."""
-        return self.jerk_bound / self.layer
-
     def initial_state(
         self, measurement: Numbers, arithmetic: Arithmetic = FLOATS
     ) -> SlidingModeState:

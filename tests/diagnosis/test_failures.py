@@ -75,7 +75,7 @@ def test_a_refit_that_fails_is_a_line(
 
     monkeypatch.setattr(room, step, sometimes)
     spring = next(e for e in library(servo_axis()) if e.law == "linear_spring")
-    verdict = _diagnosed(replace(spring, effect=spring.effect.renamed("spring")))
+    verdict = _diagnosed(replace(spring, effect=replace(spring.effect, name="spring")))
     assert [f.effect for f in verdict.findings] == ["coulomb_friction"]
     if step == "_refitted":
         assert _refused(verdict)["spring"] == f"it could not be tried, because {error}"

@@ -39,18 +39,19 @@ def test_emps_reproduces_the_published_values(external_folder: Path) -> None:
         assert abs(sigmas) < 1.0, name
         assert value == pytest.approx(published, rel=0.02), name
     assert report.refit.estimate("mass").value == pytest.approx(95.1089, rel=2e-3)
-    row = report.row("DATA_EMPS_PULSES", "position")
+    rows = {r.recording: r for r in report.rows}
+    row = rows["DATA_EMPS_PULSES"]
     # Free run through two integrations: linear black boxes reach 5.5 mm, networks 2.6 mm.
     assert row.refitted < 10.0
     assert row.refitted < 0.1 * row.nominal
     assert not report.reaches_floor
     # In the loop of its controller nothing drifts; 10 um is a tenth of a mille of the stroke.
-    assert report.row("DATA_EMPS_PULSES, in its loop", "position").refitted < 0.01
+    assert rows["DATA_EMPS_PULSES, in its loop"].refitted < 0.01
 
 
 def test_tanks_come_close_to_the_best_published_free_run(external_folder: Path) -> None:
     report = run_refit(problem_of_case(read_case("tanks", data=external_folder)))
-    row = report.row("test", "level")
+    (row,) = (r for r in report.rows if r.recording == "test")
     # Published: 0.191 V for the best physical model, 0.306 V for the next, 0.588 V if linear.
     assert row.refitted < 0.30
     assert row.refitted < 0.5 * row.nominal
@@ -68,7 +69,7 @@ def test_friction_of_the_seal_grows_with_pressure(external_folder: Path) -> None
         measured, speed = _friction(external_folder, bar)
         model = dry + 1e5 * bar * slope.value + speed * viscous
         assert model == pytest.approx(measured, abs=1.0), bar
-    row = report.row("O-ring_3bar", "force")
+    (row,) = (r for r in report.rows if r.recording == "O-ring_3bar")
     assert row.refitted < 1.0
     # The piston of 25 mm has 4.909 cm2.
     assert report.refit.estimate("area").value == pytest.approx(4.909e-4, rel=0.02)

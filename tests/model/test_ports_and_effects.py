@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -90,7 +91,7 @@ def test_effects_act_in_the_order_in_which_they_were_attached() -> None:
 
 
 def test_an_effect_attached_twice_under_two_names_acts_twice() -> None:
-    model = tank().with_effect(adds(0.1), adds(0.1).renamed("again"))
+    model = tank().with_effect(adds(0.1), replace(adds(0.1), name="again"))
     assert model.rates([1.0], [0.0])[0] == pytest.approx(-0.7 / 2)
 
 

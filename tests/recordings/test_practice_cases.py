@@ -19,14 +19,15 @@ def reports(folder: Path) -> dict[str, CheckReport]:
 def assert_fit(found: dict[str, CheckReport]) -> None:
     for role, report in found.items():
         assert report.result == "pass", str(report)
-        assert report.loop == role.split("_")[1], str(report.check("loop"))
+        assert report.check("loop").values["loop"] == role.split("_")[1], str(report.check("loop"))
         assert report.recording.sample_time == pytest.approx(0.002)
+        floors = report.check("noise floor").values["floors"]
         for name in ("pressure_1", "pressure_2"):
-            noise = report.noise[name]
+            noise = floors[name]
             # 12 bit on 10 bar, printed with four digits; 6 mbar rms, known to 5 % from 100 blocks.
             assert noise.step == pytest.approx(240.0, rel=0.02)
             assert noise.noise_rms == pytest.approx(600.0, rel=0.06)
-        angle = report.noise["angle"]
+        angle = floors["angle"]
         assert np.rad2deg(angle.step) == pytest.approx(0.002, rel=1e-3)
         assert np.rad2deg(angle.floor) == pytest.approx(0.002 / np.sqrt(12), rel=0.05)
         assert np.isnan(angle.noise_rms)
@@ -49,7 +50,8 @@ def test_every_practice_case(name: str, external_folder: Path) -> None:
     found = reports(folder)
     assert_fit(found)
     # The valve's spool and a rising pressure show after some samples, never at once.
-    onsets = [d.onset for d in found["identify_open"].delays if d.response != "angle"]
+    delays = found["identify_open"].check("delay").values["delays"]
+    onsets = [d.onset for d in delays if d.response != "angle"]
     assert all(0.002 <= onset <= 0.02 for onset in onsets)
 
 
@@ -59,6 +61,6 @@ def test_lagging_sensors_show_in_the_delay(external_folder: Path) -> None:
         folder = external_folder / "practice" / name
         if not folder.is_dir():
             pytest.skip(f"the data folder has no {name}")
-        report = reports(folder)["identify_open"]
-        onset[name] = next(d.onset for d in report.delays if d.response == "pressure_1")
+        delays = reports(folder)["identify_open"].check("delay").values["delays"]
+        onset[name] = next(d.onset for d in delays if d.response == "pressure_1")
     assert onset["practice-06"] > onset["practice-07"] + 0.005

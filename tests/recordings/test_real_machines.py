@@ -54,7 +54,7 @@ def test_emps(real: Path, tmp_path: Path, name: str) -> None:
     assert recording.metadata["kp"] == pytest.approx(160.18)
     report = check_recording(recording)
     assert report.result == "pass", str(report)
-    assert report.loop == "closed"
+    assert report.check("loop").values["loop"] == "closed"
     # SciPy reads the same file by other code.
     from scipy.io import loadmat
 

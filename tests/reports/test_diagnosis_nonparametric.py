@@ -61,7 +61,7 @@ def test_the_curve_is_shown_with_its_argument_and_the_improved_run() -> None:
     (located,) = proof_of(found).located
     assert located.argument.name == "position" and located.law is not None
     # The made-up spring pulls with 200 N/m; the curve is constant beyond its hull.
-    low, high = found.nonparametric.hull["position"]
+    low, high = found.nonparametric.arguments[0].hull
     share = float(((located.argument.values < low) | (located.argument.values > high)).mean())
     assert share > 0.5
     caption = next(p.caption for p in page.pictures if p.name == "law-1")

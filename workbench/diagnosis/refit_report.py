@@ -83,9 +83,6 @@ class RefitReport:
         nominal: Free runs of the nominal model on the held-out recordings.
         refitted: Free runs of the refitted model on them.
         seconds: Time that the refit took, in s.
-
-    Raises:
-        WorkbenchError: From `row`, if there is none of that recording and output.
     """
 
     problem: Problem
@@ -105,16 +102,6 @@ class RefitReport:
         """
         explained = self.refit.noise_scale <= IMPERFECT
         return explained and bool(self.rows) and all(row.at_floor for row in self.rows)
-
-    def row(self, recording: str, output: str) -> HeldOut:
-        """Return the errors of one output on one held-out recording."""
-        for row in self.rows:
-            if (row.recording, row.output) == (recording, output):
-                return row
-        raise WorkbenchError(
-            f"there is no held-out error of {output!r} on {recording!r}; there is:"
-            f" {', '.join(f'{r.output} on {r.recording}' for r in self.rows)}"
-        )
 
     def differences(self) -> tuple[tuple[str, float, float, float], ...]:
         """Return estimates beside published values.

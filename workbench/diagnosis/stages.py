@@ -209,11 +209,6 @@ class Diagnosis(Drawn):
         return self.selected.nonparametric if self.selected is not None else None
 
     @property
-    def excess(self) -> float:
-        """Log likelihood that the refitted nominal model lacks, dimensionless; NaN if unknown."""
-        return self.scored.excess if self.scored is not None else float("nan")
-
-    @property
     def before(self) -> Location | None:
         """Where the refitted nominal model lacks something."""
         location = self.located.location if self.located is not None else None

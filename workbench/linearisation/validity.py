@@ -62,11 +62,6 @@ class Kink:
         small, large = sorted((abs(self.slope_below), abs(self.slope_above)))
         return large / small if small else float("inf")
 
-    @property
-    def mean(self) -> float:
-        """Mean of both slopes, in SI."""
-        return 0.5 * (self.slope_below + self.slope_above)
-
     def __str__(self) -> str:
         unit, factor = self.slope_read
         below, above = (factor * slope for slope in (self.slope_below, self.slope_above))
@@ -476,11 +471,6 @@ class AmplitudeValidity:
     moves: Vector
     unit: str
     input_unit: str = ""
-
-    @property
-    def best(self) -> float:
-        """Step with the smallest deviation, in SI of the linear model's input."""
-        return float(self.amplitudes[int(np.argmin(self.errors))])
 
     def __str__(self) -> str:
         i = int(np.argmin(self.errors))

@@ -112,7 +112,3 @@ class Effect:
             q.with_value(values[q.name]) if q.name in values else q for q in self.parameters
         )
         return replace(self, parameters=changed)
-
-    def renamed(self, name: str) -> Effect:
-        """Return the same effect under another name, by which its states and parameters go too."""
-        return replace(self, name=name)

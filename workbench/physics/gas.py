@@ -34,11 +34,6 @@ class Gas:
     gas_constant: float = 287.05
     heat_ratio: float = 1.4
 
-    @property
-    def cv(self) -> float:
-        """Specific heat capacity at constant volume, J/(kg K)."""
-        return self.gas_constant / (self.heat_ratio - 1)
-
 
 AIR = Gas()
 """Dry air."""

@@ -119,11 +119,6 @@ class Hypothesis:
         """
         return self.effect.with_parameters({**(shape or {}), self.size_parameter: size})
 
-    @property
-    def typical(self) -> Effect:
-        """The effect at its typical size."""
-        return self.at_size(self.typical_size)
-
 
 def look_alikes(hypothesis: Hypothesis, hypotheses: Iterable[Hypothesis]) -> tuple[Hypothesis, ...]:
     """Return the others that the same data may not separate from one: either names the other."""

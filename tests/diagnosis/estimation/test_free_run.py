@@ -48,7 +48,7 @@ def test_samples_without_measurement_do_not_count() -> None:
 
 def test_a_model_with_a_further_effect_runs_on_the_same_recording() -> None:
     stiff = servo_axis().with_effect(
-        viscous_friction("axis.force", coefficient=100.0).renamed("more")
+        replace(viscous_friction("axis.force", coefficient=100.0), name="more")
     )
     assert (
         free_run(stiff, _pushed()).simulated[-1, 0]

@@ -57,7 +57,7 @@ def test_the_menu_of_the_arm_stays_within_its_range() -> None:
     assert len({e.text for e in offered}) == len(offered)
     names = [q.name for q in plant.outputs]
     for e in offered:
-        assert e.duration <= 20.0
+        assert e.sample_time * (len(e.inputs) - 1) <= 20.0
         assert np.all((e.inputs >= 0.0) & (e.inputs <= 10.0))
         read = e.measurements(plant, seen.start)
         assert read is not None

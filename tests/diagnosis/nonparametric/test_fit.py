@@ -104,7 +104,7 @@ def test_a_made_up_law_of_the_axis_is_found_over_the_right_argument() -> None:
 
 def test_the_curve_is_the_law_but_for_constant_and_scale() -> None:
     found = axis_term(True)
-    low, high = found.hull["position"]
+    low, high = found.arguments[0].hull
     x = np.linspace(low, high, 200)[10:-10]
     law = np.array([made_up_law(value) for value in x])
     curve = found.curve(x)
@@ -127,7 +127,7 @@ def test_cogging_of_the_arm_is_found_without_its_name(cogging: ArmCase) -> None:
     # The noise of the encoder is 1e-5 rad; what is left are small errors of the pressures.
     before, after = found.rmse["angle"]
     assert after < 0.5 * before
-    low, high = found.hull["angle"]
+    low, high = found.arguments[0].hull
     x = np.linspace(low, high, 300)[15:-15]
     law = truth["cogging_torque"] * np.sin(truth["cogging_periods"] * x)
     curve = found.curve(x)

@@ -65,7 +65,7 @@ def test_the_law_of_a_curve_is_the_curve(tmp_path: Path) -> None:
     term = replace(_term(), likenesses=())
     law = _law(term, tmp_path, "law_of_curve")
     model = servo_axis().with_effect(law("axis.force", amount=1.0))
-    x = np.linspace(*term.hull["position"], 7)
+    x = np.linspace(*term.arguments[0].hull, 7)
     own = term.fit.refit
     fitted = servo_axis().with_effect(
         term.law.effect.with_parameters(  # type: ignore[union-attr]

@@ -72,7 +72,7 @@ def test_the_same_law_twice_is_one_class() -> None:
     seen = [observed(2, hidden=False, n=400)]
     base = fit_with_process_noise(model, seen, default_priors(model), follow=False)
     one = viscous_friction(_AT, coefficient=0.0, upper=1e4)
-    entries = [Hypothesis(one.renamed(name), "coefficient", 100.0) for name in ("one", "two")]
+    entries = [Hypothesis(replace(one, name=name), "coefficient", 100.0) for name in ("one", "two")]
     other = next(e for e in library(base.model) if e.name == "cubic_stiffness")
     scores = score_library(
         base.model, seen, default_priors(model), [*entries, other], noise_scale=base.noise_scale

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from workbench.recordings import Recording, Signal, check_recording
-from workbench.recordings.checks.noise import usual_rms, white_rms
+from workbench.recordings import Recording, Signal
+from workbench.recordings.checks.noise import noise_of, usual_rms, white_rms
 from workbench.recordings.checks.quantisation import quantum
 
 TIME = 0.002 * np.arange(10_000)
@@ -12,7 +12,7 @@ MOTION = 3e5 + 1e5 * np.sin(2 * TIME) + 3e4 * np.sin(11 * TIME)
 
 
 def floor_of(values: np.ndarray) -> tuple[float, float, float]:
-    noise = check_recording(Recording("r", TIME, (Signal("x", values),))).noise["x"]
+    noise = noise_of(Recording("r", TIME, (Signal("x", values),)), "x")
     return noise.floor, noise.noise_rms, noise.step
 
 
@@ -43,9 +43,9 @@ def test_impacts_and_pauses_do_not_count(rng: np.random.Generator) -> None:
 
 def test_motion_too_fast_to_tell_is_an_upper_bound() -> None:
     fast = Recording("r", TIME, (Signal("x", np.sin(300 * TIME)),))
-    assert check_recording(fast).noise["x"].upper_bound
+    assert noise_of(fast, "x").upper_bound
     slow = Recording("r", TIME, (Signal("x", np.sin(TIME) + 1e-3 * np.sin(1e5 * TIME**2)),))
-    assert not check_recording(slow).noise["x"].upper_bound
+    assert not noise_of(slow, "x").upper_bound
 
 
 @pytest.mark.parametrize("step", [0.25, 10 / 4096, 1e-3, 2e-7])

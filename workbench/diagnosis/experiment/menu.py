@@ -49,11 +49,6 @@ class Experiment:
     settings: Mapping[str, float] = field(default_factory=dict)
     planned: tuple[Model, Vector] | None = field(default=None, repr=False, compare=False)
 
-    @property
-    def duration(self) -> float:
-        """Time from the first sample to the last, in s."""
-        return self.sample_time * (len(self.inputs) - 1)
-
     def measurements(self, model: Model, start: npt.ArrayLike) -> Vector | None:
         """Simulate what the sensors of a model would read, shape (n, n_outputs), without noise.
 

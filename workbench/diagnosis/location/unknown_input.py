@@ -61,11 +61,6 @@ class UnknownInput:
     states: Vector
     inputs: Vector
 
-    @property
-    def rms(self) -> Vector:
-        """Root mean square by port, shape (n_ports,), each in its unit."""
-        return np.asarray(np.sqrt(np.mean(self.signal**2, axis=0)))
-
 
 def unknown_input(model: Model, observed: Observed, ports: Sequence[str]) -> UnknownInput:
     """Estimate what is added at some ports along a recording.

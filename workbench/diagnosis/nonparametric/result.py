@@ -167,11 +167,6 @@ class NonparametricTerm:
         unit = next(a.unit for a in self.arguments if a.name == argument)
         return declared_unit(origins.get(argument, argument), unit, model.quantities)
 
-    @property
-    def hull(self) -> dict[str, tuple[float, float]]:
-        """Range of each argument in the fitting recordings, in its SI unit."""
-        return {argument.name: argument.hull for argument in self.arguments}
-
     def curve(self, x: npt.ArrayLike, argument: str | None = None) -> Vector:
         """Compute the fitted curve, shape (n,), in ``unit``.
 

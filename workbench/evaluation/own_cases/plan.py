@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-from workbench.evaluation.answer_key import Names, Truth, read_names
+from workbench.evaluation.answer_key import Names, read_names
 from workbench.evaluation.rig.effects import EFFECTS
 from workbench.evaluation.rig.parameters import nominal
 
@@ -143,11 +143,6 @@ class Planned:
             words for words, changes in NOISES.items() if changes.items() <= self.changes.items()
         ]
         return hidden + size + (f" ({', '.join(extra)})" if extra else "")
-
-    @property
-    def truths(self) -> tuple[Truth, ...]:
-        """What it hides, as a round is scored by it."""
-        return names().truths(self.name, list(self.effects))
 
 
 @dataclass(frozen=True)

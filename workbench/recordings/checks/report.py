@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from workbench.display import aligned_table
 from workbench.errors import check_choice
@@ -12,9 +12,7 @@ from workbench.errors import check_choice
 if TYPE_CHECKING:
     from workbench.model import Model
 from workbench.recordings.checks.check import CHECKS, Finding, Result
-from workbench.recordings.checks.delay import Delay
 from workbench.recordings.checks.expected import expectations
-from workbench.recordings.checks.noise import NoiseFloor
 from workbench.recordings.recording import Recording
 
 
@@ -42,24 +40,6 @@ class CheckReport:
     def doubtful(self) -> tuple[str, ...]:
         """Names of the checks with a suspicion that they cannot decide."""
         return tuple(check.name for check in self.checks if check.doubt)
-
-    @property
-    def noise(self) -> dict[str, NoiseFloor]:
-        """Noise floors by measured signal, in SI; empty if the recording is unfit."""
-        return dict(self._values("noise floor").get("floors", {}))
-
-    @property
-    def loop(self) -> str:
-        """``open``, ``closed`` or ``unknown``."""
-        return str(self._values("loop").get("loop", "unknown"))
-
-    @property
-    def delays(self) -> tuple[Delay, ...]:
-        """Delays from every command to every measured signal."""
-        return tuple(self._values("delay").get("delays", ()))
-
-    def _values(self, name: str) -> Mapping[str, Any]:
-        return next((c.values for c in self.checks if c.name == name), {})
 
     def check(self, name: str) -> Finding:
         """Return a check by its name, such as ``gaps``; an unknown name is a `WorkbenchError`."""
@@ -110,7 +90,8 @@ def check_recording(
         >>> noise = np.random.default_rng(0).normal(0.0, 1e-3, 1000)
         >>> trial = Recording("trial", time, (Signal("angle", np.sin(time) + noise, "rad"),))
         >>> report = check_recording(trial)
-        >>> report.result, round(report.noise["angle"].floor, 4)
+        >>> floors = report.check("noise floor").values["floors"]
+        >>> report.result, round(floors["angle"].floor, 4)
         ('pass', 0.001)
     """
     expected = expectations(recording, model=model, required=required, ranges=ranges, signs=signs)
