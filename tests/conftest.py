@@ -40,8 +40,7 @@ def rng() -> np.random.Generator:
 @pytest.fixture
 def forgotten() -> Iterator[None]:
     """Which compiler there is, and what it has built, is found anew before and after."""
-    from controllers.quadratic_program.compiled import solver_library
-    from controllers.quadratic_program.solver import quadratic_program
+    from controllers.quadratic_program.solver import quadratic_program, solver_library
     from workbench.work.machine_code import compiler
 
     def forget() -> None:

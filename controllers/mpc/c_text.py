@@ -14,8 +14,7 @@ import numpy as np
 
 from controllers.c_source import CSource, table
 from controllers.c_source import defined as macro
-from controllers.quadratic_program.compiled import solver_bytes, solver_source
-from controllers.quadratic_program.solver import most_iterations
+from controllers.quadratic_program.solver import most_iterations, solver_bytes, solver_source
 from controllers.valve_inverse import ValveInverse
 from workbench.arrays import Matrix
 

@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 
 from tests.reports.browser import BROWSER, measured
-from workbench.demo.moving_arm import FRAME_TIME, moving_arm
+from workbench.demo.moving_arm import FRAME_TIME, arm_drawing, moving_arm
 from workbench.errors import WorkbenchError
 from workbench.model import EXACT
 from workbench.plants.arm import arm
-from workbench.plants.arm.drawing import arm_drawing
 from workbench.plants.servo_axis import servo_axis
 from workbench.reports.page import Page, html
 from workbench.simulation import Trajectory

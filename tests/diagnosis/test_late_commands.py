@@ -9,7 +9,7 @@ import pytest
 
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
-from workbench.diagnosis.late_commands import with_commands_in_time
+from workbench.diagnosis.misrecorded_columns import with_commands_in_time
 from workbench.physics.library import library
 from workbench.plants.servo_axis import servo_axis
 from workbench.recordings.recording import Recording

@@ -7,7 +7,7 @@ import numpy as np
 
 from tests.diagnosis.machine_data import recording
 from tests.machines import machine
-from workbench.diagnosis.reversed_columns import with_signs_tried
+from workbench.diagnosis.misrecorded_columns import with_signs_tried
 from workbench.model import Model
 from workbench.recordings import check_recording
 

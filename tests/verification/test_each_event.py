@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from workbench.verification.each_event import response_to_each_event
+from workbench.verification.each_step import response_to_each_event
 
 
 def test_the_error_of_a_later_step_is_none_of_an_event() -> None:

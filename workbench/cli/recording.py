@@ -63,7 +63,7 @@ def recording(
         required = None if wanted is None else [w.name for w in wanted if w.name in seen]
         report = check_recording(seen, model=model, required=required)
         if model is not None and not report.fit:
-            from workbench.diagnosis.reversed_columns import with_signs_tried
+            from workbench.diagnosis.misrecorded_columns import with_signs_tried
 
             report = with_signs_tried(model, report)
     typer.echo(str(seen), err=as_json)

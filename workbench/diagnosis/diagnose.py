@@ -24,12 +24,11 @@ from workbench.diagnosis.estimation.priors import Prior, default_priors
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, blocks_as_trusted
 from workbench.diagnosis.estimation.start import fit_with_likely_starts, likely_start
 from workbench.diagnosis.experiment.next_experiment import Advice, next_experiment
-from workbench.diagnosis.late_commands import with_commands_in_time
 from workbench.diagnosis.location.locate import Location, locate
 from workbench.diagnosis.location.located_signal import missing_signals
+from workbench.diagnosis.misrecorded_columns import with_commands_in_time, with_signs_tried
 from workbench.diagnosis.nonparametric.fit import nonparametric_term
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
-from workbench.diagnosis.reversed_columns import with_signs_tried
 from workbench.diagnosis.second_search import VIEWS, View, beside
 from workbench.diagnosis.selection.held_out import run_errors, settled_run, shown_on_bounds
 from workbench.diagnosis.selection.rules import IMPERFECT, LEAST_SHOWN, NO_NAME

@@ -13,7 +13,7 @@ import numpy as np
 
 from workbench.arrays import Vector
 from workbench.model import Model
-from workbench.model.input_end import input_end
+from workbench.model.sizes import input_end
 from workbench.operating_point import OperatingPoint
 
 SOME = (0.1, 1e-3, 1e-5)

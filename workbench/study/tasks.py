@@ -30,8 +30,12 @@ from workbench.study.designs import ControllerRecipe, with_plan
 from workbench.study.inputs import watched
 from workbench.study.study import Study, Variation, load_metrics
 from workbench.verification import Metrics, MetricValue, Run, Scenario, metrics, verify
-from workbench.verification.each_event import EventResponse, response_to_each_event
-from workbench.verification.each_step import StepResponse, response_to_each_step
+from workbench.verification.each_step import (
+    EventResponse,
+    StepResponse,
+    response_to_each_event,
+    response_to_each_step,
+)
 from workbench.verification.responses import Value
 
 TRACE_POINTS = 600

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from controllers.quadratic_program.compiled import solver_library
 from controllers.quadratic_program.solver import (
     INFEASIBLE,
     LIMITED,
@@ -15,6 +14,7 @@ from controllers.quadratic_program.solver import (
     factored,
     most_iterations,
     quadratic_program,
+    solver_library,
 )
 from workbench.errors import WorkbenchError
 

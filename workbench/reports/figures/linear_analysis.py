@@ -20,8 +20,7 @@ from workbench.reports.page import Block, Words, methods
 from workbench.reports.pictures import Picture
 from workbench.reports.style import REFERENCE, SIMULATED, label, new_figure
 from workbench.reports.tables import Cell, Table, number
-from workbench.study.linear_loop import LoopAnalysis
-from workbench.study.plant_map import plant_map
+from workbench.study.linear_loop import LoopAnalysis, plant_map
 from workbench.study.study import Study
 
 

@@ -1,4 +1,4 @@
-"""Were commands written beside measurements that already answer to them?"""
+"""Columns that were recorded a row too late, or seem to have the wrong sign; refits tell."""
 
 from __future__ import annotations
 
@@ -10,9 +10,12 @@ import numpy as np
 from workbench.diagnosis.estimation.process_noise import perfect_cost
 from workbench.diagnosis.estimation.start import fit_to_few
 from workbench.diagnosis.selection.rules import SAME
+from workbench.diagnosis.undeclared.inputs import clearly_likelier
+from workbench.diagnosis.undeclared.plant import with_undeclared
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.model.units import in_time
+from workbench.recordings.checks.report import CheckReport
 from workbench.recordings.recording import Recording
 
 _LEFT = 0.1
@@ -71,3 +74,24 @@ def with_commands_in_time(
     )
     row = {"recording": first.name, "check": "rows", "result": "corrected", "note": note}
     return [moved_up(r, names, 1) for r in recordings], (row,)
+
+
+def with_signs_tried(model: Model, report: CheckReport) -> CheckReport:
+    """Doubt a wrong sign without which the refitted model follows a recording no better.
+
+    A command that answers to what it moves, as in a drive that takes the coupling of its axes away
+    or a heater when a door was opened, goes with the answer of others: its own may show the other
+    way round.
+    """
+    wrong = next((c for c in report.checks if c.values.get("turned")), None)
+    if wrong is None or wrong.result != "unfit":
+        return report
+    seen = report.recording
+    told, _ = with_undeclared(model, [seen])
+    for name in wrong.values["turned"]:
+        other = seen.with_signal(replace(seen.signal(name), values=-seen[name]))
+        if clearly_likelier(told, told, [other], [seen]):
+            return report
+    note = f"{wrong.note.partition(';')[0]}, but reversed the model follows it no better"
+    doubt = replace(wrong, result="pass", note=note, doubt=True)
+    return replace(report, checks=tuple(doubt if c is wrong else c for c in report.checks))
