@@ -69,7 +69,7 @@ class Registry(Generic[Member]):
         if self._members is None:
             found: dict[str, Member] = {}
             for origin, member in (*self._built_in(), *self._installed()):
-                name = self._name(member)
+                name = str(cast(Any, member).name)
                 if found.setdefault(name, member) is not member:
                     raise WorkbenchError(
                         f"{self.kind} {name!r} of {origin} has the name of another {self.kind};"
@@ -128,9 +128,6 @@ class Registry(Generic[Member]):
             with user_code(f"{self.kind} {entry.name!r} of an installed package"):
                 found = entry.load()
             yield entry.value, self.taken(found, entry.name)
-
-    def _name(self, member: Member) -> str:
-        return str(cast(Any, member).name)
 
 
 def load_object(kind: str, reference: str, *, folder: Path | None = None) -> Any:

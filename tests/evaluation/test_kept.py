@@ -13,7 +13,7 @@ import pytest
 from workbench.errors import WorkbenchError
 from workbench.evaluation.foreign.foreign_case import answer as diagnosed
 from workbench.evaluation.foreign.foreign_case import plan
-from workbench.evaluation.kept import answered, read_kept, run_cases
+from workbench.evaluation.kept import answered, chosen_cases, read_kept
 
 
 @dataclass(frozen=True)
@@ -54,14 +54,14 @@ def test_what_is_kept_is_not_answered_again(tmp_path: Path) -> None:
     assert list(answered(CASES, tmp_path, _refuse)) == read_kept(tmp_path) == again
 
 
-def test_a_part_of_a_plan_or_the_cases_that_are_named(tmp_path: Path) -> None:
-    def lines(**asked: Any) -> list[str]:
-        return list(run_cases(tmp_path, CASES, _answer, lambda row: str(row["case"]), **asked))
+def test_a_part_of_a_plan_or_the_cases_that_are_named() -> None:
+    def chosen(**asked: Any) -> list[str]:
+        return [case.name for case in chosen_cases(CASES, **asked)]
 
-    assert lines(part=(2, 2)) == ["case-2"]
-    assert lines(only=["case-3"]) == ["case-3"]
+    assert chosen(part=(2, 2)) == ["case-2"]
+    assert chosen(only=["case-3"]) == ["case-3"]
     with pytest.raises(WorkbenchError, match="case is 'case-4'"):
-        lines(only=["case-4"])
+        chosen(only=["case-4"])
 
 
 def test_cases_are_answered_side_by_side(tmp_path: Path) -> None:

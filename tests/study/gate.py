@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tests.study.small_study import TEXT, changed
-from workbench.study.baseline import write_baseline
+from workbench.files import write_whole
+from workbench.study.baseline import baseline_text
 from workbench.study.conditions import conditions
 from workbench.study.result import StudyResult, run_study
 from workbench.study.schema import load_study
@@ -75,6 +76,8 @@ def finished_gate(folder: Path) -> Gate:
     first = gate.compared(against=False)
     assert first.passed, first.headline()
     box = [r.table() for r in first.robustness]
-    write_baseline(gate.baseline, first.study.name, first.records, conditions(first.study), box)
+    write_whole(
+        gate.baseline, baseline_text(first.study.name, first.records, conditions(first.study), box)
+    )
     shutil.copytree(folder / "out" / "runs", gate.kept)
     return gate

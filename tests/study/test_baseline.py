@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 
 from workbench.errors import WorkbenchError
+from workbench.files import write_whole
 from workbench.study.baseline import (
     Baseline,
     Change,
     baseline_text,
     changes,
     read_baseline,
-    write_baseline,
 )
 from workbench.study.tasks import Record
 from workbench.verification import METRICS, Metrics, MetricValue
@@ -99,7 +99,7 @@ def test_every_gating_metric_states_a_tolerance() -> None:
 def test_a_baseline_reads_back(tmp_path: Path) -> None:
     records = [record(rmse=1 / 3, settling_time=math.nan, solve_time_p99=1.0),
                Record("mpc", "nominal", "step", 1, "diverged")]  # fmt: skip
-    path = write_baseline(tmp_path / "b.json", "s", records, {})
+    path = write_whole(tmp_path / "b.json", baseline_text("s", records, {}))
     found = read_baseline(path)
     assert found.study == "s" and len(found.records) == 2
     back = found.records[("pid", "nominal", "step", 1)]

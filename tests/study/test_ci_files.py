@@ -19,7 +19,8 @@ import pytest
 
 from tests.study.small_study import WORSE, small_study
 from workbench.data_folder import shipped_folder
-from workbench.study.baseline import write_baseline
+from workbench.files import write_whole
+from workbench.study.baseline import baseline_text
 from workbench.study.conditions import conditions
 from workbench.study.execution import Workers
 from workbench.study.schema import load_study
@@ -98,7 +99,9 @@ def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = small_study(place / "checkout" / "studies", ALONE, name="arm.toml")
     study = load_study(path)
     records = Workers(Store(place / "runs", "0")).records(tasks(study))
-    write_baseline(path.with_name("arm.baseline.json"), study.name, records, conditions(study))
+    write_whole(
+        path.with_name("arm.baseline.json"), baseline_text(study.name, records, conditions(study))
+    )
     (place / "bin").mkdir()
     root = Path(__file__).resolve().parents[2]
     (place / "service.py").write_text(SERVICE)

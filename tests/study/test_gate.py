@@ -12,10 +12,10 @@ import pytest
 
 from tests.study.gate import STUDY, Gate, finished_gate
 from tests.study.small_study import changed, small_study
-from workbench.files import json_text
+from workbench.files import json_text, write_whole
 from workbench.reports.study_page import study_page
 from workbench.reports.tables import Table
-from workbench.study.baseline import bless, box_changes, read_baseline, write_baseline
+from workbench.study.baseline import baseline_text, bless, box_changes, read_baseline
 from workbench.study.ci_files import github_annotations, junit
 from workbench.study.conditions import condition_changes, conditions
 from workbench.study.result import StudyResult, run_study
@@ -212,11 +212,11 @@ def test_fewer_plants_of_the_box_than_accepted_are_worse(gate: Gate, tmp_path: P
     (own,) = [r for r in row["requirements"] if r["hard"]]
     assert (own["met"], own["draws"]) == (3, 4)
     kept = tmp_path / "kept.json"
-    write_baseline(kept, "small", now.records, conditions(now.study), [row])
+    write_whole(kept, baseline_text("small", now.records, conditions(now.study), [row]))
     assert gate_against(now, kept).passed
     # Accepted were all four; the box informs only, and still nothing may get worse unseen.
     better = {**row, "requirements": [{**own, "met": 4}]}
-    write_baseline(kept, "small", now.records, conditions(now.study), [better])
+    write_whole(kept, baseline_text("small", now.records, conditions(now.study), [better]))
     outcome = gate_against(now, kept)
     assert not outcome.passed
     (change,) = outcome.worse
@@ -225,7 +225,7 @@ def test_fewer_plants_of_the_box_than_accepted_are_worse(gate: Gate, tmp_path: P
     assert f"| **pid**, box | {name} | – | 100 → 75 % |" in summary(outcome)
     assert f'<failure message="{escape(str(change))}' in junit(outcome)
     # A baseline that keeps none says what it cannot see.
-    write_baseline(kept, "small", now.records, conditions(now.study))
+    write_whole(kept, baseline_text("small", now.records, conditions(now.study)))
     assert "keeps no results of the parameter box" in summary(gate_against(now, kept))
 
 

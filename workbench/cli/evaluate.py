@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -44,15 +45,11 @@ class Campaign:
         self, cases: Sequence[Case], answer: Answer, line_of: Callable[[Mapping[str, Any]], str]
     ) -> int:
         """Answer the cases and print a line for each."""
-        from workbench.evaluation.kept import run_cases
+        from workbench.evaluation.kept import answered, chosen_cases
 
-        return self.told(run_cases, cases, answer, line_of)
-
-    def told(self, campaign: Callable[..., Iterator[str]], *asked: Any) -> int:
-        """Print the lines of a campaign, called with the folder and what is asked of it."""
-        share = {"part": part_of(self.part), "only": self.only or ()}
-        for line in campaign(self.out, *asked, **share, jobs=self.jobs, dask=self.dask):
-            typer.echo(line)
+        chosen = chosen_cases(cases, part_of(self.part), self.only or ())
+        for row in answered(chosen, self.out, answer, jobs=self.jobs, dask=self.dask):
+            typer.echo(line_of(row))
         return 0
 
 
@@ -109,7 +106,7 @@ def own_cases(
     """
     from workbench.evaluation.own_cases import own_case
 
-    answer = own_case.answer if baselines else own_case.answer_alone
+    answer = partial(own_case.answer, baselines=baselines)
     return campaign.run(own_case.cases(count, seeds, campaign.only or ()), answer, own_case.line_of)
 
 
@@ -127,7 +124,11 @@ def experiments(campaign: Campaign, *, count: Positive = 10, seeds: int | None =
     """
     from workbench.evaluation.own_cases.experiments import run_experiments
 
-    return campaign.told(run_experiments, count, seeds)
+    part = part_of(campaign.part)
+    shared: dict[str, Any] = {"jobs": campaign.jobs, "dask": campaign.dask}
+    for line in run_experiments(campaign.out, count, seeds, part, campaign.only or (), **shared):
+        typer.echo(line)
+    return 0
 
 
 @with_campaign

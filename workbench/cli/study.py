@@ -63,7 +63,7 @@ def compare(
         verify_cache: Do a sample of the finished runs again and compare.
     """
     from workbench.reports.figure import own_figures
-    from workbench.study.ci_files import github_annotations, on_github
+    from workbench.study.ci_files import github_annotations
     from workbench.study.result import run_study
     from workbench.study.summary import plain_summary
 
@@ -83,7 +83,7 @@ def compare(
             progress=counter,
         )
     write_study(outcome, out, as_json=as_json)
-    if on_github(os.environ) and not as_json:
+    if os.environ.get("GITHUB_ACTIONS") == "true" and not as_json:
         for line in github_annotations(outcome):
             typer.echo(line)
     typer.echo(plain_summary(outcome), err=as_json)

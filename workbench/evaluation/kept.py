@@ -35,22 +35,6 @@ Answer = Callable[[Any, int], dict[str, Any]]
 """Answers a case with a number of processes; a function that other processes find by its name."""
 
 
-def run_cases(
-    out: Path,
-    cases: Sequence[Case],
-    answer: Answer,
-    line_of: Callable[[Mapping[str, Any]], str],
-    *,
-    part: tuple[int, int] = (1, 1),
-    only: Sequence[str] = (),
-    jobs: int = 1,
-    dask: str | None = None,
-) -> Iterator[str]:
-    """Answer the `chosen_cases` of a plan, see `answered`; yields one line per case."""
-    chosen = chosen_cases(cases, part, only)
-    yield from map(line_of, answered(chosen, out, answer, jobs=jobs, dask=dask))
-
-
 def chosen_cases(
     cases: Sequence[C], part: tuple[int, int] = (1, 1), only: Sequence[str] = ()
 ) -> Sequence[C]:

@@ -246,17 +246,6 @@ def _box_row(row: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def write_baseline(
-    path: str | Path,
-    study: str,
-    records: Iterable[Record],
-    conditions: Mapping[str, Any],
-    box: Sequence[Mapping[str, Any]] = (),
-) -> Path:
-    """Write a baseline."""
-    return write_whole(path, baseline_text(study, records, conditions, box))
-
-
 def changes(
     rules: Mapping[str, Tolerance], records: Iterable[Record], baseline: Baseline
 ) -> tuple[Change, ...]:
@@ -400,7 +389,7 @@ def bless(folder: str | Path, baseline: str | Path) -> str:
     failed = [r for r in records if r.failed]
     kept = table["conditions"]
     other = condition_changes(before.conditions, kept) if before.conditions else ()
-    write_baseline(place, study, records, kept, box)
+    write_whole(place, baseline_text(study, records, kept, box))
     lines = []
     if not before.records:
         lines.append(f"accepted {len(records)} runs of study {study} as the first baseline")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
 
 from workbench.study.grouped import changes_by_plant, missed_by_plant
 from workbench.study.result import StudyResult
@@ -111,22 +110,13 @@ def github_annotations(outcome: StudyResult) -> tuple[str, ...]:
     for change in changes_by_plant(outcome.worse, outcome.required):
         place = line_of(text, ("controllers", change.worst.key[0]))
         errors.append((place, f"worse than the baseline: {change.worst} {change.also}".strip()))
-    file = os.path.relpath(outcome.study.path)
+    file = _data(os.path.relpath(outcome.study.path)).replace(":", "%3A").replace(",", "%2C")
     return tuple(
-        f"::{kind} file={_property(file)},line={line}::{_data(text)}"
+        f"::{kind} file={file},line={line}::{_data(text)}"
         for kind, found_ in (("error", errors), ("warning", warnings))
         for line, text in found_[:MOST]
     )
 
 
-def on_github(environment: Mapping[str, str]) -> bool:
-    """Tell whether a runner of GitHub reads what is printed."""
-    return environment.get("GITHUB_ACTIONS") == "true"
-
-
 def _data(text: str) -> str:
     return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
-
-
-def _property(text: str) -> str:
-    return _data(text).replace(":", "%3A").replace(",", "%2C")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -119,9 +118,3 @@ def case_folders(cases: Path) -> list[Path]:
             " cases'"
         )
     return found
-
-
-def read_limits(key: Path) -> dict[str, Mapping[str, float]]:
-    """Return the errors of the true model by case and output, in SI, where a key has them."""
-    content = json.loads(key.read_text(encoding="utf-8"))
-    return {case: answer["limit"] for case, answer in content.items() if "limit" in answer}

@@ -17,7 +17,6 @@ import numpy as np
 from workbench.display import aligned_table
 from workbench.errors import WorkbenchError
 from workbench.evaluation.answer_key import NOTHING
-from workbench.evaluation.benchmark.baselines import read_limits
 from workbench.evaluation.blind_round import (
     RoundScore,
     names_of,
@@ -102,7 +101,8 @@ def compared(cases: Path, verdicts: Sequence[Path]) -> tuple[Scored, ...]:
     """
     key, table = cases / KEY, cases / NAMES
     names = table if table.exists() else None
-    limits, known = read_limits(key), every_name(arm())
+    answers, known = json.loads(key.read_text(encoding="utf-8")), every_name(arm())
+    limits = {case: answer["limit"] for case, answer in answers.items() if "limit" in answer}
     scores = []
     for folder in verdicts:
         score = score_verdicts(folder, key, names=names)

@@ -82,12 +82,12 @@ def poor_cases(first_seed: int = FIRST_SEED) -> tuple[Planned, ...]:
 def run_experiments(
     out: Path,
     count: int,
-    first_seed: int | None = None,
+    first_seed: int | None,
+    part: tuple[int, int],
+    only: Sequence[str],
     *,
-    part: tuple[int, int] = (1, 1),
-    only: Sequence[str] = (),
-    jobs: int = 1,
-    dask: str | None = None,
+    jobs: int,
+    dask: str | None,
 ) -> Iterator[str]:
     """Diagnose poorly recorded cases until ``count`` ended as classes, each with one experiment.
 

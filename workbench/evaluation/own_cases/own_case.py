@@ -109,13 +109,8 @@ def line_of(row: Mapping[str, Any]) -> str:
     return f"{row['case']} {row['title']:<38} -> {said:<16} {found}  ({row['seconds']:.0f} s)"
 
 
-def answer_alone(case: Planned, jobs: int) -> dict[str, Any]:
-    """Diagnose one case without asking the baselines; returns what is kept of it."""
-    return answer(case, jobs, baselines=False)
-
-
 def answer(case: Planned, jobs: int, *, baselines: bool = True) -> dict[str, Any]:
-    """Diagnose one case and let the baselines answer too; returns what is kept of it."""
+    """Diagnose one case and let baselines answer too, if asked; returns what is kept of it."""
     with tempfile.TemporaryDirectory() as place:
         folder = made(case, Path(place) / case.name)
         truth = json.loads((folder / "truth.json").read_text())
