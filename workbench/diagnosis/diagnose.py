@@ -20,6 +20,7 @@ from workbench.diagnosis.estimation.fixed_parameters import (
 from workbench.diagnosis.estimation.growth import growth_along
 from workbench.diagnosis.estimation.noise_colour import with_correlated_noise
 from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior, default_priors
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, blocks_as_trusted
 from workbench.diagnosis.estimation.start import fit_with_likely_starts, likely_start
@@ -392,16 +393,16 @@ def validate(found: Diagnosis, *, advise: bool = True, jobs: int = 1, say: Progr
     task = Task(found.nominal, found.base, prepared.fitting, prepared.judging, prepared.priors)
     known = selected.closest
     refitted = known.get("refitted") or task.closest(found.base, robust=True)
-    extended, location, run = refitted, None, dict(selected.runs)
+    extended, location, run, judging = refitted, None, dict(selected.runs), prepared.judging
     if found.improved:
         extended = known.get("extended") or task.closest(selected.extended, robust=True)
         started = task.started(prepared.fitting, extended.model)
         if extended.noise_scale <= IMPERFECT:
-            judging = task.started(prepared.judging, extended.model)
-            tried = with_fixed_refitted(extended, started, judging)
+            judged = task.started(judging, extended.model)
+            tried = with_fixed_refitted(extended, started, judged)
             if not np.array_equal(extended.model.values, tried.model.values):
                 before, after = (
-                    run_errors(fit, found.nominal, prepared.judging) for fit in (extended, tried)
+                    run_errors(fit, found.nominal, judging) for fit in (extended, tried)
                 )
                 if after.spoilt_from(before):
                     # What predicts the next sample better may run further off.
@@ -411,6 +412,9 @@ def validate(found: Diagnosis, *, advise: bool = True, jobs: int = 1, say: Progr
             extended = tried
         else:
             extended = with_fixed_uncertainty(extended, started)
+        judging = _as_unstable(extended, task, judging)
+        if judging is not prepared.judging:
+            run.clear()
         say("locating what is left")
         location = where(extended, replace(prepared, fitting=tuple(started))).location
     say("running the models freely on the held-out recordings")
@@ -422,7 +426,7 @@ def validate(found: Diagnosis, *, advise: bool = True, jobs: int = 1, say: Progr
     }
     runs = {
         label: run.get(label)
-        or {r.name: settled_run(model, found.nominal, r, scale) for r in prepared.judging}
+        or {r.name: settled_run(model, found.nominal, r, scale) for r in judging}
         for label, (model, scale) in models.items()
     }
     wrong: tuple[str, ...] = ()
@@ -449,6 +453,20 @@ def validate(found: Diagnosis, *, advise: bool = True, jobs: int = 1, say: Progr
     for (left, *_), _ in others:
         validated = replace(validated, left=left)
     return validated
+
+
+def _as_unstable(
+    extended: ProcessNoiseFit, task: Task, judging: tuple[Observed, ...]
+) -> tuple[Observed, ...]:
+    """Return recordings as a model has them that runs away where the nominal one does not.
+
+    The spring of a hull that is pressed together the deeper it is lets a submarine sink: a run of
+    all of a recording would tell how well its start is known.
+    """
+    own = [growth_along(extended, r) for r in task.started(judging, extended.model)]
+    if all(r.diverges or not q.diverges for r, q in zip(judging, own, strict=True)):
+        return judging
+    return tuple(replace(r, growth=q.growth) for r, q in zip(judging, own, strict=True))
 
 
 def _advice(found: Diagnosis) -> Advice:
