@@ -502,7 +502,8 @@ outflow_exponent = Law(
 outlet_head = Law(
     "outlet_head",
     "flow = flow(level + height)",
-    each("flow", needs=("head",)),
+    # What flows by a difference of temperatures has no pipe that may end below zero.
+    each("flow", needs=("head",), only=lambda at: not same_dimension(_head(at).unit, "K")),
     lambda at: (
         size("height", at.signals["head"].unit, 0.05 * _of_head(at).value, 2.0 * _of_head(at).value,
              "head of the outlet below the zero of the level", signed=True),

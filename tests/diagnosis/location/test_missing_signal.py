@@ -9,12 +9,14 @@ import pytest
 
 from tests.diagnosis.axis_case import diagnosed
 from tests.diagnosis.example_diagnosis import shaken
+from tests.diagnosis.newcomers import oscillator
 from tests.machines import machine
+from tests.physics.effects.bench import offered
 from workbench.arrays import Vector
 from workbench.diagnosis.conclude import conclude
 from workbench.diagnosis.estimation.made_up import made_up
 from workbench.diagnosis.location.added_at_ports import added_at_ports
-from workbench.diagnosis.location.located_signal import missing_signals
+from workbench.diagnosis.location.located_signal import _arguments, missing_signals
 from workbench.diagnosis.location.missing_signal import (
     LocalSignal,
     Occurrence,
@@ -22,7 +24,7 @@ from workbench.diagnosis.location.missing_signal import (
     correlation_ratio,
     occurrence,
 )
-from workbench.diagnosis.location.unknown_input import unknown_input
+from workbench.diagnosis.location.unknown_input import UnknownInput, unknown_input
 from workbench.model.quantities import declared_unit
 from workbench.physics.braided_muscle import series_elasticity
 from workbench.plants.arm import arm
@@ -177,3 +179,12 @@ def test_what_an_effect_adds_is_read_at_its_own_ports() -> None:
     added = added_at_ports(extended, effect, absent, seen, base, missing)
     # Some 300 to 1,000 N pull at each.
     assert np.all(added < -compliance * 100.0) and np.all(added > -compliance * 1500.0)
+
+
+def test_the_clock_of_an_event_is_no_signal_that_anything_goes_with() -> None:
+    model = oscillator().with_effect(offered(oscillator(), "offset_jump_mass_force").at_size(1.0))
+    along = np.column_stack([SPEED, ANGLE, TIME])
+    none = 0.0 * TIME[:, None]
+    part = UnknownInput("run", ("mass.force",), ("N",), TIME, none, none, along, none)
+    names = [q.name for q in _arguments(model, [part])]
+    assert names == ["position", "speed", "drive", "rate of position", "rate of speed"]

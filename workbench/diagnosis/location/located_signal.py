@@ -268,16 +268,21 @@ def _local(
 
 
 def _arguments(model: Model, parts: Sequence[UnknownInput]) -> list[LocalSignal]:
-    """States, inputs and rates of states, by which a law may be told."""
+    """States of the plant, inputs and rates of states, by which a law may be told.
+
+    The clock of an event goes with whatever came once.
+    """
     states, inputs = _joined(parts, "states"), _joined(parts, "inputs")
     rates = np.concatenate([np.gradient(part.states, part.time, axis=0) for part in parts])
+    own = [
+        (q, *both)
+        for q, *both in zip(model.states, states.T, rates.T, strict=True)
+        if "." not in q.name
+    ]
     columns = [
-        *((q.name, q.unit, values) for q, values in zip(model.states, states.T, strict=True)),
+        *((q.name, q.unit, values) for q, values, _ in own),
         *((q.name, q.unit, values) for q, values in zip(model.inputs, inputs.T, strict=True)),
-        *(
-            (f"rate of {q.name}", per(q.unit, "s"), values)
-            for q, values in zip(model.states, rates.T, strict=True)
-        ),
+        *((f"rate of {q.name}", per(q.unit, "s"), values) for q, _, values in own),
     ]
     known = model.quantities
     return [LocalSignal(*column, declared_unit(*column[:2], known)) for column in columns]
