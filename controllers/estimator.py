@@ -23,9 +23,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from controllers.mpc.fixed_order import product
 from controllers.riccati import regulator
-from workbench.arrays import Matrix
+from workbench.arrays import Matrix, product
 from workbench.linearisation import LinearModel
 from workbench.linearisation.zero_order_hold import zero_order_hold
 

@@ -45,7 +45,6 @@ from controllers.joint.tracking import (
     arrived_opening,
 )
 from controllers.mpc.c_text import mpc_source
-from controllers.mpc.fixed_order import product
 from controllers.mpc.prediction import Prediction, condense
 from controllers.mpc.whole_model import linear_mpc_design, told
 from controllers.named_state import flat, names, restored
@@ -54,7 +53,7 @@ from controllers.quadratic_program.solver import quadratic_program
 from controllers.specification import number
 from controllers.state_feedback import error_dynamics
 from controllers.valve_inverse import ACTUATORS, SENSORS, ValveController
-from workbench.arrays import Matrix
+from workbench.arrays import Matrix, product
 from workbench.errors import check_range
 
 

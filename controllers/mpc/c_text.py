@@ -1,7 +1,7 @@
 """What the model-predictive controllers have in common, and their text as C.
 
 The steps in ``whole_model.c`` and ``along_plan.c`` are those of the laws in Python line by line,
-with sums in the same order (`controllers.mpc.fixed_order`); sizes and numbers are defined before
+with sums in the same order (`workbench.arrays`); sizes and numbers are defined before
 them. The solver is that of `controllers.quadratic_program`.
 """
 

@@ -15,11 +15,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from controllers.mpc.fixed_order import product
 from controllers.mpc.formulation import Change, Form, condensed, formulated, limits_of, usual
 from controllers.quadratic_program.solver import Factored, factored
 from controllers.riccati import regulator
-from workbench.arrays import Matrix, Vector
+from workbench.arrays import Matrix, Vector, product
 from workbench.errors import WorkbenchError
 from workbench.linearisation.zero_order_hold import zero_order_hold
 

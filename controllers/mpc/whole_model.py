@@ -47,7 +47,6 @@ from controllers.mpc.disturbance_observer import (
     continuous_matrices,
     design_disturbance_observer,
 )
-from controllers.mpc.fixed_order import product
 from controllers.mpc.formulation import Change
 from controllers.mpc.prediction import Prediction, condense
 from controllers.named_state import names
@@ -56,7 +55,7 @@ from controllers.quadratic_program.solver import OPTIONS, OWN, Solution, quadrat
 from controllers.reference.horizon import lagged
 from controllers.specification import Checked, number
 from controllers.valve_inverse import ACTUATORS, SENSORS, ValveController, ValveInverse
-from workbench.arrays import Matrix
+from workbench.arrays import Matrix, product
 from workbench.errors import TIMES_S, check_choice, check_range
 from workbench.linearisation import LinearModel
 from workbench.linearisation.state_space import linear_model

@@ -7,7 +7,7 @@ import pytest
 
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import WorkbenchError
-from workbench.physics.valve_curve import MPYE, opening
+from workbench.plants.arm.servovalve import MPYE, opening
 
 
 def test_data_sheet_is_the_one_of_the_plant() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from tests.physics.numbers_of import on_symbols, slope_of
 from workbench.model.regularisation import EXACT, REGULARISED, Expression, Form
-from workbench.physics.valve_curve import LINEAR, OPENING_FRACTION, OPENING_V, opening
+from workbench.plants.arm.servovalve import LINEAR, OPENING_FRACTION, OPENING_V, opening
 
 FORMS = pytest.mark.parametrize("form", [EXACT, REGULARISED], ids=["exact", "regularised"])
 

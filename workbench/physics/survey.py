@@ -7,11 +7,11 @@ from dataclasses import replace
 from functools import cached_property
 
 import casadi as ca
+import numpy as np
 
 from workbench.errors import check_choice
 from workbench.model import Model, Parameter, Port
 from workbench.model.units import same_dimension
-from workbench.physics import parameter_ports
 from workbench.physics.motion import (
     carried_motion,
     directed_motion,
@@ -19,7 +19,6 @@ from workbench.physics.motion import (
     motion_of,
     muscle_signals,
 )
-from workbench.physics.parameter_ports import is_gain
 from workbench.physics.place import Local, Place
 from workbench.physics.ports import Ports, same
 from workbench.physics.recorded_facts import NOTHING, RecordedFacts, end_of, term_of
@@ -27,6 +26,9 @@ from workbench.physics.roles import EFFORTS, FLOWS, role_of
 
 _PULLS = ("force", "muscle_tension")
 """Roles of ports where pressure and contraction of a muscle may act."""
+
+_VISIBLE = 0.02
+"""Part of a port's scale that a parameter must bring in to be offered a change with time."""
 
 
 class Survey:
@@ -188,7 +190,7 @@ class Survey:
             store, fills = ports.alone(index)
         if output is not None and output.name in ports.measured:
             signals.setdefault("measured", ports.of(ports.measured[output.name]))
-        gains = tuple(q for q in self._entering[index] if is_gain(ports, q, index))
+        gains = tuple(q for q in self._entering[index] if _is_gain(ports, q, index))
         return Place(
             port, role, signals, any(ports.entered[index]), store=store, fills=fills,
             commanded=index in ports.commanded, shared=shared, shaped=bool(shaped),
@@ -234,14 +236,45 @@ class Survey:
         return size
 
     @cached_property
-    def _entering(self) -> tuple[tuple[Parameter, ...], ...]:
-        return parameter_ports.through_one(self.ports, self._found)
+    def _entering(self) -> list[list[Parameter]]:
+        """Refitted parameters that each port alone brings into the equations."""
+        t, ports = self.trace, self.ports
+        found = [list[Parameter]() for _ in t.ports]
+        for k, q in enumerate(self.model.parameters):
+            if not q.fitted or q.name.partition(".")[0] in self._found:
+                continue
+            whole = ports.whole_slope(k)
+            for i in range(len(t.ports)):
+                slope = ca.jacobian(ports.value(i), t.p[k])
+                if slope.is_zero() or not same(ports.sampled(ports.by_port[:, i] * slope), whole):
+                    continue
+                part = ports.sampled(slope * t.p[k])
+                if np.nanmax(np.abs(part)) >= _VISIBLE * t.ports[i].scale:
+                    found[i].append(q)
+                break
+        return found
 
     @cached_property
-    def spread(self) -> tuple[tuple[Parameter, tuple[Place, ...]], ...]:
+    def spread(self) -> list[tuple[Parameter, tuple[Place, ...]]]:
         """Refitted parameters of the plant that several ports bring into the equations."""
-        found = parameter_ports.through_several(self.ports, self._entering)
-        return tuple((q, tuple(map(self.place, names))) for q, names in found)
+        t, ports, found = self.trace, self.ports, []
+        taken = {q.name for of_port in self._entering for q in of_port}
+        for k, q in enumerate(self.model.parameters):
+            if not q.fitted or q.name in taken or "." in q.name:
+                continue
+            slopes = [ca.jacobian(ports.value(i), t.p[k]) for i in range(len(t.ports))]
+            at = [i for i, slope in enumerate(slopes) if not slope.is_zero()]
+            through = sum(ports.by_port[:, i] * slopes[i] for i in at)
+            if len(at) > 1 and same(ports.sampled(through), ports.whole_slope(k)):
+                found.append((q, tuple(self.place(t.ports[i].name) for i in at)))
+        return found
+
+
+def _is_gain(ports: Ports, q: Parameter, index: int) -> bool:
+    """Tell whether a parameter is a mere gain of what is driven, which has laws of its own."""
+    value, own = ports.value(index), ports.symbol_of(q)
+    part = ports.sampled(ca.jacobian(value, own) * own)
+    return any(ports.entered[index]) and same(part, ports.sampled(value))
 
 
 def _bearing_loads(signals: Mapping[str, Local]) -> dict[str, Local]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from controllers.mpc.fixed_order import product
+from workbench.arrays import product
 
 
 def looped(matrix: np.ndarray, vector: np.ndarray) -> list[float]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 from workbench.physics.force_laws import PHI_FLOOR, PHI_SWITCH, PaperLaw
 from workbench.plants.arm.geometry import TRAVEL, ArmGeometry
@@ -31,22 +30,6 @@ def test_torque_of_the_antagonist_is_the_mirror_image() -> None:
         assert muscle_torque(angle, 6e5, 1e5) == pytest.approx(
             -muscle_torque(TRAVEL - angle, 1e5, 6e5)
         )
-
-
-@pytest.mark.parametrize(
-    ("angle_deg", "p1_bar", "p2_bar"),
-    [
-        (0, 1.42, 4.58), (10, 2.00, 4.00), (20, 2.54, 3.46), (30, 3.00, 3.00),
-        (40, 3.46, 2.54), (50, 4.00, 2.00), (60, 4.58, 1.42),
-    ],
-)  # fmt: skip
-def test_equilibria_in_the_horizontal_plane(angle_deg: float, p1_bar: float, p2_bar: float) -> None:
-    def unbalanced(p1: float) -> float:
-        return muscle_torque(np.radians(angle_deg), p1, 6e5 - p1)
-
-    p1 = brentq(unbalanced, 0.5e5, 5.5e5, xtol=1.0)
-    assert p1 / 1e5 == pytest.approx(p1_bar, abs=0.006)
-    assert 6 - p1 / 1e5 == pytest.approx(p2_bar, abs=0.006)
 
 
 def test_six_bar_lift_eight_plates_off_the_lower_stop_and_two_bar_do_not() -> None:

@@ -22,7 +22,6 @@ from workbench.physics.hysteresis import muscle_hysteresis
 from workbench.physics.leakage import centre_leakage
 from workbench.physics.muscle_volume import BraidedCylinder
 from workbench.physics.supply import line, silencer
-from workbench.physics.valve_curve import LINEAR, MPYE, ValveCurve
 from workbench.plants.arm.geometry import ArmGeometry
 from workbench.plants.arm.joint import (
     MAXIMUM_LOAD,
@@ -46,7 +45,10 @@ from workbench.plants.arm.muscle import (
 from workbench.plants.arm.opening import ONE_VALVE, TWO_VALVES
 from workbench.plants.arm.servovalve import (
     COMMAND,
+    LINEAR,
+    MPYE,
     Edges,
+    ValveCurve,
     metered_flows,
     one_valve,
     spool_position,

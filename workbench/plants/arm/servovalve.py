@@ -1,15 +1,76 @@
-"""The servovalve as a component: second-order spool, four metering edges, two exhausts."""
+"""The servovalve as a component: second-order spool, four metering edges, two exhausts.
+
+A spool voltage above the centre opens supply to chamber 1 and chamber 2 to exhaust; below the
+centre, the other two edges. The opening of an edge over the distance from the centre is very flat
+near the centre (soft overlap), and steep from 1 V on.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import casadi as ca
 
 from workbench.model import Input, Model, Output, Parameter, Scope, State
-from workbench.model.regularisation import Expression
+from workbench.model.regularisation import EXACT, Expression, Form
 from workbench.model.trace import Equations
 from workbench.physics.flow import orifice_flow
 from workbench.physics.leakage import centre_leakage
-from workbench.physics.valve_curve import MPYE, ValveCurve, opening
+
+OPENING_V: tuple[float, ...] = (
+    0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0,
+    1.2, 1.4, 1.6, 1.8, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0,
+)  # fmt: skip
+"""Distance from the centre, V."""
+
+OPENING_FRACTION: tuple[float, ...] = (
+    0.0, 0.002, 0.005, 0.008, 0.012, 0.017, 0.023, 0.030, 0.041, 0.056, 0.071,
+    0.107, 0.17, 0.24, 0.30, 0.36, 0.49, 0.64, 0.75, 0.86, 0.97, 1.0,
+)  # fmt: skip
+"""Fraction of the full conductance: manufacturer's curve of the MPYE-5-1/8-HF, type average."""
+
+VOLTAGE_WIDTH = 0.04
+"""Half-width over which the regularised form rounds the corners of the curve, V."""
+
+
+@dataclass(frozen=True)
+class ValveCurve:
+    """Hold the curve of one metering edge; straight lines run between its points.
+
+    Args:
+        voltage: Increasing distances from the centre, V, starting at 0.
+        fraction: Increasing fractions of the full conductance, starting at 0.
+
+    Source:
+        Manufacturer's flow curve; straight lines between its points are part of the nominal plant.
+    """
+
+    voltage: tuple[float, ...] = OPENING_V
+    fraction: tuple[float, ...] = OPENING_FRACTION
+
+
+MPYE = ValveCurve()
+"""Curve of the MPYE-5-1/8-HF."""
+
+LINEAR = ValveCurve(voltage=(0.0, 5.0), fraction=(0.0, 1.0))
+"""A valve whose opening is proportional to the voltage, for comparison."""
+
+
+def opening(
+    voltage_from_centre: Expression, *, curve: ValveCurve = MPYE, form: Form = EXACT
+) -> Expression:
+    """Return the opening, a fraction, of the edge that a positive voltage opens, without leakage.
+
+    Args:
+        voltage_from_centre: Spool voltage minus the centre voltage, V; any shape. Negative
+            voltages keep the edge shut, voltages beyond the curve's end leave it fully open.
+        form: Exact, or regularised with corners rounded within 0.04 V.
+
+    Source:
+        Manufacturer's flow curve.
+    """
+    return form.table(voltage_from_centre, curve.voltage, curve.fraction, VOLTAGE_WIDTH)
+
 
 STATES = (
     State("spool", "V", 1.0, "spool position, as a voltage from the centre"),
