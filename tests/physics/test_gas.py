@@ -11,9 +11,15 @@ from scipy.integrate import solve_ivp
 
 from tests.physics.numbers_of import on_symbols
 from workbench.model.regularisation import EXACT, REGULARISED
-from workbench.physics.gas import AIR, chamber_rates, port_enthalpy_flow, wall_heat
+from workbench.physics.gas import (
+    GAS_CONSTANT,
+    HEAT_RATIO,
+    chamber_rates,
+    port_enthalpy_flow,
+    wall_heat,
+)
 
-CV = AIR.gas_constant / (AIR.heat_ratio - 1)
+CV = GAS_CONSTANT / (HEAT_RATIO - 1)
 """Specific heat capacity of air at constant volume, J/(kg K)."""
 
 AMBIENT = 293.15
@@ -26,7 +32,7 @@ Inputs = Callable[[float, float, float], tuple[float, float, float]]
 
 def chamber_mass(pressure: float, temperature: float, volume: float) -> float:
     """Mass of an ideal gas, equation (5) of the paper."""
-    return pressure * volume / (AIR.gas_constant * temperature)
+    return pressure * volume / (GAS_CONSTANT * temperature)
 
 
 def breathing_volume(t: float) -> tuple[float, float]:
@@ -48,7 +54,7 @@ def integrate(inputs: Inputs, *, p0: float = 4e5, end: float = PERIOD, printed: 
         dp, dT = chamber_rates(
             p, T, volume, volume_rate, flow, enthalpy, heat, printed_work_sign=printed
         )
-        return [dp, dT, p * volume_rate, heat, flow, AIR.heat_ratio * CV * enthalpy]
+        return [dp, dT, p * volume_rate, heat, flow, HEAT_RATIO * CV * enthalpy]
 
     start = [p0, AMBIENT, 0.0, 0.0, 0.0, 0.0]
     result = solve_ivp(
@@ -116,7 +122,7 @@ def test_printed_sign_is_a_source_of_energy() -> None:
 
 def test_energy_over_a_closed_cycle_with_flow_and_heat() -> None:
     p, _, work, heat, _, enthalpy = integrate(open_port)
-    stored = CV / AIR.gas_constant * V0 * (p - 4e5)  # m c_v T = p V c_v / R
+    stored = CV / GAS_CONSTANT * V0 * (p - 4e5)  # m c_v T = p V c_v / R
     assert work != pytest.approx(0.0, abs=0.1)  # the cycle does something
     assert stored == pytest.approx(heat + enthalpy - work, abs=1e-6)
 
@@ -150,7 +156,7 @@ def test_charging_from_vacuum_heats_by_gamma() -> None:
         return list(chamber_rates(y[0], y[1], V0, 0.0, 1e-3, 1e-3 * AMBIENT))
 
     start = 1e3
-    end_time = (1e6 - start) * V0 / (AIR.heat_ratio * AIR.gas_constant * 1e-3 * AMBIENT)
+    end_time = (1e6 - start) * V0 / (HEAT_RATIO * GAS_CONSTANT * 1e-3 * AMBIENT)
     final = solve_ivp(rates, (0, end_time), [start, AMBIENT], rtol=1e-9, atol=1e-6).y[:, -1]
     assert final[0] == pytest.approx(1e6, rel=1e-6)
     assert final[1] == pytest.approx(1.4 * AMBIENT, rel=2e-3)

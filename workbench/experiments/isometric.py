@@ -13,7 +13,7 @@ from workbench.arrays import Vector
 from workbench.errors import NumericalError, WorkbenchError, check_range
 from workbench.model import Model, Output
 from workbench.physics.force_laws import ForceLaw
-from workbench.physics.gas import AIR
+from workbench.physics.gas import GAS_CONSTANT
 from workbench.plants.arm.arm import OUTPUTS
 from workbench.plants.arm.geometry import TRAVEL, ArmGeometry
 from workbench.plants.arm.muscle import pneumatic_muscle
@@ -107,7 +107,7 @@ def isometric_experiment(
         start = {"pressure": values["ambient_pressure"]}
         x0 = model.initial_state(start)
         volume = model.signals(x0, [length, 0.0, 0.0])["chamber.volume"]
-        mass = maximum_pressure * volume / (AIR.gas_constant * values["ambient_temperature"])
+        mass = maximum_pressure * volume / (GAS_CONSTANT * values["ambient_temperature"])
         inputs = np.tile([length, 0.0, mass / ramp_time], (count, 1))
         run = simulate(model, inputs, sample_time=sample_time, start=x0)
         tables.append((run["pressure"], np.full(count, contraction), run["force"]))

@@ -8,7 +8,6 @@ the net mass flow and the enthalpy flow ``sum_i mdot_i T_i``, each with its own 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from workbench.model import About, Effect, PortView
 from workbench.model.regularisation import EXACT, Expression, Form
@@ -19,24 +18,11 @@ FLOW_WIDTH = 1e-6
 """Half-width over which the regularised form changes the temperature of a reversing flow, kg/s."""
 
 
-@dataclass(frozen=True)
-class Gas:
-    """Hold the constants of an ideal gas.
+GAS_CONSTANT = 287.05
+"""R of dry air, J/(kg K)."""
 
-    Args:
-        gas_constant: R, J/(kg K).
-        heat_ratio: gamma = c_p / c_v, dimensionless.
-
-    Source:
-        Dry air.
-    """
-
-    gas_constant: float = 287.05
-    heat_ratio: float = 1.4
-
-
-AIR = Gas()
-"""Dry air."""
+HEAT_RATIO = 1.4
+"""gamma = c_p / c_v of dry air, dimensionless."""
 
 
 def chamber_rates(
@@ -79,13 +65,11 @@ def chamber_rates(
     """
     work = pressure * volume_rate
     sign = -1.0 if printed_work_sign else 1.0
-    inner = AIR.heat_ratio * AIR.gas_constant * enthalpy_flow + (AIR.heat_ratio - 1) * (
-        heat - sign * work
-    )
+    inner = HEAT_RATIO * GAS_CONSTANT * enthalpy_flow + (HEAT_RATIO - 1) * (heat - sign * work)
     pressure_rate = (inner - work) / volume
     # m dT/dt = (inner / R) - T mdot, written with 1/m = R T / (p V)
     temperature_rate = (
-        temperature / (pressure * volume) * (inner - AIR.gas_constant * temperature * mass_flow)
+        temperature / (pressure * volume) * (inner - GAS_CONSTANT * temperature * mass_flow)
     )
     return pressure_rate, temperature_rate
 
@@ -163,7 +147,7 @@ def chambers(*needs: str, isothermal: bool = False) -> Where:
 
 def _power(at: PortView) -> Expression:
     s = at.signals
-    return AIR.gas_constant * s.enthalpy_flow - s.pressure * s.volume_rate
+    return GAS_CONSTANT * s.enthalpy_flow - s.pressure * s.volume_rate
 
 
 # With the exponent n = gamma - departure: 0 leaves the plant's own heat balance, gamma - 1 lets the
@@ -173,7 +157,7 @@ polytropic_exchange = Law(
     "V dp/dt = n (R H - p dV/dt)",
     chambers("pressure", "enthalpy_flow", "volume_rate"),
     lambda at: (size("departure", "1", 0.2, 0.5, "gamma less the polytropic exponent"),),
-    lambda at: at.value - at.p.departure / (AIR.heat_ratio - 1.0) * _power(at),
+    lambda at: at.value - at.p.departure / (HEAT_RATIO - 1.0) * _power(at),
     far=True,
     source="polytropic change of state; R. Clausius",
     look_alikes=("extra_heat_exchange", "braid_volume"),
@@ -182,10 +166,10 @@ polytropic_exchange = Law(
 
 
 def _polytropic(at: PortView) -> Expression:
-    s, gamma, n = at.signals, AIR.heat_ratio, at.p.exponent
+    s, gamma, n = at.signals, HEAT_RATIO, at.p.exponent
     work, mass = s.pressure * s.volume_rate, s.temperature * s.mass_flow
-    of_mass = n * (AIR.gas_constant * mass - work)
-    heat = (of_mass - gamma * (AIR.gas_constant * s.enthalpy_flow - work)) / (gamma - 1.0)
+    of_mass = n * (GAS_CONSTANT * mass - work)
+    heat = (of_mass - gamma * (GAS_CONSTANT * s.enthalpy_flow - work)) / (gamma - 1.0)
     return at.value + at.p.share * (heat - at.value)
 
 

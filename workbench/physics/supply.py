@@ -14,7 +14,7 @@ from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression
 from workbench.physics.drift import offset_jump, sensor_drift, warming
 from workbench.physics.flow import orifice_flow
-from workbench.physics.gas import AIR
+from workbench.physics.gas import GAS_CONSTANT, HEAT_RATIO
 from workbench.physics.law import Fit, Law, Own, Site, by_number, each, shape, share, size
 from workbench.physics.place import Place
 from workbench.physics.survey import Survey
@@ -32,7 +32,7 @@ def _volume_and_restriction(conductance: float, *more: Own) -> Callable[[Place],
 
 
 def _stiffness(e: EffectView, temperature: Expression) -> Expression:
-    return AIR.heat_ratio * AIR.gas_constant * temperature / e.p.volume
+    return HEAT_RATIO * GAS_CONSTANT * temperature / e.p.volume
 
 
 def _numbers(sites: list[Site]) -> Iterator[Fit]:
@@ -77,9 +77,9 @@ def _tube(at: PortView) -> Expression:
 def _tube_rates(e: EffectView) -> dict[str, Expression]:
     _, chamber, *_ = e.at.values()
     filled = chamber.value - _through(chamber)
-    exponent = 1.0 + (AIR.heat_ratio - 1.0) * (1.0 - e.p.wall)
+    exponent = 1.0 + (HEAT_RATIO - 1.0) * (1.0 - e.p.wall)
     temperature = _in_tube(chamber, chamber.signals.temperature)
-    return {"pressure": exponent * AIR.gas_constant * temperature / e.p.volume * filled}
+    return {"pressure": exponent * GAS_CONSTANT * temperature / e.p.volume * filled}
 
 
 # The valve sees the gas of the tube, the chamber receives the flow through the restriction. In a
@@ -190,7 +190,7 @@ supply_droop = Law(
 
 def _refilled(e: EffectView) -> dict[str, Expression]:
     refill = e.p.gain * (e.here.value - e.x.pressure)
-    stiffness = AIR.gas_constant * e.here.signals.temperature / e.p.volume
+    stiffness = GAS_CONSTANT * e.here.signals.temperature / e.p.volume
     return {"pressure": stiffness * (refill - _drawn(e))}
 
 

@@ -11,7 +11,7 @@ from tests.physics.effects.bench import bench, read
 from tests.physics.numbers_of import iso6358
 from workbench.errors import WorkbenchError
 from workbench.model import Model
-from workbench.physics.gas import AIR, isothermal_gas, polytropic_exchange, polytropic_gas
+from workbench.physics.gas import GAS_CONSTANT, isothermal_gas, polytropic_exchange, polytropic_gas
 from workbench.physics.leakage import (
     chamber_leakage,
     cross_leakage,
@@ -131,7 +131,7 @@ def test_a_tube_as_warm_as_its_wall_keeps_its_mass() -> None:
     passed = float(iso6358(3e5, 2.5e5, 320.0, 2e-8, 0.3))
     filled = float(iso6358(7.01325e5, 2.5e5, 293.15, signals["valve.supply_1"] * 2.9e-8, 0.23))
     rate = model.rates(x, [4.0])[names.index("line.pressure_1")]
-    stored = 2e-5 * rate / (AIR.gas_constant * 293.15)
+    stored = 2e-5 * rate / (GAS_CONSTANT * 293.15)
     assert stored == pytest.approx(passed + filled - vented, rel=1e-4)
 
 
@@ -197,7 +197,7 @@ def test_polytropic_gas_keeps_what_a_mass_of_it_keeps(flow: float) -> None:
 
     def kept(x: np.ndarray, t: float) -> float:
         volume = model.signals(x, inputs(t))["chamber.volume"]
-        mass = x[0] * volume / (AIR.gas_constant * x[1])
+        mass = x[0] * volume / (GAS_CONSTANT * x[1])
         return float(x[0] * (volume / mass) ** 1.25)
 
     x0 = model.initial_state({"pressure": 4e5})

@@ -10,6 +10,7 @@ import numpy as np
 from controllers.plain.loop import loop_of
 from controllers.plain.pairing import interaction
 from workbench.errors import WorkbenchError
+from workbench.linearisation.operating_map import operating_map
 from workbench.linearisation.pace import horizon_of
 from workbench.linearisation.transfer import frequency_response
 from workbench.model.units import in_time, parse_unit, per
@@ -20,8 +21,11 @@ from workbench.reports.page import Block, Words, methods
 from workbench.reports.pictures import Picture
 from workbench.reports.style import REFERENCE, SIMULATED, label, new_figure
 from workbench.reports.tables import Cell, Table, number
-from workbench.study.linear_loop import LoopAnalysis, plant_map
+from workbench.study.linear_loop import LoopAnalysis
 from workbench.study.study import Study
+
+MAP_POINTS = 30
+"""Points at which the plant is drawn over the axis of its map."""
 
 
 def linear_blocks(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Block]:
@@ -155,35 +159,47 @@ def plant_picture(study: Study) -> list[Picture]:
 
 
 def map_picture(study: Study) -> list[Picture]:
-    """Draw how the nominal plant changes over the range of its output."""
-    found = plant_map(study)
-    if found is None:
+    """Draw how the nominal plant changes over the first axis of the map that it declares.
+
+    There is nothing to draw if that is no output, the plant has several inputs, or it rests
+    nowhere.
+    """
+    model = study.plant.build()
+    output, grid = next(iter(study.plant.plant().design_map.items()), ("", ()))
+    if output not in [q.name for q in model.outputs] or len(model.inputs) != 1:
         return []
-    quantity = output_of(study, found.output)
+    values = np.linspace(grid[0], grid[-1], MAP_POINTS)
+    try:
+        found = operating_map(model.without(*model.dry_effects), {output: values}, input="plant")
+    except WorkbenchError:
+        return []
+    # That of the gain: above slow drifts, a quarter of the oscillation.
+    hertz = float(f"{0.5 / np.median([horizon_of(m) for m in found.models.values()]):.2g}")
+    gain = found.table(lambda linear: abs(frequency_response(linear, output, [hertz])[0]))
+    quantity, driven = output_of(study, output), model.inputs[0]
     factor, unit = parse_unit(quantity.display_unit).factor, written(quantity.display_unit)
-    driven = study.plant.build().inputs[0]
     size = parse_unit(driven.display_unit).factor / factor
     gain_unit = written(per(quantity.display_unit, driven.display_unit))
-    points = [v for point in study.points for n, v in point if n == found.output]
+    points = [v for point in study.points for n, v in point if n == output]
     figure, panels = new_figure([1.15, 1.15, 1.15])
     for axes, curve, title in (
         (panels[0], found.frequency_hz, "frequency in Hz"),
         (panels[1], found.damping, "damping ratio"),
-        (panels[2], found.gain * size, f"gain in {gain_unit}"),
+        (panels[2], gain * size, f"gain in {gain_unit}"),
     ):
         # Points, for a line would make a slope of every jump at a corner of a law.
-        axes.plot(shown(found.values, quantity), curve, "o", color=SIMULATED.light, markersize=3.5)
+        axes.plot(shown(values, quantity), curve, "o", color=SIMULATED.light, markersize=3.5)
         for value in shown(points, quantity):
             axes.axvline(value, color=REFERENCE.light, linewidth=1.0, linestyle=":")
         # From zero, so that a change of one per cent does not look like a doubling.
         axes.set_ylim(0.0, 1.15 * float(np.nanmax(curve)))
         label(axes, y=title)
-    label(panels[-1], x=f"{found.output.replace('_', ' ')} in {unit}")
+    name = output.replace("_", " ")
+    label(panels[-1], x=f"{name} in {unit}")
     figure.align_ylabels()
-    name = found.output.replace("_", " ")
     caption = (
         f"The plant alone over its {name}: frequency and damping of its oscillation, and the gain "
-        f"from {driven.name.replace('_', ' ')} to {name} at {found.gain_hz:g} Hz, with jumps where"
+        f"from {driven.name.replace('_', ' ')} to {name} at {hertz:g} Hz, with jumps where"
         " a law of the plant has a corner. Dotted: the operating points."
     )
     return [Picture("plant-map", figure, caption, f"frequency, damping and gain over the {name}")]
