@@ -280,7 +280,10 @@ def test_three_effects_of_which_two_spoil_free_runs_are_found_together() -> None
     assert sizes["cubic_stiffness"] == approx([6e7 / 0.4], rel=0.02)
     assert sizes["sensor_lag_position"] == approx([3e-3], rel=0.02)
     assert sizes["coulomb_friction"] == approx([0.9 / 0.4], rel=0.02)
-    assert all(f.belief == "sure" for f in found.verdict.findings)
+    # What is so little beside the spring at the same place may belong to that.
+    beliefs = {f.effect: f.belief for f in found.verdict.findings}
+    assert beliefs.pop("coulomb_friction") == "likely"
+    assert set(beliefs.values()) == {"sure"}
 
 
 def test_what_is_left_out_is_correlated_over_the_pace_of_the_machine() -> None:

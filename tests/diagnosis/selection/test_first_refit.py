@@ -14,17 +14,19 @@ from workbench.diagnosis.selection.score import Score
 
 
 def test_shapes_that_no_refit_changes_are_tried_too() -> None:
-    (other,) = first_refit._variants(entries()["sensor_lag_angle"])
+    (other,) = first_refit.variants(entries()["sensor_lag_angle"])
     assert [q.value for q in other.effect.parameters if q.name == "sampled"] == [1.0]
     # A width that a refit changes is no other variant.
-    assert first_refit._variants(entries()["lugre_friction"]) == []
+    assert first_refit.variants(entries()["lugre_friction"]) == []
     # A machine that sticks reverses within less than another law shows.
-    (sticking,) = first_refit._variants(entries()["stribeck_friction"])
+    (sticking,) = first_refit.variants(entries()["stribeck_friction"])
     sharp, usual = (
         next(q.value for q in e.effect.parameters if q.name == "transition_speed")
         for e in (sticking, entries()["stribeck_friction"])
     )
     assert sharp == pytest.approx(usual / 40.0)
+    # Its speed is a guess, which the last refit tunes.
+    assert first_refit.variants(entries()["stribeck_friction"], guessed=False) == []
 
 
 def test_what_is_either_there_or_not_begins_at_the_priors_too(
@@ -40,7 +42,7 @@ def test_what_is_either_there_or_not_begins_at_the_priors_too(
         return score.entry, fit
 
     monkeypatch.setattr(first_refit, "_refitted", refitted)
-    monkeypatch.setattr(first_refit, "_variants", lambda _: [])
+    monkeypatch.setattr(first_refit, "variants", lambda _: [])
     monkeypatch.setattr(first_refit, "start_values", lambda *_: {})
     base: Any = SimpleNamespace(noise_scale=0.3, refit=SimpleNamespace(estimates=(), values={}))
     ways = {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,13 +13,14 @@ from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import as_recorded, free_run
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.process_noise import (
+    INDIFFERENT,
     ProcessNoiseFit,
     blocks_of_cost,
     extended_start,
 )
 from workbench.diagnosis.estimation.windows import windows
 from workbench.diagnosis.selection.candidate import Candidate
-from workbench.diagnosis.selection.first_refit import untried
+from workbench.diagnosis.selection.first_refit import untried, variants
 from workbench.diagnosis.selection.held_out import RunErrors, held_out_gain, run_errors
 from workbench.diagnosis.selection.moments import (
     changed_values,
@@ -62,6 +64,15 @@ def _judged_on(
         for k, v in fit.refit.values.items()
     }
     entry, fit, started = in_turn(basis, entry, ended, fit.noise_scale, sharper=True)
+    for other in variants(entry, guessed=False):
+        # Where recordings do not mind, it is what is usual: another variant may be far off once
+        # more is explained.
+        fixed = {q.name: q.value for q in other.effect.parameters if not q.fitted}
+        usual = all(fixed.get(name, value) == value for name, value in entry.shapes[0].items())
+        with contextlib.suppress(NumericalError):
+            told = in_turn(basis, other, fit.refit.values, fit.noise_scale, times=0)
+            if told[1].cost < fit.cost + (INDIFFERENT if usual else -INDIFFERENT):
+                entry, fit, started = told
     for again in (True, False) if is_event(entry.effect) else (False,):
         (effect,) = with_own_starts((entry.effect,), fit, base.model, basis.fit_on, hold_out)
         if effect is entry.effect:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.diagnosis.estimation.prediction_error import filter_of
-from workbench.diagnosis.estimation.priors import entry_priors, entry_start
+from workbench.diagnosis.estimation.priors import entry_priors, entry_start, is_guess
 from workbench.diagnosis.estimation.process_noise import (
     ProcessNoiseFit,
     extended_start,
@@ -119,7 +119,7 @@ def first_refit(
         # What no refit changes was chosen at size zero, which tells little of it.
         ended = best.fit.refit.values
         onward = _Way((best.fit.noise_scale,), {}, (ended, ended | usual))
-        for other in _variants(best.entry):
+        for other in variants(best.entry):
             go(onward, replace(score, entry=other, shape={}))
     return max(found, key=lambda c: c.gain)
 
@@ -201,9 +201,14 @@ def _named(entry: Hypothesis, shape: Mapping[str, float]) -> dict[str, float]:
     return {f"{entry.name}.{name}": value for name, value in shape.items()}
 
 
-def _variants(entry: Hypothesis) -> list[Hypothesis]:
-    """Return an effect with the other shapes that no refit changes, such as a sampled filter."""
-    fixed = {q.name: q.value for q in entry.effect.parameters if not q.fitted}
+def variants(entry: Hypothesis, *, guessed: bool = True) -> list[Hypothesis]:
+    """Return an effect with the other shapes that no refit changes, such as a sampled filter.
+
+    Args:
+        guessed: Whether with those, too, that are guesses, which may be tuned.
+    """
+    own = entry.effect.parameters
+    fixed = {q.name: q.value for q in own if not q.fitted and (guessed or not is_guess(q))}
     found: list[dict[str, float]] = []
     for shape in entry.shapes:
         other = {k: v for k, v in shape.items() if k in fixed}
