@@ -482,6 +482,13 @@ def test_a_step_that_noise_drowns_is_told(balls: None, shell: Shell) -> None:
     assert settled[0]["value"] is None and settled[1]["value"] < 3.0
 
 
+def test_a_step_that_takes_longer_than_it_lasts_is_told(balls: None, shell: Shell) -> None:
+    plant = "--plant '1 / (s (5e-7 s + 1))' --limit 10 -c plain-pid"
+    said = shell(f"verify {plant} --from 0 --to 1").err
+    assert "all of the commands moves y by" in said and "step less far (--to)" in said
+    assert "step less far" not in shell(f"verify {plant}").err
+
+
 def test_a_linear_model_is_a_plant(balls: None, shell: Shell, refused: Refused) -> None:
     (found,) = shell("verify --plant balls:hydro -c lqi --json").result["runs"]
     assert "-0" not in found["scenario"] and found["metrics"]["settling_time"]["value"] < 20.0

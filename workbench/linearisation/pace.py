@@ -199,6 +199,11 @@ def _endless(command: Input) -> bool:
     return not math.isfinite(command.upper - command.lower)
 
 
+def farthest(linear: LinearModel, name: str, time: float) -> float:
+    """Return how far all commands move an output within a time in s, to its farther side, in SI."""
+    return _mover(linear, name)(time)
+
+
 def _mover(linear: LinearModel, name: str) -> Callable[[float], float]:
     """Return what tells how far all commands move an output, in SI, within a time in s."""
     moved = _moves(linear, name)

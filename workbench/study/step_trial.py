@@ -28,6 +28,7 @@ from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 from workbench.linearisation import LinearModel, linearise
 from workbench.linearisation.first_step import as_the_loop_rests, command_of_loop, step_of
 from workbench.linearisation.pace import (
+    farthest,
     has_room,
     least_time,
     noise_of,
@@ -152,8 +153,24 @@ class StepTrial:
                     " of it"
                 )
         found = scenarios()
+        self._tell_far(found, hold)
         self._tell_noise(recipes, found)
         return recipes, found
+
+    def _tell_far(self, scenarios: Sequence[Scenario], hold: float) -> None:
+        """Say which outputs all of the commands move less far than their steps while these last."""
+        for name, asked in ((n, a) for s in scenarios for n, a in s.references.items()):
+            if not asked.changes or name not in self.linear.output_names:
+                continue
+            most = farthest(self.linear, name, hold)
+            if most < max(abs(b - a) for _, a, b in asked.changes):
+                about = next(q for q in self.model.outputs if q.name == name)
+                unit = of_difference(about.display_unit)
+                self.say(
+                    f"all of the commands moves {name} by {float(from_si(most, unit)):.3g} {unit}"
+                    f" in the {in_time(hold)} that a step lasts, less than it shall: step less far"
+                    " (--to), or take longer (--hold)"
+                )
 
     def _tell_noise(
         self, recipes: Sequence[ControllerRecipe], scenarios: Sequence[Scenario]
