@@ -156,6 +156,22 @@ def test_redesign_of_a_machine_that_is_no_arm(tmp_path: Path, shell: Shell) -> N
 
 
 @pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize("effect", ["sensor_delay_position", "delay_force"])
+def test_a_delay_that_was_found_is_one_in_a_redesign(
+    effect: str, tmp_path: Path, shell: Shell
+) -> None:
+    found = {"name": "servo-axis", "effects": [effect], "parameters": {f"{effect}.time": 0.04}}
+    (tmp_path / "verdict.json").write_text(json.dumps({"plant": found}))
+    said = shell("redesign", tmp_path / "verdict.json", "-f lqi --out", tmp_path / "out")
+    assert f"commands are late by 40 ms, which is what was found as {effect}" in said.err
+    kept = json.loads((tmp_path / "out" / "results.json").read_text())
+    (scenario,) = kept["conditions"]["scenarios"].values()
+    assert scenario["late_samples"] * scenario["sample_time"] == pytest.approx(0.04)
+    settled = {r["controller"]: r["metrics"]["settling_time"]["value"] for r in kept["runs"]}
+    assert settled["lqi, redesigned"] < 1.0 and settled["lqi, nominal"] is None
+
+
+@pytest.mark.usefixtures("undrawn")
 def test_a_redesign_is_run_until_its_loops_have_settled(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shell: Shell
 ) -> None:

@@ -22,6 +22,7 @@ def test_arrays_cannot_be_changed() -> None:
         ([0.0, np.nan], (Signal("x", np.zeros(2)),), "not finite"),
         ([0.0, 1.0], (Signal("x", np.zeros(2)), Signal("x", np.zeros(2))), "two signals 'x'"),
         ([[0.0], [1.0]], (), "one column"),
+        ([0.0, 1.0], {"x": np.zeros(2)}, r"is a str; give each as Signal\(name, values, unit\)"),
     ],
 )
 def test_what_is_no_recording(time: list[float], signals: tuple[Signal, ...], message: str) -> None:

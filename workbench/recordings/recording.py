@@ -195,6 +195,11 @@ class Recording(Drawn):
                 f"recording {self.name!r} has instants that are not finite; remove those rows"
             )
         for signal in self.signals:
+            if not isinstance(signal, Signal):
+                raise WorkbenchError(
+                    f"a signal of recording {self.name!r} is a {type(signal).__name__}; give each"
+                    " as Signal(name, values, unit)"
+                )
             if len(signal.values) != len(self.time):
                 raise WorkbenchError(
                     f"signal {signal.name!r} has {len(signal.values)} samples but the time has "

@@ -114,9 +114,9 @@ def _unit_notes(model: Model) -> list[str]:
     units = dict.fromkeys(q.stated or q.unit for q in quantities)
     notes = []
     if isinstance(model.equations, InSI):
-        own = dict.fromkeys(q.stated for q in quantities if q.stated)
-        time = in_time(model.equations.time)
-        notes.append(f"{model.name} counts in {', '.join(own)}, with {time} for its unit of time")
+        own = ", ".join(dict.fromkeys(q.stated for q in quantities if q.stated))
+        counts = f"{model.name} counts in {own}," if own else f"{model.name} counts"
+        notes.append(f"{counts} with {in_time(model.equations.time)} for its unit of time")
     unknown = dict.fromkeys(word for unit in units for word in strangers(unit))
     if unknown:
         notes.append(f"{', '.join(unknown)} in the units of {model.name} stands for itself")
