@@ -12,7 +12,7 @@ from workbench import evaluation
 ROOM = Path(evaluation.__file__).parent
 SIMULATORS = {
     "rig": sorted((ROOM / "rig").glob("*.py")),
-    "foreign": [ROOM / "foreign" / f"{name}.py" for name in ("machine", "excitation", "truths")],
+    "foreign": [ROOM / "foreign" / f"{name}.py" for name in ("machine", "truths")],
 }
 
 

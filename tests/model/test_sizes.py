@@ -17,8 +17,8 @@ from controllers.plain.pid_design import PlainPIDSpecification, design_plain_pid
 from controllers.plain.state_feedback import LQISpecification, design_lqi
 from controllers.sensitivity import peak_sensitivities
 from tests.machines import at_rest, machine
+from workbench.diagnosis.location.isolability import transfers
 from workbench.diagnosis.location.structure import cut
-from workbench.diagnosis.location.transfers import transfers
 from workbench.linearisation import linearise
 from workbench.linearisation.pace import step_time
 from workbench.model import Input, Model, Output, Parameter, Scope, State

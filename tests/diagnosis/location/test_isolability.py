@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from tests.machines import machine
-from workbench.diagnosis.location.isolability import isolability
+from workbench.diagnosis.location.isolability import Transfers, isolability
 from workbench.diagnosis.location.structure import Structure, cut, structure_of
-from workbench.diagnosis.location.transfers import Transfers
 from workbench.errors import WorkbenchError
 from workbench.model import Model, Scope
 from workbench.model.trace import Equations

@@ -15,8 +15,7 @@ from tests.physics.effects.bench import offered
 from workbench.arrays import Vector
 from workbench.diagnosis.conclude import conclude
 from workbench.diagnosis.estimation.made_up import made_up
-from workbench.diagnosis.location.added_at_ports import added_at_ports
-from workbench.diagnosis.location.located_signal import _arguments, missing_signals
+from workbench.diagnosis.location.located_signal import _arguments, added_at_ports, missing_signals
 from workbench.diagnosis.location.missing_signal import (
     LocalSignal,
     Occurrence,

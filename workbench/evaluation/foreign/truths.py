@@ -10,8 +10,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.evaluation.foreign.excitation import machine
-from workbench.evaluation.foreign.machine import Array, Parameters, State, dead_zone, dry_friction
+from workbench.evaluation.foreign.machine import (
+    Array,
+    Parameters,
+    State,
+    dead_zone,
+    dry_friction,
+    machine,
+)
 
 GRAVITY = 9.81
 
