@@ -15,8 +15,7 @@ from workbench.model import PortView, State
 from workbench.model.regularisation import Expression
 from workbench.model.units import per
 from workbench.physics.law import Fit, Law, Own, each, first_of, gain_of, shape, size, twins
-from workbench.physics.place import Place
-from workbench.physics.roles import EFFORTS
+from workbench.physics.place import EFFORTS, Place
 from workbench.physics.survey import Survey
 
 

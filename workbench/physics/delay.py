@@ -25,8 +25,7 @@ from workbench.physics.law import (
     shape,
     size,
 )
-from workbench.physics.place import Place
-from workbench.physics.roles import FLOWS
+from workbench.physics.place import FLOWS, Place
 from workbench.physics.survey import Survey
 
 

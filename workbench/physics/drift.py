@@ -32,8 +32,7 @@ from workbench.physics.law import (
 )
 from workbench.physics.offset_gain import sensor_error
 from workbench.physics.parameter_arguments import argument, driving, may_bend_over
-from workbench.physics.place import Local, Place
-from workbench.physics.roles import EFFORTS, FLOWS
+from workbench.physics.place import EFFORTS, FLOWS, Local, Place
 from workbench.physics.survey import Survey
 
 _WIDTH = 0.03

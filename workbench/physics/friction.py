@@ -23,8 +23,7 @@ from workbench.physics.law import (
     with_subject,
 )
 from workbench.physics.parameter_arguments import joint_dampings
-from workbench.physics.place import Local, Place
-from workbench.physics.roles import RESISTED
+from workbench.physics.place import RESISTED, Local, Place
 from workbench.physics.survey import Survey
 
 

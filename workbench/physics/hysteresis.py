@@ -13,8 +13,7 @@ from collections.abc import Callable
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import EXACT, Expression, Form
 from workbench.physics.law import Law, Own, Rates, each, floor, rounding, shape, size, twins
-from workbench.physics.place import Place
-from workbench.physics.roles import RESISTED
+from workbench.physics.place import RESISTED, Place
 
 FLOOR_S = 1e-3
 """Time, in s, in which a contact that slips lets go of what it was stretched too far, so that

@@ -31,8 +31,7 @@ from workbench.model.expressions import cofactor, weight
 from workbench.model.regularisation import Expression
 from workbench.model.units import per
 from workbench.physics.hypothesis import Group, Hypothesis
-from workbench.physics.place import Local, Place, unknown_place
-from workbench.physics.roles import DRIVES
+from workbench.physics.place import DRIVES, Local, Place, unknown_place
 from workbench.physics.survey import Survey
 from workbench.registry import Registry
 

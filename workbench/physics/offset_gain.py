@@ -28,8 +28,7 @@ from workbench.physics.law import (
     size,
     together,
 )
-from workbench.physics.place import Place
-from workbench.physics.roles import EFFORTS, FLOWS
+from workbench.physics.place import EFFORTS, FLOWS, Place
 from workbench.physics.survey import Survey
 
 

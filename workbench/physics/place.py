@@ -11,6 +11,19 @@ from workbench.model.regularisation import Expression
 from workbench.model.units import per, same_dimension
 from workbench.physics.recorded_facts import NOTHING, RecordedFacts
 
+EFFORTS = ("force", "acceleration", "circuit")
+"""Roles of ports that drive a speed: of a body, or the current of a circuit."""
+
+RESISTED = (*EFFORTS, "shared command")
+"""Roles of places where something may resist a motion: also a command that sets several bodies in
+motion at once, such as the force on the trolley of a crane. What rubs there acts on all of them."""
+
+DRIVES = ("command", "voltage", "circuit", "current")
+"""Roles of signals that a drive or amplifier gives."""
+
+FLOWS = ("flow", "heat", "current")
+"""Roles of ports that fill a store: with matter, heat or charge."""
+
 COORDINATES = {"N m": "rad", "N": "m", "V": "A s", "m/s2": "m", "rad/s2": "rad"}
 """Unit of what an effort moves, where the model does not tell."""
 

@@ -23,8 +23,7 @@ from workbench.physics.law import (
     together,
 )
 from workbench.physics.offset_gain import sensor_error
-from workbench.physics.place import COORDINATES, Place
-from workbench.physics.roles import EFFORTS
+from workbench.physics.place import COORDINATES, EFFORTS, Place
 from workbench.physics.saturation import cut_off, passing, share_of_sign
 
 play = Law(

@@ -28,8 +28,7 @@ from workbench.physics.law import (
     size,
     together,
 )
-from workbench.physics.place import Place
-from workbench.physics.roles import EFFORTS
+from workbench.physics.place import EFFORTS, Place
 
 
 def _beyond(at: PortView) -> Expression:

@@ -17,8 +17,7 @@ from workbench.model.regularisation import Expression
 from workbench.model.units import per, same_dimension
 from workbench.physics.friction import transition
 from workbench.physics.law import Fit, Law, Own, by_port, each, known, sensors, shape, size, twins
-from workbench.physics.place import COORDINATES, Place
-from workbench.physics.roles import RESISTED
+from workbench.physics.place import COORDINATES, RESISTED, Place
 from workbench.physics.survey import Survey
 
 

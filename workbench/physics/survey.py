@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench.errors import check_choice
 from workbench.model import Model, Parameter, Port
-from workbench.model.units import same_dimension
+from workbench.model.units import per, same_dimension
 from workbench.physics.motion import (
     carried_motion,
     directed_motion,
@@ -19,10 +19,23 @@ from workbench.physics.motion import (
     motion_of,
     muscle_signals,
 )
-from workbench.physics.place import Local, Place
+from workbench.physics.place import EFFORTS, FLOWS, Local, Place
 from workbench.physics.ports import Ports, same
 from workbench.physics.recorded_facts import NOTHING, RecordedFacts, end_of, term_of
-from workbench.physics.roles import EFFORTS, FLOWS, role_of
+
+_ROLES = {
+    "force": ("N", "N m"),
+    "acceleration": ("m/s2", "rad/s2"),
+    "voltage": ("V",),
+    "current": ("A",),
+    "flow": ("m3/s", "kg/s"),
+    "heat": ("W",),
+    "temperature": ("K",),
+    "pressure": ("Pa",),
+    "inertia": ("kg m2", "kg"),
+    "volume": ("m3",),
+}
+_ENDINGS = {".reading": "measurement", ".command": "command", ".outflow": "flow", ".inflow": "flow"}
 
 _PULLS = ("force", "muscle_tension")
 """Roles of ports where pressure and contraction of a muscle may act."""
@@ -168,7 +181,7 @@ class Survey:
         ports, ranges = self.ports, self.recorded.ranges
         check_choice(f"port of {self.model.name}", name, ports.port_index)
         index = ports.port_index[name]
-        port, role = self.trace.ports[index], role_of(ports, index)
+        port, role = self.trace.ports[index], _role_of(ports, index)
         output = next((q for q in self._outputs if name == f"{q.name}.reading"), None)
         signals = {
             s: ports.local(port, s, o) for s, o in zip(port.signals, port.origins, strict=True)
@@ -287,3 +300,30 @@ def _bearing_loads(signals: Mapping[str, Local]) -> dict[str, Local]:
 
     found = [q for name, q in signals.items() if loads(name, q.unit)]
     return {f"bearing_load_{i + 1}": q for i, q in enumerate(found)}
+
+
+def _role_of(ports: Ports, index: int) -> str:
+    """Return the role of a port: as its author declared, else by name, unit or structure.
+
+    A force drives the state whose integral is a state too, a flow drives a level.
+    """
+    port = ports.trace.ports[index]
+    if port.role:
+        return port.role
+    for ending, role in _ENDINGS.items():
+        if port.name.endswith(ending):
+            return role
+    if "penetration" in port.signals:
+        return "stop"
+    for role, units in _ROLES.items():
+        if same_dimension(port.unit, *units):
+            circuit = role == "voltage" and any(map(ports.is_current, ports.moved[index]))
+            return "circuit" if circuit else role
+    for state in ports.moved[index]:
+        if same_dimension(port.unit, per(state.unit, "s")):
+            if state.unit == "A":
+                # What changes a current is a voltage over a coil.
+                return "circuit"
+            fast = state.name in ports.integral or state.unit.endswith("/s")
+            return "acceleration" if fast else "flow"
+    return "flow" if port.name.endswith(".flow") else ""

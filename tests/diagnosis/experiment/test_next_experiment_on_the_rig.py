@@ -22,8 +22,7 @@ from workbench.diagnosis.experiment.next_experiment import separate
 from workbench.diagnosis.experiment.separation import Explanation, Separation
 from workbench.evaluation.rig import plant, simulate
 from workbench.evaluation.rig.cases import settled
-from workbench.evaluation.rig.effects import switch_on
-from workbench.evaluation.rig.parameters import nominal
+from workbench.evaluation.rig.parameters import nominal, switch_on
 from workbench.model import Model
 from workbench.physics.library import library
 from workbench.plants.arm import arm

@@ -7,7 +7,7 @@ from typing import Any
 
 from workbench.diagnosis.verdict import SCHEMA
 from workbench.evaluation.own_cases.plan import sizes
-from workbench.evaluation.rig.effects import EFFECTS
+from workbench.evaluation.rig.parameters import EFFECTS
 
 ERRORS = {"angle": 2e-4, "pressure_1": 900.0, "pressure_2": 900.0}
 LIMIT = {"angle": 1e-4, "pressure_1": 600.0, "pressure_2": 600.0}

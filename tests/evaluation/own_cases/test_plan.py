@@ -22,8 +22,7 @@ from workbench.evaluation.own_cases.plan import (
     plan,
     sizes,
 )
-from workbench.evaluation.rig.effects import EFFECTS
-from workbench.evaluation.rig.parameters import PARAMETERS, nominal
+from workbench.evaluation.rig.parameters import EFFECTS, PARAMETERS, nominal
 from workbench.physics.library import library
 from workbench.physics.recorded_facts import RecordedFacts
 from workbench.plants.arm import arm

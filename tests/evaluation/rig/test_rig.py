@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.evaluation.rig import practice, reference
-from workbench.evaluation.rig import cases, effects, excitation, plant
+from workbench.evaluation.rig import cases, excitation, parameters, plant
 from workbench.evaluation.rig.parameters import nominal
 
 PULSES = np.repeat([5.8, 4.3], 50)
@@ -108,9 +108,9 @@ def test_closed_chamber_conserves_mass_and_energy() -> None:
     assert np.ptp(adiabat) / adiabat[0] < 1e-8  # fourth order at 0.1 ms
 
 
-@pytest.mark.parametrize("name", ["none", *effects.EFFECTS])
+@pytest.mark.parametrize("name", ["none", *parameters.EFFECTS])
 def test_routes_agree(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    p = nominal() if name == "none" else effects.switch_on(nominal(), [name])
+    p = nominal() if name == "none" else parameters.switch_on(nominal(), [name])
     x, per = start(p), 10
     u = np.repeat(PULSES, per)
     _, compiled = plant.run(p, x, u[:200])

@@ -10,8 +10,7 @@ from functools import cache
 from pathlib import Path
 
 from workbench.evaluation.answer_key import Names, read_names
-from workbench.evaluation.rig.effects import EFFECTS
-from workbench.evaluation.rig.parameters import nominal
+from workbench.evaluation.rig.parameters import EFFECTS, nominal
 
 SIZES = {name: effect.size for name, effect in EFFECTS.items() if effect.size is not None}
 """Sizes by effect; an effect that is either there or not is not in it."""

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.evaluation.rig import excitation, plant, simulate
-from workbench.evaluation.rig.effects import EFFECTS, switch_on
-from workbench.evaluation.rig.parameters import nominal
+from workbench.evaluation.rig.parameters import EFFECTS, nominal, switch_on
 
 HEADER = "time_s,valve_V,angle_deg,pressure_1_bar,pressure_2_bar"
 SPREAD: dict[str, float] = {
