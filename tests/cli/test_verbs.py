@@ -163,12 +163,15 @@ def test_a_delay_that_was_found_is_one_in_a_redesign(
     found = {"name": "servo-axis", "effects": [effect], "parameters": {f"{effect}.time": 0.04}}
     (tmp_path / "verdict.json").write_text(json.dumps({"plant": found}))
     said = shell("redesign", tmp_path / "verdict.json", "-f lqi --out", tmp_path / "out")
-    assert f"commands are late by 40 ms, which is what was found as {effect}" in said.err
+    assert f"commands are late by 40 ms, which is what {effect} comes to" in said.err
     kept = json.loads((tmp_path / "out" / "results.json").read_text())
     (scenario,) = kept["conditions"]["scenarios"].values()
     assert scenario["late_samples"] * scenario["sample_time"] == pytest.approx(0.04)
     settled = {r["controller"]: r["metrics"]["settling_time"]["value"] for r in kept["runs"]}
     assert settled["lqi, redesigned"] < 1.0 and settled["lqi, nominal"] is None
+    step = shell("verify -c lqi --json --plant", tmp_path / "verdict.json")
+    (found,) = step.result["runs"]
+    assert found["metrics"]["settling_time"]["value"] == settled["lqi, redesigned"]
 
 
 @pytest.mark.usefixtures("undrawn")

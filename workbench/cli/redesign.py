@@ -104,8 +104,6 @@ def _nominal_and_redesigned(
     """Return the study of designs for the nominal plant and for the machine, on that machine."""
     from workbench.cli.running import counting, note
     from workbench.cli.verify import nominal_design
-    from workbench.diagnosis.redesign import found_delay
-    from workbench.model.units import in_time
     from workbench.plants.registry import nominal_of_file
     from workbench.study.plants import PlantRecipe
     from workbench.study.step_trial import StepTrial
@@ -119,13 +117,7 @@ def _nominal_and_redesigned(
             f"{', '.join(dry)} has no slope at rest, so that linear models leave it out: what is"
             " designed anew knows the refitted parameters and other laws alone"
         )
-    # Of what a delay is in equations a design may ask more than of the delay.
-    late, delay = found_delay(found.model)
-    if late:
-        note(f"commands are late by {in_time(delay)}, which is what was found as {', '.join(late)}")
-    machine = found.recipe.varied(without=late)
-    base = replace(base, plant=base.plant.varied(without=late))
-    trial = StepTrial(machine, base, tuple(designs), delay=delay or None, say=note)
+    trial = StepTrial(found.recipe, base, tuple(designs), say=note).exact()
     with counting() as counter:
         after, scenarios = replace(trial, progress=counter).prepared()
     with counting() as counter:

@@ -90,9 +90,9 @@ def verify(
     with counting() as counter:
         trial = StepTrial(
             chosen.recipe, base, named, controlled, begins, ends, *times, note, counter
-        )
+        ).exact()
         recipes, scenarios = trial.prepared()
-    if delay is not None:
+    if trial.delay is not None:
         late, h = scenarios[0].late_samples, scenarios[0].sample_time
         note(f"commands are late by {late} samples of {in_time(h)}, {in_time(late * h)}")
     study = replace(trial.study(recipes, scenarios, require or ()), seeds=(seed,))

@@ -25,7 +25,7 @@ from workbench.linearisation import linearise
 from workbench.linearisation.operating_map import OperatingMap, operating_map
 from workbench.model import Model
 from workbench.operating_point import operating_point
-from workbench.physics.delay import clock_shift, delay, sensor_delay, sensor_lag, valve_delay
+from workbench.physics.delay import clock_shift, sensor_lag, valve_delay
 from workbench.plants.plant import Plant
 from workbench.simulation.equations import compiled
 
@@ -77,18 +77,6 @@ def found_lags(model: Model) -> dict[str, tuple[str, float]]:
         elif effect.name.startswith(f"{sensor_lag.name}_pressure"):
             found[effect.name] = ("sensor_lag", time)
     return found
-
-
-def found_delay(model: Model) -> tuple[tuple[str, ...], float]:
-    """Return effects by which all that a loop sends or reads is late, and by how long, in s.
-
-    That is of one command, or of all measurements.
-    """
-    command = (valve_delay, delay) if len(model.commands) == 1 else ()
-    reading = (sensor_delay,) if len(model.outputs) == 1 else ()
-    starts = tuple(law.name for law in (clock_shift, *command, *reading))
-    names = tuple(effect.name for effect in model.effects if effect.name.startswith(starts))
-    return names, sum(max(model.parameter(f"{name}.time").value, 0.0) for name in names)
 
 
 def _predicting(

@@ -40,6 +40,7 @@ from workbench.model import Model
 from workbench.model.quantities import of_names
 from workbench.model.units import convert, from_si, in_time, named_value, of_difference, quantity
 from workbench.operating_point import operating_point
+from workbench.physics.delay import clock_shift, delay, sensor_delay, valve_delay
 from workbench.plants.plant import Plant
 from workbench.study.designs import ControllerRecipe, followed_by_default
 from workbench.study.feasible import check_demand
@@ -101,6 +102,20 @@ class StepTrial:
     def linear(self) -> LinearModel:
         """The linear model that controllers are designed on."""
         return self.base.linear()
+
+    def exact(self) -> StepTrial:
+        """Return the trial whose designs know delays of the plant as those of late commands.
+
+        Of what a delay is in equations a design may ask more than of the delay. Designs that are
+        not told delays know the equations.
+        """
+        late, time = _delays(self.base.plant.build())
+        if not late or not all(map(self._told, self._names)):
+            return self
+        self.say(f"commands are late by {in_time(time)}, which is what {', '.join(late)} comes to")
+        base = replace(self.base, plant=self.base.plant.varied(without=late))
+        machine = self.machine.varied(without=late)
+        return replace(self, machine=machine, base=base, delay=time + (self.delay or 0.0))
 
     def prepared(self) -> tuple[list[ControllerRecipe], list[Scenario]]:
         """Return designs, and the steps through which they run: as given, or of each output alone.
@@ -240,12 +255,21 @@ class StepTrial:
             last = first + step_of(self.model, self.linear, name, followed, command)
         return self.begins.get(name, first), self.ends.get(name, last)
 
+    @property
+    def _names(self) -> Sequence[str]:
+        return self.designs or [design.name for design in designs_for(self.linear)]
+
+    def _told(self, name: str) -> bool:
+        """Whether a design is told outputs, sample time and delay: those for any linear model."""
+        kind = replace(self.base, name=name, design=name).kind()
+        return not (kind.sensors or kind.own)
+
     @cached_property
     def _stated(self) -> float | None:
         """Sample time of the first controller that has one of its own, in s."""
-        for name in self.designs or [design.name for design in designs_for(self.linear)]:
+        for name in self._names:
             made = replace(self.base, name=name, design=name)
-            if made.kind().sensors or made.kind().own:
+            if not self._told(name):
                 # One that cannot be built is told with the others (`recipes`).
                 with suppress(WorkbenchError):
                     return made.build().sample_time
@@ -266,8 +290,7 @@ class StepTrial:
 
         def recipe(name: str) -> ControllerRecipe:
             made = replace(base, name=name, design=name)
-            own = made.kind().sensors or made.kind().own
-            return made if own else replace(made, specification=told, at=held)
+            return replace(made, specification=told, at=held) if self._told(name) else made
 
         held, other = base.at, ""
         if len(followed) == 1:
@@ -287,7 +310,7 @@ class StepTrial:
         found: list[ControllerRecipe] = []
         partly: list[ControllerRecipe] = []
         refused: dict[str, list[str]] = {}
-        every = names or [design.name for design in designs_for(linear)]
+        every = self._names
         for number, made in enumerate(map(recipe, every)):
             if progress and len(every) > 1:
                 progress("designs", number, len(every), made.name)
@@ -388,6 +411,18 @@ class StepTrial:
         for demand in demands:
             check_demand(demand, units, scenarios, controllers, metrics)
         return tuple(demands), own
+
+
+def _delays(model: Model) -> tuple[tuple[str, ...], float]:
+    """Return effects by which all that a loop sends or reads is late, and by how long, in s.
+
+    That is of one command, or of all measurements.
+    """
+    command = (valve_delay, delay) if len(model.commands) == 1 else ()
+    reading = (sensor_delay,) if len(model.outputs) == 1 else ()
+    starts = tuple(law.name for law in (clock_shift, *command, *reading))
+    names = tuple(effect.name for effect in model.effects if effect.name.startswith(starts))
+    return names, sum(max(model.parameter(f"{name}.time").value, 0.0) for name in names)
 
 
 ROUNDED = 1e-12
