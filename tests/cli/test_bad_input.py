@@ -61,6 +61,7 @@ CASES: list[tuple[str, ...]] = [
     ("linearise --angle", "--angle", "--help"),
     ("diagnose", "there is nothing to work on"),
     ("diagnose nowhere", "neither a folder with a case nor one of"),
+    ("diagnose nowhere.csv --hold-out b.csv", "there is no file nowhere.csv"),
     ("recording .", ". is a folder"),
     ("compare .", "study '.' is a folder", "--out"),
     ("diagnose practice-07 --fit a.csv", "keep one of them"),
@@ -125,6 +126,17 @@ def test_output_that_is_a_file_is_refused(verb: str, tmp_path: Path, refused: Re
     target.write_text("precious")
     assert "is a file; give the name of a folder" in refused(verb, "--out", target)
     assert target.read_text() == "precious"
+
+
+@pytest.mark.parametrize("verb", ["diagnose", "refit"])
+def test_a_recording_of_another_machine_is_one_sentence(
+    verb: str, tmp_path: Path, refused: Refused
+) -> None:
+    tank = tmp_path / "tank.csv"
+    tank.write_text("time_s,u,level\n" + "".join(f"{4 * k},3.0,5.0\n" for k in range(200)))
+    said = refused(verb, tank if verb == "diagnose" else f"--fit {tank}")
+    assert "no output of 'arm'; it has: valve, level; wanted: angle" in said
+    assert "name yours with --plant" in said
 
 
 def test_a_data_folder_without_the_force_maps_is_refused(tmp_path: Path, refused: Refused) -> None:

@@ -89,6 +89,8 @@ def _loaded(
         raise WorkbenchError(
             "there is nothing to work on; name a case, or give recordings with --fit"
         )
+    if case is not None and Path(case).suffix and not Path(case).is_dir():
+        raise WorkbenchError(f"there is no file {case}")
     if case is not None and (fit or hold_out):
         raise WorkbenchError(f"both the case {case!r} and recordings are given; keep one of them")
     if case is not None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench.diagnosis.averaging import averaged
 from workbench.diagnosis.division import with_some_held_out
-from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.observe import observe, recorded_outputs
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.undeclared.inputs import misread, more_finely
 from workbench.diagnosis.undeclared.plant import with_undeclared
@@ -110,6 +110,7 @@ def problem_of_files(
     read = {}
     for path, title in names.items():
         recording = read_recording(path, mapping=mapping, name=title, signals=driven_by(model))
+        recorded_outputs(model, recording)
         # What drives the model may stand still without being stuck.
         read[path] = recording.with_roles(
             dict.fromkeys([n for n in inputs if n in recording], "command")

@@ -37,6 +37,29 @@ _PACE, _SAMPLES = 0.3, 10
 many samples at least, for a machine that is recorded slowly is as good as at rest in each."""
 
 
+def recorded_outputs(model: Model, recording: Recording) -> list[Output]:
+    """Return the outputs of a model that a recording has.
+
+    Raises:
+        WorkbenchError: If there are none, or an input is missing.
+    """
+    has = f"it has: {', '.join(recording.names)}"
+    missing = [q.name for q in model.inputs if q.name not in recording]
+    if missing:
+        raise WorkbenchError(
+            f"recording {recording.name!r} has no signal {missing[0]!r}, an input of"
+            f" {model.name!r}; {has}. give a column that name, or map one to it"
+        )
+    outputs = [q for q in model.outputs if q.name in recording]
+    if not outputs:
+        raise WorkbenchError(
+            f"recording {recording.name!r} has no output of {model.name!r}; {has}; wanted:"
+            f" {', '.join(q.name for q in model.outputs)}. give a column that name, map one to it,"
+            " or name another plant"
+        )
+    return outputs
+
+
 def observe(model: Model, recording: Recording) -> Observed:
     """Bring a recording into the shape that the filter of a model needs.
 
@@ -47,20 +70,7 @@ def observe(model: Model, recording: Recording) -> Observed:
     Raises:
         WorkbenchError: If an input is missing, no output was recorded, or the time is not uniform.
     """
-    missing = [q.name for q in model.inputs if q.name not in recording]
-    if missing:
-        raise WorkbenchError(
-            f"recording {recording.name!r} has no signal {missing[0]!r}, an input of"
-            f" {model.name!r}; it has: {', '.join(recording.names)}. give"
-            " a column that name, or map one to it"
-        )
-    outputs = [q for q in model.outputs if q.name in recording]
-    if not outputs:
-        raise WorkbenchError(
-            f"recording {recording.name!r} has no output of {model.name!r}; it has:"
-            f" {', '.join(recording.names)}; wanted:"
-            f" {', '.join(q.name for q in model.outputs)}"
-        )
+    outputs = recorded_outputs(model, recording)
     steps = np.diff(recording.time)
     # The mean: times that are written with few digits have steps of two lengths.
     sample_time = float(np.mean(steps))
