@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
@@ -9,6 +10,8 @@ import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import cache
+from importlib.metadata import version
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -204,3 +207,19 @@ def plain(value: Any) -> Any:
     if hasattr(value, "tolist"):
         return plain(value.tolist())
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+@cache
+def digest_of_code() -> bytes:
+    """Return a digest of the workbench, and of the packages it computes with.
+
+    What other code reached, it may not reach. What only shows results does not count.
+    """
+    package = Path(__file__).resolve().parent
+    digest = hashlib.sha256(repr([version(n) for n in ("casadi", "numpy", "scipy")]).encode())
+    for root in (package, package.parent / "controllers"):
+        for path in sorted(root.rglob("*.py")):
+            if not {"reports", "cli", "demo", "speed", "_data"} & set(path.relative_to(root).parts):
+                digest.update(path.name.encode())
+                digest.update(path.read_bytes())
+    return digest.digest()

@@ -13,12 +13,12 @@ import pytest
 
 from tests.diagnosis.example_diagnosis import rubbing_runs, sprung_runs
 from workbench.diagnosis import diagnose as module
-from workbench.diagnosis import stage_files
 from workbench.diagnosis.conclude import conclude_early
 from workbench.diagnosis.diagnose import diagnose, stages
 from workbench.diagnosis.stage_files import fingerprint
 from workbench.diagnosis.stages import Diagnosis
 from workbench.errors import WorkbenchError
+from workbench.files import digest_of_code
 
 MOST_FILTERED = 83_000
 """Samples that a diagnosis of `_given` may filter: the 75,300 that it takes, and a tenth more."""
@@ -113,9 +113,9 @@ def test_what_other_code_reached_is_not_read(monkeypatch: pytest.MonkeyPatch) ->
     read = Path.read_bytes
     edited = {"filter.py": b"# edited"}
     monkeypatch.setattr(Path, "read_bytes", lambda path: edited.get(path.name) or read(path))
-    stage_files._code.cache_clear()
+    digest_of_code.cache_clear()
     assert fingerprint(model, fit_on, (), split=1) != before
-    stage_files._code.cache_clear()
+    digest_of_code.cache_clear()
 
 
 def test_a_file_that_cannot_be_read_is_done_again(tmp_path: Path) -> None:

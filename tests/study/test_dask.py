@@ -10,9 +10,8 @@ import pytest
 
 from tests.study.small_study import small_study
 from workbench.errors import WorkbenchError
-from workbench.study.execution import Workers
+from workbench.study.execution import Store, Workers
 from workbench.study.schema import load_study
-from workbench.study.store import Store
 from workbench.study.tasks import tasks
 
 distributed = pytest.importorskip(

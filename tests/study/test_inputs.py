@@ -11,12 +11,11 @@ import pytest
 
 from tests.study.small_study import BY_BANDWIDTH, small_study
 from workbench.errors import WorkbenchError
-from workbench.study import store as store_module
-from workbench.study.execution import FINISHED_BEFORE, Workers, store_of, verify_kept
+from workbench.study import execution
+from workbench.study.execution import FINISHED_BEFORE, Store, Workers, store_of, verify_kept
 from workbench.study.inputs import new_study, watched
 from workbench.study.result import run_study
 from workbench.study.schema import load_study
-from workbench.study.store import Store
 from workbench.study.tasks import tasks
 
 KEY = "0" * 32
@@ -62,7 +61,7 @@ def test_another_version_of_a_package_is_another_run(
 ) -> None:
     keep(tmp_path)
     assert kept(tmp_path)
-    monkeypatch.setattr(store_module, "installed", lambda _: "99")
+    monkeypatch.setattr(execution, "installed", lambda _: "99")
     assert not kept(tmp_path)
 
 

@@ -13,10 +13,9 @@ from pathlib import Path
 import pytest
 
 from tests.study.small_study import BY_BANDWIDTH, small_study
-from workbench.study.execution import Workers, kept, store_of
+from workbench.study.execution import Store, Workers, kept, store_of
 from workbench.study.result import run_study
 from workbench.study.schema import load_study
-from workbench.study.store import Store
 from workbench.study.tasks import tasks
 
 OWN = (BY_BANDWIDTH,

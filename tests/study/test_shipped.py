@@ -12,10 +12,9 @@ import pytest
 
 from workbench.study.baseline import Baseline, changes, read_baseline
 from workbench.study.conditions import condition_changes, conditions
-from workbench.study.execution import Workers
+from workbench.study.execution import Store, Workers
 from workbench.study.judgements import judge_records
 from workbench.study.schema import load_study, shipped_study
-from workbench.study.store import Store
 from workbench.study.study import NOMINAL
 from workbench.study.tasks import record_from_table, tasks
 

@@ -241,9 +241,24 @@ def report(
         summary: JSON file of the numbers.
         cases (--cases/--no-cases): One line per case too.
     """
-    from workbench.evaluation.report import report as tabulate
+    from workbench.evaluation.foreign import foreign_case
+    from workbench.evaluation.kept import read_kept
+    from workbench.evaluation.own_cases import report as own
+    from workbench.files import json_text, write_whole
 
-    typer.echo(tabulate(out, figure_file=figure, summary_file=summary, each=cases))
+    rows = read_kept(out)
+    is_foreign = rows[0].get("schema") == foreign_case.SCHEMA
+    of = foreign_case if is_foreign else own
+    if summary:
+        write_whole(summary, json_text(of.summary(rows)))
+    if figure:
+        if is_foreign:
+            raise WorkbenchError("foreign cases have no figure; leave --figure away")
+        own.figure(rows, figure)
+    if cases:
+        lines = map(foreign_case.line_of, rows) if is_foreign else [own.cases(rows)]
+        typer.echo("\n".join(lines) + "\n")
+    typer.echo(of.tables(rows))
     return 0
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import base64
 import dataclasses
-import functools
 import hashlib
 import json
 import time
@@ -25,7 +24,7 @@ import numpy as np
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.experiment.menu import Experiment
 from workbench.diagnosis.nonparametric.result import EFFECT_NAME
-from workbench.files import write_whole
+from workbench.files import digest_of_code, write_whole
 from workbench.model import Effect, Model
 from workbench.physics.library import Hypothesis
 from workbench.recordings.recording import Recording
@@ -49,7 +48,7 @@ def fingerprint(
     """
     equations = model.exact.function("key", model.exact.rates, model.exact.outputs)
     digest = hashlib.sha256(equations.serialize().encode())
-    digest.update(_code())
+    digest.update(digest_of_code())
     quantities = (model.states, model.inputs, model.outputs, model.parameters, model.ports)
     digest.update(repr((FORMAT, model.name, quantities, tuple(priors), split)).encode())
     for recording in recordings:
@@ -57,15 +56,6 @@ def fingerprint(
         digest.update(recording.matrix(list(recording.names)).tobytes())
         digest.update(recording.time.tobytes())
     return digest.hexdigest()
-
-
-@functools.cache
-def _code() -> bytes:
-    """Return a digest of the workbench itself: what other code reached it may not reach."""
-    digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
-        digest.update(path.read_bytes())
-    return digest.digest()
 
 
 class _Spent(TypedDict):

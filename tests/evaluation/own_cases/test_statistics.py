@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from tests.evaluation.own_cases.made_up import found, row, verdict
+from workbench.cli.evaluate import report
 from workbench.evaluation.benchmark.sindy import thresholded
 from workbench.evaluation.own_cases.report import figure, summary, tables
 from workbench.evaluation.own_cases.statistics import by_effect, by_size, score_of, scores
 from workbench.evaluation.rates import Rate
-from workbench.evaluation.report import report
 from workbench.files import plain
 
 TILT = found("tilt_gravity", "joint.torque", tilt=(0.08, 0.002))
@@ -77,13 +77,13 @@ def test_sizes_and_smallest_named() -> None:
     assert by_size(ROWS)[1.0]["right name or class"].value == 0.5
 
 
-def test_tables_figure_and_summary(tmp_path: Path) -> None:
+def test_tables_figure_and_summary(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = tables(ROWS)
     assert "0/2 = 0 % [0, 66]" in text and "missed" in text
     for content in ROWS:
         (tmp_path / f"{content['case']}.json").write_text(json.dumps(content))
-    files = {"figure_file": tmp_path / "f.png", "summary_file": tmp_path / "s.json"}
-    assert report(tmp_path, **files) == text
+    report(tmp_path, figure=tmp_path / "f.png", summary=tmp_path / "s.json")
+    assert capsys.readouterr().out == f"{text}\n"
     assert (tmp_path / "f.png").stat().st_size > 10_000
     kept = json.loads((tmp_path / "s.json").read_text())
     assert kept == plain(summary(ROWS))
