@@ -67,6 +67,21 @@ def test_a_parameter_bends_over_an_input_where_a_sensor_reads_their_product() ->
     assert per[2] > per[1] > per[0] > 0.0
 
 
+def test_an_inductance_bends_over_its_flux_where_the_current_is_read() -> None:
+    coil = machine(
+        lambda m: (
+            {"flux": m.u.voltage - m.p.resistance * m.x.flux / m.p.inductance},
+            {"current": m.x.flux / m.p.inductance},
+        ),
+        "flux Wb",
+        "voltage V -10 10",
+        "current A",
+        "inductance H 2 0.2 20, resistance ohm 2 0.1 20",
+    )
+    found = {h.name: set(h.ports) for h in parameter_curve.hypotheses(Survey(coil))}
+    assert found == {"parameter_curve_inductance_over_flux": {"flux.rate", "current.reading"}}
+
+
 @pytest.mark.parametrize("lower", [0.0, -1.0])
 def test_a_parameter_that_is_never_negative_falls_towards_zero(lower: float) -> None:
     choke = machine(

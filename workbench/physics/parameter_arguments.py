@@ -47,10 +47,11 @@ def may_bend_over(survey: Survey, q: Parameter, places: Sequence[Place]) -> tupl
     A state is measured too where an output reads no other, as that of a capacitor behind a
     resistance does. What is constant, as the heat of a fermentation, may change over the state
     that it feeds. Not states that its term is a function of, and of nothing else: a curve over
-    them is a law of its own. Of the inputs those that it is a factor of in what a sensor reads,
-    where no other law is a curve over them: a resistance over its current. And those without
-    which its term is, of which the equations make nothing or that multiply a state beside it: a
-    decay over the light, a heat transfer over the flow that carries the heat.
+    them is a law of its own, unless the term is read as well, as the current of a flux is. Of the
+    inputs those that it is a factor of in what a sensor reads, where no other law is a curve over
+    them: a resistance over its current. And those without which its term is, of which the equations
+    make nothing or that multiply a state beside it: a decay over the light, a heat transfer over
+    the flow that carries the heat.
     """
     t, found = survey.trace, []
     values = [survey.ports.value_at(at) for at in places]
@@ -59,18 +60,20 @@ def may_bend_over(survey: Survey, q: Parameter, places: Sequence[Place]) -> tupl
     slopes_of = (ca.jacobian(y, t.x) for y in t.outputs.elements())
     alone = (s.sparsity().get_col() for s in slopes_of if s.nnz() == 1)
     constant = not any(ca.depends_on(s, ca.vertcat(t.x, t.u)) for s in slopes)
+    read = any(at.output for at in places)
+    shared = read and not all(at.output for at in places)
     raised = {k for at in places for k in survey.ports.rates_of(survey.ports.port_index[at.name])}
     for name in dict.fromkeys([*survey.ports.measured.values(), *(names[k] for (k,) in alone)]):
         other = [t.x[i] for n, i in survey.ports.state_index.items() if n != name]
         rest = ca.vertcat(*other, t.u)
         source = constant and survey.ports.state_index.get(name) in raised
-        if "." not in name and (source or any(ca.depends_on(s, rest) for s in slopes)):
+        more = source or shared or any(ca.depends_on(s, rest) for s in slopes)
+        if "." not in name and more:
             found.append(survey.ports.of(name))
     # As a slip is; of how far two states are apart other laws are curves.
     over = driving(survey, q, places)
     if over and not _is_difference(ca.SX(_multiplied(survey, q, values))):
         found.append(over)
-    read = any(at.output for at in places)
     beside = [
         t.rates[i] for at in places for i in survey.ports.rates_of(survey.ports.port_index[at.name])
     ]
