@@ -200,14 +200,15 @@ class LoopLimits:
             return found
         # A loop is fast enough for a Pade function to be far from its delay, and must bear both.
         # Held commands have all frequencies that look alike to samples.
-        w = (ANGLE[:, None] + 2.0 * np.pi * np.arange(-ALIASES, ALIASES + 1)) / h
-        apart = transfer_function(shown.A, shown.B, shown.C, shown.D, 1j * w)
-        turn = w[..., None, None] * self._delays
-        apart *= (np.exp(-1j * turn) / pade(turn)[0] - 1.0) / (1j * h * w[..., None, None])
-        lags = np.array(sorted({0.0, self.want.sensor_lag}))[:, None, None]
-        seen = (1.0 - 1.0 / z)[:, None] / (1.0 + 1j * lags * w)
-        more = np.einsum("lzk,zkpm->lzpm", seen, apart)
-        return [(P + own) * np.exp(1j * self._less) for P, own in zip(found, more, strict=True)]
+        held, lags = 1.0 - 1.0 / z, sorted({0.0, self.want.sensor_lag})
+        for k in range(-ALIASES, ALIASES + 1):
+            s = 1j * (ANGLE + 2.0 * np.pi * k) / h
+            turn = s.imag[:, None, None] * self._delays
+            apart = transfer_function(shown.A, shown.B, shown.C, shown.D, s)
+            apart = apart * (np.exp(-1j * turn) / pade(turn)[0] - 1.0)
+            for i, lag in enumerate(lags):
+                found[i] += apart * (held / (s * h * (1.0 + s * lag)))[:, None, None]
+        return [P * np.exp(1j * self._less) for P in found]
 
     @cached_property
     def _delays(self) -> Matrix:
