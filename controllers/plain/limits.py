@@ -301,7 +301,8 @@ class LoopLimits:
             beside = _beside_a_zero(self.loop) if self.sensors == 1 else ""
             more = family == FEEDBACK or beside
             fix = "measure more" if more else "take another family, such as lqi"
-            why = _too_late(self.loop, self.want) or beside
+            late = self.want.delay + float(self._delays.min(initial=math.inf))
+            why = _too_late(self.loop, late + 0.5 * self.want.sample_time) or beside
             raise WorkbenchError(f"{family} makes no stable loop of {ends}{why}; {fix}")
         want = self.want
         given = (("Ms", want.maximum_sensitivity), ("Mt", want.maximum_complementary))
@@ -316,12 +317,14 @@ class LoopLimits:
         return np.flatnonzero(judged.excess <= max(1.0, NEARLY * least)).tolist()
 
 
-def _too_late(loop: Loop, want: LoopSpecification) -> str:
+def _too_late(loop: Loop, late: float) -> str:
     """Say how late commands may be of a plant that grows at p: every |T| peaks by e^(p T).
 
     Source: Åström and Murray, Feedback Systems, 2008, section 11.5, with p T < 1/3 for margins.
+
+    Args:
+        late: How late they are, T, in s.
     """
-    late = want.delay + 0.5 * want.sample_time
     turned = float(loop.linear.poles.real.max(initial=0.0)) * late
     if turned < 1.0 / 3.0:
         return ""

@@ -795,3 +795,10 @@ def test_laws_with_a_model_predict_what_late_commands_do(name: str, most: float)
     step = step_scenario("y", 0.0, 0.2, hold=40.0, sample_time=0.05)
     found = metrics(verify(law, linear, replace(step, late_samples=40)))
     assert found["overshoot"].value < 0.03 and found["settling_time"].value < most
+
+
+@pytest.mark.parametrize(("plant", "delay"), [("1 / (s - 1)", 0.9), ("exp(-0.9 s) / (s - 1)", 0.0)])
+def test_how_late_a_plant_that_grows_may_be_is_said(plant: str, delay: float) -> None:
+    linear = linear_model(plant, limits=5.0)
+    with pytest.raises(WorkbenchError, match="good ones are late by less than 333 ms"):
+        designed("plain-sliding-mode", linear, sample_time=0.02, delay=delay)
