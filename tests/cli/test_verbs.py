@@ -164,6 +164,9 @@ def test_a_delay_that_was_found_is_one_in_a_redesign(
     (tmp_path / "verdict.json").write_text(json.dumps({"plant": found}))
     said = shell("redesign", tmp_path / "verdict.json", "-f lqi --out", tmp_path / "out")
     assert f"commands are late by 40 ms, which is what {effect} comes to" in said.err
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "Its commands are late by 40" in page
+    assert "lqi, nominal: no margins; the table says why." in page
     kept = json.loads((tmp_path / "out" / "results.json").read_text())
     (scenario,) = kept["conditions"]["scenarios"].values()
     assert scenario["late_samples"] * scenario["sample_time"] == pytest.approx(0.04)

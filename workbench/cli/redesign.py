@@ -104,6 +104,7 @@ def _nominal_and_redesigned(
     """Return the study of designs for the nominal plant and for the machine, on that machine."""
     from workbench.cli.running import counting, note
     from workbench.cli.verify import nominal_design
+    from workbench.model.units import in_time
     from workbench.plants.registry import nominal_of_file
     from workbench.study.plants import PlantRecipe
     from workbench.study.step_trial import StepTrial
@@ -133,4 +134,6 @@ def _nominal_and_redesigned(
     # A family has one colour, whatever it was designed for.
     kin = tuple((r.name, own.name) for r, own in zip(recipes, (*before, *after), strict=True))
     said = "Each design for the nominal plant, and made anew for the machine, on the machine."
+    if trial.delay is not None:
+        said += f" Its commands are late by {in_time(trial.delay)}."
     return replace(study, description=said, report=replace(study.report, kin=kin))

@@ -102,7 +102,7 @@ def _sentence(study: Study, name: str, own: list[LoopAnalysis]) -> str:
     stable = [a for a in own if a.stable]
     if len(stable) < len(own):
         where = ", ".join(dict.fromkeys(point_text(study, a.point) for a in own if not a.stable))
-        return f"{name}: no margins at {where}; the table says why."
+        return f"{name}: no margins{f' at {where}' * bool(where)}; the table says why."
     least = min(stable, key=lambda a: a.disk_margin)
     late = min((a for a in stable if not math.isnan(a.delay_margin)), key=lambda a: a.delay_margin)
     near, slow = (
