@@ -61,7 +61,7 @@ def period_of(recordings: Sequence[tuple[str, Vector]], signal: Vector) -> float
         for divisor in range(1, min(_WAVES, line // _REPEATS) + 1):
             waves = min(_WAVES, len(lines) * divisor // (line + 1))
             near = np.arange(_FINER * max(line - 1, _REPEATS * divisor), _FINER * (line + 1) + 1)
-            steps = np.unique(np.rint(near / divisor).astype(int))
+            steps = np.unique(near // divisor)
             power = between[np.outer(np.arange(1, waves + 1), steps)].sum(axis=0)
             rate = float(steps[int(np.argmax(power))]) * step
             found.append((float(np.mean(_repeated(time, part, rate, waves) ** 2)), rate, waves))
