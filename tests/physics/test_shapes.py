@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -80,6 +82,25 @@ def test_an_inductance_bends_over_its_flux_where_the_current_is_read() -> None:
     )
     found = {h.name: set(h.ports) for h in parameter_curve.hypotheses(Survey(coil))}
     assert found == {"parameter_curve_inductance_over_flux": {"flux.rate", "current.reading"}}
+
+
+@pytest.mark.parametrize("pressed", [True, False])
+def test_what_rubs_between_two_bodies_bends_over_their_slip_beside_a_force(pressed: bool) -> None:
+    def equations(m: Scope) -> dict[str, Any]:
+        slip = m.x.engine - m.x.car
+        passed = m.p.radius * m.u.force * ca.tanh(slip / 2.0) if pressed else m.p.radius * slip
+        return {"engine": (m.u.torque - passed) / 0.2, "car": passed / 2.0}
+
+    clutch = machine(
+        equations,
+        "engine rad/s 100, car rad/s 10",
+        "torque N m 0 200, force N 0 3000",
+        "engine rad/s, car rad/s",
+        f"radius {'m' if pressed else 'N m s/rad'} 0.04 0.01 0.2",
+    )
+    found = {h.name for h in parameter_curve.hypotheses(Survey(clutch))}
+    # What has no force to press it is a curve over the slip alone: a law of friction.
+    assert ("parameter_curve_radius_over_engine_car" in found) == pressed
 
 
 @pytest.mark.parametrize("lower", [0.0, -1.0])

@@ -218,7 +218,10 @@ def along(model: Model, effect: Effect) -> str:
     subject, unit = effect.about.subject, model.parameter(f"{effect.name}.middle").unit
     named = [q for q in (*model.states, *model.inputs) if f"_over_{q.name}" in effect.name]
     over = max(named, key=lambda q: len(q.name), default=None)
-    said = f"what {subject} multiplies" if over is None else over.name.replace("_", " ")
+    said = f"what {subject} multiplies"
+    if over is not None:
+        slips = (q for q in model.states if effect.name.endswith(f"_over_{over.name}_{q.name}"))
+        said = " - ".join(q.name.replace("_", " ") for q in (over, *slips))
     read = declared_unit(over.name if over else "", unit, model.quantities)
     unit = read or (shown_in(over) if over else unit)
     own = model.parameter(subject).unit

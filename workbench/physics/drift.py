@@ -409,7 +409,8 @@ def _changing(q: Parameter, places: Sequence[Place], over: Local) -> tuple[Site,
 def _each_parameter_over(survey: Survey) -> Iterator[Fit]:
     for q, places in gained(survey):
         for over in may_bend_over(survey, q, places):
-            yield f"_{q.name}_over_{over.source}", _changing(q, places, over)
+            ends = "_".join(filter(None, (over.source, over.minus)))
+            yield f"_{q.name}_over_{ends}", _changing(q, places, over)
 
 
 def _amount(at: Place) -> Own:

@@ -51,7 +51,7 @@ def may_bend_over(survey: Survey, q: Parameter, places: Sequence[Place]) -> tupl
     inputs those that it is a factor of in what a sensor reads, where no other law is a curve over
     them: a resistance over its current. And those without which its term is, of which the equations
     make nothing or that multiply a state beside it: a decay over the light, a heat transfer over
-    the flow that carries the heat.
+    the flow that carries the heat. And how fast two bodies slip, what rubs between them.
     """
     t, found = survey.trace, []
     values = [survey.ports.value_at(at) for at in places]
@@ -70,6 +70,13 @@ def may_bend_over(survey: Survey, q: Parameter, places: Sequence[Place]) -> tupl
         more = source or shared or any(ca.depends_on(s, rest) for s in slopes)
         if "." not in name and more:
             found.append(survey.ports.of(name))
+    # How fast two bodies slip changes what rubs between them beside the force that presses them.
+    slips = (at.signals["speed"] for at in places if "speed" in at.signals)
+    for slip in dict.fromkeys(local for local in slips if local.minus):
+        ends = [survey.ports.state_index[name] for name in (slip.source, slip.minus)]
+        rest = ca.vertcat(*(x for i, x in enumerate(ca.vertsplit(t.x)) if i not in ends), t.u)
+        if any(ca.depends_on(s, rest) for s in slopes):
+            found.append(slip)
     # As a slip is; of how far two states are apart other laws are curves.
     over = driving(survey, q, places)
     if over and not _is_difference(ca.SX(_multiplied(survey, q, values))):
