@@ -115,7 +115,7 @@ def _seen(q: Question) -> str:
     shift = q.candidate.shift
     if not shift < q.threshold:
         return ""
-    return f"it moves no measurement by more than {shift:.2g} of the noise"
+    return f"it moves no held-out measurement by more than {shift:.2g} of the noise"
 
 
 def _bound(q: Question) -> str:
