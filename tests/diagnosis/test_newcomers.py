@@ -813,3 +813,24 @@ def test_a_sensor_that_stands_at_its_end_most_of_the_time_is_told(above: bool) -
     name = "sensor_clipping_upper" if above else "lower_sensor_clipping_upper"
     named(found, name, limit=approx(0.3, abs=1e-4))
     assert [c.name for c in found.selected.rounds[0].candidates] == [name]
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_command_that_ends_on_one_side_is_named_with_its_end(side: float) -> None:
+    heater = machine(
+        lambda m: {"y": (m.p.gain * m.u.u - m.x.y) / m.p.tau},
+        "y V",
+        "u V -1.2 1.2",
+        "y V",
+        "gain 1 2 0.5 5, tau s 0.5 0.1 2",
+    )
+    runs = []
+    for seed in (1, 2):
+        given = levels(800, seed, 1.2, 15, 60)
+        cut = side * np.minimum(side * given, 0.7)
+        y = held(lambda _, x, u: (2.2 * u - x) / 0.6, [0.0], (cut,), 0.05)[:, 0]
+        y = y + 0.01 * np.random.default_rng(seed).normal(size=800)
+        runs.append(recording(f"run {seed}", 0.05, {"u [V]": given}, {"y [V]": y}))
+    found = diagnosed(heater, runs, "*saturation asymmetric_gain bend rectification")
+    law = f"{'upper' if side > 0.0 else 'lower'}_saturation_u_command"
+    named(found, law, noise=1.2, limit=approx(0.7 * side, abs=5e-3))

@@ -32,8 +32,11 @@ PLANTS = (
 @pytest.mark.parametrize("turns", [0.5, 40.0])
 def test_shapes_are_within_bounds(plant: Callable[[], Model], turns: float) -> None:
     model = plant()
-    seen = {q.name: (-turns, turns) for q in model.states}
+    seen = {q.name: (-turns, turns) for q in (*model.states, *model.ports)}
     for hypothesis in library(model, RecordedFacts(duration=10.0, sample_time=0.01, ranges=seen)):
+        ends = [(q.lower, q.upper) for q in hypothesis.effect.parameters if q.fitted]
+        # What has an end at infinity no refit changes.
+        assert np.isfinite(ends).all(), hypothesis.name
         for values in hypothesis.shapes:
             # Attaching is where bounds are checked.
             hypothesis.at_size(hypothesis.typical_size, values)

@@ -78,19 +78,41 @@ def _lower_limits(at: Place) -> list[dict[str, float]]:
     return [{"limit": k * at.scale} for k in fractions]
 
 
+def _limit_within(at: Place) -> tuple[Own, ...]:
+    # Where it is known what was seen, a refit may move it.
+    (low, high), far = at.seen or (-math.inf, math.inf), 20.0 * at.scale
+    return (
+        share("share of the excess that is cut"),
+        shape("limit", at.unit, at.scale, "the limit", around=None, between=(low - far, high + far),
+              scale=at.scale),
+    )  # fmt: skip
+
+
 lower_saturation = replace(
     saturation,
     name="lower_saturation",
     equation="y = u + share (excess of u below the limit)",
     where=drives(),
-    parameters=lambda at: (
-        share("share of the excess that is cut"),
-        shape("limit", at.unit, at.scale, "the limit", around=None, scale=at.scale),
-    ),
+    parameters=_limit_within,
     transform=lambda at: (
         at.value + at.p.share * at.form.ramp(at.p.limit - at.value, 0.01 * at.scale)
     ),
     shapes=_lower_limits,
+)
+
+
+# `saturation` has the same limit on both sides.
+upper_saturation = replace(
+    lower_saturation,
+    name="upper_saturation",
+    equation="y = u - share (excess of u above the limit)",
+    where=drives(only=lambda at: at.seen is not None and at.seen[0] < 0.0 < at.seen[1]),
+    transform=lambda at: (
+        at.value - at.p.share * at.form.ramp(at.value - at.p.limit, 0.01 * at.scale)
+    ),
+    shapes=lambda at: [
+        {"limit": sum(at.seen or ()) - shape["limit"]} for shape in _lower_limits(at)
+    ],
 )
 
 

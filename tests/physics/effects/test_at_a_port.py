@@ -19,7 +19,13 @@ from workbench.physics.friction import (
     quadratic_drag,
 )
 from workbench.physics.offset_gain import asymmetric_gain, gain, offset
-from workbench.physics.saturation import dead_band, lower_saturation, rectification, saturation
+from workbench.physics.saturation import (
+    dead_band,
+    lower_saturation,
+    rectification,
+    saturation,
+    upper_saturation,
+)
 from workbench.physics.stiffness import (
     cubic_stiffness,
     linear_spring,
@@ -46,6 +52,7 @@ LAWS: tuple[tuple[Effect, str, dict[str, Any], Any], ...] = (
     (saturation(READ, limit=4e5), "Pa", {"value": (3e5, 5e5, -5e5)}, (3e5, 4e5, -4e5)),
     (saturation(READ, limit=4e5, share=0.5), "Pa", {"value": 5e5}, 4.5e5),
     (lower_saturation(READ, limit=1e5), "Pa", {"value": (0.0, 3e5)}, (1e5, 3e5)),
+    (upper_saturation(READ, limit=1e5), "Pa", {"value": (-3e5, 3e5)}, (-3e5, 1e5)),
     (rectification(("pump.flow",)), "m3/s", {"value": (-2.0, 3.0)}, (0.0, 3.0)),
     (ripple(JOINT, amplitude=0.4, frequency=12.0, phase=0.5), "N m",
      {"angle": (0.1, 0.7)}, (0.4 * math.sin(1.7), 0.4 * math.sin(8.9))),
