@@ -48,7 +48,7 @@ def test_what_is_either_there_or_not_begins_at_the_priors_too(
     ways = {}
     basis = Basis(base, (), [], thorough=False)
     for name in ("silencers", "valve_offset"):
-        first_refit.first_refit(basis, 0.0, made_score(name, 90.0), 1.0)
+        first_refit.first_refit(basis, made_score(name, 90.0), 1.0)
         ways[name], begun = begun, []
     assert ways == {"silencers": [(0.3,), first_refit.STEEP], "valve_offset": [(0.3,)]}
 
@@ -69,7 +69,7 @@ def test_beside_what_explains_nearly_all_a_law_that_gains_little_is_tried_in_one
     base: Any = SimpleNamespace(
         noise_scale=1.0, refit=SimpleNamespace(estimates=(on_bound,), values={})
     )
-    basis = Basis(base, (), [], thorough=False)
+    basis = Basis(base, (), [], thorough=False, costs=(100.0, 100.0))
     tilt, far = "tilt_gravity", next(e for e in entries().values() if e.far)
     for entry, least, once in (
         (tilt, 0.0, False),
@@ -78,5 +78,5 @@ def test_beside_what_explains_nearly_all_a_law_that_gains_little_is_tried_in_one
         (far, 20.0, False),
     ):
         tried.clear()
-        first_refit.first_refit(basis, 100.0, made_score(entry, 9.0), 1.0, least=least)
+        first_refit.first_refit(basis, made_score(entry, 9.0), 1.0, least=least)
         assert (len(tried) == 1) is once

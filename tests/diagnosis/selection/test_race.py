@@ -25,17 +25,18 @@ from tests.diagnosis.selection.candidates import (
     trusting,
 )
 from tests.machines import machine
-from workbench.diagnosis.estimation.made_up import made_up_axis
+from workbench.diagnosis.estimation.made_up import made_up, made_up_axis, pushes
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import default_priors, entry_priors, entry_start
 from workbench.diagnosis.estimation.process_noise import (
+    PERFECT,
     blocks_of_cost,
     extended_start,
     fit_with_process_noise,
 )
 from workbench.diagnosis.selection import race
 from workbench.diagnosis.selection.candidate import Candidate
-from workbench.diagnosis.selection.first_refit import untried
+from workbench.diagnosis.selection.first_refit import first_refit, untried
 from workbench.diagnosis.selection.moments import is_event
 from workbench.diagnosis.selection.refit_in_turn import Basis
 from workbench.diagnosis.selection.rules import SURPASSED, Limits
@@ -108,7 +109,7 @@ def test_beside_what_leaves_nothing_out_others_are_not_tried_in_every_way(
 ) -> None:
     thorough: dict[float, bool] = {}
 
-    def first(basis: Any, _: float, score: Score, *__: Any) -> Any:
+    def first(basis: Any, score: Score, *__: Any) -> Any:
         thorough[score.gain] = basis.thorough
         leads = score.gain == 29.0 - leader
         found = SimpleNamespace(noise_scale=scale if leads else 3.0)
@@ -117,7 +118,7 @@ def test_beside_what_leaves_nothing_out_others_are_not_tried_in_every_way(
         return SimpleNamespace(entry=entry, fit=found, gain=score.gain)
 
     monkeypatch.setattr(race, "first_refit", first)
-    monkeypatch.setattr(race, "blocks_of_cost", lambda *_: np.zeros(1))
+    monkeypatch.setattr(race, "_head", lambda basis, head: basis._replace(fit_on=head))
     entry = library(servo_axis())[0]
     field = [made_score(entry, float(gain)) for gain in range(30)]
     seen: Any = made_up_axis(1, samples=100)
@@ -357,3 +358,28 @@ def test_events_of_several_recordings_are_followed_beside_what_gains_more_at_one
     now = [replace(c, followed=i < 5) for i, c in enumerate(first)]
     assert race._came_too(first, now, replace(now[4], gain=300.0)) == [5]
     assert race._came_too(first, now, now[0]) == []
+
+
+def test_more_trust_that_the_beginning_of_recordings_bears_is_no_gain_of_a_law() -> None:
+    # Dry friction that comes late: with it the equations are trusted less than the beginning bears.
+    axis = servo_axis().without("coulomb_friction")
+    calm, rubbing = (
+        made_up(m, pushes(600, largest=200.0), sample_time=0.01) for m in (axis, servo_axis())
+    )
+    early = np.arange(600) < 300
+    seen = replace(rubbing, outputs=np.where(early[:, None], calm.outputs, rubbing.outputs))
+    priors = tuple(default_priors(axis))
+    base = fit_with_process_noise(axis, [seen], priors)
+    assert base.noise_scale > PERFECT
+    known = base.cost - float(blocks_of_cost(base, [seen]).sum())
+    basis = Basis(base, priors, [seen], known=known)
+    lag = next(h for h in library(axis) if h.name == "sensor_lag_position")
+    (head,) = race._heads(basis, [made_score(lag, 9.0)], 300)
+    usual, trusted = head.costs
+    assert usual - trusted > 100.0
+    (found,) = race._first_refits(basis, [made_score(lag, 9.0)], 300, 1.0)
+    blind = first_refit(head._replace(costs=(usual, usual)), made_score(lag, 9.0), 1.0)
+    # More trust alone would seem to be what the sensor's lag explains.
+    assert found.fit is not None and blind.fit is not None
+    assert blind.fit.noise_scale < found.fit.noise_scale == base.noise_scale
+    assert blind.gain > found.gain + 100.0

@@ -52,7 +52,6 @@ class _Way(NamedTuple):
 
 def first_refit(
     basis: Basis,
-    cost: float,
     score: Score,
     enough: float,
     begun: Candidate | None = None,
@@ -61,7 +60,6 @@ def first_refit(
     """Refit a hypothesis, the equations trusted as much as without it.
 
     Args:
-        cost: That of the base on the fitting recordings, dimensionless.
         enough: A step that gains less log likelihood than this ends it, dimensionless.
         begun: An earlier refit, from where it goes on.
         least: Gain of the first way, dimensionless, up to which no other is tried, beside what
@@ -100,7 +98,7 @@ def first_refit(
             # Whatever a law does, its failure must not end the diagnosis.
             failed = error
         else:
-            gain = cost - fit.cost
+            gain = basis.gain(fit)
             found.append(Candidate(entry, fit, gain, refused=SURPASSED, followed=False))
 
     for way in ways:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -13,6 +14,7 @@ import numpy as np
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior, entry_priors
 from workbench.diagnosis.estimation.process_noise import (
+    PERFECT,
     ProcessNoiseFit,
     blocks_as_trusted,
     blocks_of_cost,
@@ -29,6 +31,7 @@ from workbench.diagnosis.selection.rules import TWIN, Limits
 from workbench.diagnosis.selection.score import Score
 from workbench.diagnosis.selection.shortlist import LEAST_SCORE
 from workbench.diagnosis.selection.task import Task
+from workbench.errors import NumericalError
 from workbench.work.processes import Call, in_order
 
 _FINALISTS = 4
@@ -196,7 +199,7 @@ def _first_refits(
     begun = begun or {}
     short = basis.thorough and sum(len(r.outputs) for r in basis.fit_on) <= _SHORT
     heads = _heads(basis, field, samples)
-    seen = [sum(len(r.outputs) for r in head) for head, _ in heads]
+    seen = [sum(len(r.outputs) for r in head.fit_on) for head in heads]
     order = sorted(range(len(field)), key=lambda i: -field[i].gain)
     found: dict[int, Candidate] = {}
     # The best scores first, then ever more at a time.
@@ -209,24 +212,37 @@ def _first_refits(
         clear = max((gain / seen[k] for k, gain in complete.items()), default=0.0)
         calls: list[Call[Candidate]] = []
         for i in some:
-            (head, cost), least = heads[i], _CONTENDS * clear * seen[i]
-            own, earlier = (
-                basis._replace(fit_on=head, thorough=ways),
-                begun.get(field[i].entry.name),
-            )
-            calls.append((first_refit, (own, cost, field[i], enough, earlier, least)))
+            own, earlier = heads[i]._replace(thorough=ways), begun.get(field[i].entry.name)
+            least = _CONTENDS * clear * seen[i]
+            calls.append((first_refit, (own, field[i], enough, earlier, least)))
         found |= dict(zip(some, in_order(calls, jobs=basis.jobs), strict=True))
     return [found[i] for i in range(len(field))]
 
 
-def _heads(
-    basis: Basis, field: Sequence[Score], samples: int
-) -> list[tuple[list[Observed], float]]:
-    """Return the beginnings that show each hypothesis, and their cost without it, dimensionless."""
+def _heads(basis: Basis, field: Sequence[Score], samples: int) -> list[Basis]:
+    """Return what refits begin with on the beginnings that show each hypothesis."""
     lengths = [samples if score.late < samples else 2 * score.late for score in field]
-    heads = {n: [r.part(slice(n)) for r in basis.fit_on] for n in {*lengths}}
-    costs = {n: float(blocks_of_cost(basis.base, head).sum()) for n, head in heads.items()}
-    return [(heads[n], basis.known + costs[n]) for n in lengths]
+    heads = {n: _head(basis, [r.part(slice(n)) for r in basis.fit_on]) for n in {*lengths}}
+    return [heads[n] for n in lengths]
+
+
+def _head(basis: Basis, head: Sequence[Observed]) -> Basis:
+    """Return what refits begin with on the beginnings of recordings.
+
+    What all of them lack may not be seen there: with more trust in the equations every hypothesis
+    would gain, whatever it says.
+    """
+    base = basis.base
+    least = usual = basis.known + float(blocks_of_cost(base, head).sum())
+    whole = sum(len(r.outputs) for r in head) == sum(len(r.outputs) for r in basis.fit_on)
+    for start in () if whole or base.noise_scale <= PERFECT else ({}, base.refit.values):
+        with contextlib.suppress(NumericalError):
+            fit = fit_with_process_noise(
+                base.model, head, basis.priors, start=start, noise_scale=base.noise_scale,
+                enough=_NEAR,
+            )  # fmt: skip
+            least = min(fit.cost, least)
+    return basis._replace(fit_on=head, costs=(usual, least))
 
 
 def _rivals(
@@ -257,17 +273,14 @@ def _trusted(basis: Basis, field: Sequence[Score], first: Sequence[Candidate]) -
     least = max(_CONTENDS * best.gain, LEAST_SCORE)
     chosen = [i for i, c in enumerate(first) if c.gain > least or trusts_less(c, best)]
     heads = _heads(basis, [field[i] for i in chosen], _HEADS[1])
-    calls = [
-        (_with_trust, (basis._replace(fit_on=head), cost, first[i]))
-        for i, (head, cost) in zip(chosen, heads, strict=True)
-    ]
+    calls = [(_with_trust, (head, first[i])) for i, head in zip(chosen, heads, strict=True)]
     found = list(first)
     for i, candidate in zip(chosen, in_order(calls, jobs=basis.jobs), strict=True):
         found[i] = candidate
     return found
 
 
-def _with_trust(basis: Basis, cost: float, first: Candidate) -> Candidate:
+def _with_trust(basis: Basis, first: Candidate) -> Candidate:
     assert first.fit is not None
     model = first.fit.model
     try:
@@ -282,7 +295,7 @@ def _with_trust(basis: Basis, cost: float, first: Candidate) -> Candidate:
     except Exception:  # noqa: BLE001
         # Whatever a law does, its failure must not end the diagnosis.
         return first
-    return replace(first, fit=fit, gain=cost - fit.cost)
+    return replace(first, fit=fit, gain=basis.gain(fit))
 
 
 def _beside(base: ProcessNoiseFit, candidate: Candidate) -> Candidate:

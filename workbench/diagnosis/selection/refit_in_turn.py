@@ -47,6 +47,8 @@ class Basis(NamedTuple):
         fit_on: Fitting recordings, with a start for the model of ``base``.
         known: Minus the logarithm of the priors, which the cost of a refit has too, dimensionless.
         thorough: Whether refits on short recordings begin from more places.
+        costs: Cost of the base on these recordings, dimensionless: as it is, and refitted to them
+            with more trust in its equations, where they bear that.
     """
 
     base: ProcessNoiseFit
@@ -55,6 +57,11 @@ class Basis(NamedTuple):
     known: float = 0.0
     jobs: int = 1
     thorough: bool = True
+    costs: tuple[float, float] = (0.0, 0.0)
+
+    def gain(self, fit: ProcessNoiseFit) -> float:
+        """Return what a fit gains over the base trusted as much, dimensionless."""
+        return self.costs[fit.noise_scale < self.base.noise_scale] - fit.cost
 
     def with_effect(self, entry: Hypothesis) -> tuple[Model, list[Observed]]:
         """Return the model with an effect, at size zero, and fitting recordings with its start."""

@@ -12,8 +12,9 @@ from workbench.physics.library import Hypothesis
 LEAST_SCORE = 8.0
 """Expected gain of log likelihood below which an effect is not refitted."""
 
-_LEADERS = 2
-"""How many of the best scores are refitted even if stiff."""
+_LEADERS, _LEADS = 2, 0.5
+"""How many of the best scores are refitted even if stiff, and the score over the best one from
+which on others are too."""
 
 _NEARLY = 0.8
 """Score over the best one at a place from which on a law with fewer parameters may be as good:
@@ -49,7 +50,8 @@ def shortlist(scores: Scores, *, most: int) -> tuple[Score, ...]:
     others += worthy[1:]
     for score in others:
         # A stiff effect takes the time of several others: only a leader is worth it.
-        slow = score.entry.stiff and score not in worthy[:_LEADERS]
+        leads = score in worthy[:_LEADERS] or score.gain >= _LEADS * worthy[0].gain
+        slow = score.entry.stiff and not leads
         if score not in chosen and not slow and len(chosen) < most:
             chosen.append(score)
     return tuple(chosen)
