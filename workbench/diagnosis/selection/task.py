@@ -210,11 +210,14 @@ class Task:
     @cached_property
     def _period(self) -> float:
         """Period of what the refitted model lacks, in s; 0 if it does not repeat."""
-        for same in zip(*self._lacking, strict=True):
-            times = [(r.name, time) for r, (time, _) in zip(self.fitting, same, strict=True)]
-            period = period_of(times, np.concatenate([signal for _, signal in same]))
-            if math.isfinite(period):
-                return period
+        # What seems to repeat by chance costs a law that is refused.
+        for beside in (False, True):
+            for same in zip(*self._lacking, strict=True):
+                times = [(r.name, time) for r, (time, _) in zip(self.fitting, same, strict=True)]
+                lacking = np.concatenate([signal for _, signal in same])
+                period = period_of(times, lacking, beside_course=beside)
+                if math.isfinite(period):
+                    return period
         return 0.0
 
     @cached_property
