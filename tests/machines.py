@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 from typing import Any
 
+import casadi as ca
+
 from workbench.linearisation import LinearModel, linearise
-from workbench.model import Input, Model, Output, Parameter, State
+from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.operating_point import operating_point
 from workbench.verification import metrics, step_scenario, verify
 
@@ -55,6 +57,27 @@ def machine(
         inputs=_told(Input, inputs, "lower", "upper", "nominal"),
         outputs=read,
         parameters=_told(Parameter, parameters, "value", "lower", "upper"),
+    )
+
+
+def clutch(radius: str, *, pressed: bool = True) -> Model:
+    """An engine that drives a car through what rubs, pressed by a force or by its slip alone.
+
+    Args:
+        radius: Unit, value and bounds of the radius at which it rubs.
+    """
+
+    def equations(m: Scope) -> dict[str, Any]:
+        slip = m.x.engine - m.x.car
+        passed = m.p.radius * m.u.force * ca.tanh(slip / 2.0) if pressed else m.p.radius * slip
+        return {"engine": (m.u.torque - passed) / 0.2, "car": passed / 2.0}
+
+    return machine(
+        equations,
+        "engine rad/s 100, car rad/s 10",
+        "torque N m 0 200, force N 0 3000",
+        "engine rad/s, car rad/s",
+        f"radius {radius}",
     )
 
 

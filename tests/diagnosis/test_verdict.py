@@ -8,12 +8,11 @@ import re
 from dataclasses import replace
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
 
 from tests.diagnosis.example_diagnosis import example_diagnosis
-from tests.machines import machine
+from tests.machines import clutch, machine
 from workbench.diagnosis.conclude import _beyond, conclude
 from workbench.diagnosis.doubts import (
     _add_up,
@@ -115,20 +114,10 @@ def test_a_parameter_that_is_a_curve_is_told_along_it() -> None:
 
 
 def test_a_curve_over_a_slip_is_told_with_both_its_ends() -> None:
-    def equations(m: Scope) -> dict[str, Any]:
-        passed = m.p.radius * m.u.force * ca.tanh((m.x.engine - m.x.car) / 2.0)
-        return {"engine": (m.u.torque - passed) / 0.2, "car": passed / 2.0}
-
-    clutch = machine(
-        equations,
-        "engine rad/s 100, car rad/s 10",
-        "torque N m 0 200, force N 0 3000",
-        "engine rad/s, car rad/s",
-        "radius m 0.04 -0.2 0.2",
-    )
-    seen = library(clutch, RecordedFacts(ranges={"1 engine - car": (0.0, 200.0)}))
+    rubbing = clutch("m 0.04 -0.2 0.2")
+    seen = library(rubbing, RecordedFacts(ranges={"1 engine - car": (0.0, 200.0)}))
     law = next(h for h in seen if h.name == "parameter_curve_radius_over_engine_car")
-    model = clutch.with_effect(law.at_size(-0.01))
+    model = rubbing.with_effect(law.at_size(-0.01))
     told = along(model, model.effects[-1])
     assert told.endswith("30 mm at 200 rad/s of engine - car")
 

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
 
 from tests.diagnosis.newcomers import crane, drivetrain, maglev, oscillator, swing, two_carts
-from tests.machines import machine
+from tests.machines import clutch, machine
 from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.physics.drift import parameter_curve
@@ -89,19 +87,8 @@ def test_an_inductance_bends_over_its_flux_where_the_current_is_read() -> None:
 
 @pytest.mark.parametrize("pressed", [True, False])
 def test_what_rubs_between_two_bodies_bends_over_their_slip_beside_a_force(pressed: bool) -> None:
-    def equations(m: Scope) -> dict[str, Any]:
-        slip = m.x.engine - m.x.car
-        passed = m.p.radius * m.u.force * ca.tanh(slip / 2.0) if pressed else m.p.radius * slip
-        return {"engine": (m.u.torque - passed) / 0.2, "car": passed / 2.0}
-
-    clutch = machine(
-        equations,
-        "engine rad/s 100, car rad/s 10",
-        "torque N m 0 200, force N 0 3000",
-        "engine rad/s, car rad/s",
-        f"radius {'m' if pressed else 'N m s/rad'} 0.04 0.01 0.2",
-    )
-    found = {h.name for h in parameter_curve.hypotheses(Survey(clutch))}
+    rubbing = clutch(f"{'m' if pressed else 'N m s/rad'} 0.04 0.01 0.2", pressed=pressed)
+    found = {h.name for h in parameter_curve.hypotheses(Survey(rubbing))}
     # What has no force to press it is a curve over the slip alone: a law of friction.
     assert ("parameter_curve_radius_over_engine_car" in found) == pressed
 

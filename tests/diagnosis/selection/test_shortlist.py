@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from tests.diagnosis.selection.candidates import entries, made_score
 from workbench.diagnosis.selection.score import Scores
@@ -89,6 +90,15 @@ def test_what_cannot_be_tested_or_gains_too_little_is_not_refitted() -> None:
     # What parameters reproduce but for a thousandth is refitted where that is seen clearly.
     clear = replace(scores, scores=(collinear, scores.scores[1]))
     assert [score.entry.name for score in shortlist(clear, most=18)] == ["tilt_gravity"]
+
+
+@pytest.mark.parametrize(("gain", "worth"), [(172.0, True), (130.0, False)])
+def test_a_stiff_law_is_refitted_from_half_of_the_best_score_on(gain: float, worth: bool) -> None:
+    ranked = [("command_play", 275.0), ("spool_hysteresis", 245.0), ("command_stiction", gain)]
+    assert entries()["command_stiction"].stiff
+    scores = Scores(tuple(made_score(*each) for each in ranked), np.eye(3), 1.0)
+    names = [score.entry.name for score in shortlist(scores, most=18)]
+    assert ("command_stiction" in names) == worth
 
 
 def test_location_of_an_effect_is_that_of_its_ports() -> None:
