@@ -485,7 +485,7 @@ def test_a_step_that_noise_drowns_is_told(balls: None, shell: Shell) -> None:
 def test_a_step_that_takes_longer_than_it_lasts_is_told(balls: None, shell: Shell) -> None:
     plant = "--plant '1 / (s (5e-7 s + 1))' --limit 10 -c plain-pid"
     said = shell(f"verify {plant} --from 0 --to 1").err
-    assert "all of the commands moves y by" in said and "step less far (--to)" in said
+    assert "commands at their limits move y by" in said and "step less far (--to)" in said
     assert "step less far" not in shell(f"verify {plant}").err
 
 

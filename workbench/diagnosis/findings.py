@@ -178,7 +178,8 @@ def _since(diagnosis: Diagnosis, effect: Effect) -> str:
     recordings, said = (*prepared.fitting, *prepared.judging), []
     if effect.about.period:
         own = {q.name: model.parameter(f"{effect.name}.{q.name}").value for q in effect.parameters}
-        period, lasting = own[effect.about.period], own.get("part", 0.0) * own[effect.about.period]
+        period = own[effect.about.period]
+        lasting = period * own[effect.about.part] if effect.about.part else 0.0
         for seen in recordings if lasting else ():
             begin = (moments(model, effect, seen.name)[0] - 0.5 * lasting) % period
             times, unit = in_times([begin, begin + lasting])

@@ -24,6 +24,8 @@ class About:
         subject: Name of the parameter of the model that it changes; empty if it changes none.
         moment: Name of the own parameter that is the time of an event; empty if there is none.
         period: Name of the own parameter with which that event repeats, in s; empty if it does not.
+        part: Name of the own parameter that is the part of it in which it acts; empty if it acts
+            throughout.
         begins: Name of the own state that begins otherwise in each recording; empty if there is
             none.
         level: Whether that state stays as it begins, as what is changed between recordings does.
@@ -40,6 +42,7 @@ class About:
     subject: str = ""
     moment: str = ""
     period: str = ""
+    part: str = ""
     begins: str = ""
     level: bool = False
     tells: str = ""

@@ -305,6 +305,7 @@ periodic_pulse = replace(
         for part in (0.15, 0.4)
         for late in (0.0, 0.25, 0.5, 0.75)
     ],
+    part="part",
     source="the sun on a day, a shift at work, what is switched on and off by a clock",
     look_alikes=("periodic_push",),
 )  # fmt: skip

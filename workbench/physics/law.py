@@ -243,6 +243,7 @@ class Law:
         of_parameter: Whether it changes a parameter of the model.
         moment: Name of the parameter that is the time of an event, on a clock that is a state.
         period: Name of the parameter with which that event repeats, in s.
+        part: Name of the parameter that is the part of it in which it acts.
         begins: Name of the state that begins otherwise in each recording.
         level: Whether that state stays as it begins.
         tells: Name of the parameter that is told beside the size.
@@ -285,6 +286,7 @@ class Law:
     of_parameter: bool = False
     moment: str = ""
     period: str = ""
+    part: str = ""
     begins: str = ""
     level: bool = False
     tells: str = ""

@@ -173,7 +173,7 @@ class StepTrial:
         return recipes, found
 
     def _tell_far(self, scenarios: Sequence[Scenario], hold: float) -> None:
-        """Say which outputs all of the commands move less far than their steps while these last."""
+        """Say which outputs commands at their limits move less far than their steps while these last."""
         for name, asked in ((n, a) for s in scenarios for n, a in s.references.items()):
             if not asked.changes or name not in self.linear.output_names:
                 continue
@@ -182,9 +182,9 @@ class StepTrial:
                 about = next(q for q in self.model.outputs if q.name == name)
                 unit = of_difference(about.display_unit)
                 self.say(
-                    f"all of the commands moves {name} by {float(from_si(most, unit)):.3g} {unit}"
-                    f" in the {in_time(hold)} that a step lasts, less than it shall: step less far"
-                    " (--to), or take longer (--hold)"
+                    f"commands at their limits move {name} by {float(from_si(most, unit)):.3g}"
+                    f" {unit} in the {in_time(hold)} that a step lasts, less than it shall: step"
+                    " less far (--to), or take longer (--hold)"
                 )
 
     def _tell_noise(

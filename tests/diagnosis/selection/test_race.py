@@ -123,7 +123,8 @@ def test_beside_what_leaves_nothing_out_others_are_not_tried_in_every_way(
     field = [made_score(entry, float(gain)) for gain in range(30)]
     seen: Any = made_up_axis(1, samples=100)
     base: Any = SimpleNamespace(noise_scale=before)
-    found = race._first_refits(Basis(base, (), [seen]), field, 1500, 10.0)
+    heads = race._heads(Basis(base, (), [seen]), field, 1500)
+    found = race._first_refits(heads, field, 10.0)
     assert [c.gain for c in found] == [*range(30)]
     assert [thorough[29.0 - rank] for rank in range(30)] == [rank < all_ways for rank in range(30)]
 
@@ -181,6 +182,7 @@ def _followed_of(
         blocks = (np.full(30, -gain / 30.0),)
         return replace(candidate, refused="", followed=True, gain=gain, blocks=blocks)
 
+    monkeypatch.setattr(race, "_heads", lambda basis, field, _: [basis] * len(field))
     monkeypatch.setattr(race, "_first_refits", lambda *_: list(first))
     monkeypatch.setattr(race, "_trusted", lambda *given: list(given[-1]))
     monkeypatch.setattr(race, "followed", followed)
@@ -205,9 +207,9 @@ def test_many_short_recordings_are_raced_on_some_among_them_the_one_that_shows_i
     recordings = [SimpleNamespace(name=k, outputs=np.zeros(600)) for k in range(12)]
     used = {}
 
-    def first(basis: Any, field: Any, *_: Any) -> list[Any]:
-        for score in field:
-            names = [r.name for r in basis.fit_on]
+    def first(heads: Any, field: Any, *_: Any) -> list[Any]:
+        for head, score in zip(heads, field, strict=True):
+            names = [r.name for r in head.fit_on]
             used[score.number] = names, names[score.clearest]
         return [score.number for score in field]
 
@@ -216,6 +218,7 @@ def test_many_short_recordings_are_raced_on_some_among_them_the_one_that_shows_i
         number: int
         clearest: int
 
+    monkeypatch.setattr(race, "_heads", lambda basis, field, _: [basis] * len(field))
     monkeypatch.setattr(race, "_first_refits", first)
     field: Any = [Shown(0, 7), Shown(1, 2), Shown(2, 7)]
     raced = race._raced(Basis(cast(Any, None), (), cast(Any, recordings)), field)
@@ -233,7 +236,7 @@ def test_what_was_refitted_beside_another_base_goes_on_from_there_and_is_not_rac
     raced: list[str] = []
     handed: dict[str, Candidate] = {}
 
-    def first(_basis: Any, field: Sequence[Score], *given: Any) -> list[Candidate]:
+    def first(_heads: Any, field: Sequence[Score], *given: Any) -> list[Candidate]:
         handed.update(given[-1])
         return [replace(handed[s.entry.name], fit=None) for s in field]
 
@@ -242,6 +245,7 @@ def test_what_was_refitted_beside_another_base_goes_on_from_there_and_is_not_rac
         return [other]
 
     monkeypatch.setattr(race, "_raced", on_beginnings)
+    monkeypatch.setattr(race, "_heads", lambda basis, field, _: [basis] * len(field))
     monkeypatch.setattr(race, "_first_refits", first)
     monkeypatch.setattr(race, "blocks_of_cost", lambda *_: np.zeros(1))
     monkeypatch.setattr(race, "closest_errors", lambda *_: WITHOUT)
@@ -319,8 +323,8 @@ def test_a_law_that_contends_is_refitted_with_the_trust_that_it_earns() -> None:
         first.append(Candidate(laws[name], fit, base.cost - fit.cost))
         field.append(made_score(laws[name], 900.0))
     prior = base.cost - float(blocks_of_cost(base, [seen]).sum())
-    basis = Basis(base, priors, [seen], known=prior)
-    loss, offset = race._trusted(basis, field, first)
+    heads = race._heads(Basis(base, priors, [seen], known=prior), field, 5000)
+    loss, offset = race._trusted(heads, first)
     assert loss.gain > 5.0 * first[0].gain
     assert loss.fit is not None
     found = {e.name: e.value for e in loss.fit.refit.estimates}
@@ -330,7 +334,7 @@ def test_a_law_that_contends_is_refitted_with_the_trust_that_it_earns() -> None:
     assert first[1].fit is not None
     trusting = replace(first[1].fit, noise_scale=0.1 * base.noise_scale)
     rival = replace(first[1], fit=trusting, gain=5.0 * first[0].gain)
-    beside = race._trusted(basis, field, [first[0], rival])
+    beside = race._trusted(heads, [first[0], rival])
     assert beside[0].gain == pytest.approx(loss.gain)
 
 
@@ -377,7 +381,7 @@ def test_more_trust_that_the_beginning_of_recordings_bears_is_no_gain_of_a_law()
     (head,) = race._heads(basis, [made_score(lag, 9.0)], 300)
     usual, trusted = head.costs
     assert usual - trusted > 100.0
-    (found,) = race._first_refits(basis, [made_score(lag, 9.0)], 300, 1.0)
+    (found,) = race._first_refits([head], [made_score(lag, 9.0)], 1.0)
     blind = first_refit(head._replace(costs=(usual, usual)), made_score(lag, 9.0), 1.0)
     # More trust alone would seem to be what the sensor's lag explains.
     assert found.fit is not None and blind.fit is not None

@@ -118,9 +118,10 @@ def refit_candidates(
         field, lost = order[:_FIELD], [earlier[s.entry.name] for s in order[_FIELD:]]
     names, more = [s.entry.name for s in field[:_SAID]], len(field) - _SAID
     task.say(f"refitting with {', '.join(names)}{f' and {more} more' if more > 0 else ''}")
-    at_first = _first_refits(basis, field, _HEADS[1], _NEAR, earlier)
+    heads = _heads(basis, field, _HEADS[1])
+    at_first = _first_refits(heads, field, _NEAR, earlier)
     leaders = _leaders(at_first, field.index(chosen[0]), several=len(fit_on) > 1)
-    leaders, weaker = _rivals(basis, field, at_first, leaders)
+    leaders, weaker = _rivals(heads, at_first, leaders)
     before = blocks_as_trusted(base, hold_out) if leaders and hold_out else None
 
     def follow(candidate: Candidate) -> Call[Candidate]:
@@ -177,28 +178,24 @@ def _raced(basis: Basis, field: Sequence[Score]) -> list[Candidate]:
     for chosen, own in groups.items():
         here = [replace(field[i], clearest=chosen.index(field[i].clearest)) for i in own]
         some = basis._replace(fit_on=[fit_on[k] for k in chosen])
-        done = _first_refits(some, here, _HEADS[0], _FAR)
+        done = _first_refits(_heads(some, here, _HEADS[0]), here, _FAR)
         found |= dict(zip(own, done, strict=True))
     return [found[i] for i in range(len(field))]
 
 
 def _first_refits(
-    basis: Basis,
+    heads: Sequence[Basis],
     field: Sequence[Score],
-    samples: int,
     enough: float,
     begun: Mapping[str, Candidate] | None = None,
 ) -> list[Candidate]:
     """Refit hypotheses on the beginning of each recording, from where earlier refits ended.
 
-    What happens later than that is refitted on as much as shows it.
-
     Args:
+        heads: What each is refitted on, of one base.
         begun: The earlier refits by name.
     """
     begun = begun or {}
-    short = basis.thorough and sum(len(r.outputs) for r in basis.fit_on) <= _SHORT
-    heads = _heads(basis, field, samples)
     seen = [sum(len(r.outputs) for r in head.fit_on) for head in heads]
     order = sorted(range(len(field)), key=lambda i: -field[i].gain)
     found: dict[int, Candidate] = {}
@@ -206,21 +203,25 @@ def _first_refits(
     ends = [_BY_SCORE * (2**k - 1) for k in range(len(order).bit_length() + 1)]
     for some in (order[i:j] for i, j in pairwise(ends) if i < len(order)):
         # Beside what leaves nothing out nobody waits for the others to be tried in every way.
-        complete = {k: c.gain for k, c in found.items() if leaves_nothing(basis.base, c)}
-        ways = short and not complete
+        complete = {k: c.gain for k, c in found.items() if leaves_nothing(heads[k].base, c)}
         # Nor for what explains much less, by sample: what comes late is refitted on more of them.
         clear = max((gain / seen[k] for k, gain in complete.items()), default=0.0)
         calls: list[Call[Candidate]] = []
         for i in some:
-            own, earlier = heads[i]._replace(thorough=ways), begun.get(field[i].entry.name)
-            least = _CONTENDS * clear * seen[i]
+            own = heads[i]._replace(thorough=heads[i].thorough and not complete)
+            earlier, least = begun.get(field[i].entry.name), _CONTENDS * clear * seen[i]
             calls.append((first_refit, (own, field[i], enough, earlier, least)))
-        found |= dict(zip(some, in_order(calls, jobs=basis.jobs), strict=True))
+        found |= dict(zip(some, in_order(calls, jobs=heads[0].jobs), strict=True))
     return [found[i] for i in range(len(field))]
 
 
 def _heads(basis: Basis, field: Sequence[Score], samples: int) -> list[Basis]:
-    """Return what refits begin with on the beginnings that show each hypothesis."""
+    """Return what refits begin with on the beginnings that show each hypothesis.
+
+    What happens later than a beginning is refitted on as much as shows it.
+    """
+    short = sum(len(r.outputs) for r in basis.fit_on) <= _SHORT
+    basis = basis._replace(thorough=basis.thorough and short)
     lengths = [samples if score.late < samples else 2 * score.late for score in field]
     heads = {n: _head(basis, [r.part(slice(n)) for r in basis.fit_on]) for n in {*lengths}}
     return [heads[n] for n in lengths]
@@ -246,7 +247,7 @@ def _head(basis: Basis, head: Sequence[Observed]) -> Basis:
 
 
 def _rivals(
-    basis: Basis, field: Sequence[Score], first: Sequence[Candidate], leaders: list[int]
+    heads: Sequence[Basis], first: Sequence[Candidate], leaders: list[int]
 ) -> tuple[list[int], list[int]]:
     """Part leaders from those that explain clearly less than what explains nearly all.
 
@@ -254,7 +255,7 @@ def _rivals(
     """
     if len(leaders) < 2:
         return leaders, []
-    trusted = _trusted(basis, [field[i] for i in leaders], [first[i] for i in leaders])
+    trusted = _trusted([heads[i] for i in leaders], [first[i] for i in leaders])
     top = max(trusted, key=lambda c: c.gain)
     if not explains(top):
         return leaders, []
@@ -263,7 +264,7 @@ def _rivals(
     return rivals, [i for i in leaders if i not in rivals]
 
 
-def _trusted(basis: Basis, field: Sequence[Score], first: Sequence[Candidate]) -> list[Candidate]:
+def _trusted(heads: Sequence[Basis], first: Sequence[Candidate]) -> list[Candidate]:
     """Refit hypotheses that contend with as much trust in the equations as each of them earns.
 
     Where the equations are as imperfect as without it, the right law gains little more than a wrong
@@ -272,10 +273,9 @@ def _trusted(basis: Basis, field: Sequence[Score], first: Sequence[Candidate]) -
     best = max(first, key=lambda c: c.gain)
     least = max(_CONTENDS * best.gain, LEAST_SCORE)
     chosen = [i for i, c in enumerate(first) if c.gain > least or trusts_less(c, best)]
-    heads = _heads(basis, [field[i] for i in chosen], _HEADS[1])
-    calls = [(_with_trust, (head, first[i])) for i, head in zip(chosen, heads, strict=True)]
+    calls = [(_with_trust, (heads[i], first[i])) for i in chosen]
     found = list(first)
-    for i, candidate in zip(chosen, in_order(calls, jobs=basis.jobs), strict=True):
+    for i, candidate in zip(chosen, in_order(calls, jobs=heads[0].jobs), strict=True):
         found[i] = candidate
     return found
 
