@@ -173,7 +173,7 @@ class StepTrial:
         return recipes, found
 
     def _tell_far(self, scenarios: Sequence[Scenario], hold: float) -> None:
-        """Say which outputs commands at their limits move less far than their steps, by their end."""
+        """Say which outputs commands at their limits move less far than steps do."""
         for name, asked in ((n, a) for s in scenarios for n, a in s.references.items()):
             if not asked.changes or name not in self.linear.output_names:
                 continue
