@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -14,6 +15,7 @@ from workbench.data_folder import shipped_folder
 from workbench.plants.arm import arm
 from workbench.recordings import Recording, read_recording
 from workbench.recordings.checks import Expected, expectations
+from workbench.recordings.checks.expected import sure_signs
 from workbench.recordings.checks.response import check_response
 from workbench.recordings.checks.time_base import check_time_base
 from workbench.recordings.recording import Signal, Vector
@@ -134,6 +136,24 @@ def test_a_store_that_is_filled_moves_long_before_its_time_constant(
     water = 323.0 + np.cumsum(20.0 * (heater - 60.0) / 3.3e5)
     seen = recorded(20.0 * factor, {"heater W": heater}, {"water K": water})
     assert check_time_base(seen, expectations(seen, model=boiler)).result == result
+
+
+def test_an_empty_cone_has_no_slope_that_tells_of_signs() -> None:
+    tanks = machine(
+        lambda m: (
+            {
+                "upper": m.u.pump - 0.02 * ca.sqrt(m.x.upper),
+                "lower": 0.02 * (ca.sqrt(m.x.upper) - ca.sqrt(m.x.lower)) / m.x.lower**2,
+            },
+            {"level": m.x.lower},
+        ),
+        "upper m 0.5, lower m 0.5",
+        "pump m/s 0.01 scale=0.02",
+        "level m scale=0.5",
+    )
+    level = np.where(np.arange(600) < 300, 0.0, 0.5)
+    seen = recorded(1.0, {"pump m/s": np.full(600, 0.01)}, {"level m": level})
+    assert sure_signs(tanks, seen) == {("pump", "level"): 1}
 
 
 def test_weather_that_hardly_moves_a_room_is_no_reason_to_doubt() -> None:
