@@ -9,6 +9,7 @@ import pytest
 
 from tests.diagnosis.axis_case import COULOMB_N, observed
 from tests.diagnosis.selection.candidates import made_score
+from workbench.diagnosis.estimation.made_up import made_up, pushes
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.selection.score import COLLINEAR, Scores, by_name, score_library
@@ -47,6 +48,25 @@ def test_the_missing_effect_scores_near_its_size(without_friction: Scores) -> No
     # What parameters reproduce but for half a percent is seen by that half, or is not.
     assert replace(score, collinearity=0.995, sigma=3.0).testable
     assert not replace(score, collinearity=0.995, sigma=1.5).testable
+
+
+def test_a_stiff_law_is_scored_with_each_of_its_shapes() -> None:
+    axis = servo_axis()
+    stop = next(h for h in library(axis) if h.name == "end_stop")
+    place = {"side": -1.0, "place": -0.06}
+    assert stop.stiff and place in stop.shapes[1:]
+    forces = pushes(600, largest=100.0, seed=3)
+    free, held = (
+        made_up(model, forces, sample_time=0.01)
+        for model in (axis, axis.with_effect(stop.at_size(1.0, place)))
+    )
+    seen = replace(free, outputs=held.outputs)
+    priors = default_priors(axis)
+    base = fit_with_process_noise(axis, [seen], priors)
+    (score,) = score_library(
+        base.model, [seen], priors, [stop], noise_scale=base.noise_scale
+    ).scores
+    assert score.shape == place and score.size == pytest.approx(1.0, rel=0.1)
 
 
 def test_scores_are_sorted_and_confusion_is_a_cosine(without_friction: Scores) -> None:

@@ -241,9 +241,8 @@ class _Variant:
 
 
 def _variants(entry: Hypothesis) -> list[_Variant]:
-    shapes = entry.shapes[:1] if entry.stiff else entry.shapes
     made = []
-    for number, shape in enumerate(shapes):
+    for number, shape in enumerate(entry.shapes):
         effect = entry.at_size(0.0, shape)
         name = entry.name if number == 0 else f"{entry.name}_as_{number}"
         made.append(_Variant(entry, shape, replace(effect, name=name)))
