@@ -273,7 +273,9 @@ def declared_unit(
     """Return the unit declared for reading what is named after a quantity; empty if none.
 
     What no quantity has given its name is read as all quantities of its SI unit are that say it, or
-    as the rates of all whose rate it is, if they agree, and their unit has no zero of its own.
+    as the rates of all whose rate it is, if they agree, and their unit has no zero of its own; plain
+    numbers, which count all sorts of things, and their rates never. The rate of a quantity follows
+    the unit of that.
 
     Args:
         name: Name of the quantity, of a port of its own, or of its rate.
@@ -289,22 +291,29 @@ def declared_unit(
         ('Δ°F', 'kW')
         >>> declared_unit("rate of oven", "K/s", of), declared_unit("oven_wall.exchange", "K/s", of)
         ('Δ°F/s', 'Δ°F/s')
+        >>> blade = [State("pitch", "rad"), Output("rotor", "rad/s", display_unit="rpm")]
+        >>> declared_unit("pitch.rate", "rad/s", blade), declared_unit("gear", "rad/s", blade)
+        ('', 'rpm')
+        >>> declared_unit("leak.conductance", "1/s", [Input("valve", "1", display_unit="%")])
+        ''
     """
     own = name.removeprefix("rate of ").partition(".")[0]
-    for q in quantities:
-        said = q.display_unit if isinstance(q, (Channel, State)) and q.name == own else ""
-        if said not in ("", q.unit):
-            if same_dimension(unit, q.unit):
-                return of_difference(said) if difference else said
-            if same_dimension(unit, per(q.unit, "s")):
-                return per(of_difference(said), "s")
-    read = [q for q in quantities if isinstance(q, (Channel, State)) and q.display_unit]
+    known = [q for q in quantities if isinstance(q, (Channel, State))]
+    read = [q for q in known if q.display_unit and q.unit != "1"]
+    for q in known:
+        said = q.display_unit if q.display_unit != q.unit else ""
+        if q.name == own and said and same_dimension(unit, q.unit):
+            return of_difference(said) if difference else said
+        if q.name == own and same_dimension(unit, per(q.unit, "s")):
+            alike = {said} if said else {r.display_unit for r in read if r.unit == q.unit}
+            agreed = alike.pop() if len(alike) == 1 else q.unit
+            return per(of_difference(agreed), "s") if agreed != q.unit else ""
     alike = {q.display_unit for q in read if q.unit == unit} or {
         per(of_difference(q.display_unit), "s")
         for q in read
         if q.display_unit != q.unit and same_dimension(unit, per(q.unit, "s"))
     }
-    agreed = alike.pop() if len(alike) == 1 and unit != "1" else unit
+    agreed = alike.pop() if len(alike) == 1 else unit
     return agreed if agreed not in (unit, "1") and of_difference(agreed) == agreed else ""
 
 
