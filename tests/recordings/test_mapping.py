@@ -145,6 +145,20 @@ def test_nm_is_what_is_asked_for(read: Read, unit: str, size: float, name: str) 
     assert recording.mapping is not None and all(row.unit for row in recording.mapping)
 
 
+@pytest.mark.parametrize(
+    ("header", "name", "unit", "size"),
+    [
+        ("drive_nN", "drive", "N", 1e-9), ("leak_pA", "leak", "A", 1e-12),
+        ("load_pA", "load_pA", "Pa", 1.0),
+    ],
+)  # fmt: skip
+def test_a_small_unit_is_one_where_its_name_is_asked_for(
+    read: Read, header: str, name: str, unit: str, size: float
+) -> None:
+    recording = read(table("t [s]", header), signals={name: unit})
+    assert recording[name][3] == pytest.approx(8.0 * size)
+
+
 def test_a_word_of_two_headers_names_the_one_that_no_other_word_does(read: Read) -> None:
     named = {
         "aero": "aero torque [kNm]", "torque": "generator torque [Nm]",

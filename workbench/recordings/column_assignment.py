@@ -16,7 +16,7 @@ from workbench.recordings.column_matching import (
     Requested,
     guess_role,
     in_degrees,
-    in_nm,
+    in_small_units,
     in_turns,
     is_time,
     match_requested,
@@ -310,7 +310,8 @@ def assign(
     columns = with_whole_stamps(without_giants(columns))
     columns, headers = _own_units(columns, header_list(columns), rules)
     metadata: dict[str, Scalar] = {**columns.metadata, **rules.metadata}
-    headers = in_nm(in_turns(in_degrees(headers, requested), requested), requested)
+    headers = in_turns(in_degrees(headers, requested), requested)
+    headers = in_small_units(headers, requested)
     time, time_row, time_index = _time(columns, headers, rules)
     by_name = {w.name: w for w in requested}
     signals: list[Signal] = []

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from workbench.errors import WorkbenchError
-from workbench.model.units import parse_unit, same_dimension
+from workbench.model.units import is_known, parse_unit, same_dimension
 from workbench.recordings.headers import DEGREES, TOPIC, Header, is_temperature, read_header
 from workbench.recordings.recording import Role
 
@@ -249,17 +249,24 @@ def in_turns(headers: Sequence[Header], requested: Sequence[Requested]) -> list[
     return [read(h) for h in headers]
 
 
-def in_nm(headers: Sequence[Header], requested: Sequence[Requested]) -> list[Header]:
-    """Read ``torque_nm`` in N m where a torque is asked for, ``z_nm`` in nm where a length is."""
+def in_small_units(headers: Sequence[Header], requested: Sequence[Requested]) -> list[Header]:
+    """Read ``torque_nm`` in N m where a torque is asked for, ``z_nm`` in nm where a length is.
+
+    So ``drive_nN``, ``leak_pA``, ``tip_pm``: what is a unit of that which is asked for by the name
+    before it is no part of a name, as of a pressure ``load_pA`` it is.
+    """
     units = {"N m": "N m", "m": "nm"}
 
     def read(header: Header) -> Header:
-        found = re.fullmatch(r"(.+?)_nm", header.name, re.IGNORECASE)
+        found = re.fullmatch(r"(.+?)_([np][A-Za-zΩ])", header.name, re.IGNORECASE)
         if found is None or header.unit:
             return header
         stem = Header(header.column, found[1])
         named = [w for w in requested if _same(w, header) or _same(w, stem)]
-        meant = {u for w in named or requested for of, u in units.items() if _alike(w.unit, of)}
+        if found[2].lower() == "nm":
+            meant = {u for w in named or requested for of, u in units.items() if _alike(w.unit, of)}
+        else:
+            meant = {found[2] for w in named if is_known(found[2]) and _alike(w.unit, found[2])}
         if len(meant) != 1:
             return header
         name = header.name if any(_same(w, header) == 2 for w in named) else stem.name
