@@ -9,7 +9,7 @@ import casadi as ca
 
 from workbench.diagnosis.doubts import Errors, beside_larger, differs, too_quick
 from workbench.diagnosis.estimation.fixed_parameters import value_instead
-from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, extended_start
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.estimation.refit_result import Estimate
 from workbench.diagnosis.selection.held_out import explained
 from workbench.diagnosis.selection.moments import levels, moments
@@ -237,8 +237,8 @@ def along(model: Model, effect: Effect) -> str:
 def _instead_of(diagnosis: Diagnosis, entry: Hypothesis) -> str:
     """Say which value, that no refit changes, is wrong if an effect is not there; or nothing."""
     fit, nominal = diagnosis.extended, diagnosis.nominal
-    seen = extended_start(diagnosis.prepared.fitting[0], nominal, fit.model)
-    found = value_instead(fit, entry.effect, entry.size_parameter, seen)
+    recordings = diagnosis.prepared.fitting
+    found = value_instead(fit, entry.effect, entry.size_parameter, nominal, recordings)
     if found is None:
         return ""
     q = nominal.parameter(found[0])

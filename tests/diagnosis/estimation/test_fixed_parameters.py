@@ -80,10 +80,9 @@ def test_a_value_that_nobody_refits_is_told_where_an_effect_stands_for_it(fitted
     model = coil.with_effect(law.at_size(-0.1))
     true = coil.with_parameters({"L": 0.024})
     seen = made_up(true, pushes(600, largest=3.0, seed=1), sample_time=2e-3)
-    seen = extended_start(seen, coil, model)
     priors = default_priors(model, ["R", *["L"] * fitted, "gain_i_rate.excess"])
-    fit = fit_with_process_noise(model, [seen], priors)
-    found = value_instead(fit, law.effect, "excess", seen)
+    fit = fit_with_process_noise(model, [extended_start(seen, coil, model)], priors)
+    found = value_instead(fit, law.effect, "excess", coil, [seen])
     # U / (0.024 H) is a sixth less than U / (0.02 H).
     assert found is None if fitted else found == ("L", pytest.approx(0.024, rel=2e-3))
 
@@ -110,4 +109,19 @@ def test_what_all_else_scales_with_is_no_value_instead() -> None:
         assert fit.refit.estimate("quadratic_drag.coefficient").value == pytest.approx(
             size, rel=0.1
         )
-        assert value_instead(fit, model.effects[0], "coefficient", seen) is None
+        assert value_instead(fit, model.effects[0], "coefficient", body, [seen]) is None
+
+
+def test_a_mass_that_moves_too_fast_to_be_seen_is_no_value_instead() -> None:
+    def moved(m: Scope) -> dict[str, Any]:
+        return {"speed": (2.0 * m.u.drive - m.p.damping * m.x.speed) / m.p.mass}
+
+    body = machine(moved, "speed m/s scale=1", "drive N", "speed m/s 1e-3 scale=1",
+                   "damping N s/m 0.5 0.01 5, mass kg 0.002")  # fmt: skip
+    # At rest its drag per mass is as much as twice the mass is less: on a straight line, until
+    # there is none.
+    model = body.with_effect(quadratic_drag("speed.rate", coefficient=50.0))
+    seen = made_up(model, pushes(600, largest=3.0, seed=1), sample_time=0.05)
+    priors = default_priors(model, ["damping", "quadratic_drag.coefficient"])
+    fit = fit_with_process_noise(model, [extended_start(seen, body, model)], priors)
+    assert value_instead(fit, model.effects[0], "coefficient", body, [seen]) is None

@@ -15,10 +15,12 @@ import casadi as ca
 import numpy as np
 
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
-from workbench.diagnosis.estimation.priors import default_priors
+from workbench.diagnosis.estimation.priors import Prior, default_priors
 from workbench.diagnosis.estimation.process_noise import (
+    INDIFFERENT,
     ProcessNoiseFit,
     blocks_of_cost,
+    extended_start,
     fit_with_process_noise,
 )
 from workbench.diagnosis.estimation.refit_result import Outcome, summarise
@@ -105,16 +107,21 @@ def with_fixed_refitted(
 
 
 def value_instead(
-    fit: ProcessNoiseFit, effect: Effect, size: str, observed: Observed
+    fit: ProcessNoiseFit,
+    effect: Effect,
+    size: str,
+    nominal: Model,
+    recordings: Sequence[Observed],
 ) -> tuple[str, float] | None:
     """Find a value that no refit changes and that, if it is wrong, does what an effect does.
 
-    Both signatures are taken beside those of all else that is refitted. Only what enters the
-    equations where the effect acts is looked at.
+    Both signatures are taken beside those of all else that is refitted, and where they are one the
+    value is refitted in place of the effect. Only what enters the equations where the effect acts
+    is looked at.
 
     Args:
         size: Name of the size of the effect, which is one of those that were refitted.
-        observed: A recording with a start for the model.
+        nominal: The model that the recordings have a start for.
 
     Returns:
         The parameter and the value it would have to have, in SI; None if there is none.
@@ -123,6 +130,7 @@ def value_instead(
     held = [q for q in _entering(model, effect) if q.name not in free and q.value]
     if f"{effect.name}.{size}" not in free or not held:
         return None
+    observed = extended_start(recordings[0], nominal, model)
     filter_ = filter_of(model, observed, fit.noise_scale, [*free, *(q.name for q in held)])
     try:
         rows = np.nan_to_num(filter_.run(observed, model.values).jacobian)
@@ -140,8 +148,30 @@ def value_instead(
         value = q.value + fit.refit.estimates[k].value * shared / length
         # A mass that every force scales with would vanish with them.
         if q.lower <= value <= q.upper and value / q.value > _SEEN:
-            return q.name, value
+            # Of what all else scales with the straight line is a tangent only.
+            without = fit.model.without(effect.name)
+            started = [extended_start(r, nominal, without) for r in recordings]
+            if refitted := _in_place(fit, without, q, value, started):
+                return q.name, refitted
     return None
+
+
+def _in_place(
+    fit: ProcessNoiseFit, without: Model, q: Parameter, value: float, recordings: Sequence[Observed]
+) -> float | None:
+    """Refit a value in place of an effect; None unless the recordings are as likely so."""
+    kept = [e for e in fit.refit.estimates if e.name in {p.name for p in without.parameters}]
+    away = abs(value - q.value)
+    lower, upper = max(q.lower, q.value - 4.0 * away), min(q.upper, q.value + 4.0 * away)
+    priors = [*(e.prior for e in kept), Prior(q.name, q.value, away, lower, upper)]
+    begun = {e.name: e.value for e in kept} | {q.name: value}
+    try:
+        found = fit_with_process_noise(
+            without, recordings, priors, start=begun, noise_scale=fit.noise_scale, follow=False
+        )
+    except NumericalError:
+        return None
+    return found.refit.values[q.name] if found.cost < fit.cost + INDIFFERENT else None
 
 
 def _entering(model: Model, effect: Effect) -> list[Parameter]:
