@@ -85,6 +85,32 @@ def test_an_inductance_bends_over_its_flux_where_the_current_is_read() -> None:
     assert found == {"parameter_curve_inductance_over_flux": {"flux.rate", "current.reading"}}
 
 
+def test_a_growth_bends_over_what_it_feeds_on_in_all_that_it_enters() -> None:
+    def equations(m: Scope) -> Equations:
+        growth = m.p.fastest * m.x.food / (2.0 + m.x.food) * m.x.cells
+        fed, lost = m.u.dilution * (12.0 - m.x.food), m.u.dilution * m.x.cells
+        return {"food": fed - 6.0 * growth, "cells": growth - lost}, {
+            "food": m.x.food,
+            "gas": 4.0 * growth,
+        }
+
+    digester = machine(
+        equations,
+        "food g/l 2, cells g/l 2",
+        "dilution 1/s 0 0.5 0.2",
+        "food g/l, gas g/l/s",
+        "fastest 1/s 0.7 0.1 2",
+    )
+    ranges = {"food": (0.0, 12.0)}
+    found = {h.name: h for h in library(digester, RecordedFacts(ranges=ranges))}
+    bent = digester.with_effect(found["parameter_curve_fastest_over_food"].at_size(0.3))
+    for food in (1.0, 9.0):
+        growth = float(bent.read([food, 2.0], [0.2])[1]) / 4.0
+        assert not math.isclose(growth, 0.7 * food / (2.0 + food) * 2.0, rel_tol=0.01)
+        rates = np.ravel(bent.rates([food, 2.0], [0.2]))
+        assert rates == pytest.approx([0.2 * (12.0 - food) - 6.0 * growth, growth - 0.4])
+
+
 @pytest.mark.parametrize("pressed", [True, False])
 def test_what_rubs_between_two_bodies_bends_over_their_slip_beside_a_force(pressed: bool) -> None:
     rubbing = clutch(f"{'m' if pressed else 'N m s/rad'} 0.04 0.01 0.2", pressed=pressed)

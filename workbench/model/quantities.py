@@ -272,10 +272,10 @@ def declared_unit(
 ) -> str:
     """Return the unit declared for reading what is named after a quantity; empty if none.
 
-    What no quantity has given its name is read as all quantities of its SI unit are that say it, or
-    as the rates of all whose rate it is, if they agree, and their unit has no zero of its own; plain
-    numbers, which count all sorts of things, and their rates never. The rate of a quantity follows
-    the unit of that.
+    The rate of a quantity follows the unit of that. What no quantity has given its name is read as
+    all quantities of its SI unit are that say it, or as the rates of all whose rate it is, if they
+    agree, and their unit has no zero of its own. Plain numbers, which count all sorts of things,
+    and their rates are not.
 
     Args:
         name: Name of the quantity, of a port of its own, or of its rate.

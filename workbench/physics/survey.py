@@ -269,7 +269,11 @@ class Survey:
 
     @cached_property
     def spread(self) -> list[tuple[Parameter, tuple[Place, ...]]]:
-        """Refitted parameters of the plant that several ports bring into the equations."""
+        """Refitted parameters of the plant that several ports bring into the equations.
+
+        What one state gives another is part of the rates of both: a growth that a measurement shows
+        as well comes in through those rates.
+        """
         t, ports, found = self.trace, self.ports, []
         taken = {q.name for of_port in self._entering for q in of_port}
         for k, q in enumerate(self.model.parameters):
@@ -277,9 +281,12 @@ class Survey:
                 continue
             slopes = [ca.jacobian(ports.value(i), t.p[k]) for i in range(len(t.ports))]
             at = [i for i, slope in enumerate(slopes) if not slope.is_zero()]
-            through = sum(ports.by_port[:, i] * slopes[i] for i in at)
-            if len(at) > 1 and same(ports.sampled(through), ports.whole_slope(k)):
-                found.append((q, tuple(self.place(t.ports[i].name) for i in at)))
+            rates = [i for i in at if not t.ports[i].name.endswith(".exchange")]
+            for sites in (at, rates) if len(rates) < len(at) else (at,):
+                through = sum(ports.by_port[:, i] * slopes[i] for i in sites)
+                if len(sites) > 1 and same(ports.sampled(through), ports.whole_slope(k)):
+                    found.append((q, tuple(self.place(t.ports[i].name) for i in sites)))
+                    break
         return found
 
 
