@@ -63,6 +63,15 @@ def test_what_is_simpler_and_scores_nearly_as_well_at_a_place_is_tried_too() -> 
     assert "sensor_gain_angle" not in chosen
 
 
+def test_with_levels_by_recording_what_is_the_same_in_all_of_them_is_tried() -> None:
+    by_recording = "sensor_offset_by_recording_angle"
+    ranked = [made_score(by_recording, 900.0), made_score("tilt_gravity", 800.0)]
+    ranked += [made_score("sensor_offset_angle", 20.0), made_score("sensor_offset_pressure_1", 9.0)]
+    scores = Scores((*ranked, made_score("sensor_drift_angle", 8.0)), np.eye(5), 1.0)
+    names = [score.entry.name for score in shortlist(scores, most=2)]
+    assert names == [by_recording, "tilt_gravity", "sensor_offset_angle"]
+
+
 def test_shortlist_takes_look_alikes_and_the_best_of_other_places() -> None:
     ranked = [
         ("tilt_gravity", 900.0),

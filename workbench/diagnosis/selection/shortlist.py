@@ -36,7 +36,8 @@ def shortlist(scores: Scores, *, most: int) -> tuple[Score, ...]:
     """Choose the hypotheses that are worth a full refit.
 
     The best score with its look-alikes, then the best of every other group of ports, then what is
-    simpler than that and scores nearly as well.
+    simpler than that and scores nearly as well; and what is the same in all recordings of those
+    that have one level in each.
     """
     worthy = [s for s in scores.scores if s.gain > LEAST_SCORE and s.testable]
     if not worthy:
@@ -54,7 +55,17 @@ def shortlist(scores: Scores, *, most: int) -> tuple[Score, ...]:
         slow = score.entry.stiff and not leads
         if score not in chosen and not slow and len(chosen) < most:
             chosen.append(score)
-    return tuple(chosen)
+    return (*chosen, *(s for s in worthy if s not in chosen and any(_plain(s, c) for c in chosen)))
+
+
+def _plain(score: Score, other: Score) -> bool:
+    """Whether a law is the same in all recordings as another is with one level in each.
+
+    Levels that differ score higher, and are refused where they turn out to be the same.
+    """
+    one, by_recording = score.entry.effect, other.entry.effect
+    told = by_recording.about.level and score.entry.law in by_recording.about.look_alikes
+    return told and one.ports == by_recording.ports and not one.states
 
 
 def _simpler(score: Score, best: Score) -> bool:
