@@ -22,7 +22,7 @@ from workbench.diagnosis.doubts import (
     still_off,
     too_quick,
 )
-from workbench.diagnosis.findings import along
+from workbench.diagnosis.findings import along, computed
 from workbench.diagnosis.selection.held_out import explained
 from workbench.diagnosis.selection.weights import Compared
 from workbench.diagnosis.verdict import SCHEMA, Finding, Value, Verdict
@@ -363,3 +363,33 @@ def test_it_is_said_where_held_out_recordings_go_further_than_fitted_ones() -> N
         judging = (replace(fitted, inputs=factor * fitted.inputs),)
         said = _beyond(replace(found, prepared=replace(near, judging=judging)), "likely")
         assert ("force goes to" in said) is told, said
+
+
+@pytest.mark.parametrize(
+    ("law", "said"),
+    [
+        ("sensor_bend_light_reading", "what light does"),
+        # An offset is no curve, a lag no formula, and what leaks out and breathes in would differ.
+        ("sensor_offset_light_reading", ""),
+        ("sensor_lag_light_reading", ""),
+        ("sensor_bend_outside_reading", ""),
+    ],
+)
+def test_a_curve_of_what_reads_an_input_may_be_what_that_does(law: str, said: str) -> None:
+    def equations(m: Scope) -> Equations:
+        grown = m.p.growth * m.u.light * m.x.air
+        return {
+            "air": m.u.dose - grown - m.p.vent * (m.x.air - m.u.outside),
+            "soil": 0.1 * (m.u.outside - m.x.soil),
+        }
+
+    house = machine(
+        equations,
+        "air kg/m3 1, soil kg/m3 1",
+        "dose kg/m3/s 0 5, light W/m2 0 800 commanded=0, outside kg/m3 0 2 commanded=0",
+        "air kg/m3, soil kg/m3",
+        "growth m2/J 1e-3 0 0.1, vent 1/s 0.1 0 2",
+    )
+    ranges = {"light": (0.0, 600.0), "outside": (0.5, 1.0)}
+    entries = {h.name: h for h in library(house, RecordedFacts(ranges=ranges))}
+    assert computed(entries[law], house) == said

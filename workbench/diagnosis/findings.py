@@ -249,16 +249,30 @@ def _instead_of(diagnosis: Diagnosis, entry: Hypothesis) -> str:
 
 
 def computed(entry: Hypothesis, nominal: Model) -> str:
-    """Return the output whose formula would do the same as what a sensor does; empty if none.
+    """Return what another formula for would do the same as a sensor does; empty if nothing.
 
     What the model computes of its states, such as the pressure of a gas of a volume, may be wrong
-    as well as what reads it.
+    as well as what reads it. So may what it makes of an input that enters one equation, such as the
+    growth of a plant of the light, as well as a curve of what reads that.
     """
     (port, *more) = entry.ports
     name = port.removesuffix(".reading")
-    rows = [i for i, q in enumerate(nominal.outputs) if q.name == name]
-    if entry.group != "sensor" or entry.effect.states or more or not rows:
+    if entry.group != "sensor" or entry.effect.states or more:
         return ""
-    trace = nominal.exact
-    slopes = ca.jacobian(trace.outputs[rows[0]], trace.x)
-    return name.replace("_", " ") if ca.depends_on(slopes, trace.x) else ""
+    trace, said = nominal.exact, name.replace("_", " ")
+    rows = [i for i, q in enumerate(nominal.outputs) if q.name == name]
+    if rows:
+        slopes = ca.jacobian(trace.outputs[rows[0]], trace.x)
+        return said if ca.depends_on(slopes, trace.x) else ""
+    read = [i for i, q in enumerate(nominal.inputs) if q.name == name]
+    if not read or _slopes(nominal, read[0]).nnz() != 1:
+        return ""
+    wrong = nominal.with_effect(entry.at_size(entry.typical_size))
+    bent = ca.depends_on(_slopes(wrong, read[0]), wrong.exact.u[read[0]])
+    return f"what {said} does" if bent else ""
+
+
+def _slopes(model: Model, index: int) -> ca.SX:
+    """Return the slopes of all rates and measurements over an input, in SI."""
+    trace = model.exact
+    return ca.sparsify(ca.jacobian(ca.vertcat(trace.rates, trace.outputs), trace.u[index]))
