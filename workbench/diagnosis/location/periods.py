@@ -12,8 +12,9 @@ from workbench.arrays import Vector
 _HELD, _REPEATS = 0.15, 3
 """Share of the variance that repeats, and how often it does, where a signal is periodic."""
 
-_OUTSTANDING = 4.0
-"""Power of the strongest line over that of the strongest one beside what repeats."""
+_OUTSTANDING, _ALONG_A_WAY = 4.0, 2.0
+"""Power of the strongest line over that of the strongest one beside what repeats. Where one goes
+along a way fast, what is missing is found smaller and late, which spreads its line."""
 
 _WAVES, _AS_MUCH = 6, 0.9
 """Sines that what repeats is made of: a sun that shines six hours a day shows more at a third of
@@ -30,19 +31,27 @@ _STRETCH, _COURSE = 4, 3
 
 
 def period_of(
-    recordings: Sequence[tuple[str, Vector]], signal: Vector, *, beside_course: bool = False
+    recordings: Sequence[tuple[str, Vector]],
+    signal: Vector,
+    *,
+    beside_course: bool = False,
+    waves: int = _WAVES,
+    outstanding: float = _OUTSTANDING,
 ) -> float:
     """Return the period, in s, with which a signal mostly repeats; NaN if it does not.
 
     The strongest line of the periodogram, or what it is a multiple of, is refined by least squares
-    of `_WAVES` sines. Without them no line may be near as strong; they have to hold `_HELD` of the
-    variance over at least `_REPEATS` periods, in every recording at one frequency.
+    of as many sines as `waves`. Without them no line may be near as strong; they have to hold
+    `_HELD` of the variance over at least `_REPEATS` periods, in every recording at one frequency.
 
     Args:
         recordings: Name and times from the first sample, in s, one after the other, n in all.
         signal: The signal, shape (n,), any unit.
         beside_course: Whether it is sought beside a slow course over each recording. What swings by
             chance seems to repeat more often then: one red noise of ten does, one of fifty else.
+        waves: Most sines that what repeats is made of.
+        outstanding: Least power of the strongest line over that of the strongest one beside,
+            dimensionless.
 
     Example:
         >>> t = 0.1 * np.arange(4000)
@@ -63,25 +72,25 @@ def period_of(
         line, found = int(np.argmax(lines)), []
         step = (len(part) - 1) / len(part) / _FINER / whole
         between = np.abs(np.fft.rfft(part, _FINER * len(part))) ** 2
-        for divisor in range(1, min(_WAVES, line // _REPEATS) + 1):
-            waves = min(_WAVES, len(lines) * divisor // (line + 1))
+        for divisor in range(1, min(waves, line // _REPEATS) + 1):
+            many = min(waves, len(lines) * divisor // (line + 1))
             near = np.arange(_FINER * max(line - 1, _REPEATS * divisor), _FINER * (line + 1) + 1)
             steps = np.unique(near // divisor)
-            power = between[np.outer(np.arange(1, waves + 1), steps)].sum(axis=0)
+            power = between[np.outer(np.arange(1, many + 1), steps)].sum(axis=0)
             rate = float(steps[int(np.argmax(power))]) * step
-            found.append((float(np.mean(_repeated(time, part, rate, waves) ** 2)), rate, waves))
+            found.append((float(np.mean(_repeated(time, part, rate, many) ** 2)), rate, many))
         most = max((held for held, _, _ in found), default=0.0)
         if most < _HELD * variance:
             return math.nan
-        _, rate, waves = next(each for each in found if each[0] >= _AS_MUCH * most)
+        _, rate, many = next(each for each in found if each[0] >= _AS_MUCH * most)
         # Lines are off by the leakage of those beside them and of their own mirror images.
         beside = [rate + step * k for k in range(-_LEAKS, _LEAKS + 1)]
-        held = [float(np.mean(_repeated(time, part, f, waves) ** 2)) for f in beside]
+        held = [float(np.mean(_repeated(time, part, f, many) ** 2)) for f in beside]
         k = min(max(int(np.argmax(held)), 1), len(held) - 2)
         bend, slope, _ = np.polyfit([-1.0, 0.0, 1.0], held[k - 1 : k + 2], 2)
         rate = float(beside[k] - step * np.clip(0.5 * slope / bend, -1.0, 1.0))
-        wave = _repeated(time, part, rate, waves)
-        if lines[line] <= _OUTSTANDING * np.max(_lines(part - wave)):
+        wave = _repeated(time, part, rate, many)
+        if lines[line] <= outstanding * np.max(_lines(part - wave)):
             return math.nan
         rates.append(rate)
         widths.append(1.0 / whole)
@@ -92,7 +101,8 @@ def period_of(
 def stride_of(way: Vector, signal: Vector) -> float:
     """Return how far one goes along a way, back and forth, until a signal repeats; NaN if never.
 
-    The signal is averaged over short stretches of the way, and its course over all of it left out.
+    It is averaged over short stretches of the way, and its course over all of it left out. What
+    goes by way, such as a ripple, is a single sine, or its strongest one.
 
     Args:
         way: Where the signal acts, shape (n,), any unit.
@@ -116,7 +126,8 @@ def stride_of(way: Vector, signal: Vector) -> float:
     middles = np.linspace(-1.0, 1.0, len(count))
     level = np.interp(middles, middles[count > 0], level[count > 0])
     middles = 0.5 * (edges[1:] + edges[:-1])
-    return period_of([("", middles)], level, beside_course=True)
+    found = [("", middles)]
+    return period_of(found, level, beside_course=True, waves=1, outstanding=_ALONG_A_WAY)
 
 
 def _course(signal: Vector) -> Vector:
