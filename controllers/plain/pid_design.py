@@ -297,9 +297,10 @@ def _begun(limits: LoopLimits, want: PlainPIDSpecification) -> list[_PIDs]:
     mixes: list[Matrix] = []
     found: list[_PIDs] = []
     refused: list[WorkbenchError] = []
-    for at_speed in (False, True):
-        speed = (found[0].speed if found else 0.01 / want.sample_time) if at_speed else 0.0
-        for way in ways:
+    # Which pairs are best at rest says nothing of faster loops.
+    for share in (0.0, *FASTER):
+        speed = share * (found[0].speed if found else 0.01 / want.sample_time)
+        for way in ways if share <= 1.0 else ways[: 0 if want.decoupled else 1]:
             try:
                 mix = way(speed)
                 if any(np.allclose(mix, known, rtol=0.02) for known in mixes):
@@ -314,6 +315,10 @@ def _begun(limits: LoopLimits, want: PlainPIDSpecification) -> list[_PIDs]:
     best = [_best_of(kind, want.overshoot) for kind in kinds if kind]
     bad = _badness(best, want.overshoot)
     return [one for one, own in zip(best, bad, strict=True) if own < HOPELESS * min(bad)]
+
+
+FASTER = (1.0, 5.0, 25.0)
+"""Speeds at which pairs are told, over that of the best loops of those that are best at rest."""
 
 
 def _crossovers(want: PlainPIDSpecification) -> tuple[Vector, Complex]:
