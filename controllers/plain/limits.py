@@ -34,6 +34,7 @@ from controllers.sensitivity import sampled_at
 from controllers.specification import Checked, number
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_range
+from workbench.linearisation.exact_delays import Channels, channels_of, held
 from workbench.linearisation.pace import noise_of
 from workbench.linearisation.transfer import transfer_function
 from workbench.model.linear_system import LinearEquations, pade
@@ -148,11 +149,17 @@ class LoopSpecification(Checked):
 
 @dataclass(frozen=True, eq=False)
 class LoopLimits:
-    """The limits of a specification on a loop, late in steps and stability by some samples."""
+    """The limits of a specification on a loop, late in steps and stability by some samples.
+
+    In exact ones the plant's own delays are no Pade functions. In foreseen ones steps that are not
+    late are those of the loop that a law with a model reckons with.
+    """
 
     loop: Loop
     want: LoopSpecification
     late_by: int = 0
+    exact: bool = False
+    foreseen: bool = False
 
     @property
     def outputs(self) -> int:
@@ -170,10 +177,23 @@ class LoopLimits:
         return bool(np.any(self.loop.linear.poles.real > 0.0))
 
     @property
+    def is_late(self) -> bool:
+        """Whether commands are late or the plant has delays of its own."""
+        return self.want.delay > 0.0 or bool(self._delays.any())
+
+    @property
     def late(self) -> LoopLimits:
-        """The same, whose steps are those of commands that are late by the delay."""
-        count = round(self.want.delay / self.want.sample_time)
-        return replace(self, late_by=count) if 0 < count <= MOST_LATE else self
+        """The same, whose steps are those of commands that are late by all delays."""
+        h = self.want.sample_time
+        count = round(self.want.delay / h)
+        own = max(self._channels.delays, default=0.0) / h if self._channels else 0.0
+        if not 0 < count + own <= MOST_LATE:
+            return self
+        return replace(self, late_by=count, exact=own > 0.0)
+
+    @cached_property
+    def _channels(self) -> Channels | None:
+        return None if self.want.sensor_lag else channels_of(self.loop.shown)
 
     @cached_property
     def predicted(self) -> Loop:
@@ -185,8 +205,23 @@ class LoopLimits:
         """The sampled plant without the lag, and with it, states in their scales."""
         own, size, h = self.loop.linear, self.loop.linear.state_scales, self.want.sample_time
         A, B, C = own.A * size / size[:, None], own.B / size[:, None], self.loop.shown.C * size
+        if self.exact and self._channels:
+            kept = size[list(self._channels.kept)]
+            part = self._channels._replace(
+                A=self._channels.A * kept / kept[:, None],
+                B=self._channels.B / kept[:, None],
+                C=self._channels.C * kept,
+                delays=tuple(t + self.late_by * h for t in self._channels.delays),
+            )
+            return [held(part, B.shape[1], h)[:3]]
         corners = [(self.late_by * h, lag) for lag in sorted({0.0, self.want.sensor_lag})]
         return sampled_at(A, B, C, (True,) * len(C), corners, h)
+
+    @cached_property
+    def stepped(self) -> tuple[Matrix, Matrix, Matrix]:
+        """The sampled plant that steps are judged on, states in their scales."""
+        foreseen = self.foreseen and self.want.delay and not self.late_by
+        return (replace(self, loop=self.predicted) if foreseen else self).plants[0]
 
     @cached_property
     def _responses(self) -> list[Complex]:
@@ -194,7 +229,7 @@ class LoopLimits:
         z = np.exp(1j * ANGLE)
         found = [
             transfer_function(a, b, c, np.zeros((len(c), b.shape[1])), z)
-            for a, b, c in replace(self, late_by=0).plants
+            for a, b, c in replace(self, late_by=0, exact=False).plants
         ]
         if not self._delays.any():
             return found

@@ -27,7 +27,7 @@ from controllers.mpc.whole_model import (
 )
 from controllers.plain.limits import LoopLimits, LoopSpecification
 from controllers.plain.loop import Loop, speeds
-from controllers.plain.observer_law import DISTURBANCES, doubts, random_walk
+from controllers.plain.observer_law import DISTURBANCES, disturbances, doubts, random_walk
 from controllers.plain.pace import at_pace
 from controllers.plain.pairing import gain_at_rest
 from controllers.plain.reading import designed_for
@@ -107,7 +107,7 @@ def _within(want: PlainMPCSpecification, limits: LoopLimits) -> LinearMPC:
 
     outputs = len(loop.measured)
     given = np.broadcast_to(np.array(want.error_scale, dtype=float), outputs)
-    walks = [want.disturbance] if want.disturbance else list(DISTURBANCES)
+    walks = disturbances(limits, want.disturbance)
 
     # The horizon does not depend on the disturbance, nor the observer on the error.
     @cache

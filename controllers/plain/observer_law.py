@@ -213,7 +213,9 @@ SHARES = (0.0, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0)
 """Shares of rest elsewhere that are tried for integrals to hold after a step of the reference."""
 
 DISTURBANCES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
-"""Disturbances of the command that are tried for a Kalman filter, as fractions of it."""
+LATE_DISTURBANCES = (*DISTURBANCES, 1e-4, 1e-5, 1e-6, 1e-7)
+"""Disturbances of the command that are tried for a Kalman filter, as fractions of it; also of what
+is late, where a filter that is quicker than the delay takes the margins."""
 
 
 def doubts(loop: Loop) -> tuple[float, ...]:
@@ -240,10 +242,10 @@ class ObserverSpecification(LoopSpecification):
     reference_speed: float = number(0.0, 0.0, 1.0 / TIMES_S[0])
     disturbance: float = number(0.0, 0.0, 1e3, words="disturbance of the command")
 
-    @property
-    def disturbances(self) -> tuple[float, ...]:
-        """Disturbances that are tried, fractions."""
-        return (self.disturbance,) if self.disturbance else DISTURBANCES
+
+def disturbances(limits: LoopLimits, given: float = 0.0) -> tuple[float, ...]:
+    """Return disturbances that are tried, fractions; 0 if none is given."""
+    return (given,) if given else LATE_DISTURBANCES if limits.is_late else DISTURBANCES
 
 
 def random_walk(disturbance: float, speed: float) -> float:

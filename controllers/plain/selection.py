@@ -74,7 +74,7 @@ def steps(limits: LoopLimits, laws: LinearLaw) -> tuple[Vector, Matrix, Matrix]:
         each input of the law behind the measurements and for the load of each command; and 1 as
         long as a loop has not settled, shape (n_loops, n).
     """
-    plant = limits.plants[0]
+    plant = limits.stepped
     over, entry = closed(plant, laws)
     slowest = np.abs(np.linalg.eigvals(over)).max(axis=1)
     C = plant[2][: limits.outputs]

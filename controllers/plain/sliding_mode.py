@@ -20,7 +20,13 @@ import numpy as np
 
 from controllers.plain.limits import LoopLimits
 from controllers.plain.loop import speeds
-from controllers.plain.observer_law import ObservedModel, ObserverLaw, ObserverSpecification, doubts
+from controllers.plain.observer_law import (
+    ObservedModel,
+    ObserverLaw,
+    ObserverSpecification,
+    disturbances,
+    doubts,
+)
 from controllers.plain.pace import at_pace
 from controllers.plain.pairing import zeros
 from controllers.plain.reading import designed_for
@@ -82,7 +88,7 @@ def design_plain_sliding_mode(
             slope, disturbance, doubt = at
             return model.observed(sliding(slope), disturbance, slope, doubt)
 
-        tried = itertools.product(slopes, want.disturbances, doubts(loop))
+        tried = itertools.product(slopes, disturbances(limits, want.disturbance), doubts(loop))
         law, _ = best_of(limits, designed, [((), at) for at in tried], "a sliding mode")
         return at_pace(limits.late, model.led(limits.late, law))
 

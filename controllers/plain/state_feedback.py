@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cache
 
 import numpy as np
@@ -25,6 +25,7 @@ from controllers.plain.observer_law import (
     ObservedModel,
     ObserverLaw,
     ObserverSpecification,
+    disturbances,
     doubts,
 )
 from controllers.plain.pace import at_pace
@@ -72,7 +73,9 @@ def design_lqi(linear: LinearModel, specification: LQISpecification | None = Non
     want = specification or LQISpecification()
 
     def designed(limits: LoopLimits) -> ObserverLaw:
-        law, _ = _fastest(limits, want, speeds(want.sample_time), want.disturbances)
+        walks = disturbances(limits, want.disturbance)
+        foreseen = replace(limits, foreseen=True)
+        law, _ = _fastest(foreseen, want, speeds(want.sample_time), walks)
         late = limits.late
         return at_pace(late, ObservedModel(limits.predicted, want).led(late, law))
 
@@ -97,11 +100,13 @@ def reading_helps(limits: LoopLimits, wider: LoopLimits) -> bool:
 def _coarsely(limits: LoopLimits) -> tuple[ObserverLaw, tuple[float, ...]]:
     told = {f.name: getattr(limits.want, f.name) for f in fields(LoopSpecification)}
     coarse = speeds(limits.want.sample_time, 20)
-    return _fastest(limits, LQISpecification(**told), coarse, DISTURBANCES[::2])
+    # Steps before a delay that is not the plant's own show nothing of what slow filters do.
+    walks = DISTURBANCES if limits.want.delay else disturbances(limits)
+    return _fastest(limits, LQISpecification(**told), coarse, walks[::2])
 
 
 def _fastest(
-    limits: LoopLimits, want: LQISpecification, tried: list[float], disturbances: Sequence[float]
+    limits: LoopLimits, want: LQISpecification, tried: list[float], walks: Sequence[float]
 ) -> tuple[ObserverLaw, tuple[float, ...]]:
     """Return the best state feedback and the speed of each output, in rad/s."""
     loop, model = limits.predicted, ObservedModel(limits.predicted, want)
@@ -127,7 +132,7 @@ def _fastest(
     all_alike = [k] if np.all(given > 0.0) else range(len(tried))
 
     def found(calm: Sequence[float]) -> tuple[ObserverLaw, Place]:
-        filters = list(itertools.product(disturbances, doubts(loop), calm))
+        filters = list(itertools.product(walks, doubts(loop), calm))
         start = [((k,) * outputs, at) for k in all_alike for at in filters]
         return best_of(limits, designed, start, FEEDBACK, len(tried), APART)
 

@@ -13,6 +13,7 @@ from controllers import design_pid
 from tests.machines import at_rest
 from tests.verification.scripted import Scripted
 from workbench.errors import NumericalError, WorkbenchError
+from workbench.linearisation import linear_model
 from workbench.model import Effect, Model
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
@@ -42,6 +43,27 @@ def test_row_k_holds_what_was_read_and_then_commanded() -> None:
     # The push commanded at sample 1 is first seen at sample 2.
     assert run["position"][1] == 0.0
     assert run["position"][2] > 0.0
+
+
+def test_delays_of_a_linear_system_are_as_they_are() -> None:
+    # Late by 3.5 and 2 samples, and both at once: a step is not seen before, nor the wrong way.
+    text = "[exp(-0.35 s) / (s + 1), exp(-0.2 s); 0.5 / s, exp(-0.55 s) / (s + 1)]"
+    linear = linear_model(text, limits=5.0)
+    begin = Steps((0.0,), (0.0,))
+    scenario = Scenario("rest", {"y_1": begin, "y_2": begin}, 2.0, sample_time=0.1, settle=0.0)
+    t = 0.1 * np.arange(20)
+
+    def lagging(delay: float) -> Any:
+        return np.where(t > delay, 1.0 - np.exp(-(t - delay)), 0.0)
+
+    names = ("y_1", "y_2"), ("y_1", "y_2")
+    for k, wanted in enumerate(
+        ((lagging(0.35), 0.5 * t), (np.where(t > 0.201, 1.0, 0.0), lagging(0.55)))
+    ):
+        law = replace(Scripted((1.0,), *names, (f"u_{k + 1}",)), sample_time=0.1)
+        for plant in (linear.operating_point.model, linear):
+            run = verify(law, plant, scenario)
+            np.testing.assert_allclose(run.outputs, np.transpose(wanted), atol=1e-9)
 
 
 def test_loop_is_the_simulation_of_its_own_commands(plant: Model) -> None:

@@ -57,7 +57,11 @@ def linear_model(
         and np.array_equal(known.A, system.A)
     ):
         return known
-    model = model_of_system(system, limits=limits, delay=delay)
+    return of_equations(model_of_system(system, limits=limits, delay=delay))
+
+
+def of_equations(model: Model) -> LinearModel:
+    """Return a model whose equations are `LinearEquations` as a linear model about zero."""
     equations = cast(LinearEquations, model.equations)
     A, B, C, D = (np.array(getattr(equations, name), dtype=float) for name in "ABCD")
     states, inputs, outputs = equations.names

@@ -26,6 +26,7 @@ from controllers.plain.selection import settled_after
 from controllers.sensitivity import loops_at
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 from workbench.linearisation import LinearModel, linearise
+from workbench.linearisation.exact_delays import channels_of
 from workbench.linearisation.first_step import as_the_loop_rests, command_of_loop, step_of
 from workbench.linearisation.pace import (
     farthest,
@@ -133,10 +134,14 @@ class StepTrial:
             return [asked.scenario(stepped) for stepped in moved]
 
         found = scenarios()
-        if self.delay is not None and sample_time is None and self._stated is None:
+        own_delays = channels_of(self.linear)
+        behind = max(own_delays.delays, default=0.0) if own_delays else 0.0
+        behind += self.delay or 0.0
+        if behind and sample_time is None and self._stated is None:
             # More samples of it than steps reckon with make no loop any faster.
-            part = self.delay / min(max(found[0].late_samples, 1), MOST_LATE)
-            if part >= FINER * found[0].sample_time:
+            usual = found[0].sample_time
+            part = behind / min(max(math.ceil(behind / usual - 1e-9), 1), MOST_LATE)
+            if part >= FINER * usual and (part > usual or self.delay is not None):
                 sample_time = part
                 found = scenarios()
         try:

@@ -28,10 +28,11 @@ from controllers.protocol import Controller, check_controller
 from workbench.arrays import Vector
 from workbench.errors import NumericalError, WorkbenchError, check_choice, check_finite, check_range
 from workbench.linearisation import LinearModel
+from workbench.linearisation.exact_delays import channels_of
 from workbench.model import Effect, Input, Model, Output, Parameter
 from workbench.operating_point import operating_point
 from workbench.verification.closed_loop_run import Run
-from workbench.verification.sampled_plant import TOLERANCE, FullPlant, LinearPlant
+from workbench.verification.sampled_plant import TOLERANCE, FullPlant, LatePlant, LinearPlant
 from workbench.verification.scenario import DEADLINE, Scenario, SignalFault
 from workbench.work.counted import count
 
@@ -99,7 +100,10 @@ def verify(
         rest = operating_point(
             model, {**idle, **start} if len(start) <= len(controller.actuators) else start
         )
-        sampled = FullPlant(model, h, rest.x, tolerance=tolerance, method=method)
+        if events or channels_of(model) is None:
+            sampled = FullPlant(model, h, rest.x, tolerance=tolerance, method=method)
+        else:
+            sampled = LatePlant(model, h, (rest.x, rest.u))
         begin = rest.u
     elif scenario.changes or scenario.disturbances:
         raise WorkbenchError(

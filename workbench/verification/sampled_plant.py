@@ -10,6 +10,8 @@ import numpy.typing as npt
 from workbench.arrays import Vector
 from workbench.errors import NumericalError, check_choice
 from workbench.linearisation import LinearModel
+from workbench.linearisation.exact_delays import Channels, channels_of, held
+from workbench.linearisation.state_space import of_equations
 from workbench.linearisation.zero_order_hold import zero_order_hold
 from workbench.model import Model
 from workbench.model.model import check_vector, index_of
@@ -128,13 +130,24 @@ class LinearPlant:
             np.asarray(matrix, dtype=float) for matrix in linear.discretise(sample_time)
         )
         self._drift = zero_order_hold(linear.A, linear.drift[:, None], sample_time)[1][:, 0]
+        self._late: tuple[Channels, Vector] | None = None
         self._x0, self._u0, self._y0 = linear.x0, linear.u0, linear.y0
         self._x, du = _rest(linear, start or {})
+        if own := channels_of(linear):
+            self._be_late(own, sample_time, self._x, du)
         self._curve: tuple[Vector, Vector] | None = None
         if linear.inverse is not None:
             openings = np.linspace(-1.0, 1.0, 20001)
             self._curve = np.ravel(linear.to_plant(openings)), openings
         self.outputs: list[float] = (self._y0 + self._C @ self._x + self._D @ du).tolist()
+
+    def _be_late(self, own: Channels, sample_time: float, x: Vector, u: Vector) -> None:
+        """Take delays as they are, beginning at rest at states and inputs, deviations in SI."""
+        self._A, self._B, self._C, self._D = held(own, len(u), sample_time)
+        sent = (len(self._A) - len(own.kept)) // len(u)
+        self._x, self._drift = np.append(x[list(own.kept)], np.tile(u, sent)), np.zeros(1)
+        # What stands for a delay is told as it rests.
+        self._late = own, np.array(x)
 
     @property
     def parameters(self) -> Vector:
@@ -144,7 +157,11 @@ class LinearPlant:
     @property
     def state(self) -> Vector:
         """States of now with their operating point, shape (n_states,), in SI."""
-        return self._x0 + self._x
+        if self._late is None:
+            return self._x0 + self._x
+        kept, found = list(self._late[0].kept), self._x0 + self._late[1]
+        found[kept] = self._x0[kept] + self._x[: len(kept)]
+        return found
 
     def hold(self, command: tuple[float, ...]) -> None:
         """Hold a command for one sample and read the outputs at its end.
@@ -158,6 +175,25 @@ class LinearPlant:
         du = u - self._u0
         self._x = self._A @ self._x + self._B @ du + self._drift
         self.outputs = (self._y0 + self._C @ self._x + self._D @ du).tolist()
+
+
+class LatePlant(LinearPlant):
+    """A linear system whose commands act after delays, with the delays as they are.
+
+    Args:
+        model: A model of which `channels_of` returns some.
+        sample_time: Time between samples, in s.
+        rest: States at the start, shape (n_states,), and inputs, shape (n_inputs,), in SI.
+    """
+
+    def __init__(self, model: Model, sample_time: float, rest: tuple[Vector, Vector]) -> None:
+        linear = of_equations(model)
+        super().__init__(linear, sample_time)
+        self.name, self.model, self.straight = model.name, model, False
+        own = channels_of(linear)
+        assert own is not None
+        self._be_late(own, sample_time, *rest)
+        self.outputs = (self._C @ self._x).tolist()
 
 
 def _rest(linear: LinearModel, outputs: Mapping[str, float]) -> tuple[Vector, Vector]:
