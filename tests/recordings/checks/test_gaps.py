@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from tests.recordings.example import example_recording, with_values
 from workbench.recordings import Recording, check_recording
@@ -61,6 +62,32 @@ def test_a_slow_sensor_has_numbers_in_some_rows_only() -> None:
     report = check_recording(holed(slow))
     assert report.fit
     np.testing.assert_array_equal(report.recording.valid("pressure_1"), ~slow)
+    assert report.recording.valid("angle").all()
+
+
+@pytest.mark.parametrize("every", [2.5, 8.0, 8.3])
+def test_a_slow_sensor_repeats_what_it_read(every: float) -> None:
+    rows = np.arange(len(TRIAL))
+    read = np.floor(np.floor((rows + 1.3) / every) * every).clip(0, rows[-1]).astype(int)
+    # Some readings are as the one before.
+    coarse = 200.0 * np.round(TRIAL["pressure_1"] / 200.0)
+    report = check_recording(with_values(TRIAL, "pressure_1", coarse[read]))
+    gaps = report.check("gaps")
+    told = f"pressure_1 is measured every {2.0 * every:.3g} ms only, and repeated"
+    assert gaps.result == "corrected" and told in gaps.note, gaps
+    measured = report.recording.valid("pressure_1")
+    assert np.count_nonzero(measured) == pytest.approx(len(rows) / every, rel=0.02)
+    late = np.abs(report.recording["pressure_1"] - TRIAL["pressure_1"])[measured]
+    assert np.quantile(late, 0.9) < 2e3
+    assert report.recording.valid("angle").all()
+
+
+@pytest.mark.parametrize("shape", ["at a constant speed", "at several speeds"])
+def test_an_encoder_reads_anew_in_all_rows(shape: str) -> None:
+    speed = 0.11 if shape == "at a constant speed" else 0.11 + 0.1 * np.sin(0.8 * TRIAL.time)
+    angle = np.floor(np.cumsum(speed * np.ones(len(TRIAL)))) * 1e-3
+    report = check_recording(with_values(TRIAL, "angle", angle))
+    assert "repeated" not in report.check("gaps").note
     assert report.recording.valid("angle").all()
 
 

@@ -133,6 +133,19 @@ def test_frozen_measurement(name: str, length: int) -> None:
     assert abs(len(bad) - (length - 1)) <= 1
 
 
+@pytest.mark.parametrize("nothing", [0.0, 1.2e6])
+@pytest.mark.parametrize("spells", [1, 2, 8])
+def test_a_sensor_that_drops_out_is_bridged(nothing: float, spells: int) -> None:
+    values, first = TRIAL["pressure_1"].copy(), np.linspace(200, 2600, spells).astype(int)
+    gone = np.isin(np.arange(len(values)), [k + i for k in first for i in range(3)])
+    values[gone] = nothing
+    report = check_recording(with_values(TRIAL, "pressure_1", values))
+    # What happens once may be the machine.
+    assert ("drops out" in report.check("stuck samples").note) == (spells > 1)
+    if spells > 1:
+        np.testing.assert_array_equal(report.recording.valid("pressure_1"), ~gone)
+
+
 def test_a_machine_that_friction_holds_is_a_doubt_and_no_lost_data() -> None:
     # Slow moves whose sensor has noise, and rests between them where it has none.
     time = TRIAL.time

@@ -25,6 +25,10 @@ _FEWEST, _REGULAR = 20, 2.5
 """Measurements that a slow sensor gives at least, and the time between two of them over the usual
 one from which on some are missing."""
 
+_SLOW, _UNEVEN = 1.9, 1.5
+"""Rows from one reading of a sensor to the next, on the mean, from which on it is a slow one, and
+by how many its readings may come early and late in all: one, beside rounding."""
+
 
 def filled(recording: Recording, name: str, bad: npt.NDArray[np.bool_], reason: str) -> Recording:
     """Exclude bad samples, shape (n,), from judgement: commands hold, measurements interpolate."""
@@ -103,6 +107,36 @@ def _now_and_then(time: Vector, measured: npt.NDArray[np.bool_]) -> float:
     gaps = np.diff(np.concatenate([time[:1], time[measured], time[-1:]]))
     lost = float(gaps[gaps > _REGULAR * usual].sum())
     return usual if lost <= MAX_EXCLUDED * (time[-1] - time[0]) else 0.0
+
+
+def _repeated(values: Vector) -> tuple[npt.NDArray[np.bool_], float]:
+    """Find what a sensor that is slower than the rows repeats until it reads anew.
+
+    Its readings change at even intervals of two rows or more, and not by one step of a converter,
+    as those of a counter at a constant speed do.
+
+    Returns:
+        Which samples, shape (n,), are repetitions, and the rows from one reading to the next.
+    """
+    nothing = np.zeros(len(values), dtype=bool), 1.0
+    steps = np.abs(np.diff(values))
+    new = np.flatnonzero(steps) + 1
+    if len(new) < _FEWEST:
+        return nothing
+    apart = np.diff(new)
+    usual = float(np.mean(apart[apart <= np.median(apart) + 1]))
+    number = np.concatenate([[0.0], np.cumsum(np.round(apart / usual))])
+    every = float((new[-1] - new[0]) / number[-1])
+    late = new - new[0] - every * number
+    one_step = np.mean(steps[new - 1] < 1.5 * np.min(steps[new - 1])) > 0.5
+    if every < _SLOW or np.ptp(late) > _UNEVEN or len(new) < 0.5 * number[-1] or one_step:
+        return nothing
+    again = np.ones(len(values), dtype=bool)
+    # Some readings are as the one before by chance.
+    as_before = np.setdiff1d(np.arange(number[-1]), number)
+    again[np.round(new[0] + every * as_before).astype(int)] = False
+    again[[0, *new]] = False
+    return again, every
 
 
 def _missing_rows(recording: Recording) -> tuple[Recording, list[str]]:
@@ -185,6 +219,15 @@ def check_gaps(recording: Recording, expected: Expected) -> Finding:
             f"longest stretch at {piece.time[longest[0]]:.6g} s "
             f"({longest[1] - longest[0] + 1} samples)"
         )
+    for name in piece.measurements:
+        signal = piece.signal(name)
+        if signal.zero_order_hold or not np.all(np.isfinite(signal.values)):
+            continue
+        again, rows = _repeated(signal.values)
+        if np.any(again):
+            piece = filled(piece, name, again, "repeated reading")
+            told = in_time(rows * piece.sample_time)
+            notes.append(f"{name} is measured every {told} only, and repeated until then")
     if messages:
         piece = _where_measured(piece, messages, measured)
     if not piece.signals:

@@ -110,6 +110,36 @@ def stuck_samples(values: Vector) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np
     return bad, sure
 
 
+_FAR, _FEW = 3.0, 2
+"""How many times a jump to an end of what a sensor reads exceeds all its other steps, there and
+back, and how often it does so, where the sensor failed."""
+
+
+def dropped_out(values: Vector) -> npt.NDArray[np.bool_]:
+    """Find samples in which a sensor fails for a moment: it reads nothing, or all that it can.
+
+    Args:
+        values: Samples, shape (n,), finite.
+
+    Returns:
+        Mask, shape (n,), dimensionless.
+    """
+    bad = np.zeros(len(values), dtype=bool)
+    if len(np.unique(values)) < _MIN_LEVELS:
+        return bad
+    steps = np.abs(np.diff(values))
+    for end in (values.min(), values.max()):
+        at = values == end
+        others = steps[~at[1:] & ~at[:-1]]
+        spells = [(a, b) for a, b in runs(at) if a > 0 and b + 1 < len(values)]
+        far = _FAR * others.max(initial=0.0)
+        failed = [(a, b) for a, b in spells if min(steps[a - 1], steps[b]) > far]
+        if len(failed) >= _FEW and np.mean(at) <= MAX_EXCLUDED:
+            for a, b in failed:
+                bad[a : b + 1] = True
+    return bad
+
+
 def _goes_on(recording: Recording, name: str, bad: npt.NDArray[np.bool_]) -> bool:
     """Tell whether other measurements move to the end as before, while one stands still.
 
@@ -122,7 +152,7 @@ def _goes_on(recording: Recording, name: str, bad: npt.NDArray[np.bool_]) -> boo
 
 @check("stuck samples", 50, fix="check the converter and the sampling, and record again")
 def check_stuck(recording: Recording, expected: Expected) -> Finding:
-    """Check for frozen measurements; bridge them and exclude them from judgement.
+    """Check for frozen measurements and such that drop out; bridge and exclude them.
 
     A reading that stands still and goes on without a jump has hidden nothing, and may be that of a
     machine which dry friction or a stop holds: that is a doubt, and nothing is left out.
@@ -130,8 +160,15 @@ def check_stuck(recording: Recording, expected: Expected) -> Finding:
     notes, doubts = [], []
     changed = recording
     for name in recording.measurements:
-        bad, sure = (mask & recording.valid(name) for mask in stuck_samples(recording[name]))
-        values = recording[name]
+        if (failed := dropped_out(recording[name]) & recording.valid(name)).any():
+            changed = filled(changed, name, failed, "dropout")
+            lasting = in_time(float(failed.sum()) * recording.sample_time)
+            notes.append(
+                f"{name} drops out {len(runs(failed))} times, for {lasting} in all; bridged and"
+                " excluded"
+            )
+        values = changed[name]
+        bad, sure = (mask & changed.valid(name) for mask in stuck_samples(values))
         # One that stands at its largest or smallest value may be clipped.
         inside = values.min() < values[-1] < values.max()
         if bad[-1] and inside and _goes_on(recording, name, bad):
