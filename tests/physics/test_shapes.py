@@ -111,6 +111,20 @@ def test_a_growth_bends_over_what_it_feeds_on_in_all_that_it_enters() -> None:
         assert rates == pytest.approx([0.2 * (12.0 - food) - 6.0 * growth, growth - 0.4])
 
 
+def test_a_transfer_bends_over_the_flow_that_it_is_in_proportion_to() -> None:
+    broth = machine(
+        lambda m: {"oxygen": m.p.transfer * m.u.air * (1.0 - m.x.oxygen) - m.p.uptake * m.u.cells},
+        "oxygen 1",
+        "air m3/s 0 1, cells kg/m3 0 5",
+        "oxygen 1",
+        "transfer 1/m3 0.3 0 5, uptake m3/(kg s) 0.1 0 1",
+    )
+    found = {h.name for h in parameter_curve.hypotheses(Survey(broth))}
+    assert "parameter_curve_transfer_over_air" in found
+    # What is in proportion to an input alone is a curve over that, which is no new law.
+    assert "parameter_curve_uptake_over_cells" not in found
+
+
 @pytest.mark.parametrize("pressed", [True, False])
 def test_what_rubs_between_two_bodies_bends_over_their_slip_beside_a_force(pressed: bool) -> None:
     rubbing = clutch(f"{'m' if pressed else 'N m s/rad'} 0.04 0.01 0.2", pressed=pressed)

@@ -49,7 +49,8 @@ def may_bend_over(survey: Survey, q: Parameter, places: Sequence[Place]) -> tupl
     that it feeds. Not states that its term is a function of, and of nothing else: a curve over
     them is a law of its own, unless the term is read as well, as the current of a flux is. Of the
     inputs those that it is a factor of in what a sensor reads, where no other law is a curve over
-    them: a resistance over its current. And those without which its term is, of which the equations
+    them: a resistance over its current; or beside a state, as what passes from bubbles to a broth
+    for each litre of air. And those without which its term is, of which the equations
     make nothing or that multiply a state beside it: a decay over the light, a heat transfer over
     the flow that carries the heat. And how fast two bodies slip, what rubs between them.
     """
@@ -87,7 +88,7 @@ def may_bend_over(survey: Survey, q: Parameter, places: Sequence[Place]) -> tupl
     unused = {u.source for u in survey.unused_inputs}
     for i, u in enumerate(survey.model.inputs):
         if any(ca.depends_on(s, t.u[i]) for s in slopes):
-            bends = read
+            bends = read or any(ca.depends_on(ca.jacobian(s, t.u[i]), t.x) for s in slopes)
         else:
             carries = (ca.depends_on(ca.jacobian(rate, t.u[i]), t.x) for rate in beside)
             bends = u.name in unused or any(carries)
