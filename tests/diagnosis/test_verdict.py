@@ -13,7 +13,7 @@ import pytest
 
 from tests.diagnosis.example_diagnosis import example_diagnosis
 from tests.machines import clutch, machine
-from workbench.diagnosis.conclude import _beyond, conclude
+from workbench.diagnosis.conclude import _beyond, _far, conclude
 from workbench.diagnosis.doubts import (
     _add_up,
     beside_larger,
@@ -363,6 +363,17 @@ def test_it_is_said_where_held_out_recordings_go_further_than_fitted_ones() -> N
         judging = (replace(fitted, inputs=factor * fitted.inputs),)
         said = _beyond(replace(found, prepared=replace(near, judging=judging)), "likely")
         assert ("force goes to" in said) is told, said
+
+
+@pytest.mark.parametrize(
+    ("times", "said"), [(1.1, ""), (40.0, "is 40 times what noise"), (math.inf, "runs away")]
+)
+def test_a_run_that_is_nowhere_is_told_without_a_number(times: float, said: str) -> None:
+    found = example_diagnosis()
+    assert found.scored is not None
+    off = replace(found, scored=replace(found.scored, over_floor={"position": times}))
+    assert (said in _far(off)) if said else not _far(off)
+    assert "inf" not in _far(off)
 
 
 @pytest.mark.parametrize(

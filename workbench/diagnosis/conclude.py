@@ -15,7 +15,7 @@ from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import held_out_errors
 from workbench.diagnosis.selection.score import COLLINEAR
 from workbench.diagnosis.stages import Diagnosis
-from workbench.diagnosis.verdict import Finding, Kind, Verdict
+from workbench.diagnosis.verdict import AWAY, Finding, Kind, Verdict
 from workbench.files import picked
 from workbench.model.units import from_si, in_time, with_unit
 
@@ -117,6 +117,11 @@ def _far(diagnosis: Diagnosis) -> str:
     if scored is None or scored.farthest[1] <= rules.NEAR_NOISE:
         return ""
     output, ratio = scored.farthest
+    if ratio > AWAY:
+        return (
+            f" On the held-out recordings {output.replace('_', ' ')} runs away from what was"
+            " measured."
+        )
     return (
         f" On the held-out recordings the error of {output.replace('_', ' ')} is {ratio:.3g} times"
         " what noise and the uncertainty of the parameters would leave."

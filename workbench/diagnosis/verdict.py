@@ -20,7 +20,7 @@ SCHEMA = "workbench.verdict/2"
 
 _SCHEMA_1 = "workbench.verdict/1"
 
-_AWAY = 1e9
+AWAY = 1e9
 """Error over the noise beyond which a run is nowhere, and its number tells nothing."""
 
 Kind = Literal[
@@ -228,7 +228,7 @@ class Verdict(Shown):
     def _told(self, errors: Mapping[str, float], name: str, unit: str) -> str:
         """Return the error of an output in a unit, or that the model does not stay near it."""
         error, noise = errors.get(name, math.nan), self.fit.get("noise_floor", {}).get(name, 0.0)
-        off = noise > 0.0 and error > _AWAY * noise
+        off = noise > 0.0 and error > AWAY * noise
         return "runs away" if off else f"{error / parse_unit(unit).factor:.4g}"
 
 

@@ -22,6 +22,8 @@ from workbench.diagnosis.location.missing_signal import (
 )
 from workbench.diagnosis.location.unknown_input import UnknownInput, unknown_input
 from workbench.diagnosis.stages import Diagnosis
+from workbench.diagnosis.verdict import AWAY
+from workbench.errors import NumericalError
 from workbench.model import Effect, Model, Port
 from workbench.model.model import index_of
 from workbench.model.quantities import declared_unit
@@ -82,6 +84,8 @@ def prediction_error_signal(diagnosis: Diagnosis, recordings: Sequence[Observed]
     square = np.concatenate([np.nan_to_num(run.whitened) ** 2 for run in runs])
     worst = int(np.argmax(square.mean(axis=0)))
     output = model.outputs[index_of("output", first.used[worst], model.outputs)]
+    if np.max(square) > AWAY**2:
+        raise NumericalError("the predictions of the refitted model run away")
     parts = []
     for seen, run in zip(recordings, runs, strict=True):
         std = np.exp(run.log_deviation[:, [worst]]) * output.scale
