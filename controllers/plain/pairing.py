@@ -29,6 +29,7 @@ import numpy as np
 from controllers.plain.loop import Loop, listed
 from workbench.arrays import Complex, Matrix
 from workbench.errors import WorkbenchError
+from workbench.linearisation.exact_delays import channels_of
 
 STRONG = 5.0
 """Relative gain from which on outputs can hardly be told apart by their commands."""
@@ -176,7 +177,16 @@ def zeros(loop: Loop) -> Complex:
     right[: len(A), : len(A)] = np.eye(len(A))
     (alpha, beta), _ = eig(left, right, homogeneous_eigvals=True)
     finite = np.abs(beta) > 1e-7 * np.abs(alpha)
-    return np.asarray(rate * alpha[finite] / beta[finite])
+    found = np.asarray(rate * alpha[finite] / beta[finite])
+    delays = channels_of(own.operating_point.model)
+    for t in delays.stood_in if delays else ():
+        # What stands for a delay has zeros that the plant has not.
+        found = found[np.abs(t * (found.real + 1j * np.abs(found.imag)) - PADE_ZERO) > 0.05]
+    return found
+
+
+PADE_ZERO = 4.0 + 2.0j
+"""Zero of the Pade function that stands for a delay, above the real axis, times the delay."""
 
 
 def interaction(loop: Loop) -> list[str]:

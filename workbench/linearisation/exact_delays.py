@@ -6,12 +6,11 @@ The functions are those of `late_by`, and stand between commands and what is lef
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from workbench.arrays import Matrix
-from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.zero_order_hold import zero_order_hold
 from workbench.model.linear_system import LinearEquations, Parts, late_by
 from workbench.model.model import Model
@@ -31,6 +30,7 @@ class Channels(NamedTuple):
         commands: Number of the command of each channel.
         delays: Delay of each channel, in s.
         kept: Numbers of the states that are left.
+        stood_in: Times of the Pade functions, in s.
     """
 
     A: Matrix
@@ -40,15 +40,20 @@ class Channels(NamedTuple):
     commands: tuple[int, ...]
     delays: tuple[float, ...]
     kept: tuple[int, ...]
+    stood_in: tuple[float, ...]
 
 
-def channels_of(plant: Model | LinearModel) -> Channels | None:
-    """Return a linear system whose delays are known, with these; None of any other."""
+def channels_of(plant: Any) -> Channels | None:
+    """Return a linear system whose delays are known, with these; None of any other.
+
+    Args:
+        plant: A `Model` or a `LinearModel`.
+    """
     model = plant if isinstance(plant, Model) else plant.operating_point.model
     own = model.equations
     if not isinstance(own, LinearEquations) or not own.delays or model.effects or model.parameters:
         return None
-    if isinstance(plant, LinearModel):
+    if plant is not model:
         return without_pade((plant.A, plant.B, plant.C, plant.D))
     n, m, p = (len(names) for names in own.names)
     A, B, C, D = (np.array(part, dtype=float) for part in (own.A, own.B, own.C, own.D))
@@ -96,7 +101,8 @@ def without_pade(system: Parts) -> Channels | None:
     used = [k for k in range(len(columns)) if np.any(b[:, k]) or np.any(d[:, k])]
     commands, delays = zip(*(columns[k] for k in used), strict=True) if used else ((), ())
     a = A[np.ix_(kept, kept)]
-    return Channels(a, b[:, used], C[:, kept], d[:, used], commands, delays, tuple(kept))
+    times = tuple(late.values())
+    return Channels(a, b[:, used], C[:, kept], d[:, used], commands, delays, tuple(kept), times)
 
 
 def _is_pade(A: Matrix, B: Matrix, f: int) -> bool:

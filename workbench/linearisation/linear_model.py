@@ -13,11 +13,12 @@ import numpy.typing as npt
 from workbench.arrays import Complex, Vector
 from workbench.display import Drawn, Rows
 from workbench.errors import TIMES_S, check_choice, check_range
+from workbench.linearisation.exact_delays import channels_of
 from workbench.linearisation.modes import Mode, find_modes
 from workbench.linearisation.zero_order_hold import zero_order_hold
 from workbench.model.linear_system import in_series, late_by
 from workbench.model.sizes import poles_of
-from workbench.model.units import from_si
+from workbench.model.units import from_si, in_time
 from workbench.operating_point import OperatingPoint
 
 OVER = 20.0
@@ -326,10 +327,23 @@ class LinearModel(Drawn):
         ]
         if np.any(self.drift):
             lines.append("  the point drifts; see its operating point")
-        lines += [f"  {mode}" for mode in self.modes]
+        lines += [f"  {line}" for line in self._told_modes()]
         if self.verdict is not None:
             lines += [f"  {line}" for line in self.verdict.summary()]
         return "\n".join(lines)
+
+    def _told_modes(self) -> list[str]:
+        """Return a line for each mode, those of Pade functions apart, and for what is late."""
+        own = channels_of(self)
+        if own is None:
+            return [str(mode) for mode in self.modes]
+        modes = find_modes(own.A, tuple(self.state_names[k] for k in own.kept))
+        late: dict[int, list[str]] = {}
+        for j, time in sorted(zip(own.commands, own.delays, strict=True)):
+            if time:
+                late.setdefault(j, []).append(in_time(time))
+        said = [f"{self.input_names[j]} acts {' and '.join(t)} late" for j, t in late.items()]
+        return [*map(str, modes), *said]
 
 
 def _indices(kind: str, wanted: Sequence[str] | None, names: tuple[str, ...]) -> list[int]:

@@ -474,3 +474,14 @@ def test_pairs_are_those_of_fast_loops_where_these_are_better() -> None:
     looper = linear_model(system, limits=5.0)
     law = designed("plain-pid", looper, measured="angle, tension", sample_time=0.002)
     assert settled_after(law, looper, {"angle": 0.25, "tension": 0.06}) < 1.8
+
+
+def test_what_stands_for_a_delay_is_told_as_one() -> None:
+    late = linear_model("[3 exp(-12 s)/(90 s + 1), exp(-30 s)/(140 s + 1); 1, exp(-2 s)/s]")
+    told = str(late)
+    assert "u_1 acts 12 s late\n  u_2 acts 2 s and 30 s late" in told
+    assert told.count("\n  mode ") == 3 and "140 s" in told
+    # Only the zeros that are the plant's own are said.
+    behind = linear_model("[exp(-9 s)/(s + 1), 0; 0, exp(-9 s) (1 - 2 s)/(s + 1)^2]")
+    said = [line for line in interaction(loop_of(behind)) if "zero in the right" in line]
+    assert len(said) == 1 and "at 0.5 rad/s" in said[0]
