@@ -38,8 +38,8 @@ joint more than any model of its motion says, and the feedforward may integrate 
     d(held)/dt = rho (a0 / b) (theta_r - theta),   dp_r = ... + held
 
 faded in over a time at rest and out with speed: margins are those of the joint in motion. Its rate
-is fed forward too, so that the pressures follow at once. In motion friction and hysteresis are again
-what they were before they relaxed, and what was held for that is let go of along the way.
+is fed forward too, so that the pressures follow at once. In motion friction and hysteresis are
+again what they were before they relaxed, and what was held for that is let go of along the way.
 
 What else than o0 holds the joint at rest is learned there, m, at a speed sigma: the centre of the
 valve lies elsewhere than known. Its curve is bent, so that an opening asked for around a wrong
