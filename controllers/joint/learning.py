@@ -62,34 +62,31 @@ class MotionLearning:
         bandwidth: Bandwidth w of both filters, in rad/s.
         inertia: How far the relative inertia is off before it moved, rms.
         hysteresis: How far the relative hysteresis is off before it moved, rms.
-        expected: Relative inertia m that is expected before the joint moved: a feedback that
-            tolerates a heavier load is designed with more than what is known.
         walk: Random walk of what neither explains, rms over 1 s, in Pa.
         noise: Error r of the equation above, rms, in Pa.
         forgetting: Random walk of both over 1 rad of planned way, rms.
-        spread: Way over which the hysteresis is gained after a turn, relative to that of the law, a
-            ratio: friction of the bearing, which counts as hysteresis, is there at once.
+        spread: Way over which the hysteresis of a muscle is really gained after a turn, relative to
+            that of the law, a ratio: what comes later than the law says is no inertia.
         sample_time: Time h between samples, in s.
     """
 
     bandwidth: float = 32.0
     inertia: float = 0.25
-    hysteresis: float = 0.1
-    expected: float = 1.0
+    hysteresis: float = 0.25
     walk: float = 2e4
     noise: float = 4.5e4
     forgetting: float = 0.05
-    spread: float = 0.5
+    spread: float = 5.0
     sample_time: float = 0.002
 
     def start(self, angle: Number, beyond: Number) -> Learned:
         """Return what is known at rest at an angle, in rad.
 
-        Inertia is what is expected, hysteresis that of the design; ``beyond`` is the pressure
-        difference beyond that of rest, in Pa.
+        Inertia and hysteresis are those of the design; ``beyond`` is the pressure difference beyond
+        that of rest, in Pa.
         """
         known = (self.inertia**2, 0.0, 0.0, self.hysteresis**2, 0.0, self.walk**2)
-        return Learned(self.expected, 1.0, beyond, known, (angle, angle), (beyond, beyond), 0.0)
+        return Learned(1.0, 1.0, beyond, known, (angle, angle), (beyond, beyond), 0.0)
 
     def step(
         self,

@@ -38,8 +38,7 @@ joint more than any model of its motion says, and the feedforward may integrate 
     d(held)/dt = rho (a0 / b) (theta_r - theta),   dp_r = ... + held
 
 faded in over a time at rest and out with speed: margins are those of the joint in motion. Its rate
-is fed forward too, so that the pressures follow at once. In motion friction and hysteresis are
-again what they were before they relaxed, and what was held for that is let go of along the way.
+is fed forward too, so that the pressures follow at once.
 
 What else than o0 holds the joint at rest is learned there, m, at a speed sigma: the centre of the
 valve lies elsewhere than known. Its curve is bent, so that an opening asked for around a wrong
@@ -345,9 +344,7 @@ class JointTracking(TrackingOptions, Tracking):
         calm = arithmetic.clip(1.0 - moving / REST_SPEED, 0.0, 1.0)
         time = arithmetic.where(calm > 0.0, arithmetic.clip(state.time + h, 0.0, REST_TIME), 0.0)
         rate = self.rest_integration * calm * state.time / REST_TIME * joint.a0 / joint.b
-        way = h * arithmetic.largest(plan.speed, -plan.speed)
-        kept = arithmetic.clip(1.0 - way / HELD_WAY, 0.0, 1.0)
-        held = kept * state.held + h * rate * (plan.angle - angle)
+        held = state.held + h * rate * (plan.angle - angle)
         held = arithmetic.clip(held, -HELD_LIMIT, HELD_LIMIT)
         return AtRest(time, held, state.opening, joint.opening)
 
@@ -415,9 +412,6 @@ REST_TIME = 0.05
 
 LEARNED_LIMIT = 0.008
 """Largest opening that is learned as an offset of the valve, a fraction: 0.3 V."""
-
-HELD_WAY = 0.1
-"""Way over which what was integrated at rest is let go of, in rad."""
 
 HELD_LIMIT = 1.5e5
 """Largest pressure difference from the integration at rest, in Pa."""

@@ -43,7 +43,7 @@ def test_half_a_move_tells_of_the_inertia(inertia: float) -> None:
     half, whole = (moved(inertia, 1.0, upto=share) for share in (0.5, 1.0))
     assert (half.inertia - 1.0) / (inertia - 1.0) > 0.3
     assert whole.inertia == pytest.approx(inertia, abs=0.2)
-    assert moved(inertia, 0.1).hysteresis < moved(inertia, 1.0).hysteresis - 0.02
+    assert moved(inertia, 0.1).hysteresis < moved(inertia, 1.0).hysteresis - 0.05
 
 
 def test_nothing_is_learned_where_nothing_is_planned() -> None:
@@ -60,16 +60,15 @@ def test_rest_stays_what_it_is() -> None:
     for _ in range(500):
         state = learning.step(state, 0.35, 2e4, (0.0, 3.5e5), JOINT, DAHL, FLOATS)
     assert (state.inertia, state.rest) == (1.0, pytest.approx(2e4))
-    assert MotionLearning(expected=0.8).start(0.35, 2e4).inertia == 0.8
     # The walk of the rest is bounded by what is measured.
     assert 0.0 < state.covariance[5] < learning.walk**2
 
 
 def test_a_joint_that_learned_its_load_goes_past_its_goal_by_less(
-    schedule: JointSchedule, plant_with_hysteresis: Model
+    schedule: JointSchedule, plant: Model
 ) -> None:
     heavy, scenario = (
-        plant_with_hysteresis.with_parameters({"load": 5.0}),
+        plant.with_parameters({"load": 5.0}),
         step_scenario("angle", 20, 35, unit="deg"),
     )
     changes = scenario.references["angle"].changes
@@ -83,4 +82,4 @@ def test_a_joint_that_learned_its_load_goes_past_its_goal_by_less(
 
     plain, learned = overshoot(None), overshoot(MotionLearning(noise=3e4, inertia=0.3))
     # The first half of the move is gone before the load is known.
-    assert plain > 0.15 and learned < 0.95 * plain
+    assert plain > 0.2 and learned < 0.9 * plain
