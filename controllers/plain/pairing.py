@@ -30,6 +30,7 @@ from controllers.plain.loop import Loop, listed
 from workbench.arrays import Complex, Matrix
 from workbench.errors import WorkbenchError
 from workbench.linearisation.exact_delays import channels_of
+from workbench.model.linear_system import PADE_ABOVE
 
 STRONG = 5.0
 """Relative gain from which on outputs can hardly be told apart by their commands."""
@@ -185,7 +186,7 @@ def zeros(loop: Loop) -> Complex:
     return found
 
 
-PADE_ZERO = 4.0 + 2.0j
+PADE_ZERO = complex(max(np.roots(PADE_ABOVE), key=np.imag))
 """Zero of the Pade function that stands for a delay, above the real axis, times the delay."""
 
 

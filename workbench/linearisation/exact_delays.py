@@ -12,11 +12,14 @@ import numpy as np
 
 from workbench.arrays import Matrix
 from workbench.linearisation.zero_order_hold import zero_order_hold
-from workbench.model.linear_system import LinearEquations, Parts, late_by
+from workbench.model.linear_system import PADE_BELOW, LinearEquations, Parts, late_by
 from workbench.model.model import Model
 
 SAME = 1e-9
 """Difference of two numbers that are the same but for rounding, as a fraction."""
+
+_PADE_RATE = float(PADE_BELOW[0])
+"""Rate of the first state of `late_by` for a delay of 1 s, in 1/s."""
 
 
 class Channels(NamedTuple):
@@ -67,7 +70,7 @@ def without_pade(system: Parts) -> Channels | None:
     first = [f for f in range(n - 2) if _is_pade(A, B, f)]
     states = {f + i for f in first for i in range(3)}
     kept = [i for i in range(n) if i not in states]
-    late = {f: -9.0 / float(A[f, f]) for f in first}
+    late = {f: -_PADE_RATE / float(A[f, f]) for f in first}
     if not first or np.any(A[np.ix_(first, kept)]):
         return None
 
@@ -78,10 +81,12 @@ def without_pade(system: Parts) -> Channels | None:
     def passed(f: int) -> dict[tuple[int, float], float]:
         """Return what comes out of a delay: commands after delays, and how much of each."""
         t = late[f]
-        found = {(j, t): float(B[f, j]) * t / 9.0 for j in range(m) if B[f, j]}
+        found = {(j, t): float(B[f, j]) * t / _PADE_RATE for j in range(m) if B[f, j]}
         for g, share in sources(A[f], f).items():
             for (j, before), part in passed(g).items():
-                found[j, before + t] = found.get((j, before + t), 0.0) + share * t / 9.0 * part
+                found[j, before + t] = (
+                    found.get((j, before + t), 0.0) + share * t / _PADE_RATE * part
+                )
         return found
 
     each = {f: passed(f) for f in first}
@@ -109,7 +114,7 @@ def _is_pade(A: Matrix, B: Matrix, f: int) -> bool:
     """Tell whether three states are the Pade function of a delay."""
     if not A[f, f] < 0.0:
         return False
-    a, _, _, _ = late_by((-9.0 / A[f, f],))
+    a, _, _, _ = late_by((-_PADE_RATE / A[f, f],))
     own = slice(f, f + 3)
     others = np.delete(A[f + 1 : f + 3], own, axis=1)
     same = np.allclose(A[own, own], a, rtol=SAME, atol=SAME * np.abs(a).max())

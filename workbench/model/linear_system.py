@@ -505,7 +505,7 @@ def _without_delay(
     return late, remainder if len(remainder) else np.zeros(1), kept, tuple(c[::-1])
 
 
-_ABOVE, _BELOW = np.array([3.0, -24.0, 60.0]), np.array([9.0, 36.0, 60.0])
+PADE_ABOVE, PADE_BELOW = np.array([3.0, -24.0, 60.0]), np.array([9.0, 36.0, 60.0])
 """Pade function of a delay of 1 s: the second in 1/s, 1/s^2 and 1/s^3 below s^3."""
 
 
@@ -519,9 +519,9 @@ def late_by(times: Sequence[float]) -> Parts:
     from scipy.linalg import block_diag
 
     one = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1))
-    a = np.diag(_BELOW[1:] / _BELOW[:-1], -1)
-    a[0] = -_BELOW[0]
-    b, c = np.array([[_BELOW[0]], [0.0], [0.0]]), (_ABOVE / _BELOW)[None]
+    a = np.diag(PADE_BELOW[1:] / PADE_BELOW[:-1], -1)
+    a[0] = -PADE_BELOW[0]
+    b, c = np.array([[PADE_BELOW[0]], [0.0], [0.0]]), (PADE_ABOVE / PADE_BELOW)[None]
     each = [(a / t, b / t, c, np.zeros((1, 1))) if t else one for t in times]
     A, B, C, D = (block_diag(*part) for part in zip(*each, strict=True))
     return A, B, C, D
@@ -539,7 +539,7 @@ def pade(turn: npt.ArrayLike) -> tuple[Complex, Vector]:
         (0.57, 0.97)
     """
     s = 1j * np.asarray(turn)
-    above, below = np.polyval(_ABOVE, s), np.polyval([1.0, *_BELOW], s)
+    above, below = np.polyval(PADE_ABOVE, s), np.polyval([1.0, *PADE_BELOW], s)
     # Both turn one way, by less than a circle.
     left = np.mod(-np.angle(above), 2.0 * np.pi) + np.mod(np.angle(below), 2.0 * np.pi)
     return above / below, np.asarray(turn - left)

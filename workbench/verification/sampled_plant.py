@@ -190,9 +190,8 @@ class LatePlant(LinearPlant):
         linear = of_equations(model)
         super().__init__(linear, sample_time)
         self.name, self.model, self.straight = model.name, model, False
-        own = channels_of(linear)
-        assert own is not None
-        self._be_late(own, sample_time, *rest)
+        assert self._late is not None
+        self._be_late(self._late[0], sample_time, *rest)
         self.outputs = (self._C @ self._x).tolist()
 
 
