@@ -56,11 +56,7 @@ def channels_of(plant: Any) -> Channels | None:
     own = model.equations
     if not isinstance(own, LinearEquations) or not own.delays or model.effects or model.parameters:
         return None
-    if plant is not model:
-        return without_pade((plant.A, plant.B, plant.C, plant.D))
-    n, m, p = (len(names) for names in own.names)
-    A, B, C, D = (np.array(part, dtype=float) for part in (own.A, own.B, own.C, own.D))
-    return without_pade((A.reshape(n, n), B.reshape(n, m), C.reshape(p, n), D.reshape(p, m)))
+    return without_pade(own.matrices if plant is model else (plant.A, plant.B, plant.C, plant.D))
 
 
 def without_pade(system: Parts) -> Channels | None:

@@ -63,13 +63,9 @@ def linear_model(
 def of_equations(model: Model) -> LinearModel:
     """Return a model whose equations are `LinearEquations` as a linear model about zero."""
     equations = cast(LinearEquations, model.equations)
-    A, B, C, D = (np.array(getattr(equations, name), dtype=float) for name in "ABCD")
-    states, inputs, outputs = equations.names
-    n, m, p = (len(every) for every in equations.names)
-    A, B, C, D = A.reshape(n, n), B.reshape(n, m), C.reshape(p, n), D.reshape(p, m)
-    x0, u0, y0 = np.zeros(n), np.zeros(m), np.zeros(p)
-    point = OperatingPoint(model, x0, u0, y0, np.zeros(n), {}, {}, 0.0, 1.0)
-    return LinearModel(A, B, C, D, point, states, inputs, outputs, x0, u0, y0, np.zeros(n))
+    x0, u0, y0 = (np.zeros(len(every)) for every in equations.names)
+    point = OperatingPoint(model, x0, u0, y0, 0.0 * x0, {}, {}, 0.0, 1.0)
+    return LinearModel(*equations.matrices, point, *equations.names, x0, u0, y0, 0.0 * x0)
 
 
 def to_iosystem(model: Model | Any) -> Any:

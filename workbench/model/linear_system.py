@@ -69,6 +69,13 @@ class LinearEquations:
         rates = {name: row(i, "A", "B") for i, name in enumerate(states)}
         return rates, {name: row(i, "C", "D") for i, name in enumerate(outputs)}
 
+    @property
+    def matrices(self) -> Parts:
+        """A, B, C and D, shapes (n, n), (n, m), (p, n) and (p, m), in SI."""
+        n, m, p = map(len, self.names)
+        A, B, C, D = (np.array(rows, dtype=float) for rows in (self.A, self.B, self.C, self.D))
+        return A.reshape(n, n), B.reshape(n, m), C.reshape(p, n), D.reshape(p, m)
+
 
 def _coefficient(entry: Entry) -> str:
     return "{}_{}_{}".format(*entry)

@@ -105,6 +105,8 @@ class LinearPlant:
         linear: The linear model; its operating point is added to all signals.
         sample_time: Time between samples, in s.
         start: Outputs at the start by name, in SI; the model starts at rest there.
+        rest: Deviations of the states, shape (n_states,), and inputs, shape (n_inputs,), that rest,
+            in SI, where they are known.
 
     Source:
         Zero-order-hold equivalent; Åström and Wittenmark, Computer-Controlled Systems, 1997,
@@ -112,7 +114,11 @@ class LinearPlant:
     """
 
     def __init__(
-        self, linear: LinearModel, sample_time: float, start: Mapping[str, float] | None = None
+        self,
+        linear: LinearModel,
+        sample_time: float,
+        start: Mapping[str, float] | None = None,
+        rest: tuple[Vector, Vector] | None = None,
     ) -> None:
         described = linear.operating_point.model
         self.model: Model | None = None
@@ -132,22 +138,18 @@ class LinearPlant:
         self._drift = zero_order_hold(linear.A, linear.drift[:, None], sample_time)[1][:, 0]
         self._late: tuple[Channels, Vector] | None = None
         self._x0, self._u0, self._y0 = linear.x0, linear.u0, linear.y0
-        self._x, du = _rest(linear, start or {})
+        self._x, du = rest or _rest(linear, start or {})
         if own := channels_of(linear):
-            self._be_late(own, sample_time, self._x, du)
+            self._A, self._B, self._C, self._D = held(own, len(du), sample_time)
+            # What stands for a delay is told as it rests.
+            self._late = own, np.array(self._x)
+            sent = np.tile(du, (len(self._A) - len(own.kept)) // len(du))
+            self._x, self._drift = np.append(self._x[list(own.kept)], sent), np.zeros(1)
         self._curve: tuple[Vector, Vector] | None = None
         if linear.inverse is not None:
             openings = np.linspace(-1.0, 1.0, 20001)
             self._curve = np.ravel(linear.to_plant(openings)), openings
         self.outputs: list[float] = (self._y0 + self._C @ self._x + self._D @ du).tolist()
-
-    def _be_late(self, own: Channels, sample_time: float, x: Vector, u: Vector) -> None:
-        """Take delays as they are, beginning at rest at states and inputs, deviations in SI."""
-        self._A, self._B, self._C, self._D = held(own, len(u), sample_time)
-        sent = (len(self._A) - len(own.kept)) // len(u)
-        self._x, self._drift = np.append(x[list(own.kept)], np.tile(u, sent)), np.zeros(1)
-        # What stands for a delay is told as it rests.
-        self._late = own, np.array(x)
 
     @property
     def parameters(self) -> Vector:
@@ -187,12 +189,8 @@ class LatePlant(LinearPlant):
     """
 
     def __init__(self, model: Model, sample_time: float, rest: tuple[Vector, Vector]) -> None:
-        linear = of_equations(model)
-        super().__init__(linear, sample_time)
+        super().__init__(of_equations(model), sample_time, rest=rest)
         self.name, self.model, self.straight = model.name, model, False
-        assert self._late is not None
-        self._be_late(self._late[0], sample_time, *rest)
-        self.outputs = (self._C @ self._x).tolist()
 
 
 def _rest(linear: LinearModel, outputs: Mapping[str, float]) -> tuple[Vector, Vector]:

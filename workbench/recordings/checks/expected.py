@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING
@@ -98,24 +98,26 @@ def sure_signs(model: Model, recording: Recording) -> dict[tuple[str, str], int]
     """
     signs = response_signs(model)
     for point in _along(model, recording):
+        slopes = _at_start(model, point)
         # Where an equation has no slope, as one over a pressure read as zero, it tells nothing.
-        if not all(np.isfinite(m).all() for m in _at_start(model, point)):
-            continue
-        there = response_signs(model, point)
-        signs = {k: s for k, s in signs.items() if there.get(k) == s}
+        if all(np.isfinite(m).all() for m in slopes):
+            there = response_signs(model, slopes)
+            signs = {k: s for k, s in signs.items() if there.get(k) == s}
     return signs
 
 
-def response_signs(model: Model, point: Point | None = None) -> dict[tuple[str, str], int]:
+def response_signs(
+    model: Model, slopes: Sequence[Vector] | None = None
+) -> dict[tuple[str, str], int]:
     """Return the signs of responses that follow from the structure of a model.
 
-    With the linear model (A, B, C, D) at the start, an input u first shows in an output y through
-    the first of D, CB, CAB, ... that is not zero; the outputs in which it shows earliest count,
-    because all others answer to them, unless they swing twice as far the other way afterwards, as
-    the voltage of a boost converter does. A measured state accelerates a measured position (a state
-    whose rate is another state) if it stands in its second derivative.
+    With the linear model (A, B, C, D), by default that at the start, an input u first shows in an
+    output y through the first of D, CB, CAB, ... that is not zero; the outputs in which it shows
+    earliest count, because all others answer to them, unless they swing twice as far the other way
+    afterwards, as the voltage of a boost converter does. A measured state accelerates a measured
+    position (a state whose rate is another state) if it stands in its second derivative.
     """
-    A, B, C, D = _at_start(model, point)
+    A, B, C, D = slopes or _at_start(model)
     n = len(model.states)
     signs: dict[tuple[str, str], int] = {}
     for j, cause in enumerate(model.inputs):
