@@ -90,7 +90,6 @@ def test_the_weight_of_the_arm_would_spoil_the_experiment() -> None:
     [
         ({"contractions": ()}, "at least one"),
         ({"contractions": (10.0,)}, "1 mm is 0.001 m"),
-        ({"maximum_pressure": 6.0}, "maximum pressure is 6 Pa"),
         ({"ramp_time": float("inf")}, "ramp time is inf"),
         ({"noise": -1.0}, "sensor noise"),
     ],

@@ -22,8 +22,11 @@ from workbench.simulation import simulate
 CONTRACTIONS = (0.0, 1e-3, 2e-3, 4e-3, 7e-3, 10e-3, 14e-3, 18e-3, 22e-3, 26e-3, 30e-3)
 """Contractions of the experiment, m; close to each other where phi bends."""
 
+MAXIMUM_PRESSURE = 6e5
+"""Gauge pressure at the end of a ramp of one muscle, in Pa."""
+
 _STEP = 0.2
-"""Time between samples on the arm, in s."""
+"""Time between samples, in s."""
 
 STOP_ANGLES = tuple(math.radians(a) for a in (0, 6, 13, 20, 27, 34, 41, 48, 54, 57, 60))
 """Angles at which the lower stop is fastened in turn, rad: muscle 2 at 30 to 0 mm."""
@@ -69,9 +72,7 @@ def isometric_experiment(
     force_law: ForceLaw | None = None,
     *,
     contractions: Sequence[float] = CONTRACTIONS,
-    maximum_pressure: float = 6e5,
     ramp_time: float = 30.0,
-    sample_time: float = 0.2,
     noise: float = 1.0,
     seed: int = 0,
 ) -> IsometricRecord:
@@ -82,34 +83,29 @@ def isometric_experiment(
 
     Args:
         contractions: Contractions of the ramps, in m.
-        maximum_pressure: Gauge pressure at the end of a ramp, 1e5 to 8e5 Pa.
         ramp_time: Duration of a ramp, 5 to 600 s.
-        sample_time: Time between samples, in s.
         noise: Noise and resolution of the sensors, as a ratio to those of the arm; 0 for none.
 
     Source:
         The paper's identification experiment, Figure 7.
     """
-    check_range("maximum pressure", maximum_pressure, 1e5, 8e5, "Pa")
     check_range("ramp time", ramp_time, 5.0, 600.0, "s")
-    check_range("sample time", sample_time, 1e-3, ramp_time / 10, "s")
     check_range("sensor noise", noise, 0.0, 1e3)
     if not len(contractions):
         raise WorkbenchError("there is no contraction to measure at; give at least one")
     model = pneumatic_muscle(force_law)
     values = {q.name: q.value for q in model.parameters}
-    count = round(ramp_time / sample_time) + 1
+    count = round(ramp_time / _STEP) + 1
     rng = np.random.default_rng(seed)
     tables = []
     for contraction in contractions:
         check_range("contraction", contraction, -1e-3, 35e-3, "m", fix="1 mm is 0.001 m")
         length = 0.2 - contraction
-        start = {"pressure": values["ambient_pressure"]}
-        x0 = model.initial_state(start)
+        x0 = model.initial_state({"pressure": values["ambient_pressure"]})
         volume = model.signals(x0, [length, 0.0, 0.0])["chamber.volume"]
-        mass = maximum_pressure * volume / (GAS_CONSTANT * values["ambient_temperature"])
+        mass = MAXIMUM_PRESSURE * volume / (GAS_CONSTANT * values["ambient_temperature"])
         inputs = np.tile([length, 0.0, mass / ramp_time], (count, 1))
-        run = simulate(model, inputs, sample_time=sample_time, start=x0)
+        run = simulate(model, inputs, sample_time=_STEP, start=x0)
         tables.append((run["pressure"], np.full(count, contraction), run["force"]))
     return _record(tables, rng, noise, "one muscle, filled at constant length")
 

@@ -153,8 +153,7 @@ def _measure(
     first = float(np.interp(LOW, a[begin : begin + 2], t[begin : begin + 2]))
     last = float(np.interp(HIGH, a[end - 1 : end + 1], t[end - 1 : end + 1]))
     window = max(5, 2 * round(0.5 * SMOOTHING / step) + 1)
-    margin = window
-    cut = slice(max(0, begin - margin), min(len(a), end + margin + 1))
+    cut = slice(max(0, begin - window), min(len(a), end + window + 1))
     if len(a[cut]) > window:
         speed = savgol_filter(a[cut], window, 2, deriv=1, delta=step)
     else:
@@ -190,18 +189,14 @@ def _summary(transits: tuple[Transit, ...]) -> TransitFigures:
         return TransitFigures((), math.nan, math.nan, 0, math.nan, reason)
     ripples = [s.ripple_frequency for s in transits if s.dips]
     touches = [s.touch_speed for s in transits if not math.isnan(s.touch_speed)]
-    reasons = []
-    if not ripples:
-        reasons.append("no transit has a dip")
-    if not touches:
-        reasons.append("no stop is touched")
+    missing = {"no transit has a dip": ripples, "no stop is touched": touches}
     return TransitFigures(
         transits,
         float(np.median([s.duration for s in transits])),
         float(np.median(ripples)) if ripples else math.nan,
         round(float(np.median([s.dips for s in transits]))),
         max(touches) if touches else math.nan,
-        "; ".join(reasons),
+        "; ".join(reason for reason, found in missing.items() if not found),
     )
 
 

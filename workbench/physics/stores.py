@@ -74,10 +74,17 @@ def _around(at: Place) -> Own:
                  between=(start - reach, start + reach), scale=at.level.scale)  # fmt: skip
 
 
-def _conductance(at: Place, text: str, *, signed: bool = False) -> Own:
-    usual = 0.1 * at.scale / at.level.scale
-    return size("conductance", per(at.unit, at.level.unit), usual, 100 * usual, text,
+def _conductance(
+    at: Place, text: str, usual: float = 0.1, most: float = 10.0, *, signed: bool = False
+) -> Own:
+    """State a flow over a level by its usual and largest size over those of the place."""
+    one = at.scale / at.level.scale
+    return size("conductance", per(at.unit, at.level.unit), usual * one, most * one, text,
                 signed=signed)  # fmt: skip
+
+
+def _typical(level: Local, value: float) -> Own:
+    return shape("level_scale", level.unit, value, "typical level", source="", fitted=False)
 
 
 # Signed: less loss than the equations have.
@@ -259,7 +266,7 @@ def _brim(at: Place) -> tuple[Own, ...]:
         size("coefficient", per(at.unit, level.unit), 10 * rate, 100 * rate,
              "spill over excess level"),
         shape("limit", level.unit, _brims(at)[0], "level of the brim", around=(0.1, 10.0)),
-        shape("level_scale", level.unit, level.scale, "typical level", source="", fitted=False),
+        _typical(level, level.scale),
         sense(at),
         floor(at, 0.5),
         *((caught, replace(sense(at.others[0]), name="sense_below")) if at.others else ()),
@@ -305,7 +312,7 @@ def _outlet(at: Place) -> tuple[Own, ...]:
         shape("outlet", level.unit, 0.0, "level of the outlet", around=None, scale=level.scale,
               fitted=False),
         sense(at),
-        shape("level_scale", level.unit, level.scale, "typical level", source="", fitted=False),
+        _typical(level, level.scale),
     )  # fmt: skip
 
 
@@ -331,8 +338,7 @@ linear_outflow = Law(
     "flow = flow - conductance (level - outlet)",
     _each_store,
     lambda at: (
-        size("conductance", per(at.unit, at.level.unit), 0.1 * at.scale / at.level.scale,
-             2.0 * at.scale / at.level.scale, "outflow over level", signed=True),
+        _conductance(at, "outflow over level", most=2.0, signed=True),
         *_outlet(at)[:2],
     ),
     lambda at: at.value - at.p.sense * at.p.conductance * (at.signals.level - at.p.outlet),
@@ -399,8 +405,7 @@ cross_flow = Law(
     " flow_2 = flow_2 + ratio conductance (level_1 - level_2)",
     _pairs,
     lambda at: (
-        size("conductance", per(at.unit, at.level.unit), 0.05 * at.scale / at.level.scale,
-             at.scale / at.level.scale, "flow from one store to the other over the difference"),
+        _conductance(at, "flow from one store to the other over the difference", 0.05, 1.0),
         shape("ratio", "1", 1.0, "capacity of the first store over that of the second",
               around=(1e-2, 1e2)),
     ),
@@ -423,8 +428,7 @@ second_store = Law(
     "flow = flow - conductance (level - z), dz/dt = (level - z) / time_constant",
     _also_of_heat,
     lambda at: (
-        size("conductance", per(at.unit, at.level.unit), 0.1 * at.scale / at.level.scale,
-             10.0 * at.scale / at.level.scale, "flow to the other store over the difference"),
+        _conductance(at, "flow to the other store over the difference"),
         shape("time_constant", "s", 0.03 * at.lasting, "time in which the other store follows",
               around=(0.01, 100.0)),
         sense(at),
@@ -465,7 +469,7 @@ exchange_with_input = Law(
 
 def _of_head(at: Place) -> Own:
     head = at.signals["head"]
-    return shape("level_scale", head.unit, head.largest, "typical level", source="", fitted=False)
+    return _typical(head, head.largest)
 
 
 def _of_drop(at: Place) -> Own:

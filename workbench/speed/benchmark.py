@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import check_choice
+from workbench.experiments import pulse_train
 from workbench.linearisation import linearise
 from workbench.linearisation.operating_map import operating_map
 from workbench.model import Model
@@ -83,7 +84,7 @@ def _spread(low: float, high: float) -> str:
 def _open_loop(found: Benchmark, plant: Model, _: Path) -> None:
     sine = plant_runs.open_loop(plant)
     found.comparisons.append(sine)
-    voltage, tolerance = plant_runs.pulses(60.0), plant_runs.TOLERANCE
+    voltage, tolerance = pulse_train(duration=60.0), plant_runs.TOLERANCE
     times = timed(lambda: plant_runs.simulated(plant, voltage, tolerance), per=60.0, repeats=5)
     error, where = plant_runs.accuracy(plant)
     before = done()
@@ -110,9 +111,10 @@ def _open_loop(found: Benchmark, plant: Model, _: Path) -> None:
 
 _INTERPRETED = """
 import time
+from workbench.experiments import pulse_train
 from workbench.plants.arm import arm
 from workbench.speed import plant_runs
-plant, voltage = arm(load_kg=3), plant_runs.pulses(4.0)
+plant, voltage = arm(load_kg=3), pulse_train(duration=4.0)
 plant_runs.simulated(plant, voltage[:100], 1e-5)
 began = time.process_time()
 plant_runs.simulated(plant, voltage, 1e-5)

@@ -15,6 +15,7 @@ from controllers.guard import Guarded
 from controllers.pid import design_pid
 from controllers.protocol import Controller
 from workbench.arrays import Vector
+from workbench.experiments import pulse_train
 from workbench.linearisation import linearise
 from workbench.model import Model
 from workbench.operating_point import operating_point
@@ -102,12 +103,6 @@ def simulated(model: Model, voltage: Vector, tolerance: float) -> Vector:
     return run.states
 
 
-def pulses(seconds: float) -> Vector:
-    """Return pulses of 0.9 V about the centre, in V."""
-    t = SAMPLE_TIME * np.arange(round(seconds / SAMPLE_TIME))
-    return np.asarray(5.0 + 0.9 * np.where((t % 4.0) < 2.0, 1.0, -1.0))
-
-
 def _apart(states: Vector, reference: Vector) -> float:
     n = min(len(states), len(reference))
     return float(np.abs(states[:n] - reference[:n]).max())
@@ -162,7 +157,7 @@ def _cvodes(plant: _Plant, voltage: Vector, exact: Vector) -> Way:
 
 def accuracy(model: Model) -> tuple[float, str]:
     """Return the largest error on pulses, scaled by the states, and what it consists of."""
-    plant, voltage = _plant(model), pulses(4.2)
+    plant, voltage = _plant(model), pulse_train(duration=4.2)
     exact = plant.run(plant.rates, voltage, "DOP853", 1e-12)
 
     def errors(tolerance: float) -> Vector:

@@ -89,9 +89,7 @@ def _answer(
     more: dict[str, Any] = {}
     kind = "named"
     if name == "greedy":
-        findings, found, stopped = greedy(
-            diagnosis, prepared.fitting, prepared.judging, prepared.priors
-        )
+        findings, found, stopped = greedy(diagnosis)
         extended, more = found or extended, {"stopped": stopped}
     elif name == "sindy":
         findings, extended = sindy(base.model, prepared.fitting, base.noise_scale), {}

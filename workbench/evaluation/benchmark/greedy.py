@@ -39,12 +39,7 @@ SECONDS = 15.0
 """Processor time after which no further effect is tried."""
 
 
-def greedy(
-    diagnosis: Diagnosis,
-    fitting: Sequence[Observed],
-    judging: Sequence[Observed],
-    priors: Sequence[Prior],
-) -> tuple[list[dict[str, Any]], dict[str, float], str]:
+def greedy(diagnosis: Diagnosis) -> tuple[list[dict[str, Any]], dict[str, float], str]:
     """Name effects by plain forward selection.
 
     Args:
@@ -54,19 +49,20 @@ def greedy(
         Findings as a verdict has them, held-out errors by output in SI, and why it stopped.
     """
     began = time.process_time()
-    heads = [_head(r, FIT_S) for r in fitting]
-    free, current = list(priors), diagnosis.base
+    prepared = diagnosis.prepared
+    heads = [_head(r, FIT_S) for r in prepared.fitting]
+    free, current = list(prepared.priors), diagnosis.base
     findings: list[dict[str, Any]] = []
     stopped = "three effects"
-    for number in range(MOST):
+    for _ in range(MOST):
         if time.process_time() - began > SECONDS:
             stopped = "time"
             break
-        best = _best(diagnosis, current, heads, free, first=number == 0)
+        best = _best(diagnosis, current, heads, free)
         if best is None:
             stopped = "no score"
             break
-        fit = _with(diagnosis, current, best, free, heads, first=number == 0)
+        fit = _with(diagnosis, current, best, free, heads)
         if fit is None:
             stopped = "the refit failed"
             break
@@ -87,7 +83,7 @@ def greedy(
         findings.append(told | {"gain": gain, "parameters": sizes})
         free += own
         current = fit
-    errors = _errors(diagnosis, current, judging) if findings else _refitted(diagnosis)
+    errors = _errors(diagnosis, current) if findings else _refitted(diagnosis)
     return findings, errors, stopped
 
 
@@ -96,10 +92,8 @@ def _best(
     current: ProcessNoiseFit,
     heads: Sequence[Observed],
     free: Sequence[Prior],
-    *,
-    first: bool,
 ) -> Score | None:
-    if first and diagnosis.rounds:
+    if current is diagnosis.base and diagnosis.rounds:
         scores = diagnosis.rounds[0][0]
     else:
         short = [extended_start(_head(r, SCORE_S), diagnosis.nominal, current.model) for r in heads]
@@ -116,11 +110,9 @@ def _with(
     best: Score,
     free: Sequence[Prior],
     heads: Sequence[Observed],
-    *,
-    first: bool,
 ) -> ProcessNoiseFit | None:
     """Refit with an effect, or take the tool's own refit of it."""
-    if first and diagnosis.rounds:
+    if current is diagnosis.base and diagnosis.rounds:
         for candidate in diagnosis.rounds[0][1]:
             if candidate.entry.name == best.entry.name and candidate.fit is not None:
                 return candidate.fit
@@ -149,9 +141,8 @@ def _cost(diagnosis: Diagnosis, fit: ProcessNoiseFit, heads: Sequence[Observed])
         return math.inf
 
 
-def _errors(
-    diagnosis: Diagnosis, fit: ProcessNoiseFit, judging: Sequence[Observed]
-) -> dict[str, float]:
+def _errors(diagnosis: Diagnosis, fit: ProcessNoiseFit) -> dict[str, float]:
+    judging = diagnosis.prepared.judging
     begun = (extended_start(r, diagnosis.nominal, fit.model) for r in judging)
     return rms_of([free_run(fit.model, r).rmse for r in begun])
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -237,23 +237,21 @@ class Score:
         return {
             "false alarms": Rate.of(j.wrong for j in clean),
             "nothing hidden: not silent": Rate.of(j.line.points < 0 for j in clean),
-            "right group": Rate.of(flag for j in faulty for flag in j.line.located),
+            "right group": _share(faulty, "located"),
             "right region": Rate.of(flag for j in faulty for flag in j.regions),
-            "right name or class": Rate.of(flag for j in faulty for flag in j.line.named),
+            "right name or class": _share(faulty, "named"),
             **{
-                f"right name or class of {many}": Rate.of(
-                    flag for j in faulty if j.kind == kind for flag in j.line.named
+                f"right name or class of {many}": _share(
+                    [j for j in faulty if j.kind == kind], "named"
                 )
                 for kind, many in HIDING.items()
             },
             "wrong name": Rate.of(j.wrong for j in self.judged),
             "confidently wrong": Rate.of(j.wrong and j.sure for j in self.judged),
-            "outside the library: right group": Rate.of(
-                flag for j in outside for flag in j.line.located
-            ),
+            "outside the library: right group": _share(outside, "located"),
             "outside the library: wrong name": Rate.of(j.wrong for j in outside),
             "closed loop only: wrong name": Rate.of(j.wrong for j in limited),
-            "closed loop only: right name": Rate.of(flag for j in limited for flag in j.line.named),
+            "closed loop only: right name": _share(limited, "named"),
             f"held out within {NEAR} of the limit": Rate.of(value <= NEAR for value in near),
             "95 % intervals that cover": self.sizes.coverage,
         }
@@ -274,10 +272,15 @@ class Score:
         return Sizes(tuple(found for j in self.judged for found in j.sizes))
 
 
+def _share(judged: Sequence[Judged], which: Literal["located", "named"]) -> Rate:
+    """Return the share of hidden effects that are located or named."""
+    return Rate.of(flag for j in judged for flag in getattr(j.line, which))
+
+
 def _right(judged: Sequence[Judged]) -> dict[str, Rate]:
     return {
-        "right group": Rate.of(flag for j in judged for flag in j.line.located),
-        "right name or class": Rate.of(flag for j in judged for flag in j.line.named),
+        "right group": _share(judged, "located"),
+        "right name or class": _share(judged, "named"),
         "wrong name": Rate.of(j.wrong for j in judged),
     }
 
