@@ -66,12 +66,12 @@ class Uncertainty:
         return tuple(dict.fromkeys(itertools.product(self.delay, self.sensor_lag)))
 
     @classmethod
-    def known(cls, delay: float, *, within: float = 0.5e-3, sensor_lag: float = 0.0) -> Uncertainty:
+    def known(cls, delay: float, *, sensor_lag: float = 0.0) -> Uncertainty:
         """Return what is left to tolerate of delay and sensor lag, in s, that were identified.
 
-        At every frequency the model is trusted; ``within`` is how far both may be off.
+        At every frequency the model is trusted; both may be off by half a millisecond.
         """
-        ranges = [(max(v - within, 0.0), v + within) for v in (delay, sensor_lag)]
+        ranges = [(max(v - 0.5e-3, 0.0), v + 0.5e-3) for v in (delay, sensor_lag)]
         return cls(delay=ranges[0], sensor_lag=ranges[1], trusted_frequency=math.inf)
 
     def reduced(self, share: float) -> Uncertainty:

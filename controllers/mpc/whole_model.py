@@ -390,7 +390,6 @@ def design_mpc(
     linear: LinearModel,
     specification: MPCSpecification | None = None,
     *,
-    valve: ValveInverse | None = None,
     change: Change | None = None,
 ) -> LinearMPC:
     """Design a linear MPC of the angle from a linear model.
@@ -401,12 +400,11 @@ def design_mpc(
     """
     linear = linear_model(linear)
     want = specification or MPCSpecification()
-    valve = valve or ValveInverse()
     step, edge = want.prediction_time, want.opening_limit
     return mpc_of(
         linear,
         Problem(
-            curves=(valve,),
+            curves=(ValveInverse(),),
             actuators=ACTUATORS,
             sensors=SENSORS,
             weights=(want.angle_scale**-2, want.opening_scale**-2, want.move_scale**-2),

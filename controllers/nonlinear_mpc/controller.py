@@ -44,7 +44,6 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from controllers.nonlinear_mpc.observer import ExtendedKalmanFilter
 from controllers.nonlinear_mpc.prediction import (
@@ -395,7 +394,6 @@ def design_nonlinear_mpc(
     model: Model,
     specification: NonlinearMPCSpecification | None = None,
     *,
-    rest: npt.ArrayLike | None = None,
     compile_function: Compile | None = None,
 ) -> NonlinearMPC:
     """Design a nonlinear MPC on a prediction model.
@@ -403,8 +401,6 @@ def design_nonlinear_mpc(
     Args:
         model: The prediction model, with a 5/3 valve and the states ``angle``, ``speed``,
             ``pressure_1`` and ``pressure_2``; leave out what the controller shall not know.
-        rest: States about which it starts, shape (n_states,), in SI; the model's initial state by
-            default.
         compile_function: Makes machine code of a CasADi function; interpreted by default.
     """
     want = specification or NonlinearMPCSpecification()
@@ -419,7 +415,6 @@ def design_nonlinear_mpc(
             f"{len(walk)} disturbances are estimated from {len(want.sensor_noise)}"
             " sensors; give as many disturbances as sensors, so that no offset is left"
         )
-    sensors = SENSORS
     disturbed, unknown = tuple(walk), tuple(want.unknown)
     softened = straightened(_with_soft_stops(model), "opening")
     ahead = dynamics(softened, disturbed, unknown=unknown, resting=RESTING)
@@ -427,7 +422,7 @@ def design_nonlinear_mpc(
     stage = discrete(ahead, want.stage_time, want.steps, "nmpc_stage")
     ambient = {q.name: q.value for q in model.parameters}.get("ambient_pressure", 0.0)
     low, high = want.pressure_limits
-    start = model.initial_state() if rest is None else np.asarray(rest, dtype=float)
+    start = model.initial_state()
     walk["speed"] = want.torque_walk / model.signals(start, model.nominal_input)["joint.inertia"]
     walks = np.array([*walk.values(), *want.unknown.values()]) / behind.unit
     rates, unsure = walks[: len(walk)], walks[len(walk) :]
@@ -435,7 +430,7 @@ def design_nonlinear_mpc(
     observer = ExtendedKalmanFilter(
         rates=behind,
         sample=Buffered(build(discrete(behind, want.sample_time, 2, "nmpc_observer"))),
-        read=Buffered(build(measurements(model, sensors))),
+        read=Buffered(build(measurements(model, SENSORS))),
         rest=start / behind.scale,
         walk=np.concatenate(
             [np.full(len(names), want.state_noise), rates, unsure / math.sqrt(FORGETTING)]

@@ -131,7 +131,7 @@ def paired(loop: Loop, pairing: Pairing) -> Matrix:
     return mix
 
 
-def decoupled(loop: Loop, speed: float = 0.0) -> Matrix:
+def decoupled(loop: Loop, speed: float) -> Matrix:
     """Return the same mixed so that the law of each moves its own output alone, shape (m, p), SI.
 
     At rest, or at a speed in rad/s, where a response that turns has no real inverse: of each output

@@ -176,8 +176,9 @@ def accuracy(model: Model) -> tuple[float, str]:
     )
 
 
-def loop_parts(model: Model, samples: int = 2000) -> str:
+def loop_parts(model: Model) -> str:
     """Say what a sample of the loop consists of, in us."""
+    samples = 2000
     pid, start = _designed(model)
     plant = FullPlant(model, SAMPLE_TIME, start, tolerance=1e-5)
     names = [q.name for q in model.outputs]

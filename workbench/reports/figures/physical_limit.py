@@ -100,7 +100,8 @@ def _bars(result: StudyResult) -> dict[str, dict[str, float]]:
     for s in known:
         text = _step_text(result, s.move)
         own = found.setdefault(f"{s.scenario}\n{text}" if several else text, {})
-        own[s.controller] = _worse(own.get(s.controller, 0.0), s.ratio.value)
+        # A ratio that there is not is worse than any.
+        own[s.controller] = float(np.maximum(own.get(s.controller, 0.0), s.ratio.value))
     if len(found) <= MOST:
         return found
     worst: dict[str, dict[str, float]] = {}
@@ -108,10 +109,6 @@ def _bars(result: StudyResult) -> dict[str, dict[str, float]]:
         if d.worst is not None:
             worst.setdefault(d.scenario, {})[d.controller] = d.ratio.value
     return worst
-
-
-def _worse(a: float, b: float) -> float:
-    return math.nan if math.isnan(a) or math.isnan(b) else max(a, b)
 
 
 def _step_text(result: StudyResult, move: Move) -> str:
