@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -87,8 +88,9 @@ def at_rest(model: Model, **at: float) -> LinearModel:
 
 
 def stepped(
-    law: Any, plant: Any, output: str, begin: float, end: float, **told: Any
+    law: Any, plant: Any, output: str, begin: float, end: float, late: int = 0, **told: Any
 ) -> dict[str, float]:
-    """Return the metrics of a step of an output, in SI; see `step_scenario`."""
+    """Return the metrics of a step, in SI, some samples late; see `step_scenario`."""
     step = step_scenario(output, begin, end, sample_time=law.sample_time, **told)
+    step = replace(step, late_samples=late)
     return {name: found.value for name, found in metrics(verify(law, plant, step)).items()}

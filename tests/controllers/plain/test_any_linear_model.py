@@ -736,11 +736,9 @@ def test_a_reference_enters_as_suits_commands_that_are_late() -> None:
         pytest.skip("slycot is not installed")
     # The idling of an engine, 100 ms late.
     plant = linear_model(ct.tf([2400.0], np.poly([-35.6, -1.05 + 0.7j, -1.05 - 0.7j]).real))
-    h = 0.01
-    law = designed("plain-h-infinity", plant, sample_time=h, delay=0.1)
-    late = replace(step_scenario("y", 0.0, 1.0, hold=4.0, sample_time=h), late_samples=10)
-    run = metrics(verify(law, plant.operating_point.model, late))
-    assert run["overshoot"].value < 0.04 and run["settling_time"].value < 1.5
+    law = designed("plain-h-infinity", plant, sample_time=0.01, delay=0.1)
+    run = stepped(law, plant.operating_point.model, "y", 0.0, 1.0, late=10, hold=4.0)
+    assert run["overshoot"] < 0.04 and run["settling_time"] < 1.5
 
 
 def test_a_pid_whose_command_is_at_its_end_asks_for_no_more_than_there_is() -> None:
@@ -782,9 +780,8 @@ def test_pids_of_late_commands_are_the_best_of_late_steps() -> None:
     # Those that were the best of steps at once overshot by 15 % and settled in 18 s.
     linear = linear_model("1 / ((5 s + 1) (3 s + 1))", limits={"u": (-1.0, 1.0)})
     law = designed("plain-pid", linear, sample_time=0.05, delay=1.0)
-    step = step_scenario("y", 0.0, 0.08, hold=30.0, sample_time=0.05)
-    found = metrics(verify(law, linear, replace(step, late_samples=20)))
-    assert found["overshoot"].value < 0.05 and found["settling_time"].value < 12.0
+    found = stepped(law, linear, "y", 0.0, 0.08, late=20, hold=30.0)
+    assert found["overshoot"] < 0.05 and found["settling_time"] < 12.0
 
 
 @pytest.mark.parametrize(("name", "most"), [("lqi", 13.0), ("plain-sliding-mode", 11.0)])
@@ -792,9 +789,8 @@ def test_laws_with_a_model_predict_what_late_commands_do(name: str, most: float)
     # Laws that bear the delay and do not know of it take 18 and 13 s.
     linear = linear_model("1 / (4 s + 1)", limits=2.0)
     law = designed(name, linear, sample_time=0.05, delay=2.0)
-    step = step_scenario("y", 0.0, 0.2, hold=40.0, sample_time=0.05)
-    found = metrics(verify(law, linear, replace(step, late_samples=40)))
-    assert found["overshoot"].value < 0.03 and found["settling_time"].value < most
+    found = stepped(law, linear, "y", 0.0, 0.2, late=40, hold=40.0)
+    assert found["overshoot"] < 0.03 and found["settling_time"] < most
 
 
 BOXES = ct.tf([1.0], [1.0, -1.0, 0.0, 0.0, 0.0], 86400.0)
@@ -816,17 +812,15 @@ def test_filters_of_what_is_late_are_as_slow_as_its_margins_ask_for(
 ) -> None:
     linear = linear_model(plant, limits=5.0)
     law = designed(name, linear, sample_time=sample_time)
-    step = step_scenario("y", 0.0, 0.1, hold=5.0 * most, sample_time=sample_time)
-    found = metrics(verify(law, linear, step))
-    assert found["settling_time"].value < most and found["overshoot"].value < 0.025
+    found = stepped(law, linear, "y", 0.0, 0.1, hold=5.0 * most)
+    assert found["settling_time"] < most and found["overshoot"] < 0.025
 
 
 def test_references_of_what_is_late_are_led_as_its_delay_bears() -> None:
     # On the Pade function that stood for it, it overshot by 0.2 %, and by 12 % in fact.
     linear = linear_model("1.5 exp(-10 s) / (2 s + 1)", limits=5.0)
     law = designed("plain-mpc", linear, sample_time=0.25)
-    step = step_scenario("y", 0.0, 0.08, hold=200.0, sample_time=0.25)
-    assert metrics(verify(law, linear, step))["overshoot"].value < 0.04
+    assert stepped(law, linear, "y", 0.0, 0.08, hold=200.0)["overshoot"] < 0.04
 
 
 @pytest.mark.parametrize(("plant", "delay"), [("1 / (s - 1)", 0.9), ("exp(-0.9 s) / (s - 1)", 0.0)])
