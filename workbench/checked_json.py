@@ -23,7 +23,6 @@ class ShapeError(WorkbenchError):
 
     Args:
         place: Keys and indices that lead to it.
-        text: What is wrong, without the place.
     """
 
     def __init__(self, place: Place, text: str) -> None:

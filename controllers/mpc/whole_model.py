@@ -459,12 +459,7 @@ def mpc_of(
     change: Change | None = None,
     observer: DisturbanceObserver | None = None,
 ) -> LinearMPC:
-    """Design a linear MPC of any number of openings and followed outputs.
-
-    Args:
-        change: As of `design_mpc`.
-        observer: The observer, by default that of the problem.
-    """
+    """Design a linear MPC of any number of openings and followed outputs."""
     entries = _entries(linear, problem)
     observer = observer or observer_of(linear, problem, want)
     names = tuple(entry.name for entry in entries)

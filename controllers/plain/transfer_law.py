@@ -153,7 +153,6 @@ class TransferState(NamedTuple):
     """What a `TransferLaw` remembers.
 
     Args:
-        states: States z.
         paced: References at their pace, deviations in SI, and by how much they moved in the last
             sample; None without a pace.
         commands: Commands, in SI; None without a slew.

@@ -40,7 +40,6 @@ class Problem:
         title: What is looked at, in a few words.
         in_loop: Further recordings to judge on, each with the model that runs on it.
         published: Values that others identified, by parameter, in SI.
-        published_from: Who did.
     """
 
     name: str

@@ -42,7 +42,6 @@ class HeldOut:
     """Free-run errors of one output on one held-out recording, rms in ``unit``.
 
     Args:
-        unit: Unit in which people read the output.
         spread: Standard deviation of the measurements, in ``unit``.
         nominal: Error with the nominal parameters, in ``unit``.
         refitted: Error with the refitted ones, in ``unit``.

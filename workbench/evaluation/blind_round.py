@@ -173,7 +173,6 @@ class Line:
     Args:
         hidden: What was hidden, in the words of the key.
         most: Most points that could be had.
-        remark: The points in words, effect by effect.
         located: Whether each hidden effect was put into the right group.
         named: Whether each hidden effect was named, rightly or within a class.
         over_noise: Error of the extended model over the sensors' noise, dimensionless.

@@ -18,7 +18,6 @@ class About:
 
     Args:
         equation: The law, in one line of text.
-        source: Book, paper or manufacturer that the law comes from.
         look_alikes: Names of effects that the same data may not separate.
         separated_by: The experiment that tells it from its look-alikes.
         subject: Name of the parameter of the model that it changes; empty if it changes none.

@@ -240,7 +240,6 @@ class Law:
         whole: Whether the largest size is all that there can be, such as the whole of a load.
         usual: Whether machines usually have some of it that nobody tells a controller of.
         evident: Whether the recordings themselves show it at a place: a score is not asked.
-        of_parameter: Whether it changes a parameter of the model.
         moment: Name of the parameter that is the time of an event, on a clock that is a state.
         period: Name of the parameter with which that event repeats, in s.
         part: Name of the parameter that is the part of it in which it acts.

@@ -28,7 +28,6 @@ class Curve:
     means of phi_j over some data as ``mean_j`` the curve is zero on average over those data.
 
     Args:
-        argument: Name of the local signal that is the argument.
         knots: Abscissae, shape (n,), at least 3, increasing, in ``unit``.
         mean: What is taken off each function, shape (n,), dimensionless; nothing by default.
 

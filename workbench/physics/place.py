@@ -139,7 +139,6 @@ class Place:
         gains: Those that are such a gain.
         others: The further ports on which the same effect acts.
         horizon: Time in which the response of the model shows, in s.
-        recorded: What the recordings tell of the machine.
         seen: Smallest and largest value along the recordings, in its unit; None if not known.
         stands: Value at which a sensor stands as only one does that goes no further, in its unit;
             None if it does not.

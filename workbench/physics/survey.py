@@ -48,7 +48,6 @@ class Survey:
     """Everything about a model that decides which laws may act where.
 
     Args:
-        recorded: What the recordings tell of the machine.
         found: Names of attached effects whose parameters are not offered a change with time.
 
     Example:

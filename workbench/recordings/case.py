@@ -143,7 +143,6 @@ class Case(Shown):
     """Recordings of one machine with its plant and settings.
 
     Args:
-        settings: Plain settings of ``case.toml``.
         uses: What each recording is for: ``"fit"``, ``"hold_out"``, or ``"in_loop"``, held out on
             a plant of its own.
         options: Options of the plant that the case says, parsed.

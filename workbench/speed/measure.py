@@ -22,7 +22,6 @@ class Times:
 
     Args:
         seconds: Processor time per unit of work, in s.
-        result: What the work returned the last time.
     """
 
     seconds: tuple[float, ...]

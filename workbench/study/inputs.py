@@ -101,9 +101,6 @@ def new_study(folder: Path) -> None:
 
     Only of those that changed since. A module of the user's own that changed is imported anew, as
     are those beside the study, which may have taken something from it.
-
-    Args:
-        folder: Folder of the study.
     """
     changed = {path for path, known in _WATCH.digests.items() if digest(path) != known}
     if changed or any(digest(path) != known for path, known in _WATCH.elsewhere.items()):

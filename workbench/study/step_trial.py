@@ -561,7 +561,6 @@ def _linear_behind(linear: LinearModel, scenario: Scenario, command: str) -> Lin
 
 
 def _design_for_the_end(behind: LinearModel, scenario: Scenario) -> str:
-
     units = {q.name: q.display_unit for q in behind.operating_point.model.outputs}
     levels = _levels_behind(behind, scenario).items()
     told = (f"--design-{n} {float(from_si(v, units[n])):.4g}{units[n]}" for n, v in levels)

@@ -131,9 +131,6 @@ def step_tables(outcome: StudyResult, plant: str) -> str:
 
     Of several outputs, it holds those that step; of what a step does to others, the most, over the
     output's scale.
-
-    Args:
-        plant: Name of the plant, for the titles.
     """
     study = outcome.study
     parts: list[str] = []

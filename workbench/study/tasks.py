@@ -44,11 +44,7 @@ TRACE_POINTS = 600
 
 @dataclass(frozen=True)
 class Task:
-    """One run that is to be done.
-
-    Args:
-        traces: Whether the trajectories are kept for pictures.
-    """
+    """One run that is to be done."""
 
     controller: ControllerRecipe
     variation: Variation

@@ -57,7 +57,6 @@ class Measured:
 
     Args:
         words: Its name; with the limit where it is required.
-        required: Whether it is.
     """
 
     words: str
