@@ -514,6 +514,41 @@ def mpc_of(
     )
 
 
+def acting_later(law: LinearMPC, samples: int) -> LinearMPC:
+    """Return the MPC of the same plant whose openings act some samples late.
+
+    Those on their way are states, the last one first, behind the plant's. What is minimised begins
+    when the first move acts, from the states foretold until then.
+    """
+    o, p = law.observer, law.prediction
+    (n, m), w, more = o.G.shape, o.disturbances, samples * o.G.shape[1]
+    places = n - w
+    F, G = np.zeros((n + more, n + more)), np.zeros((n + more, m))
+    own = np.delete(np.arange(n + more), np.s_[places : places + more])
+    F[np.ix_(own, own)] = o.F
+    F[own, places + more - m : places + more] = o.G
+    F[places + m : places + more, places : places + more - m] = np.eye(more - m)
+    G[places : places + m] = np.eye(m)
+    sent = [np.linalg.matrix_power(o.F, k) @ o.G for k in range(samples)]
+    ahead = np.linalg.matrix_power(o.F, samples)
+    foretold = np.hstack([ahead[:, :places], *sent, ahead[:, places:]])
+
+    def spread(part: Matrix, axis: int) -> Matrix:
+        return np.insert(part, [places] * more, 0.0, axis=axis)
+
+    observer = replace(o, F=F, G=G, C=spread(o.C, 1), M=spread(o.M, 0))
+    at_rest = np.vstack([p.target[:places], *[p.target[places:]] * samples, p.target[places:]])
+    prediction = replace(
+        p,
+        g_estimate=p.g_estimate @ foretold,
+        rows_estimate=p.rows_estimate @ foretold,
+        gain=p.gain @ foretold[:places, : places + more],
+        target=at_rest,
+    )
+    start = spread(law.start, 0)
+    return replace(law, observer=observer, prediction=prediction, start=start)
+
+
 def reference_paths(speeds: Sequence[float], sample_time: float, index: tuple[int, ...]) -> Matrix:
     """Return the trajectories of references, shape (p, N, 3), as of `LinearMPC`.
 

@@ -34,7 +34,7 @@ from controllers.sensitivity import sampled_at
 from controllers.specification import Checked, number
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_range
-from workbench.linearisation.exact_delays import Channels, channels_of, held
+from workbench.linearisation.exact_delays import SAME, Channels, channels_of, held
 from workbench.linearisation.pace import noise_of
 from workbench.linearisation.transfer import transfer_function
 from workbench.model.linear_system import LinearEquations, pade
@@ -62,6 +62,9 @@ ALIASES = 20
 
 MOST_LATE = 40
 """Samples of a delay up to which steps reckon with it."""
+
+MOST_APART = 8
+"""Commands on their way, beyond those of all channels alike, up to which a regulator has them."""
 
 FEEDBACK = "a state feedback"
 """What a state feedback is called."""
@@ -195,6 +198,33 @@ class LoopLimits:
     def _channels(self) -> Channels | None:
         return None if self.want.sensor_lag else channels_of(self.loop.shown)
 
+    @property
+    def chain(self) -> Channels | None:
+        """The plant whose commands are on their way for some samples, of limits that are late.
+
+        None where samples that differ from command to command, or output to output, are many.
+        """
+        own, shown = self._channels, self.loop.shown
+        if not (self.late_by or self.exact) or (own is None and self._delays.any()):
+            return None
+        if own is None:
+            n, m = shown.B.shape
+            none = np.zeros_like(shown.D)
+            order, now = tuple(range(m)), (0.0,) * m
+            own = Channels(shown.A, shown.B, shown.C, none, order, now, tuple(range(n)), ())
+        apart = (max(own.delays) - min(own.delays)) / self.want.sample_time
+        late = own.later(self.late_by * self.want.sample_time)
+        return late if apart * shown.B.shape[1] <= MOST_APART else None
+
+    @property
+    def whole_samples(self) -> int:
+        """Samples by which all commands act late, of limits that are late; 0 if not by as many."""
+        if not (chain := self.chain) or chain.D.any():
+            return 0
+        samples = np.array(chain.delays) / self.want.sample_time
+        alike = np.all(np.abs(samples - round(samples[0])) < SAME * MOST_LATE)
+        return round(samples[0]) if alike else 0
+
     @cached_property
     def predicted(self) -> Loop:
         """The loop that a law with a model reckons with: the commands are late by the delay."""
@@ -211,9 +241,8 @@ class LoopLimits:
                 A=self._channels.A * kept / kept[:, None],
                 B=self._channels.B / kept[:, None],
                 C=self._channels.C * kept,
-                delays=tuple(t + self.late_by * h for t in self._channels.delays),
             )
-            return [held(part, B.shape[1], h)[:3]]
+            return [held(part.later(self.late_by * h), B.shape[1], h)[:3]]
         corners = [(self.late_by * h, lag) for lag in sorted({0.0, self.want.sensor_lag})]
         return sampled_at(A, B, C, (True,) * len(C), corners, h)
 

@@ -57,6 +57,11 @@ class Loop(NamedTuple):
         read = self.read and self.read.late(delay)
         return self._replace(linear=self.linear.late(delay), read=read) if delay else self
 
+    def at_once(self) -> Loop:
+        """Return the loop without the plant's own delays, where they are known."""
+        read = self.read and self.read.at_once()
+        return self._replace(linear=self.linear.at_once(), read=read)
+
     @property
     def measured(self) -> tuple[str, ...]:
         """Names of the outputs that are followed."""

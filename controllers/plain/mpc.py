@@ -20,6 +20,7 @@ from controllers.mpc.whole_model import (
     LinearMPC,
     MPCSpecification,
     Problem,
+    acting_later,
     linear_mpc_design,
     mpc_of,
     observer_of,
@@ -27,11 +28,12 @@ from controllers.mpc.whole_model import (
 )
 from controllers.plain.limits import LoopLimits, LoopSpecification
 from controllers.plain.loop import Loop, speeds
+from controllers.plain.many_loops import stacked
 from controllers.plain.observer_law import DISTURBANCES, disturbances, doubts, random_walk
 from controllers.plain.pace import at_pace
 from controllers.plain.pairing import gain_at_rest
 from controllers.plain.reading import designed_for
-from controllers.plain.references import lags, led
+from controllers.plain.references import better, lags, led
 from controllers.plain.selection import best_of
 from controllers.valve_inverse import ValveInverse
 from workbench.arrays import Matrix
@@ -47,6 +49,10 @@ ERRORS = tuple(10.0 ** (k / 4.0) for k in range(-12, 9))
 ALIKE = (8, 10, 12)
 """Places of those that are tried for all outputs alike."""
 
+
+FOUND_IN = (10.0, 3.0, 1.0)
+"""Time constants of the loop in which disturbances and offsets are found, ratios; the last are
+tried of what is late by whole samples."""
 
 ENDLESS = 1e6
 """Where a command without an end is taken to end, over its scale: beyond all that is asked."""
@@ -96,7 +102,19 @@ def design_plain_mpc(
 
 
 def _within(want: PlainMPCSpecification, limits: LoopLimits) -> LinearMPC:
-    loop, h = limits.predicted, want.sample_time
+    late = limits.late
+    found = [_best(want, limits, limits.predicted)]
+    if samples := late.whole_samples:
+        found.append(_best(want, late, limits.loop.at_once(), samples))
+    held = late.held(late.judge(stacked(found)), "a linear MPC")
+    return better(late, [found[k] for k in held])
+
+
+def _best(
+    want: PlainMPCSpecification, limits: LoopLimits, loop: Loop, samples: int = 0
+) -> LinearMPC:
+    """Return the best MPC that predicts with a loop whose commands act some samples late."""
+    h = want.sample_time
     # Over many time constants of an unstable mode no prediction has a meaning.
     growing = float(np.max(loop.linear.poles.real, initial=0.0))
     top = min(max(2.0 * growing, 0.02 / h) if growing > 1e-6 / h else FASTEST / h, 0.3 / h)
@@ -107,29 +125,34 @@ def _within(want: PlainMPCSpecification, limits: LoopLimits) -> LinearMPC:
 
     outputs = len(loop.measured)
     given = np.broadcast_to(np.array(want.error_scale, dtype=float), outputs)
-    walks = disturbances(limits, want.disturbance)
+    walks, times = disturbances(limits, want.disturbance), FOUND_IN[:1]
+    if samples:
+        # What is on its way is no disturbance: a filter of any speed lets a delay be.
+        walks, times = walks[::3], FOUND_IN
 
     # The horizon does not depend on the disturbance, nor the observer on the error.
     @cache
     def horizon(speed: float, error: tuple[float, ...]) -> LinearMPC:
         own, numbers = _problem(loop, want, speed, DISTURBANCES[0], error)
-        law = mpc_of(loop.shown, own, numbers, observer=observer(speed, DISTURBANCES[0], 1.0))
+        seen = observer(speed, DISTURBANCES[0], 1.0, times[0])
+        law = mpc_of(loop.shown, own, numbers, observer=seen)
         return replace(law, name="linear MPC")
 
     @cache
-    def observer(speed: float, disturbance: float, doubt: float) -> DisturbanceObserver:
-        own, numbers = _problem(loop, want, speed, disturbance, loop.output_scale, doubt)
+    def observer(speed: float, walk: float, doubt: float, time: float) -> DisturbanceObserver:
+        own, numbers = _problem(loop, want, speed, walk, loop.output_scale, doubt, time)
         return observer_of(loop.shown, own, numbers)
 
-    def designed(places: tuple[int, ...], at: tuple[float, float, float]) -> LinearMPC:
-        speed, disturbance, doubt = at
+    def designed(places: tuple[int, ...], at: tuple[float, float, float, float]) -> LinearMPC:
+        speed = at[0]
         sizes = np.array([ERRORS[k] for k in places]) * loop.sizes([speed])[0]
         error = np.where(given > 0.0, given, sizes)
         law = horizon(speed, tuple(error.tolist()))
-        return replace(law, observer=observer(speed, disturbance, doubt))
+        law = replace(law, observer=observer(*at))
+        return acting_later(law, samples) if samples else law
 
     alike = ALIKE[:1] if np.all(given > 0.0) else ALIKE
-    filters = itertools.product(tried, walks, doubts(loop))
+    filters = itertools.product(tried, walks, doubts(loop), times)
     start = [((k,) * outputs, at) for at in filters for k in alike]
     law, _ = best_of(limits, designed, start, "a linear MPC", len(ERRORS))
     if want.speed:
@@ -166,6 +189,7 @@ def _problem(
     disturbance: float,
     error: npt.ArrayLike,
     doubt: float = 1.0,
+    time: float = FOUND_IN[0],
 ) -> tuple[Problem, MPCSpecification]:
     """Return what an MPC is told, whose openings are fractions of full ones, in SI."""
     below, above = _rooms(loop)
@@ -198,11 +222,10 @@ def _problem(
         ends=((-below / full).tolist(), (above / full).tolist()),
         move_limit=tuple((np.minimum(rate, slow) * step).tolist()),
         output_limits=(),
-        disturbances=(entry, 0.1 * speed * random_walk(disturbance, speed)),
+        disturbances=(entry, speed / time * random_walk(disturbance, speed)),
         reference_speed=(lag,) * p,
         first_limit=tuple((slow * h).tolist()) if np.isfinite(slow).any() else (),
-        # They are found within ten time constants too.
-        offsets=tuple((0.1 * speed * math.sqrt(h) * noise[p:]).tolist()),
+        offsets=tuple((speed / time * math.sqrt(h) * noise[p:]).tolist()),
     )
     numbers = MPCSpecification(
         prediction_time=step,

@@ -40,6 +40,7 @@ from controllers.sampling import Rows, product, rows, total
 from controllers.specification import number
 from workbench.arrays import Matrix
 from workbench.errors import TIMES_S, WorkbenchError
+from workbench.linearisation.exact_delays import SAME, Channels, held
 from workbench.linearisation.zero_order_hold import zero_order_hold
 
 
@@ -254,14 +255,30 @@ def random_walk(disturbance: float, speed: float) -> float:
 
 
 class ObservedModel:
-    """What every law on a Kalman filter of a loop's states shares."""
+    """What every law on a Kalman filter of a loop's states shares.
 
-    def __init__(self, loop: Loop, want: ObserverSpecification) -> None:
-        own, size = loop.linear, loop.linear.state_scales
+    Commands that are on their way are states, the last one first, behind those that are filtered:
+    they are known, and what disturbs a command enters where it acts.
+    """
+
+    def __init__(
+        self, loop: Loop, want: ObserverSpecification, chain: Channels | None = None
+    ) -> None:
+        own, size, h = loop.linear, loop.linear.state_scales, want.sample_time
         self.loop, self.want = loop, want
-        self.F, self.G = zero_order_hold(own.A, own.B, want.sample_time)
-        n, (p, m) = len(self.F), own.D.shape
-        rest = np.block([[own.A, own.B], [own.C, np.zeros((p, m))]])
+        p, m = own.D.shape
+        A, B, C, D = own.A, own.B, loop.shown.C, np.zeros_like(loop.shown.D)
+        if chain:
+            (A, B, C, D), size = chain.at_once(m), size[list(chain.kept)]
+        self.filtered = *zero_order_hold(A, B, h), C
+        self.ahead, self.left, n = 0, self.filtered, len(A)
+        self.F, self.G, self.C = self.filtered
+        if chain:
+            self.ahead = math.floor(min(chain.delays) / h + SAME)
+            self.left = held(chain.later(-self.ahead * h), m, h)[:3]
+            self.F, self.G, self.C = held(chain, m, h)[:3]
+        self.sizes = np.append(size, np.tile(loop.command_scale, (len(self.F) - n) // m))
+        rest = np.block([[A, B], [C[:p], D[:p]]])
         right = np.vstack([np.zeros((n, p)), np.diag(loop.output_scale)])
         rest = rest * np.append(size, loop.command_scale)
         scale = np.maximum(np.max(np.abs(rest), axis=1), 1e-300)[:, None]
@@ -273,8 +290,24 @@ class ObservedModel:
                 f" {listed(loop.actuators)}; follow another output"
             )
         target = target / loop.output_scale
-        self.target = target[:n] * size[:, None]
         self.command = target[n:] * loop.command_scale[:, None]
+        on_the_way = np.tile(self.command, ((len(self.F) - n) // m, 1))
+        self.target = np.vstack([target[:n] * size[:, None], on_the_way])
+
+    def foretold(self, rows: Matrix) -> Matrix:
+        """Return rows on states and integrals, shape (k, n + p), in SI, of those that are ahead.
+
+        What enters is rows on the states that are left, and the integrals, when all commands on
+        their way have acted.
+        """
+        (F, G, C), p = self.left, len(self.loop.measured)
+        n, m, first = len(F), G.shape[1], len(self.filtered[0])
+        F = np.block([[F, np.zeros((n, p))], [-self.want.sample_time * C[:p], np.eye(p)]])
+        G, sent = np.vstack([G, np.zeros((p, m))]), []
+        for _ in range(self.ahead):
+            sent.append(rows @ G)
+            rows = rows @ F
+        return np.hstack([rows[:, :first], *sent, rows[:, first:]])
 
     def observed(
         self, law: ObserverLaw, disturbance: float, speed: float, doubt: float = 1.0
@@ -291,27 +324,30 @@ class ObservedModel:
             doubt: Noise of what is measured and not followed that the filter is told, over that
                 which it has.
         """
+        from scipy.linalg import block_diag
+
         loop, h, noise = self.loop, self.want.sample_time, self.want.loop_noise(self.loop)
-        n, m, p = len(self.F), len(self.command), len(loop.measured)
+        (F, G, C), m, p = self.filtered, len(self.command), len(loop.measured)
         noise[p:] *= doubt
-        k = len(noise) - p
+        n, k = len(F), len(noise) - p
         # The disturbance is white noise, held over a sample.
-        entry = self.G * (random_walk(disturbance, speed) * loop.command_scale)
+        entry = G * (random_walk(disturbance, speed) * loop.command_scale)
         q = entry @ entry.T / h
         q = q + 1e-15 * np.diag(np.diag(q)) + 1e-300 * np.eye(n)
         q = np.pad(q, (0, k)) + np.diag(np.append(np.zeros(n), (0.1 * speed * h * noise[p:]) ** 2))
-        F, G = np.pad(self.F, (0, k)), np.pad(self.G, ((0, k), (0, 0)))
-        F[n:, n:] = np.eye(k)
-        C = np.hstack([loop.shown.C, np.eye(p + k, k, -p)])
-        size = np.append(loop.linear.state_scales, noise[p:])
+        offsets, still = np.eye(p + k, k, -p), np.eye(k)
+        F, C = block_diag(F, still), np.hstack([C, offsets])
+        size = np.append(self.sizes[:n], noise[p:])
         predictor = balanced_regulator(F.T, C.T / noise, q, 1.0 / size).T / noise
+        # From the gain of the predictor to that of the correction.
+        M = np.linalg.solve(F, predictor)
+        known = np.zeros((len(self.F) - n, p + k))
         return replace(
             law,
-            F=rows(F),
-            G=rows(G),
-            C=rows(C),
-            # From the gain of the predictor to that of the correction.
-            M=rows(np.linalg.solve(F, predictor)),
+            F=rows(block_diag(self.F, still)),
+            G=rows(np.pad(self.G, ((0, k), (0, 0)))),
+            C=rows(np.hstack([self.C, offsets])),
+            M=rows(np.vstack([M[:n], known, M[n:]])),
             gain=rows(np.hstack([law.gain, np.zeros((m, k))])),
             target=rows(np.pad(law.target, ((0, k), (0, 0)))),
             surface=law.surface and (*law.surface, *[0.0] * k),
@@ -323,7 +359,7 @@ class ObservedModel:
         law = ObserverLaw(
             F=rows(self.F),
             G=rows(self.G),
-            C=rows(loop.shown.C),
+            C=rows(self.C),
             M=(),
             gain=rows(gain),
             integral_gain=rows(integral),

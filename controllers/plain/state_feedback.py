@@ -30,6 +30,7 @@ from controllers.plain.observer_law import (
 )
 from controllers.plain.pace import at_pace
 from controllers.plain.reading import designed_for, much_better
+from controllers.plain.references import better
 from controllers.plain.selection import Answer, Place, answered, best_of, steps
 from controllers.riccati import balanced_regulator
 from controllers.specification import number
@@ -73,11 +74,16 @@ def design_lqi(linear: LinearModel, specification: LQISpecification | None = Non
     want = specification or LQISpecification()
 
     def designed(limits: LoopLimits) -> ObserverLaw:
-        walks = disturbances(limits, want.disturbance)
-        foreseen = replace(limits, foreseen=True)
-        law, _ = _fastest(foreseen, want, speeds(want.sample_time), walks)
-        late = limits.late
-        return at_pace(late, ObservedModel(limits.predicted, want).led(late, law))
+        walks, late = disturbances(limits, want.disturbance), limits.late
+        # A law that knows which commands are on their way is large, and takes longer to judge.
+        ways = [(replace(limits, foreseen=True), 40), *([(late, 20)] if late.chain else [])]
+        found = []
+        for own, count in ways:
+            law, _ = _fastest(own, want, speeds(want.sample_time, count), walks)
+            model = ObservedModel(limits.predicted, want, own.chain)
+            found.append(at_pace(late, model.led(late, law)))
+        held = late.held(late.judge(stacked(found)), FEEDBACK)
+        return better(late, [found[k] for k in held])
 
     return designed_for(want, linear, designed, reading_helps)
 
@@ -109,7 +115,8 @@ def _fastest(
     limits: LoopLimits, want: LQISpecification, tried: list[float], walks: Sequence[float]
 ) -> tuple[ObserverLaw, tuple[float, ...]]:
     """Return the best state feedback and the speed of each output, in rad/s."""
-    loop, model = limits.predicted, ObservedModel(limits.predicted, want)
+    loop = limits.predicted
+    model = ObservedModel(loop, want, limits.chain)
     outputs, sizes = len(loop.measured), loop.sizes(tried)
     given = np.broadcast_to(np.array(want.error_scale, dtype=float), outputs)
 
@@ -162,8 +169,8 @@ def _lqi(
     model: ObservedModel, want: LQISpecification, speed: Vector, error: Vector
 ) -> tuple[Matrix, float]:
     """Return gains on states and integrals, shape (m, n + p), in SI; the slowest pole, in rad/s."""
-    h, loop, F, G = want.sample_time, model.loop, model.F, model.G
-    C = loop.linear.C
+    (F, G, C), h, loop = model.left, want.sample_time, model.loop
+    C = C[: len(speed)]
     time = np.full_like(speed, want.integral_time) if want.integral_time else 2.0 / speed
     (n, m), p = G.shape, len(C)
     joined = np.block([[F, np.zeros((n, p))], [-h * C, np.eye(p)]])
@@ -171,11 +178,11 @@ def _lqi(
     weight = np.zeros((n + p, n + p))
     weight[:n, :n] = (C / error[:, None] ** 2).T @ C
     weight[n:, n:] = np.diag(1.0 / (time * error) ** 2)
-    size = np.append(loop.linear.state_scales, time * loop.output_scale)
+    size = np.append(model.sizes[:n], time * loop.output_scale)
     gains = loop.command_scale[:, None] * balanced_regulator(joined, entry, weight, size)
     closed = np.linalg.eigvals(joined - (entry / loop.command_scale) @ gains)
     slow = -math.log(min(max(np.max(np.abs(closed)), 1e-12), 1.0 - 1e-9)) / h
-    return gains, slow
+    return model.foretold(gains), slow
 
 
 def state_feedback_by_hand(

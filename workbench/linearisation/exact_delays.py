@@ -45,6 +45,15 @@ class Channels(NamedTuple):
     kept: tuple[int, ...]
     stood_in: tuple[float, ...]
 
+    def later(self, delay: float) -> Channels:
+        """Return the system whose commands act later by a time in s, sooner by a negative one."""
+        return self._replace(delays=tuple(t + delay for t in self.delays))
+
+    def at_once(self, commands: int) -> Parts:
+        """Return the system without its delays, of so many commands."""
+        sent: Matrix = np.eye(commands)[list(self.commands)]
+        return self.A, self.B @ sent, self.C, self.D @ sent
+
 
 def channels_of(plant: Any) -> Channels | None:
     """Return a linear system whose delays are known, with these; None of any other.

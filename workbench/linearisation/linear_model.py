@@ -270,6 +270,16 @@ class LinearModel(Drawn):
             ends=ends,
         )
 
+    def at_once(self) -> LinearModel:
+        """Return the model without the delays of its commands, where they are known."""
+        own = channels_of(self)
+        if own is None:
+            return self
+        A, B, C, D = own.at_once(len(self.input_names))
+        k = np.array(own.kept, dtype=int)
+        found = replace(self, A=A, B=B, C=C, D=D, x0=self.x0[k], drift=self.drift[k])
+        return replace(found, state_names=tuple(self.state_names[i] for i in k))
+
     def _with_states(
         self, k: npt.NDArray[np.int_], A: Vector, B: Vector, back: Vector
     ) -> LinearModel:
