@@ -98,7 +98,7 @@ def _of_plant(plant: str) -> dict[str, Any]:
     from workbench.verification import metrics, verify
 
     chosen = chosen_plant(plant)
-    trial = StepTrial(chosen.recipe, nominal_design(chosen), say=note)
+    trial = StepTrial(chosen.recipe, nominal_design(chosen), say=note).exact()
     recipes, scenarios = trial.prepared()
     asked = [_asked(chosen.model, scenario) for scenario in scenarios]
 
@@ -108,7 +108,7 @@ def _of_plant(plant: str) -> dict[str, Any]:
         with suppress(WorkbenchError):
             law = recipe.build()
             for scenario, own in zip(scenarios, asked, strict=True):
-                found = metrics(verify(law, chosen.model, scenario))
+                found = metrics(verify(law, trial.model, scenario))
                 late, error = (found[own["prefix"] + n] for n in (own["arrives"], "steady_error"))
                 if late.value <= own["within"] and error.value <= own["near"]:
                     left.remove(own["output"])
@@ -129,6 +129,7 @@ def _of_plant(plant: str) -> dict[str, Any]:
         "model": chosen.model.name,
         "name": plant,
         "plant": json.dumps(plant),
+        "without": json.dumps(trial.machine.without) if trial.machine.without else "",
         "design": json.dumps(design.name),
         "at": ", ".join(f"{name} = {value:.10g}" for name, value in design.at),
         "told": ", ".join(f"{n} = {json.dumps(v)}" for n, v in design.specification),
@@ -170,6 +171,7 @@ def _asked(model: Model, scenario: Scenario) -> dict[str, Any]:
         "references": rows,
         "duration": f"{scenario.duration:.6g}",
         "sample_time": f"{scenario.sample_time:.6g}",
+        "late": scenario.late_samples,
         "prefix": f"{name}." if len(rows) > 1 else "",
         "arrives": "settling_time" if shows else "rise_time",
         "within": within,
