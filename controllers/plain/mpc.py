@@ -50,7 +50,7 @@ ALIKE = (8, 10, 12)
 """Places of those that are tried for all outputs alike."""
 
 
-FOUND_IN = (10.0, 3.0, 1.0)
+FOUND_IN: tuple[float, ...] = (10.0, 3.0, 1.0)
 """Time constants of the loop in which disturbances and offsets are found, ratios; the last are
 tried of what is late by whole samples."""
 

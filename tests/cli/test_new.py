@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -41,6 +42,36 @@ def test_what_is_written_runs_as_it_says(
         assert f"{Path(name).stem}:design on servo axis" in said and "settling_time" in said
     else:
         assert Path("run.csv").read_text().count("\n") > 300
+
+
+OVEN = """
+from workbench.model import Input, Model, Output, Parameter, State
+
+
+def oven():
+    return Model(
+        "oven",
+        lambda m: ({"T": (0.5 * m.u.power - m.x.T) / m.p.lag}, {"T": m.x.T}),
+        states=(State("T", "K", 50.0),),
+        inputs=(Input("power", "W", 100.0, lower=0.0, upper=400.0),),
+        outputs=(Output("T", "K", 50.0, noise_rms=0.05),),
+        parameters=(Parameter("lag", "s", value=60.0),),
+    )
+"""
+
+
+def test_a_delay_that_was_found_is_one_of_commands(here: Path, shell: Shell) -> None:
+    (here / "ovens.py").write_text(OVEN)
+    found: dict[str, object] = {"name": "ovens:oven", "effects": ["sensor_delay_T"]}
+    found["parameters"] = {"sensor_delay_T.time": 20.0}
+    (here / "verdict.json").write_text(json.dumps({"plant": found}))
+    shell("new-study late.toml --plant verdict.json")
+    study = tomllib.loads((here / "late.toml").read_text())
+    assert study["plant"]["without"] == ["sensor_delay_T"]
+    (step,) = study["scenarios"].values()
+    assert step["late_samples"] * step["sample_time"] == pytest.approx(20.0)
+    (design,) = study["controllers"].values()
+    assert design["specification"]["delay"] == pytest.approx(20.0)
 
 
 @pytest.mark.parametrize("verb", NEW)
