@@ -537,10 +537,12 @@ def test_a_control_valve_that_sticks_is_told_with_its_band() -> None:
     )
 
     def run(seed: int) -> Recording:
-        rng, level, stuck, seen = np.random.default_rng(seed), 0.5, 0.45, np.empty(700)
+        # For 400 s nothing calls for a jump, and where the valve sticks is not where it is told.
+        rng, level, stuck, seen = np.random.default_rng(seed), 0.5, 0.52, np.empty(700)
         at = np.arange(700)
         valve = 0.5 + 0.3 * levels(700, seed, 0.5, 60, 160)
         valve += 0.05 * np.sin(at / 15.0) + 0.03 * np.sin(at / 7.0)
+        valve[:200] = 0.5 + 0.005 * np.sin(at[:200] / 7.0)
         for k, told in enumerate(valve):
             seen[k] = level
             stuck = told if abs(told - stuck) >= 0.03 else stuck

@@ -161,7 +161,8 @@ command_stiction = Law(
     ),
     _stuck,
     states=lambda at: (
-        State("stuck", at.unit, 0.02 * at.scale, "where it is", start_rms=1e-8 * at.scale),
+        # A recording begins anywhere within the band, long before the first jump perhaps.
+        State("stuck", at.unit, 0.02 * at.scale, "where it is", start_rms=0.01 * at.scale),
         State("moving", "1", 0.1, "1 while it moves", start_rms=1e-8),
     ),
     rates=_jumps,
