@@ -49,6 +49,9 @@ def balanced_regulator(F: Matrix, G: Matrix, weight: Matrix, size: Vector) -> Ma
     """
     from scipy.linalg.lapack import dgebal, dgges
 
+    if not len(F):
+        # Of what only passes commands on, such as a belt, there is nothing to estimate.
+        return np.zeros(G.T.shape)
     f, g = F * size / size[:, None], G / size[:, None]
     q = weight * size * size[:, None]
     q = q + 1e-12 * np.trace(q) * np.eye(len(f))

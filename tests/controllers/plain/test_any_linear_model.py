@@ -831,6 +831,14 @@ def test_what_is_on_its_way_is_known(text: str, delay: float, name: str, tmp_pat
     agrees_on(run, law, tmp_path, 1e-10)
 
 
+def test_a_delay_alone_needs_no_filter(capfd: pytest.CaptureFixture[str]) -> None:
+    """Such as a belt; LAPACK writes what it is given wrongly."""
+    linear = linear_model("2 exp(-3 s)", limits=5.0)
+    law = designed("lqi", linear, sample_time=0.075)
+    assert stepped(law, linear, "y", 0.0, 0.25, hold=60.0)["settling_time"] < 5.0
+    assert capfd.readouterr() == ("", "")
+
+
 @pytest.mark.parametrize(("plant", "delay"), [("1 / (s - 1)", 0.9), ("exp(-0.9 s) / (s - 1)", 0.0)])
 def test_how_late_a_plant_that_grows_may_be_is_said(plant: str, delay: float) -> None:
     linear = linear_model(plant, limits=5.0)
