@@ -21,6 +21,7 @@ from workbench.linearisation.transfer import transfer_function
 from workbench.model.linear_system import with_free_coefficients
 from workbench.operating_point import operating_point
 from workbench.physics.library import library
+from workbench.plants.plant import adopt
 from workbench.plants.registry import PLANTS
 from workbench.simulation import simulate
 
@@ -212,3 +213,15 @@ def test_a_largest_magnitude_is_a_limit(limits: Any) -> None:
     model = linear_model(ct.tf([1.0], [1.0, 1.0]), limits=limits).operating_point.model
     assert [(q.lower, q.upper) for q in model.inputs] == [(-5.0, 5.0)]
     assert model.outputs[0].upper == math.inf
+
+
+@pytest.mark.parametrize("system", [ct.tf([2.0], [0.5, 1.0]), ([2.0], [0.5, 1.0])])
+def test_a_system_of_a_module_may_be_limited_where_it_is_named(system: Any) -> None:
+    plant = adopt(system, "mine:G")
+    for given, limit in (({"limit": 5.0}, 5.0), ({}, math.inf)):
+        assert [(q.lower, q.upper) for q in plant.model(given).inputs] == [(-limit, limit)]
+
+
+def test_a_linear_model_keeps_the_limits_that_it_was_given() -> None:
+    linear = linear_model(ct.tf([1.0], [1.0, 1.0]), limits=5.0)
+    assert adopt(linear, "mine:linear").model({}).inputs[0].upper == 5.0

@@ -369,12 +369,36 @@ def _as_model(found: Any) -> Model | None:
         return found
     if is_rates(found):
         return model_of_rates(found)
+    system = _as_system(found)
+    return None if system is None else model_of_system(system)
+
+
+def _as_system(found: Any) -> Any | None:
+    """Return what is a linear system, of python-control or SciPy."""
     if isinstance(found, tuple) and len(found) in (2, 3, 4):
         # What SciPy's functions take for a system: num, den; zeros, poles, gain; A, B, C, D.
         import scipy.signal
 
         found = scipy.signal.lti(*found)
-    return model_of_system(found) if is_system(found) else None
+    return found if is_system(found) else None
+
+
+def linear_plant(name: str, system: Any, summary: str, *, delay: float = 0.0) -> Plant:
+    """Return a linear system as a plant whose commands may be limited.
+
+    Args:
+        delay: Time by which its commands act late, in s.
+    """
+
+    def build(limit: float = 0.0) -> Model:
+        return model_of_system(system, limits=limit or None, delay=delay)
+
+    return Plant(name, build, summary, (_LIMIT,))
+
+
+_LIMIT = Option(
+    "limit", 0.0, lower=0.0, help="largest magnitude of each command; 0 for one without limits"
+)
 
 
 _WANTED = (
@@ -396,6 +420,10 @@ def adopt(found: object, reference: str) -> Plant:
     with user_code(f"plant {reference!r}"):
         model = _as_model(found)
     if model is not None:
+        # A linear model knows the limits of its plant, a model its own.
+        system = None if hasattr(found, "operating_point") else _as_system(found)
+        if system is not None:
+            return linear_plant(reference, system, model.description)
         return Plant(reference, lambda: model, model.description)
     if not callable(found):
         raise WorkbenchError(f"plant {reference!r} is a {type(found).__name__}; {_WANTED}")

@@ -5,24 +5,17 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from workbench.errors import WorkbenchError
-from workbench.model import Model
-from workbench.model.linear_system import model_of_system
 from workbench.model.transfer_text import system_of_text
 from workbench.octave import MARK, parse_octave_text
-from workbench.plants.plant import Option, Plant
+from workbench.plants.plant import Plant, linear_plant
 
 _VARIABLE = re.compile(r"(?<![A-Za-z_.])s(?![A-Za-z_])")
-
-_LIMIT = Option(
-    "limit", 0.0, lower=0.0, help="largest magnitude of each command; 0 for one without limits"
-)
 
 
 def is_written(name: str) -> bool:
@@ -47,7 +40,7 @@ def plant_of_text(text: str) -> Plant:
         >>> [(q.name, q.upper) for q in model.inputs], [q.name for q in model.outputs]
         ([('u', 5.0)], ['y'])
     """
-    return Plant(text, partial(_model, system_of_text(text)), f"G(s) = {text}", (_LIMIT,))
+    return linear_plant(text, system_of_text(text), f"G(s) = {text}")
 
 
 def plant_of_matlab(path: Path) -> Plant:
@@ -84,12 +77,8 @@ def plant_of_matlab(path: Path) -> Plant:
     given = {k: v for k, v in names.items() if len(v) == counts[k] and all(v)}
     system = ct.ss(system, name=path.stem, **given)
     late = sum(_number(kept, name) for name in ("InputDelay", "OutputDelay", "IODelay"))
-    build = partial(_model, system, delay=late * (sampled or 1.0))
-    return Plant(str(path), build, f"the linear system of {path.name}", (_LIMIT,))
-
-
-def _model(system: Any, limit: float = 0.0, delay: float = 0.0) -> Model:
-    return model_of_system(system, limits=limit or None, delay=delay)
+    told = f"the linear system of {path.name}"
+    return linear_plant(str(path), system, told, delay=late * (sampled or 1.0))
 
 
 _NAMES = {
