@@ -24,6 +24,9 @@ from dataclasses import dataclass, replace
 
 from workbench.errors import WorkbenchError, check_range
 
+_WITHIN = 0.5e-3
+"""How far a delay or lag that was identified may be off, in s."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Uncertainty:
@@ -71,7 +74,7 @@ class Uncertainty:
 
         At every frequency the model is trusted; both may be off by half a millisecond.
         """
-        ranges = [(max(v - 0.5e-3, 0.0), v + 0.5e-3) for v in (delay, sensor_lag)]
+        ranges = [(max(v - _WITHIN, 0.0), v + _WITHIN) for v in (delay, sensor_lag)]
         return cls(delay=ranges[0], sensor_lag=ranges[1], trusted_frequency=math.inf)
 
     def reduced(self, share: float) -> Uncertainty:

@@ -58,6 +58,7 @@ from controllers.valve_inverse import ACTUATORS, SENSORS, ValveController, Valve
 from workbench.arrays import Matrix, product
 from workbench.errors import TIMES_S, check_choice, check_range
 from workbench.linearisation import LinearModel
+from workbench.linearisation.exact_delays import foretold
 from workbench.linearisation.state_space import linear_model
 
 
@@ -529,9 +530,7 @@ def acting_later(law: LinearMPC, samples: int) -> LinearMPC:
     F[own, places + more - m : places + more] = o.G
     F[places + m : places + more, places : places + more - m] = np.eye(more - m)
     G[places : places + m] = np.eye(m)
-    sent = [np.linalg.matrix_power(o.F, k) @ o.G for k in range(samples)]
-    ahead = np.linalg.matrix_power(o.F, samples)
-    foretold = np.hstack([ahead[:, :places], *sent, ahead[:, places:]])
+    ahead = foretold(o.F, o.G, samples, places)
 
     def spread(part: Matrix, axis: int) -> Matrix:
         return np.insert(part, [places] * more, 0.0, axis=axis)
@@ -540,9 +539,9 @@ def acting_later(law: LinearMPC, samples: int) -> LinearMPC:
     at_rest = np.vstack([p.target[:places], *[p.target[places:]] * samples, p.target[places:]])
     prediction = replace(
         p,
-        g_estimate=p.g_estimate @ foretold,
-        rows_estimate=p.rows_estimate @ foretold,
-        gain=p.gain @ foretold[:places, : places + more],
+        g_estimate=p.g_estimate @ ahead,
+        rows_estimate=p.rows_estimate @ ahead,
+        gain=p.gain @ ahead[:places, : places + more],
         target=at_rest,
     )
     start = spread(law.start, 0)

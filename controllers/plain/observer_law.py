@@ -24,6 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,7 +41,7 @@ from controllers.sampling import Rows, product, rows, total
 from controllers.specification import number
 from workbench.arrays import Matrix
 from workbench.errors import TIMES_S, WorkbenchError
-from workbench.linearisation.exact_delays import SAME, Channels, held
+from workbench.linearisation.exact_delays import SAME, Channels, foretold, held
 from workbench.linearisation.zero_order_hold import zero_order_hold
 
 
@@ -300,14 +301,13 @@ class ObservedModel:
         What enters is rows on the states that are left, and the integrals, when all commands on
         their way have acted.
         """
+        return np.asarray(rows @ self._foretold)
+
+    @cached_property
+    def _foretold(self) -> Matrix:
         (F, G, C), p = self.left, len(self.loop.measured)
-        n, m, first = len(F), G.shape[1], len(self.filtered[0])
-        F = np.block([[F, np.zeros((n, p))], [-self.want.sample_time * C[:p], np.eye(p)]])
-        G, sent = np.vstack([G, np.zeros((p, m))]), []
-        for _ in range(self.ahead):
-            sent.append(rows @ G)
-            rows = rows @ F
-        return np.hstack([rows[:, :first], *sent, rows[:, first:]])
+        F = np.block([[F, np.zeros((len(F), p))], [-self.want.sample_time * C[:p], np.eye(p)]])
+        return foretold(F, np.pad(G, ((0, p), (0, 0))), self.ahead, len(self.filtered[0]))
 
     def observed(
         self, law: ObserverLaw, disturbance: float, speed: float, doubt: float = 1.0

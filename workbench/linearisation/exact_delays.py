@@ -168,3 +168,21 @@ def held(channels: Channels, commands: int, sample_time: float) -> Parts:
         whole = not count or part > (1.0 - SAME) * h
         C[:, n + m * (count if whole else count - 1) + j] += own.D[:, k]
     return F, G, C, np.zeros((len(own.C), m))
+
+
+def foretold(F: Matrix, G: Matrix, samples: int, places: int) -> Matrix:
+    """Return what the states x[k+1] = F x[k] + G u[k] are when commands on their way have acted.
+
+    Args:
+        samples: Commands that are on their way.
+        places: States in front of them, n of which there are in all.
+
+    Returns:
+        Rows on the first states, the commands, the last one first, and the other states, shape
+        (n, n + samples m): x[k+s] = F^s x[k] + the sum of F^i G u[k+s-1-i].
+    """
+    ahead, sent = np.eye(len(F)), []
+    for _ in range(samples):
+        sent.append(ahead @ G)
+        ahead = ahead @ F
+    return np.hstack([ahead[:, :places], *sent, ahead[:, places:]])

@@ -148,7 +148,12 @@ def with_free_coefficients(model: Model) -> Model:
 def is_system(found: object) -> bool:
     """Tell whether an object is a linear system of python-control or ``scipy.signal``."""
     # What differentiates has no state space and is such a system still.
-    return hasattr(found, "ninputs") or hasattr(found, "to_ss")
+    return (hasattr(found, "ninputs") or hasattr(found, "to_ss")) and not is_nonlinear(found)
+
+
+def is_nonlinear(found: object) -> bool:
+    """Tell whether an object is a nonlinear system of python-control."""
+    return hasattr(found, "updfcn") and not hasattr(found, "A")
 
 
 def model_of_system(

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from workbench.errors import WorkbenchError
-from workbench.model.linear_system import labels, signal_names
+from workbench.model.linear_system import is_nonlinear, labels, signal_names
 from workbench.model.model import Model
 from workbench.model.quantities import Input, Output, Parameter, State
 from workbench.model.scope import Scope
@@ -47,11 +47,7 @@ class RateEquations:
 def is_rates(found: object) -> bool:
     """Tell whether an object is a nonlinear system of python-control or of CasADi."""
     dae = isinstance(found, dict) and {"x", "ode"} <= found.keys()
-    return (
-        dae
-        or isinstance(found, ca.Function)
-        or (hasattr(found, "updfcn") and not hasattr(found, "A"))
-    )
+    return dae or isinstance(found, ca.Function) or is_nonlinear(found)
 
 
 def model_of_rates(system: Any) -> Model:

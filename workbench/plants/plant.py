@@ -380,7 +380,7 @@ def _as_system(found: Any) -> Any | None:
         import scipy.signal
 
         found = scipy.signal.lti(*found)
-    return found if is_system(found) and not is_rates(found) else None
+    return found if is_system(found) else None
 
 
 def linear_plant(name: str, system: Any, summary: str, *, delay: float = 0.0) -> Plant:
