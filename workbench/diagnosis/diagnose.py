@@ -275,7 +275,7 @@ def _stages(
                 selected = _without_name(task, found, selected)  # noqa: PLW2901
             if selected.finished and _hollow(task, found, selected):
                 why = "beside it nearly everything that was missing is missing still"
-                selected = all_withdrawn(task, selected, why)  # noqa: PLW2901
+                selected = all_withdrawn(task, selected, why, told=False)  # noqa: PLW2901
             told = replace(found, selected=selected)
             if selected.finished and not told.improved and not told.complete:
                 found, selected = relocated(task, found, selected)  # noqa: PLW2901

@@ -208,7 +208,9 @@ from the noise."""
 
 LEAST_PREDICTED = 0.1
 """What predicts less of the excess misfit is no name even if runs come closer with it: it has moved
-other parameters to better values, beside something that the library may not have."""
+other parameters to better values, beside something that the library may not have. Nor is what takes
+less of the free runs' error, however much better it predicts the next sample: an encoder that had
+lost counts was stops that give way, with which the runs came no closer."""
 
 LEAST_OF_REST = 0.6
 """The wrong shape of an effect that was found leaves a rest too, of which another name explains a

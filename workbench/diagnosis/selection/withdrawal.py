@@ -45,7 +45,7 @@ def run_as_found(task: Task, state: Selected) -> tuple[Selected, float]:
         last = state.accepted[-1]
         without = task.without(state, last) if len(state.accepted) > 1 else None
         if without is None:
-            return all_withdrawn(task, state, why), share
+            return all_withdrawn(task, state, why, told=share >= rules.LEAST_PREDICTED), share
         # One that spoils the run must not take those before it along.
         state = replace(_taken_back(state, last, why, without[0]), free=without[1])
     return state, share
@@ -152,9 +152,14 @@ def _shown_in_runs(task: Task, candidate: Candidate) -> bool:
     return candidate.run.closer_than(without, by=1.0 - math.sqrt(1.0 - rules.LEAST_SHOWN))
 
 
-def all_withdrawn(task: Task, state: Selected, why: str) -> Selected:
-    """Take back everything that was found: the improved model does not run freely any better."""
-    state = _set_aside(state, why)
+def all_withdrawn(task: Task, state: Selected, why: str, *, told: bool) -> Selected:
+    """Take back everything that was found: the improved model does not run freely any better.
+
+    Args:
+        told: Whether the runs come so much closer that the first effect may be told as likely.
+    """
+    if told:
+        state = _set_aside(state, why)
     return replace(
         state,
         withdrawn=(*state.withdrawn, *(Withdrawn(c, why) for c, _ in state.accepted)),
