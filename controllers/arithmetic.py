@@ -11,12 +11,16 @@ from bisect import bisect_right
 from typing import Any, Protocol
 
 import casadi as ca
+import numpy as np
 
 Number = Any
 """A float or a CasADi scalar expression."""
 
 Numbers = tuple[Number, ...]
 """Several of them: measurements, references or commands, in SI."""
+
+Rows = tuple[tuple[float, ...], ...]
+"""A matrix of numbers."""
 
 Told = dict[str, Number]
 """What a law tells about a step, by name, in SI."""
@@ -142,3 +146,21 @@ FLOATS: Arithmetic = _Floats()
 
 SYMBOLS: Arithmetic = _Symbols()
 """On CasADi SX expressions."""
+
+
+def total(start: Number, factors: tuple[float, ...], values: Numbers) -> Number:
+    """Return start + sum of factors times values (in any units), in their order, without zeros."""
+    for factor, value in zip(factors, values, strict=True):
+        if factor:
+            start = start + factor * value
+    return start
+
+
+def product(matrix: Rows, values: Numbers, start: Numbers = ()) -> Numbers:
+    """Return start, by default nothing, + matrix times values (in any units), in their order."""
+    return tuple(total(start[i] if start else 0.0, row, values) for i, row in enumerate(matrix))
+
+
+def rows(matrix: Any) -> Rows:
+    """Return a matrix, in any units, as a tuple of rows."""
+    return tuple(tuple(row) for row in np.atleast_2d(np.asarray(matrix, dtype=float)).tolist())

@@ -20,8 +20,8 @@ import numpy as np
 from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
 from controllers.c_source import CSource, closed_form, traced
 from controllers.protocol import Command, Info, Measurement, Reference
+from workbench.computing.buffered import Buffered
 from workbench.display import Rows, Shown
-from workbench.work.buffered import Buffered
 
 
 class ShownLaw(Shown):

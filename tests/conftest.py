@@ -41,7 +41,7 @@ def rng() -> np.random.Generator:
 def forgotten() -> Iterator[None]:
     """Which compiler there is, and what it has built, is found anew before and after."""
     from controllers.quadratic_program.solver import quadratic_program, solver_library
-    from workbench.work.machine_code import compiler
+    from workbench.computing.machine_code import compiler
 
     def forget() -> None:
         for cache in (compiler, solver_library, quadratic_program):

@@ -22,7 +22,7 @@ _OFFERED = {
     "library": "workbench.physics.library",
     "linear_model": "workbench.linearisation",
     "linearise": "workbench.linearisation",
-    "load_study": "workbench.study.schema",
+    "load_study": "workbench.study.read",
     "metrics": "workbench.verification",
     "muscle_hysteresis": "workbench.physics.hysteresis",
     "operating_map": "workbench.linearisation.operating_map",

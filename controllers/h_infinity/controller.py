@@ -24,11 +24,11 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
+from controllers.anti_windup import anti_windup
+from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Rows, Told, rows, total
 from controllers.h_infinity.synthesis import Weights, joint_behind_pressure_loop, synthesise
 from controllers.joint.schedule import JointSchedule
 from controllers.joint.tracking import JointTracking, TrackingSpecification, TrackingState
-from controllers.sampling import Rows, anti_windup, rows, total
 from controllers.specification import number
 from controllers.valve_inverse import ValveLaw, joint_design
 from workbench.errors import check_range

@@ -76,7 +76,7 @@ def mpc_source(
         + "\n"
         + "".join(table(key, value) for key, value in (curve | dict(tables)).items())
         + "\n"
-        + _text("helpers.c")
+        + _text("openings.c")
         + "\n"
         + _text(step)
         + f"""

@@ -61,10 +61,10 @@ from controllers.reference.planned import Planner
 from controllers.specification import Checked, number
 from controllers.valve_inverse import SENSORS, ValveController, joint_design
 from workbench.arrays import Matrix
+from workbench.computing.buffered import Buffered
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.linearisation.actuator_inverse import straightened
 from workbench.model import Model
-from workbench.work.buffered import Buffered
 
 _UNIT_PRESSURE = 1e5
 

@@ -27,8 +27,8 @@ import numpy as np
 
 from controllers.nonlinear_mpc.prediction import Dynamics
 from workbench.arrays import Matrix
+from workbench.computing.buffered import Buffered
 from workbench.model import Parameter
-from workbench.work.buffered import Buffered
 
 START_SPREAD = 0.01
 """Standard deviation of the states at the start, as a fraction of their scales."""

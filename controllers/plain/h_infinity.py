@@ -18,8 +18,8 @@ from controllers.design import Design
 from controllers.h_infinity.synthesis import Weights, synthesise
 from controllers.plain.limits import LoopLimits, LoopSpecification
 from controllers.plain.loop import Loop
+from controllers.plain.measured_outputs import designed_for
 from controllers.plain.pace import at_pace, best_at_pace, swing
-from controllers.plain.reading import designed_for
 from controllers.plain.references import better, entering, lags, led, unexcited
 from controllers.plain.selection import best_of
 from controllers.plain.state_feedback import reachable_speed, reading_helps

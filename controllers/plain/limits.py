@@ -35,7 +35,7 @@ from controllers.specification import Checked, number
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_range
 from workbench.linearisation.exact_delays import SAME, Channels, channels_of, held
-from workbench.linearisation.pace import noise_of
+from workbench.linearisation.time_scales import noise_of
 from workbench.linearisation.transfer import transfer_function
 from workbench.model.linear_system import LinearEquations, pade
 from workbench.model.units import in_time

@@ -29,10 +29,10 @@ from controllers.mpc.whole_model import (
 from controllers.plain.limits import LoopLimits, LoopSpecification
 from controllers.plain.loop import Loop, speeds
 from controllers.plain.many_loops import stacked
+from controllers.plain.measured_outputs import designed_for
 from controllers.plain.observer_law import DISTURBANCES, disturbances, doubts, random_walk
 from controllers.plain.pace import at_pace
 from controllers.plain.pairing import gain_at_rest
-from controllers.plain.reading import designed_for
 from controllers.plain.references import better, lags, led
 from controllers.plain.selection import best_of
 from controllers.valve_inverse import ValveInverse

@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
+from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Rows, Told, product, rows, total
 from controllers.linear_law import LinearLaw
 from controllers.plain.limits import LoopLimits, LoopSpecification
 from controllers.plain.loop import Loop, listed
@@ -37,7 +37,6 @@ from controllers.plain.plain_law import PlainLaw
 from controllers.plain.references import LAGS, led
 from controllers.reference.horizon import lagged
 from controllers.riccati import balanced_regulator
-from controllers.sampling import Rows, product, rows, total
 from controllers.specification import number
 from workbench.arrays import Matrix
 from workbench.errors import TIMES_S, WorkbenchError

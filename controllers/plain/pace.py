@@ -25,8 +25,8 @@ from controllers.plain.many_loops import stacked
 from controllers.plain.plain_law import PlainLaw, paced
 from controllers.plain.selection import OVERSHOT, answered
 from workbench.arrays import Matrix, Vector
-from workbench.linearisation.pace import reach_of
-from workbench.work.buffered import Buffered
+from workbench.computing.buffered import Buffered
+from workbench.linearisation.time_scales import reach_of
 
 L = TypeVar("L", bound=PlainLaw)
 P = TypeVar("P")

@@ -22,9 +22,9 @@ from controllers.linear_law import LinearLaw
 from controllers.plain.limits import NEARLY, Judged, LoopLimits, LoopSpecification
 from controllers.plain.loop import Loop, loop_of
 from controllers.plain.many_loops import chosen
+from controllers.plain.measured_outputs import designed_for, much_better
 from controllers.plain.pace import best_at_pace
 from controllers.plain.pairing import best_pairings, decoupled, paired
-from controllers.plain.reading import designed_for, much_better
 from controllers.plain.selection import Answer, answer, steps
 from controllers.plain.transfer_law import TransferLaw, pids
 from controllers.specification import number

@@ -20,6 +20,7 @@ import numpy as np
 
 from controllers.plain.limits import LoopLimits
 from controllers.plain.loop import speeds
+from controllers.plain.measured_outputs import designed_for
 from controllers.plain.observer_law import (
     ObservedModel,
     ObserverLaw,
@@ -29,7 +30,6 @@ from controllers.plain.observer_law import (
 )
 from controllers.plain.pace import at_pace
 from controllers.plain.pairing import zeros
-from controllers.plain.reading import designed_for
 from controllers.plain.selection import best_of
 from controllers.plain.state_feedback import reading_helps
 from controllers.sliding_mode import sliding_design

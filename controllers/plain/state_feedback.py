@@ -20,6 +20,7 @@ from controllers.design import Design
 from controllers.plain.limits import FEEDBACK, LoopLimits, LoopSpecification
 from controllers.plain.loop import loop_of, speeds
 from controllers.plain.many_loops import stacked
+from controllers.plain.measured_outputs import designed_for, much_better
 from controllers.plain.observer_law import (
     DISTURBANCES,
     ObservedModel,
@@ -29,7 +30,6 @@ from controllers.plain.observer_law import (
     doubts,
 )
 from controllers.plain.pace import at_pace
-from controllers.plain.reading import designed_for, much_better
 from controllers.plain.references import better
 from controllers.plain.selection import Answer, Place, answered, best_of, steps
 from controllers.riccati import balanced_regulator

@@ -28,11 +28,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
+from controllers.anti_windup import anti_windup
+from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Rows, Told, product, rows
 from controllers.linear_law import LinearLaw
 from controllers.plain.loop import named
 from controllers.plain.plain_law import PlainLaw
-from controllers.sampling import Rows, anti_windup, product, rows
 from workbench.arrays import Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_range
 from workbench.model.linear_system import proper_system

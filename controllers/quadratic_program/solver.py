@@ -37,8 +37,8 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Matrix
+from workbench.computing.machine_code import built
 from workbench.errors import WorkbenchError, check_choice
-from workbench.work.machine_code import built
 
 SUCCESS, LIMITED, INFEASIBLE, NOT_FINITE = (
     "SOLVER_RET_SUCCESS",

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.study.small_study import small_study
-from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
+from workbench.diagnosis.estimation.simulated_recordings import pushes, simulated_recording
 from workbench.plants.servo_axis import servo_axis
 from workbench.recordings.saving import write_recording
 
@@ -150,7 +150,7 @@ def recordings(folder: Path) -> tuple[str, ...]:
     """Write two recordings of a servo axis and return the options that name them."""
     for seed, name in ((1, "a"), (2, "b")):
         force = pushes(200, largest=200.0, seed=seed)
-        made = made_up_recording(servo_axis(), force, sample_time=0.01, name=name)
+        made = simulated_recording(servo_axis(), force, sample_time=0.01, name=name)
         write_recording(made, folder / f"{name}.csv")
     return ("--fit", str(folder / "a.csv"), "--hold-out", str(folder / "b.csv"))
 
@@ -158,8 +158,8 @@ def recordings(folder: Path) -> tuple[str, ...]:
 _SMALLER = """
 import sys
 from pathlib import Path
-from workbench.study import schema
-schema.shipped_study = lambda name: Path({study!r})
+from workbench.study import read
+read.shipped_study = lambda name: Path({study!r})
 from workbench.cli.main import main
 main()
 """

@@ -11,7 +11,7 @@ import pytest
 
 from tests.shell import Refused, Shell
 from workbench.diagnosis import diagnose as stages
-from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
+from workbench.diagnosis.estimation.simulated_recordings import pushes, simulated_recording
 from workbench.diagnosis.selection import task
 from workbench.physics.library import library
 from workbench.physics.stiffness import linear_spring
@@ -43,7 +43,7 @@ def diagnosed_already(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "my_rig.py").write_text(HIDING)
     for seed in (1, 2):
         push = pushes(200, largest=200.0, seed=seed)
-        made = made_up_recording(
+        made = simulated_recording(
             servo_axis(), push, sample_time=0.02, name=f"axis {seed}", seed=seed
         )
         write_recording(made, folder / f"{seed}.csv")
@@ -112,7 +112,7 @@ def test_a_law_without_a_name_becomes_a_law_of_the_user(
     sprung = servo_axis().with_effect(linear_spring("axis.force", stiffness=200.0, upper=1000.0))
     for seed in (1, 2):
         push = pushes(400, largest=200.0, seed=seed)
-        made = made_up_recording(sprung, push, sample_time=0.01, name=f"axis {seed}")
+        made = simulated_recording(sprung, push, sample_time=0.01, name=f"axis {seed}")
         write_recording(made, here / f"{seed}.csv")
 
     def without_springs(*given: Any, **options: Any) -> Any:

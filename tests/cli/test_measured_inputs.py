@@ -16,7 +16,7 @@ from workbench.linearisation import linearise
 from workbench.operating_point import operating_point
 from workbench.physics.library import library
 from workbench.plants.registry import PLANTS
-from workbench.study.schema import load_study
+from workbench.study.read import load_study
 from workbench.study.tasks import execute, tasks
 
 PLANT = """

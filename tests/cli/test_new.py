@@ -14,8 +14,8 @@ import pytest
 
 from tests.shell import Refused, Shell
 from workbench.data_folder import shipped_folder
+from workbench.study.fields import TABLES, Field
 from workbench.study.fields_page import study_fields, tables
-from workbench.study.shapes import TABLES, Field
 from workbench.study.step_trial import StepTrial
 
 NEW = {"new-study": "mine.toml", "new-controller": "mine.py", "new-plant": "mine.py"}

@@ -19,7 +19,7 @@ from tests.machines import machine
 from tests.shell import Refused, Shell
 from workbench.linearisation import LinearModel, linearise
 from workbench.linearisation.first_step import _reached
-from workbench.linearisation.pace import reach_of, step_time, usual_sample_time
+from workbench.linearisation.time_scales import reach_of, step_time, usual_sample_time
 from workbench.model import Input, Model, Output, State
 from workbench.operating_point import operating_point
 from workbench.study.designs import ControllerRecipe

@@ -11,7 +11,7 @@ import pytest
 from tests.shell import Refused, Shell
 from tests.study.small_study import WORSE, small_study
 from workbench.cli.study import named_study
-from workbench.study.schema import load_study, shipped_study
+from workbench.study.read import load_study, shipped_study
 
 FILES = {"results.json", "summary.md", "junit.xml", "report.html"}
 

@@ -12,7 +12,7 @@ import pytest
 
 from controllers.c_export import ExportedC, export_c
 from controllers.guard import Guarded
-from workbench.work.machine_code import compiler
+from workbench.computing.machine_code import compiler
 
 STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Werror")
 PLAIN = ("-std=c99", "-Wall", "-Wextra", "-Werror")

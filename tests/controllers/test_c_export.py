@@ -34,10 +34,10 @@ from controllers.pid import design_scheduled_pid
 from controllers.quadratic_program.solver import STATUSES, ConicProgram
 from tests.controllers.families import CLOSED_FORM, MPCS, family
 from tests.controllers.in_c import STRICT, InC, built
+from workbench.computing.machine_code import compiler
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
 from workbench.verification import guarded
-from workbench.work.machine_code import compiler
 
 STEPS = 10_000
 CHAINED = 5_500

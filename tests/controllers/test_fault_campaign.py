@@ -27,7 +27,7 @@ from tests.controllers.in_c import InC
 from workbench.evaluation.tolerance import tolerant_study
 from workbench.study.designs import ControllerRecipe
 from workbench.study.plants import PlantRecipe
-from workbench.study.schema import shipped_study
+from workbench.study.read import shipped_study
 from workbench.verification import (
     Change,
     Run,

@@ -19,7 +19,7 @@ from workbench.demo.force_maps import force_map_page
 from workbench.demo.identification import force_lines
 from workbench.demo.open_loop import open_loop
 from workbench.diagnosis.estimation.free_run import FreeRun
-from workbench.reports.figures.loops import bode
+from workbench.reports.figures.bode_nyquist import bode
 from workbench.reports.figures.tracking import Trajectory, tracking
 from workbench.reports.style import controller_colours
 

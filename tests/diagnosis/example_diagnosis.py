@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from workbench.diagnosis.diagnose import diagnose
-from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
+from workbench.diagnosis.estimation.simulated_recordings import pushes, simulated_recording
 from workbench.diagnosis.selection.task import Task
 from workbench.diagnosis.stages import Diagnosis
 from workbench.model import Model
@@ -24,8 +24,11 @@ Given = tuple[Model, list[Recording], list[Recording], dict[str, Any]]
 def axis_runs(truth: Model, samples: int) -> list[Recording]:
     """Two recordings of an axis that is pushed about, as it really is."""
     return [
-        made_up_recording(
-            truth, pushes(samples, largest=200.0, seed=seed), sample_time=0.01, name=f"axis {seed}"
+        simulated_recording(
+            truth,
+            pushes(samples, largest=200.0, seed=seed),
+            sample_time=0.01,
+            name=f"axis {seed}",
         )
         for seed in (1, 2)
     ]
@@ -79,7 +82,7 @@ def shaken() -> Diagnosis:
     for seed in (1, 2):
         push = pushes(400, largest=200.0, seed=seed)
         unseen = np.repeat(rng.normal(scale=60.0, size=40), 10)
-        run = made_up_recording(axis, push + unseen, sample_time=0.01, name=f"axis {seed}")
+        run = simulated_recording(axis, push + unseen, sample_time=0.01, name=f"axis {seed}")
         runs.append(run.with_signal(Signal("force", push, "N", role="command")))
     axis, fit_on, hold_out, options = _asked(axis, runs, "stribeck_friction")
     return diagnose(axis, fit_on, hold_out, **options)

@@ -18,9 +18,9 @@ from tests.diagnosis.newcomers import diagnosed, levels, named, oscillations, os
 from tests.machines import machine
 from workbench.arrays import Vector
 from workbench.diagnosis.diagnose import fit, prepare, validate
-from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import extended_start, fit_with_process_noise
+from workbench.diagnosis.estimation.simulated_recordings import pushes, simulated_recording
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.selected import Accepted, Selected
 from workbench.diagnosis.stages import Diagnosis
@@ -295,7 +295,7 @@ def test_what_is_left_beside_one_episode_is_told_with_its_time() -> None:
     runs = []
     for seed in (1, 2):
         force = pushes(600, largest=200.0, seed=seed)
-        run = made_up_recording(found, force + other, sample_time=0.01, name=f"axis {seed}")
+        run = simulated_recording(found, force + other, sample_time=0.01, name=f"axis {seed}")
         name = axis.inputs[0].name
         runs.append(run.with_signal(replace(run.signal(name), values=force)))
     priors = default_priors(found)

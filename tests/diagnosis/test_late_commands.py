@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from workbench.diagnosis.diagnose import diagnose
-from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
+from workbench.diagnosis.estimation.simulated_recordings import pushes, simulated_recording
 from workbench.diagnosis.misrecorded_columns import with_commands_in_time
 from workbench.physics.library import library
 from workbench.plants.servo_axis import servo_axis
@@ -17,7 +17,7 @@ from workbench.recordings.recording import Recording
 
 def _run(seed: int, rows_late: int) -> Recording:
     force = np.r_[0.0, 0.0, pushes(800, largest=200.0, hold=5, seed=seed)]
-    made = made_up_recording(
+    made = simulated_recording(
         servo_axis(), force[2:], sample_time=0.01, values={"mass": 104.0}, seed=seed, name=f"{seed}"
     )
     written = force[2 - rows_late :][:800]

@@ -52,11 +52,11 @@ from tests.machines import machine
 from workbench.arrays import Vector
 from workbench.diagnosis.diagnose import stages, validate
 from workbench.diagnosis.estimation.filter import steps_of
-from workbench.diagnosis.estimation.made_up import made_up
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import steps_along
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+from workbench.diagnosis.estimation.simulated_recordings import simulated
 from workbench.diagnosis.estimation.windows import windowed_run
 from workbench.diagnosis.problem import Problem
 from workbench.diagnosis.refit_report import run_refit
@@ -128,7 +128,7 @@ def test_a_hysteresis_is_found_whose_size_nobody_declared() -> None:
 @pytest.mark.parametrize("count", [51, 76, 80, 101])
 def test_windows_cover_a_recording_of_any_length(count: int) -> None:
     model = carriage()
-    seen = made_up(model, levels(count, 1, 60.0, 5, 20), sample_time=0.01)
+    seen = simulated(model, levels(count, 1, 60.0, 5, 20), sample_time=0.01)
     fit = fit_with_process_noise(model, [seen], default_priors(model, ["mass"]))
     assert seen.drifts and not seen.diverges
     run = windowed_run(fit.model, model, seen, fit.noise_scale)
@@ -139,9 +139,9 @@ def test_windows_cover_a_recording_of_any_length(count: int) -> None:
 
 def test_what_forgets_its_start_within_a_recording_does_not_drift() -> None:
     # The oscillator's start fades with 0.23 1/s.
-    seen = made_up(oscillator(), levels(1000, 1, 30.0, 20, 80), sample_time=0.02)
+    seen = simulated(oscillator(), levels(1000, 1, 30.0, 20, 80), sample_time=0.02)
     assert not seen.drifts
-    assert made_up(oscillator(), levels(100, 1, 30.0, 20, 80), sample_time=0.02).drifts
+    assert simulated(oscillator(), levels(100, 1, 30.0, 20, 80), sample_time=0.02).drifts
 
 
 def test_a_plant_that_is_unstable_without_its_controller_is_refitted_and_judged() -> None:
@@ -294,7 +294,7 @@ def test_what_is_left_out_is_correlated_over_the_pace_of_the_machine() -> None:
     # The same machine read once in a while, from rest to rest, and one that takes its time.
     slowly = replace(quick, time=1e3 * quick.time)
     assert observe(model, slowly).correlation_time == approx(10 * 5e-4)
-    usual = made_up(oscillator(), levels(100, 1, 30.0, 20, 80), sample_time=0.02)
+    usual = simulated(oscillator(), levels(100, 1, 30.0, 20, 80), sample_time=0.02)
     assert usual.correlation_time == 0.1
 
 

@@ -25,7 +25,7 @@ def test_a_simulator_imports_only_its_own(room: str, path: Path) -> None:
     names = [name for _, name in imports(path.read_text(encoding="utf-8"))]
     foreign = [n for n in names if n.startswith(("workbench", "controllers", "casadi", "tests"))]
     # How C is built and what an error is called say nothing of a machine.
-    foreign = [n for n in foreign if not n.startswith(("workbench.errors", "workbench.work"))]
+    foreign = [n for n in foreign if not n.startswith(("workbench.errors", "workbench.computing"))]
     own = tuple(f"workbench.evaluation.{room}.{p.stem}" for p in SIMULATORS[room])
     # The rig's equations are its own; only what writes them as C, and calls it, is the product's.
     tools = (f"workbench.evaluation.{room}", "casadi", "workbench.simulation.equations")

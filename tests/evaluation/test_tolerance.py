@@ -19,7 +19,7 @@ from workbench.evaluation.tolerance import at_rest, measured, on_rig, tolerance,
 from workbench.evaluation.variations import KINDS, Draw, Sized, draws
 from workbench.reports.figures.drawn_machines import worst_table
 from workbench.reports.tolerance_page import tables, tried
-from workbench.study.differences import BLIND_SEED
+from workbench.study.drawn_machines import BLIND_SEED
 from workbench.study.plants import tolerated
 from workbench.verification import Steps
 

@@ -35,7 +35,7 @@ from workbench.recordings.column_matching import driven_by
 from workbench.study.baseline import bless, box_changes, changes, read_baseline
 from workbench.study.conditions import condition_changes
 from workbench.study.execution import Store
-from workbench.study.schema import load_study, shipped_study
+from workbench.study.read import load_study, shipped_study
 from workbench.verification.metrics import tolerance_of
 from workbench.verification.signals import Recorded
 

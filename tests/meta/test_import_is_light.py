@@ -41,7 +41,7 @@ def test_what_runs_designs_and_shows_them_loads_nothing_heavy() -> None:
 def test_a_refit_needs_neither_filters_nor_statistics_of_scipy() -> None:
     asked = (
         "import numpy as np",
-        "from workbench.diagnosis.estimation.made_up import gauss_markov",
+        "from workbench.diagnosis.estimation.simulated_recordings import gauss_markov",
         "from workbench.diagnosis.estimation.noise_colour import follows",
         "from workbench.recordings.resampling import low_pass",
         "error = low_pass(gauss_markov(200, 1.0, 0.1, 0.01, np.random.default_rng(1)), 0.2)",

@@ -20,13 +20,13 @@ from tests.machines import at_rest, machine
 from workbench.diagnosis.location.isolability import transfers
 from workbench.diagnosis.location.structure import cut
 from workbench.linearisation import linearise
-from workbench.linearisation.pace import step_time
+from workbench.linearisation.time_scales import step_time
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.quantities import shown_in
 from workbench.model.trace import Equations
 from workbench.operating_point import operating_point
 from workbench.physics.library import library
-from workbench.study.linear_loop import analyse_loop
+from workbench.study.margins import analyse_loop
 from workbench.verification import metrics, step_scenario, verify
 from workbench.verification.metrics import metric_sizes, tolerance_of
 

@@ -11,8 +11,8 @@ from workbench.reports.page import Page, Words, html
 from workbench.reports.pictures import Picture
 from workbench.reports.study_page import study_page
 from workbench.reports.tables import Cell, Table
+from workbench.study.read import load_study
 from workbench.study.result import run_study
-from workbench.study.schema import load_study
 
 MODULE = '''
 from controllers.plain.transfer_law import pid_by_hand

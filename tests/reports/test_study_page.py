@@ -13,9 +13,9 @@ from workbench.reports.page import Page, html
 from workbench.reports.study_page import study_page
 from workbench.reports.style import PAPER
 from workbench.reports.tables import number
-from workbench.study import limits
+from workbench.study import physical_limit
+from workbench.study.read import load_study, shipped_study
 from workbench.study.result import StudyResult, run_study
-from workbench.study.schema import load_study, shipped_study
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +34,9 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> StudyResult:
     baseline = shipped_study("arm").with_name("arm.baseline.json")
     # A limit takes seconds to find; what a page shows of it does not depend on its value.
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(limits, "physical_limit", lambda *_, **__: SimpleNamespace(seconds=0.11))
+        patch.setattr(
+            physical_limit, "physical_limit", lambda *_, **__: SimpleNamespace(seconds=0.11)
+        )
         return run_study(load_study(path), place / "out", baseline=baseline)
 
 

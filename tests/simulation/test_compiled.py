@@ -13,10 +13,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from workbench.computing.counted import done, since
+from workbench.computing.machine_code import SOON, built, compiler
 from workbench.errors import WorkbenchError
 from workbench.simulation.equations import Equations, address, compiled
-from workbench.work.counted import done, since
-from workbench.work.machine_code import SOON, built, compiler
 
 SCRIPT = """
 import sys

@@ -10,8 +10,8 @@ from tests.study.small_study import TEXT, changed
 from workbench.files import write_whole
 from workbench.study.baseline import baseline_text
 from workbench.study.conditions import conditions
+from workbench.study.read import load_study
 from workbench.study.result import StudyResult, run_study
-from workbench.study.schema import load_study
 
 BOX = """
 [robustness]

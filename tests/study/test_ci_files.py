@@ -23,7 +23,7 @@ from workbench.files import write_whole
 from workbench.study.baseline import baseline_text
 from workbench.study.conditions import conditions
 from workbench.study.execution import Store, Workers
-from workbench.study.schema import load_study
+from workbench.study.read import load_study
 from workbench.study.summary import mark_of
 from workbench.study.tasks import tasks
 

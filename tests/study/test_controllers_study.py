@@ -27,9 +27,9 @@ from workbench.reports.figures.limitations import (
     time_table,
 )
 from workbench.study.judgements import judge_records, scores
-from workbench.study.limits import Distances, Move
+from workbench.study.physical_limit import Distances, Move
+from workbench.study.read import load_study, shipped_study
 from workbench.study.result import StudyResult
-from workbench.study.schema import load_study, shipped_study
 from workbench.study.study import NOMINAL, Study
 from workbench.study.tasks import Record, execute, tasks
 from workbench.verification import METRICS, Metrics, MetricValue

@@ -11,7 +11,7 @@ import pytest
 from tests.study.small_study import small_study
 from workbench.errors import WorkbenchError
 from workbench.study.execution import Store, Workers
-from workbench.study.schema import load_study
+from workbench.study.read import load_study
 from workbench.study.tasks import tasks
 
 distributed = pytest.importorskip(

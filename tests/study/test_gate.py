@@ -18,8 +18,8 @@ from workbench.reports.tables import Table
 from workbench.study.baseline import baseline_text, bless, box_changes, read_baseline
 from workbench.study.ci_files import github_annotations, junit
 from workbench.study.conditions import condition_changes, conditions
+from workbench.study.read import load_study
 from workbench.study.result import StudyResult, run_study
-from workbench.study.schema import load_study
 from workbench.study.summary import mark_of, plain_summary, summary
 
 NARROW = ("limit = 0.6", "limit = 0.495")

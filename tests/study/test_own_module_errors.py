@@ -13,11 +13,11 @@ import pytest
 
 from tests.shell import Refused
 from tests.study.small_study import changed
+from workbench.computing.processes import PAUSE, parallel
 from workbench.errors import WorkbenchError
 from workbench.registry import told
-from workbench.study.schema import load_study
+from workbench.study.read import load_study
 from workbench.study.tasks import execute, tasks
-from workbench.work.processes import PAUSE, parallel
 
 STUDY = """
 [controllers.mine]
@@ -179,7 +179,7 @@ def test_a_process_that_ends_in_the_middle_is_a_sentence() -> None:
 
 def test_children_end_when_their_parent_is_killed(tmp_path: Path) -> None:
     child = (
-        "import os, time\nfrom workbench.work.processes import end_with\n"
+        "import os, time\nfrom workbench.computing.processes import end_with\n"
         "end_with(os.getppid())\nprint(os.getpid(), flush=True)\ntime.sleep(60)\n"
     )
     parent = f"import subprocess, sys\nsubprocess.run([sys.executable, '-uc', {child!r}])\n"

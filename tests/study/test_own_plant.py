@@ -10,8 +10,8 @@ import pytest
 from workbench.errors import WorkbenchError
 from workbench.reports.study_page import write_study_files
 from workbench.study.execution import code_digest
+from workbench.study.read import load_study, read_study
 from workbench.study.result import run_study
-from workbench.study.schema import load_study, read_study
 
 RIG = """
 from controllers.plain.transfer_law import pid_by_hand

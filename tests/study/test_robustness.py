@@ -10,8 +10,8 @@ from scipy.stats import binomtest
 
 from tests.study.small_study import TEXT
 from workbench.study.execution import Workers, store_of
+from workbench.study.read import load_study
 from workbench.study.robustness import interval, robustness, scaled, straight_line, unit_draws
-from workbench.study.schema import load_study
 from workbench.study.study import Box, Study
 
 

@@ -14,8 +14,8 @@ import pytest
 
 from tests.study.small_study import BY_BANDWIDTH, small_study
 from workbench.study.execution import Store, Workers, kept, store_of
+from workbench.study.read import load_study
 from workbench.study.result import run_study
-from workbench.study.schema import load_study
 from workbench.study.tasks import tasks
 
 OWN = (BY_BANDWIDTH,

@@ -14,7 +14,7 @@ from workbench.study.baseline import Baseline, changes, read_baseline
 from workbench.study.conditions import condition_changes, conditions
 from workbench.study.execution import Store, Workers
 from workbench.study.judgements import judge_records
-from workbench.study.schema import load_study, shipped_study
+from workbench.study.read import load_study, shipped_study
 from workbench.study.study import NOMINAL
 from workbench.study.tasks import record_from_table, tasks
 
@@ -22,8 +22,8 @@ BASELINE = shipped_study("arm").with_name("arm.baseline.json")
 
 INTERPRETED = """
 import json, sys
-from workbench.study.schema import load_study
-from workbench.study.schema import shipped_study
+from workbench.study.read import load_study
+from workbench.study.read import shipped_study
 from workbench.study.tasks import execute, tasks
 wanted = [t for t in tasks(load_study(shipped_study("arm")))
           if t.variation.nominal and t.scenario.name == "staircase"]

@@ -13,7 +13,7 @@ import pytest
 
 from tests.study.gate import STUDY
 from workbench.errors import WorkbenchError
-from workbench.study.schema import StudyFile, load_study, resolve
+from workbench.study.read import StudyFile, load_study, resolve
 
 WRONG = {
     "a reference beyond the stop": ("values = [25, 35]", "values = [25, 450]", "is 450 deg"),

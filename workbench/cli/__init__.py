@@ -1,6 +1,6 @@
 """The command line: each verb calls one function; mistakes get one sentence and status 2."""
 
-from workbench.work import one_thread
+from workbench.computing import one_thread
 
 one_thread()
 

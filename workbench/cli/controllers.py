@@ -12,8 +12,8 @@ from workbench.cli.options import Jobs, Positive
 from workbench.cli.plant import Chosen, with_plant
 from workbench.cli.running import counting, note, typed, write_study
 from workbench.cli.verify import nominal_design
+from workbench.computing.processes import processes
 from workbench.errors import WorkbenchError
-from workbench.work.processes import processes
 
 _DRAWS = "Number of drawn machines; of the arm 200, else twice what may differ."
 
@@ -83,8 +83,8 @@ def controllers(
             )
         return _blind(out, draws or 200, jobs)
     from workbench.reports.figures.limitations import limitation_tables
+    from workbench.study.read import load_study, shipped_study
     from workbench.study.result import run_study
-    from workbench.study.schema import load_study, shipped_study
     from workbench.study.summary import plain_summary
 
     study = load_study(shipped_study("controllers"), optional=fresh).with_limit(limits)
@@ -114,7 +114,7 @@ def _differing(
 ) -> int:
     """Run designs that fit on machines that differ from what they know."""
     from workbench.reports.figures.drawn_machines import drawn_tables
-    from workbench.study.differences import differences, drawn, each, on_machines
+    from workbench.study.drawn_machines import differences, drawn, each, on_machines
     from workbench.study.result import run_study
     from workbench.study.step_trial import StepTrial
 
@@ -152,7 +152,7 @@ def _blind(out: Path, count: int, jobs: int | None) -> int:
     from workbench.evaluation.variations import draws as drawn
     from workbench.reports.page import write_page
     from workbench.reports.tolerance_page import margins_table, tables, tolerance_page
-    from workbench.study.differences import BLIND_SEED
+    from workbench.study.drawn_machines import BLIND_SEED
 
     names, jobs = list(tolerant_study().controllers), processes(jobs)
     plan, rows = dict.fromkeys(SIMULATORS, drawn(count, BLIND_SEED)), []

@@ -19,7 +19,7 @@ from workbench.errors import WorkbenchError, check_range
 
 if TYPE_CHECKING:
     from workbench.diagnosis.experiment.menu import Experiment
-    from workbench.diagnosis.experiment.play import Machine
+    from workbench.diagnosis.experiment.run_on_machine import Machine
     from workbench.diagnosis.stages import Diagnosis
     from workbench.diagnosis.verdict import Verdict
     from workbench.physics.library import Hypothesis, Law
@@ -115,7 +115,7 @@ class _Asked:
 
     def diagnosed(self) -> Diagnosis:
         """Diagnose, print the verdict and write verdict and page."""
-        from workbench.work.counted import in_words
+        from workbench.computing.counted import in_words
 
         found = self._until_limit()
         typer.echo(f"{found.verdict}\nwork: {in_words(found.work)}", err=self.as_json)
@@ -126,7 +126,7 @@ class _Asked:
 
     def after_experiment(self, found: Diagnosis, machine: Machine) -> Diagnosis:
         """Play the next input, and diagnose again with its recording."""
-        from workbench.diagnosis.experiment.play import plan_csv, with_experiment
+        from workbench.diagnosis.experiment.run_on_machine import plan_csv, with_experiment
         from workbench.files import write_whole
         from workbench.recordings.saving import write_recording
         from workbench.registry import user_code
@@ -229,7 +229,7 @@ class _Asked:
 
 def _machine(name: str, loaded: Loaded) -> Machine:
     """Return the machine that an option names, before anything takes time."""
-    from workbench.diagnosis.experiment.play import Machine, SimulatedMachine
+    from workbench.diagnosis.experiment.run_on_machine import Machine, SimulatedMachine
     from workbench.registry import load_object
 
     if ":" in name:
@@ -264,7 +264,7 @@ def _plan(found: Diagnosis) -> Experiment | None:
 
 
 def _propose(found: Diagnosis, path: Path, *, as_json: bool) -> None:
-    from workbench.diagnosis.experiment.play import plan_csv
+    from workbench.diagnosis.experiment.run_on_machine import plan_csv
     from workbench.files import write_whole
 
     plan = _plan(found)

@@ -16,7 +16,7 @@ from workbench.cli.running import tell
 from workbench.errors import WorkbenchError
 
 if TYPE_CHECKING:
-    from workbench.evaluation.kept import Answer, Case
+    from workbench.evaluation.kept_answers import Answer, Case
 
 evaluate = typer.Typer(no_args_is_help=True)
 
@@ -45,7 +45,7 @@ class Campaign:
         self, cases: Sequence[Case], answer: Answer, line_of: Callable[[Mapping[str, Any]], str]
     ) -> int:
         """Answer the cases and print a line for each."""
-        from workbench.evaluation.kept import answered, chosen_cases
+        from workbench.evaluation.kept_answers import answered, chosen_cases
 
         chosen = chosen_cases(cases, part_of(self.part), self.only or ())
         for row in answered(chosen, self.out, answer, jobs=self.jobs, dask=self.dask):
@@ -242,7 +242,7 @@ def report(
         cases (--cases/--no-cases): One line per case too.
     """
     from workbench.evaluation.foreign import foreign_case
-    from workbench.evaluation.kept import read_kept
+    from workbench.evaluation.kept_answers import read_kept
     from workbench.evaluation.own_cases import report as own
     from workbench.files import json_text, write_whole
 

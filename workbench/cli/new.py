@@ -144,7 +144,7 @@ def _of_plant(plant: str) -> dict[str, Any]:
 
 def _asked(model: Model, scenario: Scenario) -> dict[str, Any]:
     """Return what a study asks of a step of one output, the others staying where they are."""
-    from workbench.linearisation.pace import noise_of
+    from workbench.linearisation.time_scales import noise_of
     from workbench.model.quantities import of_names
     from workbench.model.units import from_si, of_difference
     from workbench.verification import Steps

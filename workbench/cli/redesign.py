@@ -74,7 +74,7 @@ def redesign(
 def _beside_tolerant(found: Chosen, families: Sequence[str]) -> Study:
     """Return the study of nominal, tolerant and redesigned designs, and say how fast they are."""
     from workbench.cli.running import counting
-    from workbench.evaluation.regained import study_of_redesign
+    from workbench.evaluation.regained_speed import study_of_redesign
 
     study = study_of_redesign(found.recipe, families)
     said, kept, count = [], [], len(study.controllers)

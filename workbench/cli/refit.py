@@ -26,8 +26,8 @@ def refit(
     Args:
         out: Folder for the page, the pictures and results.json.
     """
+    from workbench.computing.counted import in_words
     from workbench.diagnosis.refit_report import run_refit
-    from workbench.work.counted import in_words
 
     begin, problem = time.perf_counter(), recorded().problem
     with telling(begin) as say:

@@ -47,7 +47,7 @@ def simulate(
         out: CSV file for time, inputs and outputs.
     """
     from workbench.linearisation import linearise
-    from workbench.linearisation.pace import step_time
+    from workbench.linearisation.time_scales import step_time
     from workbench.model.units import quantity
     from workbench.operating_point import operating_point
     from workbench.simulation import simulate as run_model

@@ -13,8 +13,8 @@ import typer
 from workbench.cli.options import AsJson, Jobs, Short
 from workbench.cli.plant import value_at_rest
 from workbench.cli.running import counting, typed, write_study
+from workbench.computing.processes import processes
 from workbench.errors import WorkbenchError
-from workbench.work.processes import processes
 
 if TYPE_CHECKING:
     from workbench.study.study import Study
@@ -99,7 +99,7 @@ def named_study(given: Path, limit: bool | None, options: Iterable[str]) -> Stud
         options: Options of its plant that hold in the place of its own, as ``NAME=VALUE``.
     """
     from workbench.model.units import named_value
-    from workbench.study.schema import read_study, resolve, shipped_study
+    from workbench.study.read import read_study, resolve, shipped_study
 
     named = given.is_file() or given.suffix or len(given.parts) > 1
     try:
@@ -169,7 +169,7 @@ def report(
     from workbench.reports.figures.study_traces import point_text
     from workbench.reports.page import write_page
     from workbench.reports.study_page import linear_page, study_page
-    from workbench.study.linear_loop import analyse_study
+    from workbench.study.margins import analyse_study
     from workbench.study.result import run_study
 
     chosen = named_study(study, limit, option or ())

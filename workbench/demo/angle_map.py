@@ -15,7 +15,7 @@ from workbench.linearisation.operating_map import operating_map
 from workbench.linearisation.transfer import frequency_response
 from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
-from workbench.reports.figures.loops import bode
+from workbench.reports.figures.bode_nyquist import bode
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, Table, number
 

@@ -12,8 +12,8 @@ from workbench.reports.metrics_table import metric_methods, metrics_table
 from workbench.reports.page import Block, Commands, Method, Section
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import number
+from workbench.study.read import load_study, shipped_study
 from workbench.study.result import StudyResult, run_study
-from workbench.study.schema import load_study, shipped_study
 from workbench.verification import Metrics
 from workbench.verification.metrics import columns
 

@@ -10,14 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from workbench.computing.processes import Call, in_order, processes
 from workbench.diagnosis.conclude import conclude
 from workbench.diagnosis.division import with_some_held_out
 from workbench.diagnosis.doubts import still_missing
+from workbench.diagnosis.estimation.error_growth import growth_along
 from workbench.diagnosis.estimation.fixed_parameters import (
     with_fixed_refitted,
     with_fixed_uncertainty,
 )
-from workbench.diagnosis.estimation.growth import growth_along
 from workbench.diagnosis.estimation.noise_colour import with_correlated_noise
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
@@ -51,7 +52,6 @@ from workbench.physics.recorded_facts import RecordedFacts
 from workbench.plants.registry import model_of
 from workbench.recordings.checks import check_recording
 from workbench.recordings.recording import Recording
-from workbench.work.processes import Call, in_order, processes
 
 _MOST_JOBS = 8
 """Processes that a diagnosis has at the most where nobody says: four laws at a time are compared to
@@ -91,13 +91,11 @@ def diagnose(
         NumericalError: If the nominal model cannot be refitted.
 
     Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
+        >>> from workbench.diagnosis.estimation import simulated_recordings as made
         >>> from workbench.plants.servo_axis import servo_axis
         >>> axis = servo_axis()
-        >>> runs = [
-        ...     made_up_recording(axis, pushes(400, largest=200.0, seed=i), sample_time=0.01)
-        ...     for i in (1, 2)
-        ... ]
+        >>> forces = [made.pushes(400, largest=200.0, seed=i) for i in (1, 2)]
+        >>> runs = [made.simulated_recording(axis, force, sample_time=0.01) for force in forces]
         >>> few = [e for e in library(axis) if e.law in ("creep", "linear_spring")]
         >>> diagnose(axis, runs[:1], runs[1:], entries=few, jobs=1).verdict.kind
         'nothing_missing'

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from workbench.computing.counted import Work, done, since
+from workbench.diagnosis.estimation.error_growth import growth_along
 from workbench.diagnosis.estimation.free_run import FreeRun, free_run
-from workbench.diagnosis.estimation.growth import growth_along
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
@@ -25,7 +26,6 @@ from workbench.model import Model
 from workbench.model.model import index_of
 from workbench.model.units import of_difference, parse_unit
 from workbench.recordings.case import RefitSettings
-from workbench.work.counted import Work, done, since
 
 FLOOR_FACTOR = 3.0
 """A held-out error up to this many times the noise-limited one counts as reaching it: the latter is

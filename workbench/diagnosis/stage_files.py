@@ -21,6 +21,7 @@ from typing import Any, TypedDict, TypeVar
 
 import numpy as np
 
+from workbench.computing.counted import Work, add, done, since
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.experiment.menu import Experiment
 from workbench.diagnosis.nonparametric.result import EFFECT_NAME
@@ -28,7 +29,6 @@ from workbench.files import digest_of_code, write_whole
 from workbench.model import Effect, Model
 from workbench.physics.library import Hypothesis
 from workbench.recordings.recording import Recording
-from workbench.work.counted import Work, add, done, since
 
 Stage = TypeVar("Stage")
 

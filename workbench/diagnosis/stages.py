@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from workbench.computing.counted import Work
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
@@ -26,7 +27,6 @@ from workbench.diagnosis.verdict import Verdict
 from workbench.display import Drawn, Rows
 from workbench.errors import WorkbenchError
 from workbench.model import Model
-from workbench.work.counted import Work
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from workbench.computing.counted import Work
 from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.selection.weights import Weighted
 from workbench.display import Rows, Shown
@@ -14,7 +15,6 @@ from workbench.errors import WorkbenchError
 from workbench.files import json_text, picked, plain
 from workbench.model import Model
 from workbench.model.units import of_difference, parse_unit, readably, time_unit, written_unit
-from workbench.work.counted import Work
 
 SCHEMA = "workbench.verdict/2"
 

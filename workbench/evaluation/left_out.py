@@ -14,7 +14,7 @@ import numpy as np
 
 from workbench.arrays import Vector
 from workbench.diagnosis.stages import Diagnosis
-from workbench.evaluation.kept import diagnosed, version
+from workbench.evaluation.kept_answers import diagnosed, version
 from workbench.evaluation.rig import plant
 from workbench.evaluation.rig.cases import make_case
 from workbench.evaluation.rig.parameters import nominal

@@ -20,20 +20,20 @@ import numpy as np
 from controllers.largest_bandwidth import MarginedDesign
 from controllers.protocol import Controller
 from workbench.arrays import Vector
+from workbench.computing.processes import parallel
 from workbench.errors import WorkbenchError
-from workbench.evaluation.kept import answered
+from workbench.evaluation.kept_answers import answered
 from workbench.evaluation.rig import plant
 from workbench.evaluation.rig.excitation import RATE
 from workbench.evaluation.rig.plant import derivative
 from workbench.evaluation.rig.simulate import follow
 from workbench.evaluation.variations import Draw
 from workbench.study.designs import bandwidth_against_delay
-from workbench.study.schema import load_study, shipped_study
+from workbench.study.read import load_study, shipped_study
 from workbench.study.study import Study
 from workbench.verification import Scenario, Steps, verify
 from workbench.verification.each_step import each_step, step_responses
 from workbench.verification.responses import oscillation, steady_error, variation_rate
-from workbench.work.processes import parallel
 
 REST = 200
 """Samples at the end of a step along which the valve rests."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.evaluation.rig.parameters import PARAMETERS, elements, nominal
-from workbench.study.differences import in_turn
+from workbench.study.drawn_machines import in_turn
 
 VALVE = 2.9e-8
 """Conductance of the open valve, beside which lines are narrow, in m3/(s Pa)."""

@@ -12,7 +12,7 @@ import numpy as np
 from workbench.errors import WorkbenchError
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.linearise import linearise
-from workbench.linearisation.pace import reach_of, step_time
+from workbench.linearisation.time_scales import reach_of, step_time
 from workbench.linearisation.transfer import transfer_function
 from workbench.model import Input, Model
 from workbench.model.units import from_si, of_difference, to_si

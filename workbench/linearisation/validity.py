@@ -13,7 +13,7 @@ import numpy.typing as npt
 from workbench.arrays import Vector, runs
 from workbench.errors import NumericalError, WorkbenchError, check_range
 from workbench.linearisation.linear_model import LinearModel
-from workbench.linearisation.pace import horizon_of, step_time
+from workbench.linearisation.time_scales import horizon_of, step_time
 from workbench.linearisation.transfer import transfer_function
 from workbench.model import Model, Output, Parameter, Quantity, Scope
 from workbench.model.trace import Equations

@@ -14,8 +14,8 @@ from workbench.linearisation.transfer import frequency_response
 from workbench.model.quantities import shown_in
 from workbench.model.units import from_si, parse_unit, per
 from workbench.recordings import Recording
+from workbench.reports.figures.bode_nyquist import bode
 from workbench.reports.figures.diagnosis import as_read, diagnosis_runs
-from workbench.reports.figures.loops import bode
 from workbench.reports.figures.recording import recorded, recorded_signals
 from workbench.reports.figures.study_traces import written
 from workbench.reports.figures.tracking import TRACKING, tracking

@@ -13,8 +13,8 @@ from weakref import WeakKeyDictionary
 import casadi as ca
 
 from workbench.arrays import Vector
+from workbench.computing.buffered import Buffered
 from workbench.model import Form, Model, Trace
-from workbench.work.buffered import Buffered
 
 _LOCAL = threading.local()
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from workbench.computing.counted import in_words
 from workbench.diagnosis.comparison import Proof
 from workbench.diagnosis.estimation.free_run import FreeRun
 from workbench.diagnosis.location.isolability import Isolability
@@ -23,7 +24,6 @@ from workbench.reports.figures.diagnosis import as_read, sizes_as_read
 from workbench.reports.page import Block, Commands, Method, Page, Section, Words, methods
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import plain
-from workbench.work.counted import in_words
 
 
 def diagnosis_page(

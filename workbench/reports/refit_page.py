@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+from workbench.computing.counted import in_words
 from workbench.diagnosis.refit_report import RefitReport
 from workbench.model.units import to_si
 from workbench.reports.figures.diagnosis import (
@@ -16,7 +17,6 @@ from workbench.reports.figures.study_traces import written
 from workbench.reports.page import Answers, Block, Method, Page, Section, Words, again, methods
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Table, interval, number
-from workbench.work.counted import in_words
 
 
 def refit_page(report: RefitReport, *, command: str) -> Page:

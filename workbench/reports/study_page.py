@@ -11,13 +11,14 @@ from functools import partial
 from itertools import starmap
 from pathlib import Path
 
+from workbench.computing.counted import in_words
 from workbench.errors import WorkbenchError
 from workbench.files import json_text, write_whole
 from workbench.model.units import from_si, in_time, of_difference, with_unit
 from workbench.reports.figure import Figure, figures_of, own_figures, sections
+from workbench.reports.figures.design_versions import versions
 from workbench.reports.figures.linear_analysis import LINEAR, linear_blocks
 from workbench.reports.figures.study_traces import breakable, point_text
-from workbench.reports.figures.versions import versions
 from workbench.reports.metrics_table import (
     demand_text,
     metric_methods,
@@ -31,14 +32,13 @@ from workbench.reports.tables import Cell, Mark, Table, number
 from workbench.study.ci_files import junit
 from workbench.study.grouped import changes_by_plant, missed_by_plant
 from workbench.study.judgements import Judgement, Score
-from workbench.study.linear_loop import LoopAnalysis
+from workbench.study.margins import LoopAnalysis
 from workbench.study.result import StudyResult, installed_version
 from workbench.study.study import Case, Demand, Study, Variation
 from workbench.study.summary import parameter_text, score_text, summary
 from workbench.study.tasks import Record
 from workbench.verification import Metrics
 from workbench.verification.metrics import columns, labels_of
-from workbench.work.counted import in_words
 
 _FIRST = 3
 """Metrics of each output on the first screen where nothing is required."""

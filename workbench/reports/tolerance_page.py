@@ -24,7 +24,7 @@ from workbench.reports.page import Method, Page, Section, Words, again
 from workbench.reports.pictures import Picture
 from workbench.reports.style import colours, key, label, new_figure
 from workbench.reports.tables import Table, number
-from workbench.study.linear_loop import analyse_loop
+from workbench.study.margins import analyse_loop
 from workbench.study.study import Demand
 from workbench.verification.requirements import score_of
 

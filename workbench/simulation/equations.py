@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.work.buffered import Buffered
-from workbench.work.machine_code import FAST, SOON, built, compiler
+from workbench.computing.buffered import Buffered
+from workbench.computing.machine_code import FAST, SOON, built, compiler
 
 
 def compiled(function: ca.Function) -> ca.Function:

@@ -13,12 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
+from workbench.computing.buffered import Buffered
+from workbench.computing.counted import count, place
+from workbench.computing.machine_code import compiler
 from workbench.model import Trace
 from workbench.model.expressions import with_rounded_signs
 from workbench.simulation.equations import CFunction, Equations, address, compiled, in_c
-from workbench.work.buffered import Buffered
-from workbench.work.counted import count, place
-from workbench.work.machine_code import compiler
 
 MOST_STEPS = 2000
 """Steps in one sample, at most."""

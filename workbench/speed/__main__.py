@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from workbench.work import one_thread
+from workbench.computing import one_thread
 
 if TYPE_CHECKING:
     from workbench.speed.benchmark import Benchmark

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.computing.counted import done, since
 from workbench.errors import check_choice
 from workbench.experiments import pulse_train
 from workbench.linearisation import linearise
@@ -24,7 +25,6 @@ from workbench.plants.arm import arm
 from workbench.speed import plant_runs, solvers, whole
 from workbench.speed.measure import Comparison, Figure, timed
 from workbench.speed.whole import run
-from workbench.work.counted import done, since
 
 SCHEMA = "workbench.benchmark/1"
 

@@ -15,6 +15,7 @@ from controllers.guard import Guarded
 from controllers.pid import design_pid
 from controllers.protocol import Controller
 from workbench.arrays import Vector
+from workbench.computing.buffered import Buffered
 from workbench.experiments import pulse_train
 from workbench.linearisation import linearise
 from workbench.model import Model
@@ -24,7 +25,6 @@ from workbench.simulation.equations import compiled
 from workbench.speed.measure import Comparison, Times, Way, timed, tried
 from workbench.verification import Scenario, step_scenario, verify
 from workbench.verification.sampled_plant import FullPlant
-from workbench.work.buffered import Buffered
 
 Rates = Callable[[Vector, float], Vector]
 Step = Callable[[Vector, float], Vector]

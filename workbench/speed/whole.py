@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from workbench.computing.counted import Work, in_words
 from workbench.diagnosis.stage_files import FOLDER
 from workbench.errors import WorkbenchError
 from workbench.evaluation.rig.cases import make_case
 from workbench.reports.page import template
 from workbench.speed.measure import Figure
-from workbench.work.counted import Work, in_words
 
 CORES = os.cpu_count() or 1
 

@@ -7,8 +7,8 @@ import re
 import xml.etree.ElementTree as ET
 
 from workbench.study.grouped import changes_by_plant, missed_by_plant
+from workbench.study.read import read_study
 from workbench.study.result import StudyResult
-from workbench.study.schema import read_study
 from workbench.study.summary import worst_plant
 from workbench.study.toml_lines import line_of
 

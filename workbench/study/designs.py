@@ -23,7 +23,7 @@ from workbench.linearisation.operating_map import default_input, operating_map
 from workbench.operating_point import operating_point
 from workbench.plants.plant import Plant
 from workbench.simulation.equations import compiled
-from workbench.study.inputs import forgotten_with_its_code
+from workbench.study.dependencies import forgotten_with_its_code
 from workbench.study.plants import PlantRecipe
 from workbench.verification.guard_limits import guarded
 

@@ -14,14 +14,14 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from workbench.checked_json import Shape, TableShape, anything, named, read_json, text, whole
+from workbench.computing.counted import Work, add, done, since
+from workbench.computing.processes import parallel
 from workbench.errors import WorkbenchError
 from workbench.files import digest_of_code, write_whole
-from workbench.study.inputs import Seen, digest, installed, seen, seen_elsewhere, versions
+from workbench.study.dependencies import Seen, digest, installed, seen, seen_elsewhere, versions
 from workbench.study.study import Study
 from workbench.study.tasks import RECORD, Record, Task, execute, record_from_table
 from workbench.verification.metrics import tolerance_of
-from workbench.work.counted import Work, add, done, since
-from workbench.work.processes import parallel
 
 _OWN = (".py", ".json", ".csv", ".npz", ".npy", ".mat", ".parquet", ".yaml", ".toml", ".txt")
 """Endings of files that a user's own code may read."""

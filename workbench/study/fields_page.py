@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from controllers.design import DESIGNS
 from workbench.checked_json import ListShape, NamedShape, Shape
-from workbench.study.shapes import TABLES, FieldTable
+from workbench.study.fields import TABLES, FieldTable
 from workbench.verification import METRICS
 from workbench.verification.signals import SIGNALS
 

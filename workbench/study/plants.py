@@ -13,7 +13,7 @@ from workbench.model import Model
 from workbench.plants import DEFAULT_PLANT
 from workbench.plants.plant import Plant
 from workbench.plants.registry import PLANTS
-from workbench.study.inputs import forgotten_with_its_code
+from workbench.study.dependencies import forgotten_with_its_code
 
 
 @dataclass(frozen=True)

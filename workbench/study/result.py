@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from workbench.computing.counted import Work, done, since
 from workbench.display import Drawn, Rows, notebook_progress
 from workbench.errors import WorkbenchError, check_range
 from workbench.files import check_folder, picked, write_whole
@@ -22,15 +23,14 @@ from workbench.study.baseline import (
     read_baseline,
 )
 from workbench.study.conditions import ConditionChange, condition_changes, conditions
+from workbench.study.dependencies import installed
 from workbench.study.execution import Workers, store_of, verify_kept
-from workbench.study.inputs import installed
 from workbench.study.judgements import Judgement, Score, judge_records, scores
-from workbench.study.limits import Distances, distances, find_limits
-from workbench.study.linear_loop import LoopAnalysis, analyse_study
+from workbench.study.margins import LoopAnalysis, analyse_study
+from workbench.study.physical_limit import Distances, distances, find_limits
 from workbench.study.robustness import Robustness, robustness
 from workbench.study.study import Study
 from workbench.study.tasks import Record, tasks
-from workbench.work.counted import Work, done, since
 
 _KEY = ("controller", "variation", "scenario", "seed")
 _JUDGED = (

@@ -28,7 +28,7 @@ from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 from workbench.linearisation import LinearModel, linearise
 from workbench.linearisation.exact_delays import channels_of
 from workbench.linearisation.first_step import as_the_loop_rests, command_of_loop, step_of
-from workbench.linearisation.pace import (
+from workbench.linearisation.time_scales import (
     farthest,
     has_room,
     least_time,
@@ -45,7 +45,7 @@ from workbench.physics.delay import clock_shift, delay, sensor_delay, valve_dela
 from workbench.plants.plant import Plant
 from workbench.study.designs import ControllerRecipe, followed_by_default
 from workbench.study.feasible import check_demand
-from workbench.study.linear_loop import analyse_loop
+from workbench.study.margins import analyse_loop
 from workbench.study.plants import PlantRecipe
 from workbench.study.study import NOMINAL, Case, Demand, Study, Variation, load_metrics
 from workbench.verification import Requirement, Scenario, Steps, step_scenario

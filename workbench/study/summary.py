@@ -7,19 +7,19 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from workbench.computing.counted import in_words
 from workbench.display import aligned_table
 from workbench.errors import WorkbenchError
 from workbench.model.units import from_si, in_time, shown_unit, with_unit
 from workbench.study.baseline import IN_BOX, Change
 from workbench.study.grouped import Group, changes_by_plant, missed_by_plant
 from workbench.study.judgements import RUN_FAILED, Judgement, Score, judge_records
-from workbench.study.limits import Distance
+from workbench.study.physical_limit import Distance
 from workbench.study.result import StudyResult
 from workbench.study.robustness import Robustness
 from workbench.study.tasks import Record
 from workbench.verification import MetricValue
 from workbench.verification.metrics import columns, labels_of
-from workbench.work.counted import in_words
 
 MOST = 20
 """Entries of a list that are written out; a pull request is read, not searched."""

@@ -26,8 +26,8 @@ from workbench.checked_json import (
 from workbench.errors import WorkbenchError
 from workbench.files import picked
 from workbench.registry import user_code
+from workbench.study.dependencies import watched
 from workbench.study.designs import ControllerRecipe, with_plan
-from workbench.study.inputs import watched
 from workbench.study.study import Study, Variation, load_metrics
 from workbench.verification import Metrics, MetricValue, Run, Scenario, metrics, verify
 from workbench.verification.each_step import (

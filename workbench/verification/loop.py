@@ -26,6 +26,7 @@ import numpy as np
 from controllers.guard import Guarded, unguarded
 from controllers.protocol import Controller, check_controller
 from workbench.arrays import Vector
+from workbench.computing.counted import count
 from workbench.errors import NumericalError, WorkbenchError, check_choice, check_finite, check_range
 from workbench.linearisation import LinearModel
 from workbench.linearisation.exact_delays import channels_of
@@ -34,7 +35,6 @@ from workbench.operating_point import operating_point
 from workbench.verification.closed_loop_run import Run
 from workbench.verification.sampled_plant import TOLERANCE, FullPlant, LatePlant, LinearPlant
 from workbench.verification.scenario import DEADLINE, Scenario, SignalFault
-from workbench.work.counted import count
 
 
 def verify(

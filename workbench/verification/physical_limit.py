@@ -38,6 +38,7 @@ import numpy as np
 import scipy
 
 from workbench.arrays import Vector
+from workbench.computing.machine_code import cache_folder
 from workbench.errors import TIMES_S, NumericalError, WorkbenchError, check_choice, check_range
 from workbench.files import write_whole
 from workbench.model import Model
@@ -46,7 +47,6 @@ from workbench.operating_point import OperatingPoint, operating_point
 from workbench.simulation.stepper import Stepper
 from workbench.verification.repeated_equations import RepeatedEquations, program
 from workbench.verification.responses import BAND
-from workbench.work.machine_code import cache_folder
 
 _FORMULATION = "3"
 _SHORTEST, _LONGEST = 0.05, 100.0

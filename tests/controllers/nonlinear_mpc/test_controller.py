@@ -16,6 +16,7 @@ from controllers.nonlinear_mpc.controller import (
 from controllers.nonlinear_mpc.prediction import discrete, dynamics, shooting
 from tests.controllers.families import assert_settles, moves
 from tests.controllers.nonlinear_mpc.converged import transcribed
+from workbench.computing.buffered import Buffered
 from workbench.errors import WorkbenchError
 from workbench.linearisation.actuator_inverse import straightened
 from workbench.model import REGULARISED, Model
@@ -23,7 +24,6 @@ from workbench.operating_point import operating_point
 from workbench.simulation.equations import compiled
 from workbench.simulation.stepper import Stepper
 from workbench.verification import metrics, verify
-from workbench.work.buffered import Buffered
 
 REST, GOAL = (math.radians(30), 4.2e5, 4.2e5), (math.radians(33),)
 

@@ -36,7 +36,7 @@ from workbench.model import Input, Model, Output, Scope, State
 from workbench.plants.servo_axis import servo_axis
 from workbench.plants.servo_pendulum import servo_pendulum
 from workbench.study.designs import ControllerRecipe
-from workbench.study.linear_loop import analyse_loop
+from workbench.study.margins import analyse_loop
 from workbench.study.plants import PlantRecipe
 from workbench.verification import SignalFault, guarded, metrics, step_scenario, verify
 

@@ -20,7 +20,7 @@ from workbench.errors import WorkbenchError
 from workbench.linearisation import linear_model
 from workbench.model import Model, Scope
 from workbench.plants.arm import arm
-from workbench.study.linear_loop import analyse_loop
+from workbench.study.margins import analyse_loop
 from workbench.study.step_trial import hardly_stable
 from workbench.verification import step_scenario, verify
 

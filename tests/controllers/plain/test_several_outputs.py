@@ -26,9 +26,9 @@ from tests.controllers.in_c import InC, agrees, agrees_on
 from tests.machines import at_rest, machine, stepped
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linear_model
-from workbench.linearisation.pace import usual_sample_time
+from workbench.linearisation.time_scales import usual_sample_time
 from workbench.model import Input, Model
-from workbench.study.linear_loop import analyse_loop
+from workbench.study.margins import analyse_loop
 from workbench.verification import guarded, metrics, step_scenario, verify
 
 FAMILIES = ["plain-pid", "lqi", "plain-mpc", *(["plain-h-infinity"] if has_slycot() else [])]

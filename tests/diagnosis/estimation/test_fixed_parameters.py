@@ -14,9 +14,9 @@ from workbench.diagnosis.estimation.fixed_parameters import (
     with_fixed_refitted,
     with_fixed_uncertainty,
 )
-from workbench.diagnosis.estimation.made_up import made_up, pushes
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import extended_start, fit_with_process_noise
+from workbench.diagnosis.estimation.simulated_recordings import pushes, simulated
 from workbench.model import Model, Scope
 from workbench.physics.friction import quadratic_drag
 from workbench.physics.library import library
@@ -37,7 +37,7 @@ def test_what_is_held_widens_the_interval_of_what_scales_with_it() -> None:
     axis = servo_axis().with_effect(
         gain(("axis.force",), excess=0.0, lower=-0.08, upper=0.08, name="drive")
     )
-    seen = made_up(axis, pushes(400, largest=200.0), sample_time=0.01)
+    seen = simulated(axis, pushes(400, largest=200.0), sample_time=0.01)
     fit = fit_with_process_noise(axis, [seen], default_priors(axis, ["mass"]))
     assert with_fixed_uncertainty(fit, [seen]) is fit
     model = fixed(fit.model, "drive.excess")
@@ -54,7 +54,7 @@ def test_what_was_held_is_refitted_at_the_end_where_unseen_recordings_agree() ->
     priors = default_priors(axis, ["mass"])
     true = {"mass": 110.0, "offset": 2e-3}
     fitting, same, other = (
-        made_up(axis, pushes(400, largest=200.0, seed=k), sample_time=0.01, values=v, seed=k)
+        simulated(axis, pushes(400, largest=200.0, seed=k), sample_time=0.01, values=v, seed=k)
         for k, v in enumerate((true, true, {"mass": 107.0}))
     )
     given = fit_with_process_noise(axis, [fitting], priors, noise_scale=0.003)
@@ -79,7 +79,7 @@ def test_a_value_that_nobody_refits_is_told_where_an_effect_stands_for_it(fitted
     law = next(e for e in library(coil) if e.name == "gain_i_rate")
     model = coil.with_effect(law.at_size(-0.1))
     true = coil.with_parameters({"L": 0.024})
-    seen = made_up(true, pushes(600, largest=3.0, seed=1), sample_time=2e-3)
+    seen = simulated(true, pushes(600, largest=3.0, seed=1), sample_time=2e-3)
     priors = default_priors(model, ["R", *["L"] * fitted, "gain_i_rate.excess"])
     fit = fit_with_process_noise(model, [extended_start(seen, coil, model)], priors)
     found = value_instead(fit, law.effect, "excess", coil, [seen])
@@ -103,7 +103,7 @@ def test_what_all_else_scales_with_is_no_value_instead() -> None:
     # Its sign would be chance.
     for size in (0.1, 0.2, 0.3, 0.4, 0.5, 0.6):
         model = body.with_effect(quadratic_drag("body.force", coefficient=size))
-        seen = made_up(model, pushes(600, largest=3.0, seed=1), sample_time=0.02)
+        seen = simulated(model, pushes(600, largest=3.0, seed=1), sample_time=0.02)
         priors = default_priors(model, ["gain", "damping", "quadratic_drag.coefficient"])
         fit = fit_with_process_noise(model, [seen], priors)
         assert fit.refit.estimate("quadratic_drag.coefficient").value == pytest.approx(
@@ -121,7 +121,7 @@ def test_a_mass_that_moves_too_fast_to_be_seen_is_no_value_instead() -> None:
     # At rest its drag per mass is as much as twice the mass is less: on a straight line, until
     # there is none.
     model = body.with_effect(quadratic_drag("speed.rate", coefficient=50.0))
-    seen = made_up(model, pushes(600, largest=3.0, seed=1), sample_time=0.05)
+    seen = simulated(model, pushes(600, largest=3.0, seed=1), sample_time=0.05)
     priors = default_priors(model, ["damping", "quadratic_drag.coefficient"])
     fit = fit_with_process_noise(model, [extended_start(seen, body, model)], priors)
     assert value_instead(fit, model.effects[0], "coefficient", body, [seen]) is None

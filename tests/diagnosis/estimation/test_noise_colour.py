@@ -14,6 +14,7 @@ from scipy.signal import lfilter
 
 from tests.diagnosis.machine_data import recording
 from tests.machines import machine
+from workbench.computing.machine_code import compiler
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.noise_colour import (
     Leftover,
@@ -30,7 +31,6 @@ from workbench.model import Model, Scope
 from workbench.physics.library import library
 from workbench.recordings.recording import Recording
 from workbench.simulation.equations import _library as built_before
-from workbench.work.machine_code import compiler
 
 INTERVAL, SAMPLES = 0.02, 1500
 

@@ -10,8 +10,9 @@ from scipy.linalg import expm
 
 from tests.diagnosis.machine_data import recording
 from tests.machines import machine
+from workbench.computing.counted import done
+from workbench.computing.machine_code import compiler
 from workbench.diagnosis.estimation.filter import Steps, exponential_of, steps_of
-from workbench.diagnosis.estimation.made_up import made_up, made_up_axis
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import (
     Observed,
@@ -20,6 +21,7 @@ from workbench.diagnosis.estimation.prediction_error import (
     stack,
     steps_along,
 )
+from workbench.diagnosis.estimation.simulated_recordings import simulated, simulated_axis
 from workbench.errors import WorkbenchError
 from workbench.model import Model, Scope
 from workbench.model.trace import Equations
@@ -27,8 +29,6 @@ from workbench.physics.stiffness import end_stop
 from workbench.plants.servo_axis import servo_axis
 from workbench.recordings.recording import Recording
 from workbench.simulation.equations import _library as built_before
-from workbench.work.counted import done
-from workbench.work.machine_code import compiler
 
 AXIS = servo_axis()
 FREE = ("mass", "offset", "viscous_friction.coefficient", "coulomb_friction.level")
@@ -40,7 +40,7 @@ def _sure(seen: Observed) -> Observed:
 
 
 def test_derivatives_are_those_of_a_simulation_when_nothing_is_corrected() -> None:
-    seen = _sure(made_up_axis(3, samples=250))
+    seen = _sure(simulated_axis(3, samples=250))
     filter_ = PredictionError(AXIS, seen, FREE)
     p = AXIS.values
     jacobian = filter_.run(seen, p).jacobian[:, 0, :]
@@ -65,7 +65,7 @@ def test_derivatives_are_those_of_a_simulation_when_nothing_is_corrected() -> No
 
 def test_whitened_errors_of_the_true_model_have_unit_variance() -> None:
     axis = replace(AXIS, outputs=(replace(AXIS.outputs[0], noise_rms=2e-4),))
-    seen = replace(made_up_axis(1, samples=4000), noise_rms=np.array([2e-4]))
+    seen = replace(simulated_axis(1, samples=4000), noise_rms=np.array([2e-4]))
     noise = np.random.default_rng(0).normal(0.0, 2e-4, seen.outputs.shape)
     seen = replace(seen, outputs=seen.outputs + noise)
     p = axis.with_parameters({"mass": 100.0, "offset": 2.0}).values
@@ -75,7 +75,7 @@ def test_whitened_errors_of_the_true_model_have_unit_variance() -> None:
 
 
 def test_length_need_not_be_a_multiple_of_the_block() -> None:
-    seen = made_up_axis(2, samples=230)
+    seen = simulated_axis(2, samples=230)
     filter_ = PredictionError(AXIS, seen, ("mass",), {"axis.force": 1.0})
     whole = filter_.run(seen, AXIS.values)
     part = filter_.run(
@@ -86,7 +86,7 @@ def test_length_need_not_be_a_multiple_of_the_block() -> None:
 
 
 def test_missing_measurements_are_left_out() -> None:
-    seen = made_up_axis(2, samples=200)
+    seen = simulated_axis(2, samples=200)
     gaps = seen.outputs.copy()
     gaps[50:60] = np.nan
     part = PredictionError(AXIS, seen, ("mass",)).run(replace(seen, outputs=gaps), AXIS.values)
@@ -96,7 +96,7 @@ def test_missing_measurements_are_left_out() -> None:
 
 
 def test_an_outlier_counts_five_and_pulls_as_its_logarithm() -> None:
-    seen = replace(_sure(made_up_axis(2, samples=100)), start=np.zeros(2))
+    seen = replace(_sure(simulated_axis(2, samples=100)), start=np.zeros(2))
     seen = replace(seen, noise_rms=np.array([1e-4]))
     p = AXIS.with_parameters({"mass": 100.0, "offset": 2.0}).values
     filter_ = PredictionError(AXIS, seen, ("offset",))
@@ -113,7 +113,7 @@ def test_an_outlier_counts_five_and_pulls_as_its_logarithm() -> None:
 
 
 def test_unknown_names_are_refused() -> None:
-    seen = made_up_axis(2, samples=50)
+    seen = simulated_axis(2, samples=50)
     with pytest.raises(WorkbenchError, match="parameter is 'mas'"):
         PredictionError(AXIS, seen, ("mas",))
     with pytest.raises(WorkbenchError, match="port is 'axis'"):
@@ -125,7 +125,7 @@ def test_unknown_names_are_refused() -> None:
 def test_without_a_compiler_the_filter_gives_the_same(
     steps: Steps | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    seen = made_up_axis(2, samples=330)
+    seen = simulated_axis(2, samples=330)
     seen.outputs[40:45] = np.nan
     seen.outputs[200] += 0.05  # an outlier
     disturbed = {AXIS.ports[0].name: 3.0}
@@ -151,7 +151,7 @@ def test_few_steps_do_where_nothing_bends_and_a_contact_gets_all() -> None:
         end_stop("axis.force", stiffness=2e7, place=-0.25, side=-1.0, loss=0.5)
     )
     force = 100.0 * np.sin(0.5 * np.pi * 0.01 * np.arange(600)) - 20.0
-    seen = _sure(made_up(model, force, sample_time=0.01))
+    seen = _sure(simulated(model, force, sample_time=0.01))
     assert 1 <= (seen.outputs < -0.25).sum() <= 10
     chosen = steps_along(model, seen)
     work, found = [], []

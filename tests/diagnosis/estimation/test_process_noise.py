@@ -15,7 +15,6 @@ from tests.diagnosis.machine_data import recording
 from tests.diagnosis.newcomers import levitation, maglev
 from tests.machines import machine
 from workbench.diagnosis.estimation import process_noise
-from workbench.diagnosis.estimation.made_up import made_up_axis
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import PredictionError, disturbances
 from workbench.diagnosis.estimation.priors import default_priors
@@ -29,6 +28,7 @@ from workbench.diagnosis.estimation.process_noise import (
     ranges_along,
     start_values,
 )
+from workbench.diagnosis.estimation.simulated_recordings import simulated_axis
 from workbench.diagnosis.estimation.start import fit_with_likely_starts
 from workbench.diagnosis.undeclared.plant import with_undeclared
 from workbench.errors import NumericalError
@@ -200,7 +200,7 @@ def test_the_equations_are_trusted_as_far_as_it_costs_nothing(
     left = iter(costs)
     refitted = lambda *_, **__: SimpleNamespace(cost=next(left), values={})  # noqa: E731
     monkeypatch.setattr(process_noise, "refit", refitted)
-    seen = made_up_axis(1, samples=50)
+    seen = simulated_axis(1, samples=50)
     found = fit_with_process_noise(servo_axis(), [seen], (), noise_scale=3.0)
     assert found.noise_scale == scale
 

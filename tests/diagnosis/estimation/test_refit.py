@@ -7,10 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from workbench.diagnosis.estimation.made_up import made_up, made_up_axis, pushes
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.refit import refit
+from workbench.diagnosis.estimation.simulated_recordings import (
+    pushes,
+    simulated,
+    simulated_axis,
+)
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.plants.servo_axis import servo_axis
@@ -36,7 +40,7 @@ def _axis(noise: float = 2e-4) -> Model:
 
 def _seen(axis: Model, seed: int, **values: float) -> Observed:
     forces = pushes(600, largest=200.0, seed=seed)
-    return made_up(
+    return simulated(
         axis, forces, sample_time=0.01, values=TRUE | values, seed=seed, name=f"trial {seed}"
     )
 
@@ -137,6 +141,6 @@ def test_no_recording_and_mixed_recordings_are_refused() -> None:
     axis = servo_axis()
     with pytest.raises(WorkbenchError, match="no recording"):
         refit(axis, [])
-    slow = replace(made_up_axis(0), sample_time=0.02)
+    slow = replace(simulated_axis(0), sample_time=0.02)
     with pytest.raises(WorkbenchError, match="same outputs and sample time"):
-        refit(axis, [made_up_axis(0), slow])
+        refit(axis, [simulated_axis(0), slow])

@@ -15,11 +15,11 @@ from tests.diagnosis.machine_data import by_runge_kutta, held, recording
 from tests.machines import machine
 from workbench.diagnosis.estimation import start
 from workbench.diagnosis.estimation.free_run import free_run
-from workbench.diagnosis.estimation.made_up import made_up
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, perfect_cost
+from workbench.diagnosis.estimation.simulated_recordings import simulated
 from workbench.diagnosis.estimation.start import fit_with_likely_starts, fitted_start, likely_start
 from workbench.diagnosis.estimation.windows import settled
 from workbench.diagnosis.undeclared.plant import with_undeclared
@@ -91,7 +91,7 @@ def test_layers_that_nobody_reads_start_as_the_plant_says_where_few_samples_misl
 
 def test_a_start_that_is_known_stays() -> None:
     tanks = cascaded_tanks()
-    seen = made_up(tanks, np.full(60, 3.0), sample_time=4.0)
+    seen = simulated(tanks, np.full(60, 3.0), sample_time=4.0)
     sure = fitted_start(tanks, seen, samples=20)
     assert sure.start[1] == pytest.approx(tanks.initial_state()[1], abs=0.05)
     assert np.array_equal(sure.start_rms, seen.start_rms)
@@ -99,7 +99,7 @@ def test_a_start_that_is_known_stays() -> None:
 
 def test_the_number_of_samples_has_a_range() -> None:
     tanks = cascaded_tanks()
-    seen = made_up(tanks, np.full(60, 3.0), sample_time=4.0)
+    seen = simulated(tanks, np.full(60, 3.0), sample_time=4.0)
     with pytest.raises(WorkbenchError, match="samples is 61; the valid range is 2 to 60"):
         fitted_start(tanks, seen, samples=61)
 
@@ -199,7 +199,7 @@ def test_equations_that_leave_something_out_do_not_move_a_start_beyond_what_is_k
 
 def test_a_start_that_is_as_likely_as_any_stays() -> None:
     tanks = cascaded_tanks()
-    seen = made_up(tanks, np.full(200, 3.0), sample_time=4.0)
+    seen = simulated(tanks, np.full(200, 3.0), sample_time=4.0)
     assert likely_start(tanks, seen, seen) is seen
 
 
@@ -237,7 +237,7 @@ def test_parameters_that_went_astray_with_little_trust_are_refitted_from_their_p
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     tanks = cascaded_tanks()
-    seen = made_up(tanks, 2.0 + np.sin(0.05 * np.arange(120)), sample_time=4.0)
+    seen = simulated(tanks, 2.0 + np.sin(0.05 * np.arange(120)), sample_time=4.0)
     whole = start.fit_with_process_noise
 
     def astray(*given: Any, noise_scale: float | None = None, **known: Any) -> ProcessNoiseFit:

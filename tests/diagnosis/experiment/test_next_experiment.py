@@ -11,11 +11,11 @@ from tests.diagnosis.axis_case import diagnosed, observed
 from tests.diagnosis.machine_data import recording
 from tests.machines import machine
 from workbench.diagnosis.estimation.filter import Innovations
-from workbench.diagnosis.estimation.made_up import made_up, pushes
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior, default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+from workbench.diagnosis.estimation.simulated_recordings import pushes, simulated
 from workbench.diagnosis.experiment.menu import Experiment, menu, other_settings, with_setting
 from workbench.diagnosis.experiment.next_experiment import next_experiment, separate
 from workbench.diagnosis.experiment.separation import (
@@ -51,7 +51,7 @@ def test_reduced_is_the_least_squares_with_what_is_known() -> None:
 def test_the_menu_of_the_arm_stays_within_its_range() -> None:
     plant = arm(load_kg=3)
     volts = 5.0 + 0.02 * pushes(1500, largest=30.0, hold=150)
-    seen = made_up(plant, volts, sample_time=0.004)
+    seen = simulated(plant, volts, sample_time=0.004)
     offered = menu(plant, [seen])
     assert len(offered) > 10
     assert len({e.text for e in offered}) == len(offered)
@@ -148,7 +148,7 @@ def drags() -> tuple[tuple[Explanation, Explanation], Observed]:
     drag = quadratic_drag("axis.force", coefficient=30.0, upper=2000.0)
     # At rest first: the start is read from the first samples.
     force = np.concatenate([np.zeros(10), pushes(290, largest=60.0, seed=4)])
-    seen = made_up(axis.with_effect(drag), force, sample_time=SAMPLE_TIME)
+    seen = simulated(axis.with_effect(drag), force, sample_time=SAMPLE_TIME)
     rival = viscous_friction("axis.force", coefficient=20.0, upper=500.0, name="more")
     found = []
     for effect, own in ((drag, "quadratic_drag.coefficient"), (rival, "more.coefficient")):
@@ -169,7 +169,7 @@ def test_the_predicted_gain_is_that_of_a_made_up_recording() -> None:
     for told in ranked[:10:3]:
         # An independent route: make the recording, with noise, and refit both to the two.
         force = np.concatenate([np.zeros((10, 1)), told.experiment.inputs])
-        made = made_up(true.fit.model, force, sample_time=SAMPLE_TIME, seed=5)
+        made = simulated(true.fit.model, force, sample_time=SAMPLE_TIME, seed=5)
         costs = {}
         for e in (true, other):
             priors = [q.prior for q in e.fit.refit.estimates]
@@ -204,7 +204,7 @@ def test_the_spread_of_a_size_shrinks_as_a_refit_shrinks_it() -> None:
     force = np.concatenate([np.zeros(10), pushes(590, largest=300.0, hold=100, seed=3)])
     experiment = Experiment("strong pushes", SAMPLE_TIME, force[:, None])
     now, then = spread_after(Separator(seen, SMOOTH_AXIS), true, experiment)
-    made = made_up(true.fit.model, force, sample_time=SAMPLE_TIME, seed=6)
+    made = simulated(true.fit.model, force, sample_time=SAMPLE_TIME, seed=6)
     priors = [q.prior for q in true.fit.refit.estimates]
     both = fit_with_process_noise(
         true.fit.model, [seen, made], priors, noise_scale=true.fit.noise_scale, follow=False

@@ -13,7 +13,7 @@ from tests.diagnosis.example_diagnosis import example_diagnosis, example_task
 from tests.machines import machine
 from workbench.diagnosis import diagnose as engine
 from workbench.diagnosis.diagnose import diagnose
-from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
+from workbench.diagnosis.estimation.simulated_recordings import pushes, simulated_recording
 from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.selection.selected import Selected
 from workbench.errors import WorkbenchError
@@ -49,7 +49,7 @@ def _runs() -> list[Recording]:
     for seed in (1, 2):
         heat = 0.5 + pushes(500, largest=0.5, hold=30, seed=seed)
         shear = 800.0 + pushes(500, largest=800.0, hold=45, seed=seed + 9)
-        made = made_up_recording(
+        made = simulated_recording(
             _barrel(sheared=True), np.column_stack([heat, shear]), sample_time=5.0, values=TRUE,
             seed=seed, name=f"{seed}",
         )  # fmt: skip

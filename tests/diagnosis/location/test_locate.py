@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from tests.diagnosis.axis_case import diagnosed
-from workbench.diagnosis.estimation.made_up import made_up
+from workbench.diagnosis.estimation.simulated_recordings import simulated
 from workbench.diagnosis.location.locate import Location, groups_of, locate
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
@@ -63,5 +63,5 @@ def test_what_is_far_larger_than_usual_is_located_where_it_acts() -> None:
         parameters=(Parameter("drag", "1/m", value=0.0, scale=0.1),),
     )
     burner = np.repeat(np.random.default_rng(1).uniform(-0.2, 0.2, 90), 20)
-    seen = made_up(model, burner, sample_time=1.0, values={"drag": 0.15})
+    seen = simulated(model, burner, sample_time=1.0, values={"drag": 0.15})
     assert locate(model, [seen]).best == "climb"

@@ -14,7 +14,7 @@ from tests.machines import machine
 from tests.physics.effects.bench import offered
 from workbench.arrays import Vector
 from workbench.diagnosis.conclude import conclude
-from workbench.diagnosis.estimation.made_up import made_up
+from workbench.diagnosis.estimation.simulated_recordings import simulated
 from workbench.diagnosis.location.located_signal import _arguments, added_at_ports, missing_signals
 from workbench.diagnosis.location.missing_signal import (
     LocalSignal,
@@ -167,8 +167,8 @@ def test_what_an_effect_adds_is_read_at_its_own_ports() -> None:
     """Four ports stand against three measurements: no projection of rates tells them apart."""
     base, compliance = arm(3.0), 6e-6
     extended = base.with_effect(series_elasticity(compliance=compliance))
-    seen = made_up(extended, np.full(60, 5.4), sample_time=0.002)
-    inside = made_up(base, np.full(60, 5.4), sample_time=0.002)
+    seen = simulated(extended, np.full(60, 5.4), sample_time=0.002)
+    inside = simulated(base, np.full(60, 5.4), sample_time=0.002)
     ports = ("muscle_1.length", "muscle_2.length")
     known = unknown_input(base, inside, ("joint.torque",))
     none = np.zeros((len(known.time), 2))

@@ -7,21 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from workbench.diagnosis.estimation.made_up import made_up, pushes
+from workbench.computing.counted import done
 from workbench.diagnosis.estimation.prediction_error import PredictionError, disturbances
 from workbench.diagnosis.estimation.process_noise import extended_start
+from workbench.diagnosis.estimation.simulated_recordings import pushes, simulated
 from workbench.diagnosis.selection.delays import Delays
 from workbench.physics.library import library
 from workbench.physics.recorded_facts import RecordedFacts
 from workbench.plants.servo_axis import servo_axis
-from workbench.work.counted import done
 
 STEP, SAMPLES = 0.005, 6000
 
 
 def test_what_is_filtered_once_changes_no_cost() -> None:
     axis = servo_axis()
-    seen = made_up(axis, pushes(SAMPLES, largest=200.0), sample_time=STEP)
+    seen = simulated(axis, pushes(SAMPLES, largest=200.0), sample_time=STEP)
     laws = {
         h.name: h for h in library(axis, RecordedFacts(duration=SAMPLES * STEP, sample_time=STEP))
     }

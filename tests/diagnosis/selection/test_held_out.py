@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from workbench.diagnosis.estimation.made_up import made_up, pushes
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, fit_with_process_noise
+from workbench.diagnosis.estimation.simulated_recordings import pushes, simulated
 from workbench.diagnosis.selection import held_out
 from workbench.diagnosis.selection.held_out import RunErrors, shown_on_bounds
 from workbench.plants.servo_axis import servo_axis
@@ -23,7 +23,7 @@ def test_a_value_is_wrong_where_held_out_recordings_refuse_the_usual_one(
     axis = servo_axis()
     axis = replace(axis, outputs=(replace(axis.outputs[0], noise_rms=2e-4),))
     seen = [
-        made_up(axis, pushes(600, largest=200.0, seed=k), sample_time=0.01, values=TRUE, seed=k)
+        simulated(axis, pushes(600, largest=200.0, seed=k), sample_time=0.01, values=TRUE, seed=k)
         for k in (1, 2)
     ]
     # The mass is beyond its range; of the offset the range says more than recordings can.

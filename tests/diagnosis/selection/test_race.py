@@ -25,7 +25,6 @@ from tests.diagnosis.selection.candidates import (
     trusting,
 )
 from tests.machines import machine
-from workbench.diagnosis.estimation.made_up import made_up, made_up_axis, pushes
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import default_priors, entry_priors, entry_start
 from workbench.diagnosis.estimation.process_noise import (
@@ -33,6 +32,11 @@ from workbench.diagnosis.estimation.process_noise import (
     blocks_of_cost,
     extended_start,
     fit_with_process_noise,
+)
+from workbench.diagnosis.estimation.simulated_recordings import (
+    pushes,
+    simulated,
+    simulated_axis,
 )
 from workbench.diagnosis.selection import race
 from workbench.diagnosis.selection.candidate import Candidate
@@ -121,7 +125,7 @@ def test_beside_what_leaves_nothing_out_others_are_not_tried_in_every_way(
     monkeypatch.setattr(race, "_head", lambda basis, head: basis._replace(fit_on=head))
     entry = library(servo_axis())[0]
     field = [made_score(entry, float(gain)) for gain in range(30)]
-    seen: Any = made_up_axis(1, samples=100)
+    seen: Any = simulated_axis(1, samples=100)
     base: Any = SimpleNamespace(noise_scale=before)
     heads = race._heads(Basis(base, (), [seen]), field, 1500)
     found = race._first_refits(heads, field, 10.0)
@@ -368,7 +372,7 @@ def test_more_trust_that_the_beginning_of_recordings_bears_is_no_gain_of_a_law()
     # Dry friction that comes late: with it the equations are trusted less than the beginning bears.
     axis = servo_axis().without("coulomb_friction")
     calm, rubbing = (
-        made_up(m, pushes(600, largest=200.0), sample_time=0.01) for m in (axis, servo_axis())
+        simulated(m, pushes(600, largest=200.0), sample_time=0.01) for m in (axis, servo_axis())
     )
     early = np.arange(600) < 300
     seen = replace(rubbing, outputs=np.where(early[:, None], calm.outputs, rubbing.outputs))

@@ -9,9 +9,9 @@ import pytest
 
 from tests.diagnosis.axis_case import COULOMB_N, observed
 from tests.diagnosis.selection.candidates import made_score
-from workbench.diagnosis.estimation.made_up import made_up, pushes
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+from workbench.diagnosis.estimation.simulated_recordings import pushes, simulated
 from workbench.diagnosis.selection.score import COLLINEAR, Scores, by_name, score_library
 from workbench.physics.friction import coulomb_friction, viscous_friction
 from workbench.physics.hypothesis import Hypothesis
@@ -57,7 +57,7 @@ def test_a_stiff_law_is_scored_with_each_of_its_shapes() -> None:
     assert stop.stiff and place in stop.shapes[1:]
     forces = pushes(600, largest=100.0, seed=3)
     free, held = (
-        made_up(model, forces, sample_time=0.01)
+        simulated(model, forces, sample_time=0.01)
         for model in (axis, axis.with_effect(stop.at_size(1.0, place)))
     )
     seen = replace(free, outputs=held.outputs)

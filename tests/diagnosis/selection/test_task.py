@@ -9,9 +9,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-from workbench.diagnosis.estimation.made_up import made_up, pushes
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+from workbench.diagnosis.estimation.simulated_recordings import pushes, simulated
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.selected import Accepted, Selected
 from workbench.diagnosis.selection.task import Task
@@ -27,7 +27,7 @@ def test_a_ripple_is_tried_with_the_pitch_that_the_recordings_show() -> None:
     # A slow sine there and back, and pushes that shake it.
     force = 150.0 * np.sin(2.0 * np.pi * np.arange(1200) / 600.0)
     force += pushes(1200, largest=60.0, seed=1)
-    seen = [made_up(axis.with_effect(magnets), force, sample_time=0.01)]
+    seen = [simulated(axis.with_effect(magnets), force, sample_time=0.01)]
     priors = default_priors(axis)
     base = fit_with_process_noise(axis, seen, priors)
     task = Task(axis, base, tuple(seen), (), priors)
@@ -41,7 +41,7 @@ def test_an_episode_is_looked_for_beside_parameters_off_their_bounds() -> None:
     truth = axis.with_effect(
         offset_pulse("axis.force", amount=-100.0, time=4.0, duration=2.5, width=0.02, floor=0.005)
     )
-    seen = made_up(truth, pushes(1000, largest=300.0, seed=1), sample_time=0.01)
+    seen = simulated(truth, pushes(1000, largest=300.0, seed=1), sample_time=0.01)
     seen = replace(seen, start=seen.start[:2], start_rms=seen.start_rms[:2])
     priors = default_priors(axis)
     base = fit_with_process_noise(axis, [seen], priors)
@@ -57,7 +57,9 @@ def test_an_episode_is_looked_for_beside_parameters_off_their_bounds() -> None:
 def test_without_an_effect_the_others_begin_where_they_came_to_with_it() -> None:
     axis, frequency = servo_axis(), 2.0 * math.pi / 0.0314
     magnets = ripple("axis.force", amplitude=30.0, frequency=frequency)
-    seen = made_up(axis.with_effect(magnets), pushes(600, largest=200.0, seed=1), sample_time=0.01)
+    seen = simulated(
+        axis.with_effect(magnets), pushes(600, largest=200.0, seed=1), sample_time=0.01
+    )
     model = axis.with_effect(magnets).with_effect(linear_spring("axis.force", stiffness=0.0))
     fit = partial(fit_with_process_noise, model, [seen], default_priors(model), noise_scale=1.0)
     far = fit(start={"ripple.frequency": 1.3 * frequency}, follow=False)

@@ -14,7 +14,7 @@ import pytest
 from tests.evaluation.own_cases.made_up import LIMIT, found, verdict
 from tests.shell import Refused, Shell
 from workbench.diagnosis.diagnose import stages
-from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
+from workbench.diagnosis.estimation.simulated_recordings import pushes, simulated_recording
 from workbench.diagnosis.stages import Diagnosis
 from workbench.errors import WorkbenchError
 from workbench.evaluation.benchmark import cases as module
@@ -35,7 +35,7 @@ def refitted(stiffness: float) -> Diagnosis:
     axis = servo_axis()
     true = axis.with_effect(linear_spring("axis.force", stiffness=stiffness, upper=1e3))
     push = {f"axis {seed}": pushes(400, largest=200.0, seed=seed) for seed in (1, 2)}
-    runs = [made_up_recording(true, u, sample_time=0.01, name=name) for name, u in push.items()]
+    runs = [simulated_recording(true, u, sample_time=0.01, name=name) for name, u in push.items()]
     reached = stages(axis, runs[:1], runs[1:], jobs=1, advise=False, progress=lambda _: None)
     return next(d for d in reached if d.fitted is not None)
 

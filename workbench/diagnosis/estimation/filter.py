@@ -20,10 +20,10 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
+from workbench.computing.buffered import Buffered
+from workbench.computing.counted import count
 from workbench.model import Model, Trace
 from workbench.simulation.equations import CFunction, Equations, address, in_c
-from workbench.work.buffered import Buffered
-from workbench.work.counted import count
 
 OUTLIER_SIGMA = 5.0
 """Innovations beyond this many standard deviations are taken as outliers: their variance is

@@ -18,11 +18,11 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
+from workbench.computing.processes import side_by_side, threads
 from workbench.diagnosis.estimation.filter import Asked, End, Filter, Innovations, Steps, steps_of
 from workbench.errors import NumericalError, WorkbenchError, check_choice
 from workbench.model import Model
 from workbench.model.model import index_of
-from workbench.work.processes import side_by_side, threads
 
 CORRELATION_TIME = 0.1
 """Time over which an unmodelled signal at a port is taken as correlated at the most, s."""

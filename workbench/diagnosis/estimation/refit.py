@@ -75,9 +75,9 @@ def refit(
         NumericalError: If no start could be evaluated.
 
     Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up_axis
+        >>> from workbench.diagnosis.estimation.simulated_recordings import simulated_axis
         >>> from workbench.plants.servo_axis import servo_axis
-        >>> found = refit(servo_axis(), [made_up_axis(seed) for seed in (0, 1)])
+        >>> found = refit(servo_axis(), [simulated_axis(seed) for seed in (0, 1)])
         >>> low, high = found.estimate("mass").interval
         >>> found.converged, low < 100.0 < high
         (True, True)

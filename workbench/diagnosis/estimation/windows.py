@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.arrays import Vector
+from workbench.diagnosis.estimation.error_growth import GROWN
 from workbench.diagnosis.estimation.free_run import FreeRun, as_recorded, free_runs, run_along
-from workbench.diagnosis.estimation.growth import GROWN
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.process_noise import extended_start
 from workbench.diagnosis.estimation.start import fitted_start

@@ -110,10 +110,10 @@ def locate(model: Model, recordings: Sequence[Observed]) -> Location:
     """Find the group of ports that needs another signal.
 
     Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
+        >>> from workbench.diagnosis.estimation.simulated_recordings import simulated, pushes
         >>> from workbench.plants.servo_axis import servo_axis
         >>> axis = servo_axis()
-        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
+        >>> seen = simulated(axis, pushes(200, largest=200.0), sample_time=0.01)
         >>> locate(axis.with_parameters({"mass": 80.0}), [seen]).alone["axis"] > 100.0
         True
     """

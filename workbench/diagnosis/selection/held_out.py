@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.arrays import Vector
+from workbench.computing.processes import in_order
 from workbench.diagnosis.estimation.free_run import (
     FreeRun,
     as_recorded,
@@ -36,7 +37,6 @@ from workbench.diagnosis.estimation.windows import (
 )
 from workbench.errors import NumericalError
 from workbench.model import Model
-from workbench.work.processes import in_order
 
 Runs = Mapping[str, FreeRun]
 """Free runs by recording."""

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.computing.processes import Call, in_order
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior, entry_priors
 from workbench.diagnosis.estimation.process_noise import (
@@ -32,7 +33,6 @@ from workbench.diagnosis.selection.score import Score
 from workbench.diagnosis.selection.shortlist import LEAST_SCORE
 from workbench.diagnosis.selection.task import Task
 from workbench.errors import NumericalError
-from workbench.work.processes import Call, in_order
 
 _FINALISTS = 4
 _MOST_SENSORS = 2

@@ -157,11 +157,11 @@ def score_library(
         noise_scale: Process-noise scale that the filter allows, dimensionless.
 
     Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
+        >>> from workbench.diagnosis.estimation.simulated_recordings import simulated, pushes
         >>> from workbench.diagnosis.estimation.priors import default_priors
         >>> from workbench.plants.servo_axis import servo_axis
         >>> axis = servo_axis()
-        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
+        >>> seen = simulated(axis, pushes(200, largest=200.0), sample_time=0.01)
         >>> from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
         >>> from workbench.physics.library import library
         >>> axis = axis.without("coulomb_friction")

@@ -16,7 +16,7 @@ from workbench.evaluation.benchmark.greedy import greedy
 from workbench.evaluation.benchmark.neural import neural
 from workbench.evaluation.benchmark.random_walk import random_walk
 from workbench.evaluation.benchmark.sindy import sindy
-from workbench.evaluation.kept import keep, silent
+from workbench.evaluation.kept_answers import keep, silent
 from workbench.recordings import read_case
 
 BASELINES = ("refit only", "greedy", "sindy", "random walk", "neural residual")

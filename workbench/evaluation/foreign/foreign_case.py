@@ -30,7 +30,7 @@ from workbench.evaluation.blind_round import (
 from workbench.evaluation.foreign.machine import Array, Concealed, Machine, Parameters, State
 from workbench.evaluation.foreign.newcomer import circuit, crane, drive, tank
 from workbench.evaluation.foreign.truths import CIRCUIT, CRANE, DRIVE, TANK
-from workbench.evaluation.kept import diagnosed, version
+from workbench.evaluation.kept_answers import diagnosed, version
 from workbench.evaluation.rates import Rate, reliability_lines, told
 from workbench.files import picked
 from workbench.model import Model

@@ -19,7 +19,7 @@ from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.stages import Diagnosis
 from workbench.evaluation.blind_round import names_of
-from workbench.evaluation.kept import diagnosed, version
+from workbench.evaluation.kept_answers import diagnosed, version
 from workbench.evaluation.machines.plants import muscle
 from workbench.model import Model
 from workbench.model.units import from_si, quantity, to_si

@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 
 from workbench.diagnosis.experiment.menu import Experiment
-from workbench.diagnosis.experiment.play import with_experiment
+from workbench.diagnosis.experiment.run_on_machine import with_experiment
 from workbench.diagnosis.stages import Diagnosis
 from workbench.errors import check_range
 from workbench.evaluation.blind_round import Line, answer_of, score_case
-from workbench.evaluation.kept import answered, chosen_cases, diagnosed, silent, version
+from workbench.evaluation.kept_answers import answered, chosen_cases, diagnosed, silent, version
 from workbench.evaluation.own_cases.own_case import made
 from workbench.evaluation.own_cases.plan import POORLY_SEEN, Planned, names, plan
 from workbench.evaluation.own_cases.statistics import truths_of

@@ -13,7 +13,7 @@ import numpy as np
 from workbench.arrays import Vector
 from workbench.diagnosis.stages import Diagnosis
 from workbench.evaluation.benchmark.baselines import answers
-from workbench.evaluation.kept import diagnosed, version
+from workbench.evaluation.kept_answers import diagnosed, version
 from workbench.evaluation.own_cases.plan import FIRST_SEED, Planned, plan
 from workbench.evaluation.own_cases.statistics import ANSWERERS
 from workbench.evaluation.rig import plant, simulate

@@ -26,9 +26,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.computing.machine_code import PLAIN
 from workbench.evaluation.rig.parameters import ELEMENTS, PARAMETERS
 from workbench.simulation.equations import CFunction, Equations, address, in_c
-from workbench.work.machine_code import PLAIN
 
 Number = Any
 """A float or an expression of CasADi."""

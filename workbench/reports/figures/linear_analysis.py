@@ -11,17 +11,17 @@ from controllers.plain.loop import loop_of
 from controllers.plain.pairing import interaction
 from workbench.errors import WorkbenchError
 from workbench.linearisation.operating_map import operating_map
-from workbench.linearisation.pace import horizon_of
+from workbench.linearisation.time_scales import horizon_of
 from workbench.linearisation.transfer import frequency_response
 from workbench.model.units import in_time, parse_unit, per
 from workbench.reports.figure import Figure
-from workbench.reports.figures.loops import bode, nyquist
+from workbench.reports.figures.bode_nyquist import bode, nyquist
 from workbench.reports.figures.study_traces import output_of, point_text, shown, written
 from workbench.reports.page import Block, Words, methods
 from workbench.reports.pictures import Picture
 from workbench.reports.style import REFERENCE, SIMULATED, label, new_figure
 from workbench.reports.tables import Cell, Table, number
-from workbench.study.linear_loop import LoopAnalysis
+from workbench.study.margins import LoopAnalysis
 from workbench.study.study import Study
 
 MAP_POINTS = 30

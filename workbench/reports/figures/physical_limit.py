@@ -14,7 +14,7 @@ from workbench.reports.page import Block, Words, methods
 from workbench.reports.pictures import Picture
 from workbench.reports.style import REFERENCE, Colour, bars, key, label, new_figure, told_apart
 from workbench.reports.tables import Cell, Table, number
-from workbench.study.limits import Distances, Move, StepDistance
+from workbench.study.physical_limit import Distances, Move, StepDistance
 from workbench.study.result import StudyResult
 
 if TYPE_CHECKING:

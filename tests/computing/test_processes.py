@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from workbench.work.processes import begin_anew, in_order
+from workbench.computing.processes import begin_anew, in_order
 
 
 def test_a_module_that_is_reloaded_is_so_in_other_processes_too(

@@ -18,8 +18,8 @@ from importlib.metadata import PackageNotFoundError, packages_distributions, ver
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from workbench.computing.processes import begin_anew
 from workbench.registry import own_modules
-from workbench.work.processes import begin_anew
 
 _WORKBENCH = str(Path(__file__).resolve().parents[1])
 _CONTROLLERS = str(Path(_WORKBENCH).parent / "controllers")

@@ -18,9 +18,9 @@ from pathlib import Path
 from secrets import token_hex
 from typing import Any, ClassVar, TypeVar
 
+from workbench.computing.counted import Work, add, done, since
 from workbench.errors import WorkbenchError, check_range, missing_package
 from workbench.registry import own_modules
-from workbench.work.counted import Work, add, done, since
 
 T = TypeVar("T")
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.shell import Shell
-from workbench.study.differences import differences, drawn, each
+from workbench.study.drawn_machines import differences, drawn, each
 from workbench.study.plants import PlantRecipe
 
 PLANT = """

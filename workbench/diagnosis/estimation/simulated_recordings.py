@@ -1,4 +1,4 @@
-"""Made-up recordings of a model, for examples and for proving that estimates are right."""
+"""Simulated recordings of a model, for examples and for proving that estimates are right."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from workbench.recordings.recording import Recording, Signal
 from workbench.simulation import simulate
 
 
-def made_up(
+def simulated(
     model: Model,
     inputs: npt.ArrayLike,
     *,
     sample_time: float,
     values: Mapping[str, float] | None = None,
     seed: int = 0,
-    name: str = "made up",
+    name: str = "simulated",
 ) -> Observed:
-    """Simulate a recording as `made_up_recording` does, and observe it.
+    """Simulate a recording as `simulated_recording` does, and observe it.
 
     It is returned as `observe` returns it for the model with its own values, every input held
     between samples. Inputs, sample time
@@ -34,20 +34,20 @@ def made_up(
     """
     return observe(
         replace(model, traits=replace(model.traits, straight=())),
-        made_up_recording(
+        simulated_recording(
             model, inputs, sample_time=sample_time, values=values, seed=seed, name=name
         ),
     )
 
 
-def made_up_recording(
+def simulated_recording(
     model: Model,
     inputs: npt.ArrayLike,
     *,
     sample_time: float,
     values: Mapping[str, float] | None = None,
     seed: int = 0,
-    name: str = "made up",
+    name: str = "simulated",
 ) -> Recording:
     """Simulate a recording of a model, with the noise and the resolution of its sensors.
 
@@ -81,7 +81,7 @@ def pushes(samples: int, *, largest: float, hold: int = 40, seed: int = 0) -> Ve
     return np.repeat(levels, hold)[:samples]
 
 
-def made_up_axis(seed: int = 0, *, samples: int = 800) -> Observed:
+def simulated_axis(seed: int = 0, *, samples: int = 800) -> Observed:
     """Simulate a recording of the servo axis with a mass of 100 kg instead of 95 kg.
 
     Args:
@@ -89,4 +89,4 @@ def made_up_axis(seed: int = 0, *, samples: int = 800) -> Observed:
     """
     forces = pushes(samples, largest=200.0, seed=seed)
     true = {"mass": 100.0, "offset": 2.0}
-    return made_up(servo_axis(), forces, sample_time=0.01, values=true, seed=seed)
+    return simulated(servo_axis(), forces, sample_time=0.01, values=true, seed=seed)

@@ -10,9 +10,14 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from workbench.diagnosis.estimation.made_up import pushes
+from workbench.diagnosis.estimation.simulated_recordings import pushes
 from workbench.diagnosis.experiment.menu import Experiment
-from workbench.diagnosis.experiment.play import Machine, SimulatedMachine, plan_csv, with_experiment
+from workbench.diagnosis.experiment.run_on_machine import (
+    Machine,
+    SimulatedMachine,
+    plan_csv,
+    with_experiment,
+)
 from workbench.errors import WorkbenchError
 from workbench.evaluation.own_cases.experiments import RigMachine
 from workbench.evaluation.rig.parameters import nominal

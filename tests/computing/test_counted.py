@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from workbench.diagnosis.estimation.made_up import made_up_axis
+from workbench.computing.counted import UNITS, add, count, done, in_words, since, together
+from workbench.computing.machine_code import compiler
+from workbench.computing.processes import in_order
 from workbench.diagnosis.estimation.refit import refit
+from workbench.diagnosis.estimation.simulated_recordings import simulated_axis
 from workbench.plants.servo_axis import servo_axis
 from workbench.simulation import equations, integrators, simulate
-from workbench.work.counted import UNITS, add, count, done, in_words, since, together
-from workbench.work.machine_code import compiler
-from workbench.work.processes import in_order
 
 
 def _simulated() -> dict[str, int]:
@@ -42,7 +42,7 @@ def test_the_interpreter_counts_as_machine_code_does(monkeypatch: pytest.MonkeyP
 
 
 def test_the_work_of_a_small_refit_is_bounded() -> None:
-    runs = [made_up_axis(seed) for seed in (0, 1)]
+    runs = [simulated_axis(seed) for seed in (0, 1)]
     before = done()
     refit(servo_axis(), runs)
     work = since(before)

@@ -22,7 +22,7 @@ from controllers.plain.selection import OVERSHOT
 from workbench.linearisation import LinearModel
 from workbench.linearisation.first_step import command_of_loop, step_of
 from workbench.linearisation.from_rest import FromRest, bends
-from workbench.linearisation.pace import noise_of
+from workbench.linearisation.time_scales import noise_of
 from workbench.model.quantities import of_names
 
 P = TypeVar("P")

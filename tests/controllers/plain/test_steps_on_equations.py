@@ -9,7 +9,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from controllers.plain import trial
+from controllers.plain import steps_on_equations
 from controllers.plain.loop import loop_of
 from controllers.plain.pairing import interaction
 from controllers.plain.selection import settled_after
@@ -20,7 +20,7 @@ from tests.machines import at_rest, machine, stepped
 from workbench.errors import WorkbenchError
 from workbench.linearisation import first_step
 from workbench.linearisation.first_step import step_of
-from workbench.linearisation.pace import reach_of, usual_sample_time
+from workbench.linearisation.time_scales import reach_of, usual_sample_time
 from workbench.model import Model
 from workbench.plants.plant import Plant
 from workbench.plants.servo_axis import servo_axis
@@ -228,7 +228,7 @@ def test_a_loop_that_still_gets_nearer_is_designed_no_slower(
     law = design_lqi(linear, want)
     # A slow loop takes more than the 200 s that are looked at, a fast one waits for its inflow.
     assert settled_after(law, linear, {"level": 0.1}) > 200.0 or not trusted
-    assert not trial.borne(law, linear, want).poor
+    assert not steps_on_equations.borne(law, linear, want).poor
 
 
 def lander() -> Model:

@@ -1,15 +1,10 @@
-"""Sampled linear systems in a law: matrices as numbers, sums of them, anti-windup."""
+"""The gain by which a sampled controller follows what is applied, in place of winding up."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from controllers.arithmetic import Number, Numbers
 from workbench.arrays import Matrix
-
-Rows = tuple[tuple[float, ...], ...]
 
 
 def anti_windup(A: Matrix, C: Matrix, pole: float) -> Matrix:
@@ -30,21 +25,3 @@ def anti_windup(A: Matrix, C: Matrix, pole: float) -> Matrix:
         return np.zeros((len(A), len(C)))
     moved = vectors[:, slow].real * (values[slow].real - pole)
     return np.asarray(moved @ np.linalg.pinv(seen))
-
-
-def total(start: Number, factors: tuple[float, ...], values: Numbers) -> Number:
-    """Return start + sum of factors times values (in any units), in their order, without zeros."""
-    for factor, value in zip(factors, values, strict=True):
-        if factor:
-            start = start + factor * value
-    return start
-
-
-def product(matrix: Rows, values: Numbers, start: Numbers = ()) -> Numbers:
-    """Return start, by default nothing, + matrix times values (in any units), in their order."""
-    return tuple(total(start[i] if start else 0.0, row, values) for i, row in enumerate(matrix))
-
-
-def rows(matrix: Any) -> Rows:
-    """Return a matrix, in any units, as a tuple of rows."""
-    return tuple(tuple(row) for row in np.atleast_2d(np.asarray(matrix, dtype=float)).tolist())

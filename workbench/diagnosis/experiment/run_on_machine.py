@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from workbench.diagnosis.division import in_two
-from workbench.diagnosis.estimation.made_up import made_up_recording
+from workbench.diagnosis.estimation.simulated_recordings import simulated_recording
 from workbench.diagnosis.experiment.menu import Experiment
 from workbench.errors import WorkbenchError
 from workbench.model import Model
@@ -38,7 +38,7 @@ class SimulatedMachine:
         Raises:
             WorkbenchError: If the model has other inputs than the experiment.
         """
-        return made_up_recording(
+        return simulated_recording(
             experiment.on(self.model),
             experiment.inputs,
             sample_time=experiment.sample_time,

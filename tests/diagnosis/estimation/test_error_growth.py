@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from tests.diagnosis.machine_data import recording
 from tests.machines import machine
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.growth import growth_along
+from workbench.diagnosis.estimation.error_growth import growth_along
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise

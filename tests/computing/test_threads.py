@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 from controllers.plain.limits import LoopLimits, LoopSpecification
-from controllers.plain.reading import designed_for
-from workbench.diagnosis.estimation.made_up import made_up_axis
+from controllers.plain.measured_outputs import designed_for
+from workbench.computing import _thread_counts, processes
+from workbench.computing.processes import in_order, side_by_side
 from workbench.diagnosis.estimation.prediction_error import PredictionError, disturbances
+from workbench.diagnosis.estimation.simulated_recordings import simulated_axis
 from workbench.linearisation import linear_model
 from workbench.plants.servo_axis import servo_axis
-from workbench.work import _thread_counts, processes
-from workbench.work.processes import in_order, side_by_side
 
 
 def test_results_come_in_order_from_several_threads(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -48,7 +48,7 @@ def test_a_worker_has_one_thread() -> None:
 
 def test_recordings_are_filtered_side_by_side_as_one_by_one() -> None:
     axis = servo_axis()
-    seen = [made_up_axis(seed, samples=1000) for seed in (1, 2, 3)]
+    seen = [simulated_axis(seed, samples=1000) for seed in (1, 2, 3)]
     filter_ = PredictionError(axis, seen[0], ("mass",), disturbances(axis, 1.0))
     for one, together in zip(
         [filter_.run(observed, axis.values) for observed in seen],
@@ -98,7 +98,7 @@ def test_a_design_keeps_linear_algebra_to_one_thread() -> None:
 def test_a_fork_has_threads_of_its_own() -> None:
     program = (
         "import os\n"
-        "from workbench.work import processes\n"
+        "from workbench.computing import processes\n"
         "processes.threads = lambda: 2\n"
         "calls = [(max, (1, 2)), (min, (1, 2))]\n"
         "processes.side_by_side(calls)\n"

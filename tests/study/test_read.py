@@ -9,7 +9,7 @@ import pytest
 
 from tests.study.small_study import TEXT, small_study
 from workbench.errors import WorkbenchError
-from workbench.study.schema import load_study
+from workbench.study.read import load_study
 from workbench.study.study import Demand
 from workbench.verification import Requirement
 

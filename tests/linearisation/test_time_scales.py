@@ -10,7 +10,7 @@ import pytest
 
 from tests.machines import at_rest, machine
 from workbench.linearisation import linear_model, linearise
-from workbench.linearisation.pace import horizon_of, reach_of, step_time, usual_sample_time
+from workbench.linearisation.time_scales import horizon_of, reach_of, step_time, usual_sample_time
 from workbench.model import Model
 from workbench.operating_point import operating_point
 

@@ -2,7 +2,7 @@
 
 A law reads the outputs that it follows, and others where no loop is within its limits without them,
 or a much better one is with them. Where its steps are poor on the equations, it is slower than the
-linear model lets it be (`controllers.plain.trial`).
+linear model lets it be (`controllers.plain.steps_on_equations`).
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ import numpy as np
 from controllers.plain.limits import LoopLimits, LoopSpecification
 from controllers.plain.loop import spare_outputs
 from controllers.plain.selection import Answer
-from controllers.plain.trial import borne
+from controllers.plain.steps_on_equations import borne
 from controllers.sensitivity import frequencies, loop_matrices, peaks_of
+from workbench.computing import in_one_thread
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
-from workbench.work import in_one_thread
 
 C = TypeVar("C")
 Makes = Callable[[LoopLimits], C]

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
+from workbench.computing.processes import parallel
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import SCHEMA
@@ -18,7 +19,6 @@ from workbench.files import check_folder, plain, write_whole
 from workbench.model import Model
 from workbench.physics.library import Hypothesis
 from workbench.recordings import Recording
-from workbench.work.processes import parallel
 
 
 class Case(Protocol):

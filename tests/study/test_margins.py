@@ -19,8 +19,8 @@ from tests.study.small_study import BY_BANDWIDTH, small_study
 from workbench.linearisation import LinearModel, linearise
 from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
-from workbench.study.linear_loop import analyse_loop, analyse_study
-from workbench.study.schema import load_study
+from workbench.study.margins import analyse_loop, analyse_study
+from workbench.study.read import load_study
 
 
 @pytest.fixture(scope="module")

@@ -17,13 +17,13 @@ from workbench.errors import NumericalError
 from workbench.files import json_text
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
-from workbench.study import limits
+from workbench.study import physical_limit
 from workbench.study.baseline import baseline_text
 from workbench.study.execution import Workers, store_of
-from workbench.study.limits import Move, distances, find_limits, limit_of, no_limit
+from workbench.study.physical_limit import Move, distances, find_limits, limit_of, no_limit
 from workbench.study.plants import PlantRecipe
+from workbench.study.read import load_study
 from workbench.study.result import run_study
-from workbench.study.schema import load_study
 from workbench.study.study import Study
 from workbench.study.summary import plain_summary, summary
 from workbench.study.tasks import Record, record_from_table
@@ -44,7 +44,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[tuple[float, float]]:
         made.append((initial, final))
         return SimpleNamespace(seconds=0.1)
 
-    monkeypatch.setattr(limits, "physical_limit", found)
+    monkeypatch.setattr(physical_limit, "physical_limit", found)
     return made
 
 
@@ -141,7 +141,7 @@ def test_a_solver_that_fails_is_a_reason(monkeypatch: pytest.MonkeyPatch) -> Non
     def fails(*_: Any, **__: Any) -> Any:
         raise NumericalError("the time-optimal move did not converge (Restoration_Failed); do so")
 
-    monkeypatch.setattr(limits, "physical_limit", fails)
+    monkeypatch.setattr(physical_limit, "physical_limit", fails)
     found = limit_of(Move(PlantRecipe(), "angle", 0.4, 0.6))
     assert math.isnan(found.value)
     assert found.reason == "the time-optimal move did not converge (Restoration_Failed)"
@@ -149,7 +149,7 @@ def test_a_solver_that_fails_is_a_reason(monkeypatch: pytest.MonkeyPatch) -> Non
     def breaks(*_: Any, **__: Any) -> Any:
         raise ZeroDivisionError("by nothing")
 
-    monkeypatch.setattr(limits, "physical_limit", breaks)
+    monkeypatch.setattr(physical_limit, "physical_limit", breaks)
     assert "ZeroDivisionError: by nothing" in limit_of(Move(PlantRecipe(), "a", 0.4, 0.6)).reason
 
 
@@ -220,8 +220,8 @@ def test_settled_steps_come_back_from_a_table() -> None:
 def test_the_real_limit_is_below_what_the_controller_needs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    coarse = partial(limits.physical_limit, intervals=16, degree=2)
-    monkeypatch.setattr(limits, "physical_limit", coarse)
+    coarse = partial(physical_limit.physical_limit, intervals=16, degree=2)
+    monkeypatch.setattr(physical_limit, "physical_limit", coarse)
     study = asking(tmp_path)
     study = replace(study, variations={"nominal": study.nominal()})
     outcome = run_study(study, tmp_path / "out")

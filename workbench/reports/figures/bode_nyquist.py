@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from workbench.arrays import Complex, Vector
 from workbench.reports.style import BAND, FAINT, INK, REFERENCE, key, label, new_figure, ramp
-from workbench.study.linear_loop import crossings
+from workbench.study.margins import crossings
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,7 +13,7 @@ import pytest
 from workbench.errors import WorkbenchError
 from workbench.evaluation.foreign.foreign_case import answer as diagnosed
 from workbench.evaluation.foreign.foreign_case import plan
-from workbench.evaluation.kept import answered, chosen_cases, read_kept
+from workbench.evaluation.kept_answers import answered, chosen_cases, read_kept
 
 
 @dataclass(frozen=True)

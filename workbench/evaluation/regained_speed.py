@@ -31,7 +31,7 @@ from workbench.plants.plant import Plant
 from workbench.simulation import simulate
 from workbench.study.designs import ControllerRecipe
 from workbench.study.plants import PlantRecipe
-from workbench.study.schema import load_study, shipped_study
+from workbench.study.read import load_study, shipped_study
 from workbench.study.study import Case, Report, Study, Variation
 
 PRESSURE_FILTER = 0.002

@@ -14,8 +14,8 @@ import tempfile
 import warnings
 from pathlib import Path
 
+from workbench.computing.counted import count
 from workbench.errors import WorkbenchError
-from workbench.work.counted import count
 
 PLAIN = ("-O2", "-fPIC", "-shared", "-ffp-contract=off")
 """What every compiler takes. Products are rounded before they are added, so that machine code gives

@@ -27,11 +27,11 @@ from workbench.operating_point.operating_point import check_value
 from workbench.plants import DEFAULT_PLANT
 from workbench.plants.registry import PLANTS
 from workbench.registry import user_code
+from workbench.study.dependencies import new_study, watched
 from workbench.study.designs import ControllerRecipe, Fastest, Pairs
 from workbench.study.feasible import can_have, check_demand, check_demands
-from workbench.study.inputs import new_study, watched
+from workbench.study.fields import TABLES, FieldTable, ToldError
 from workbench.study.plants import PlantRecipe, tolerated
-from workbench.study.shapes import TABLES, FieldTable, ToldError
 from workbench.study.study import (
     NOMINAL,
     Box,

@@ -11,8 +11,8 @@ import pytest
 
 from workbench.cli.redesign import _beside_tolerant
 from workbench.errors import WorkbenchError
-from workbench.evaluation import regained
-from workbench.evaluation.regained import (
+from workbench.evaluation import regained_speed
+from workbench.evaluation.regained_speed import (
     WHICH,
     Redesigned,
     flow_share,
@@ -73,7 +73,7 @@ def test_a_redesign_may_be_as_slow_as_what_tolerates_more() -> None:
 
 
 def test_a_wrong_family_is_told_before_any_design(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(regained, "nominal_recipe", lambda *_: pytest.fail("designed"))
+    monkeypatch.setattr(regained_speed, "nominal_recipe", lambda *_: pytest.fail("designed"))
     with pytest.raises(WorkbenchError, match="family of controllers is 'fuzzy'"):
         study_of_redesign(late(), ["state feedback", "fuzzy"])
 

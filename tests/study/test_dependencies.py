@@ -12,10 +12,10 @@ import pytest
 from tests.study.small_study import BY_BANDWIDTH, small_study
 from workbench.errors import WorkbenchError
 from workbench.study import execution
+from workbench.study.dependencies import new_study, watched
 from workbench.study.execution import FINISHED_BEFORE, Store, Workers, store_of, verify_kept
-from workbench.study.inputs import new_study, watched
+from workbench.study.read import load_study
 from workbench.study.result import run_study
-from workbench.study.schema import load_study
 from workbench.study.tasks import tasks
 
 KEY = "0" * 32
