@@ -20,9 +20,8 @@ from workbench.diagnosis.location.locate import PARALLEL, directions_of
 from workbench.diagnosis.location.unknown_input import unknown_input
 from workbench.diagnosis.nonparametric.dependence import Evidence, Site
 from workbench.errors import WorkbenchError
-from workbench.model import Effect, Model, PortView
+from workbench.model import Model
 from workbench.model.model import index_of
-from workbench.model.regularisation import Expression
 
 _ROWS = 1500
 _LEAST_KNOWN = 100
@@ -53,14 +52,14 @@ def gather(
     if np.count_nonzero(known) < _LEAST_KNOWN:
         known[:] = True
     pairs = [tuple(ports), *_pairs(model, ports)]
-    seen = _seen_at(model, [port for pair in pairs for port in pair])
-    if not seen[ports[0]]:
+    names = [port.name for port in model.ports]
+    trace = model.exact
+    places = [names.index(port) for port in dict.fromkeys(port for pair in pairs for port in pair)]
+    if not model.ports[places[0]].signals:
         raise WorkbenchError(
             f"port {ports[0]!r} of {model.name!r} has no local signals that a law could depend on;"
             " choose a port that has"
         )
-    names = [port.name for port in model.ports]
-    trace = model.exact
     columns = [index_of("parameter", prior.name, model.parameters) for prior in priors]
     free = trace.p[columns] if columns else ca.SX(0, 1)
     by_port, by_free, values, *local = trace.along(
@@ -70,16 +69,16 @@ def gather(
         trace.rates_by_port,
         ca.jacobian(trace.rates, free),
         trace.signals,
-        *(ca.vcat(list(seen[port].values())) for port in seen),
+        *(trace.local_signals[i] for i in places),
     )
     scale = np.array([q.scale for q in model.states])[:, None]
     there = by_port[:, :, [names.index(port) for port in ports]] / scale
     inverse = np.linalg.pinv(there)
-    of_port = dict(zip(seen, local, strict=True))
+    of_port = {names[i]: seen for i, seen in zip(places, local, strict=True)}
     sites: list[Site] = []
     for pair in pairs:
         effect = inverse @ (by_port[:, :, [names.index(port) for port in pair]] / scale)
-        site = _site(model, pair, effect, seen, of_port, x, values[:, :, 0])
+        site = _site(model, pair, effect, of_port, x, u, values[:, :, 0])
         same = next((i for i, other in enumerate(sites) if _alike(other, site)), None)
         if same is None:
             sites.append(site)
@@ -128,30 +127,6 @@ def _pushed(model: Model, x: Vector, u: Vector) -> npt.NDArray[np.bool_]:
     return np.asarray(np.any(np.abs(pushes) > 1e-3 * scale, axis=1))
 
 
-def _seen_at(model: Model, ports: Sequence[str]) -> dict[str, dict[str, Expression]]:
-    """Local signals of ports as expressions in the symbols of the model."""
-    seen: dict[str, dict[str, Expression]] = {}
-
-    def look(at: PortView) -> Expression:
-        seen[at.port] = dict(at.signals)
-        return at.value
-
-    watched = model.with_effect(Effect("look at signals", tuple(dict.fromkeys(ports)), look))
-    trace, own = watched.exact, model.exact
-    still = ca.SX.zeros(trace.perturbation.numel())
-    return {
-        port: {
-            name: ca.substitute(
-                [ca.SX(value)],
-                [trace.perturbation, trace.x, trace.u, trace.p],
-                [still, own.x, own.u, own.p],
-            )[0]
-            for name, value in signals.items()
-        }
-        for port, signals in seen.items()
-    }
-
-
 def _alike(one: Site, other: Site) -> bool:
     return one.signals.keys() == other.signals.keys() and all(
         np.array_equal(values, other.signals[name]) for name, values in one.signals.items()
@@ -162,21 +137,23 @@ def _site(
     model: Model,
     ports: tuple[str, ...],
     effect: Vector,
-    seen: dict[str, dict[str, Expression]],
     of_port: dict[str, Vector],
     states: Vector,
+    inputs: Vector,
     values: Vector,
 ) -> Site:
     """Local signals that vary and are not the same as another one."""
     names = model.exact.signal_names
     known = [
         *((states[:, i], q.unit) for i, q in enumerate(model.states)),
+        *((inputs[:, i], q.unit) for i, q in enumerate(model.inputs)),
         *((values[:, i], unit) for i, unit in enumerate(model.exact.signal_units)),
     ]
     signals: dict[str, Vector] = {}
     units: dict[str, str] = {}
-    for i, name in enumerate(seen[ports[0]]):
-        column = np.column_stack([of_port[port][:, i, 0] for port in ports])
+    port = next(q for q in model.ports if q.name == ports[0])
+    for i, name in enumerate(port.signals):
+        column = np.column_stack([of_port[at][:, i, 0] for at in ports])
         if float(np.std(column)) <= 1e-9 * float(np.abs(column).max()):
             continue
         alike = (np.corrcoef(column.ravel(), v.ravel())[0, 1] for v in signals.values())
@@ -184,15 +161,14 @@ def _site(
             continue
         signals[name] = column
         units[name] = _unit(name, column[:, 0], known, units)
-    unit = next(q.unit for q in model.ports if q.name == ports[0])
-    value = values[:, [names.index(port) for port in ports]]
-    return Site(ports, unit, signals, units, value, effect)
+    value = values[:, [names.index(at) for at in ports]]
+    return Site(ports, port.unit, signals, units, value, effect)
 
 
 def _unit(
     name: str, column: Vector, known: Sequence[tuple[Vector, str]], units: dict[str, str]
 ) -> str:
-    """Return the unit of the state or signal that a local signal equals but for a constant."""
+    """Return the unit of what a local signal equals but for a constant."""
     moving = column - column.mean()
     for other, unit in known:
         if np.allclose(moving, other - other.mean(), rtol=0, atol=1e-6 * float(np.std(column))):
