@@ -86,7 +86,7 @@ def test_checkable_equations_are_those_a_random_matrix_can_lose() -> None:
         numbers = np.where(holds, rng.normal(size=holds.shape), 0.0)
         rank = np.linalg.matrix_rank(numbers)
         without = [np.linalg.matrix_rank(np.delete(numbers, i, axis=0)) == rank for i in range(9)]
-        structure = Structure(holds, tuple("abcdefghi"), tuple("1234567"))
+        structure = Structure(holds, tuple("1234567"))
         assert structure.checkable().tolist() == without
 
 

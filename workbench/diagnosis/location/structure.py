@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from workbench.errors import WorkbenchError, check_choice
+from workbench.errors import check_choice
 from workbench.model import Effect, Model, PortView
 from workbench.model.regularisation import Expression
 
@@ -35,17 +35,8 @@ class Structure:
     """
 
     holds: Matrix
-    equations: tuple[str, ...]
     unknowns: tuple[str, ...]
     suspects: Mapping[str, int] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        """Check the shape."""
-        if self.holds.shape != (len(self.equations), len(self.unknowns)):
-            raise WorkbenchError(
-                f"a structure of {len(self.equations)} equations and {len(self.unknowns)} unknowns"
-                f" got a matrix of shape {self.holds.shape}"
-            )
 
     def checkable(self, without: Sequence[int] = ()) -> Matrix:
         """Return which equations can be checked against others.
@@ -64,7 +55,7 @@ class Structure:
         from scipy.sparse import csr_array
         from scipy.sparse.csgraph import maximum_bipartite_matching
 
-        rows = np.array([i for i in range(len(self.equations)) if i not in set(without)], dtype=int)
+        rows = np.setdiff1d(np.arange(len(self.holds)), without).astype(int)
         part = self.holds[rows]
         # For each unknown the row that determines it.
         if part.size:
@@ -80,7 +71,7 @@ class Structure:
                 if row >= 0 and not reached[row]:
                     reached[row] = True
                     waiting.append(row)
-        result = np.zeros(len(self.equations), dtype=bool)
+        result = np.zeros(len(self.holds), dtype=bool)
         result[rows[reached]] = True
         return result
 
@@ -107,8 +98,7 @@ class Structure:
     def with_measurement(self, holds: Sequence[str]) -> Structure:
         """Return the structure with another sensor, which reads what holds some unknowns."""
         row = np.isin(self.unknowns, list(holds))
-        equations = (*self.equations, "another sensor")
-        return replace(self, holds=np.vstack([self.holds, row]), equations=equations)
+        return replace(self, holds=np.vstack([self.holds, row]))
 
 
 @dataclass(frozen=True)
@@ -224,18 +214,7 @@ def structure_of(
         row = holds(expression)[0]
         if name not in readable and name not in outputs and row.any():
             readable[name] = tuple(u for u, held in zip(unknowns, row, strict=True) if held)
-    structure = Structure(
-        matrix,
-        (
-            *(f"rate of {s}" for s in states),
-            *(f"what makes {p}" for p in ports),
-            *ports,
-            *(f"reading of {o}" for o in outputs),
-        ),
-        unknowns,
-        {p: n_x + n_p + i for i, p in enumerate(ports)},
-    )
-    return structure, readable
+    return Structure(matrix, unknowns, {p: n_x + n_p + i for i, p in enumerate(ports)}), readable
 
 
 def _seen_through(model: Model, rates: Matrix, made: Matrix) -> Matrix:
