@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 from workbench.diagnosis.estimation.free_run import free_run, rms_of
@@ -46,7 +45,7 @@ def greedy(diagnosis: Diagnosis) -> tuple[list[dict[str, Any]], dict[str, float]
         diagnosis: The tool's diagnosis, whose refit and first scores are taken over.
 
     Returns:
-        Findings as a verdict has them, held-out errors by output in SI, and why it stopped.
+        Findings as a verdict has them, their held-out errors by output in SI, and why it stopped.
     """
     began = time.process_time()
     prepared = diagnosis.prepared
@@ -83,8 +82,7 @@ def greedy(diagnosis: Diagnosis) -> tuple[list[dict[str, Any]], dict[str, float]
         findings.append(told | {"gain": gain, "parameters": sizes})
         free += own
         current = fit
-    errors = _errors(diagnosis, current) if findings else _refitted(diagnosis)
-    return findings, errors, stopped
+    return findings, _errors(diagnosis, current) if findings else {}, stopped
 
 
 def _best(
@@ -147,11 +145,6 @@ def _errors(diagnosis: Diagnosis, fit: ProcessNoiseFit) -> dict[str, float]:
     return rms_of([free_run(fit.model, r).rmse for r in begun])
 
 
-def _refitted(diagnosis: Diagnosis) -> dict[str, float]:
-    verdict = diagnosis.concluded
-    return dict(verdict.fit.get("refitted", {})) if verdict else {}
-
-
 def _head(observed: Observed, seconds: float) -> Observed:
     count = max(1, round(seconds / observed.sample_time))
-    return replace(observed, inputs=observed.inputs[:count], outputs=observed.outputs[:count])
+    return observed.part(slice(count))
