@@ -836,3 +836,40 @@ def test_a_command_that_ends_on_one_side_is_named_with_its_end(side: float) -> N
     found = diagnosed(heater, runs, "*saturation asymmetric_gain bend rectification")
     law = f"{'upper' if side > 0.0 else 'lower'}_saturation_u_command"
     named(found, law, noise=1.2, limit=approx(0.7 * side, abs=5e-3))
+
+
+def _hauled(seed: int) -> Recording:
+    """Return a winch of 110 kg whose drum grows from 0.2 m by 4 mm for each metre wound on."""
+    rng, rows, x = np.random.default_rng(seed), [], np.array([0.0, 5.0])
+
+    def rates(_: float, x: Vector, torque: float) -> list[float]:
+        radius = 0.2 + 0.004 * x[1]
+        return [(torque - radius * 110.0 * 9.81 - 10.0 * x[0]) / 6.0, radius * x[0]]
+
+    for _ in range(40):
+        torque = rng.uniform(190.0, 330.0) + 5.0 * (10.0 - x[1])
+        states = held(rates, x, (np.full(26, torque),), 0.1)
+        rows += [(torque, *state) for state in states[:-1]]
+        x = states[-1]
+    torque, drum, rope = np.transpose(rows)
+    read = {
+        "drum [rad/s]": drum + 0.005 * rng.normal(size=len(drum)),
+        "rope [m]": rope + 0.005 * rng.normal(size=len(rope)),
+    }
+    return recording(f"hauled {seed}", 0.1, {"torque [N m]": torque}, read)
+
+
+def test_a_radius_that_grows_with_what_is_wound_on_is_named_though_nobody_refits_it() -> None:
+    winch = machine(
+        lambda m: {
+            "drum": (m.u.torque - m.p.radius * m.p.load * 9.81 - m.p.damping * m.x.drum) / 6.0,
+            "rope": m.p.radius * m.x.drum,
+        },
+        "drum rad/s, rope m 10",
+        "torque N m",
+        "drum rad/s, rope m",
+        "radius m 0.2, load kg 100 10 500, damping N m s/rad 8 0 100",
+    )
+    found = diagnosed(winch, [_hauled(seed) for seed in (1, 2)], "parameter_* gain bend bouc_wen*")
+    finding = named(found, "parameter_curve_radius_over_rope", noise=1.2)
+    assert "radius is 221 mm at 5.17 m, 241 mm at 10.3 m, 262 mm at 15.5 m" in finding.sentence

@@ -408,7 +408,7 @@ def _changing(q: Parameter, places: Sequence[Place], over: Local) -> tuple[Site,
 
 
 def _each_parameter_over(survey: Survey) -> Iterator[Fit]:
-    for q, places in gained(survey):
+    for q, places in (*gained(survey), *survey.fixed):
         for over in may_bend_over(survey, q, places):
             ends = "_".join(filter(None, (over.source, over.minus)))
             yield f"_{q.name}_over_{ends}", _changing(q, places, over)
@@ -523,6 +523,15 @@ def _range(at: Place) -> tuple[Own, Own]:
     )  # fmt: skip
 
 
+def _shift(at: Place) -> Own:
+    """Return by how much a parameter that no refit changes is off in the middle of its curve."""
+    q = at.parameters[0] if at.parameters else None
+    unit, scale = (q.unit, q.scale) if q else ("1", 1.0)
+    return shape("shift", unit, 0.0, "change in the middle of a parameter that is not refitted",
+                 around=None, between=(-10.0 * scale, 10.0 * scale), scale=0.3 * scale, source="",
+                 fitted=q is not None and not q.fitted)  # fmt: skip
+
+
 def _one_sided(at: Place) -> Own:
     """Return 1 for a parameter that is never negative, 0 for another."""
     kept = 1.0 if at.parameters and at.parameters[0].lower >= 0.0 else 0.0
@@ -541,7 +550,7 @@ def _bent(at: PortView) -> Expression:
 def _curve(p: Names, own: Expression, over: Expression) -> Expression:
     steep = p.steepness + 1e-6
     along = ca.tanh(steep * ((over - p.middle) / p.reach - p.place)) / ca.tanh(steep)
-    change = p.amount * (ca.cos(p.bend) * along + ca.sin(p.bend) * (along**2 - 1.0))
+    change = p.shift + p.amount * (ca.cos(p.bend) * along + ca.sin(p.bend) * (along**2 - 1.0))
     # What is never negative falls and grows by factors.
     grown = own * ca.exp(ca.fmin(change / (own + 1e-300), _MOST_GROWN))
     return ca.if_else(p.one_sided > 0.5, grown, own + change)
@@ -600,7 +609,7 @@ turbulent_flow = Law(
 parameter_curve = Law(
     "parameter_curve",
     "parameter + c, or parameter exp(c / parameter) where it is never negative,"
-    " c = amount (cos(bend) z + sin(bend) (z^2 - 1)), z = tanh(s (x - place)) / tanh(s),"
+    " c = shift + amount (cos(bend) z + sin(bend) (z^2 - 1)), z = tanh(s (x - place)) / tanh(s),"
     " s = steepness, x = (signal - middle) / reach",
     _each_parameter_over,
     lambda at: (
@@ -611,6 +620,7 @@ parameter_curve = Law(
               around=None, between=(-1.5, 1.5), scale=0.3, refined=True),
         shape("steepness", "1", 0.0, "how much it is a step there, from a straight line, 0",
               around=None, between=(0.0, 30.0), scale=1.0, refined=True),
+        _shift(at),
         _one_sided(at),
         *_range(at),
     ),

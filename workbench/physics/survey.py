@@ -273,10 +273,23 @@ class Survey:
         What one state gives another is part of the rates of both: a growth that a measurement shows
         as well comes in through those rates.
         """
+        return self._through_several(fitted=True)
+
+    @cached_property
+    def fixed(self) -> list[tuple[Parameter, tuple[Place, ...]]]:
+        """Parameters that are not refitted, as a drum's radius, and that several ports bring in.
+
+        What enters through one port alone changes there as a gain does, or what it multiplies.
+        """
+        sensors = {f"{q.name}.reading" for q in self.model.outputs}
+        found = self._through_several(fitted=False)
+        return [(q, at) for q, at in found if not sensors & {place.name for place in at}]
+
+    def _through_several(self, *, fitted: bool) -> list[tuple[Parameter, tuple[Place, ...]]]:
         t, ports, found = self.trace, self.ports, []
         taken = {q.name for of_port in self._entering for q in of_port}
         for k, q in enumerate(self.model.parameters):
-            if not q.fitted or q.name in taken or "." in q.name:
+            if q.fitted != fitted or q.name in taken or "." in q.name:
                 continue
             slopes = [ca.jacobian(ports.value(i), t.p[k]) for i in range(len(t.ports))]
             at = [i for i, slope in enumerate(slopes) if not slope.is_zero()]
