@@ -873,3 +873,63 @@ def test_a_radius_that_grows_with_what_is_wound_on_is_named_though_nobody_refits
     found = diagnosed(winch, [_hauled(seed) for seed in (1, 2)], "parameter_* gain bend bouc_wen*")
     finding = named(found, "parameter_curve_radius_over_rope", noise=1.2)
     assert "radius is 221 mm at 5.17 m, 241 mm at 10.3 m, 262 mm at 15.5 m" in finding.sentence
+
+
+def _cabled(seed: int) -> Recording:
+    """A finger that a cable in its sheath pulls against a spring: exp(0.25) is lost; SciPy."""
+    tension = 32.0 + levels(600, seed, 28.0, 10, 40)
+
+    def rates(_: float, s: Vector, pull: float) -> list[float]:
+        passed = pull * math.exp(-0.25 * math.tanh(s[1] / 0.004))
+        return [s[1], (passed - 900.0 * s[0] - 35.0 * s[1]) / 1.5]
+
+    bend = held(rates, [0.02, 0.0], (tension,), 0.02, method="LSODA")[:, 0]
+    read = bend + 2e-5 * np.random.default_rng(seed).normal(size=600)
+    return recording(f"run {seed}", 0.02, {"tension [N]": tension}, {"bend [m]": read})
+
+
+def test_a_cable_rubs_by_what_it_pulls() -> None:
+    finger = machine(
+        lambda m: {
+            "bend": m.x.speed,
+            "speed": (m.u.tension - m.p.spring * m.x.bend - m.p.damper * m.x.speed) / 1.5,
+        },
+        "bend m 0.02, speed m/s",
+        "tension N 0 100",
+        "bend m",
+        "spring N/m 800 50 5000, damper N s/m 30 0 300",
+    )
+    runs = [_cabled(seed) for seed in (1, 2)]
+    # How sharp its reversals are is refitted too, else the sensor's gain stands in for that.
+    sizes = {"share": approx(0.25, abs=0.002), "transition_speed": approx(0.004, rel=0.03)}
+    named(diagnosed(finger, runs, "*_friction* sensor_gain"), "transmission_friction*", **sizes)
+
+
+def _scanned(seed: int) -> Recording:
+    """A coil whose field lags by 8 % of it with 12 ms, for what it induces beside itself; SciPy."""
+    volts, random = levels(1500, seed, 60.0, 10, 90), np.random.default_rng(seed)
+
+    def rates(_: float, s: Vector, drive: float) -> list[float]:
+        return [(drive - 0.12 * s[0]) / 0.04, (s[0] - s[1]) / 0.012]
+
+    current, late = held(rates, [0.0, 0.0], (volts,), 4e-4).T
+    field = 9e-5 * (0.92 * current + 0.08 * late) + 1e-5 * random.normal(size=1500)
+    read = {"current [A]": current + 0.1 * random.normal(size=1500), "field [T]": field}
+    return recording(f"run {seed}", 4e-4, {"voltage [V]": volts}, read)
+
+
+def test_a_sensor_may_follow_slowly_what_another_one_reads() -> None:
+    coil = machine(
+        lambda m: (
+            {"current": (m.u.voltage - m.p.ohms * m.x.current) / m.p.henries},
+            {"current": m.x.current, "field": m.p.turns * m.x.current},
+        ),
+        "current A",
+        "voltage V",
+        "current A, field T",
+        "ohms Ohm 0.1 0.01 1, henries H 0.03 0.01 0.2, turns T/A 9e-5 1e-5 1e-3",
+    )
+    runs = [_scanned(seed) for seed in (1, 2)]
+    sizes = {"gain": approx(7.2e-6, rel=0.03), "time_constant": approx(0.012, rel=0.05)}
+    laws = "slow_response sensor_lag sensor_delay sensor_gain eddy_currents sensor_cross_talk*"
+    named(diagnosed(coil, runs, laws), "slow_response_field*", **sizes)

@@ -28,7 +28,11 @@ from workbench.diagnosis.estimation.start import fit_with_likely_starts, likely_
 from workbench.diagnosis.experiment.next_experiment import Advice, next_experiment
 from workbench.diagnosis.location.locate import Location, locate
 from workbench.diagnosis.location.located_signal import missing_signals
-from workbench.diagnosis.misrecorded_columns import with_commands_in_time, with_signs_tried
+from workbench.diagnosis.misrecorded_columns import (
+    with_breaks_bridged,
+    with_commands_in_time,
+    with_signs_tried,
+)
 from workbench.diagnosis.nonparametric.fit import nonparametric_term
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.second_search import VIEWS, View, beside
@@ -140,6 +144,8 @@ def stages(
     model, notes = with_undeclared(model, both)
     model, rows = as_coarse_as_recorded(model, both)
     both, late = with_commands_in_time(model, both)
+    both, broken = with_breaks_bridged(model, both)
+    late = (*late, *broken)
     fit_on, hold_out = both[: len(fit_on)], both[len(fit_on) :]
     model, noise = with_correlated_noise(model, both)
     for note in (

@@ -1,4 +1,4 @@
-"""Columns that were recorded a row too late, or seem to have the wrong sign; refits tell."""
+"""Columns that came a row too late, dropped out, or seem to have the wrong sign; refits tell."""
 
 from __future__ import annotations
 
@@ -6,16 +6,20 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
+from workbench.arrays import Vector, runs
 from workbench.diagnosis.estimation.process_noise import perfect_cost
-from workbench.diagnosis.estimation.start import fit_to_few
+from workbench.diagnosis.estimation.start import FEW, fit_to_few
 from workbench.diagnosis.selection.rules import SAME
 from workbench.diagnosis.undeclared.inputs import clearly_likelier
 from workbench.diagnosis.undeclared.plant import with_undeclared
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.model.units import in_time
+from workbench.recordings.checks.check import MAX_EXCLUDED
 from workbench.recordings.checks.report import CheckReport
+from workbench.recordings.checks.stuck import MIN_LEVELS
 from workbench.recordings.recording import Recording
 
 _LEFT = 0.1
@@ -23,6 +27,12 @@ _LEFT = 0.1
 
 _ROWS = 3000
 """Rows of a recording that tell."""
+
+_BACK = 0.1
+"""Part of a break between the values before and after it, at most, where an input goes on."""
+
+_FEW, _MOST_LEFT = 3, 0.5
+"""Breaks of an input in all that may be dropouts, and part of what is left out that may stay."""
 
 
 def moved_up(recording: Recording, names: Sequence[str], rows: int) -> Recording:
@@ -58,8 +68,7 @@ def with_commands_in_time(
         return recordings, ()
 
     def lacks(rows: int) -> float:
-        fit, started = fit_to_few(model, [moved_up(first, names, rows)])
-        return fit.cost - perfect_cost(fit.model, started)
+        return _lacks(model, [moved_up(first, names, rows)])
 
     try:
         before = lacks(0)
@@ -74,6 +83,88 @@ def with_commands_in_time(
     )
     row = {"recording": first.name, "check": "rows", "result": "corrected", "note": note}
     return [moved_up(r, names, 1) for r in recordings], (row,)
+
+
+def _breaks(values: Vector, *, short: bool) -> npt.NDArray[np.bool_]:
+    """Find samples, shape (n,), between two of one value that fall to the least or largest of all.
+
+    Of a few levels, as those of a switch, none does.
+
+    Args:
+        short: Whether others that fall as far for no longer count too.
+    """
+    bad = np.zeros(len(values), dtype=bool)
+    if len(np.unique(values)) < MIN_LEVELS:
+        return bad
+    for end in (values.min(), values.max()):
+        spells = [(a, b) for a, b in runs(values == end) if a > 0 and b + 1 < len(values)]
+        apart = np.array([[abs(values[k] - end) for k in (a - 1, b + 1)] for a, b in spells])
+        back = [abs(np.ptp(way)) < _BACK * way.min() for way in apart]
+        longest = max((b - a for (a, b), q in zip(spells, back, strict=True) if q), default=-1)
+        for (a, b), returns in zip(spells, back, strict=True):
+            bad[a : b + 1] |= returns or (short and b - a <= longest)
+    return bad if np.mean(bad) <= MAX_EXCLUDED else np.zeros_like(bad)
+
+
+def with_breaks_bridged(
+    model: Model, recordings: Sequence[Recording]
+) -> tuple[Sequence[Recording], tuple[dict[str, str], ...]]:
+    """Bridge moments in which an input reads nothing or all, where the machine knows none of them.
+
+    They take most of what the refitted model lacks.
+
+    Returns:
+        The recordings, the same ones where that is not so, and what is said of it, as rows of the
+        checks of recordings.
+    """
+    rows = []
+    for q in model.inputs:
+        if not all(q.name in r and np.isfinite(r[q.name]).all() for r in recordings):
+            continue
+        trials = [[_breaks(r[q.name], short=way) for r in recordings] for way in (False, True)]
+        if sum(len(runs(bad)) for bad in trials[0]) < _FEW:
+            continue
+        given = [_bridged(recordings, q.name, failed) for failed in trials]
+        try:
+            before, *after = (_lacks(model, trial[:FEW]) for trial in (recordings, *given))
+        except (WorkbenchError, np.linalg.LinAlgError):
+            continue
+        best = int(np.argmin(after))
+        if before < SAME or after[best] > _MOST_LEFT * before:
+            continue
+        recordings = given[best]
+        for recording, bad in zip(recordings, trials[best], strict=True):
+            lasting = in_time(float(bad.sum()) * recording.sample_time)
+            note = (
+                f"{q.name} of {recording.name} drops out {len(runs(bad))} times, for {lasting} in"
+                " all, which the machine does not follow; bridged"
+            )
+            rows.append(
+                {"recording": recording.name, "check": "rows", "result": "corrected", "note": note}
+            )
+    return recordings, tuple(rows)
+
+
+def _bridged(
+    recordings: Sequence[Recording], name: str, failed: Sequence[npt.NDArray[np.bool_]]
+) -> list[Recording]:
+    """Return recordings of which some samples of a signal get the value of the nearest other."""
+    bridged = []
+    for recording, bad in zip(recordings, failed, strict=True):
+        good = np.flatnonzero(~bad)
+        nearest = good[np.argmin(np.abs(np.flatnonzero(bad)[:, None] - good), axis=1)]
+        signal = recording.signal(name)
+        values = signal.values.copy()
+        values[bad] = values[nearest]
+        told = recording.with_signal(replace(signal, values=values))
+        bridged.append(told.excluding(name, bad, "dropout") if bad.any() else recording)
+    return bridged
+
+
+def _lacks(model: Model, recordings: Sequence[Recording]) -> float:
+    """Return by how much a refitted model is less likely than one that lacks nothing."""
+    fit, started = fit_to_few(model, recordings)
+    return fit.cost - perfect_cost(fit.model, started)
 
 
 def with_signs_tried(model: Model, report: CheckReport) -> CheckReport:

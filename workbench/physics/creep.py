@@ -104,8 +104,9 @@ maxwell_element = Law(
 
 
 def _read_at_once(survey: Survey) -> Iterator[Fit]:
+    """Yield sensors with the inputs that they read at once, or the state that another reads."""
     for place in survey.fitting("measurement"):
-        for cause in () if place.commanded else survey.causes(place):
+        for cause in () if place.commanded else (*survey.causes(place), *survey.read_too(place)):
             own = place.output.name if place.output else place.port.group
             site = place.with_signal("cause", cause)
             yield f"_{own}_{cause.source}", ((site,),)
@@ -118,7 +119,8 @@ def _path(at: Place) -> tuple[Own, ...]:
     )
 
 
-# A voltage that follows a current at once, and goes on when it has settled: diffusion in a cell.
+# A voltage that follows a current at once, and goes on when it has settled: diffusion in a cell. A
+# field that follows the current of its coil, once what that induces beside it has died out.
 slow_response = Law(
     "slow_response",
     "y = y + gain z, dz/dt = (u - z) / time_constant",
@@ -132,7 +134,7 @@ slow_response = Law(
     rates=lambda e: {"passed": (e.here.signals.cause - e.x.passed) / e.p.time_constant},
     start=lambda e: {"passed": 0.0 * e.here.signals.cause},
     shapes=lambda at: [{"time_constant": part * at.lasting} for part in (0.1, 0.02, 0.3)],
-    source="second pair of resistance and capacity of a cell, G. L. Plett 2015",
+    source="second pair of resistance and capacity of a cell, G. L. Plett 2015; eddy currents",
     look_alikes=("sensor_drift", "linear_outflow", "creep"),
     separated_by="a step that is held for several time constants, and a rest as long",
 )  # fmt: skip

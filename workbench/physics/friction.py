@@ -9,11 +9,13 @@ import casadi as ca
 
 from workbench.model import Names, PortView, State
 from workbench.model.regularisation import EXACT, Expression, Form
-from workbench.model.units import per
+from workbench.model.units import per, same_dimension
 from workbench.physics.law import (
     Fit,
     Law,
     Own,
+    at_inputs_too,
+    by_port,
     each,
     floor,
     rounding,
@@ -252,6 +254,36 @@ load_dependent_friction = Law(
     source="G. Amontons 1699; journal bearing under radial load",
     look_alikes=("coulomb_friction", "stribeck_friction", "muscle_hysteresis"),
     separated_by="the same motion under a light and under a heavy load",
+)  # fmt: skip
+
+
+def _pulls(at: Place) -> bool:
+    """Tell whether a command is a force or torque, or the current that makes one."""
+    return "speed" in at.signals and same_dimension(at.unit, "N", "N m", "A")
+
+
+# What passes a rope around a post, a gear or a screw is less by a factor on its way out, and more
+# by it on its way back.
+transmission_friction = at_inputs_too(
+    Law(
+        "transmission_friction",
+        "T = drive exp(-share tanh(v / transition_speed) sign drive)",
+        each("command", label=by_port, only=_pulls),
+        lambda at: (
+            size("share", "1", 0.1, 2.0, "logarithm of what goes in over what comes out",
+                 resists=True),
+            transition(at),
+        ),
+        lambda at: at.value
+        * ca.exp(
+            -at.p.share * ca.tanh(at.signals.speed / at.p.transition_speed) * ca.sign(at.value)
+        ),
+        dry=True,
+        source="L. Euler 1769, J. A. Eytelwein 1808: a rope around a post; efficiency of a gear",
+        look_alikes=("coulomb_friction", "load_dependent_friction", "asymmetric_gain"),
+        separated_by="the same motion under a small and under a large drive",
+    ),
+    _pulls,
 )  # fmt: skip
 
 

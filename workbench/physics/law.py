@@ -554,10 +554,13 @@ def drives(*roles: str, only: Callable[[Place], bool] = lambda at: True) -> Wher
     )  # fmt: skip
 
 
-def at_inputs_too(law: Law) -> Law:
+def at_inputs_too(law: Law, only: Callable[[Place], bool] = lambda at: True) -> Law:
     """Let a law of commands act on inputs too that enter the equations through one port alone.
 
     What else the port carries, such as friction beside the force of a motor, it leaves alone.
+
+    Args:
+        only: Tells whether the law fits such an input.
     """
 
     def own(at: PortView) -> PortView:
@@ -575,7 +578,7 @@ def at_inputs_too(law: Law) -> Law:
         return lambda e: function(replace(e, at={name: own(at) for name, at in e.at.items()}))
 
     def where(survey: Survey) -> Iterator[Fit]:
-        alone = survey.inputs_alone
+        alone = [at for at in survey.inputs_alone if only(at)]
         several = {at.name for at in alone}
         yield from (fit for fit in law.where(survey) if fit[1][0][0].name not in several)
         yield from ((f"_{at.signals['cause'].source}", ((at,),)) for at in alone)

@@ -128,11 +128,19 @@ class Survey:
         entering = zip(self.model.inputs, entered, strict=True)
         return tuple(self.ports.of(q.name) for q, enters in entering if enters)
 
+    def read_too(self, place: Place) -> tuple[Local, ...]:
+        """Return the state of which alone a sensor reads a function, if another one reads it."""
+        read = [self.ports.measured.get(q.name) for q in self._outputs if q != place.output]
+        value, known = self.ports.value_at(place), self.ports.symbols
+        seen = [n for n, own in known.items() if ca.depends_on(value, own)]
+        return (self.ports.of(seen[0]),) if len(seen) == 1 and seen[0] in read else ()
+
     @cached_property
     def inputs_alone(self) -> tuple[Place, ...]:
         """Inputs that enter the equations through one port alone, beside other signals there.
 
-        Each is that port as its cause alone is seen there, with its unit, scale and range.
+        Each is that port as its cause alone is seen there, with its unit, scale and range, and with
+        the speed that it raises.
         """
         t, found = self.trace, []
         for k, q in enumerate(self.model.inputs):
@@ -146,11 +154,14 @@ class Survey:
             ):
                 continue
             cause, port = self.ports.of(q.name), t.ports[at[0]]
+            signals, sign = {"cause": cause}, np.nanmedian(self.ports.sampled(slope))
+            if speed := self.place(port.name).signals.get("speed"):
+                signals["speed"] = speed.turned(float(sign))
             found.append(
                 Place(
                     replace(port, unit=cause.unit, scale=cause.scale),
                     "command",
-                    {"cause": cause},
+                    signals,
                     driven=True,
                     horizon=self.model.horizon,
                     recorded=self.recorded,
@@ -191,7 +202,7 @@ class Survey:
         shared = role == "command" and bodies > 1
         carried: dict[str, Local] = {}
         directed = elastic = True
-        if role in EFFORTS or shared:
+        if role in EFFORTS or role == "command":
             moved, directed = directed_motion(ports, index, motion_of(ports, index, signals))
             signals |= moved | _bearing_loads(signals)
             carried = carried_motion(ports, index, moved)

@@ -17,6 +17,7 @@ from workbench.physics.friction import (
     load_dependent_friction,
     muscle_viscosity,
     quadratic_drag,
+    transmission_friction,
 )
 from workbench.physics.offset_gain import asymmetric_gain, gain, offset
 from workbench.physics.saturation import (
@@ -75,6 +76,10 @@ LAWS: tuple[tuple[Effect, str, dict[str, Any], Any], ...] = (
     (load_dependent_friction(JOINT, coefficient=1e-3), "N m",
      {"speed": 0.5, "force_1": (300.0, 600.0, -1.0), "force_2": (200.0, 400.0, -50.0)},
      (-0.5, -1.0, 0.0)),
+    # Less comes out on its way out, and more takes part on its way back.
+    (transmission_friction("cable.command", share=0.2), "N",
+     {"value": (10.0, 10.0, -10.0), "speed": (*BOTH, 1.0)},
+     (10.0 * math.exp(-0.2), 10.0 * math.exp(0.2), -10.0 * math.exp(0.2))),
     (muscle_viscosity(("muscle.force",), coefficient=300.0, growth=1e-6), "N",
      {"contraction_speed": 0.1, "gauge_pressure": (0.0, 5e5)}, (-30.0, -45.0)),
     (contraction_force_correction(TENSION, gain=0.2), "N",

@@ -6,7 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from workbench.diagnosis.estimation.prediction_error import Observed
-from workbench.diagnosis.estimation.priors import Prior, default_priors, entry_priors
+from workbench.diagnosis.estimation.priors import (
+    Prior,
+    default_priors,
+    entry_priors,
+    is_guess,
+)
 from workbench.diagnosis.estimation.process_noise import (
     INDIFFERENT,
     ProcessNoiseFit,
@@ -77,7 +82,7 @@ def shaped(
     recordings: Sequence[Observed],
     free: tuple[Prior, ...],
 ) -> tuple[ProcessNoiseFit, tuple[Prior, ...]]:
-    """Refit the details of a law's shape too, if that explains more.
+    """Refit the details of a law's shape too, and what was a guess, if that explains more.
 
     Args:
         recordings: Fitting recordings, with starts for the model.
@@ -86,7 +91,8 @@ def shaped(
         The fit and its priors: the given ones, unless the recordings tell the details, and both the
         fitting and the held-out ones are more likely for what more parameters cost.
     """
-    names = [f"{entry.name}.{q.name}" for q in entry.effect.parameters if q.refined]
+    own = [q for q in entry.effect.parameters if q.name != entry.size_parameter]
+    names = [f"{entry.name}.{q.name}" for q in own if q.refined or is_guess(q)]
     if not names:
         return fit, free
     more = (*free, *default_priors(fit.model, names))

@@ -55,7 +55,7 @@ def check_constant(recording: Recording, expected: Expected) -> Finding:
 
 _MIN_RUN = 10
 _NEIGHBOURS = 10
-_MIN_LEVELS = 20
+MIN_LEVELS = 20
 """A signal of fewer levels is a switch or a counter, for which standing still is normal."""
 
 
@@ -92,7 +92,7 @@ def stuck_samples(values: Vector) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np
     if not found or np.ptp(values) == 0:
         return bad, sure
     step = max(quantum(values), 1e-6 * float(np.ptp(values)))
-    if len(np.unique(values)) < _MIN_LEVELS:
+    if len(np.unique(values)) < MIN_LEVELS:
         return bad, sure
     free = np.ones(len(equal), dtype=bool)
     for a, b in found:
@@ -125,7 +125,7 @@ def dropped_out(values: Vector) -> npt.NDArray[np.bool_]:
         Mask, shape (n,), dimensionless.
     """
     bad = np.zeros(len(values), dtype=bool)
-    if len(np.unique(values)) < _MIN_LEVELS:
+    if len(np.unique(values)) < MIN_LEVELS:
         return bad
     steps = np.abs(np.diff(values))
     for end in (values.min(), values.max()):
