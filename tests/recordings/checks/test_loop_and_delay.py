@@ -67,3 +67,12 @@ def test_delay(delay: int, gain: float) -> None:
     assert found.onset == pytest.approx(0.002 * (delay + 1), abs=0.0061)
     assert found.onset >= 0.002 * (delay + 1) - 1e-9
     assert found.strength > 5.5
+
+
+@pytest.mark.parametrize("n", [125, 150])
+def test_a_recording_that_is_shorter_than_the_longest_delay_has_one(n: int) -> None:
+    rng = np.random.default_rng(0)
+    u = rng.normal(size=n)
+    late = np.concatenate([np.zeros(3), u[:-3]]) + 0.1 * rng.normal(size=n)
+    trial = recorded(0.001, {"u V": u}, {"y m": late})
+    assert estimate_delay(trial, "u", "y").onset == pytest.approx(0.003)

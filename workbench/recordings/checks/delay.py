@@ -52,14 +52,15 @@ def response_correlation(
     of the command, and what is left comes from the reference.
 
     Args:
-        max_delay: Longest lag, in s; 10 samples at least, 200 at most.
+        max_delay: Longest lag, in s; 10 samples at least, 200 at most, and none that is longer
+            than what is new.
         beside: Commands that may move together with this one: what they explain of it is taken out.
     """
     lags = int(np.clip(round(max_delay / recording.sample_time), 10, 200))
     moving = recording.moving(recording.measurements) if closed_loop else ()
     explained = (*moving, *beside)
     action = surprises(recording, command, now=explained)
-    return correlation(action, surprises(recording, response), range(lags + 1))
+    return correlation(action, surprises(recording, response), np.arange(lags + 1)[: len(action)])
 
 
 def estimate_delay(

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from weakref import WeakKeyDictionary
 
 import numpy as np
+import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.recordings.recording import Recording
@@ -70,13 +71,13 @@ def surprises(
     return kept[key]
 
 
-def correlation(first: Vector, second: Vector, lags: Iterable[int]) -> Vector:
+def correlation(first: Vector, second: Vector, lags: npt.NDArray[np.int_]) -> Vector:
     """Return the correlation of ``second`` some samples after ``first``, of zero mean, in sigmas.
 
-    For independent white signals it is normal with unit variance at every lag. Lags are whole
-    numbers of samples, not negative.
+    For independent white signals it is normal with unit variance at every lag. Lags, shape
+    (n_lags,), are whole numbers of samples, negative where ``second`` comes before.
     """
-    n = len(first)
-    size = np.std(first) * np.std(second) * np.sqrt(n)
-    sums = np.array([np.sum(second[k:] * first[: n - k]) for k in lags])
-    return sums / size if size else np.zeros(len(sums))
+    n = min(len(first), len(second))
+    size = float(np.std(first) * np.std(second)) * np.sqrt(n)
+    spectrum = np.conj(np.fft.rfft(first[:n], 2 * n)) * np.fft.rfft(second[:n], 2 * n)
+    return np.fft.irfft(spectrum, 2 * n)[lags] / size if size else np.zeros(len(lags))

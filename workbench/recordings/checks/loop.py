@@ -48,7 +48,7 @@ def feedback_strength(recording: Recording, command: str, measurement: str) -> t
     """
     surprise = surprises(recording, measurement, given=(command,))
     action = surprises(recording, command)
-    strength = np.abs(correlation(surprise, action, range(1, _LAGS + 1)))
+    strength = np.abs(correlation(surprise, action, np.arange(1, _LAGS + 1)))
     best = int(np.argmax(strength))
     return float(strength[best]), best + 1
 

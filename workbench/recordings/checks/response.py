@@ -12,7 +12,13 @@ from workbench.arrays import Vector
 from workbench.model.units import in_time
 from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
-from workbench.recordings.checks.innovations import MAX_SAMPLES, MEMORY, innovations, surprises
+from workbench.recordings.checks.innovations import (
+    MAX_SAMPLES,
+    MEMORY,
+    correlation,
+    innovations,
+    surprises,
+)
 from workbench.recordings.checks.noise import white_rms
 from workbench.recordings.recording import Recording
 
@@ -68,7 +74,8 @@ def answers(recording: Recording, command: str, measurement: str) -> tuple[Answe
         near, before = (_NEAR, _FEEDBACK) if block > 1 else (100, 2 * MEMORY)
         if len(action) < 10 * MEMORY or around <= near:
             continue
-        lags, sigmas = _correlation(action, reaction, around)
+        lags = np.arange(-around, around + 1)
+        sigmas = correlation(action, reaction, lags)
         best = int(np.argmax(np.abs(sigmas)))
         close = (lags >= 0) & (lags <= near)
         repeats = _repeats(action)
@@ -95,22 +102,14 @@ def _new(recording: Recording, name: str, block: int) -> Vector:
     return innovations(means, [means], memory=MEMORY // 2)
 
 
-def _correlation(first: Vector, second: Vector, around: int) -> tuple[npt.NDArray[np.int_], Vector]:
-    n = min(len(first), len(second))
-    size = float(np.std(first) * np.std(second)) * np.sqrt(n)
-    lags = np.arange(-around, around + 1)
-    spectrum = np.conj(np.fft.rfft(first[:n], 2 * n)) * np.fft.rfft(second[:n], 2 * n)
-    return lags, np.fft.irfft(spectrum, 2 * n)[lags] / size if size else np.zeros(len(lags))
-
-
 def _repeats(action: Vector) -> npt.NDArray[np.int_]:
     """Return the lags, in blocks, at which what is new in a command comes again, or its reverse.
 
     Zero is the first of them.
     """
-    lags, sigmas = _correlation(action, action, len(action) // 2)
-    again = np.abs(sigmas) > _AGAIN * np.sqrt(len(action))
-    return np.asarray(lags[again & (lags >= 0)])
+    lags = np.arange(len(action) // 2 + 1)
+    sigmas = correlation(action, action, lags)
+    return np.asarray(lags[np.abs(sigmas) > _AGAIN * np.sqrt(len(action))])
 
 
 @check("response", 125, fix="put command and measurements of the same rows beside each other")
