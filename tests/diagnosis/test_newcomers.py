@@ -933,3 +933,36 @@ def test_a_sensor_may_follow_slowly_what_another_one_reads() -> None:
     sizes = {"gain": approx(7.2e-6, rel=0.03), "time_constant": approx(0.012, rel=0.05)}
     laws = "slow_response sensor_lag sensor_delay sensor_gain eddy_currents sensor_cross_talk*"
     named(diagnosed(coil, runs, laws), "slow_response_field*", **sizes)
+
+
+def _discharged(seed: int) -> Recording:
+    """Return a cell of 2.5 A h whose electrodes take 50 mV for e times the current, in NumPy."""
+    rng = np.random.default_rng(seed)
+    current = np.repeat(rng.uniform(-3.0, 6.0, 40), 50)
+    charge = 0.85 - np.concatenate([[0.0], np.cumsum(current)[:-1]]) / 9000.0
+    slow = np.zeros(len(current))
+    for k, i in enumerate(current[:-1]):
+        slow[k + 1] = 0.012 * i + (slow[k] - 0.012 * i) * np.exp(-1.0 / 45.0)
+    lost = 0.015 * current + 0.05 * np.arcsinh(current / 0.8)
+    volts = 3.25 + 0.85 * charge - slow - lost + 1e-3 * rng.normal(size=len(current))
+    return recording(f"cell {seed}", 1.0, {"load [A]": current}, {"terminal [V]": volts})
+
+
+def test_electrodes_that_resist_a_small_current_more_are_named() -> None:
+    def equations(m: Scope) -> Equations:
+        terminal = m.p.empty + m.p.full * m.x.charge - m.p.inner * m.u.load - m.x.slow
+        rates = {"charge": -m.u.load / 9000.0, "slow": (m.p.outer * m.u.load - m.x.slow) / m.p.tau}
+        return rates, {"terminal": terminal}
+
+    cell = machine(
+        equations,
+        "charge 1 0.9 start_rms=0.1, slow V scale=0.05",
+        "load A -20 20",
+        "terminal V",
+        "empty V 3.3 2 4, full V 0.8 0 2, inner ohm 0.02 1e-3 0.2, outer ohm 0.01 1e-3 0.2,"
+        " tau s 60 5 600",
+    )
+    laws = "activation_overvoltage parameter_* bend sensor_bend* offset deadband"
+    found = diagnosed(cell, [_discharged(seed) for seed in (1, 2)], laws)
+    sizes = {"slope": approx(0.05, rel=0.03), "exchange_current": approx(0.4, rel=0.1)}
+    named(found, "activation_overvoltage_inner", noise=1.2, **sizes)

@@ -12,7 +12,7 @@ from workbench.errors import TIMES_S
 from workbench.model import Effect, Model, Parameter, PortView, State
 from workbench.model.regularisation import Expression
 from workbench.model.scope import EffectView, Names
-from workbench.model.units import per
+from workbench.model.units import per, same_dimension
 from workbench.physics.law import (
     Fit,
     Law,
@@ -31,7 +31,7 @@ from workbench.physics.law import (
     with_subject,
 )
 from workbench.physics.offset_gain import sensor_error
-from workbench.physics.parameter_arguments import argument, driving, may_bend_over
+from workbench.physics.parameter_arguments import argument, dissipating, driving, may_bend_over
 from workbench.physics.place import EFFORTS, FLOWS, Local, Place
 from workbench.physics.survey import Survey
 
@@ -600,6 +600,44 @@ turbulent_flow = Law(
     source="J. Weisbach 1845: losses of bends, valves and orifices",
     look_alikes=("parameter_curve", "outflow_exponent"),
     separated_by="small flows against large ones, in both directions",
+)
+
+
+def _polarised(survey: Survey) -> Iterator[Fit]:
+    """Yield resistances of what a current passes through: electrodes resist more a small one."""
+    for q, places in gained(survey):
+        passed = dissipating(survey, q, places)
+        if passed and same_dimension(q.unit, "ohm") and same_dimension(passed.unit, "A"):
+            yield f"_{q.name}", _changing(q, places, passed)
+
+
+def _activation(at: Place) -> tuple[Own, ...]:
+    most = at.other("over").largest
+    volts = most * (at.parameters[0].scale if at.parameters else 1.0)
+    return (
+        size("slope", "V", 0.1 * volts, 100.0 * volts, "voltage for e times the current"),
+        shape("exchange_current", "A", 0.02 * most, "current of the electrode in both directions"
+              " at rest", around=(1e-4, 50.0)),
+    )  # fmt: skip
+
+
+def _activated(at: PortView) -> Expression:
+    doubled = 2.0 * at.p.exchange_current
+    current = ca.sqrt(at.signals.over**2 + (1e-6 * doubled) ** 2)
+    return with_subject(at, at.subject + at.p.slope * ca.asinh(current / doubled) / current)
+
+
+# Batteries, fuel cells, electrolysers, baths of a plater.
+activation_overvoltage = Law(
+    "activation_overvoltage",
+    "resistance i + slope asinh(i / (2 exchange_current))",
+    _polarised,
+    _activation,
+    _activated,
+    of_parameter=True,
+    source="J. Tafel 1905; Bard and Faulkner, Electrochemical Methods, 2001, 3.4 (Butler-Volmer)",
+    look_alikes=("parameter_curve", "offset"),
+    separated_by="small currents against large ones, in both directions",
 )
 
 
