@@ -352,17 +352,17 @@ static int guard_step(const double *measurement, const double *reference, double
 #endif
   for (i = 0; i < GUARD_REFERENCES; ++i) {
     const int own = i % GUARD_CONTROLLED;
-    const double before = state[AT_REFERENCE + own], pace = GUARD_REFERENCE_PACE[own];
+    const double led = state[AT_REFERENCE + own], pace = GUARD_REFERENCE_PACE[own];
     double value = reference[i];
     if (!isfinite(value)) {
-      value = before;
+      value = led;
       found = GUARD_REFERENCE;
     }
     if (value < GUARD_REFERENCE_LOWER[own]) {
-      value = fmax(GUARD_REFERENCE_LOWER[own], before - pace);
+      value = fmax(GUARD_REFERENCE_LOWER[own], led - pace);
       found = GUARD_REFERENCE;
     } else if (value > GUARD_REFERENCE_UPPER[own]) {
-      value = fmin(GUARD_REFERENCE_UPPER[own], before + pace);
+      value = fmin(GUARD_REFERENCE_UPPER[own], led + pace);
       found = GUARD_REFERENCE;
     }
     wanted[i] = value;

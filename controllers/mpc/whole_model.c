@@ -9,7 +9,10 @@ static int mpc_start(const double *measurement, double *state) {
   for (i = 0; i < FOLLOWED; ++i)
     state[N_Z + OPENINGS + i] = state[N_Z + OPENINGS + FOLLOWED + i] = measurement[i];
 #ifdef PACED
-  for (i = 0; i < FOLLOWED; ++i) state[N_Z + OPENINGS + 2 * FOLLOWED + i] = measurement[i];
+  for (i = 0; i < FOLLOWED; ++i) {
+    state[N_Z + OPENINGS + 2 * FOLLOWED + i] = measurement[i];
+    state[N_Z + OPENINGS + 3 * FOLLOWED + i] = 0.0;
+  }
 #endif
   return 0;
 }
@@ -33,7 +36,8 @@ static int mpc_step(const double *measurement, const double *reference, double *
   static double x[QP_N], before[OPENINGS], move[OPENINGS], opening[OPENINGS], last[FOLLOWED];
   double *const filtered = state + N_Z + OPENINGS, *const target = filtered + FOLLOWED;
 #ifdef PACED
-  double *const paced = target + FOLLOWED;
+  double *const paced = target + FOLLOWED, *const moved = paced + FOLLOWED;
+  double away, fast;
 #endif
   int i, k, iterations, status;
   for (i = 0; i < OPENINGS; ++i) before[i] = state[N_Z + i] - REST_OPENING[i];
@@ -50,7 +54,12 @@ static int mpc_step(const double *measurement, const double *reference, double *
 #else
     lags[0] = reference[k];
 #ifdef PACED
-    lags[0] = paced[k] += clipped(reference[k] - paced[k], -PACE[k], PACE[k]);
+    away = reference[k] - paced[k];
+    fast = 4.0 * fabs(away) / (1.0 + sqrt(1.0 + 8.0 * fabs(away) / BRAKE[k]));
+    fast = fmin(fast, PACE[k]);
+    away = clipped(away, -fast, fast);
+    moved[k] = clipped(away, moved[k] - BRAKE[k], moved[k] + BRAKE[k]);
+    lags[0] = paced[k] += moved[k];
 #endif
     lags[1] = filtered[k] + FRESH[k] * (lags[0] - filtered[k]);
     lags[2] = target[k] + FRESH[k] * (lags[1] - target[k]);

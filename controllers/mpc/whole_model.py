@@ -28,6 +28,7 @@ blocking, soft constraints); Rawlings, Mayne and Diehl, Model Predictive Control
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -70,7 +71,8 @@ class MPCState(NamedTuple):
         opening: Openings applied last, shape (m,), fractions of the full ones.
         filtered: References after the first lag, shape (p,), in SI.
         target: References after the second lag, shape (p,), in SI.
-        paced: References before the lags at their pace, shape (p,), in SI; None without a pace.
+        paced: References before the lags at their pace, and by how much they moved in the last
+            sample, shape (2 p,), in SI; None without a pace.
     """
 
     predicted: Any
@@ -97,6 +99,7 @@ class LinearMPC(ValveController):
         others: Curves of the actuators behind the first.
         pace: Largest changes of the references that are followed, in SI of the outputs per sample;
             not used with preview.
+        brake: Largest changes of these changes from one sample to the next, in SI of the outputs.
         solver: Solver of the program, ``"own"`` or one of CasADi's; in C it is the own one.
     """
 
@@ -108,6 +111,7 @@ class LinearMPC(ValveController):
     reference_speed: tuple[float, ...]
     others: tuple[ValveInverse, ...] = ()
     pace: tuple[float, ...] = ()
+    brake: tuple[float, ...] = ()
     solver: str = OWN
     name: str = "linear MPC"
 
@@ -129,7 +133,7 @@ class LinearMPC(ValveController):
         deviation = np.array(measurement) - self.observer.rest
         followed = np.array(measurement[: len(self.controlled)])
         opening = np.array(self.rest_opening)
-        paced = followed if self.pace else None
+        paced = np.concatenate([followed, 0.0 * followed]) if self.pace else None
         return MPCState(product(self.start, deviation), opening, followed, followed, paced)
 
     def step(
@@ -156,17 +160,19 @@ class LinearMPC(ValveController):
         """
         p, o, count, m = self.prediction, self.observer, len(self.controlled), len(self.curves)
         estimate, rest = o.correct(state.predicted, measurement), o.rest[:count]
+        paced = None
         if self.preview:
             filtered = target = reference[:count]
             coming = reference.reshape(-1, *target.shape)[list(p.preview_index)]
             path = np.concatenate([coming[:, i] - y for i, y in enumerate(rest)])
         else:
-            now, fresh = reference.T, np.array(self.reference_speed) * self.sample_time
-            if len(self.pace):
-                pace, paced = np.transpose(self.pace), state.paced.T
-                now = paced + np.clip(now - paced, -pace, pace)
-            filtered, target = lagged(state.filtered.T, state.target.T, now, fresh)
-            now, filtered, target = now.T, filtered.T, target.T
+            now, fresh = reference, np.array(self.reference_speed) * self.sample_time
+            if self.pace:
+                moved = self._moved(reference, *np.split(state.paced, 2))
+                now = state.paced[:count] + moved
+                paced = np.concatenate([now, moved])
+            filtered, target = lagged(state.filtered.T, state.target.T, now.T, fresh)
+            filtered, target = filtered.T, target.T
             lags = np.array([now, filtered, target])
             each = [product(own, lags[:, i]) - rest[i] for i, own in enumerate(self.path)]
             path = np.concatenate(each)
@@ -198,8 +204,14 @@ class LinearMPC(ValveController):
             (tuple(c.command(o) for c, o in zip(self.curves, row, strict=True)), *own)
             for row, own in zip(openings.tolist(), solved, strict=True)
         ]
-        paced = now if len(self.pace) else None
         return answers, MPCState(predicted, opening, filtered, target, paced)
+
+    def _moved(self, reference: Matrix, before: Matrix, moved: Matrix) -> Matrix:
+        """Return by how much references move, as of `controllers.plain.plain_law.paced`."""
+        away, brake = reference - before, np.array(self.brake or np.full(len(before), math.inf))
+        stops = 4.0 * np.abs(away) / (1.0 + np.sqrt(1.0 + 8.0 * np.abs(away) / brake))
+        fast = np.minimum(np.array(self.pace), stops)
+        return np.clip(np.clip(away, -fast, fast), moved - brake, moved + brake)
 
     def linear_law(
         self,
@@ -223,7 +235,8 @@ class LinearMPC(ValveController):
         z = ca.vertcat(*state[:4]) - at_rest
         m = ca.vertcat(ca.vcat(measurement), now) - entered
         predicted, before, filtered, target = ca.vertsplit(F @ z + G @ m + at_rest, places)
-        following = MPCState(predicted, before, filtered, target, now if self.pace else None)
+        paced = ca.vertcat(now, 0.0 * now) if self.pace else None
+        following = MPCState(predicted, before, filtered, target, paced)
         return tuple(ca.vertsplit(H @ z + J @ m)), following
 
     def around_rest(self) -> LinearLaw:
@@ -287,6 +300,7 @@ class LinearMPC(ValveController):
             tables["FRESH"] = np.array(self.reference_speed) * self.sample_time
             if self.pace:
                 tables["PACE"] = np.array(self.pace)
+                tables["BRAKE"] = np.array(self.brake or np.full(followed, math.inf))
                 defined["PACED"] = 1
         return mpc_source(
             name,

@@ -79,6 +79,7 @@ class ObserverLaw(PlainLaw):
         M: Gain of the Kalman filter, shape (n, s).
         gain: K, shape (m, n).
         integral_gain: Kq, shape (m, p).
+        size: Sizes of the outputs that are followed.
         reference_gain: Kr, shape (m, p).
         target: xs, shape (n, p).
         start: Integrals at rest per deviation of the outputs, shape (p, p), in s.
@@ -96,6 +97,7 @@ class ObserverLaw(PlainLaw):
     M: Rows
     gain: Rows
     integral_gain: Rows
+    size: tuple[float, ...]
     reference_gain: Rows
     target: Rows
     start: Rows
@@ -139,7 +141,7 @@ class ObserverLaw(PlainLaw):
         command = self.applied(state.commands, asked, arithmetic)
         change = tuple(self.sample_time * (a - b) for a, b in zip(r, y, strict=False))
         free = [u == v for u, v in zip(command, asked, strict=True)]
-        change = _freed(change, self.integral_gain, free, arithmetic)
+        change = _freed(change, self.integral_gain, self.size, free, arithmetic)
         if self.reach:
             # Outside its layer a surface is reached as fast as may be, and farther off no faster.
             away = s * self.surface_integral * change[0] < 0.0
@@ -175,8 +177,14 @@ class ObserverLaw(PlainLaw):
         return LinearLaw(table[:, :k], table[:, k:], u[:, :k], u[:, k:])
 
 
-def _freed(change: Numbers, gain: Rows, free: Sequence[Any], arithmetic: Arithmetic) -> Numbers:
-    """Return what of a change, in any units, moves no command that is not free.
+def _freed(
+    change: Numbers,
+    gain: Rows,
+    unit: tuple[float, ...],
+    free: Sequence[Any],
+    arithmetic: Arithmetic,
+) -> Numbers:
+    """Return what of a change, counted in units of its own, moves no command that is not free.
 
     As long as no fewer are free than there are outputs, that is all of it: the others take over.
     Else each such command's row of the gain is made orthogonal to those before it, and taken away.
@@ -186,10 +194,12 @@ def _freed(change: Numbers, gain: Rows, free: Sequence[Any], arithmetic: Arithme
     if len(change) == 1:
         # What is left of the only one is nothing, to the last digit, by whatever it enters.
         return (arithmetic.where(bound < spare + 0.5, change[0], 0.0 * change[0]),)
+    change = tuple(c / one for c, one in zip(change, unit, strict=True))
     taken: list[tuple[Numbers, Any]] = []
-    for row, may in zip(gain, free, strict=True):
-        if not any(row):
+    for entries, may in zip(gain, free, strict=True):
+        if not any(entries):
             continue
+        row = tuple(k * one for k, one in zip(entries, unit, strict=True))
         size = sum(k * k for k in row)
         own: Numbers = row
         for other, norm in taken:
@@ -207,7 +217,7 @@ def _freed(change: Numbers, gain: Rows, free: Sequence[Any], arithmetic: Arithme
         )
         change = tuple(c - share / norm * a for a, c in zip(own, change, strict=True))
         taken.append((own, norm))
-    return change
+    return tuple(c * one for c, one in zip(change, unit, strict=True))
 
 
 SHARES = (0.0, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0)
@@ -362,6 +372,7 @@ class ObservedModel:
             M=(),
             gain=rows(gain),
             integral_gain=rows(integral),
+            size=tuple(loop.output_scale.tolist()),
             reference_gain=(),
             target=rows(self.target),
             start=(),

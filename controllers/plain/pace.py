@@ -38,8 +38,7 @@ def at_pace(limits: LoopLimits, law: P) -> P:
     if np.isinf(found).all():
         return law
     pace, brake = (tuple(part.tolist()) for part in found.T)
-    more = {"brake": brake} if isinstance(law, PlainLaw) else {}
-    return cast(P, replace(cast(Any, law), pace=pace, **more))
+    return cast(P, replace(cast(Any, law), pace=pace, brake=brake))
 
 
 def best_at_pace(limits: LoopLimits, laws: Sequence[L]) -> L:
@@ -80,19 +79,18 @@ def _pace(limits: LoopLimits, law: Any, i: int) -> tuple[float, float]:
     size, paces = _large(limits, law, i)
     if not len(size):
         return math.inf, math.inf
-    # Of those that solve something, most need no pace.
-    first = len(paces) if isinstance(law, PlainLaw) else 1
-    found, more = _paced(limits, law, i, size, paces[:first]), paces[first:]
     if not isinstance(law, PlainLaw):
-        if np.all(found[1] < 1.1):
+        # Of those that solve something, most need no pace.
+        free = _paced(limits, law, i, size, paces[:1])
+        if np.all(free[1] < 1.1):
             return math.inf, math.inf
-    elif len(braked := np.flatnonzero(np.isfinite(paces[:, 1]))):
+    found = _paced(limits, law, i, size, paces)
+    if len(braked := np.flatnonzero(np.isfinite(paces[:, 1]))):
         # Under a brake the farthest step is fast: the plant may be slower.
         brake = paces[braked[np.argmin(_cost(found)[braked])], 1]
         fast = math.sqrt(brake * np.abs(size).max())
         more = np.array([(part * fast, k * brake) for part in PARTS for k in (1.0, 2.0)])
         paces = np.vstack([paces, more])
-    if len(more):
         found = np.concatenate([found, _paced(limits, law, i, size, more)], axis=1)
     total = _cost(found)
     best = int(np.argmin(total))
@@ -133,33 +131,33 @@ def _large(limits: LoopLimits, law: Any, i: int) -> tuple[Vector, Matrix]:
     if not (np.isfinite(ends).any() and np.all(np.isfinite(peak)) and np.any(peak)):
         return np.zeros(0), np.zeros((0, 2))
     sizes, enough, reach = set(), set(), reach_of(loop.linear, loop.measured[i])
-    goes = () if solved else (0.25 * reach, reach)
+    # What ends alike on both sides answers alike to both.
+    signs = (1.0,) if np.array_equal(ends[0], -ends[1]) else (-1.0, 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        for sign in (-1.0, 1.0):
+        for sign in signs:
             least, most = (
                 float(np.nanmin(np.abs(np.where(sign * u > 0.0, *ends[::-1]) / u)))
                 for u in (peak, held)
             )
             if 0.0 < least < 0.9 * most:
                 large = [share * least for share in LARGE]
-                large += [far for far in goes if far > large[-1]]
+                large += [far for far in (0.25 * reach, reach) if far > large[-1]]
                 sizes |= {sign * min(far, 0.9 * most) for far in large}
                 enough.add(least)
     # A ramp moves the commands as fast as a step of its pace moves them far.
     far = np.maximum(np.abs(peak[: len(low)]), 1e-300)
     slow = limits.want.sample_time * float(np.min(loop.slew / far))
     if slow < math.inf:
-        sizes |= set() if sizes else {-loop.output_scale[i], loop.output_scale[i]}
+        sizes |= set() if sizes else {sign * loop.output_scale[i] for sign in signs}
     if not sizes:
         return np.zeros(0), np.zeros((0, 2))
     size, arrived = np.array(sorted(sizes)), max(int(np.argmax(y > 0.63)), 1)
     tried = {share * least / arrived for least in enough for share in PACES}
     tried |= {share * slow for share in SLOW if slow < math.inf}
     paces = [(pace, math.inf) for pace in (math.inf, *sorted(tried, reverse=True))]
-    if not solved:
-        brakes = [least / arrived**2 for least in enough]
-        brakes += [slow / arrived] if slow < math.inf else []
-        paces += [(math.inf, share * brake) for brake in brakes for share in BRAKES]
+    brakes = [least / arrived**2 for least in enough]
+    brakes += [slow / arrived] if slow < math.inf else []
+    paces += [(math.inf, share * brake) for brake in brakes for share in BRAKES]
     return size, np.array(paces)
 
 
@@ -186,8 +184,8 @@ def _paced(limits: LoopLimits, law: Any, i: int, size: Vector, paces: Matrix) ->
     return np.array([errors, penalty]).reshape(2, len(paces), -1)
 
 
-MOST_SAMPLES, MOST_SOLVED = 2000, 400
-"""Samples for which large steps are looked at, also of a law that solves something."""
+MOST_SAMPLES = 2000
+"""Samples for which large steps are looked at."""
 
 LOOKED_AT, SOLVED_AT, SETTLED = 100, 50, 0.01
 """Samples after which a step, also of a law that solves something, has settled if it is as near as
@@ -278,16 +276,17 @@ def _solved(limits: LoopLimits, law: Any, i: int, step: Vector, pace: Matrix) ->
     rest, own = loop.shown.y0[:, None], np.eye(limits.outputs)[:, [i]]
     asked, paces = rest[: limits.outputs] + own * step, np.where(own > 0.0, pace[0], math.inf)
     law = replace(law, pace=(math.inf,) * limits.outputs)
+    brakes = np.where(own > 0.0, pace[1], math.inf)
     start = law.initial_state(tuple(rest[:, 0].tolist()))
     state = type(start)(*(np.tile(part[:, None], count) for part in start))
     x, left = np.zeros((len(A), count)), np.arange(count)
     full = np.array([[1.0 / curve.gain_at_rest] for curve in law.curves])
     moving = _moving(limits)
-    outputs = np.zeros((MOST_SOLVED, limits.outputs, count))
-    for k in range(MOST_SOLVED):
+    outputs = np.zeros((MOST_SAMPLES, limits.outputs, count))
+    for k in range(MOST_SAMPLES):
         y = C @ x
         outputs[k][:, left] = y[: limits.outputs]
-        law = replace(law, pace=tuple(paces[:, left]))
+        law = replace(law, pace=tuple(paces[:, left]), brake=tuple(brakes[:, left]))
         _, state = law.stepped(state, rest + y, asked[:, left])
         low, high = (end[:, None] + slopes @ x for end, slopes in moving)
         x = A @ x + B @ np.clip(full * state.opening, low, high)

@@ -9,6 +9,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import control as ct
 import numpy as np
 import pytest
@@ -50,8 +51,6 @@ def tank_rates(h: Any, u: Any, root: Callable[[Any], Any], spread: Any = SPREAD)
 
 
 def tanks(spread: Any = SPREAD, slew: float = math.inf) -> Model:
-    import casadi as ca
-
     def equations(m: Any) -> Any:
         h, u = [m.x[f"h{i}"] for i in range(4)], (m.u.left, m.u.right)
         rates = tank_rates(h, u, lambda v: ca.sqrt(ca.fmax(v, 1e-6)), spread)
@@ -338,14 +337,16 @@ def test_a_slew_is_positive() -> None:
 def test_an_mpc_at_a_pace_is_the_same_in_c(
     linear: LinearModel, law_of: Callable[[str], Any], tmp_path: Path
 ) -> None:
-    law = replace(law_of("plain-mpc"), pace=(1e-4, 3e-4))
+    law = replace(law_of("plain-mpc"), pace=(1e-4, 3e-4), brake=(2e-5, math.inf))
     y0 = tuple(linear.y0.tolist())
-    state, asked = law.initial_state(y0), (y0[0] + 0.03, y0[1] - 0.02)
+    state, asked = law.initial_state(y0), (y0[0] + 0.004, y0[1] - 0.02)
     measured = [(y0[0] + 1e-3 * math.sin(0.3 * k), y0[1]) for k in range(60)]
     agrees(law, tmp_path, measured, [asked] * 60, 1e-12)
     for seen in measured:
         _, state, _ = law.step(state, seen, asked)
-    np.testing.assert_allclose(state.paced, np.array(y0) + [6e-3, -0.018], atol=1e-12)
+    # The first has braked and arrived, the second is on its way.
+    np.testing.assert_allclose(state.paced[:2], np.array(y0) + [4e-3, -0.018], atol=1e-12)
+    np.testing.assert_allclose(state.paced[2:], [0.0, -3e-4], atol=1e-12)
 
 
 @pytest.mark.parametrize("name", FAMILIES)
@@ -485,3 +486,44 @@ def test_what_stands_for_a_delay_is_told_as_one() -> None:
     behind = linear_model("[exp(-9 s)/(s + 1), 0; 0, exp(-9 s) (1 - 2 s)/(s + 1)^2]")
     said = [line for line in interaction(loop_of(behind)) if "zero in the right" in line]
     assert len(said) == 1 and "at 0.5 rad/s" in said[0]
+
+
+def test_an_mpc_brakes_where_its_horizon_ends_long_before_a_step() -> None:
+    # A tape between two reels: its tension is fast, its place takes 0.32 s of all of the torques.
+    radius, inertia, drag, tape = 0.05, 0.05, 0.01, np.array([-500.0, 500.0, -0.05, 0.05])
+    turned = np.outer([radius, -radius], tape) / inertia - drag / inertia * np.eye(2, 4, 2)
+    A = np.vstack([np.eye(2, 4, 2) * radius, turned])
+    B = np.vstack([np.zeros((2, 2)), np.eye(2) / inertia])
+    C = np.vstack([[0.5, 0.5, 0.0, 0.0], tape])
+    reels = linear_model(ct.ss(A, B, C, 0), limits={"u[0]": (-10, 10), "u[1]": (-10, 10)})
+    law = designed("plain-mpc", reels, sample_time=0.001)
+    found = first_stepped(law, reels, (0.0, 0.0), 0.25, 1.0)
+    assert found["y_0.overshoot"] < 0.02 and found["y_0.settling_time"] < 0.45
+
+
+def test_integrals_of_outputs_in_small_units_go_on_while_a_command_of_others_waits() -> None:
+    # Gas leaves at the end of its valve, so that noise holds it there half of the time: counted in
+    # m and Pa, the integral of the level stood still, and the level went 0.8 m astray.
+    vessel = machine(
+        lambda m: {
+            "level": 0.004 - 1.2e-5 * m.u.valve * ca.sqrt(ca.fmax(m.x.pressure, 0.0)),
+            "pressure": 1e5 / 3.0 * (0.1 - 1e-7 * m.u.gas * m.x.pressure),
+        },
+        "level m 1.5, pressure Pa 1e6 scale=1e6",
+        "valve 1 0 1 0.3, gas 1 0 1 0.3",
+        "level m 0.002, pressure Pa 500",
+    )
+    linear = at_rest(vessel, level=1.5, pressure=1e6)
+    found = first_stepped(designed("lqi", linear), vessel, (1.5, 1e6), 1.0, 1000.0)
+    assert found["level.overshoot"] < 0.02 and found["level.settling_time"] < 300.0
+
+
+def first_stepped(
+    law: Any, plant: Any, rest: tuple[float, float], size: float, hold: float
+) -> dict[str, float]:
+    """Return the metrics of a step of the first output, in SI, where the other one stays."""
+    (first, y), (other, stays) = zip(law.controlled, rest, strict=True)
+    one = step_scenario(first, y, y + size, hold=hold, sample_time=law.sample_time)
+    still = step_scenario(other, stays, stays).references
+    run = verify(law, plant, replace(one, references={**one.references, **still}))
+    return {name: found.value for name, found in metrics(run).items()}
