@@ -380,9 +380,11 @@ def test_a_run_that_is_nowhere_is_told_without_a_number(times: float, said: str)
     ("law", "said"),
     [
         ("sensor_bend_light_reading", "what light does"),
+        ("sensor_fade_light_reading", "what light does"),
         # An offset is no curve, a lag no formula, and what leaks out and breathes in would differ.
         ("sensor_offset_light_reading", ""),
         ("sensor_lag_light_reading", ""),
+        ("sensor_drift_light_reading", ""),
         ("sensor_bend_outside_reading", ""),
     ],
 )

@@ -253,22 +253,24 @@ def computed(entry: Hypothesis, nominal: Model) -> str:
 
     What the model computes of its states, such as the pressure of a gas of a volume, may be wrong
     as well as what reads it. So may what it makes of an input that enters one equation, such as the
-    growth of a plant of the light, as well as a curve of what reads that.
+    growth of a plant of the light, as well as a curve of what reads that, or a gain that changes:
+    the glass of a collector grows blind as a sensor of the sun does.
     """
     (port, *more) = entry.ports
     name = port.removesuffix(".reading")
-    if entry.group != "sensor" or entry.effect.states or more:
+    if entry.group != "sensor" or more:
         return ""
     trace, said = nominal.exact, name.replace("_", " ")
     rows = [i for i, q in enumerate(nominal.outputs) if q.name == name]
     if rows:
         slopes = ca.jacobian(trace.outputs[rows[0]], trace.x)
-        return said if ca.depends_on(slopes, trace.x) else ""
+        return said if ca.depends_on(slopes, trace.x) and not entry.effect.states else ""
     read = [i for i, q in enumerate(nominal.inputs) if q.name == name]
     if not read or _slopes(nominal, read[0]).nnz() != 1:
         return ""
     wrong = nominal.with_effect(entry.at_size(entry.typical_size))
-    bent = ca.depends_on(_slopes(wrong, read[0]), wrong.exact.u[read[0]])
+    own = wrong.exact.x[len(nominal.states) :]
+    bent = ca.depends_on(_slopes(wrong, read[0]), ca.vertcat(wrong.exact.u[read[0]], own))
     return f"what {said} does" if bent else ""
 
 

@@ -276,8 +276,9 @@ slew_limit = at_inputs_too(Law(
     ),
     lambda at: at.value + at.p.share * (at.x.follower - at.value),
     states=lambda at: (
+        # On its way from anywhere when a recording begins.
         State("follower", at.unit, at.scale, "signal with limited speed",
-              start_rms=0.05 * at.scale),
+              start_rms=0.5 * at.scale),
     ),
     rates=_follow,
     start=lambda e: {"follower": e.here.value},
