@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from tests.diagnosis.machine_data import recording as recording_of
 from tests.machines import machine
 from tests.recordings.example import example_recording, recorded, with_values
 from workbench.evaluation.foreign.foreign_case import plan
@@ -19,6 +20,7 @@ from workbench.plants.servo_axis import servo_axis
 from workbench.recordings import Recording, check_recording, read_recording
 from workbench.recordings.checks.expected import Expected, expectations, response_signs
 from workbench.recordings.checks.signs import check_signs
+from workbench.recordings.checks.stuck import not_ready
 from workbench.recordings.checks.units import check_units
 from workbench.recordings.recording import ColumnMapping, MappedColumn, Vector
 
@@ -144,6 +146,25 @@ def test_a_sensor_that_drops_out_is_bridged(nothing: float, spells: int) -> None
     assert ("drops out" in report.check("stuck samples").note) == (spells > 1)
     if spells > 1:
         np.testing.assert_array_equal(report.recording.valid("pressure_1"), ~gone)
+
+
+@pytest.mark.parametrize("rows", [slice(0, 1), slice(0, 3), slice(-2, None)])
+def test_a_sensor_that_is_not_ready_does_not_count(rows: slice) -> None:
+    values = TRIAL["pressure_1"].copy()
+    values[rows] = 500.0
+    report = check_recording(with_values(TRIAL, "pressure_1", values))
+    assert "drops out 1 time" in report.check("stuck samples").note
+    np.testing.assert_array_equal(report.recording.valid("pressure_1"), values != 500.0)
+
+
+@pytest.mark.parametrize("let_go", [True, False])
+def test_what_is_let_go_or_driven_as_a_recording_begins_counts(let_go: bool) -> None:
+    # Of 2 s half of it is gone in every step of 1 s; or all of it comes with the first command.
+    time, noise = np.arange(400.0), 1e-3 * np.random.default_rng(1).normal(size=400)
+    command = np.zeros(400) if let_go else np.where(time > 0.0, 5.0, 0.0)
+    read = 5.0 * 0.5**time if let_go else command
+    trial = recording_of("trial", 1.0, {"drive [V]": command}, {"speed [m/s]": read + noise})
+    assert not not_ready(trial, "speed").any()
 
 
 def test_a_machine_that_friction_holds_is_a_doubt_and_no_lost_data() -> None:

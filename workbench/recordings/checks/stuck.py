@@ -140,6 +140,36 @@ def dropped_out(values: Vector) -> npt.NDArray[np.bool_]:
     return bad
 
 
+_EDGE, _FARTHER, _NOTHING = 0.005, 10.0, 0.02
+"""Part of a recording, at its begin or end, in which a sensor may not be ready yet, or no more; how
+many times its jump there exceeds all others where it does not read nothing; and what that is, as a
+part of the jump."""
+
+
+def not_ready(recording: Recording, name: str) -> npt.NDArray[np.bool_]:
+    """Find samples at the begin or end in which a sensor reads nothing, or all that it can.
+
+    It jumps from there farther than anywhere else, and no command does. What is let go as a
+    recording begins moves less in the first step, unless that is all that it does.
+
+    Returns:
+        Mask, shape (n,), dimensionless.
+    """
+    values, shown = recording[name], recording.signal(name).displayed()
+    bad, steps = np.zeros(len(values), dtype=bool), np.abs(np.diff(values))
+    moved = [np.abs(np.diff(recording[c])) for c in recording.commands]
+    for end in (values.min(), values.max()):
+        for a, b in runs(values == end):
+            at = b if a == 0 else a - 1
+            if (a > 0 and b + 1 < len(values)) or b - a > _EDGE * len(values):
+                continue
+            nothing = abs(shown[a]) <= _NOTHING * abs(shown[at + 1] - shown[at])
+            far = (_FAR if nothing else _FARTHER) * np.delete(steps, at).max(initial=0.0)
+            quiet = all(m[at] < 0.5 * np.delete(m, at).max(initial=0.0) or not m[at] for m in moved)
+            bad[a : b + 1] |= steps[at] > far and quiet
+    return bad
+
+
 def _goes_on(recording: Recording, name: str, bad: npt.NDArray[np.bool_]) -> bool:
     """Tell whether other measurements move to the end as before, while one stands still.
 
@@ -160,13 +190,12 @@ def check_stuck(recording: Recording, expected: Expected) -> Finding:
     notes, doubts = [], []
     changed = recording
     for name in recording.measurements:
-        if (failed := dropped_out(recording[name]) & recording.valid(name)).any():
+        failed = dropped_out(recording[name]) | not_ready(recording, name)
+        if (failed := failed & recording.valid(name)).any():
             changed = filled(changed, name, failed, "dropout")
             lasting = in_time(float(failed.sum()) * recording.sample_time)
-            notes.append(
-                f"{name} drops out {len(runs(failed))} times, for {lasting} in all; bridged and"
-                " excluded"
-            )
+            times = f"{(n := len(runs(failed)))} time{'s' * (n > 1)}"
+            notes.append(f"{name} drops out {times}, for {lasting} in all; bridged and excluded")
         values = changed[name]
         bad, sure = (mask & changed.valid(name) for mask in stuck_samples(values))
         # One that stands at its largest or smallest value may be clipped.
