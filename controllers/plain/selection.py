@@ -198,13 +198,16 @@ def best_of(
 
 
 def settled_after(law: Any, linear: LinearModel, sizes: Mapping[str, float]) -> float:
-    """Return the time after which steps, by the output, have settled within 2 %.
+    """Return the time after which steps, by the output, have settled within 2 %; inf if never.
 
     The law is within its ends on the linear model, and each output steps alone.
     """
     want = LoopSpecification(law.controlled, law.actuators, sample_time=law.sample_time)
     loop = loop_of(linear, law.controlled, law.actuators, law.sensors, law.sample_time)
-    time, seen, _ = steps(LoopLimits(loop, want), stacked([law]))
+    limits, laws = LoopLimits(loop, want), stacked([law])
+    if np.abs(np.linalg.eigvals(closed(limits.stepped, laws)[0])).max() > 1.0 + 1e-9:
+        return math.inf
+    time, seen, _ = steps(limits, laws)
     long, none = 0.0, (math.inf,) * len(law.controlled)
     paces, brakes = (getattr(law, name, ()) or none for name in ("pace", "brake"))
     for i, (name, pace, brake) in enumerate(zip(law.controlled, paces, brakes, strict=True)):

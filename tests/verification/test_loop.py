@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from controllers import design_pid
-from tests.machines import at_rest
+from tests.machines import at_rest, machine
 from tests.verification.scripted import Scripted
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.linearisation import linear_model
@@ -32,6 +32,25 @@ def plant() -> Model:
 def at_30(**changes: Any) -> Scenario:
     rest = Scenario("rest", {"angle": Steps((0.0,), (math.radians(30),))}, 0.4, settle=0.0)
     return replace(rest, **changes)
+
+
+def test_what_a_controller_does_not_command_stays_where_the_plant_rests() -> None:
+    mixer = machine(
+        lambda m: {
+            "level": (m.u.cold + m.u.hot - 1.0) / 100.0,
+            "warmth": (m.u.hot - m.x.warmth) / 50.0,
+        },
+        "level m 1, warmth 1 0.4",
+        "cold 1 0 2, hot 1 0 2",
+        "level m, warmth 1",
+    )
+    references = {"level": Steps((0.0,), (1.0,)), "warmth": Steps((0.0,), (0.4,))}
+    run = verify(
+        Scripted((0.6,), ("level",), ("level",), ("cold",), sample_time=1.0),
+        mixer,
+        Scenario("rest", references, 50.0, settle=0.0, sample_time=1.0).without_imperfections(),
+    )
+    assert np.ptp(run.outputs, axis=0) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_row_k_holds_what_was_read_and_then_commanded() -> None:

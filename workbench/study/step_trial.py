@@ -335,7 +335,7 @@ class StepTrial:
                     reason = f"follows {', '.join(law.controlled)}, not {', '.join(left)} too"
                     refused.setdefault(reason, []).append(made.name)
                     continue
-                plain = made.specification == told
+                plain = made.specification == told or made.kind().own
                 if plain and (said := hardly_stable(law, linear, late)):
                     weak.append(f"{made.name}: {said}")
                 elif plain and behind and (said := hardly_stable(law, behind, late)):
@@ -518,7 +518,9 @@ def settling(
                 late = scenario.late_samples * scenario.sample_time
                 settled = settled_after(law, linear, steps) + late
                 if 2.0 * settled > LONGEST * scenario.sample_time:
-                    slow[recipe.name], told = settled, False
+                    told = False
+                    if settled < math.inf:
+                        slow[recipe.name] = settled
                 else:
                     long = max(long, settled)
             else:

@@ -327,14 +327,14 @@ def _actuators(
 ) -> Callable[[tuple[float, ...]], tuple[float, ...]]:
     """Return a function from the controller's command to the values of all inputs.
 
-    What the controller does not command is a disturbance, which rests at its nominal value.
+    What the controller does not command stays where it is in the beginning.
     """
     names = [q.name for q in inputs]
     for actuator in controller.actuators:
         check_choice("actuator", actuator, names)
     idle = [q for q in inputs if q.name not in controller.actuators]
     sources = [*controller.actuators, *(q.name for q in idle)]
-    resting = tuple(q.nominal for q in idle)
+    resting = tuple(float(u) for q, u in zip(inputs, begin, strict=True) if q in idle)
     chain = [
         (sources.index(q.name), q.lower, q.upper, q.resolution if scenario.quantise else 0.0)
         if real

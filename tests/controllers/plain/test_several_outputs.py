@@ -21,6 +21,7 @@ from controllers.plain.loop import loop_of
 from controllers.plain.pairing import best_pairings, interaction, relative_gains, zeros
 from controllers.plain.selection import settled_after
 from controllers.plain.state_feedback import LQISpecification, reachable_speed
+from controllers.plain.transfer_law import pid_by_hand
 from controllers.sensitivity import least_gain, loop_matrices
 from tests.controllers import families
 from tests.controllers.in_c import InC, agrees, agrees_on
@@ -458,6 +459,11 @@ def airliner() -> LinearModel:
 def test_an_output_may_be_much_faster_than_another() -> None:
     law = designed("lqi", airliner(), measured="y_0, y_1", sample_time=0.05)
     assert settled_after(law, airliner(), {"y_0": 1.0}) < 100.0
+
+
+def test_what_is_not_stable_never_settles() -> None:
+    law = pid_by_hand(-2.0, -1.0, measured="y", actuator="u", sample_time=0.1)
+    assert settled_after(law, linear_model("1/(s (s + 1))"), {"y": 1.0}) == math.inf
 
 
 def test_pairs_are_those_of_fast_loops_where_these_are_better() -> None:
