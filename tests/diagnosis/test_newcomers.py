@@ -966,3 +966,43 @@ def test_electrodes_that_resist_a_small_current_more_are_named() -> None:
     found = diagnosed(cell, [_discharged(seed) for seed in (1, 2)], laws)
     sizes = {"slope": approx(0.05, rel=0.03), "exchange_current": approx(0.4, rel=0.1)}
     named(found, "activation_overvoltage_inner", noise=1.2, **sizes)
+
+
+def _blown(seed: int, drag: Callable[[float, float], float], given: float) -> Recording:
+    """Return a mass of 1400 kg that is driven in a wind, which pushes it by its drag, in N."""
+    rng, n, dt = np.random.default_rng(seed), 2000, 0.2
+    force, wind = np.repeat(rng.uniform(-0.3, 1.0, 40), 50) * given, np.zeros(n)
+    for k in range(1, n):
+        wind[k] = 2.0 + 0.975 * (wind[k - 1] - 2.0) + 0.9 * rng.normal()
+    speed = held(
+        lambda _, v, f, w: (f - 200.0 * v - drag(v, w)) / 1400.0, [15.0], (force, wind), dt
+    )
+    read = {"speed [m/s]": speed[:, 0] + 0.02 * rng.normal(size=n)}
+    return recording(f"blown {seed}", dt, {"force [N]": force, "wind [m/s]": wind}, read)
+
+
+@pytest.mark.parametrize(
+    ("drag", "law", "gain"),
+    [
+        (lambda v, w: 2.0 * (v + w) * np.abs(v + w), "moving_medium*", 1.0),
+        # Of the mass, at the strongest wind, over it.
+        (lambda v, w: 2.0 * v * np.abs(v) + 5.0 * w * np.abs(w), "unused_input*", -52.6 / 1400.0),
+    ],
+)
+def test_a_wind_that_the_equations_do_not_use_is_named_by_how_it_pushes(
+    drag: Callable[[float, float], float], law: str, gain: float
+) -> None:
+    def equations(m: Scope) -> dict[str, Any]:
+        resists = m.p.rolls * m.x.speed + m.p.air * m.x.speed * ca.fabs(m.x.speed)
+        return {"speed": (m.u.force - resists) / 1400.0}
+
+    vehicle = machine(
+        equations,
+        "speed m/s 15 start_rms=3",
+        "force N -6000 6000, wind m/s",
+        "speed m/s",
+        "rolls N s/m 150 0 800, air N s2/m2 1.5 0 10",
+    )
+    runs = [_blown(seed, drag, 6000.0) for seed in (1, 2)]
+    laws = "moving_medium unused_input parameter_* sensor_bend* offset quadratic_drag"
+    named(diagnosed(vehicle, runs, laws), law, noise=1.2, gain=approx(gain, rel=0.01))

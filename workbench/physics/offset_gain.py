@@ -127,15 +127,70 @@ def _beside_unused(survey: Survey) -> Iterator[Fit]:
                 yield f"_{cause.source}_{by_port(at)}", ((site,),)
 
 
-# What was recorded because it may matter, and stands nowhere in the equations: the sun, the wind.
+def _entered(at: PortView) -> Expression:
+    cause, usual = at.signals.cause, at.p.usual
+    bent = ((cause / usual) ** 2 + 1e-6) ** (0.5 * (at.p.exponent - 1.0))
+    return at.value + at.p.gain * cause * bent
+
+
+# What was recorded because it may matter, and stands nowhere in the equations: the sun; the wind,
+# whose push grows with its square.
 unused_input = Law(
     "unused_input",
-    "y = u + gain v, v an input that the equations do not use",
+    "y = u + gain v |v / usual|^(exponent - 1), v an input that the equations do not use",
     _beside_unused,
-    lambda at: (gain_of(at, at.other("cause"), 0.05, "signal over the input"),),
-    lambda at: at.value + at.p.gain * at.signals.cause,
-    source="first term of a Taylor series",
+    lambda at: (
+        gain_of(at, at.other("cause"), 0.05, "signal over the input"),
+        shape("exponent", "1", 1.0, "power of the input", around=None, between=(0.3, 4.0),
+              refined=True),
+        known("usual", at.other("cause").unit, at.other("cause").largest, "largest input seen"),
+    ),
+    _entered,
+    shapes=lambda at: [{"exponent": 1.0}, {"exponent": 2.0}],
+    source="first term of a Taylor series; pressure of a wind",
     look_alikes=("exchange_with_input", "offset"),
+    separated_by="that input changes, and nothing else",
+)  # fmt: skip
+
+
+def _flowing_past(survey: Survey) -> Iterator[Fit]:
+    """Yield terms that are no straight lines of a state that an unused input has the unit of.
+
+    Of a straight line the input is a term of its own.
+    """
+    t, ports = survey.trace, survey.ports
+    for cause in survey.unused_inputs:
+        states = [q for q in survey.model.states if same_dimension(q.unit, cause.unit)]
+        for at in survey.fitting(*EFFORTS, *FLOWS) if states else ():
+            for k, q in enumerate(survey.model.parameters):
+                term = ca.jacobian(ports.value_at(at), t.p[k])
+                for state in states if not ca.depends_on(term, t.p[k]) else ():
+                    slope = ca.jacobian(term, t.x[ports.state_index[state.name]])
+                    if ca.depends_on(slope, ca.vertcat(t.x, t.u)):
+                        site = replace(at, parameters=(q,)).with_signal("cause", cause)
+                        site = site.with_signal("own", ports.of(state.name))
+                        yield f"_{cause.source}_{q.name}", ((site,),)
+
+
+def _past(at: PortView) -> Expression:
+    own, value = ca.SX(at.signals.own), ca.SX(at.value)
+    term = value - ca.substitute(value, ca.SX(at.subject), 0.0)
+    return value - term + ca.substitute(term, own, own + at.p.gain * at.signals.cause)
+
+
+# A car in a headwind, a boat in a stream: what drags goes by the speed through the medium.
+moving_medium = Law(
+    "moving_medium",
+    "u(x + gain v) in place of u(x) in the term of a parameter, v an input that the equations do"
+    " not use, in the unit of the state x",
+    _flowing_past,
+    lambda at: (
+        size("gain", "1", 1.0, 10.0, "what a unit of the input is in the state", signed=True),
+    ),
+    _past,
+    of_parameter=True,
+    source="speed through a medium: its own less that of the medium",
+    look_alikes=("unused_input", "parameter_curve"),
     separated_by="that input changes, and nothing else",
 )
 
