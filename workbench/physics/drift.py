@@ -532,15 +532,31 @@ def _shift(at: Place) -> Own:
                  fitted=q is not None and not q.fitted)  # fmt: skip
 
 
-def _one_sided(at: Place) -> Own:
+def _never_negative(at: Place) -> float:
     """Return 1 for a parameter that is never negative, 0 for another."""
-    kept = 1.0 if at.parameters and at.parameters[0].lower >= 0.0 else 0.0
-    return shape("one_sided", "1", kept, "1 for a parameter that falls towards zero only",
-                 around=None, between=(0.0, 1.0), source="", fitted=False)  # fmt: skip
+    return 1.0 if at.parameters and at.parameters[0].lower >= 0.0 else 0.0
 
 
-_MOST_GROWN = 10.0
-"""Logarithm of how much larger than in the middle a parameter may be at an end of its curve."""
+def _added_up(at: Place) -> tuple[Own, Own]:
+    """Return whether a parameter falls towards zero only, and whether it does so by a sum."""
+    text = "1 for a parameter that falls towards zero only"
+    return (
+        shape("one_sided", "1", _never_negative(at), text, around=None, between=(0.0, 1.0),
+              source="", fitted=False),
+        shape("added", "1", 0.0, "1 where it does so by a sum, 0 by factors", around=None,
+              between=(0.0, 1.0), source="", fitted=False),
+    )  # fmt: skip
+
+
+def _curves(at: Place) -> tuple[dict[str, float], ...]:
+    """Return a line and a parabola, and what is never negative as a sum too."""
+    straight, parabola = {"bend": 0.0, "added": 0.0}, {"bend": 0.5 * math.pi}
+    return (straight, parabola, *({"added": 1.0} for _ in range(int(_never_negative(at)))))
+
+
+_MOST_GROWN, _LEAST_LEFT = 10.0, 1e-3
+"""Logarithm of how much larger than in the middle a parameter may be at an end of its curve, and
+what of it there is left at least where it falls by a sum; dimensionless."""
 
 
 def _bent(at: PortView) -> Expression:
@@ -551,9 +567,10 @@ def _curve(p: Names, own: Expression, over: Expression) -> Expression:
     steep = p.steepness + 1e-6
     along = ca.tanh(steep * ((over - p.middle) / p.reach - p.place)) / ca.tanh(steep)
     change = p.shift + p.amount * (ca.cos(p.bend) * along + ca.sin(p.bend) * (along**2 - 1.0))
-    # What is never negative falls and grows by factors.
+    # What is never negative falls and grows by factors, or by a sum as far as that goes.
     grown = own * ca.exp(ca.fmin(change / (own + 1e-300), _MOST_GROWN))
-    return ca.if_else(p.one_sided > 0.5, grown, own + change)
+    kept = ca.if_else(p.added > 0.5, ca.fmax(own + change, _LEAST_LEFT * own), grown)
+    return ca.if_else(p.one_sided > 0.5, kept, own + change)
 
 
 def along_curve(model: Model, effect: Effect) -> dict[float, float]:
@@ -646,7 +663,7 @@ activation_overvoltage = Law(
 # temperature.
 parameter_curve = Law(
     "parameter_curve",
-    "parameter + c, or parameter exp(c / parameter) where it is never negative,"
+    "parameter + c, or parameter exp(c / parameter) as well where it is never negative,"
     " c = shift + amount (cos(bend) z + sin(bend) (z^2 - 1)), z = tanh(s (x - place)) / tanh(s),"
     " s = steepness, x = (signal - middle) / reach",
     _each_parameter_over,
@@ -659,11 +676,11 @@ parameter_curve = Law(
         shape("steepness", "1", 0.0, "how much it is a step there, from a straight line, 0",
               around=None, between=(0.0, 30.0), scale=1.0, refined=True),
         _shift(at),
-        _one_sided(at),
+        *_added_up(at),
         *_range(at),
     ),
     _bent,
-    shapes=lambda at: [{"bend": 0.0}, {"bend": 0.5 * math.pi}],
+    shapes=_curves,
     # A straight line is as steep everywhere.
     details={"steepness": 4.0},
     of_parameter=True,
