@@ -24,8 +24,8 @@ def rider() -> Model:
     )
 
 
-def ridden(*, followed: bool) -> Recording:
-    """A rider whose meter reads nothing four times, once as the power changes; beside SciPy.
+def ridden(*, followed: bool) -> tuple[Recording, Vector]:
+    """A rider whose meter reads nothing four times, once as the power changes, in W; beside SciPy.
 
     Args:
         followed: Whether there is no power either.
@@ -43,19 +43,17 @@ def ridden(*, followed: bool) -> Recording:
 
     speed = held(rates, [7.0], (read if followed else power,), 1.0)[:, 0]
     speeds = {"speed [m/s]": speed + 0.03 * rng.normal(size=len(power))}
-    return recording("ride", 1.0, {"power [W]": read}, speeds)
+    return recording("ride", 1.0, {"power [W]": read}, speeds), power
 
 
 @pytest.mark.parametrize("followed", [True, False])
 def test_what_a_meter_lost_is_bridged_and_what_the_legs_did_is_not(followed: bool) -> None:
-    ride = ridden(followed=followed)
+    ride, power = ridden(followed=followed)
     model, _ = with_undeclared(rider(), [ride])
     (seen,), rows = with_breaks_bridged(model, [ride])
     if followed:
         assert seen is ride and not rows
         return
     assert "drops out 4 times, for 19 s in all" in rows[0]["note"]
-    power = seen["power"]
-    assert power.min() >= 50.0
-    for a, b in BREAKS:
-        assert {*power[a:b]} <= {power[a - 1], power[b]}
+    # The speed tells when the power changed meanwhile.
+    np.testing.assert_array_equal(seen["power"], power)

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from workbench.arrays import Vector, runs
+from workbench.arrays import Matrix, Vector, runs
+from workbench.diagnosis.estimation.prediction_error import filter_of
 from workbench.diagnosis.estimation.process_noise import perfect_cost
 from workbench.diagnosis.estimation.start import FEW, fit_to_few
 from workbench.diagnosis.selection.rules import SAME
@@ -132,7 +133,10 @@ def with_breaks_bridged(
         best = int(np.argmin(after))
         if before < SAME or after[best] > _MOST_LEFT * before:
             continue
-        recordings = given[best]
+        recordings = [
+            _timed(model, r, q.name, bad) if bad.any() else r
+            for r, bad in zip(given[best], trials[best], strict=True)
+        ]
         for recording, bad in zip(recordings, trials[best], strict=True):
             lasting = in_time(float(bad.sum()) * recording.sample_time)
             note = (
@@ -159,6 +163,37 @@ def _bridged(
         told = recording.with_signal(replace(signal, values=values))
         bridged.append(told.excluding(name, bad, "dropout") if bad.any() else recording)
     return bridged
+
+
+def _timed(model: Model, recording: Recording, name: str, bad: npt.NDArray[np.bool_]) -> Recording:
+    """Return a bridged recording in which an input steps within each break when that is likeliest.
+
+    Args:
+        bad: Samples of the input that were bridged, shape (n,), dimensionless.
+    """
+    try:
+        fit, (seen,) = fit_to_few(model, [recording])
+        filter_ = filter_of(fit.model, seen, fit.noise_scale)
+        inputs, column = seen.inputs, [q.name for q in model.inputs].index(name)
+        for first, last in runs(bad):
+            ways = [_stepped(inputs, column, first, last, at) for at in range(first, last + 2)]
+            if inputs[first - 1, column] != inputs[last + 1, column]:
+                given = [replace(seen, inputs=way) for way in ways]
+                costs = [filter_.run(one, fit.model.values).cost for one in given]
+                inputs = ways[int(np.argmin(costs))]
+    except (WorkbenchError, np.linalg.LinAlgError):
+        return recording
+    values = recording[name].copy()
+    values[bad] = inputs[bad, column]
+    return recording.with_signal(replace(recording.signal(name), values=values))
+
+
+def _stepped(inputs: Matrix, column: int, first: int, last: int, at: int) -> Matrix:
+    """Return inputs, shape (n, n_inputs), of which one steps at a sample within a break."""
+    changed = inputs.copy()
+    changed[first:at, column] = inputs[first - 1, column]
+    changed[at : last + 1, column] = inputs[last + 1, column]
+    return changed
 
 
 def _lacks(model: Model, recordings: Sequence[Recording]) -> float:
