@@ -135,8 +135,8 @@ def in_si_equations(
         f"the units do not belong together: {said}, others in units of the SI or of another size,"
         " so that the equations would hold factors between them; declare all of a kind in the same"
         " unit, such as minutes, or in the SI, and what a recording or a reader counts in as"
-        " display_unit, as in Output('level', 'm', display_unit='mm'); or say with"
-        " Model(..., time='min') that the equations hold these factors and count minutes"
+        " display_unit, as in Output('level', 'm', display_unit='mm'); or, of equations that hold"
+        " these factors, say in which time they count, Model(..., time='s') or time='min'"
     )
 
 
