@@ -551,7 +551,7 @@ def _added_up(at: Place) -> tuple[Own, Own]:
 def _curves(at: Place) -> tuple[dict[str, float], ...]:
     """Return a line and a parabola, and what is never negative as a sum too."""
     straight, parabola = {"bend": 0.0, "added": 0.0}, {"bend": 0.5 * math.pi}
-    return (straight, parabola, *({"added": 1.0} for _ in range(int(_never_negative(at)))))
+    return (straight, parabola, *[{"added": 1.0}] * int(_never_negative(at)))
 
 
 _MOST_GROWN, _LEAST_LEFT = 10.0, 1e-3

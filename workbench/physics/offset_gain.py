@@ -169,7 +169,7 @@ def _flowing_past(survey: Survey) -> Iterator[Fit]:
                     if ca.depends_on(slope, ca.vertcat(t.x, t.u)):
                         site = replace(at, parameters=(q,)).with_signal("cause", cause)
                         site = site.with_signal("own", ports.of(state.name))
-                        yield f"_{cause.source}_{q.name}", ((site,),)
+                        yield f"_{cause.source}_{state.name}_{q.name}_{by_port(at)}", ((site,),)
 
 
 def _past(at: PortView) -> Expression:

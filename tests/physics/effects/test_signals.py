@@ -487,3 +487,19 @@ def test_an_input_with_a_port_of_its_own_is_interpolated_there_alone() -> None:
 def test_two_gains_of_what_goes_one_way_are_one(low: float, offered: bool) -> None:
     found = library(breathing("resistance"), RecordedFacts(ranges={"pressure.command": (low, 2e3)}))
     assert ("asymmetric_gain_pressure_command" in {h.name for h in found}) == offered
+
+
+def test_each_term_that_a_medium_may_flow_past_has_a_name_of_its_own() -> None:
+    def equations(m: Scope) -> dict[str, Any]:
+        drag = m.p.air * np.sqrt(m.x.along**2 + m.x.across**2)
+        return {"along": m.u.pull - drag * m.x.along, "across": -drag * m.x.across}
+
+    boat = machine(
+        equations,
+        "along m/s, across m/s",
+        "pull m/s2 -5 5, stream m/s",
+        "along m/s, across m/s",
+        "air 1/m 0.1 0 1",
+    )
+    names = [h.name for h in library(boat) if h.law == "moving_medium"]
+    assert len(set(names)) == len(names) == 4
