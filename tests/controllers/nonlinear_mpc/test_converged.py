@@ -14,7 +14,7 @@ from controllers.nonlinear_mpc.controller import (
     NonlinearMPCSpecification,
     design_nonlinear_mpc,
 )
-from tests.controllers.nonlinear_mpc.converged import transcribed
+from tests.controllers.nonlinear_mpc.converged import converged
 from workbench.model import Model
 from workbench.operating_point import operating_point
 from workbench.speed.solvers import do_mpc_plan
@@ -61,7 +61,7 @@ def test_the_converged_plan_is_that_of_do_mpc(plant: Model) -> None:
     point = operating_point(plant, {"angle": math.radians(20)})
     start = mpc.predicted(point.x / mpc.observer.rates.scale)
     goal, before = math.radians(angle), 0.05
-    ours = transcribed(mpc)(start, DISTURBANCES, np.full(wanted.stages + 1, goal), before)
+    ours = converged(mpc, start, DISTURBANCES, np.full(wanted.stages + 1, goal), before)
     plan, trajectory = solved_by_do_mpc(plant, mpc, start, goal, before)
     # The pressure limits are soft here and absent there: they must not be reached.
     assert ours.slack == pytest.approx(0.0, abs=1.0)
