@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 
@@ -49,35 +50,18 @@ def imported_modules(source: str, known: set[str]) -> set[str]:
     return found & known
 
 
-def cycles(arrows: Mapping[str, set[str]]) -> Iterator[tuple[str, ...]]:
-    """Yield the strongly connected components of more than one module (Tarjan, 1972).
+def cycle(arrows: Mapping[str, set[str]]) -> list[str]:
+    """Return modules each of which imports the next one, round to the first; empty if none do.
 
     Example:
-        >>> list(cycles({"a": {"b"}, "b": {"a"}, "c": {"a"}}))
-        [('a', 'b')]
+        >>> cycle({"a": {"b"}, "b": {"a"}, "c": {"a"}}), cycle({"a": {"b"}})
+        (['a', 'b', 'a'], [])
     """
-    number: dict[str, int] = {}
-    low: dict[str, int] = {}
-    stack: list[str] = []
-
-    def visit(name: str) -> Iterator[tuple[str, ...]]:
-        number[name] = low[name] = len(number)
-        stack.append(name)
-        for other in arrows.get(name, ()):
-            if other not in number:
-                yield from visit(other)
-                low[name] = min(low[name], low[other])
-            elif other in stack:
-                low[name] = min(low[name], number[other])
-        if low[name] == number[name]:
-            component = stack[stack.index(name) :]
-            del stack[stack.index(name) :]
-            if len(component) > 1:
-                yield tuple(sorted(component))
-
-    for name in arrows:
-        if name not in number:
-            yield from visit(name)
+    try:
+        TopologicalSorter(arrows).prepare()
+    except CycleError as found:
+        return list(found.args[1])
+    return []
 
 
 def public_names(source: str) -> set[str]:
