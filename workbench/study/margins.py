@@ -109,8 +109,9 @@ def analyse_loop(
     """Open the loop at the first sensor and at the command, and compute its margins.
 
     Of several commands, it is opened at each controlled output and each command, all others
-    closed, and at all of them together: the disk margin is then that of all changes at once, each
-    of its own (see `controllers.sensitivity.least_gain`).
+    closed, and at all of them together, at the commands alone where more is read than followed: the
+    disk margin is then that of all changes at once, each of its own (see
+    `controllers.sensitivity.least_gain`).
 
     Args:
         point: Given values of the operating point, by name, in SI, for the record.
@@ -144,15 +145,23 @@ def analyse_loop(
         own = _margins(controller.name, point, name, hertz, gain, stable)
         found.append(replace(own, command=sensor is None))
     if len(commands) > 1 and stable:
-        found.append(_together(controller.name, point, loop, angle))
+        more = len(sensors) > len(controller.controlled)
+        found.append(_together(controller.name, point, loop, angle, more))
     return tuple(found)
 
 
 def _together(
-    name: str, point: tuple[tuple[str, float], ...], loop: LoopMatrices, angle: Vector
+    name: str,
+    point: tuple[tuple[str, float], ...],
+    loop: LoopMatrices,
+    angle: Vector,
+    more: bool,
 ) -> LoopAnalysis:
-    """Return the peaks of a loop opened at all outputs, and at all commands, the worst of both."""
-    both = sensitivities_of(loop, angle)
+    """Return the peaks of a loop opened at all commands, and at all outputs, the worst of both.
+
+    At outputs only if no more are read than followed: what some sensors tell of others is no loop's.
+    """
+    both = sensitivities_of(loop, angle)[1 if more else 0 :]
     s, t, half = (
         max(float(np.max(least_gain(S - share * np.eye(S.shape[1])))) for S in both)
         for share in (0.0, 1.0, 0.5)

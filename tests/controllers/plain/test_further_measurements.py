@@ -213,3 +213,21 @@ def test_noise_keeps_no_loop_from_holding_what_grows() -> None:
     law = designed("plain-pid", linear, measured="lean")
     # By hand a PID settles in 1 s.
     assert settled_after(law, linear, {"lean": 0.1}) < 1.5
+
+
+@pytest.mark.parametrize("name", ["lqi", "plain-mpc", "plain-h-infinity"])
+def test_several_commands_have_the_margins_at_them_where_more_is_read(name: str) -> None:
+    # A rocket that lands: its place to the side is led by its attitude, which is read too.
+    A, B, C = np.zeros((6, 6)), np.zeros((6, 2)), np.eye(6)[[0, 2, 4]]
+    A[0, 1] = A[2, 3] = A[4, 5] = 1.0
+    A[1, 4], A[5, 4] = 9.81, 0.02
+    B[1, 0], B[3, 1], B[5, 0] = 9.81, 5e-5, -0.785
+    names = {"inputs": ["gimbal", "thrust"], "outputs": ["place", "height", "attitude"]}
+    ends = {"gimbal": (-0.14, 0.14), "thrust": (-1e5, 2e5), "place": (-10.0, 10.0)}
+    ends |= {"height": (-10.0, 10.0), "attitude": (-0.1, 0.1)}
+    linear = linear_model(ct.ss(A, B, C, 0, **names), limits=ends)
+    law = designed(name, linear, measured=("place", "height"), sample_time=0.05)
+    assert law.sensors == ("place", "height", "attitude")
+    whole = analyse_loop(law, linear)[-1]
+    assert whole.opened == "all at once" and whole.sensitivity < 2.0
+    assert not hardly_stable(law, linear)
