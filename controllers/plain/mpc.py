@@ -103,7 +103,7 @@ def design_plain_mpc(
 
 def _within(want: PlainMPCSpecification, limits: LoopLimits) -> LinearMPC:
     late = limits.late
-    found = [_best(want, limits, limits.predicted)]
+    found = [_best(want, late, limits.predicted)]
     if samples := late.whole_samples:
         found.append(_best(want, late, limits.loop.at_once(), samples))
     held = late.held(late.judge(stacked(found)), "a linear MPC")
@@ -162,8 +162,7 @@ def _best(
         path = reference_paths(speed, h, law.prediction.preview_index)
         return replace(law, reference_speed=speed, path=path)
 
-    late = limits.late
-    return at_pace(late, led(late, lagging, lags(late, law.reference_speed)))
+    return at_pace(limits, led(limits, lagging, lags(limits, law.reference_speed)))
 
 
 def _straight(loop: Loop) -> tuple[ValveInverse, ...]:

@@ -687,7 +687,7 @@ def test_an_mpc_asks_for_as_much_of_the_command_as_a_rubbing_axis_takes() -> Non
     law = designed("plain-mpc", at_rest(servo_axis()))
     found = stepped(law, servo_axis(), "position", 0.0, 3.0, unit="mm", hold=2.0)
     # By hand a PID settles in 0.25 s.
-    assert found["settling_time"] < 0.25 and found["overshoot"] < 0.03
+    assert found["settling_time"] < 0.25 and found["overshoot"] < 0.05
 
 
 @pytest.mark.parametrize("name", [name for name in PLAIN if "infinity" not in name])
@@ -709,7 +709,7 @@ def test_a_rudder_that_turns_slowly_holds_no_ship_back() -> None:
     law = designed("lqi", at_rest(plant), sample_time=0.2)
     found = stepped(law, plant, "heading", 0.0, 0.1, hold=400.0)
     # By hand a PD settles in 100 s.
-    assert found["settling_time"] < 60.0 and found["overshoot"] < 0.03
+    assert found["settling_time"] < 60.0 and found["overshoot"] < 0.05
 
 
 @pytest.mark.parametrize("name", ["lqi", "plain-h-infinity"])
@@ -831,11 +831,16 @@ def test_what_is_on_its_way_is_known(text: str, delay: float, name: str, tmp_pat
     agrees_on(run, law, tmp_path, 1e-10)
 
 
-def test_a_delay_alone_needs_no_filter(capfd: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(("name", "long"), [("lqi", 5.0), ("plain-mpc", 7.0)])
+def test_a_delay_alone_needs_no_filter(
+    name: str, long: float, capfd: pytest.CaptureFixture[str]
+) -> None:
     """Such as a belt; LAPACK writes what it is given wrongly."""
     linear = linear_model("2 exp(-3 s)", limits=5.0)
-    law = designed("lqi", linear, sample_time=0.075)
-    assert stepped(law, linear, "y", 0.0, 0.25, hold=60.0)["settling_time"] < 5.0
+    law = designed(name, linear, sample_time=0.075)
+    found = stepped(law, linear, "y", 0.0, 0.25, hold=60.0)
+    # What stands for a delay answers at once, and a spike that its steps do not show overshoots.
+    assert found["settling_time"] < long and found["overshoot"] < 0.05
     assert capfd.readouterr() == ("", "")
 
 
