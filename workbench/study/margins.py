@@ -159,7 +159,7 @@ def _together(
 ) -> LoopAnalysis:
     """Return the peaks of a loop opened at all commands, and at all outputs, the worst of both.
 
-    At outputs only if no more are read than followed: what some sensors tell of others is no loop's.
+    At outputs only if no more are read than followed: each of more is judged beside the others.
     """
     both = sensitivities_of(loop, angle)[1 if more else 0 :]
     s, t, half = (
