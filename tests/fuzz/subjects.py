@@ -109,6 +109,15 @@ def mat_5(folder: Path) -> bytes:
     return (folder / "a.mat").read_bytes()
 
 
+def matlab_plant(folder: Path) -> bytes:
+    """Return a MATLAB file with a system."""
+    from scipy.io import savemat
+
+    system = {"A": -np.eye(2), "B": np.ones((2, 1)), "C": np.ones((1, 2)), "inputs": "push"}
+    savemat(folder / "plant.mat", system)
+    return (folder / "plant.mat").read_bytes()
+
+
 def mat_73(folder: Path) -> bytes:
     """Return a MATLAB file that is an HDF5 file."""
     import h5py
@@ -360,6 +369,9 @@ SUBJECTS: dict[str, Subject] = {
         fixed(PLANT),
         damaged_json,
         lambda path: PLANTS.get(str(path)).model({})
+    ),
+    "plant of MATLAB": Subject(
+        "plant.mat", matlab_plant, of_bytes, lambda path: PLANTS.get(str(path)).model({})
     ),
     "key": Subject("key.json", fixed({"one": ANSWER}), damaged_json, key),
     "names of a key": Subject("names.toml", fixed(NAMES), damaged_toml, read_names),

@@ -187,12 +187,25 @@ def test_a_text_of_octave_holds_matrices(tmp_path: Path) -> None:
     assert found == pytest.approx(np.array([[1.0, 12.0 / (s + 2.0)]]) / (s + 1.0))
 
 
+def test_lines_of_text_name_states_and_version_4_is_read(tmp_path: Path) -> None:
+    kept = {"A": -np.eye(2), "B": [1.0, 2.0], "C": [1.0, 2.0]}
+    savemat(tmp_path / "named.mat", {**kept, "StateName": ["p", "v"]})
+    named = PLANTS.get(str(tmp_path / "named.mat")).model({})
+    assert [q.name for q in named.states] == ["p", "v"]
+    savemat(tmp_path / "old.mat", kept, format="4")
+    assert len(PLANTS.get(str(tmp_path / "old.mat")).model({}).states) == 2
+
+
 def test_a_file_without_a_system_is_told(tmp_path: Path) -> None:
     savemat(tmp_path / "data.mat", {"time": [0.0, 1.0]})
     with pytest.raises(WorkbenchError, match="holds time, and no system"):
         PLANTS.get(str(tmp_path / "data.mat"))
     with pytest.raises(WorkbenchError, match="cannot read plant"):
         PLANTS.get(str(tmp_path / "missing.mat"))
+    for odd in ({"A": [1.0, 2.0, 3.0], "B": [1.0], "C": [1.0]}, {"num": "x", "den": [1.0]}):
+        savemat(tmp_path / "odd.mat", odd)
+        with pytest.raises(WorkbenchError, match="no numbers of one system"):
+            PLANTS.get(str(tmp_path / "odd.mat"))
     (tmp_path / "text.mat").write_text("A = 1")
     with pytest.raises(WorkbenchError, match="and no system|cannot be read"):
         PLANTS.get(str(tmp_path / "text.mat"))

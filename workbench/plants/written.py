@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import WorkbenchError
+from workbench.matlab import parse_mat5
 from workbench.model.transfer_text import system_of_text
 from workbench.octave import MARK, parse_octave_text
 from workbench.plants.plant import Plant, linear_plant
@@ -56,18 +57,15 @@ def plant_of_matlab(path: Path) -> Plant:
     import control as ct
 
     kept = _kept(path)
-    sampled = _number(kept, "Ts")
-    dt = True if sampled < 0.0 else sampled
-    if "A" in kept:
-        A, B, C, D = (np.asarray(kept.get(k, 0.0), dtype=float) for k in "ABCD")
-        # A vector has lost which way it stood.
-        n = math.isqrt(A.size)
-        B, C = B.reshape(n, -1), C.reshape(-1, n)
-        shape = len(C), B.shape[1]
-        system = ct.ss(A.reshape(n, n), B, C, D.reshape(shape) if D.any() else np.zeros(shape), dt)
-    else:
-        num, den = (np.atleast_1d(np.asarray(kept[k], dtype=float)) for k in ("num", "den"))
-        system = ct.ss(ct.tf(num, den, dt))
+    try:
+        system, sampled = _system(kept)
+        late = sum(_number(kept, name) for name in ("InputDelay", "OutputDelay", "IODelay"))
+    except (TypeError, ValueError):
+        keys = (k for k in (*"ABCD", "num", "den", "Ts") if k in kept)
+        sizes = ", ".join(f"{k} of size {np.shape(kept[k])}" for k in keys)
+        raise WorkbenchError(
+            f"plant {str(path)!r} keeps {sizes}, which are no numbers of one system; {_FIX}"
+        ) from None
     names = {
         key: [str(v) for v in np.atleast_1d(kept[found]).ravel()]
         for key, spellings in _NAMES.items()
@@ -76,10 +74,29 @@ def plant_of_matlab(path: Path) -> Plant:
     counts = {"states": system.nstates, "inputs": system.ninputs, "outputs": system.noutputs}
     given = {k: v for k, v in names.items() if len(v) == counts[k] and all(v)}
     system = ct.ss(system, name=path.stem, **given)
-    late = sum(_number(kept, name) for name in ("InputDelay", "OutputDelay", "IODelay"))
     told = f"the linear system of {path.name}"
     return linear_plant(str(path), system, told, delay=late * (sampled or 1.0))
 
+
+def _system(kept: Mapping[str, Any]) -> tuple[Any, float]:
+    """Return what is kept as a system of python-control, and its sample time in s, 0 for none."""
+    import control as ct
+
+    sampled = _number(kept, "Ts")
+    dt = True if sampled < 0.0 else sampled
+    if "A" in kept:
+        A, B, C, D = (np.asarray(kept.get(k, 0.0), dtype=float) for k in "ABCD")
+        # A vector has lost which way it stood.
+        n = math.isqrt(A.size)
+        B, C = B.reshape(n, -1), C.reshape(-1, n)
+        shape = len(C), B.shape[1]
+        D = D.reshape(shape) if D.any() else np.zeros(shape)
+        return ct.ss(A.reshape(n, n), B, C, D, dt), sampled
+    num, den = (np.atleast_1d(np.asarray(kept[k], dtype=float)) for k in ("num", "den"))
+    return ct.ss(ct.tf(num, den, dt)), sampled
+
+
+_FIX = "save A, B, C, D of the system, or num and den, with save('model.mat', ..., '-v7')"
 
 _NAMES = {
     "states": ("states", "StateName"),
@@ -99,25 +116,26 @@ def _number(kept: Mapping[str, Any], name: str) -> float:
 
 def _kept(path: Path) -> Mapping[str, Any]:
     """Return what a file keeps of a system, by name."""
-    from scipy.io import loadmat
-
     found: dict[str, Any]
-    fix = "save A, B, C, D of the system, or num and den, with save('model.mat', ..., '-v7')"
     try:
-        text = path.read_bytes()
-        found = (
-            parse_octave_text(text.decode(errors="replace"))
-            if text.startswith(MARK)
-            else loadmat(str(path), simplify_cells=True)
-        )
+        content = path.read_bytes()
+        if content.startswith(MARK):
+            found = parse_octave_text(content.decode(errors="replace"))
+        elif 0 in content[:4]:
+            from scipy.io import loadmat
+
+            # Version 4 begins with numbers, not with text.
+            found = loadmat(str(path), simplify_cells=True)
+        else:
+            found = parse_mat5(content)
     except OSError as error:
         raise WorkbenchError(f"cannot read plant {str(path)!r}: {error.strerror}") from None
     except Exception as error:  # noqa: BLE001
         # A damaged file fails anywhere, and in its own way.
-        raise WorkbenchError(f"plant {str(path)!r} cannot be read ({error}); {fix}") from None
+        raise WorkbenchError(f"plant {str(path)!r} cannot be read ({error}); {_FIX}") from None
     for own in (found, *(v for v in found.values() if isinstance(v, dict))):
-        kept = {_SPELLED.get(name, name): value for name, value in own.items()}
+        kept = {_SPELLED.get(k, k): value for k, value in own.items() if value is not None}
         if {"A", "B", "C"} <= kept.keys() or {"num", "den"} <= kept.keys():
             return kept
     named = ", ".join(k for k in found if not k.startswith("__")) or "nothing"
-    raise WorkbenchError(f"plant {str(path)!r} holds {named}, and no system; {fix}")
+    raise WorkbenchError(f"plant {str(path)!r} holds {named}, and no system; {_FIX}")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat, savemat
 
-from workbench.recordings.formats.matlab import parse_mat5
+from workbench.matlab import parse_mat5
 
 CONTENT: dict[str, Any] = {
     "column": np.arange(5.0).reshape(-1, 1),
