@@ -37,6 +37,8 @@ def machine(
     outputs: str,
     parameters: str = "",
     name: str = "machine",
+    *,
+    time: str = "",
 ) -> Model:
     """Return the model of a machine whose quantities are told as text.
 
@@ -58,6 +60,7 @@ def machine(
         inputs=_told(Input, inputs, "lower", "upper", "nominal"),
         outputs=read,
         parameters=_told(Parameter, parameters, "value", "lower", "upper"),
+        time=time,
     )
 
 

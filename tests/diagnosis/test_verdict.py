@@ -122,6 +122,23 @@ def test_a_curve_over_a_slip_is_told_with_both_its_ends() -> None:
     assert told.endswith("30 mm at 200 rad/s of engine - car")
 
 
+def test_a_curve_of_a_parameter_is_told_in_the_unit_of_that() -> None:
+    pool = machine(
+        lambda m: ({"c": m.p.dosed * m.u.valve}, {"chlorine": m.x.c}),
+        "c mg/l 1",
+        "valve 1 upper=1",
+        "chlorine mg/l",
+        "dosed mg/l/h 0.3 0 2",
+        time="h",
+    )
+    seen = library(pool, RecordedFacts(ranges={"c": (0.0, 8e-3)}))
+    law = next(h for h in seen if h.name == "parameter_curve_dosed_over_c")
+    model = pool.with_effect(law.at_size(-0.2e-3 / 3600.0, {"added": 1.0}))
+    told = along(model, model.effects[-1])
+    assert told.startswith("; dosed is 0.5 mg/l/h at 0 mg/l, 0.3 mg/l/h at 4 mg/l, 0.1 mg/l/h at")
+    assert model.read_in(f"{law.name}.amount") == "mg/l/h"
+
+
 def test_a_curve_is_told_along_the_scale_of_the_thermometer_that_reads_its_state() -> None:
     def equations(m: Scope) -> Equations:
         braking = m.p.mu * m.u.push

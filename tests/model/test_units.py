@@ -117,6 +117,16 @@ def test_units_that_do_not_belong_together_are_refused() -> None:
             outputs=(Output("read", "degC"),),
             parameters=(Parameter("room", "K", value=293.0),),
         )
+    # What is off by its zero alone is not named beside what is off by a factor.
+    with pytest.raises(WorkbenchError, match=r"heat is in 'kW', others.*\('heat', 'W', disp"):
+        Model(
+            "oven",
+            lambda m: ({"T": (m.u.heat - m.p.loss * m.x.T) / m.p.store}, {"read": m.x.T}),
+            states=(State("T", "degC"),),
+            inputs=(Input("heat", "kW"),),
+            outputs=(Output("read", "degC"),),
+            parameters=(Parameter("loss", "W/K", value=2.0), Parameter("store", "J/K", value=9.0)),
+        )
 
 
 def test_what_is_no_unit_here_is_one_by_its_own_name() -> None:

@@ -207,7 +207,8 @@ def _by_recording(model: Model, effect: Effect) -> str:
         return ""
     subject = about.subject
     unit = model.parameter(subject).unit if subject else effect.parameters[0].unit
-    told = (f"{model.size_text(v, unit, effect.ports, 3)} in {k}" for k, v in found.items())
+    places = (subject, *effect.ports)
+    told = (f"{model.size_text(v, unit, places, 3)} in {k}" for k, v in found.items())
     return f"; {subject or 'it'} {'is' if about.level else 'begins at'} {', '.join(told)}"
 
 
@@ -227,7 +228,7 @@ def along(model: Model, effect: Effect) -> str:
     unit = read or (shown_in(over) if over else unit)
     own = model.parameter(subject).unit
     told = (
-        f"{model.size_text(value, own, effect.ports, 3)} at"
+        f"{model.size_text(value, own, (subject, *effect.ports), 3)} at"
         f" {with_unit(f'{from_si(at, unit):.3g}', unit)}"
         for at, value in found.items()
     )

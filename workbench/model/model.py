@@ -202,7 +202,8 @@ class Model(Shown):
     def read_in(self, name: str) -> str:
         """Return the unit that the author's words give a parameter for reading; empty if none.
 
-        A parameter of an effect is read as what happens at its ports, without a zero of its own.
+        A parameter of an effect is read as the parameter that this changes, or as what happens at
+        its ports, without a zero of its own.
 
         Example:
             >>> from workbench.plants.servo_axis import servo_axis
@@ -211,13 +212,22 @@ class Model(Shown):
             ('', 'mm')
         """
         effect = next((e for e in self.effects if e.name == name.partition(".")[0]), None)
-        places = (name,) if effect is None or "." not in name else effect.ports
+        places: tuple[str, ...] = (name,)
+        if effect is not None and "." in name:
+            places = (effect.about.subject, *effect.ports)
         one = self.parameter(name)
         return of_difference(one.display_unit) or self.read_at(places, one.unit)
 
     def read_at(self, places: Iterable[str], unit: str) -> str:
-        """Return the unit in which people read something of an SI unit at ports; empty if none."""
-        found = (declared_unit(p, unit, self.quantities, difference=True) for p in places)
+        """Return the unit in which people read something of an SI unit; empty if none.
+
+        Args:
+            places: Ports, rates, and parameters, whose own unit it may be.
+        """
+        said = {q.name: of_difference(q.display_unit) for q in self.parameters if q.unit == unit}
+        found = (
+            said.get(p) or declared_unit(p, unit, self.quantities, difference=True) for p in places
+        )
         return next(filter(None, found), "")
 
     def reading(self, unit: str, *places: str, size: float = 0.0) -> tuple[str, float]:

@@ -130,13 +130,18 @@ def in_si_equations(
             return plainly
         if time or _belong_together(texts, size):
             return found
-    said = ", ".join(f"{q.name} is in {q.stated!r}" for q in declared if q.stated)
+    # A zero of its own is no factor: only where nothing else is declared are there two of them.
+    sized = [q for q in declared if q.stated and parse_unit(q.stated).factor != 1.0]
+    named = sized or [q for q in declared if q.stated]
+    said = ", ".join(f"{q.name} is in {q.stated!r}" for q in named)
+    one = named[0]
+    told = f"{type(one).__name__}({one.name!r}, {one.unit!r}, display_unit={one.stated!r})"
     raise WorkbenchError(
         f"the units do not belong together: {said}, others in units of the SI or of another size,"
         " so that the equations would hold factors between them; declare all of a kind in the same"
         " unit, such as minutes, or in the SI, and what a recording or a reader counts in as"
-        " display_unit, as in Output('level', 'm', display_unit='mm'); or, of equations that hold"
-        " these factors, say in which time they count, Model(..., time='s') or time='min'"
+        f" display_unit, as in {told}; or, of equations"
+        " that hold these factors, say in which time they count, Model(..., time='s') or time='min'"
     )
 
 

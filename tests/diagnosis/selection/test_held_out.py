@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 
 from workbench.diagnosis.estimation.priors import default_priors
-from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, fit_with_process_noise
+from workbench.diagnosis.estimation.process_noise import (
+    ProcessNoiseFit,
+    blocks_of_cost,
+    fit_with_process_noise,
+)
 from workbench.diagnosis.estimation.simulated_recordings import pushes, simulated
 from workbench.diagnosis.selection import held_out
-from workbench.diagnosis.selection.held_out import RunErrors, shown_on_bounds
+from workbench.diagnosis.selection.held_out import RunErrors, held_out_gain, shown_on_bounds
 from workbench.plants.servo_axis import servo_axis
 
 TRUE = {"mass": 150.0, "offset": 2.0}
@@ -43,3 +47,17 @@ def test_a_value_is_wrong_where_held_out_recordings_refuse_the_usual_one(
     # Where whole runs are closer with the usual value, it is not refused.
     monkeypatch.setattr(held_out, "run_errors", runs)
     assert shown_on_bounds(fit, axis, seen[:1], seen[1:], priors) == ()
+
+
+def test_what_unseen_recordings_reach_beyond_the_others_does_not_hide_the_rest() -> None:
+    axis = servo_axis()
+    seen, beyond = (
+        simulated(axis, pushes(600, largest=200.0, seed=k), sample_time=0.01, values=v, seed=k)
+        for k, v in ((1, TRUE), (2, TRUE | {"mass": 100.0}))
+    )
+    fit = replace(fit_with_process_noise(axis, [seen], default_priors(axis)), noise_scale=0.003)
+    without = replace(fit.with_values({"mass": 60.0, "offset": 0.0}), noise_scale=30.0)
+    before = blocks_of_cost(without, [beyond])
+    # A little less trust is not enough; no less than there is without it counts.
+    assert held_out_gain(before, fit, [beyond])[0][1] < 0.0
+    assert held_out_gain(before, fit, [beyond], without.noise_scale)[0][1] > 0.0

@@ -94,7 +94,9 @@ def _judged_on(
     judged = Candidate(entry, fit, base.cost - fit.cost, blocks=blocks, run=run)
     if before is None:
         return judged
-    held_out, unseen = held_out_gain(before, fit, basis.started(hold_out, fit.model))
+    held_out, unseen = held_out_gain(
+        before, fit, basis.started(hold_out, fit.model), base.noise_scale
+    )
     shift = _shift(entry, fit, base.model, hold_out[0])
     return replace(judged, held_out=held_out, shift=shift, blocks=(*blocks, unseen))
 

@@ -146,30 +146,36 @@ def _own_run(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> tuple[
 
 
 def held_out_gain(
-    before: Vector, fit: ProcessNoiseFit, judged: Sequence[Observed]
+    before: Vector, fit: ProcessNoiseFit, judged: Sequence[Observed], trusted: float = MILD
 ) -> tuple[tuple[float, float, float], Vector]:
     """Return the gain of log likelihood on held-out recordings, with its 99 % interval.
 
     Args:
         before: Cost of the other model on them by block, shape (n_blocks,), dimensionless.
         judged: Held-out recordings, with a start for its model.
+        trusted: Process-noise scale of the other model, dimensionless.
 
     Returns:
         The gain and the ends of its interval, dimensionless, and the cost by block. Where the
-        interval includes zero, the model is judged with a little less trust in it, if that gains
-        more: a few moments that its law does not cover, such as impacts, must not hide the rest.
+        interval includes zero, the model is judged with ever less trust in it, a little or as much
+        as in the other one, as long as that gains more: what its law does not cover, such as
+        impacts, or the range that only unseen recordings reach, must not hide the rest.
 
     Raises:
         NumericalError: If the filter leaves the finite numbers.
     """
     blocks = blocks_of_cost(fit, judged)
     held_out = gain_interval(before, blocks)
-    milder = [scale for scale in LADDER if scale > fit.noise_scale]
-    if held_out[1] > 0.0 or not milder:
-        return held_out, blocks
-    mild = blocks_of_cost(replace(fit, noise_scale=max(milder[-1], MILD)), judged)
-    other = gain_interval(before, mild)
-    return (other, mild) if other[0] > held_out[0] else (held_out, blocks)
+    milder = [scale for scale in reversed(LADDER) if scale > fit.noise_scale and scale >= MILD]
+    for scale in (*milder[:1], *(s for s in milder[1:] if s <= trusted)):
+        if held_out[1] > 0.0:
+            break
+        mild = blocks_of_cost(replace(fit, noise_scale=scale), judged)
+        other = gain_interval(before, mild)
+        if other[0] <= held_out[0]:
+            break
+        held_out, blocks = other, mild
+    return held_out, blocks
 
 
 def shown_on_bounds(
