@@ -85,6 +85,27 @@ def test_an_inductance_bends_over_its_flux_where_the_current_is_read() -> None:
     assert found == {"parameter_curve_inductance_over_flux": {"flux.rate", "current.reading"}}
 
 
+def test_a_second_winding_that_reads_the_rate_of_a_flux_is_no_place_of_its_own() -> None:
+    def equations(m: Scope) -> Equations:
+        current = m.x.flux / m.p.inductance
+        rate = m.u.voltage - m.p.resistance * current
+        return {"flux": rate}, {"current": current, "second": m.p.ratio * rate}
+
+    transformer = machine(
+        equations,
+        "flux Wb",
+        "voltage V -10 10",
+        "current A, second V",
+        "inductance H 2 0.2 20, resistance ohm 2 0.1 20, ratio 1 0.1 0 1",
+    )
+    found = {h.name: h for h in parameter_curve.hypotheses(Survey(transformer))}
+    curve = found["parameter_curve_inductance_over_flux"]
+    assert set(curve.ports) == {"flux.rate", "current.reading"}
+    bent = transformer.with_effect(curve.at_size(1.0))
+    current, second = np.ravel(bent.read([0.5], [3.0]))
+    assert second == pytest.approx(0.1 * (3.0 - 2.0 * current)) and current != 0.25
+
+
 def test_a_growth_bends_over_what_it_feeds_on_in_all_that_it_enters() -> None:
     def equations(m: Scope) -> Equations:
         growth = m.p.fastest * m.x.food / (2.0 + m.x.food) * m.x.cells

@@ -282,7 +282,8 @@ class Survey:
         """Refitted parameters of the plant that several ports bring into the equations.
 
         What one state gives another is part of the rates of both: a growth that a measurement shows
-        as well comes in through those rates.
+        as well comes in through those rates. What is made of a rate, as the voltage of a second
+        winding is of that of the flux, comes in through that.
         """
         return self._through_several(fitted=True)
 
@@ -305,12 +306,19 @@ class Survey:
             slopes = [ca.jacobian(ports.value(i), t.p[k]) for i in range(len(t.ports))]
             at = [i for i, slope in enumerate(slopes) if not slope.is_zero()]
             rates = [i for i in at if not t.ports[i].name.endswith(".exchange")]
-            for sites in (at, rates) if len(rates) < len(at) else (at,):
+            own = [i for i in at if all(i == j or not self._reads(i, j) for j in at)]
+            for sites in {tuple(some): None for some in (at, rates, own)}:
                 through = sum(ports.by_port[:, i] * slopes[i] for i in sites)
                 if len(sites) > 1 and same(ports.sampled(through), ports.whole_slope(k)):
                     found.append((q, tuple(self.place(t.ports[i].name) for i in sites)))
                     break
         return found
+
+    def _reads(self, index: int, other: int) -> bool:
+        """Tell whether the port of a sensor reads what another port adds too."""
+        name = self.trace.ports[index].name
+        rows = [i for i, q in enumerate(self.model.outputs) if name == f"{q.name}.reading"]
+        return any(not self.trace.outputs_by_port[i, other].is_zero() for i in rows)
 
 
 def _is_gain(ports: Ports, q: Parameter, index: int) -> bool:

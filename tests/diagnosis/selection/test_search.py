@@ -28,7 +28,7 @@ from workbench.diagnosis.selection.rules import (
     Limits,
 )
 from workbench.diagnosis.selection.search import as_it_is_told
-from workbench.diagnosis.selection.selected import Accepted, Selected
+from workbench.diagnosis.selection.selected import Accepted, Round, Selected
 from workbench.diagnosis.selection.simplification import simplified
 from workbench.diagnosis.selection.task import Task
 from workbench.diagnosis.selection.withdrawal import taken_up_again, too_little_withdrawn
@@ -72,6 +72,29 @@ def test_a_search_begins_again_unless_all_is_missing_at_one_place(
     assert given.scored is not None
     state = selection_search._advanced(task, given.scored, came_to_nothing)
     assert state.failed == ("creep",) and state.finished is one_place
+
+
+@pytest.mark.parametrize("apart", [False, True])
+def test_what_is_not_told_from_a_beginning_that_led_nowhere_is_none(
+    apart: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given, task = example_diagnosis(), example_task()
+    ((found, _),) = given.selected.accepted
+    entry = replace(found.entry, effect=replace(found.entry.effect, name="other"))
+    blocks = tuple(b + 50.0 * apart for b in found.blocks)
+    other = replace(found, entry=entry, blocks=blocks, gain=found.gain - 50.0 * apart)
+    assert given.scored is not None
+    first = Round(given.scored.scores, (found, other))
+    state = Selected(given.base, task.priors, rounds=(first,), failed=(found.name,))
+    begun: list[str] = []
+
+    def begins(_: Task, state: Selected, one: Candidate, __: Round) -> Selected:
+        begun.append(one.name)
+        return state
+
+    monkeypatch.setattr(selection_search, "with_candidate", begins)
+    selection_search._round(task, given.scored, state)
+    assert begun == ["other"] * apart
 
 
 @pytest.mark.parametrize(("share", "more"), [(0.2, False), (0.4, True)])

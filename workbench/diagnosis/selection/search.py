@@ -34,6 +34,7 @@ from workbench.diagnosis.selection.additions import (
     with_candidate,
 )
 from workbench.diagnosis.selection.candidate import is_sensor, leaves_nothing
+from workbench.diagnosis.selection.decision import degenerates_to
 from workbench.diagnosis.selection.first_refit import untried
 from workbench.diagnosis.selection.held_out import over_floor
 from workbench.diagnosis.selection.pairs import as_told, with_pair
@@ -165,7 +166,11 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
         return state, False
     if again:
         scores, candidates = state.rounds[0]
-        passing = [c for c in candidates if passed_all(c) and c.entry.name not in state.failed]
+        # What recordings cannot tell from a beginning that led nowhere leaves the same rest.
+        began = [c for c in candidates if c.entry.name in state.failed]
+        led = {name for c in began for name in explain_as_well(c, candidates, scores)}
+        led |= {c.entry.name for c in candidates if any(degenerates_to(c, b) for b in began)}
+        passing = [c for c in candidates if passed_all(c) and c.entry.name not in led]
         if any(a.shown for a in state.aside):
             # A sensor colours the noise: it is no better beginning than what shows in free runs.
             passing = [c for c in passing if not is_sensor(c)]
