@@ -37,7 +37,7 @@ static int mpc_step(const double *measurement, const double *reference, double *
   double *const filtered = state + N_Z + OPENINGS, *const target = filtered + FOLLOWED;
 #ifdef PACED
   double *const paced = target + FOLLOWED, *const moved = paced + FOLLOWED;
-  double away, fast;
+  double away, fast, less, more;
 #endif
   int i, k, iterations, status;
   for (i = 0; i < OPENINGS; ++i) before[i] = state[N_Z + i] - REST_OPENING[i];
@@ -56,9 +56,13 @@ static int mpc_step(const double *measurement, const double *reference, double *
 #ifdef PACED
     away = reference[k] - paced[k];
     fast = 4.0 * fabs(away) / (1.0 + sqrt(1.0 + 8.0 * fabs(away) / BRAKE[k]));
-    fast = fmin(fast, PACE[k]);
+    fast = fmin(fmax(fast, LEAP[k]), PACE[k]);
     away = clipped(away, -fast, fast);
-    moved[k] = clipped(away, moved[k] - BRAKE[k], moved[k] + BRAKE[k]);
+    less = BRAKE[k] - moved[k];
+    more = BRAKE[k] + moved[k];
+    if (moved[k] <= LEAP[k]) less = fmax(less, LEAP[k]);
+    if (moved[k] >= -LEAP[k]) more = fmax(more, LEAP[k]);
+    moved[k] = clipped(away, -less, more);
     lags[0] = paced[k] += moved[k];
 #endif
     lags[1] = filtered[k] + FRESH[k] * (lags[0] - filtered[k]);

@@ -100,6 +100,7 @@ class LinearMPC(ValveController):
         pace: Largest changes of the references that are followed, in SI of the outputs per sample;
             not used with preview.
         brake: Largest changes of these changes from one sample to the next, in SI of the outputs.
+        leap: Changes of the references that need no brake, in SI of the outputs per sample.
         solver: Solver of the program, ``"own"`` or one of CasADi's; in C it is the own one.
     """
 
@@ -112,6 +113,7 @@ class LinearMPC(ValveController):
     others: tuple[ValveInverse, ...] = ()
     pace: tuple[float, ...] = ()
     brake: tuple[float, ...] = ()
+    leap: tuple[float, ...] = ()
     solver: str = OWN
     name: str = "linear MPC"
 
@@ -209,9 +211,14 @@ class LinearMPC(ValveController):
     def _moved(self, reference: Matrix, before: Matrix, moved: Matrix) -> Matrix:
         """Return by how much references move, as of `controllers.plain.plain_law.paced`."""
         away, brake = reference - before, np.array(self.brake or np.full(len(before), math.inf))
+        leap = np.array(self.leap or np.zeros(len(before)))
         stops = 4.0 * np.abs(away) / (1.0 + np.sqrt(1.0 + 8.0 * np.abs(away) / brake))
-        fast = np.minimum(np.array(self.pace), stops)
-        return np.clip(np.clip(away, -fast, fast), moved - brake, moved + brake)
+        fast = np.minimum(np.array(self.pace), np.maximum(stops, leap))
+        less, more = (
+            np.where(way < -leap, brake + way, np.maximum(brake + way, leap))
+            for way in (-moved, moved)
+        )
+        return np.clip(np.clip(away, -fast, fast), -less, more)
 
     def linear_law(
         self,
@@ -301,6 +308,7 @@ class LinearMPC(ValveController):
             if self.pace:
                 tables["PACE"] = np.array(self.pace)
                 tables["BRAKE"] = np.array(self.brake or np.full(followed, math.inf))
+                tables["LEAP"] = np.array(self.leap or np.zeros(followed))
                 defined["PACED"] = 1
         return mpc_source(
             name,

@@ -35,10 +35,10 @@ P = TypeVar("P")
 def at_pace(limits: LoopLimits, law: P) -> P:
     """Return the law with the best pace and brake of each reference."""
     found = np.array([_pace(limits, law, i) for i in range(limits.outputs)])
-    if np.isinf(found).all():
+    if np.all(found == FREE):
         return law
-    pace, brake = (tuple(part.tolist()) for part in found.T)
-    return cast(P, replace(cast(Any, law), pace=pace, brake=brake))
+    pace, brake, leap = (tuple(part.tolist()) for part in found.T)
+    return cast(P, replace(cast(Any, law), pace=pace, brake=brake, leap=leap))
 
 
 def best_at_pace(limits: LoopLimits, laws: Sequence[L]) -> L:
@@ -49,17 +49,22 @@ def best_at_pace(limits: LoopLimits, laws: Sequence[L]) -> L:
     """
     small = answered(limits, stacked(laws)).cost(limits.want.overshoot)
     tried = [at_pace(limits, law) for law in laws]
-    large, none = np.zeros(len(laws)), (math.inf,) * limits.outputs
+    large = np.zeros(len(laws))
     for i, name in enumerate(limits.loop.measured):
         room = next((found for law in laws if len(found := _large(limits, law, i)[0])), None)
         if room is None:
             continue
         far = reach_of(limits.loop.linear, name) * np.array([-1.0, -0.25, 0.25, 1.0])
         size = np.clip(far, room.min(), room.max())
-        own = [np.array([[(law.pace or none)[i], (law.brake or none)[i]]]) for law in tried]
+        own = [np.array([_of(law, i)]) for law in tried]
         each = [_paced(limits, law, i, size, at) for law, at in zip(tried, own, strict=True)]
         large += _cost(np.concatenate(each, axis=1))
     return tried[int(np.argmin(small * large if large.any() else small))]
+
+
+def _of(law: PlainLaw, i: int) -> tuple[float, float, float]:
+    """Return pace, brake and leap of a reference."""
+    return (law.pace[i], law.brake[i], law.leap[i]) if law.pace else FREE
 
 
 def swing(limits: LoopLimits, law: Any) -> float:
@@ -70,32 +75,32 @@ def swing(limits: LoopLimits, law: Any) -> float:
     return float(np.max(np.array(each) * loop.output_scale[:, None]))
 
 
-PARTS = (0.7, 0.5, 0.35, 0.25, 0.18, 0.12)
-"""Paces that are tried beside a brake, over the fastest that it lets a reference move."""
+FREE = (math.inf, math.inf, 0.0)
+"""Pace, brake and leap of a reference that none of them holds back."""
 
 
-def _pace(limits: LoopLimits, law: Any, i: int) -> tuple[float, float]:
-    """Return the best pace and brake of a reference, infinite for none."""
+def _pace(limits: LoopLimits, law: Any, i: int) -> tuple[float, float, float]:
+    """Return the best pace, brake and leap of a reference."""
     size, paces = _large(limits, law, i)
     if not len(size):
-        return math.inf, math.inf
+        return FREE
     if not isinstance(law, PlainLaw):
         # Of those that solve something, most need no pace.
         free = _paced(limits, law, i, size, paces[:1])
         if np.all(free[1] < 1.1):
-            return math.inf, math.inf
+            return FREE
     found = _paced(limits, law, i, size, paces)
-    if len(braked := np.flatnonzero(np.isfinite(paces[:, 1]))):
-        # Under a brake the farthest step is fast: the plant may be slower.
-        brake = paces[braked[np.argmin(_cost(found)[braked])], 1]
-        fast = math.sqrt(brake * np.abs(size).max())
-        more = np.array([(part * fast, k * brake) for part in PARTS for k in (1.0, 2.0)])
+    even, braked = (np.isfinite(paces[:, k]) for k in range(2))
+    if even.any() and braked.any():
+        # The pace that suits best is slow for large steps: beyond it, they may brake.
+        leap = paces[even][np.argmin(_cost(found)[even]), 0]
+        more = np.array([(math.inf, brake, leap) for brake in paces[braked, 1]])
         paces = np.vstack([paces, more])
         found = np.concatenate([found, _paced(limits, law, i, size, more)], axis=1)
     total = _cost(found)
     best = int(np.argmin(total))
-    pace, brake = paces[best if total[best] < 0.9 * total[0] else 0].tolist()
-    return pace, brake
+    pace, brake, leap = paces[best if total[best] < 0.9 * total[0] else 0].tolist()
+    return pace, brake, leap
 
 
 LARGE = (0.5, 3.0, 10.0)
@@ -117,7 +122,7 @@ LEFT = 0.8
 
 
 def _large(limits: LoopLimits, law: Any, i: int) -> tuple[Vector, Matrix]:
-    """Return steps of an output beyond the commands' ends, and paces and brakes, shape (n, 2).
+    """Return steps of an output beyond the commands' ends, and what is tried, shape (n, 3).
 
     There are none where nothing ends, or only small steps can be held.
     """
@@ -129,7 +134,7 @@ def _large(limits: LoopLimits, law: Any, i: int) -> tuple[Vector, Matrix]:
     y, asked = _freely(limits, law, i)
     peak, held = asked[np.argmax(np.abs(asked), axis=0), np.arange(asked.shape[1])], asked[-1]
     if not (np.isfinite(ends).any() and np.all(np.isfinite(peak)) and np.any(peak)):
-        return np.zeros(0), np.zeros((0, 2))
+        return np.zeros(0), np.zeros((0, 3))
     sizes, enough, reach = set(), set(), reach_of(loop.linear, loop.measured[i])
     # What ends alike on both sides answers alike to both.
     signs = (1.0,) if np.array_equal(ends[0], -ends[1]) else (-1.0, 1.0)
@@ -150,14 +155,14 @@ def _large(limits: LoopLimits, law: Any, i: int) -> tuple[Vector, Matrix]:
     if slow < math.inf:
         sizes |= set() if sizes else {sign * loop.output_scale[i] for sign in signs}
     if not sizes:
-        return np.zeros(0), np.zeros((0, 2))
+        return np.zeros(0), np.zeros((0, 3))
     size, arrived = np.array(sorted(sizes)), max(int(np.argmax(y > 0.63)), 1)
     tried = {share * least / arrived for least in enough for share in PACES}
     tried |= {share * slow for share in SLOW if slow < math.inf}
-    paces = [(pace, math.inf) for pace in (math.inf, *sorted(tried, reverse=True))]
+    paces = [(pace, math.inf, 0.0) for pace in (math.inf, *sorted(tried, reverse=True))]
     brakes = [least / arrived**2 for least in enough]
     brakes += [slow / arrived] if slow < math.inf else []
-    paces += [(math.inf, share * brake) for brake in brakes for share in BRAKES]
+    paces += [(math.inf, share * brake, 0.0) for brake in brakes for share in BRAKES]
     return size, np.array(paces)
 
 
@@ -231,7 +236,7 @@ def _moving(limits: LoopLimits) -> list[tuple[Vector, Matrix]]:
 def _run(limits: LoopLimits, law: PlainLaw, i: int, step: Vector, pace: Matrix) -> Matrix:
     """Return outputs, shape (n_samples, n_outputs, n), after steps of an output from rest.
 
-    The pace is the largest changes of the reference and of these per sample, shape (2, n).
+    The pace, shape (3, n), is that, the brake and the leap.
     """
     loop, (A, B, C), p = limits.loop, limits.plants[0], limits.outputs
     law = replace(
@@ -244,11 +249,12 @@ def _run(limits: LoopLimits, law: PlainLaw, i: int, step: Vector, pace: Matrix) 
         fading=(),
         pace=(),
         brake=(),
+        leap=(),
     )
     example = law.initial_state((0.0,) * limits.sensors)
     x, z, r, v = (ca.SX.sym("", n) for n in (len(A), len(flat(example)), 1, 1))
-    to, most, brake = (ca.SX.sym("", 1) for _ in range(3))
-    moved = paced(to - r, v, most, brake, SYMBOLS)
+    to, most, brake, leap = (ca.SX.sym("", 1) for _ in range(4))
+    moved = paced(to - r, v, most, brake, leap, SYMBOLS)
     y, now = ca.mtimes(C, x), r + moved
     asked = tuple(now if j == i else 0.0 for j in range(p))
     seen = tuple(ca.vertsplit(y))
@@ -256,7 +262,7 @@ def _run(limits: LoopLimits, law: PlainLaw, i: int, step: Vector, pace: Matrix) 
     low, high = (LEFT * end + ca.mtimes(slopes, x) for end, slopes in _moving(limits))
     u = ca.fmin(ca.fmax(ca.vcat(u), low), high)
     after = ca.vertcat(ca.mtimes(A, x) + ca.mtimes(B, u), *flat(following), now, moved)
-    entering = [ca.vertcat(x, z, r, v), ca.vertcat(to, most, brake)]
+    entering = [ca.vertcat(x, z, r, v), ca.vertcat(to, most, brake, leap)]
     leaving, count = [ca.densify(after), ca.densify(y[:p])], len(step)
     sample = Buffered(ca.Function("sample", entering, leaving).map(count).expand())
     # What has no end takes long to reach one.
@@ -276,7 +282,7 @@ def _solved(limits: LoopLimits, law: Any, i: int, step: Vector, pace: Matrix) ->
     rest, own = loop.shown.y0[:, None], np.eye(limits.outputs)[:, [i]]
     asked, paces = rest[: limits.outputs] + own * step, np.where(own > 0.0, pace[0], math.inf)
     law = replace(law, pace=(math.inf,) * limits.outputs)
-    brakes = np.where(own > 0.0, pace[1], math.inf)
+    brakes, leaps = np.where(own > 0.0, pace[1], math.inf), np.where(own > 0.0, pace[2], 0.0)
     start = law.initial_state(tuple(rest[:, 0].tolist()))
     state = type(start)(*(np.tile(part[:, None], count) for part in start))
     x, left = np.zeros((len(A), count)), np.arange(count)
@@ -286,7 +292,8 @@ def _solved(limits: LoopLimits, law: Any, i: int, step: Vector, pace: Matrix) ->
     for k in range(MOST_SAMPLES):
         y = C @ x
         outputs[k][:, left] = y[: limits.outputs]
-        law = replace(law, pace=tuple(paces[:, left]), brake=tuple(brakes[:, left]))
+        now = [tuple(part[:, left]) for part in (paces, brakes, leaps)]
+        law = replace(law, **dict(zip(("pace", "brake", "leap"), now, strict=True)))
         _, state = law.stepped(state, rest + y, asked[:, left])
         low, high = (end[:, None] + slopes @ x for end, slopes in moving)
         x = A @ x + B @ np.clip(full * state.opening, low, high)

@@ -17,11 +17,14 @@ from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.valve_inverse import ValveInverse
 
 
-def paced(away: Number, moved: Number, pace: float, brake: float, a: Arithmetic) -> Number:
+def paced(
+    away: Number, moved: Number, pace: float, brake: float, leap: float, a: Arithmetic
+) -> Number:
     """Return by how much a reference moves in this sample, which moved by so much in the last one.
 
     It moves as fast as it may, and no faster than it can stop from at what is asked: n samples that
-    each take ``brake`` off a move of n times that go n (n + 1) / 2 times as far.
+    each take ``brake`` off a move of n times that go n (n + 1) / 2 times as far. Moves of ``leap``
+    begin and end at once.
 
     Args:
         away: What it is away from what is asked, in SI.
@@ -30,8 +33,11 @@ def paced(away: Number, moved: Number, pace: float, brake: float, a: Arithmetic)
     if isinstance(brake, float) and brake == math.inf:
         return fast
     size = a.largest(away, -away)
-    stops = 0.5 * brake * (a.root(1.0 + 8.0 * size / brake) - 1.0)
-    return a.clip(a.clip(fast, -stops, stops), moved - brake, moved + brake)
+    stops = a.largest(0.5 * brake * (a.root(1.0 + 8.0 * size / brake) - 1.0), leap)
+    # From the other way, faster than a leap, it brakes first.
+    less = a.where(moved > leap, brake - moved, a.largest(brake - moved, leap))
+    more = a.where(moved < -leap, brake + moved, a.largest(brake + moved, leap))
+    return a.clip(a.clip(fast, -stops, stops), -less, more)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -49,6 +55,8 @@ class PlainLaw(ClosedForm):
             the command's state moves to a w + (1 - a) v, and what makes the curve do so is sent.
         pace: Largest changes of the references that are followed, in SI of the outputs per sample.
         brake: Largest changes of these changes from one sample to the next, in SI of the outputs.
+        leap: Changes of the references that need no brake, in SI of the outputs per sample; none
+            by default.
     """
 
     sensors: tuple[str, ...]
@@ -64,6 +72,7 @@ class PlainLaw(ClosedForm):
     fading: tuple[float, ...] = ()
     pace: tuple[float, ...] = ()
     brake: tuple[float, ...] = ()
+    leap: tuple[float, ...] = ()
     preview: int = 0
     name: str = "plain"
 
@@ -93,7 +102,7 @@ class PlainLaw(ClosedForm):
         if before is None:
             return asked, None
         p, none = len(asked), (math.inf,) * len(asked)
-        limits = zip(self.pace or none, self.brake or none, strict=True)
+        limits = zip(self.pace or none, self.brake or none, self.leap or (0.0,) * p, strict=True)
         moved = tuple(
             paced(r - b, v, *own, a)
             for r, b, v, own in zip(asked, before[:p], before[p:], limits, strict=True)

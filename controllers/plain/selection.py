@@ -210,11 +210,14 @@ def settled_after(law: Any, linear: LinearModel, sizes: Mapping[str, float]) -> 
     time, seen, _ = steps(limits, laws)
     long, none = 0.0, (math.inf,) * len(law.controlled)
     paces, brakes = (getattr(law, name, ()) or none for name in ("pace", "brake"))
-    for i, (name, pace, brake) in enumerate(zip(law.controlled, paces, brakes, strict=True)):
+    leaps = getattr(law, "leap", ()) or (0.0,) * len(none)
+    each = zip(law.controlled, paces, brakes, leaps, strict=True)
+    for i, (name, pace, brake, leap) in enumerate(each):
         away = np.flatnonzero(np.abs(seen[0, :, i, i] - 1.0) > 0.02)
         own = float(time[min(away[-1] + 1, len(time) - 1)]) if len(away) else 0.0
         if sizes.get(name):
             far = abs(sizes[name])
-            moved = far / pace + 2.0 * math.sqrt(far / brake)
+            braked = 2.0 * math.sqrt(far / brake)
+            moved = far / pace + min(braked, far / leap if leap else math.inf)
             long = max(long, own + moved * law.sample_time)
     return long

@@ -37,7 +37,8 @@ class Stepped(NamedTuple):
         error: Integral of time by absolute error, in samples squared, of unit steps, with half the
             square of the time that each takes to settle.
         rise: Samples after which 63 % of the step is reached.
-        left: How far away it stays in the end, the larger, as a fraction of the step.
+        left: How far away it stays in the end, the larger, as a fraction of the step; all of it
+            where a command still swings from end to end.
     """
 
     overshoot: float
@@ -138,7 +139,10 @@ class _Run:
             rise = rise or max(int(np.argmax(away > -0.37)), 1)
             last, before = (np.abs(part[:BLOCK]).max() for part in (away[-BLOCK:], away[k // 2 :]))
             end = sent[k + 1 - BLOCK : k + 1]
-            waits = np.any(np.all(end <= self.lower, axis=0) | np.all(end >= self.upper, axis=0))
+            low, high = end <= self.lower, end >= self.upper
+            waits = np.any(np.all(low, axis=0) | np.all(high, axis=0))
+            # A command that goes from end to end and back holds nothing.
+            left = 1.0 if np.any(np.any(low, axis=0) & np.any(high, axis=0)) else left
             # What still gets nearer only takes longer, as long as a command at its end lets it.
             left = max(left, float(last)) if last > (1.0 if waits else 0.5) * before else left
         return Stepped(overshoot - self.want.overshoot, error, rise, left)
@@ -152,9 +156,10 @@ def slower(law: P, i: int, size: float, samples: float) -> P:
     name, most = "brake", 4.0 * size / samples**2
     if not isinstance(law, PlainLaw):
         name, most = "pace", size / samples
-    limits = list(getattr(own, name) or none)
-    limits[i] = min(limits[i], most)
-    return cast(P, replace(own, **{"pace": own.pace or none, name: tuple(limits)}))
+    limits, leap = list(getattr(own, name) or none), list(own.leap or (0.0,) * len(none))
+    limits[i], leap[i] = min(limits[i], most), 0.0
+    told = {"pace": own.pace or none, name: tuple(limits), "leap": tuple(leap)}
+    return cast(P, replace(own, **told))
 
 
 SLOWER = (0.75, 1.1, 1.6, 2.5, 4.0, 8.0)

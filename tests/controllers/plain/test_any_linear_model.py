@@ -28,7 +28,7 @@ from controllers.plain.state_feedback import (
 from controllers.plain.transfer_law import pid_by_hand, transfer_controller
 from controllers.sensitivity import frequencies, loops_at, peak_sensitivities, peaks_of
 from tests.controllers.families import designed
-from tests.controllers.in_c import InC, agrees_on
+from tests.controllers.in_c import InC, agrees, agrees_on
 from tests.machines import at_rest, machine, stepped
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linear_model
@@ -774,6 +774,27 @@ def test_a_reference_brakes_where_a_plant_has_no_more_than_its_commands(tmp_path
     assert state.paced[0] == pytest.approx(2.0, abs=1e-12)
     assert -sum(min(move, 0.0) for move in moves) <= law.brake[0] / 8.0
     assert np.abs(np.diff(moves)).max() <= law.brake[0] * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("name", ["lqi", "plain-pid", "plain-mpc", "plain-sliding-mode"])
+def test_steps_near_and_far_are_as_fast_as_commands_let_them_be(name: str, tmp_path: Path) -> None:
+    # A satellite: all of its command takes 2 sqrt(size) s, 20 s for the farther step.
+    linear = linear_model("1 / s^2", limits=1.0)
+    law = designed(name, linear, sample_time=0.005)
+    for size, long in ((0.05, 1.0), (100.0, 33.0)):
+        found = stepped(law, linear, "y", 0.0, size, hold=2.0 * long)
+        assert found["settling_time"] < long and found["overshoot"] < 0.02
+    # What turns back on its way brakes first, in C as in Python.
+    asked = [(9.0,)] * 400 + [(-1.0,)] * 2000
+    agrees(law, tmp_path, [(0.0,)] * len(asked), asked, 1e-9)
+    state, moves = law.initial_state((0.0,)), [0.0]
+    for reference in asked:
+        _, after, _ = law.step(state, (0.0,), reference)
+        moves.append(after.paced[0] - state.paced[0])
+        state = after
+    jumps = np.abs(np.diff(moves)) > law.brake[0] * (1.0 + 1e-6)
+    assert state.paced[0] == pytest.approx(-1.0, abs=1e-9)
+    assert np.all(np.abs(np.array(moves))[1:][jumps] <= law.leap[0] * (1.0 + 1e-6))
 
 
 def test_pids_of_late_commands_are_the_best_of_late_steps() -> None:
