@@ -117,11 +117,15 @@ def _best(
     h = want.sample_time
     # Over many time constants of an unstable mode no prediction has a meaning.
     growing = float(np.max(loop.linear.poles.real, initial=0.0))
-    top = min(max(2.0 * growing, 0.02 / h) if growing > 1e-6 / h else FASTEST / h, 0.3 / h)
+    # What a command at its end does not hold any more, a horizon must foresee.
+    ended, top = bool(np.isfinite(loop.upper - loop.lower).any()), FASTEST / h
+    if growing > 1e-6 / h and ended:
+        top = min(max(2.0 * growing, 0.02 / h), 0.3 / h)
     low = min(growing, 0.5 * top)
     tried = [want.speed] if want.speed else [w for w in speeds(h, 16) if low <= w <= top]
     if growing > 0.0 and not want.speed:
-        tried = np.geomspace(top, max(low, tried[-1]), max(len(tried), 4)).tolist()
+        least = max(len(tried), 4 if ended else 8)
+        tried = np.geomspace(top, max(low, tried[-1]), least).tolist()
 
     outputs = len(loop.measured)
     given = np.broadcast_to(np.array(want.error_scale, dtype=float), outputs)

@@ -865,6 +865,23 @@ def test_a_delay_alone_needs_no_filter(
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.parametrize(
+    ("plant", "sample_time", "long"),
+    [
+        ("1 / (s - 0.1)", 0.1, 2.0),
+        ("1 / (s^2 - 4)", 0.005, 0.4),
+        ("(s + 1) / (s (s - 0.5))", 0.02, 0.5),
+    ],
+)
+def test_what_grows_slowly_is_led_fast_by_commands_without_an_end(
+    plant: str, sample_time: float, long: float
+) -> None:
+    linear = linear_model(plant)
+    law = designed("plain-mpc", linear, sample_time=sample_time)
+    assert settled_after(law, linear, {"y": 1.0}) < long
+    assert max(loop.sensitivity for loop in analyse_loop(law, linear)) < 1.9
+
+
 @pytest.mark.parametrize(("plant", "delay"), [("1 / (s - 1)", 0.9), ("exp(-0.9 s) / (s - 1)", 0.0)])
 def test_how_late_a_plant_that_grows_may_be_is_said(plant: str, delay: float) -> None:
     linear = linear_model(plant, limits=5.0)
