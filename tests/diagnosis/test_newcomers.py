@@ -223,6 +223,25 @@ def test_steps_of_the_filter_follow_where_a_recording_leads() -> None:
     assert steps_along(model, near).number > 5
 
 
+def test_sensors_of_what_is_steep_beyond_their_noise_do_not_end_a_filter() -> None:
+    def equations(m: Scope) -> Equations:
+        current = m.p.steep * m.x.flux
+        return {"flux": m.u.voltage}, {"current": current, "second": -0.5 * current}
+
+    coil = machine(
+        equations,
+        "flux Wb scale=1",
+        "voltage V -9 9",
+        "current A 1e-3 scale=1, second V 1e-2 scale=1",
+        "steep A/Wb 0.4",
+    )
+    volts = 5.0 * np.sin(np.arange(200) / 7.0)
+    read = {"current [A]": volts, "second [V]": 0.1 * volts}
+    seen = observe(coil, recording("run", 1e-3, {"voltage [V]": volts}, read))
+    # Iron far beyond its knee.
+    assert steps_along(coil.with_parameters({"steep": 3e12}), seen).number == 1
+
+
 def test_states_beyond_the_range_of_the_equations_ask_for_no_steps() -> None:
     def equations(m: Equations) -> dict[str, Any]:
         reaction = 1.2e9 * np.exp(-8750.0 / m.x.warmth)

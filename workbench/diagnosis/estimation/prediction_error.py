@@ -336,6 +336,10 @@ class PredictionError:
         return self._filters[-1]
 
 
+_DISTINCT = 1e-6
+"""Least noise of a sensor over what the states make of it, for which numbers are precise enough."""
+
+
 def steps_along(model: Model, observed: Observed) -> Steps:
     """Choose the steps per sample of a model where a recording leads its states.
 
@@ -361,9 +365,11 @@ def steps_along(model: Model, observed: Observed) -> Steps:
         slopes = np.asarray(trace.jacobian_function(x.T, u.T, model.values)[2])
         spread = slopes.reshape(len(model.outputs), _LOOKS, -1).transpose(1, 0, 2)[:, rows] * scale
         error = read - seen[:, rows]
-        known = np.isfinite(error) & np.isfinite(spread).all(axis=2)
+        known = np.isfinite(error) & np.isfinite(spread**2).all(axis=2)
         error, spread = np.where(known, error, 0.0), np.where(known[:, :, None], spread, 0.0)
-        variance = spread @ spread.transpose(0, 2, 1) + np.diag(noise**2)
+        # Several sensors of what is so steep that it drowns their noise would be one.
+        own = noise**2 + (_DISTINCT * np.abs(spread).max(axis=2)) ** 2
+        variance = spread @ spread.transpose(0, 2, 1) + own[:, :, None] * np.eye(len(rows))
         gain = spread.transpose(0, 2, 1) @ np.linalg.solve(variance, error[:, :, None])
         x = np.clip(x + scale * gain[:, :, 0], *within)
     steps = steps_of(model, observed.sample_time, x, u)
