@@ -28,17 +28,20 @@ from workbench.physics.parameter_arguments import joint_dampings
 from workbench.physics.place import RESISTED, Local, Place
 from workbench.physics.survey import Survey
 
+_SMOOTH = 0.02
+"""Speed that rounds a reversal, over the usual speed, unless a machine is seen to stick."""
+
 
 def transition(at: Place, around: float = 1e3) -> Own:
     """Return the speed that rounds the reversal, held in a fit within a factor of its value."""
-    return shape("transition_speed", at.speed.unit, 0.02 * at.speed.scale,
+    return shape("transition_speed", at.speed.unit, _SMOOTH * at.speed.scale,
                  "speed scale of the reversal", around=(1.0 / around, around),
                  fitted=False)  # fmt: skip
 
 
-def _sharp(at: Place) -> dict[str, float]:
-    """Return a reversal so short that a machine sticks."""
-    return {"transition_speed": 5e-4 * at.speed.scale}
+def _reversals(at: Place) -> list[dict[str, float]]:
+    """Return reversals: smooth; so short that a machine sticks; and that it does not creep on."""
+    return [{"transition_speed": k * at.speed.scale} for k in (_SMOOTH, 5e-4, 2e-5)]
 
 
 coulomb_friction = Law(
@@ -50,6 +53,7 @@ coulomb_friction = Law(
         transition(at, 1e4),
     ),
     lambda at: at.value - at.p.level * ca.tanh(at.signals.speed / at.p.transition_speed),
+    shapes=_reversals,
     dry=True,
     usual=True,
     source="C. A. Coulomb; regularised with tanh",
@@ -167,8 +171,8 @@ stribeck_friction = Law(
     ),
     _fading,
     shapes=lambda at: [
-        {"stribeck_speed": k * at.speed.scale} | sharp
-        for sharp in ({}, _sharp(at))
+        {"stribeck_speed": k * at.speed.scale} | reversal
+        for reversal in _reversals(at)
         for k in (0.1, 0.03, 0.3)
     ],
     dry=True,

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression
-from workbench.physics.flow import orifice_flow
-from workbench.physics.law import Fit, Law, by_end, by_number, each, shape, size, twins
+from workbench.physics.flow import REFERENCE_DENSITY, orifice_flow
+from workbench.physics.law import Fit, Law, Own, by_end, by_number, each, shape, size, twins
 from workbench.physics.place import Place
 from workbench.physics.survey import Survey
 
@@ -39,8 +39,11 @@ edge_leakage = Law(
 )
 
 
-_conductance = size("conductance", "m3/(s Pa)", 5e-11, 2e-9, "sonic conductance of the leak",
-                    scale=1e-10)  # fmt: skip
+def _conductance(at: Place) -> Own:
+    # Beside that through which the usual flow passes at the usual pressure.
+    full = at.scale / (REFERENCE_DENSITY * at.other("pressure").scale)
+    return size("conductance", "m3/(s Pa)", 0.006 * full, 0.24 * full,
+                "sonic conductance of the leak", scale=0.012 * full)  # fmt: skip
 
 
 def _to_ambient(at: PortView) -> Expression:
@@ -57,7 +60,7 @@ chamber_leakage = Law(
         needs=("pressure", "temperature", "ambient_pressure", "ambient_temperature"),
         label=by_number,
     ),
-    lambda at: (_conductance,),
+    lambda at: (_conductance(at),),
     lambda at: at.value - _to_ambient(at),
     usual=True,
     source="ISO 6358",
@@ -85,7 +88,7 @@ opening_leakage = replace(
     name="opening_leakage",
     equation="flow - C rho0 p sqrt(T0 / T) psi from a gauge pressure on",
     parameters=lambda at: (
-        _conductance,
+        _conductance(at),
         shape("threshold", "Pa", _pressures(at)[1], "gauge pressure at which the leak opens",
               around=None, between=(0.0, 1e8), scale=0.1 * at.other("pressure").scale),
         shape("width", "Pa", 0.1 * at.other("pressure").scale,

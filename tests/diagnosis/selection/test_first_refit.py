@@ -18,13 +18,13 @@ def test_shapes_that_no_refit_changes_are_tried_too() -> None:
     assert [q.value for q in other.effect.parameters if q.name == "sampled"] == [1.0]
     # A width that a refit changes is no other variant.
     assert first_refit.variants(entries()["lugre_friction"]) == []
-    # A machine that sticks reverses within less than another law shows.
-    (sticking,) = first_refit.variants(entries()["stribeck_friction"])
-    sharp, usual = (
+    # A machine that sticks reverses within less than another law shows, and does not creep on.
+    usual = entries()["stribeck_friction"]
+    speeds = [
         next(q.value for q in e.effect.parameters if q.name == "transition_speed")
-        for e in (sticking, entries()["stribeck_friction"])
-    )
-    assert sharp == pytest.approx(usual / 40.0)
+        for e in (usual, *first_refit.variants(usual))
+    ]
+    assert speeds == pytest.approx([speeds[0], speeds[0] / 40.0, speeds[0] / 1000.0])
     # Its speed is a guess, which the last refit tunes.
     assert first_refit.variants(entries()["stribeck_friction"], guessed=False) == []
 

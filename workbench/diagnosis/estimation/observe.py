@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.prediction_error import CORRELATION_TIME, Observed
+from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.errors import WorkbenchError
 from workbench.model import Model, Output
@@ -31,10 +31,6 @@ _CREEPS = 2.0
 _COARSE, _ONE = 4.0, 1.5
 """Multiple of its noise from which on the steps of a sensor outlast it; usual change, in steps, up
 to which it goes by one at a time."""
-
-_PACE, _SAMPLES = 0.3, 10
-"""Correlation time of what a quick model leaves out, over the time in which its response shows; so
-many samples at least, for a machine that is recorded slowly is as good as at rest in each."""
 
 
 def recorded_outputs(model: Model, recording: Recording) -> list[Output]:
@@ -105,7 +101,7 @@ def observe(model: Model, recording: Recording) -> Observed:
         start,
         start_rms,
         _growth(model, start, inputs[len(inputs) // 2]),
-        min(CORRELATION_TIME, max(_PACE * model.horizon, _SAMPLES * sample_time)),
+        model.horizon,
         correlated_noise=_if_any(shared),
         relative_noise=_if_any([q.relative_noise_rms for q in outputs]),
         coarse=_if_any(_coarse(outputs, read)),

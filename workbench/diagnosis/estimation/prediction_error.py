@@ -24,8 +24,12 @@ from workbench.errors import NumericalError, WorkbenchError, check_choice
 from workbench.model import Model
 from workbench.model.model import index_of
 
-CORRELATION_TIME = 0.1
+_CORRELATED = 0.1
 """Time over which an unmodelled signal at a port is taken as correlated at the most, s."""
+
+_PACE, _SAMPLES = 0.3, 10
+"""Correlation time of what a quick model leaves out, over the time in which its response shows; so
+many samples at least, for a machine that is recorded slowly is as good as at rest in each."""
 
 _LOST = 7.0
 """Time constants of an unstable mode after which a thousandth has grown to all of a signal."""
@@ -55,7 +59,7 @@ class Observed:
         start_rms: Their uncertainty, shape (n_states,), in SI.
         growth: How fast a deviation from the nominal model's motion grows at the start, in 1/s:
             the largest real part of its eigenvalues; minus infinity if that is not known.
-        correlation_time: Time over which what the model leaves out is taken as correlated, in s.
+        horizon: Time in which the response of the nominal model shows, in s.
         correlated_noise: Noise of each measurement beside the white one that samples share: root
             mean square, in SI, and time of its correlation, in s, shape (n_used, 2); empty if there
             is none.
@@ -77,7 +81,7 @@ class Observed:
     start: Vector
     start_rms: Vector
     growth: float = -math.inf
-    correlation_time: float = CORRELATION_TIME
+    horizon: float = 1.0
     correlated_noise: Vector = field(default_factory=lambda: np.zeros((0, 2)))
     relative_noise: Vector = field(default_factory=lambda: np.zeros(0))
     coarse: Vector = field(default_factory=lambda: np.zeros(0))
@@ -108,6 +112,11 @@ class Observed:
             late[count:, column] = columns[: len(columns) - count, column]
             late[:count, column] = columns[0, column]
         return late
+
+    @property
+    def correlation_time(self) -> float:
+        """Time over which what the model leaves out is taken as correlated, in s."""
+        return min(_CORRELATED, max(_PACE * self.horizon, _SAMPLES * self.sample_time))
 
     @property
     def time(self) -> Vector:

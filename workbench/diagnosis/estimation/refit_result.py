@@ -18,8 +18,9 @@ from workbench.model import Model
 from workbench.model.model import index_of
 from workbench.model.units import written_unit
 
-_BLOCKS_S = (0.5, 2.0)
-"""Lengths over which prediction errors may be correlated, for the intervals, s."""
+_BLOCKS = (0.5, 2.0)
+"""Lengths over which prediction errors may be correlated, for the intervals, over the time in which
+the response of the machine shows."""
 
 _LEAST_BLOCKS = 8
 
@@ -160,10 +161,10 @@ def summarise(
     std = np.array([p.std for p in priors])
     prior = np.diag((scale / std) ** 2)
     information = np.zeros_like(prior)
-    scatter = np.zeros((len(_BLOCKS_S), *prior.shape))
+    scatter = np.zeros((len(_BLOCKS), *prior.shape))
     single = []
     for part, observed in zip(outcome.parts, recordings, strict=True):
-        one, spread = _information(part, observed.sample_time)
+        one, spread = _information(part, observed.horizon / observed.sample_time)
         information, scatter = information + one, scatter + spread
         single.append((one, spread, part))
     if not np.isfinite(information).all():
@@ -205,19 +206,23 @@ def _inverse(information: Vector) -> Vector:
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def _information(part: Innovations, sample_time: float) -> tuple[Vector, Vector]:
-    """Information of white errors, and the scatter of the score over blocks of each length."""
+def _information(part: Innovations, horizon: float) -> tuple[Vector, Vector]:
+    """Information of white errors, and the scatter of the score over blocks of each length.
+
+    Args:
+        horizon: Samples in which the response of the machine shows.
+    """
     errors = np.nan_to_num(part.whitened)
     score = np.einsum("kyf,ky->kf", part.jacobian, errors)
     rows = part.jacobian.reshape(score.shape[0] * errors.shape[1], score.shape[1])
     scatters: list[Vector] = []
-    for length in _BLOCKS_S:
-        if scatters and len(score) * sample_time < _LEAST_BLOCKS * length:
+    for length in _BLOCKS:
+        if scatters and len(score) < _LEAST_BLOCKS * length * horizon:
             # Too few blocks say nothing of their scatter.
             scatters.append(scatters[-1])
             continue
-        # A fast machine is recorded for less than these times.
-        size = max(1, min(round(length / sample_time), len(score) // _LEAST_BLOCKS))
+        # Of a slow machine less than these times may be recorded.
+        size = max(1, min(round(length * horizon), len(score) // _LEAST_BLOCKS))
         edges = np.arange(0, len(score), size)
         blocks = np.add.reduceat(score, edges, axis=0)
         blocks = blocks - blocks.mean(axis=0)

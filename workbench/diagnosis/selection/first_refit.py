@@ -12,6 +12,7 @@ import numpy as np
 from workbench.diagnosis.estimation.prediction_error import filter_of
 from workbench.diagnosis.estimation.priors import entry_priors, entry_start, is_guess
 from workbench.diagnosis.estimation.process_noise import (
+    LADDER,
     ProcessNoiseFit,
     extended_start,
     start_values,
@@ -19,7 +20,7 @@ from workbench.diagnosis.estimation.process_noise import (
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.refit_in_turn import Basis, in_step, in_turn, valued
 from workbench.diagnosis.selection.rules import SURPASSED, UNTRIED
-from workbench.diagnosis.selection.scalar_search import stepped
+from workbench.diagnosis.selection.scalar_search import stepped, walked
 from workbench.diagnosis.selection.score import COLLINEAR, Score, reason_of
 from workbench.errors import NumericalError
 from workbench.physics.library import Hypothesis
@@ -114,11 +115,16 @@ def first_refit(
         return untried(score.entry, failed)
     best = max(found, key=lambda c: c.gain)
     if begun is None and best.fit is not None:
-        # What no refit changes was chosen at size zero, which tells little of it.
-        ended = best.fit.refit.values
-        onward = _Way((best.fit.noise_scale,), {}, (ended, ended | usual))
+        # What no refit changes was chosen at size zero, which tells little of it; so does a refit
+        # under which the equations stay as imperfect as without the effect.
+        ended, trusted = best.fit.refit.values, best.fit.noise_scale
+        further = (trusted, *(s for s in LADDER if s < trusted))
+        onward = _Way(further, {}, (ended, ended | usual))
         for other in variants(best.entry):
             go(onward, replace(score, entry=other, shape={}))
+        if max(c.gain for c in found) > best.gain:
+            # Trusted as much, it may be the better one.
+            go(onward, replace(score, entry=best.entry, shape={}))
     return max(found, key=lambda c: c.gain)
 
 
@@ -167,7 +173,15 @@ def _likeliest_start(basis: Basis, score: Score, way: _Way) -> dict[str, float]:
     name = entry.size_name
     if entry.replaces or way.starts or best[name] == 0.0:
         return best
-    return best | {name: stepped(lambda v: cost(best | {name: v}), best[name], entry.size, least)}
+
+    def sized(value: float) -> float:
+        return cost(best | {name: value})
+
+    size = stepped(sized, best[name], entry.size, least)
+    if entry.advanced:
+        # Of a delay only a sample or two are seen from where it begins.
+        size = walked(sized, size, entry.size, 0.5 * observed.sample_time)
+    return best | {name: size}
 
 
 def _starts(score: Score, start: dict[str, float], *, shapes: bool) -> list[dict[str, float]]:
@@ -189,9 +203,11 @@ def _starts(score: Score, start: dict[str, float], *, shapes: bool) -> list[dict
     low, high = entry.size.lower, entry.size.upper
     tried = [_named(entry, score.shape)]
     if shapes:
-        others = [_named(entry, shape) for shape in entry.shapes]
-        # A shape that no refit may change stays as it was scored.
-        tried += [shape for shape in others if shape != tried[0] and shape.keys() <= start.keys()]
+        for each in entry.shapes:
+            # What no refit may change of a shape stays as it was scored.
+            other = {k: v for k, v in _named(entry, each).items() if k in start}
+            if other not in tried:
+                tried.append(other)
     return [start | shape | {name: float(np.clip(s, low, high))} for shape in tried for s in sizes]
 
 

@@ -42,6 +42,19 @@ def stepped(cost: Cost, here: float, q: Parameter, least: float, step: float = S
     return here
 
 
+def walked(cost: Cost, here: float, q: Parameter, step: float) -> float:
+    """Go on from a value by equal steps, up or down within the bounds of q, as long as that gains.
+
+    Args:
+        step: In the unit of the number.
+    """
+    least = cost(here)
+    for to in (step, -step):
+        while q.lower <= here + to <= q.upper and (now := cost(here + to)) < least:
+            least, here = now, here + to
+    return here
+
+
 def between(cost: Cost, here: float, q: Parameter, enough: float) -> float:
     """Return the best value within a step of one, if it promises to gain enough."""
     for step in (STEP, math.sqrt(STEP)):

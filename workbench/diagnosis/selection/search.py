@@ -324,7 +324,9 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
         asked = rules.Limits(state.penalty, _least(scored, base, number), near_noise=near)
         chosen = tuple({s.entry.name: s for s in tried}.values())
         try:
-            candidates = refit_candidates(task, base, free, chosen, asked, begun=begun)
+            candidates = refit_candidates(
+                task, base, free, chosen, asked, begun=begun, alike=scores.look_alikes
+            )
         except NumericalError:
             # Without the effect the recordings cannot be followed: it is needed as it is.
             continue

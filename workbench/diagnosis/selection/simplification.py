@@ -19,7 +19,9 @@ _UNTOLD = 0.9
 
 def simplified(task: Task, state: Selected) -> Selected:
     """Take a simpler law instead of an effect whose shape ended where it is that law."""
-    judged = {c.name for r in state.rounds for c in r.candidates if c.followed}
+    # Beside what was found later nobody has compared them yet.
+    first = state.rounds if len(state.accepted) == 1 else ()
+    judged = {c.name for r in first for c in r.candidates if c.followed}
     for found in state.accepted:
         entry, full = found.candidate.entry, state.extended
         name, size = entry.name, entry.size_name

@@ -67,7 +67,7 @@ def opened(model: Model, recordings: Sequence[Recording]) -> tuple[Model, tuple[
 def _carried(model: Model) -> set[str]:
     """Return the ports of rates that the ports of a plant together change, each by itself."""
     raised = model.exact.function("by_port", model.exact.rates_by_port)
-    scales = np.array([[q.scale] for q in model.states])
+    scales = np.array([q.scale for q in model.states])[:, None]
     at = np.asarray(raised(model.initial_state(), model.nominal_input, model.values)) / scales
     at = at[:, np.all(np.isfinite(at), axis=0) & np.any(at != 0.0, axis=0)]
     directions, sizes, _ = np.linalg.svd(at / np.linalg.norm(at, axis=0), full_matrices=False)
