@@ -8,6 +8,7 @@ from pytest import approx
 
 from tests.diagnosis.machine_data import recording
 from tests.diagnosis.newcomers import diagnosed
+from tests.machines import machine
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.refit import refit
@@ -130,3 +131,31 @@ def test_intervals_of_the_nominal_model_do_not_depend_on_units(
     assert fits[0].cost == approx(fits[1].cost, rel=1e-9)
     assert max(fits[0].inflations) > 1.5
     assert fits[0].inflations == approx(fits[1].inflations, rel=1e-4)
+
+
+@pytest.mark.parametrize(("metre", "second"), [(1.0, 1.0), (1e-3, 1e-4)])
+def test_a_cart_without_a_time_of_its_own_lacks_nothing_however_quick(
+    metre: float, second: float
+) -> None:
+    newton = metre / second**2
+    cart = machine(
+        lambda m: {"place": m.x.speed, "speed": m.u.push / m.p.mass},
+        f"place m scale={0.5 * metre}, speed m/s scale={0.5 * metre / second}",
+        f"push N {-20 * newton} {20 * newton}",
+        "place m",
+        "mass kg 1.8 0.5 6",
+    )
+    runs, step, parts = [], 0.01, 5
+    for seed in (1, 2):
+        rng = np.random.default_rng(seed)
+        x, push, places, to = np.zeros(2), np.zeros(1200), np.zeros(1200), 0.0
+        for k in range(len(push)):
+            to = rng.uniform(-1.0, 1.0) if k % 150 == 0 else to
+            places[k], push[k] = x[0], 20.0 * (to - x[0]) - 8.0 * x[1] + 0.5 * rng.normal()
+            for _ in range(parts):
+                rate = 0.5 * push[k]
+                x += step / parts * np.array([x[1] + 0.5 * step / parts * rate, rate])
+        read = {"place [m]": metre * (places + 2e-4 * rng.normal(size=len(places)))}
+        runs.append(recording(f"run {seed}", second * step, {"push [N]": newton * push}, read))
+    verdict = diagnosed(cart, runs, "sensor_gain viscous_friction quadratic_drag").verdict
+    assert verdict.kind == "nothing_missing", verdict

@@ -151,8 +151,8 @@ class Model(Shown):
         slopes = traced.function("slopes", ca.densify(ca.jacobian(traced.rates, traced.x)))
         found = np.asarray(slopes(model.initial_state(), model.nominal_input, model.values))
         if not np.isfinite(found).all():
-            return 1.0
-        return horizon(poles_of(found))
+            return self.traits.pace
+        return horizon(poles_of(found), self.traits.pace)
 
     def __getstate__(self) -> dict[str, object]:
         """Leave out what follows from the fields: a copy, or another process, finds it again."""

@@ -144,20 +144,19 @@ def _middle(sizes: Sequence[Vector]) -> Vector:
     return np.asarray(np.sqrt(ordered[(count - 1) // 2] * ordered[count // 2]))
 
 
-def horizon(poles: npt.NDArray[np.complex128]) -> float:
+def horizon(poles: npt.NDArray[np.complex128], alone: float = 1.0) -> float:
     """Return two periods of the slowest oscillation, or three of the slowest lag, in s.
-
-    Integrators alone have no time of their own; their horizon is 1 s.
 
     Args:
         poles: Eigenvalues, shape (n,), in 1/s.
+        alone: That of integrators alone, which have no time of their own, in s.
     """
     sizes = np.abs(poles)
     own = poles[sizes > _AS_INTEGRATORS * sizes.max(initial=0.0)]
     oscillations = np.abs(own[np.iscomplex(own)])
     if oscillations.size:
         return float(4.0 * np.pi / oscillations.min())
-    return 3.0 / float(np.abs(own).min(initial=np.inf)) if own.size else 1.0
+    return 3.0 / float(np.abs(own).min(initial=np.inf)) if own.size else alone
 
 
 def poles_of(a: Vector) -> npt.NDArray[np.complex128]:

@@ -87,6 +87,7 @@ class Traits:
         misread: Inputs that were read by a meter, with its noise, root mean square in SI: it moves
             the model and not the machine.
         passing: States that stand for a delay: nothing acts on what only comes later.
+        pace: Time in which the response shows of what has no time of its own, in s.
     """
 
     sums: tuple[DriftingSum, ...] = ()
@@ -100,6 +101,7 @@ class Traits:
     straight: tuple[str, ...] = ()
     misread: tuple[tuple[str, float], ...] = ()
     passing: tuple[str, ...] = ()
+    pace: float = 1.0
 
     def curve(self, name: str) -> ActuatorCurve:
         """Return a curve by the name of its input."""

@@ -22,6 +22,10 @@ _MOST = 10.0
 """How many times its value a parameter may become that declares no bounds: what a machine is built
 of is known to a factor of some."""
 
+_PACE = 0.02
+"""Time in which a response is taken to show, over that of the shortest recording, of integrators
+alone."""
+
 
 def with_undeclared(
     model: Model, recordings: Sequence[Recording], read_too: Mapping[str, float] | None = None
@@ -35,7 +39,8 @@ def with_undeclared(
     may be left out at each port that acts on a rate (`LEFT_OUT`). Inputs of which it says nothing
     go as far as they were recorded, and so do those that leave their range, unless the measurements
     do not follow. What nobody sets, such as a wave or a wind, goes straight from sample to sample
-    where that is clearly likelier than that it is held.
+    where that is clearly likelier than that it is held. Integrators alone take their pace from how
+    long they were recorded.
 
     Args:
         read_too: Noise that measurements get through inputs of the model that are read with noise,
@@ -43,6 +48,9 @@ def with_undeclared(
     """
     read_too = read_too or {}
     model, bounded = _bounded(model)
+    shortest = min((float(r.time[-1] - r.time[0]) for r in recordings), default=0.0)
+    if shortest > 0.0:
+        model = replace(model, traits=replace(model.traits, pace=_PACE * shortest))
     declared = model.sized_by(reached(model, recordings) | _ranged(model, recordings))
     model = with_noise(declared, recordings)
     told, sizes = with_disturbances(model, recordings)
