@@ -25,7 +25,8 @@ _CELL, _STRUCT, _OBJECT, _CHAR = 1, 2, 3, 4
 _NUMERIC_CLASSES = range(6, 16)
 _MAX_UNPACKED = 1 << 31
 _MAX_ITEMS = 10_000
-_MAX_DEPTH = 8
+MAX_DEPTH = 8
+"""How deep structs may be nested."""
 
 
 class Elements:
@@ -90,7 +91,7 @@ def _array(body: memoryview, order: str, depth: int) -> tuple[str, Any]:
     """Return the name and the value of an array: numbers, text, dict, list or None."""
     if not len(body):
         return "", None
-    if depth > _MAX_DEPTH:
+    if depth > MAX_DEPTH:
         raise ValueError("arrays are nested too deep")
     parts = Elements(body, order, depth)
     flags = parts.numbers()

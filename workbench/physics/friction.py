@@ -356,7 +356,7 @@ def _friction(at: Place) -> tuple[Own, ...]:
     typical = damping * speed.scale
     return (
         size("level", per(unit, speed.unit, -1), typical, 50.0 * typical, "dry friction level"),
-        shape("transition_speed", speed.unit, 0.02 * speed.scale, "speed scale of the reversal",
+        shape("transition_speed", speed.unit, _SMOOTH * speed.scale, "speed scale of the reversal",
               around=(1e-4, 1e4), fitted=False),
     )  # fmt: skip
 

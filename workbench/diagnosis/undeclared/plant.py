@@ -48,7 +48,7 @@ def with_undeclared(
     """
     read_too = read_too or {}
     model, bounded = _bounded(model)
-    shortest = min((float(r.time[-1] - r.time[0]) for r in recordings), default=0.0)
+    shortest = min((r.duration for r in recordings), default=0.0)
     if shortest > 0.0:
         model = replace(model, traits=replace(model.traits, pace=_PACE * shortest))
     declared = model.sized_by(reached(model, recordings) | _ranged(model, recordings))

@@ -195,8 +195,7 @@ def _falls_over(model: Model, recording: Recording) -> bool:
     A, *_ = _at_start(model)
     if not A.size or not np.isfinite(A).all() or len(recording) < 2:
         return False
-    seconds = float(recording.time[-1] - recording.time[0])
-    return bool(np.linalg.eigvals(A).real.max() * seconds > _MANY)
+    return bool(np.linalg.eigvals(A).real.max() * recording.duration > _MANY)
 
 
 def moves(model: Model, recording: Recording) -> float:

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from workbench.matlab import MAX_DEPTH
 from workbench.recordings.columns import Columns
 from workbench.recordings.formats.format import Format, ReadOptions
-from workbench.recordings.formats.variables import MAX_DEPTH, columns_of_variables, unreadable
+from workbench.recordings.formats.variables import columns_of_variables, unreadable
 
 _UNITS = ("unit", "units", "Unit", "Units")
 

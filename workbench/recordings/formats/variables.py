@@ -11,11 +11,11 @@ import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
+from workbench.matlab import MAX_DEPTH
 from workbench.recordings.columns import Columns
 from workbench.recordings.formats.format import ReadOptions
 from workbench.recordings.recording import Scalar
 
-MAX_DEPTH = 8
 _MAX_LISTED_ITEMS = 1000
 _MAX_LISTED = 16
 
