@@ -7,10 +7,12 @@ from typing import Any
 
 import pytest
 
+from tests.diagnosis.newcomers import oscillator
 from tests.diagnosis.selection.candidates import entries, made_score
 from workbench.diagnosis.selection import first_refit
 from workbench.diagnosis.selection.refit_in_turn import Basis
 from workbench.diagnosis.selection.score import Score
+from workbench.physics.library import library
 
 
 def test_shapes_that_no_refit_changes_are_tried_too() -> None:
@@ -19,12 +21,13 @@ def test_shapes_that_no_refit_changes_are_tried_too() -> None:
     # A width that a refit changes is no other variant.
     assert first_refit.variants(entries()["lugre_friction"]) == []
     # A machine that sticks reverses within less than another law shows, and does not creep on.
-    usual = entries()["stribeck_friction"]
-    speeds = [
-        next(q.value for q in e.effect.parameters if q.name == "transition_speed")
-        for e in (usual, *first_refit.variants(usual))
-    ]
-    assert speeds == pytest.approx([speeds[0], speeds[0] / 40.0, speeds[0] / 1000.0])
+    coulomb = next(e for e in library(oscillator()) if e.law == "coulomb_friction")
+    for usual in (entries()["stribeck_friction"], coulomb):
+        speeds = [
+            next(q.value for q in e.effect.parameters if q.name == "transition_speed")
+            for e in (usual, *first_refit.variants(usual))
+        ]
+        assert speeds == pytest.approx([speeds[0], speeds[0] / 40.0, speeds[0] / 1000.0])
     # Its speed is a guess, which the last refit tunes.
     assert first_refit.variants(entries()["stribeck_friction"], guessed=False) == []
 
