@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from functools import reduce
 from typing import Any, Protocol
 
 import casadi as ca
@@ -141,8 +142,26 @@ class _Symbols:
         return x ** (1.0 / 3.0)
 
 
+class _Arrays(_Floats):
+    def clip(self, x: Any, lower: Any, upper: Any) -> Any:
+        # NumPy's own clip takes longer for a few numbers.
+        return np.minimum(np.maximum(x, lower), upper)
+
+    def where(self, condition: Any, yes: Any, no: Any) -> Any:
+        return np.where(condition, yes, no)
+
+    def largest(self, *values: Any) -> Any:
+        return reduce(np.maximum, values)
+
+    def root(self, x: Any) -> Any:
+        return np.sqrt(x)
+
+
 FLOATS: Arithmetic = _Floats()
 """On plain floats."""
+
+ARRAYS = _Arrays()
+"""On arrays, each number by itself; without tables."""
 
 SYMBOLS: Arithmetic = _Symbols()
 """On CasADi SX expressions."""

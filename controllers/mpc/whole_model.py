@@ -37,7 +37,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from controllers.arithmetic import Arithmetic, Number
+from controllers.arithmetic import ARRAYS, Arithmetic, Number
 from controllers.c_source import CSource
 from controllers.design import Design
 from controllers.joint.model import OpeningInput, opening_input
@@ -54,6 +54,7 @@ from controllers.named_state import names
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program.solver import OPTIONS, OWN, Solution, quadratic_program
 from controllers.reference.horizon import lagged
+from controllers.reference.paced import paced
 from controllers.specification import Checked, number
 from controllers.valve_inverse import ACTUATORS, SENSORS, ValveController, ValveInverse
 from workbench.arrays import Matrix, product
@@ -209,16 +210,13 @@ class LinearMPC(ValveController):
         return answers, MPCState(predicted, opening, filtered, target, paced)
 
     def _moved(self, reference: Matrix, before: Matrix, moved: Matrix) -> Matrix:
-        """Return by how much references move, as of `controllers.plain.plain_law.paced`."""
-        away, brake = reference - before, np.array(self.brake or np.full(len(before), math.inf))
-        leap = np.array(self.leap or np.zeros(len(before)))
-        stops = 4.0 * np.abs(away) / (1.0 + np.sqrt(1.0 + 8.0 * np.abs(away) / brake))
-        fast = np.minimum(np.array(self.pace), np.maximum(stops, leap))
-        less, more = (
-            np.where(way < -leap, brake + way, np.maximum(brake + way, leap))
-            for way in (-moved, moved)
+        """Return by how much references move."""
+        none = len(before)
+        brake = np.array(self.brake or (math.inf,) * none)
+        leap = np.array(self.leap or (0.0,) * none)
+        return np.asarray(
+            paced(reference - before, moved, np.array(self.pace), brake, leap, ARRAYS)
         )
-        return np.clip(np.clip(away, -fast, fast), -less, more)
 
     def linear_law(
         self,

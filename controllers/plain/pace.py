@@ -2,7 +2,7 @@
 
 The linear plant is run through steps of each output, up and down, of half of what the commands are
 just enough for, and of up to ten times that, as far as they can hold it there; commands that change
-slowly do so. Of paces and brakes (`controllers.plain.plain_law.paced`), the best is that whose
+slowly do so. Of paces and brakes (`controllers.reference.paced`), the best is that whose
 errors and overshoots are least.
 
 Units: SI.
@@ -22,8 +22,9 @@ from controllers.arithmetic import SYMBOLS
 from controllers.named_state import flat, restored
 from controllers.plain.limits import LoopLimits
 from controllers.plain.many_loops import stacked
-from controllers.plain.plain_law import PlainLaw, paced
+from controllers.plain.plain_law import PlainLaw
 from controllers.plain.selection import OVERSHOT, answered
+from controllers.reference.paced import paced
 from workbench.arrays import Matrix, Vector
 from workbench.computing.buffered import Buffered
 from workbench.linearisation.time_scales import reach_of

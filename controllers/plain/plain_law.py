@@ -14,30 +14,8 @@ from controllers.arithmetic import Arithmetic, Number, Numbers, Told
 from controllers.law import ClosedForm, Kernel
 from controllers.linear_law import LinearLaw
 from controllers.protocol import Command, Info, Measurement, Reference
+from controllers.reference.paced import paced
 from controllers.valve_inverse import ValveInverse
-
-
-def paced(
-    away: Number, moved: Number, pace: float, brake: float, leap: float, a: Arithmetic
-) -> Number:
-    """Return by how much a reference moves in this sample, which moved by so much in the last one.
-
-    It moves as fast as it may, and no faster than it can stop from at what is asked: n samples that
-    each take ``brake`` off a move of n times that go n (n + 1) / 2 times as far. Moves of ``leap``
-    begin and end at once.
-
-    Args:
-        away: What it is away from what is asked, in SI.
-    """
-    fast = a.clip(away, -pace, pace)
-    if isinstance(brake, float) and brake == math.inf:
-        return fast
-    size = a.largest(away, -away)
-    stops = a.largest(0.5 * brake * (a.root(1.0 + 8.0 * size / brake) - 1.0), leap)
-    # From the other way, faster than a leap, it brakes first.
-    less = a.where(moved > leap, brake - moved, a.largest(brake - moved, leap))
-    more = a.where(moved < -leap, brake + moved, a.largest(brake + moved, leap))
-    return a.clip(a.clip(fast, -stops, stops), -less, more)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
