@@ -94,6 +94,17 @@ def test_what_ages_begins_at_what_the_first_recording_shows_as_reached() -> None
     assert changed_values(bounded, (fade,), (begun,))["damping"] == 0.9
 
 
+@pytest.mark.parametrize("offset", [0.12, 0.3])
+def test_an_offset_that_differs_is_found_however_much_is_left_out(offset: float) -> None:
+    # The more there is, the less the equations are trusted when effects are scored.
+    signed = offset, -offset, offset, -offset
+    finding = found(
+        [run(i, lambda t, x, v, o=o: o - 30.0 * x - 0.6 * v) for i, o in enumerate(signed)]
+    )
+    assert finding.effect == "offset_by_recording_mass_force" and finding.belief == "sure"
+    assert finding.parameters["amount"].value == pytest.approx(offset, rel=0.01)
+
+
 def test_what_differs_is_scored_by_its_size_in_each_recording() -> None:
     offsets = 0.5, -0.5, 0.5
     runs = [run(i, lambda t, x, v, o=o: o - 30.0 * x - 0.6 * v) for i, o in enumerate(offsets)]

@@ -127,7 +127,7 @@ def test_intervals_of_the_nominal_model_do_not_depend_on_units(
         runs = _recorded(moved, *each)
         model, _ = with_undeclared(slide(*each), runs)
         # Equations that are trusted leave errors that last.
-        fits.append(refit(model, [observe(model, run) for run in runs], stages=(0.3,)))
+        fits.append(refit(model, [observe(model, run) for run in runs], stages=(1.0, 0.3)))
     assert fits[0].cost == approx(fits[1].cost, rel=1e-9)
     assert max(fits[0].inflations) > 1.5
     assert fits[0].inflations == approx(fits[1].inflations, rel=1e-4)

@@ -113,7 +113,7 @@ def test_a_problem_of_files_says_what_its_recordings_lack_and_what_leaves_its_ra
     time = 0.01 * np.arange(2000)
     for name, size in (("a", 0.4), ("b", 0.8)):
         driven = {"t [s]": time, "drive [N]": size * np.sin(time)}
-        read = {"position [m]": np.sin(time), "acc z [g]": np.cos(time)}
+        read = {"position [m]": -size * np.sin(time), "acc z [g]": np.cos(time)}
         file(tmp_path / f"{name}.csv", driven | read)
     notes = problem_in(tmp_path, plant).notes
     assert [note for note in notes if "clipped" in note] == [

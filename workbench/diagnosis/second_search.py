@@ -17,6 +17,8 @@ from workbench.diagnosis.estimation.noise_colour import (
     leftovers,
     with_correlated_noise,
 )
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
+from workbench.diagnosis.selection.candidate import is_sensor
 from workbench.diagnosis.selection.held_out import over_noise
 from workbench.diagnosis.selection.rules import LITTLE_LEFT, OFF_NOISE
 from workbench.diagnosis.stages import Diagnosis
@@ -73,7 +75,7 @@ def beside_correlated_noise(
         or not _unsure(found)
     ):
         return None
-    other, rows = with_correlated_noise(model, recordings, _left(found))
+    other, rows = with_correlated_noise(model, recordings, _left(found), _closest(found))
     if not rows:
         return None
     why = "searching again beside noise that is correlated"
@@ -138,4 +140,15 @@ def _explained(found: Diagnosis) -> bool:
 
 
 def _left(found: Diagnosis) -> dict[str, Leftover]:
-    return leftovers(found.extended, found.nominal, found.prepared.judging)
+    return leftovers(_closest(found), found.nominal, found.prepared.judging)
+
+
+def _closest(found: Diagnosis) -> ProcessNoiseFit:
+    """Return the model with what was found, or with the process effect that gains most unseen.
+
+    Beside noise that is correlated a right effect explains little of what seems to be missing.
+    """
+    gone = [] if found.accepted else [w.candidate for w in found.withdrawn]
+    gaining = [c for c in gone if c.held_out[1] > 0.0 and not is_sensor(c)]
+    best = max(gaining, key=lambda c: c.held_out[0], default=None)
+    return found.extended if best is None or best.fit is None else best.fit

@@ -196,7 +196,10 @@ def leftovers(
 
 
 def with_correlated_noise(
-    model: Model, recordings: Sequence[Recording], left: Mapping[str, Leftover] | None = None
+    model: Model,
+    recordings: Sequence[Recording],
+    left: Mapping[str, Leftover] | None = None,
+    better: ProcessNoiseFit | None = None,
 ) -> tuple[Model, tuple[dict[str, str], ...]]:
     """Take noise of sensors that is correlated from the recordings, and say so.
 
@@ -207,13 +210,16 @@ def with_correlated_noise(
     Args:
         left: What a better model leaves of each output: the part of it that follows nothing is
             taken for noise, even if another part does.
+        better: That model, beside which the noise must be likelier; this one by default.
 
     Returns:
         The model, the same one where there is none, and a row for each such measurement, as those
         of the checks of recordings.
     """
+    closest = model if better is None else better.model
+    priors = None if better is None else [e.prior for e in better.refit.estimates]
     try:
-        fit, seen = fit_to_few(model, recordings)
+        fit, seen = fit_to_few(closest, recordings, priors)
         if left is None:
             left = leftovers(fit, model, seen)
             if any(x.chance < BY_CHANCE for x in left.values()):
@@ -232,13 +238,13 @@ def with_correlated_noise(
     slow = any(c.time > _LASTING * lasting for c in colours.values())
     if not colours or slow:
         return model, ()
-    coloured = replace(model, outputs=tuple(_coloured(q, colours) for q in model.outputs))
     try:
-        other = fit_to_few(coloured, recordings)[0]
+        other = fit_to_few(_beside(closest, colours), recordings, priors)[0]
     except (WorkbenchError, np.linalg.LinAlgError):
         return model, ()
     if other.cost > fit.cost - _CLEARLY:
         return model, ()
+    coloured = _beside(model, colours)
     return coloured, tuple(
         {
             "recording": recordings[0].name,
@@ -248,6 +254,10 @@ def with_correlated_noise(
         }
         for name, colour in colours.items()
     )
+
+
+def _beside(model: Model, colours: Mapping[str, Colour]) -> Model:
+    return replace(model, outputs=tuple(_coloured(q, colours) for q in model.outputs))
 
 
 def _coloured(q: Output, colours: Mapping[str, Colour]) -> Output:

@@ -24,12 +24,10 @@ from workbench.errors import NumericalError, WorkbenchError, check_choice
 from workbench.model import Model
 from workbench.model.model import index_of
 
-_CORRELATED = 0.1
-"""Time over which an unmodelled signal at a port is taken as correlated at the most, s."""
-
-_PACE, _SAMPLES = 0.3, 10
-"""Correlation time of what a quick model leaves out, over the time in which its response shows; so
-many samples at least, for a machine that is recorded slowly is as good as at rest in each."""
+_CORRELATED, _SAMPLES = 0.1, 2
+"""Time over which what a model leaves out is taken as correlated, over that in which its response
+shows; so many samples at least, for a machine that is recorded slowly is as good as at rest in
+each."""
 
 _LOST = 7.0
 """Time constants of an unstable mode after which a thousandth has grown to all of a signal."""
@@ -116,7 +114,7 @@ class Observed:
     @property
     def correlation_time(self) -> float:
         """Time over which what the model leaves out is taken as correlated, in s."""
-        return min(_CORRELATED, max(_PACE * self.horizon, _SAMPLES * self.sample_time))
+        return max(_CORRELATED * self.horizon, _SAMPLES * self.sample_time)
 
     @property
     def time(self) -> Vector:

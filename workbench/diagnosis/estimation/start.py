@@ -66,11 +66,15 @@ def fit_with_likely_starts(
 
 
 def fit_to_few(
-    model: Model, recordings: Sequence[Recording]
+    model: Model, recordings: Sequence[Recording], priors: Sequence[Prior] | None = None
 ) -> tuple[ProcessNoiseFit, tuple[Observed, ...]]:
-    """Refit a model to the first recordings, with likely starts, to see what they hold besides."""
+    """Refit a model to the first recordings, with likely starts, to see what they hold besides.
+
+    Args:
+        priors: Priors of the free parameters; the default ones if not given.
+    """
     seen = [observe(model, r) for r in recordings[:FEW]]
-    return fit_with_likely_starts(model, seen, default_priors(model))
+    return fit_with_likely_starts(model, seen, default_priors(model) if priors is None else priors)
 
 
 def _trusted(

@@ -34,7 +34,7 @@ _HIGH = 100.0
 """Gain of log likelihood from which an effect is clear too: one that acts in few blocks of time
 scatters about its mean over all."""
 
-_DIFFERS = 15.0
+_DIFFERS = 3.0
 """Gain of log likelihood by which one size in each recording has to beat one in all of them."""
 
 _MOST_LEVELS = 3
