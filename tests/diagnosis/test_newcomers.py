@@ -987,6 +987,32 @@ def test_electrodes_that_resist_a_small_current_more_are_named() -> None:
     named(found, "activation_overvoltage_inner", noise=1.2, **sizes)
 
 
+def _charged_and_discharged(seed: int) -> Recording:
+    """Charge a cell of 34 mohm that gives its charge through 24 mohm."""
+    rng, step = np.random.default_rng(seed), 1.0
+    load = 1.0 + levels(1500, seed, 13.0, 10, 120)
+    charge = 0.6 - np.append(0.0, np.cumsum(load)[:-1]) * step / 18000.0
+    terminal = 3.25 + 0.75 * charge - np.where(load > 0.0, 0.024, 0.034) * load
+    read = {"terminal [V]": terminal + 1e-3 * rng.normal(size=len(load))}
+    return recording(f"cycle {seed}", step, {"load [A]": load}, read)
+
+
+def test_what_resists_otherwise_in_the_other_direction_is_a_parameter_over_what_it_passes() -> None:
+    cell = machine(
+        lambda m: (
+            {"charge": -m.u.load / 18000.0},
+            {"terminal": m.p.empty + m.p.full * m.x.charge - m.p.inner * m.u.load},
+        ),
+        "charge 1 0.6 start_rms=0.1",
+        "load A -30 30",
+        "terminal V",
+        "empty V 3.3 2.5 4, full V 0.8 0.1 2, inner ohm 0.02 2e-3 0.1",
+    )
+    laws = "parameter_curve asymmetric_gain sensor_cross_talk sensor_bend bend"
+    found = diagnosed(cell, [_charged_and_discharged(seed) for seed in (1, 2)], laws)
+    named(found, "parameter_curve_inner_over_load", noise=1.2)
+
+
 def _blown(seed: int, drag: Callable[[float, float], float], given: float) -> Recording:
     """Return a mass of 1400 kg that is driven in a wind, which pushes it by its drag, in N."""
     rng, n, dt = np.random.default_rng(seed), 2000, 0.2

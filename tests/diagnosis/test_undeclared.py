@@ -13,7 +13,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tests.diagnosis.machine_data import file, held, recording
-from tests.diagnosis.newcomers import oscillator
+from tests.diagnosis.newcomers import diagnosed, named, oscillator
 from tests.machines import machine
 from workbench.arrays import Vector
 from workbench.diagnosis.diagnose import diagnose
@@ -416,7 +416,7 @@ def _in_waves() -> Model:
     return replace(oscillator(), inputs=(replace(oscillator().inputs[0], commanded=False),))
 
 
-def _pushed_by_waves(name: str, seed: int, *, in_steps: bool) -> Recording:
+def _pushed_by_waves(name: str, seed: int, *, in_steps: bool, hardens: float = 0.0) -> Recording:
     """An oscillator in waves, in plain numbers, that run straight between samples or in steps."""
     step, rng = 0.05, np.random.default_rng(seed)
     time = step * np.arange(600)
@@ -425,12 +425,24 @@ def _pushed_by_waves(name: str, seed: int, *, in_steps: bool) -> Recording:
     slope = np.append(np.diff(drive), 0.0) / step * (not in_steps)
 
     def rates(t: float, x: Vector, began: float, drive: float, slope: float) -> list[float]:
-        return [x[1], drive + slope * (t - began) - 30.0 * x[0] - 0.8 * x[1]]
+        spring = 30.0 * x[0] + hardens * x[0] ** 3
+        return [x[1], drive + slope * (t - began) - spring - 0.8 * x[1]]
 
     inputs = time, drive, slope
     position = held(rates, np.zeros(2), inputs, step, rtol=1e-8, atol=1e-10)[:, 0]
     read = position + 1e-3 * rng.normal(size=len(time))
     return recording(name, step, {"drive [N]": drive}, {"position [m]": read})
+
+
+def test_inputs_are_held_again_where_that_is_likelier_beside_what_was_found() -> None:
+    """As of equations whose gaps spoke for straight lines, before those were filled."""
+    runs = [_pushed_by_waves(name, k, in_steps=True, hardens=400.0) for k, name in enumerate("ab")]
+    waves = _in_waves()
+    straight = replace(waves, traits=replace(waves.traits, straight=("drive",)))
+    found = diagnosed(straight, runs, "cubic_stiffness delay")
+    named(found, "cubic_stiffness", noise=1.2)
+    assert found.nominal.traits.straight == ()
+    assert any("drive held between samples" in row["note"] for row in found.verdict.data)
 
 
 @pytest.mark.parametrize("in_steps", [False, True])

@@ -129,6 +129,27 @@ def test_units_that_do_not_belong_together_are_refused() -> None:
         )
 
 
+@pytest.mark.parametrize(("unit", "most"), [("%", 100.0), ("1", 1.0)])
+def test_a_gain_for_each_per_cent_belongs_with_what_is_read_in_per_cent(
+    unit: str, most: float
+) -> None:
+    def drum() -> Model:
+        return Model(
+            "drum",
+            lambda m: ({"T": m.p.gain * m.u.gas - (m.x.T - 25.0)}, {"T": m.x.T}),
+            states=(State("T", "degC"),),
+            inputs=(Input("gas", unit, upper=most),),
+            outputs=(Output("T", "degC"),),
+            parameters=(Parameter("gain", "K/(% s)", value=0.4),),
+        )
+
+    if unit == "1":
+        with pytest.raises(WorkbenchError, match="do not belong together"):
+            drum()
+    else:
+        assert drum().rates([273.15 + 25.0], [0.5]) == pytest.approx([20.0])
+
+
 def test_what_is_no_unit_here_is_one_by_its_own_name() -> None:
     assert convert(3.0, "mU/min", "mU/h") == pytest.approx(180.0)
     assert not same_dimension("mU", "CFU")

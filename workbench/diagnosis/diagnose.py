@@ -171,7 +171,7 @@ def stages(
         if found.concluded is None:
             yield found
     assert found is not None
-    for view_of in VIEWS if entries is None else VIEWS[:1]:
+    for view_of in VIEWS if entries is None else VIEWS[:-1]:
         view = view_of(found, model, both)
         if view is None:
             continue

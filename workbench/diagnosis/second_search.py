@@ -11,6 +11,8 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from workbench.diagnosis.estimation.noise_colour import (
     BY_CHANCE,
     Leftover,
@@ -18,11 +20,13 @@ from workbench.diagnosis.estimation.noise_colour import (
     with_correlated_noise,
 )
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
+from workbench.diagnosis.estimation.start import fit_to_few
 from workbench.diagnosis.selection.candidate import is_sensor
 from workbench.diagnosis.selection.held_out import over_noise
-from workbench.diagnosis.selection.rules import LITTLE_LEFT, OFF_NOISE
+from workbench.diagnosis.selection.rules import LITTLE_LEFT, OFF_NOISE, SAME
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.undeclared.disturbances import opened
+from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.physics.library import Hypothesis
 from workbench.recordings.recording import Recording
@@ -97,7 +101,45 @@ def where_none_is_declared(
     return View(other, "opened", why, _closer, among=places, found=found)
 
 
-VIEWS = (beside_correlated_noise, where_none_is_declared)
+def with_inputs_held(
+    found: Diagnosis, model: Model, recordings: Sequence[Recording]
+) -> View | None:
+    """Hold inputs that were taken to go straight, if that is likelier beside what was found.
+
+    What the equations lack may have spoken for the half of a sample that lies between the two.
+    """
+    names = model.traits.straight
+    if not names or model.traits.misread or not found.accepted:
+        return None
+    if any(r.resampled for r in recordings):
+        return None
+    closest = _closest(found)
+    priors = [e.prior for e in closest.refit.estimates]
+    try:
+        straight, held = (
+            fit_to_few(each, recordings, priors)[0].cost
+            for each in (closest.model, _held(closest.model))
+        )
+    except (WorkbenchError, np.linalg.LinAlgError):
+        return None
+    if held > straight - SAME:
+        return None
+    told = f"{', '.join(names)} held between samples"
+    row = {"recording": recordings[0].name, "check": "rows", "result": "corrected"}
+    return View(
+        _held(model),
+        "held",
+        f"searching again with {told}",
+        lambda again, _: bool(again.accepted),
+        ({**row, "note": f"{told}: beside what was found that is likelier than straight lines"},),
+    )
+
+
+def _held(model: Model) -> Model:
+    return replace(model, traits=replace(model.traits, straight=()))
+
+
+VIEWS = (with_inputs_held, beside_correlated_noise, where_none_is_declared)
 """In the order in which they are taken."""
 
 

@@ -162,11 +162,18 @@ def _belong_together(units: Iterable[str], time: float) -> bool:
     Args:
         time: That of time, in s.
     """
-    parsed = [unit for unit in map(parse_unit, units) if unit.dimensions]
+    every = [*map(parse_unit, units)]
+    # What is read in per cent is a size of its own, of which a gain in W/% is one too.
+    own = {unit.text for unit in every if unit.factor != 1.0 and not unit.dimensions}
+    own = {text for text in own if powers(text) == [(text, 1)]}
+    parsed = [unit for unit in every if unit.dimensions or unit.text in own]
     # A temperature is told from absolute zero, or from another, throughout.
     scales = {unit.offset for unit in parsed if unit.dimensions == (("K", 1),)}
-    bases = sorted({base for unit in parsed for base, _ in unit.dimensions} - {"rad", "s"})
-    powers_of = [dict(unit.dimensions) for unit in parsed]
+    powers_of = [
+        {**dict(unit.dimensions), **{k: n for k, n in powers(in_symbols(unit.text)) if k in own}}
+        for unit in parsed
+    ]
+    bases = sorted({base for each in powers_of for base in each} - {"rad", "s"})
     matrix = np.array([[each.get(base, 0.0) for base in bases] for each in powers_of])
     wanted = np.array(
         [

@@ -548,10 +548,21 @@ def _added_up(at: Place) -> tuple[Own, Own]:
     )  # fmt: skip
 
 
+_STEEP = 20.0
+"""Steepness of what is a step."""
+
+
 def _curves(at: Place) -> tuple[dict[str, float], ...]:
-    """Return a line and a parabola, and what is never negative as a sum too."""
+    """Return a line, a parabola, a step where the signal changes its sign, and what falls by a sum.
+
+    What is charged resists otherwise than what is discharged.
+    """
     straight, parabola = {"bend": 0.0, "added": 0.0}, {"bend": 0.5 * math.pi}
-    return (straight, parabola, *[{"added": 1.0}] * int(_never_negative(at)))
+    curves = (straight, parabola, *[{"added": 1.0}] * int(_never_negative(at)))
+    low, high = at.other("over").seen or (0.0, 0.0)
+    if not low < 0.0 < high:
+        return curves
+    return (*curves, {"place": -(low + high) / (high - low), "steepness": _STEEP})
 
 
 _MOST_GROWN, _LEAST_LEFT = 10.0, 1e-3

@@ -16,8 +16,8 @@ from tests.machines import machine
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.process_noise import extended_start, fit_with_process_noise
 from workbench.diagnosis.selection.moments import moments, with_own_moments
-from workbench.diagnosis.selection.scalar_search import least_between
-from workbench.model import Model, Scope
+from workbench.diagnosis.selection.scalar_search import between, least_between
+from workbench.model import Model, Parameter, Scope
 from workbench.physics.library import library
 from workbench.physics.recorded_facts import RecordedFacts
 from workbench.recordings.recording import Recording
@@ -93,3 +93,8 @@ def test_the_least_of_what_fails_somewhere_is_found_without_a_warning() -> None:
         nowhere = least_between(lambda _: math.inf, 0.0, 1.0, 20)
     assert where == pytest.approx(0.2, abs=1e-3) and least < 1e-5
     assert nowhere[1] == math.inf
+
+
+def test_a_value_that_rounding_keeps_off_its_bound_has_nothing_between() -> None:
+    time = Parameter("time", "s", value=1.0, lower=1.0 - 1e-16, upper=9.0)
+    assert between(lambda t: (t - 2.0) ** 2, 1.0, time, 0.0) == 1.0

@@ -62,7 +62,8 @@ def between(cost: Cost, here: float, q: Parameter, enough: float) -> float:
             float(np.clip(v, q.lower, q.upper)) for v in (1.0 / step * here, here, step * here)
         ]
         costs = [cost(v) for v in points]
-        if points[0] < here < points[2] and all(map(math.isfinite, costs)):
+        apart = (1.0 + _FINE) * points[0] < here < points[2] / (1.0 + _FINE)
+        if apart and all(map(math.isfinite, costs)):
             break
     else:
         return here
