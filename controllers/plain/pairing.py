@@ -229,7 +229,11 @@ def interaction(loop: Loop) -> list[str]:
         " controller"
         for z in sorted(late.values(), key=abs)
     ]
-    growing = {round(float(s.real), 12): s for s in loop.linear.poles if s.real > 1e-6 * abs(s)}
+    poles = loop.linear.poles
+    rounded = 1e-9 * np.abs(poles).max(initial=0.0)
+    # An integrator is zero but for what rounding leaves of it.
+    own = [s for s in poles if s.real > max(1e-6 * abs(s), rounded)]
+    growing = {round(float(s.real), 12): s for s in own}
     said += [
         f"the plant is unstable, with a pole at {_rate(pole)}: its loop is faster than about"
         f" {2.0 * abs(pole):.3g} rad/s, or it is not stable"

@@ -8,6 +8,7 @@ import re
 from typing import Any
 from unittest.mock import Mock
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -276,3 +277,12 @@ def test_a_tank_that_says_nothing_of_rest_is_not_linearised_empty() -> None:
     # Without a range there is no middle, and where it is told to be empty it is.
     assert operating_point(_tank(0.1, 0.0, ""))["level"] == 0.0
     assert operating_point(ranged, {"valve": 0.0})["level"] == 0.0
+
+
+def test_equations_that_divide_by_nothing_where_they_start_rest_beside_it() -> None:
+    level, inflow = ca.SX.sym("level"), ca.SX.sym("inflow")
+    rate = (inflow + 1.0 - level) / level
+    found = operating_point(ca.Function("pan", [level, inflow], [rate]))
+    assert found.x == pytest.approx([1.0])
+    with pytest.raises(WorkbenchError, match="divide by"):
+        operating_point(ca.Function("pan", [level, inflow], [rate]), {"x": 0.0})

@@ -199,8 +199,13 @@ class _Equations:
 
     @np.errstate(over="ignore", invalid="ignore")  # a step too far is halved
     def newton(self, z: Vector) -> tuple[Vector, int]:
-        """Take damped shortest steps inside the bounds until nothing improves."""
+        """Take damped shortest steps inside the bounds until nothing improves.
+
+        Where the equations have no numbers, none is taken.
+        """
         error, slope = self.evaluate(z)
+        if not (np.isfinite(error).all() and np.isfinite(slope).all()):
+            return z, 0
         cost = float(error @ error)
         for steps in range(_MAX_STEPS):
             if np.max(np.abs(error), initial=0.0) <= 1e-3 * RESIDUAL_TOLERANCE:
@@ -281,13 +286,14 @@ class _Equations:
             drift=float(full[-1]) if self.drifts else 0.0,
             residual=float(np.abs(error[worst])),
             worst=labels[worst],
-            condition_number=float(kept[0] / kept[-1]),
+            condition_number=float(kept[0] / kept[-1]) if len(kept) else math.inf,
             undetermined=open_,
             steps=steps,
         )
 
 
 def _singular_values(slope: Vector) -> tuple[Vector, Vector]:
+    slope = np.where(np.isfinite(slope), slope, 0.0)
     # Rows scaled to length one: a row's size is a matter of its unit, not of conditioning.
     length = np.linalg.norm(slope, axis=1, keepdims=True)
     _, singular, right = np.linalg.svd(slope / np.where(length > 0.0, length, 1.0))

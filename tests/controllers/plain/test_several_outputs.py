@@ -533,3 +533,13 @@ def first_stepped(
     still = step_scenario(other, stays, stays).references
     run = verify(law, plant, replace(one, references={**one.references, **still}))
     return {name: found.value for name, found in metrics(run).items()}
+
+
+def test_an_mpc_waits_for_no_wall_that_gets_warm_in_days() -> None:
+    # Two rooms and heavy walls: their air takes hours, the walls 36 h.
+    heat, flow = np.array([3e6, 5e6, 8e7]), np.array([[0, 80, 150], [80, 0, 120], [150, 120, 0.0]])
+    A = (flow - np.diag(flow.sum(axis=1) + [60.0, 40.0, 200.0])) / heat[:, None]
+    B = np.diag(1000.0 / heat)[:, :2]
+    rooms = linear_model(ct.ss(A, B, np.eye(2, 3), 0), limits={f"u[{i}]": (-5, 5) for i in (0, 1)})
+    law = designed("plain-mpc", rooms, sample_time=5.0)
+    assert settled_after(law, rooms, dict.fromkeys(law.controlled, 0.01)) < 200.0
