@@ -1013,6 +1013,42 @@ def test_what_resists_otherwise_in_the_other_direction_is_a_parameter_over_what_
     named(found, "parameter_curve_inner_over_load", noise=1.2)
 
 
+def _heated(seed: int) -> Recording:
+    """Heat 20 l through which 4 to 20 l/min flow, and read them 6 l farther down the pipe."""
+    rng, step, n = np.random.default_rng(seed), 1.0, 900
+    flow = 2e-4 + levels(n, seed, 4e-3 / 30.0, 40, 120)
+    heat = 9e3 + levels(n, 40 + seed, 9e3, 30, 90)
+
+    def rates(_: float, x: Vector, flow: float, heat: float) -> list[float]:
+        return [(flow * (283.0 - x[0]) + heat / 4.186e6) / 0.02]
+
+    warm, time = held(rates, [293.0], (flow, heat), step)[:, 0], step * np.arange(n)
+    passed = np.append(0.0, np.cumsum(flow * step))[:-1]
+    read = np.interp(np.interp(passed - 6e-3, passed, time), time, warm) + 0.05 * rng.normal(size=n)
+    given = {"flow [m3/s]": flow, "heat [W]": heat}
+    return recording(f"heater {seed}", step, given, {"T [K]": read})
+
+
+def test_what_is_read_farther_down_a_pipe_is_late_by_what_flows() -> None:
+    heater = machine(
+        lambda m: (
+            {"T": (m.u.flow * (m.p.cold - m.x.T) + m.p.part * m.u.heat / 4.186e6) / m.p.volume},
+            {"T": m.x.T},
+        ),
+        "T K 290 start_rms=5",
+        "flow m3/s 0 5e-4 2e-4, heat W 0 2e4",
+        "T K",
+        "cold K 283 270 300, part 1 0.9 0.3 2, volume m3 0.015 0.002 0.1",
+    )
+    laws = "sensor_distance sensor_delay sensor_lag delay drive_lag second_store gain"
+    runs = [_heated(seed) for seed in (1, 2)]
+    time = 6e-3 / max(np.max(run["flow"]) for run in runs)
+    named(
+        diagnosed(heater, runs, laws), "sensor_distance_T_flow",
+        noise=1.1, time=approx(time, rel=0.02),
+    )  # fmt: skip
+
+
 def _blown(seed: int, drag: Callable[[float, float], float], given: float) -> Recording:
     """Return a mass of 1400 kg that is driven in a wind, which pushes it by its drag, in N."""
     rng, n, dt = np.random.default_rng(seed), 2000, 0.2

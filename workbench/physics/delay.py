@@ -365,6 +365,66 @@ valve_delay = replace(
 )
 
 
+_PACES = 1.2
+"""Largest over smallest pace from which a way is told from a time."""
+
+_STANDING = 1e-3
+"""Part of the largest pace that counts as none."""
+
+
+def _carried(survey: Survey) -> Iterator[Fit]:
+    """Yield sensors with what may carry to them what they read, at a pace that changes."""
+    inputs = [survey.ports.of(q.name) for q in survey.model.inputs]
+    for at in survey.fitting("measurement"):
+        for pace in (*inputs, *survey.beside(at)):
+            low, high = pace.seen or (0.0, 0.0)
+            if 0.0 <= _PACES * low < high and same_dimension(pace.unit, *SPEEDS, "m3/s", "kg/s"):
+                own = at.output.name if at.output else by_port(at)
+                yield f"_{own}_{pace.source}", ((at.with_signal("pace", pace),),)
+
+
+def _paced(at: Place) -> tuple[Own, ...]:
+    pace = at.other("pace")
+    return (
+        size("time", "s", 5.0 * at.interval, 100.0 * at.interval, "delay at the largest pace",
+             lower=0.0),
+        shape("largest", pace.unit, pace.largest, "largest pace seen", source="", fitted=False),
+        floor(at, 1.0),
+    )  # fmt: skip
+
+
+def _timed(p: Names, pace: Expression) -> Names:
+    """Return the parameters of a delay: over what has passed instead of time it is a constant."""
+    time = p.time / ca.sqrt((pace / p.largest) ** 2 + _STANDING**2)
+    return Names("parameter", {"time": time, "floor": p.floor})
+
+
+def _read_below(at: PortView) -> PortView:
+    return replace(at, p=_timed(at.p, at.signals.pace))
+
+
+def _passing(e: EffectView) -> EffectView:
+    here = _read_below(e.here)
+    return replace(e, p=here.p, at={here.port: here})
+
+
+# A gauge below a die, a thermometer at the end of a pipe, a scale under a belt.
+sensor_distance = replace(
+    clock_shift,
+    name="sensor_distance",
+    equation="y(t) = u(t - D), D = time largest / pace, Pade functions of both halves",
+    where=_carried,
+    parameters=_paced,
+    transform=lambda at: _SENT.transform(_read_below(at)),
+    states=_SENT.states,
+    rates=lambda e: _SENT.rates(_passing(e)),
+    start=lambda e: _SENT.start(e.here.value),
+    same_as=lambda *_: (),
+    look_alikes=("sensor_delay", "sensor_lag"),
+    separated_by="steps at a slow and at a fast pace",
+)
+
+
 def _ways(survey: Survey) -> Iterator[Fit]:
     for place in survey.fitting(*FLOWS, needs=("level",)):
         for level in survey.arriving(place) if place.store else ():
