@@ -26,6 +26,10 @@ SLACK_SCALE = 1e4
 """The slack is counted in 0.1 bar, so that the variables of the problem are of one size."""
 
 
+_LEAST = 1e-12
+"""Weight of each state, over that of the outputs, with which a regulator exists."""
+
+
 @dataclass(frozen=True, eq=False)
 class Prediction:
     """Matrices of the condensed problem; openings are deviations from the operating point.
@@ -143,7 +147,7 @@ def condense(
     joined = np.block([[A, E], [np.zeros((n_w, n_x + n_w))]])
     phi, gamma = zero_order_hold(joined, np.vstack([B, np.zeros((n_w, k))]), prediction_time)
     target = _target(A, B, E, C[:p])
-    gain, cost_to_go = _regulator(phi[:n_x, :n_x], gamma[:n_x], C[:p], q, r)
+    gain, cost_to_go = _regulator(phi[:n_x, :n_x], gamma[:n_x], C[:p], q, r, N)
 
     form = Form(blocks, len(output_limits), SLACK_SCALE, softness)
     moves = np.broadcast_to(np.asarray(move_limit, dtype=float), k * len(blocks))
@@ -188,16 +192,24 @@ def _target(A: Matrix, B: Matrix, E: Matrix, C: Matrix) -> Matrix:
 
 
 def _regulator(
-    phi: Matrix, gamma: Matrix, c: Matrix, q: Vector, r: Vector
+    phi: Matrix, gamma: Matrix, c: Matrix, q: Vector, r: Vector, samples: int
 ) -> tuple[Matrix, Matrix]:
-    """Return the gain and the cost to go of the unconstrained regulator."""
-    # Scaled by what one unit of opening does in one sample, states count alike.
-    size = np.max(np.abs(gamma), axis=1)
+    """Return the gain and the cost to go of the unconstrained regulator.
+
+    What does not show in the outputs costs next to nothing, lest a slow state be led where it
+    belongs at rest within a horizon.
+    """
+    # Scaled by what one unit of opening does over the horizon, states count alike.
+    reached, size = gamma, np.abs(gamma)
+    for _ in range(samples - 1):
+        reached = phi @ reached + gamma
+        size = np.maximum(size, np.abs(reached))
+    size = np.max(size, axis=1)
     size = np.maximum(size, 1e-9 * float(np.max(size)))
     f, g, h = phi * size[None, :] / size[:, None], gamma / size[:, None], c * size[None, :]
     weight = (q[:, None] * h).T @ h
     try:
-        gain, p = regulator(f, g, weight + 1e-9 * np.eye(len(f)), np.diag(r))
+        gain, p = regulator(f, g, weight + _LEAST * np.trace(weight) * np.eye(len(f)), np.diag(r))
     except ValueError as error:
         raise WorkbenchError(
             f"no regulator exists for this linear model ({str(error).rstrip('.')}); a mode that"

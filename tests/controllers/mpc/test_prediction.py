@@ -1,0 +1,42 @@
+"""The condensed problem of a linear MPC, where the plant is slower than the horizon."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controllers.mpc.prediction import condense
+
+INDUCTANCE, RESISTANCE, CONSTANT = 0.02, 2.0, 15.0
+MASS, STIFFNESS, DRAG = 2.0, 900.0, 12.0
+
+
+def test_a_quick_output_leaves_the_slow_states_of_its_plant_alone() -> None:
+    # A current, led over 4 ms, of a motor whose slide needs 0.2 s to where that holds it.
+    A = np.array(
+        [
+            [0.0, 1.0, 0.0],
+            [-STIFFNESS / MASS, -DRAG / MASS, CONSTANT / MASS],
+            [0.0, -CONSTANT / INDUCTANCE, -RESISTANCE / INDUCTANCE],
+        ]
+    )
+    B = np.array([[0.0], [0.0], [20.0 / INDUCTANCE]])
+    problem = condense(
+        A,
+        B,
+        B,
+        np.array([[0.0, 0.0, 1.0]]),
+        weights=(1.0, 10.0, 1.0),
+        prediction_time=1e-4,
+        stride=1,
+        blocks=(1,) * 10 + (3,) * 10,
+        opening_limits=(-1.0, 1.0),
+        move_limit=1.0,
+        output_limits=(),
+        softness=1.0,
+    )
+    # 2 V hold 1 A at rest; what it takes on the way there is at most ten times that.
+    (opening,) = problem.regulator(np.zeros(4), np.ones(1))
+    assert 0.1 < opening < 1.0
+    # What costs nothing is not led anywhere: 17 mm of the slide are worth less than 1 V.
+    place, *_ = problem.gain[0]
+    assert abs(place) * CONSTANT / STIFFNESS < 0.05
