@@ -109,13 +109,17 @@ def _sliding(
     # With q' = -C x in the place of the error's integral, whose reference is at rest.
     joined = np.block([[A, np.zeros((n, 1))], [-C, np.zeros((1, 1))]])
     entry = np.vstack([B, [[0.0]]])
-    poles = [-abs(p) if abs(p) > slope else -slope for p in np.linalg.eigvals(A)]
-    # Behind a zero that is slower, no other pole keeps a step from overshooting by far.
-    slow = sorted(z.real for z in zeros(loop) if -slope < z.real < 0.0 and not z.imag)
-    for z in slow[: poles.count(-slope) - 1]:
-        poles[poles.index(-slope)] = z
+    sizes = sorted(max(abs(p), slope) for p in np.linalg.eigvals(A))
+    # Behind zeros that are slower, no other poles keep a step from overshooting by far.
+    slow = [z for z in zeros(loop) if z.real < 0.0 <= z.imag and abs(z) < slope]
+    behind: list[complex] = []
+    for z in sorted(slow, key=abs):
+        own = [z, z.conjugate()] if z.imag else [z]
+        if len(behind) + len(own) <= sizes.count(slope):
+            behind += own
+    poles = [*(-w for w in sizes[len(behind) :]), *behind]
     size = np.append(loop.linear.state_scales, loop.output_scale / slope)
-    surface = _surface(joined, entry, sorted(poles)[:n], size, loop.actuators[0])
+    surface = _surface(joined, entry, poles, size, loop.actuators[0])
     kept = surface @ joined
     bandwidth = want.layer_bandwidth or 2.0 * slope
     reach = want.reach * float(loop.command_scale[0])
@@ -130,7 +134,7 @@ def _sliding(
     return model.law(kept[None, :n], -kept[None, n:], slope, told)
 
 
-def _surface(A: Matrix, B: Matrix, poles: list[float], size: Vector, actuator: str) -> Matrix:
+def _surface(A: Matrix, B: Matrix, poles: list[complex], size: Vector, actuator: str) -> Matrix:
     """Return S with S B = 1 such that the model has these poles on S x = 0.
 
     Where B is along the first axis and A an upper Hessenberg matrix, that is the last axis times
@@ -152,8 +156,10 @@ def _surface(A: Matrix, B: Matrix, poles: list[float], size: Vector, actuator: s
             " error; leave the others out of the model, or take a PID"
         )
     row = np.eye(n)[-1]
-    for pole in poles:
-        row = row @ (a - pole * np.eye(n))
+    for pole in (p for p in poles if p.imag >= 0.0):
+        moved = row @ a - pole.real * row
+        # A pole and its conjugate: (a - re)^2 + im^2.
+        row = moved @ a - pole.real * moved + pole.imag**2 * row if pole.imag else moved
         row = row / np.abs(row).max()
     row = row @ (first @ turned).T / size
     return np.asarray(row / float((row @ B)[0]))

@@ -887,3 +887,20 @@ def test_how_late_a_plant_that_grows_may_be_is_said(plant: str, delay: float) ->
     linear = linear_model(plant, limits=5.0)
     with pytest.raises(WorkbenchError, match="good ones are late by less than 333 ms"):
         designed("plain-pid", linear, sample_time=0.02, delay=delay)
+
+
+@pytest.mark.parametrize(
+    ("plant", "sample_time", "long"),
+    [
+        # One slow zero, and a pair of them.
+        ("(50 s + 1) / ((100 s + 1) (s + 1) (0.1 s + 1))", 1.0, 20.0),
+        ("(s^2 + 0.4 s + 1) / (s + 3)^3", 0.01, 0.2),
+    ],
+)
+def test_a_sliding_mode_is_as_quick_behind_slow_zeros(
+    plant: str, sample_time: float, long: float
+) -> None:
+    linear = linear_model(plant, limits=2.0)
+    law = designed("plain-sliding-mode", linear, sample_time=sample_time)
+    assert settled_after(law, linear, {"y": 0.1}) < long
+    assert max(loop.sensitivity for loop in analyse_loop(law, linear)) < 1.9
