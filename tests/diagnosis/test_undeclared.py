@@ -24,7 +24,7 @@ from workbench.diagnosis.estimation.start import fit_with_likely_starts
 from workbench.diagnosis.problem import Problem, problem_of_files
 from workbench.diagnosis.second_search import View, where_none_is_declared
 from workbench.diagnosis.selection.held_out import over_floor
-from workbench.diagnosis.undeclared import inputs, noise
+from workbench.diagnosis.undeclared import inputs, noise, plant
 from workbench.diagnosis.undeclared.disturbances import opened
 from workbench.diagnosis.undeclared.noise import as_coarse_as_recorded
 from workbench.diagnosis.undeclared.plant import with_undeclared
@@ -434,15 +434,23 @@ def _pushed_by_waves(name: str, seed: int, *, in_steps: bool, hardens: float = 0
     return recording(name, step, {"drive [N]": drive}, {"position [m]": read})
 
 
-def test_inputs_are_held_again_where_that_is_likelier_beside_what_was_found() -> None:
-    """As of equations whose gaps spoke for straight lines, before those were filled."""
-    runs = [_pushed_by_waves(name, k, in_steps=True, hardens=400.0) for k, name in enumerate("ab")]
+@pytest.mark.parametrize("in_steps", [False, True])
+def test_what_inputs_do_between_samples_is_asked_again_beside_what_was_found(
+    in_steps: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As of equations whose gaps spoke for the other, before those were filled."""
+    runs = [
+        _pushed_by_waves(name, k, in_steps=in_steps, hardens=400.0) for k, name in enumerate("ab")
+    ]
     waves = _in_waves()
-    straight = replace(waves, traits=replace(waves.traits, straight=("drive",)))
-    found = diagnosed(straight, runs, "cubic_stiffness delay")
+    wrong = ("drive",) if in_steps else ()
+    started = replace(waves, traits=replace(waves.traits, straight=wrong))
+    monkeypatch.setattr(plant, "straight", lambda *_: ())
+    found = diagnosed(started, runs, "cubic_stiffness delay")
     named(found, "cubic_stiffness", noise=1.2)
-    assert found.nominal.traits.straight == ()
-    assert any("drive held between samples" in row["note"] for row in found.verdict.data)
+    assert found.nominal.traits.straight == (() if in_steps else ("drive",))
+    told = f"drive {'held' if in_steps else 'straight'} between samples"
+    assert any(told in row["note"] for row in found.verdict.data)
 
 
 @pytest.mark.parametrize("in_steps", [False, True])

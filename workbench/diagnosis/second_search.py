@@ -11,8 +11,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from workbench.diagnosis.estimation.noise_colour import (
     BY_CHANCE,
     Leftover,
@@ -20,13 +18,12 @@ from workbench.diagnosis.estimation.noise_colour import (
     with_correlated_noise,
 )
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
-from workbench.diagnosis.estimation.start import fit_to_few
 from workbench.diagnosis.selection.candidate import is_sensor
 from workbench.diagnosis.selection.held_out import over_noise
-from workbench.diagnosis.selection.rules import LITTLE_LEFT, OFF_NOISE, SAME
+from workbench.diagnosis.selection.rules import LITTLE_LEFT, OFF_NOISE
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.undeclared.disturbances import opened
-from workbench.errors import WorkbenchError
+from workbench.diagnosis.undeclared.inputs import clearly_likelier, otherwise_between_samples
 from workbench.model import Model
 from workbench.physics.library import Hypothesis
 from workbench.recordings.recording import Recording
@@ -40,8 +37,8 @@ class View:
         name: Name of the folder of its stages.
         why: What the user is told.
         rows: What was taken from the data.
-        among: Ports whose hypotheses are tried, beside those that the first search followed; all
-            if empty.
+        among: Ports whose hypotheses are tried, beside those that the first search followed.
+        found: What that found; all hypotheses are tried without it.
         better: Whether what it found takes the place of what was found first.
     """
 
@@ -55,7 +52,7 @@ class View:
 
     def tries(self, hypothesis: Hypothesis) -> bool:
         """Whether a hypothesis is tried in this search."""
-        if not self.among or self.found is None:
+        if self.found is None:
             return True
         followed = {c.name for r in self.found.rounds for c in r.candidates if c.followed}
         return hypothesis.name in followed or any(p in self.among for p in hypothesis.ports)
@@ -101,45 +98,38 @@ def where_none_is_declared(
     return View(other, "opened", why, _closer, among=places, found=found)
 
 
-def with_inputs_held(
+def otherwise_between(
     found: Diagnosis, model: Model, recordings: Sequence[Recording]
 ) -> View | None:
-    """Hold inputs that were taken to go straight, if that is likelier beside what was found.
+    """Let inputs go straight that were held, or the other way, if that is likelier now.
 
-    What the equations lack may have spoken for the half of a sample that lies between the two.
+    What the equations lacked may have spoken for or against the half of a sample between the two.
     """
-    names = model.traits.straight
-    if not names or model.traits.misread or not found.accepted:
+    other = otherwise_between_samples(model, recordings)
+    if other == model or model.traits.misread or not found.accepted:
         return None
     if any(r.resampled for r in recordings):
         return None
     closest = _closest(found)
+    own = replace(closest.model.traits, straight=other.traits.straight)
+    trial = replace(closest.model, traits=own)
     priors = [e.prior for e in closest.refit.estimates]
-    try:
-        straight, held = (
-            fit_to_few(each, recordings, priors)[0].cost
-            for each in (closest.model, _held(closest.model))
-        )
-    except (WorkbenchError, np.linalg.LinAlgError):
+    if not clearly_likelier(trial, closest.model, recordings, priors=priors):
         return None
-    if held > straight - SAME:
-        return None
-    told = f"{', '.join(names)} held between samples"
+    names = ", ".join(other.traits.straight or model.traits.straight)
+    told = f"{names} {'straight' if other.traits.straight else 'held'} between samples"
     row = {"recording": recordings[0].name, "check": "rows", "result": "corrected"}
     return View(
-        _held(model),
-        "held",
+        other,
+        "between_samples",
         f"searching again with {told}",
         lambda again, _: bool(again.accepted),
-        ({**row, "note": f"{told}: beside what was found that is likelier than straight lines"},),
+        ({**row, "note": f"{told}: that is likelier beside what was found"},),
+        found=found,
     )
 
 
-def _held(model: Model) -> Model:
-    return replace(model, traits=replace(model.traits, straight=()))
-
-
-VIEWS = (with_inputs_held, beside_correlated_noise, where_none_is_declared)
+VIEWS = (otherwise_between, beside_correlated_noise, where_none_is_declared)
 """In the order in which they are taken."""
 
 

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from workbench.diagnosis.estimation.prediction_error import filter_of
+from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import PERFECT
 from workbench.diagnosis.estimation.start import FEW, fit_to_few
 from workbench.diagnosis.selection.rules import SAME
@@ -56,18 +57,29 @@ def wider(model: Model, recordings: Sequence[Recording]) -> Model:
 
 def straight(model: Model, recordings: Sequence[Recording]) -> tuple[str, ...]:
     """Return inputs that are read and that move from sample to sample rather than in steps."""
-    moving = tuple(
+    moving = _moving(model, recordings)
+    if not moving:
+        return ()
+    trial = otherwise_between_samples(model, recordings)
+    return moving if clearly_likelier(trial, model, recordings) else ()
+
+
+def otherwise_between_samples(model: Model, recordings: Sequence[Recording]) -> Model:
+    """Let inputs that are read go straight, where any is held that may; else hold all."""
+    moving = _moving(model, recordings)
+    lines = (*model.traits.straight, *moving) if moving else ()
+    return replace(model, traits=replace(model.traits, straight=lines))
+
+
+def _moving(model: Model, recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Return inputs that are read and held, and move at most samples."""
+    return tuple(
         q.name
         for q in model.inputs
         if not q.commanded
         and q.name not in model.traits.straight
         and all(_moves(r, q.name) for r in recordings if q.name in r)
     )
-    if not moving:
-        return ()
-    known = (*model.traits.straight, *moving)
-    trial = replace(model, traits=replace(model.traits, straight=known))
-    return moving if clearly_likelier(trial, model, recordings) else ()
 
 
 def _moves(recording: Recording, name: str) -> bool:
@@ -86,16 +98,18 @@ def clearly_likelier(
     other: Model,
     recordings: Sequence[Recording],
     as_other: Sequence[Recording] | None = None,
+    priors: Sequence[Prior] | None = None,
 ) -> bool:
     """Tell whether one model, refitted, foretells recordings clearly better than another.
 
     Args:
         as_other: The same recordings as the other model sees them, if that differs.
+        priors: Of the parameters that are refitted; the default ones if not given.
     """
     costs = []
     for trial, given in ((one, recordings), (other, as_other or recordings)):
         try:
-            costs.append(fit_to_few(trial, given)[0].cost)
+            costs.append(fit_to_few(trial, given, priors)[0].cost)
         except (WorkbenchError, np.linalg.LinAlgError):
             return False
     return costs[0] < costs[1] - SAME
