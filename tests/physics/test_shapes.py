@@ -262,3 +262,20 @@ def test_a_parameter_bends_over_inputs_that_nobody_uses_or_that_carry_something(
     )
     found = {h.name for h in parameter_curve.hypotheses(Survey(tank))}
     assert found == {"parameter_curve_loss_over_flow", "parameter_curve_loss_over_wind"}
+
+
+def test_what_passes_carries_neither_a_place_nor_a_speed() -> None:
+    heater = machine(
+        lambda m: (
+            {"place": m.x.speed, "speed": -m.x.speed, "warm": m.u.flow * (300.0 - m.x.warm)},
+            {"place": m.x.place, "speed": m.x.speed, "warm": m.x.warm},
+        ),
+        "place m, speed m/s, warm K 290",
+        "flow m3/s 0 1",
+        "place m, speed m/s, warm K",
+    )
+    seen = RecordedFacts(ranges={"flow": (0.2, 0.9)})
+    found = {e.name for e in library(heater, seen) if e.law == "sensor_distance"}
+    assert found == {"sensor_distance_warm_flow"}
+    steady = RecordedFacts(ranges={"flow": (0.8, 0.9)})
+    assert not [e for e in library(heater, steady) if e.law == "sensor_distance"]

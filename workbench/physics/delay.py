@@ -373,14 +373,20 @@ _STANDING = 1e-3
 
 
 def _carried(survey: Survey) -> Iterator[Fit]:
-    """Yield sensors with what may carry to them what they read, at a pace that changes."""
+    """Yield sensors with what may carry to them what they read, at a pace that changes.
+
+    A place or a speed is carried by nothing else.
+    """
     inputs = [survey.ports.of(q.name) for q in survey.model.inputs]
+    moving = [survey.ports.symbols[n] for pair in survey.ports.integral.items() for n in pair]
     for at in survey.fitting("measurement"):
+        moves = ca.depends_on(survey.ports.value_at(at), ca.vertcat(*moving))
+        if at.output is None or moves or same_dimension(at.unit, *SPEEDS):
+            continue
         for pace in (*inputs, *survey.beside(at)):
             low, high = pace.seen or (0.0, 0.0)
             if 0.0 <= _PACES * low < high and same_dimension(pace.unit, *SPEEDS, "m3/s", "kg/s"):
-                own = at.output.name if at.output else by_port(at)
-                yield f"_{own}_{pace.source}", ((at.with_signal("pace", pace),),)
+                yield f"_{at.output.name}_{pace.source}", ((at.with_signal("pace", pace),),)
 
 
 def _paced(at: Place) -> tuple[Own, ...]:
