@@ -1049,6 +1049,38 @@ def test_what_is_read_farther_down_a_pipe_is_late_by_what_flows() -> None:
     )  # fmt: skip
 
 
+def _windy(seed: int) -> Recording:
+    """Turn a dish of 1500 kg m2, which the wind turns by the sine of twice its angle to it."""
+    rng, n, dt = np.random.default_rng(seed), 2000, 0.1
+    volts, wind = levels(n, seed, 3.0, 20, 60), np.full(n, 8.0)
+    for k in range(1, n):
+        wind[k] = abs(9.0 + 0.995 * (wind[k - 1] - 9.0) + 0.4 * rng.normal())
+
+    def rates(_: float, x: Vector, volts: float, wind: float) -> list[float]:
+        torque = 450.0 * volts - 2800.0 * x[1] + 9.0 * wind**2 * math.sin(2.0 * (x[0] - 0.4))
+        return [x[1], torque / 1500.0]
+
+    angle = held(rates, [0.0, 0.0], (volts, wind), dt)[:, 0] + 5e-4 * rng.normal(size=n)
+    given = {"volts [V]": volts, "wind [m/s]": wind}
+    return recording(f"windy {seed}", dt, given, {"angle [rad]": angle})
+
+
+def test_a_wind_turns_a_dish_by_how_it_stands_to_it() -> None:
+    dish = machine(
+        lambda m: {
+            "angle": m.x.speed,
+            "speed": (m.p.gain * m.u.volts - m.p.damping * m.x.speed) / 1500.0,
+        },
+        "angle rad start_rms=0.02, speed rad/s",
+        "volts V -10 10, wind m/s commanded=0",
+        "angle rad",
+        "gain N m/V 400 50 2000, damping N m s/rad 3000 100 3e4",
+    )
+    laws = "*turned_input unused_input unbalanced_mass coulomb_friction ripple sensor_lag"
+    found = diagnosed(dish, [_windy(1), _windy(2)], laws)
+    named(found, "twice_turned_input_wind_speed_rate", noise=1.1, facing=approx(0.4, abs=0.01))
+
+
 def _blown(seed: int, drag: Callable[[float, float], float], given: float) -> Recording:
     """Return a mass of 1400 kg that is driven in a wind, which pushes it by its drag, in N."""
     rng, n, dt = np.random.default_rng(seed), 2000, 0.2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -9,7 +10,7 @@ import casadi as ca
 
 from workbench.model import PortView
 from workbench.model.regularisation import Expression
-from workbench.model.units import same_dimension
+from workbench.model.units import SPEEDS, same_dimension
 from workbench.physics.law import (
     Fit,
     Law,
@@ -151,6 +152,53 @@ unused_input = Law(
     look_alikes=("exchange_with_input", "offset"),
     separated_by="that input changes, and nothing else",
 )  # fmt: skip
+
+
+def _turned_to(survey: Survey) -> Iterator[Fit]:
+    """Yield what turns, with unused inputs that may push it by how it stands to them."""
+    for cause in survey.unused_inputs:
+        for at in survey.fitting(*EFFORTS, needs=("coordinate",)):
+            if not at.commanded and at.coordinate.unit == "rad":
+                yield f"_{cause.source}_{by_port(at)}", ((at.with_signal("cause", cause),),)
+
+
+def _turned(name: str, turns: int, source: str) -> Law:
+    """Return the law of a push that repeats so often in a turn."""
+    angle = "x - facing" if turns == 1 else f"{turns} (x - facing)"
+
+    def transform(at: PortView) -> Expression:
+        turned = ca.sin(turns * (at.signals.coordinate - at.p.facing))
+        return at.value + turned * (_entered(at) - at.value)
+
+    def shapes(at: Place) -> list[dict[str, float]]:
+        power = 2.0 if same_dimension(at.other("cause").unit, *SPEEDS) else 1.0
+        return [{"exponent": power, "facing": part * math.pi / turns} for part in (0.0, 0.5)]
+
+    return replace(
+        unused_input,
+        name=name,
+        equation=f"y = u + gain v |v / usual|^(exponent - 1) sin({angle}), v an input that the"
+        " equations do not use, x an angle",
+        where=_turned_to,
+        parameters=lambda at: (
+            *unused_input.parameters(at),
+            shape("facing", "rad", 0.0, "angle at which it vanishes", around=None,
+                  between=(-math.pi, math.pi), scale=0.3),
+        ),
+        transform=transform,
+        shapes=shapes,
+        source=source,
+        look_alikes=("unused_input", "unbalanced_mass"),
+        separated_by="that input changes, at several angles",
+    )  # fmt: skip
+
+
+# A vane, a panel in the sun.
+turned_input = _turned("turned_input", 1, "projection of a push on what turns")
+# A dish or a hull in the wind: along it and across there is no torque.
+twice_turned_input = _turned(
+    "twice_turned_input", 2, "M. M. Munk 1924: a stream turns a hull by the sine of twice its angle"
+)
 
 
 def _flowing_past(survey: Survey) -> Iterator[Fit]:
