@@ -113,7 +113,7 @@ def test_commands_that_are_late_are_reckoned_with(
     assert settled[0] + 30.0 < settled[1] < 20.0 * 30.0
     # Where nobody says how often, a whole number of samples is as long as the delay.
     own = [part for part in step if part not in ("--sample-time", "2s")]
-    assert "late by 30 samples of 977 ms, 29.3 s" in shell(*own, "--delay 29.3s").err
+    assert "late by 20 samples of 1.47 s, 29.3 s" in shell(*own, "--delay 29.3s").err
     assert "delay" in refused(*step, "--delay -1s")
 
 

@@ -54,6 +54,9 @@ from workbench.verification.metrics import metric_of, metric_units
 Progress = Callable[[str, int, int, str], None]
 """Told what is being done, how many are done, of how many, and which one."""
 
+FEWEST = 10
+"""Samples of a delay that are enough, of more commands each of which is on its way for them."""
+
 FINER = 0.25
 """Least sample time over the usual that is taken for a delay to be one of whole samples."""
 
@@ -140,7 +143,8 @@ class StepTrial:
         if behind and sample_time is None and self._stated is None:
             # More samples of it than steps reckon with make no loop any faster.
             usual = found[0].sample_time
-            part = behind / min(max(math.ceil(behind / usual - 1e-9), 1), MOST_LATE)
+            most = max(MOST_LATE // len(self.model.commands), FEWEST)
+            part = behind / min(max(math.ceil(behind / usual - 1e-9), 1), most)
             if part >= FINER * usual and (part > usual or self.delay is not None):
                 sample_time = part
                 found = scenarios()
