@@ -46,9 +46,10 @@ FASTEST = 0.15
 ERRORS = tuple(10.0 ** (k / 4.0) for k in range(-20, 9))
 """Errors between which it is chosen, over what the commands move the output by at the speed."""
 
-ALIKE = (2, 16, 18, 20, 23)
-"""Places of those that are tried for all outputs alike: the least as a plant's slowest part may ask
-for another command long after the output has arrived, the largest for a careful loop."""
+ALIKE = ((2, 1.0), (16, 1.0), (18, 1.0), (20, 1.0), (23, 1.0), (18, 1e3))
+"""Places of those that are tried for all outputs alike, and how far commands may be from where they
+will rest, over the usual: where a slow part of a plant answers long after the output has arrived,
+they are far from there for as long."""
 
 
 FOUND_IN: tuple[float, ...] = (10.0, 3.0, 1.0)
@@ -137,8 +138,8 @@ def _best(
 
     # The horizon does not depend on the disturbance, nor the observer on the error.
     @cache
-    def horizon(speed: float, error: tuple[float, ...]) -> LinearMPC:
-        own, numbers = _problem(loop, want, speed, DISTURBANCES[0], error)
+    def horizon(speed: float, error: tuple[float, ...], far: float) -> LinearMPC:
+        own, numbers = _problem(loop, want, speed, DISTURBANCES[0], error, far=far)
         seen = observer(speed, DISTURBANCES[0], 1.0, times[0])
         law = mpc_of(loop.shown, own, numbers, observer=seen)
         return replace(law, name="linear MPC")
@@ -148,17 +149,17 @@ def _best(
         own, numbers = _problem(loop, want, speed, walk, loop.output_scale, doubt, time)
         return observer_of(loop.shown, own, numbers)
 
-    def designed(places: tuple[int, ...], at: tuple[float, float, float, float]) -> LinearMPC:
-        speed = at[0]
+    def designed(places: tuple[int, ...], at: tuple[float, ...]) -> LinearMPC:
+        speed, far, *seen = at
         sizes = np.array([ERRORS[k] for k in places]) * loop.sizes([speed])[0]
         error = np.where(given > 0.0, given, sizes)
-        law = horizon(speed, tuple(error.tolist()))
-        law = replace(law, observer=observer(*at))
+        law = horizon(speed, tuple(error.tolist()), far)
+        law = replace(law, observer=observer(speed, *seen))
         return acting_later(law, samples) if samples else law
 
     alike = ALIKE[1:2] if np.all(given > 0.0) else ALIKE
-    filters = itertools.product(tried, walks, doubts(loop), times)
-    start = [((k,) * outputs, at) for at in filters for k in alike]
+    grid = itertools.product(tried, alike, walks, doubts(loop), times)
+    start = [((k,) * outputs, (speed, far, *seen)) for speed, (k, far), *seen in grid]
     law, _ = best_of(limits, designed, start, "a linear MPC", len(ERRORS))
     if want.speed:
         return at_pace(limits, law)
@@ -194,6 +195,7 @@ def _problem(
     error: npt.ArrayLike,
     doubt: float = 1.0,
     time: float = FOUND_IN[0],
+    far: float = 1.0,
 ) -> tuple[Problem, MPCSpecification]:
     """Return what an MPC is told, whose openings are fractions of full ones, in SI."""
     below, above = _rooms(loop)
@@ -219,7 +221,7 @@ def _problem(
         sensors=loop.sensors,
         weights=(
             np.asarray(error) ** -2.0,
-            (usual.opening_scale * share) ** -2,
+            (far * usual.opening_scale * share) ** -2,
             # A move of all of the command weighs 1: less of it would be a lag in every loop.
             share**-2,
         ),

@@ -543,3 +543,12 @@ def test_an_mpc_waits_for_no_wall_that_gets_warm_in_days() -> None:
     rooms = linear_model(ct.ss(A, B, np.eye(2, 3), 0), limits={f"u[{i}]": (-5, 5) for i in (0, 1)})
     law = designed("plain-mpc", rooms, sample_time=5.0)
     assert settled_after(law, rooms, dict.fromkeys(law.controlled, 0.01)) < 200.0
+
+
+def test_an_mpc_leans_a_scooter_that_gathers_speed_for_a_minute() -> None:
+    # Pitch answers within a second, the speed at which drag holds the lean within 17 s.
+    A = [[0, 1, 0, 0], [24.6, 0, 0, 0.17], [0, 0, 0, 1], [-17.0, 0, 0, -0.17]]
+    lean = ct.ss(A, [[0.0], [-0.29], [0.0], [0.28]], [[1, 0, 0, 0]], 0)
+    plant = linear_model(lean, limits={"u[0]": (-80, 80)})
+    law = designed("plain-mpc", plant, sample_time=0.005, noise=1e-3)
+    assert settled_after(law, plant, dict.fromkeys(law.controlled, 1e-3)) < 2.0
