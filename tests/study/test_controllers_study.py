@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from workbench.cli.controllers import controllers
+from workbench.operating_point import operating_point
 from workbench.reports.figures.limitations import (
     Evidence,
     cause_of_ratio,
@@ -26,6 +27,7 @@ from workbench.reports.figures.limitations import (
     steps_table,
     time_table,
 )
+from workbench.study import designs
 from workbench.study.judgements import judge_records, scores
 from workbench.study.physical_limit import Distances, Move
 from workbench.study.read import load_study, shipped_study
@@ -81,6 +83,17 @@ def test_every_run_is_asked_for_once(study: Study) -> None:
                      and t.variation.name == CASE and t.scenario.name == "steps"]
               for name in (FAMILY, "nonlinear MPC")}  # fmt: skip
     assert counts == {FAMILY: [0, 1, 2], "nonlinear MPC": [0]}
+
+
+def test_the_nonlinear_mpc_begins_at_rest_where_it_was_designed(
+    study: Study, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(designs, "compiled", lambda function: function)
+    recipe = study.cases[CASE].controllers["nonlinear MPC"]
+    law, point = recipe.build(), operating_point(recipe.plant.build(), dict(recipe.at))
+    measured = tuple(point[name] for name in law.sensors)
+    (command,), _, info = law.step(law.initial_state(measured), measured, measured[:1])
+    assert command == pytest.approx(point.u[0], abs=1e-6) and info["fallback"] == 0.0
 
 
 def test_designs_hold_their_margins_at_both_loads(study: Study) -> None:
