@@ -46,11 +46,10 @@ FASTEST = 0.15
 ERRORS = tuple(10.0 ** (k / 4.0) for k in range(-20, 9))
 """Errors between which it is chosen, over what the commands move the output by at the speed."""
 
-ALIKE = ((2, 1.0), (16, 1.0), (18, 1.0), (20, 1.0), (23, 1.0), (18, 1e3))
+ALIKE = ((10, 1.0), (14, 1.0), (18, 1.0), (20, 1.0), (23, 1.0), (14, 1e3), (18, 1e3))
 """Places of those that are tried for all outputs alike, and how far commands may be from where they
 will rest, over the usual: where a slow part of a plant answers long after the output has arrived,
 they are far from there for as long."""
-
 
 FOUND_IN: tuple[float, ...] = (10.0, 3.0, 1.0)
 """Time constants of the loop in which disturbances and offsets are found, ratios; the last are
@@ -157,7 +156,7 @@ def _best(
         law = replace(law, observer=observer(speed, *seen))
         return acting_later(law, samples) if samples else law
 
-    alike = ALIKE[1:2] if np.all(given > 0.0) else ALIKE
+    alike = ALIKE[:1] if np.all(given > 0.0) else ALIKE
     grid = itertools.product(tried, alike, walks, doubts(loop), times)
     start = [((k,) * outputs, (speed, far, *seen)) for speed, (k, far), *seen in grid]
     law, _ = best_of(limits, designed, start, "a linear MPC", len(ERRORS))
