@@ -129,7 +129,7 @@ def test_mpc_in_c_agrees_over_thousands_of_chained_steps(
     limit = law.valve.command(0.4 if make is MPCS["linear MPC with tight limits"] else 1.0)
     assert max(found["commands"]) == pytest.approx(limit, abs=1e-9)
     slack = np.array(found["slack"])
-    assert slack.max() > 1e4
+    assert slack.max() > 5e3
     assert (slack < 1.0).any()
 
 
