@@ -48,12 +48,12 @@ def hard_run(law: Any) -> tuple[np.ndarray, np.ndarray]:
     """Measurements and references that pass every branch of planner, tables and limits.
 
     The angle follows steps and a sine with delay and noise, past both ends of the schedule; the
-    reference jumps by up to 0.5 rad and so drives the valve to both stops; for some seconds the
+    reference jumps by up to 0.7 rad and so drives the valve to both stops; for some seconds the
     pressures lie out of their limits.
     """
     rng = np.random.default_rng(2)
     time = law.sample_time * np.arange(STEPS + law.preview)
-    reference = 0.5 + 0.3 * np.sin(1.3 * time) + 0.25 * np.sign(np.sin(0.9 * time))
+    reference = 0.5 + 0.3 * np.sin(1.3 * time) + 0.35 * np.sign(np.sin(0.9 * time))
     angle = np.convolve(reference, np.ones(80) / 80, mode="same") + 1e-4 * rng.normal(
         size=len(time)
     )
@@ -129,7 +129,7 @@ def test_mpc_in_c_agrees_over_thousands_of_chained_steps(
     limit = law.valve.command(0.4 if make is MPCS["linear MPC with tight limits"] else 1.0)
     assert max(found["commands"]) == pytest.approx(limit, abs=1e-9)
     slack = np.array(found["slack"])
-    assert slack.max() > 5e3
+    assert slack.max() > 1e4
     assert (slack < 1.0).any()
 
 
