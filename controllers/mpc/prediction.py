@@ -25,7 +25,6 @@ from workbench.linearisation.zero_order_hold import zero_order_hold
 SLACK_SCALE = 1e4
 """The slack is counted in 0.1 bar, so that the variables of the problem are of one size."""
 
-
 _LEAST = 1e-12
 """Weight of each state, over that of the outputs, with which a regulator exists."""
 

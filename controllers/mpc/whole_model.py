@@ -211,12 +211,11 @@ class LinearMPC(ValveController):
 
     def _moved(self, reference: Matrix, before: Matrix, moved: Matrix) -> Matrix:
         """Return by how much references move."""
-        none = len(before)
-        brake = np.array(self.brake or (math.inf,) * none)
-        leap = np.array(self.leap or (0.0,) * none)
-        return np.asarray(
-            paced(reference - before, moved, np.array(self.pace), brake, leap, ARRAYS)
-        )
+        count = len(before)
+        brake = np.array(self.brake or (math.inf,) * count)
+        leap = np.array(self.leap or (0.0,) * count)
+        pace = np.array(self.pace)
+        return np.asarray(paced(reference - before, moved, pace, brake, leap, ARRAYS))
 
     def linear_law(
         self,

@@ -105,16 +105,14 @@ def otherwise_between(
 
     What the equations lacked may have spoken for or against the half of a sample between the two.
     """
-    other = otherwise_between_samples(model, recordings)
-    if other == model or model.traits.misread or not found.accepted:
+    if not found.accepted or model.traits.misread or any(r.resampled for r in recordings):
         return None
-    if any(r.resampled for r in recordings):
+    other, best = otherwise_between_samples(model, recordings), found.extended
+    if other == model:
         return None
-    closest = _closest(found)
-    own = replace(closest.model.traits, straight=other.traits.straight)
-    trial = replace(closest.model, traits=own)
-    priors = [e.prior for e in closest.refit.estimates]
-    if not clearly_likelier(trial, closest.model, recordings, priors=priors):
+    own = replace(best.model.traits, straight=other.traits.straight)
+    trial = replace(best.model, traits=own)
+    if not clearly_likelier(trial, best.model, recordings, priors=best.refit.priors):
         return None
     names = ", ".join(other.traits.straight or model.traits.straight)
     told = f"{names} {'straight' if other.traits.straight else 'held'} between samples"

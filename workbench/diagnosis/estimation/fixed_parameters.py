@@ -43,7 +43,7 @@ def with_fixed_uncertainty(fit: ProcessNoiseFit, recordings: Sequence[Observed])
     names = [q.name for q in model.parameters if q.fixed and q.name not in estimates]
     if not names:
         return fit
-    own = [e.prior for e in fit.refit.estimates]
+    own = fit.refit.priors
     # The nominal value is the best guess of what is fixed: only its uncertainty counts here.
     every = [*own, *default_priors(model, names)]
     fixed = {q.name: q.value for q in model.parameters if q.name in names}
@@ -94,7 +94,7 @@ def with_fixed_refitted(
     names = [q.name for q in model.parameters if q.fixed and q.name not in start]
     if not names:
         return fit
-    priors = [*(e.prior for e in refit.estimates), *default_priors(model, names)]
+    priors = [*refit.priors, *default_priors(model, names)]
     # Values that the filter cannot follow are no better ones.
     with suppress(NumericalError):
         found = fit_with_process_noise(

@@ -217,7 +217,7 @@ def with_correlated_noise(
         of the checks of recordings.
     """
     closest = model if better is None else better.model
-    priors = None if better is None else [e.prior for e in better.refit.estimates]
+    priors = None if better is None else better.refit.priors
     try:
         fit, seen = fit_to_few(closest, recordings, priors)
         if left is None:

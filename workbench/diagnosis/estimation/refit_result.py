@@ -92,6 +92,11 @@ class Refit:
         """Estimates by name, in SI."""
         return {e.name: e.value for e in self.estimates}
 
+    @property
+    def priors(self) -> tuple[Prior, ...]:
+        """Priors of the parameters that were refitted."""
+        return tuple(e.prior for e in self.estimates)
+
     def drawn(self, rng: np.random.Generator) -> dict[str, float]:
         """Draw values by name, in SI, from the distribution of the estimates, within bounds."""
         eigenvalues, vectors = np.linalg.eigh(self.covariance)

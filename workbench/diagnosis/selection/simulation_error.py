@@ -85,7 +85,7 @@ def closest_runs(
 
 def _refitted(fit: ProcessNoiseFit, begun: Sequence[Observed], loss: str) -> ProcessNoiseFit:
     model = fit.model
-    priors = [*(e.prior for e in fit.refit.estimates), *_guesses(model)]
+    priors = [*fit.refit.priors, *_guesses(model)]
     if not priors:
         return fit
     names = [q.name for q in priors]

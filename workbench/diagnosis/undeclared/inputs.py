@@ -57,29 +57,22 @@ def wider(model: Model, recordings: Sequence[Recording]) -> Model:
 
 def straight(model: Model, recordings: Sequence[Recording]) -> tuple[str, ...]:
     """Return inputs that are read and that move from sample to sample rather than in steps."""
-    moving = _moving(model, recordings)
-    if not moving:
-        return ()
     trial = otherwise_between_samples(model, recordings)
-    return moving if clearly_likelier(trial, model, recordings) else ()
+    moving = tuple(n for n in trial.traits.straight if n not in model.traits.straight)
+    return moving if moving and clearly_likelier(trial, model, recordings) else ()
 
 
 def otherwise_between_samples(model: Model, recordings: Sequence[Recording]) -> Model:
     """Let inputs that are read go straight, where any is held that may; else hold all."""
-    moving = _moving(model, recordings)
-    lines = (*model.traits.straight, *moving) if moving else ()
-    return replace(model, traits=replace(model.traits, straight=lines))
-
-
-def _moving(model: Model, recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """Return inputs that are read and held, and move at most samples."""
-    return tuple(
+    moving = tuple(
         q.name
         for q in model.inputs
         if not q.commanded
         and q.name not in model.traits.straight
         and all(_moves(r, q.name) for r in recordings if q.name in r)
     )
+    lines = (*model.traits.straight, *moving) if moving else ()
+    return replace(model, traits=replace(model.traits, straight=lines))
 
 
 def _moves(recording: Recording, name: str) -> bool:
