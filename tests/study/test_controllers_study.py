@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -94,6 +95,8 @@ def test_the_nonlinear_mpc_begins_at_rest_where_it_was_designed(
     measured = tuple(point[name] for name in law.sensors)
     (command,), _, info = law.step(law.initial_state(measured), measured, measured[:1])
     assert command == pytest.approx(point.u[0], abs=1e-6) and info["fallback"] == 0.0
+    elsewhere: Any = replace(recipe, at=(("angle", 0.3),)).build()
+    assert np.abs(elsewhere.observer.rest - 0.3).min() < 1e-9
 
 
 def test_designs_hold_their_margins_at_both_loads(study: Study) -> None:
