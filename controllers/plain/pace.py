@@ -190,8 +190,11 @@ def _paced(limits: LoopLimits, law: Any, i: int, size: Vector, paces: Matrix) ->
     return np.array([errors, penalty]).reshape(2, len(paces), -1)
 
 
-MOST_SAMPLES = 2000
-"""Samples for which large steps are looked at."""
+MOST_SAMPLES = 2000, 20000
+"""Samples for which large steps are looked at, of what settles soon and of what takes longest."""
+
+AS_LONG = 10
+"""As many times as long as a small step takes to settle."""
 
 LOOKED_AT, SOLVED_AT, SETTLED = 100, 50, 0.01
 """Samples after which a step, also of a law that solves something, has settled if it is as near as
@@ -199,7 +202,7 @@ this to where it goes in all of them, as a fraction of it."""
 
 
 def _freely(limits: LoopLimits, law: Any, i: int) -> tuple[Vector, Matrix]:
-    """Return an output, shape (n,), after its unit step, and what is held against ends.
+    """Return an output, shape (n,), until its unit step has settled, and what is held against ends.
 
     That is, shape (n, 3 m), the commands, and the same over what their lower ends and their upper
     ends move by.
@@ -212,13 +215,14 @@ def _freely(limits: LoopLimits, law: Any, i: int) -> tuple[Vector, Matrix]:
     over[: len(A), : len(A)] += A
     over = np.vstack([over, np.eye(1, over.shape[1], len(over))])
     states = np.eye(len(over))[:, -1:]
-    while states.shape[1] < MOST_SAMPLES:
+    while states.shape[1] < MOST_SAMPLES[1]:
         states, over = np.hstack([states, over @ states]), over @ over
-    x = states[: len(A), :MOST_SAMPLES]
-    u, y = command @ states[:, :MOST_SAMPLES], C[i] @ x
+    states = states[:, : MOST_SAMPLES[1]]
+    x = states[: len(A)]
+    u, y = command @ states, C[i] @ x
     asked = np.vstack([u, *(u - slopes @ x for _, slopes in _moving(limits))])
     near = np.all(np.abs(y.reshape(-1, LOOKED_AT) - 1.0) < SETTLED, axis=1)
-    end = LOOKED_AT * (int(np.argmax(near)) + 1) if near.any() else MOST_SAMPLES
+    end = LOOKED_AT * (int(np.argmax(near)) + 1) if near.any() else MOST_SAMPLES[1]
     return y[:end], asked[:, :end].T
 
 
@@ -268,8 +272,9 @@ def _run(limits: LoopLimits, law: PlainLaw, i: int, step: Vector, pace: Matrix) 
     sample = Buffered(ca.Function("sample", entering, leaving).map(count).expand())
     # What has no end takes long to reach one.
     told = np.array([step, *np.minimum(pace, 1e9 * np.abs(step))])
-    state, outputs = np.zeros((after.numel(), count)), np.zeros((MOST_SAMPLES, p, count))
-    for k in range(MOST_SAMPLES):
+    most = int(np.clip(AS_LONG * len(_freely(limits, law, i)[0]), *MOST_SAMPLES))
+    state, outputs = np.zeros((after.numel(), count)), np.zeros((most, p, count))
+    for k in range(most):
         state, outputs[k] = sample(state, told)
         block = outputs[max(0, k + 1 - LOOKED_AT) : k + 1, i]
         if (k + 1) % LOOKED_AT == 0 and np.all(np.abs(block / step - 1.0) < SETTLED):
@@ -289,8 +294,8 @@ def _solved(limits: LoopLimits, law: Any, i: int, step: Vector, pace: Matrix) ->
     x, left = np.zeros((len(A), count)), np.arange(count)
     full = np.array([[1.0 / curve.gain_at_rest] for curve in law.curves])
     moving = _moving(limits)
-    outputs = np.zeros((MOST_SAMPLES, limits.outputs, count))
-    for k in range(MOST_SAMPLES):
+    outputs = np.zeros((MOST_SAMPLES[0], limits.outputs, count))
+    for k in range(MOST_SAMPLES[0]):
         y = C @ x
         outputs[k][:, left] = y[: limits.outputs]
         now = [tuple(part[:, left]) for part in (paces, brakes, leaps)]

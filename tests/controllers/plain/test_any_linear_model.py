@@ -797,6 +797,15 @@ def test_steps_near_and_far_are_as_fast_as_commands_let_them_be(name: str, tmp_p
     assert np.all(np.abs(np.array(moves))[1:][jumps] <= law.leap[0] * (1.0 + 1e-6))
 
 
+@pytest.mark.parametrize("name", ["plain-pid", "plain-sliding-mode"])
+def test_far_steps_of_what_takes_long_for_small_ones_are_looked_at_to_their_end(name: str) -> None:
+    # A small step takes 1,800 samples; all of the command takes 6.4 s for this one.
+    linear = linear_model("1 / (s^2 (0.3 s + 1))", limits=1.0)
+    law = designed(name, linear, sample_time=0.002)
+    found = stepped(law, linear, "y", 0.0, 10.0, hold=30.0)
+    assert found["overshoot"] < 0.02 and found["settling_time"] < 9.0
+
+
 def test_pids_of_late_commands_are_the_best_of_late_steps() -> None:
     # Those that were the best of steps at once overshot by 15 % and settled in 18 s.
     linear = linear_model("1 / ((5 s + 1) (3 s + 1))", limits={"u": (-1.0, 1.0)})
