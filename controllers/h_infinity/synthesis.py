@@ -59,6 +59,7 @@ class Weights(Checked):
         disturbance: Disturbing acceleration that weighs as much as a change of the reference, in
             w^2 per rad.
         beside: Error of a measurement that nobody follows, over a change of a reference, a ratio.
+        paces: Speed for each output over the speed, ratios; alike by default.
     """
 
     speed: float
@@ -70,22 +71,24 @@ class Weights(Checked):
     complementary_floor: float = number(0.1, 1e-6, 0.5, words="floor of the robustness weight")
     disturbance: float = number(0.3, 1e-6, 1e3, words="size of the disturbance")
     beside: float = number(0.1, 1e-6, 1e3, words="error of a further measurement")
+    paces: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_range("speed of the performance weight", self.speed, 0.1, 1e3, "rad/s")
 
-    def performance(self) -> System:
-        """Return W1."""
-        return _first_order(1.0 / self.peak, self.speed, 1.0, self.floor * self.speed)
+    def performance(self, pace: float = 1.0) -> System:
+        """Return W1 of an output."""
+        w = pace * self.speed
+        return _first_order(1.0 / self.peak, w, 1.0, self.floor * w)
 
     def input_weight(self) -> float:
         """Return W2, in rad per rad/s2."""
         return 1.0 / (self.input_size * self.speed**2)
 
-    def robustness(self) -> System:
-        """Return W3."""
-        edge = self.roll_off * self.speed
+    def robustness(self, pace: float = 1.0) -> System:
+        """Return W3 of an output."""
+        edge = self.roll_off * pace * self.speed
         return _first_order(1.0, edge / self.complementary_peak, self.complementary_floor, edge)
 
 
@@ -208,8 +211,10 @@ def generalised_plant(plant: System, weights: Weights, followed: int | None = No
     p = sensors if followed is None else followed
     first, others = C[:p], sensors - p
     one, square, none = np.eye(p), np.zeros((p, p)), np.zeros((others, p))
-    a1, b1, c1, d1 = (part[0, 0] * one for part in weights.performance())
-    a3, b3, c3, d3 = (part[0, 0] * one for part in weights.robustness())
+    (a1, b1, c1, d1), (a3, b3, c3, d3) = (
+        (np.diag(np.ravel(part)) for part in zip(*map(weight, weights.paces or (1.0,) * p)))
+        for weight in (weights.performance, weights.robustness)
+    )
     whole = np.block(
         [[A, np.zeros((n, 2 * p))], [-b1 @ first, a1, square], [b3 @ first, square, a3]]
     )

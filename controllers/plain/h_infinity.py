@@ -47,6 +47,9 @@ class PlainHInfinitySpecification(LoopSpecification):
 FACTORS = (0.15, 0.3, 0.5, 0.8, 1.2, 2.0)
 """Speeds that are tried, over that of a state feedback."""
 
+PACES = tuple(2.0 ** (k / 2.0) for k in range(-8, 9))
+"""Speeds of the errors of several outputs that are tried, over that of all."""
+
 INPUT_SIZES = (8.0, 1.0, 0.4, 0.2)
 HOLDING_SIZES = (*INPUT_SIZES, 0.05, 0.01)
 """Sizes of the command that are tried, over that at which the plant moves the output by itself;
@@ -74,17 +77,22 @@ def _within(want: PlainHInfinitySpecification, limits: LoopLimits) -> TransferLa
     loop = limits.loop
     made = cache(partial(_h_infinity, loop, want))
 
-    def designed(_: tuple[int, ...], at: tuple[float, float, float]) -> TransferLaw:
-        return made(*at).behind_lags(at[:1] * limits.outputs)
+    def led_at(steps: tuple[int, ...], w: float) -> tuple[float, ...]:
+        return tuple(w * PACES[k] for k in steps)
+
+    def designed(steps: tuple[int, ...], at: tuple[float, float, float]) -> TransferLaw:
+        return made(steps, *at).behind_lags(led_at(steps, at[0]))
 
     about = 0.0 if want.speed else reachable_speed(limits)
     tried = [about * factor for factor in FACTORS] if about else [want.speed]
     sizes = HOLDING_SIZES if limits.growing else INPUT_SIZES
+    alike = (PACES.index(1.0),) * limits.outputs
+    count = len(PACES) if limits.outputs > 1 and about else 0
     reason = NumericalError("")
     for beside in BESIDES if loop.read else BESIDES[:1]:
         try:
-            places = [((), (w, size, beside)) for w in tried for size in sizes]
-            _, (_, at) = best_of(limits, designed, places, "an H-infinity controller")
+            places = [(alike, (w, size, beside)) for w in tried for size in sizes]
+            _, (steps, at) = best_of(limits, designed, places, "an H-infinity controller", count)
             break
         except NumericalError as error:
             reason = error
@@ -95,7 +103,7 @@ def _within(want: PlainHInfinitySpecification, limits: LoopLimits) -> TransferLa
             f"no H-infinity controller of {loop.words} is found at any speed that was tried"
             f" ({str(reason).partition(';')[0]}); take another family, such as lqi"
         )
-    law, speeds = made(*at), at[:1] * limits.outputs
+    law, speeds = made(steps, *at), led_at(steps, at[0])
     own, limits = law.around_rest(), limits.late
     mild = led(limits, law.behind_lags, lags(limits, speeds))
     others = [law.referred(*entry) for entry in unexcited(limits, own)]
@@ -131,10 +139,18 @@ FASTER = 2
 
 
 def _h_infinity(
-    loop: Loop, want: PlainHInfinitySpecification, w: float, input_size: float, beside: float
+    loop: Loop,
+    want: PlainHInfinitySpecification,
+    steps: tuple[int, ...],
+    w: float,
+    input_size: float,
+    beside: float,
 ) -> TransferLaw:
-    own, h = loop.linear, want.sample_time
-    read = np.linalg.norm(np.abs(loop.response([w], read=True)[0]) * loop.command_scale, axis=1)
+    own, h, paces = loop.linear, want.sample_time, tuple(PACES[k] for k in steps)
+    # What nobody follows is as fast as all.
+    at = w * np.append(paces, np.ones(len(loop.sensors) - len(paces)))
+    swings = np.abs(loop.response(at, read=True)) * loop.command_scale
+    read = np.linalg.norm(swings, axis=2).diagonal()
     # Time counts in 1 / w and states in scales, so that no machine is too slow or too small for the
     # numbers. The commands pass a delay (first-order Pade); disturbances enter beside it.
     states = own.state_scales
@@ -151,7 +167,7 @@ def _h_infinity(
     plant = A, entries, seen_with, np.zeros((sensors, 2 * m))
     found = synthesise(
         plant,
-        Weights(1.0, input_size=input_size, beside=beside),
+        Weights(1.0, input_size=input_size, beside=beside, paces=paces),
         followed=len(loop.measured),
         tolerance=0.3,
         closely=0.03,

@@ -63,6 +63,9 @@ ALIASES = 20
 MOST_LATE = 40
 """Samples of a delay up to which steps reckon with it."""
 
+SURE = 2.0
+"""Angle that a delay turns, in rad, up to which a step shows its Pade function as the delay."""
+
 MOST_APART = 8
 """Commands on their way, beyond those of all channels alike, up to which a regulator has them."""
 
@@ -215,6 +218,20 @@ class LoopLimits:
         apart = (max(own.delays) - min(own.delays)) / self.want.sample_time
         late = own.later(self.late_by * self.want.sample_time)
         return late if apart * shown.B.shape[1] <= MOST_APART else None
+
+    @property
+    def passing(self) -> int:
+        """Samples that steps take to pass all delays, of limits that are late."""
+        own = self._channels.delays if self.exact and self._channels else ()
+        return self.late_by + math.ceil(max(own, default=0.0) / self.want.sample_time)
+
+    @property
+    def surest(self) -> float:
+        """Speed up to which what stands for delays does as they do, in rad/s."""
+        if self.late_by or self.exact:
+            return math.inf
+        longest = max(self.want.delay, float(self._delays.max(initial=0.0)))
+        return SURE / longest if longest else math.inf
 
     @property
     def whole_samples(self) -> int:

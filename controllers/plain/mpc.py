@@ -120,6 +120,7 @@ def _best(
     growing = float(np.max(loop.linear.poles.real, initial=0.0))
     # What a command at its end does not hold any more, a horizon must foresee.
     ended, top = bool(np.isfinite(loop.upper - loop.lower).any()), FASTEST / h
+    top = min(top, limits.surest)
     if growing > 1e-6 / h and ended:
         top = min(max(2.0 * growing, 0.02 / h), 0.3 / h)
     low = min(growing, 0.5 * top)

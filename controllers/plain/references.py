@@ -27,7 +27,7 @@ LAGS = (4.0, 2.8, 2.0, 1.4, 1.0, 0.7, 0.5, 0.35, 0.25)
 
 def lags(limits: LoopLimits, speeds: Sequence[float]) -> list[tuple[float, ...]]:
     """Return speeds of lags of references that are tried, of about these, in rad/s."""
-    top = 0.5 / limits.want.sample_time
+    top = min(0.5 / limits.want.sample_time, limits.surest)
     return [tuple(min(k * w, top) for w in speeds) for k in LAGS]
 
 

@@ -70,7 +70,7 @@ def steps(limits: LoopLimits, laws: LinearLaw) -> tuple[Vector, Matrix, Matrix]:
     """Return the outputs of loops after unit steps.
 
     Returns:
-        Times, shape (n,), eight to an octave; outputs, shape (n_loops, n, n_outputs, n_steps), for
+        Times, shape (n,), eight to an octave after what is late; outputs, shape (n_loops, n, n_outputs, n_steps), for
         each input of the law behind the measurements and for the load of each command; and 1 as
         long as a loop has not settled, shape (n_loops, n).
     """
@@ -94,7 +94,7 @@ def steps(limits: LoopLimits, laws: LinearLaw) -> tuple[Vector, Matrix, Matrix]:
         part[left] = C @ np.stack(states, axis=1)
         parts.append(part)
         going.append(np.tile(on[:, None], 8))
-        if times[-1] >= 16 * stride:
+        if times[-1] - limits.passing >= 16 * stride:
             entry, over, stride = over @ entry + entry, over @ over, 2 * stride
     time = np.array(times) * limits.want.sample_time
     return time, np.concatenate(parts, axis=1), np.concatenate(going, axis=1).astype(float)

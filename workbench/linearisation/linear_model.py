@@ -194,8 +194,7 @@ class LinearModel(Drawn):
         left = _pivots(hidden)
         kept = np.delete(np.arange(len(size)), left)
         # x_kept - W x_left, where W = V_kept V_left^-1 and V spans what does not show.
-        V = hidden * size[:, None]
-        W = np.linalg.solve(V[left].T, V[kept].T).T
+        W = _combined(hidden[kept], hidden[left]) * size[kept, None] / size[left]
         change = np.zeros((len(kept), len(size)))
         change[:, kept], change[:, left] = np.eye(len(kept)), -W
         back: Vector = np.eye(len(size))[:, kept]
@@ -216,8 +215,7 @@ class LinearModel(Drawn):
         if np.any(rates.real > _STAYS * np.max(np.abs(np.linalg.eigvals(A)))):
             return self
         kept = np.sort(_pivots(moved))
-        R = moved * size[:, None]
-        back = np.asarray(np.linalg.solve(R[kept].T, R.T).T, dtype=float)
+        back = _combined(moved, moved[kept]) * size[:, None] / size[kept]
         return self._with_states(kept, self.A[kept] @ back, self.B[kept], back)
 
     def read_after_holding(self, sample_time: float) -> LinearModel:
@@ -387,6 +385,12 @@ def _reached(A: Vector, B: Vector) -> tuple[Vector, Vector]:
             waiting.append(A @ found[:, -1])
     n = found.shape[1]
     return found, np.linalg.qr(found, mode="complete")[0][:, n:]
+
+
+def _combined(rows: Vector, basis: Vector) -> Vector:
+    """Return what rows take of each row of a basis; what rounding makes of nothing is nothing."""
+    found = np.linalg.solve(basis.T, rows.T).T
+    return np.where(np.abs(found) > UNSEEN, found, 0.0)
 
 
 def _pivots(columns: Vector) -> npt.NDArray[np.int_]:

@@ -861,6 +861,13 @@ def test_what_is_on_its_way_is_known(text: str, delay: float, name: str, tmp_pat
     agrees_on(run, law, tmp_path, 1e-10)
 
 
+def test_an_mpc_trusts_what_stands_for_a_delay_no_further_than_it_is_one() -> None:
+    linear, h = linear_model("exp(-20 s)/(30 s + 1)"), 0.2
+    law = designed("plain-mpc", linear, sample_time=h)
+    run = verify(law, linear, step_scenario("y", 0.0, 1.0, hold=300.0, sample_time=h))
+    assert metrics(run)["overshoot"].value < 0.06
+
+
 @pytest.mark.parametrize(("name", "long"), [("lqi", 5.0), ("plain-mpc", 7.0)])
 def test_a_delay_alone_needs_no_filter(
     name: str, long: float, capfd: pytest.CaptureFixture[str]

@@ -31,7 +31,7 @@ from workbench.linearisation import LinearModel, linear_model
 from workbench.linearisation.time_scales import usual_sample_time
 from workbench.model import Input, Model
 from workbench.study.margins import analyse_loop
-from workbench.verification import guarded, metrics, step_scenario, verify
+from workbench.verification import Scenario, Steps, guarded, metrics, step_scenario, verify
 
 FAMILIES = ["plain-pid", "lqi", "plain-mpc", *(["plain-h-infinity"] if has_slycot() else [])]
 
@@ -552,3 +552,20 @@ def test_an_mpc_leans_a_scooter_that_gathers_speed_for_a_minute() -> None:
     plant = linear_model(lean, limits={"u[0]": (-80, 80)})
     law = designed("plain-mpc", plant, sample_time=0.005, noise=1e-3)
     assert settled_after(law, plant, dict.fromkeys(law.controlled, 1e-3)) < 2.0
+
+
+@pytest.mark.parametrize("name", ["plain-mpc", "plain-h-infinity"])
+def test_a_delay_alone_beside_a_lag_is_neither_overshot_nor_waited_for(name: str) -> None:
+    """A pipe that delays one output and lets its command stir the other, which is at once."""
+    if name == "plain-h-infinity" and not has_slycot():
+        pytest.skip("needs slycot")
+    linear = linear_model("[exp(-10 s), 0.5/(40 s + 1); 0.3/(30 s + 1), 1/(30 s + 1)]")
+    law = designed(name, linear, sample_time=0.5)
+    for moved, within in (("y_1", 120.0), ("y_2", 40.0)):
+        references = {
+            each: Steps((0.0, 1.0), (0.0, float(each == moved))) for each in law.controlled
+        }
+        found = metrics(verify(law, linear, Scenario("step", references, 200.0, 0.5)))
+        assert found[f"{moved}.settling_time"].value < within
+        # Between two samples of a pulse, which passes a delay alone as it is, nothing is hidden.
+        assert found[f"{moved}.overshoot"].value < 0.05
