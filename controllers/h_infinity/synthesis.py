@@ -211,8 +211,9 @@ def generalised_plant(plant: System, weights: Weights, followed: int | None = No
     p = sensors if followed is None else followed
     first, others = C[:p], sensors - p
     one, square, none = np.eye(p), np.zeros((p, p)), np.zeros((others, p))
+    paces = weights.paces or (1.0,) * p
     (a1, b1, c1, d1), (a3, b3, c3, d3) = (
-        (np.diag(np.ravel(part)) for part in zip(*map(weight, weights.paces or (1.0,) * p)))
+        (np.diag(np.ravel(part)) for part in zip(*map(weight, paces), strict=True))
         for weight in (weights.performance, weights.robustness)
     )
     whole = np.block(

@@ -70,9 +70,9 @@ def steps(limits: LoopLimits, laws: LinearLaw) -> tuple[Vector, Matrix, Matrix]:
     """Return the outputs of loops after unit steps.
 
     Returns:
-        Times, shape (n,), eight to an octave after what is late; outputs, shape (n_loops, n, n_outputs, n_steps), for
-        each input of the law behind the measurements and for the load of each command; and 1 as
-        long as a loop has not settled, shape (n_loops, n).
+        Times, shape (n,), eight to an octave after what is late; outputs, shape (n_loops, n,
+        n_outputs, n_steps), for each input of the law behind the measurements and for the load of
+        each command; and 1 as long as a loop has not settled, shape (n_loops, n).
     """
     plant = limits.stepped
     over, entry = closed(plant, laws)
