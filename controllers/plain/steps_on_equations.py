@@ -5,7 +5,8 @@ equations through a step of each output and back, as far as a first trial steps 
 (`workbench.linearisation.first_step`). Where that overshoots by much more than is allowed, or is
 lost, as where a plant answers more the farther it goes, references are led there in several times
 the rise of the step. Where that does not mend it, nor where the plant does not arrive, as where it
-sticks or swings on, the loop is too fast for what the linear model leaves out.
+sticks or swings on, the loop is too fast for what the linear model leaves out. What noise of the
+sensors makes of a step by the linear model is no fault of it.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 from controllers.plain.limits import LoopSpecification
 from controllers.plain.plain_law import PlainLaw
 from controllers.plain.selection import OVERSHOT
+from controllers.sensitivity import stirred
 from workbench.linearisation import LinearModel
 from workbench.linearisation.first_step import command_of_loop, step_of
 from workbench.linearisation.from_rest import FromRest, bends
@@ -98,21 +100,27 @@ class _Run:
         names, model = law.controlled, self.linear.operating_point.model
         command = command_of_loop(self.linear, names[i]) if len(names) == 1 else ""
         size = step_of(model, self.linear, names[i], names, command)
-        first = self.stepped(law, i, size)
+        noisy = NOISY * stirred(law, self.linear, self.want.delay).get(names[i], 0.0) / abs(size)
+        first = self.stepped(law, i, size, noisy)
         if not first.overshoot or (first.overshoot < POOR and first.left > SETTLED):
             return law, first
         laws = [law, *(slower(law, i, abs(size), by * first.rise) for by in SLOWER)]
-        found = [first, *(self.stepped(one, i, size) for one in laws[1:])]
+        found = [first, *(self.stepped(one, i, size, noisy) for one in laws[1:])]
         return min(zip(laws, found, strict=True), key=lambda pair: pair[1].cost(3.0))
 
-    def stepped(self, law: Any, i: int, size: float) -> Stepped:
-        """Return what a step of one output, in SI, and back comes to."""
+    def stepped(self, law: Any, i: int, size: float, noisy: float) -> Stepped:
+        """Return what a step of one output, in SI, and back comes to.
+
+        Args:
+            noisy: What noise may move it by, as a fraction of the step.
+        """
         plant, lost = self.plant, Stepped(math.inf, math.inf, 1, math.inf)
         plant.start()
         state = law.initial_state(tuple(plant.rest))
         coming = [plant.command] * round(self.want.delay / self.want.sample_time)
         at, asked = law.sensors.index(law.controlled[i]), plant.rest[: len(law.controlled)]
         overshoot, error, rise, left = self.want.overshoot, 0.0, 0, 0.0
+        settled, within = SETTLED + noisy, WITHIN + noisy
         random = np.random.default_rng(0)
         for sign in (1.0, -1.0):
             asked[i] += sign * size
@@ -122,7 +130,7 @@ class _Run:
                 away[k] = sign * (y[at] - asked[i]) / size
                 if not abs(away[k]) < LOST:
                     return lost
-                if k % BLOCK == BLOCK - 1 and np.all(np.abs(away[k + 1 - BLOCK : k + 1]) < SETTLED):
+                if k % BLOCK == BLOCK - 1 and np.all(np.abs(away[k + 1 - BLOCK : k + 1]) < settled):
                     break
                 reference = tuple(asked) * (1 + law.preview)
                 y = y + self.noise * random.standard_normal(len(y))
@@ -132,9 +140,9 @@ class _Run:
                 if not plant.hold(coming.pop(0)):
                     return lost
             away = away[: k + 1]
-            overshoot = max(overshoot, float(away.max()))
+            overshoot = max(overshoot, float(away.max()) - noisy)
             error += float(np.arange(len(away)) @ np.abs(away))
-            unsettled = np.flatnonzero(np.abs(away) > WITHIN)
+            unsettled = np.flatnonzero(np.abs(away) > within)
             error += 0.5 * float(unsettled.max(initial=0)) ** 2
             rise = rise or max(int(np.argmax(away > -0.37)), 1)
             last, before = (np.abs(part[:BLOCK]).max() for part in (away[-BLOCK:], away[k // 2 :]))
@@ -144,7 +152,9 @@ class _Run:
             # A command that goes from end to end and back holds nothing.
             left = 1.0 if np.any(np.any(low, axis=0) & np.any(high, axis=0)) else left
             # What still gets nearer only takes longer, as long as a command at its end lets it.
-            left = max(left, float(last)) if last > (1.0 if waits else 0.5) * before else left
+            left = (
+                max(left, float(last) - noisy) if last > (1.0 if waits else 0.5) * before else left
+            )
         return Stepped(overshoot - self.want.overshoot, error, rise, left)
 
 
@@ -164,6 +174,9 @@ def slower(law: P, i: int, size: float, samples: float) -> P:
 
 SLOWER = (0.75, 1.1, 1.6, 2.5, 4.0, 8.0)
 """Times of a reference that are tried, over the rise of a step."""
+
+NOISY = 4.0
+"""What noise moves an output by at most, over its rms: more comes once in thousands of samples."""
 
 WITHIN = 0.02
 """How near a step is to where it goes when it has settled, as a fraction of it."""

@@ -23,7 +23,7 @@ from controllers.plain.loop import loop_of
 from controllers.plain.pairing import interaction
 from controllers.plain.plain_law import PlainLaw
 from controllers.plain.selection import settled_after
-from controllers.sensitivity import loops_at
+from controllers.sensitivity import stirred
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 from workbench.linearisation import LinearModel, linearise
 from workbench.linearisation.exact_delays import channels_of
@@ -32,7 +32,6 @@ from workbench.linearisation.time_scales import (
     farthest,
     has_room,
     least_time,
-    noise_of,
     rounded_up,
     step_time,
     usual_sample_time,
@@ -446,28 +445,9 @@ def _follows(recipe: ControllerRecipe) -> tuple[str, ...]:
 
 
 def _stirred(recipe: ControllerRecipe, linear: LinearModel, delay: float) -> dict[str, float]:
-    """Return what noise of the sensors moves followed outputs by in a loop, rms, in SI.
-
-    With the loop's states x' = M x + N n, their covariance is P = M P M^T + N N^T, by doubling
-    (Smith, Matrix equation XA + BX = C, SIAM J. Appl. Math. 16, 1968).
-    """
-    # One that cannot be built is a run that failed.
+    """Return what noise moves followed outputs by in a loop, rms, in SI; of none that fails."""
     with suppress(WorkbenchError):
-        law: Any = recipe.build()
-        if not hasattr(law, "around_rest"):
-            return {}
-        A, B, C, F, G, H, J = loops_at(law, linear, ((delay, 0.0),))[0]
-        p = len(C)
-        M = np.block([[A + B @ J[:, :p] @ C, B @ H], [G[:, :p] @ C, F]])
-        if np.abs(np.linalg.eigvals(M)).max(initial=0.0) < 1.0 - 1e-9:
-            read = of_names(linear.operating_point.model.outputs, law.sensors)
-            N = np.vstack([B @ J[:, :p], G[:, :p]]) * [noise_of(q) for q in read]
-            P = N @ N.T
-            while np.abs(M).max() > 1e-12:
-                P, M = P + M @ P @ M.T, M @ M
-            seen = C @ P[: len(A), : len(A)] @ C.T
-            rms = np.sqrt(np.maximum(np.diag(seen), 0.0)).tolist()
-            return dict(zip(law.controlled, rms, strict=False))
+        return stirred(recipe.build(), linear, delay)
     return {}
 
 

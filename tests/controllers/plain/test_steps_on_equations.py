@@ -14,7 +14,7 @@ from controllers.plain.loop import loop_of
 from controllers.plain.pairing import interaction
 from controllers.plain.selection import settled_after
 from controllers.plain.state_feedback import LQISpecification, design_lqi
-from controllers.sensitivity import peak_sensitivities
+from controllers.sensitivity import peak_sensitivities, stirred
 from tests.controllers.families import designed
 from tests.machines import at_rest, machine, stepped
 from workbench.errors import WorkbenchError
@@ -229,6 +229,28 @@ def test_a_loop_that_still_gets_nearer_is_designed_no_slower(
     # A slow loop takes more than the 200 s that are looked at, a fast one waits for its inflow.
     assert settled_after(law, linear, {"level": 0.1}) > 200.0 or not trusted
     assert not steps_on_equations.borne(law, linear, want).poor
+
+
+def test_what_noise_makes_of_a_step_asks_for_no_slower_loop() -> None:
+    pond = machine(
+        lambda m: (
+            {"oxygen": (4.0 * m.u.air + 0.1) * (8.5 - m.x.oxygen) / 3600.0 - 1.9 / 3600.0},
+            {"oxygen": m.x.oxygen},
+        ),
+        "oxygen mg/l 6",
+        "air 1 0 1",
+        "oxygen mg/l 5e-2",
+    )
+    linear = at_rest(pond)
+    want = LQISpecification("oxygen", sample_time=60.0)
+    law = design_lqi(linear, want)
+    # Its noise makes more than a percent of the step, at all times.
+    size = step_of(pond, linear, "oxygen", ("oxygen",), "")
+    assert stirred(law, linear)["oxygen"] > 0.01 * abs(size)
+    found = steps_on_equations.borne(law, linear, want)
+    assert not found.poor
+    settled = settled_after(law, linear, {"oxygen": size}) / want.sample_time
+    assert found.cost < 4.0 * settled**2
 
 
 def lander() -> Model:
