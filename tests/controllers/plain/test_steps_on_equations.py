@@ -247,10 +247,9 @@ def test_what_noise_makes_of_a_step_asks_for_no_slower_loop() -> None:
     # Its noise makes more than a percent of the step, at all times.
     size = step_of(pond, linear, "oxygen", ("oxygen",), "")
     assert stirred(law, linear)["oxygen"] > 0.01 * abs(size)
-    found = steps_on_equations.borne(law, linear, want)
-    assert not found.poor
-    settled = settled_after(law, linear, {"oxygen": size}) / want.sample_time
-    assert found.cost < 4.0 * settled**2
+    assert not steps_on_equations.borne(law, linear, want).poor
+    # That of a tenth of the noise takes 15 minutes.
+    assert settled_after(law, linear, {"oxygen": size}) < 1800.0
 
 
 def lander() -> Model:
