@@ -456,6 +456,12 @@ def boost():
 def integral():
     return ct.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]])
 
+def kettle():
+    """Water that a heater warms and nothing cools but the room."""
+    return Model("kettle", lambda m: ({"warm": 0.01 * (m.u.heater - m.x.warm)}, {"warm": m.x.warm}),
+        states=(State("warm", "K"),), inputs=(Input("heater", "1", lower=0.0, upper=80.0),),
+        outputs=(Output("warm", "K"),))
+
 def forgotten():
     return 3.0
 '''
@@ -487,6 +493,15 @@ def test_a_step_that_takes_longer_than_it_lasts_is_told(balls: None, shell: Shel
     said = shell(f"verify {plant} --from 0 --to 1").err
     assert "commands at their limits move y by" in said and "step less far (--to)" in said
     assert "step less far" not in shell(f"verify {plant}").err
+
+
+def test_a_plant_that_rests_with_nothing_on_is_told(balls: None, shell: Shell) -> None:
+    step, told = (
+        "verify --plant balls:kettle -c plain-pid",
+        "every command is at an end of its range",
+    )
+    assert f"{told} (heater)" in shell(step).err
+    assert told not in shell(f"{step} --from 20K --to 25K").err
 
 
 def test_a_linear_model_is_a_plant(balls: None, shell: Shell, refused: Refused) -> None:

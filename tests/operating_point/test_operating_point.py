@@ -286,3 +286,27 @@ def test_equations_that_divide_by_nothing_where_they_start_rest_beside_it() -> N
     assert found.x == pytest.approx([1.0])
     with pytest.raises(WorkbenchError, match="divide by"):
         operating_point(ca.Function("pan", [level, inflow], [rate]), {"x": 0.0})
+
+
+def pan(feed: str, states: str = "level kg, salt kg, heat K") -> Model:
+    """A pan that boils brine down: level and salt in it, steam under it."""
+
+    def equations(m: Any) -> Any:
+        x, u = m.x, m.u
+        boiled = 0.002 * np.maximum(x.heat - 100.0, 0.0)
+        heating = 500.0 * u.steam - 500.0 * boiled - 0.1 * x.heat + u.feed * (60.0 - x.heat)
+        salt = 0.05 * u.feed - x.salt / x.level * u.drain
+        rates = {"level": u.feed - boiled - u.drain, "salt": salt, "heat": heating / x.level}
+        return rates, {"level": x.level, "brine": x.salt / x.level, "heat": x.heat}
+
+    inputs = f"steam kg/s 0 0.2, feed kg/s {feed}, drain kg/s 0 1"
+    return machine(equations, states, inputs, "level kg, brine 1, heat K")
+
+
+def test_what_begins_nowhere_and_rests_anywhere_is_asked_where_it_rests() -> None:
+    with pytest.raises(WorkbenchError, match="rests anywhere.*--at NAME=VALUE.*level, brine, heat"):
+        operating_point(pan("0 1"))
+    with pytest.raises(WorkbenchError, match=r"no operating point.*--at NAME=VALUE.*level, brine"):
+        operating_point(pan("0.2 1", "level kg 50, salt kg 5, heat K 60"))
+    point = operating_point(pan("0 1"), {"level": 50.0, "brine": 0.2, "heat": 110.0})
+    assert point["feed"] == pytest.approx(0.02 / 0.75)

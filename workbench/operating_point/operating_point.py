@@ -189,7 +189,7 @@ def operating_point(
         # What nominal inputs do not carry, or fill and empty, is held where it starts.
         if not given and (held := _held_at_start(model, bounds, near)):
             return held
-        raise _NoPointError(lambda: _impossible(problem, solution))
+        raise _NoPointError(lambda: _impossible(problem, solution, asked=bool(given)))
     # By itself it would not come to rest there, nor stay: a command that holds it does.
     leaves = not given and np.any(model.initial_state()) and _runs_away(model, solution)
     if leaves and (held := _held_at_start(model, bounds, near)):
@@ -200,6 +200,11 @@ def operating_point(
             middle = {q.name: float(v) for q, v in zip(model.inputs, elsewhere, strict=True)}
             with suppress(WorkbenchError):
                 return operating_point(model, middle, bounds=bounds, near=near)
+    # What begins nowhere and rests anywhere would rest where chance lets it.
+    anywhere = [q.name for q in model.states if q.name in solution.undetermined]
+    started = derivatives_of(model, EXACT).values(x, u, model.values)
+    if anywhere and not np.isfinite(started).all():
+        raise _no_numbers(model, f"where {model.name!r} begins, and it rests anywhere,")
     if any("." in name for name in solution.undetermined):
         solution = _with_effects_at_start(problem, solution, x, u)
     _snap(model, wanted, solution)
@@ -211,11 +216,7 @@ def operating_point(
     )
     rounded = derivatives_of(model, EXACT).values(x, u, model.values)
     if not np.isfinite([values, rounded]).all():
-        raise WorkbenchError(
-            f"where {model.name!r} would rest with {_asked(problem)}, its equations divide by zero"
-            " or leave the numbers; give another value at rest (--at NAME=VALUE, of verify --from"
-            f" VALUE), such as one of {', '.join(q.name for q in model.outputs)}"
-        )
+        raise _no_numbers(model, f"where {model.name!r} would rest with {_asked(problem)},")
     at, measurements = values[: len(solution.x)], values[len(solution.x) :]
     return OperatingPoint(
         model=model,
@@ -233,6 +234,19 @@ def operating_point(
         condition_number=solution.condition_number,
         undetermined=solution.undetermined,
     )
+
+
+def _no_numbers(model: Model, where: str) -> WorkbenchError:
+    """Return what asks for another point of rest than where the equations have no numbers."""
+    return WorkbenchError(
+        f"{where} its equations divide by zero or leave the numbers; {_elsewhere(model)}"
+    )
+
+
+def _elsewhere(model: Model) -> str:
+    """Return what may be given for a model to rest elsewhere."""
+    names = ", ".join(q.name for q in model.outputs)
+    return f"give values at rest (--at NAME=VALUE, of verify --from VALUE), such as of {names}"
 
 
 def _runs_away(model: Model, solution: Solution) -> bool:
@@ -509,13 +523,12 @@ class _NoPointError(WorkbenchError):
         return WorkbenchError, (str(self),)
 
 
-def _impossible(problem: Problem, solution: Solution) -> str:
+def _impossible(problem: Problem, solution: Solution, *, asked: bool) -> str:
     model = problem.model
-    advice = (
-        what_would_be_possible(problem, solution)
-        if math.isfinite(solution.residual)
-        else f"the {solution.worst} is no number there: divide by nothing that may be zero"
-    )
+    advice = f"the {solution.worst} is no number there: divide by nothing that may be zero"
+    if math.isfinite(solution.residual):
+        advice = what_would_be_possible(problem, solution)
+        advice = advice or ("change the given values" if asked else _elsewhere(model))
     return (
         f"there is no operating point of {model.name!r}"
         f"{f' ({model.description})' if model.description else ''} with"

@@ -342,7 +342,8 @@ _BISECTIONS = 7
 def what_would_be_possible(problem: Problem, failed: Solution) -> str:
     """Say which values of each given quantity and each chosen parameter would have a solution.
 
-    Changes one of them at a time, over its range, and keeps the others as asked.
+    Changes one of them at a time, over its range, and keeps the others as asked. Nothing is said
+    where none has.
     """
     clauses = []
     for name, unit, lower, upper, changed in _alternatives(problem):
@@ -350,9 +351,7 @@ def what_would_be_possible(problem: Problem, failed: Solution) -> str:
         if interval is not None:
             low, high = (from_si(value, unit) for value in interval)
             clauses.append(f"{name} from {_short(low)} to {_short(high)} {unit}")
-    if not clauses:
-        return "change the given values"
-    return "with the rest as asked, possible would be " + ", or ".join(clauses)
+    return "with the rest as asked, possible would be " + ", or ".join(clauses) if clauses else ""
 
 
 def _alternatives(

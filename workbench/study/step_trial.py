@@ -178,7 +178,21 @@ class StepTrial:
         found = scenarios()
         self._tell_far(found, hold)
         self._tell_noise(recipes, found)
+        self._tell_ends()
         return recipes, found
+
+    def _tell_ends(self) -> None:
+        """Say where a plant of which nobody says where it rests does so with nothing on."""
+        inputs = {q.name: q for q in self.model.commands}
+        rest = zip(self.linear.input_names, self.linear.u0.tolist(), strict=True)
+        at = [(inputs[name], u) for name, u in rest if name in inputs]
+        ended = [min(abs(u - q.lower), abs(q.upper - u)) <= ROUNDED * q.scale for q, u in at]
+        if ended and all(ended) and not self.begins:
+            names = ", ".join(q.name for q, _ in at)
+            self.say(
+                f"at rest every command is at an end of its range ({names}) and goes one way only;"
+                " rest the plant where it works (--from)"
+            )
 
     def _tell_far(self, scenarios: Sequence[Scenario], hold: float) -> None:
         """Say which outputs commands at their limits move less far than steps do."""
