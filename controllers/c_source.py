@@ -119,11 +119,14 @@ _STATELESS = (
 def _wrappers(name: str, start: ca.Function, step: ca.Function, states: int) -> str:
     return f"""
 static int {name}_start(const double *measurement, double *state) {{
+  double first[{max(states, 1)}];
   const double *arg[{max(start.sz_arg(), 1)}] = {{measurement}};
-  double *res[{max(start.sz_res(), 1)}] = {{state}};
+  double *res[{max(start.sz_res(), 1)}] = {{first}};
   long long int iw[{max(start.sz_iw(), 1)}];
   double w[{max(start.sz_w(), 1)}];
-  return {name}_start_kernel(arg, res, iw, w, 0);
+  int i, status = {name}_start_kernel(arg, res, iw, w, 0);
+  for (i = 0; i < {states}; ++i) state[i] = first[i];
+  return status;
 }}
 
 static int {name}_step(const double *measurement, const double *reference, double *state,

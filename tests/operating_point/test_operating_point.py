@@ -15,7 +15,7 @@ import pytest
 from tests.machines import machine
 from workbench.errors import WorkbenchError
 from workbench.model import Model
-from workbench.operating_point import OperatingPoint, operating_point
+from workbench.operating_point import OperatingPoint, operating_point, usual_inputs
 from workbench.physics.hysteresis import muscle_hysteresis
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
@@ -310,3 +310,22 @@ def test_what_begins_nowhere_and_rests_anywhere_is_asked_where_it_rests() -> Non
         operating_point(pan("0.2 1", "level kg 50, salt kg 5, heat K 60"))
     point = operating_point(pan("0 1"), {"level": 50.0, "brine": 0.2, "heat": 110.0})
     assert point["feed"] == pytest.approx(0.02 / 0.75)
+
+
+def test_what_is_not_given_rests_as_it_starts() -> None:
+    """Of a dialysis machine that is asked for another temperature, the conductivity stays."""
+    mixed = machine(
+        lambda m: {
+            "warm": 0.05 * m.u.heater - 0.01 * (m.x.warm - 288.0),
+            "salt": 0.1 * m.u.pump * (1.0 - 1e-3 * (m.x.warm - 310.0)) - 0.2 * m.x.salt,
+        },
+        "warm K 310, salt mS/cm 14",
+        "heater 1 0 10, pump ml/min 0 100",
+        "warm K, salt mS/cm",
+    )
+    salt = mixed.initial_state()[1]
+    for given in ({"warm": 312.0}, {"heater": 4.0}):
+        assert operating_point(mixed, given)["salt"] == pytest.approx(salt)
+    assert operating_point(mixed, {"warm": 312.0, "pump": 0.0})["salt"] == pytest.approx(0.0)
+    # Nor does a loop of the other command let it fall.
+    assert usual_inputs(mixed)["pump"] == operating_point(mixed)["pump"] > 0.0

@@ -16,7 +16,7 @@ from workbench.linearisation.time_scales import reach_of, step_time
 from workbench.linearisation.transfer import transfer_function
 from workbench.model import Input, Model
 from workbench.model.units import from_si, of_difference, to_si
-from workbench.operating_point import operating_point
+from workbench.operating_point import operating_point, usual_inputs
 
 _KNOWN: WeakKeyDictionary[LinearModel, dict[tuple[object, ...], float]] = WeakKeyDictionary()
 
@@ -128,10 +128,11 @@ def _alike(one: LinearModel, other: LinearModel, outputs: Sequence[str], command
 def as_the_loop_rests(
     model: Model, at: tuple[tuple[str, float], ...], command: str
 ) -> tuple[tuple[str, float], ...]:
-    """Return values at rest, in SI, with what a single loop does not command at its nominal."""
-    idle = [q for q in model.inputs if q.name != command and q.name not in dict(at)]
+    """Return values at rest, in SI, with what a single loop does not command where it rests."""
+    usual = usual_inputs(model).items()
+    idle = [(name, u) for name, u in usual if name != command and name not in dict(at)]
     room = len(model.inputs) - len(at) if at else 0
-    return (*at, *((q.name, q.nominal) for q in idle[: max(room, 0)]))
+    return (*at, *idle[: max(room, 0)])
 
 
 def command_of_loop(linear: LinearModel, measured: str) -> str:

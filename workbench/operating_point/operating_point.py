@@ -13,6 +13,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import combinations, islice
 from typing import Any
 
 import numpy as np
@@ -169,7 +170,7 @@ def operating_point(
         (4.2, True)
     """
     model = model_of(model)
-    if not given and _tells_where(model) and (held := _held_at_start(model, bounds, near)):
+    if _tells_where(model) and (held := _held_at_start(model, bounds, near, given)):
         return held
     wanted = _with_disturbances(model, _checked(model, given))
     sums = [total for total in model.traits.sums if total.name in _drifting(model, wanted)]
@@ -302,20 +303,48 @@ def _says_rest(model: Model) -> bool:
     return any(q.nominal != q.unsaid for q in model.commands)
 
 
-def _held_at_start(
-    model: Model, bounds: Mapping[str, tuple[float, float]] | None, near: OperatingPoint | None
-) -> OperatingPoint | None:
-    """Find where as many outputs as commands can hold rest as they start; None if nowhere."""
-    start = model.read(model.initial_state(), model.nominal_input)
-    commands = model.commands
-    idle = {q.name: q.nominal for q in model.inputs if not q.commanded}
-    for count in range(min(len(commands), len(model.outputs)), 0, -1):
-        left = {q.name: q.nominal for q in commands[count:]}
-        outputs = zip(model.outputs[:count], start, strict=False)
-        held = {**{q.name: float(y) for q, y in outputs}, **left, **idle}
+def usual_inputs(model: Model) -> dict[str, float]:
+    """Return where inputs rest by default, in SI, by name.
+
+    They are at their nominal values, or hold outputs as they start where no command declares one.
+    """
+    usual = {q.name: q.nominal for q in model.inputs}
+    if _tells_where(model):
         with suppress(WorkbenchError):
-            return operating_point(model, held, bounds=bounds, near=near)
+            usual |= zip(usual, operating_point(model).u.tolist(), strict=True)
+    return usual
+
+
+def _held_at_start(
+    model: Model,
+    bounds: Mapping[str, tuple[float, float]] | None,
+    near: OperatingPoint | None,
+    given: Mapping[str, float] | None = None,
+) -> OperatingPoint | None:
+    """Find where as many outputs as commands can hold rest as they start; None if nowhere.
+
+    Commands hold what is given first.
+    """
+    asked = dict(given or {})
+    start = model.read(model.initial_state(), model.nominal_input)
+    inputs = {q.name for q in model.inputs}
+    commands = [q for q in model.commands if q.name not in asked][len(asked.keys() - inputs) :]
+    idle = {q.name: q.nominal for q in model.inputs if not q.commanded}
+    outputs = [
+        (q.name, float(y)) for q, y in zip(model.outputs, start, strict=True) if q.name not in asked
+    ]
+    for count in range(min(len(commands), len(outputs)), 0, -1):
+        left = {q.name: q.nominal for q in commands[count:]}
+        # The first outputs, or others where what is given leaves those nowhere else.
+        for kept in islice(combinations(outputs, count), CHOICES):
+            with suppress(WorkbenchError):
+                held = {**left, **idle, **dict(kept), **asked}
+                return operating_point(model, held, bounds=bounds, near=near)
     return None
+
+
+CHOICES = 6
+"""Choices of so many outputs that are tried."""
 
 
 def _drifting(model: Model, names: Iterable[str]) -> list[str]:

@@ -31,7 +31,7 @@ from workbench.errors import NumericalError, WorkbenchError, check_choice, check
 from workbench.linearisation import LinearModel
 from workbench.linearisation.exact_delays import channels_of
 from workbench.model import Effect, Input, Model, Output, Parameter
-from workbench.operating_point import operating_point
+from workbench.operating_point import operating_point, usual_inputs
 from workbench.verification.closed_loop_run import Run
 from workbench.verification.sampled_plant import TOLERANCE, FullPlant, LatePlant, LinearPlant
 from workbench.verification.scenario import DEADLINE, Scenario, SignalFault
@@ -95,7 +95,8 @@ def verify(
     sampled: FullPlant | LinearPlant
     if isinstance(plant, Model):
         model = _with_disturbances(plant, scenario, events)
-        idle = {q.name: q.nominal for q in model.inputs if q.name not in controller.actuators}
+        usual = usual_inputs(model).items()
+        idle = {name: u for name, u in usual if name not in controller.actuators}
         start = scenario.start_values()
         rest = operating_point(
             model, {**idle, **start} if len(start) <= len(controller.actuators) else start

@@ -190,8 +190,9 @@ GIMBAL = {"overshoot": 0.025, "settling_time": 0.3}
 @pytest.mark.parametrize(
     ("made", "name", "hold", "most"),
     [
-        # It answers more the farther it goes: by its linear model alone it overshoots by 79 %.
-        (plates, "plain-mpc", 4e-4, {"overshoot": 0.05}),
+        # It answers more the farther it goes: by its linear model alone it overshoots by 79 %. Of
+        # what it does, three times the rms that noise makes of its step are 2.2 % of it.
+        (plates, "plain-mpc", 4e-4, {"overshoot": 0.055, "settling_time": 2.5e-4}),
         # What overshoots a little too far, 2.8 % for 0.9 s, is led more slowly than it settles.
         (knee, "lqi", 4.0, {"settling_time": 0.7}),
         # Its bearing sticks at rest.
