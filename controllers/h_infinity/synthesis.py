@@ -78,7 +78,7 @@ class Weights(Checked):
         check_range("speed of the performance weight", self.speed, 0.1, 1e3, "rad/s")
 
     def performance(self, pace: float = 1.0) -> System:
-        """Return W1 of an output."""
+        """Return W1 of an output whose pace over the speed is a ratio."""
         w = pace * self.speed
         return _first_order(1.0 / self.peak, w, 1.0, self.floor * w)
 
@@ -87,7 +87,7 @@ class Weights(Checked):
         return 1.0 / (self.input_size * self.speed**2)
 
     def robustness(self, pace: float = 1.0) -> System:
-        """Return W3 of an output."""
+        """Return W3 of an output whose pace over the speed is a ratio."""
         edge = self.roll_off * pace * self.speed
         return _first_order(1.0, edge / self.complementary_peak, self.complementary_floor, edge)
 
