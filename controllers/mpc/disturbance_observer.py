@@ -165,8 +165,10 @@ def _check_told_apart(
     # Rates per scale and second, and measurements per standard deviation of their noise.
     matrix = np.block([[A, E], [C]]) * size[None, :]
     matrix /= np.concatenate([size[:n], noise])[:, None]
-    largest = np.max(np.abs(matrix), axis=0, keepdims=True)
-    values = np.linalg.svd(matrix / np.where(largest > 0.0, largest, 1.0), compute_uv=False)
+    for axis in (1, 0) * 3:
+        # What a slow or a small part adds shows beside what is large.
+        matrix /= np.maximum(np.max(np.abs(matrix), axis=axis, keepdims=True), 1e-300)
+    values = np.linalg.svd(matrix, compute_uv=False)
     rank = int(np.count_nonzero(values > 1e-10 * values[0]))
     if rank < n + w:
         raise WorkbenchError(
