@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.machines import machine
 from tests.recordings.example import Read
 from workbench.errors import WorkbenchError
 from workbench.model.quantities import Input, Output
@@ -260,6 +261,26 @@ def test_missing_column_is_named_with_what_there_is(trial: Path) -> None:
 def test_wrong_unit_is_named(read: Read) -> None:
     with pytest.raises(WorkbenchError, match="'angle_bar' is in 'bar' but angle is measured"):
         read(table("time_s", "angle_bar"), signals={"angle": "rad"})
+
+
+@pytest.mark.parametrize(
+    ("begins", "numbers", "unit"),
+    [(293.0, 23.0, "degC"), (293.0, 296.0, ""), (4.0, 20.0, ""), (1100.0, 850.0, "degC")],
+)
+def test_temperatures_without_a_unit_count_from_the_nearer_zero(
+    read: Read, begins: float, numbers: float, unit: str
+) -> None:
+    oven = machine(
+        lambda m: ({"oven": m.u.heat - m.x.oven / 50.0}, {"oven": m.x.oven}),
+        f"oven K {begins} scale=30",
+        "heat K/s 0 10",
+        "oven K scale=30 display_unit=degC",
+    )
+    lines = ["time,heat,oven", *(f"{k},1,{numbers + 0.1 * k}" for k in range(30))]
+    found = read(lines, signals=oven)
+    row = next(r for r in found.mapping or () if r.signal == "oven")
+    assert row.unit == unit and bool(row.note) == bool(unit)
+    assert found["oven"][0] == pytest.approx(numbers + (273.15 if unit else 0.0))
 
 
 def test_turns_are_read_where_an_angular_speed_is_asked_for(read: Read) -> None:

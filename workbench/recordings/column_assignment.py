@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -209,6 +210,8 @@ def _signal(
             f"signal {rule.signal!r} has a factor but no unit; give the unit after the factor"
         )
     values = rule.sign * rule.factor * columns.values[:, index] + rule.offset
+    if not unit and not header.stated and (unit := _zero_of(values, request)):
+        note = f"in {unit}, the nearer to where the plant begins, as no unit is stated"
     if not unit and request.unit:
         unit_shown, kind = "", kind_of(request.unit)
     else:
@@ -227,6 +230,20 @@ def _signal(
     signal = Signal(rule.signal, values, kind.unit, name, role, display)
     line = rule.sign, rule.factor, rule.offset, note
     return signal, MappedColumn(header.column, rule.signal, unit_shown, kind.unit, how, *line)
+
+
+def _zero_of(values: Vector, request: Requested) -> str:
+    """Return the unit with whose zero temperatures begin nearer to where the plant does.
+
+    They are numbers without a unit; ``""`` if that is the absolute zero, or no temperature is asked
+    for.
+    """
+    if not (request.unit and same_dimension(request.unit, "K") and math.isfinite(request.begins)):
+        return ""
+    shown = request.display_unit or "degC"
+    first = values[np.isfinite(values)][:1]
+    away = [np.abs(to_si(first, unit) - request.begins).sum() for unit in ("K", shown)]
+    return shown if away[1] < away[0] else ""
 
 
 def _since_1970(instants: Vector) -> str:

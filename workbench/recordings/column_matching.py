@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -49,6 +50,7 @@ class Requested:
         role: Role the signal gets; ``""`` to guess it from the name.
         display_unit: Unit in which people read it; ``""`` for the column's.
         stated: Unit in which numbers count that state none; ``""`` for that of the SI.
+        begins: What it is where the plant begins, in SI; NaN if nobody knows.
     """
 
     name: str
@@ -57,12 +59,26 @@ class Requested:
     display_unit: str = ""
     optional: bool = False
     stated: str = ""
+    begins: float = math.nan
 
 
-def _requested(q: Any, role: Role) -> Requested:
+def _requested(q: Any, role: Role, begins: Mapping[str, float]) -> Requested:
     shown = getattr(q, "display_unit", q.unit)
     shown = "" if shown == q.unit else shown
-    return Requested(q.name, q.unit, role, shown, stated=getattr(q, "stated", ""))
+    stated, first = getattr(q, "stated", ""), begins.get(q.name, math.nan)
+    return Requested(q.name, q.unit, role, shown, stated=stated, begins=first)
+
+
+def _warm_at_first(model: Any) -> dict[str, float]:
+    """Return the temperatures with which a model begins, of inputs and outputs by name, in K."""
+    warm = [q.name for q in (*model.inputs, *model.outputs) if same_dimension(q.unit, "K")]
+    if not (warm and hasattr(model, "initial_state")):
+        return {}
+    u = model.nominal_input
+    each = zip(
+        (*model.inputs, *model.outputs), (*u, *model.read(model.initial_state(), u)), strict=True
+    )
+    return {q.name: float(value) for q, value in each if q.name in warm}
 
 
 def requested_signals(signals: Any) -> tuple[Requested, ...]:
@@ -77,8 +93,9 @@ def requested_signals(signals: Any) -> tuple[Requested, ...]:
     if isinstance(signals, tuple) and all(isinstance(s, Requested) for s in signals):
         return signals
     if hasattr(signals, "inputs") and hasattr(signals, "outputs"):
-        inputs = (_requested(q, "command") for q in signals.inputs)
-        return (*inputs, *(_requested(q, "measurement") for q in signals.outputs))
+        begins = _warm_at_first(signals)
+        inputs = (_requested(q, "command", begins) for q in signals.inputs)
+        return (*inputs, *(_requested(q, "measurement", begins) for q in signals.outputs))
     if isinstance(signals, Mapping):
         for unit in signals.values():
             parse_unit(unit)
