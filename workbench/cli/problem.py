@@ -45,7 +45,7 @@ def with_problem(*, settings: bool = False) -> Callable[[Callable[..., int]], Ca
 
 @taking("changes", chosen_plant, CHANGES, make=dict)
 def _loaded(
-    case: str | None = None,
+    cases: list[str] | None = None,
     *,
     fit: list[Path] | None = None,
     hold_out: list[Path] | None = None,
@@ -61,8 +61,8 @@ def _loaded(
     """Read what options of a verb name.
 
     Args:
-        case ([CASE]): Folder of a case, or name of a shipped case such as practice-08 or of a
-            machine such as emps; a file is a recording to fit on.
+        cases ([CASE]): Folder of a case, or name of a shipped case such as practice-08 or of a
+            machine such as emps; files are recordings to fit on.
         fit: Instead of a case: a recording to fit on; may be given several times.
         hold_out: A recording to judge on; may be given several times. By default the last of
             several, or the last part of the only one.
@@ -83,8 +83,13 @@ def _loaded(
     from workbench.model.linear_system import with_free_coefficients
     from workbench.recordings.case import RefitSettings, read_case
 
-    if case is not None and Path(case).is_file():
-        fit, case = [Path(case), *(fit or ())], None
+    named = list(cases or ())
+    if len(named) > 1 or (named and Path(named[0]).is_file()):
+        missing = next((name for name in named if not Path(name).is_file()), None)
+        if missing is not None:
+            raise WorkbenchError(f"there is no file {missing!r}; name one case, or recordings")
+        fit, named = [*map(Path, named), *(fit or ())], []
+    case = named[0] if named else None
     if case is None and not fit and not hold_out:
         raise WorkbenchError(
             "there is nothing to work on; name a case, or give recordings with --fit"
@@ -125,8 +130,8 @@ def _loaded(
         for remark in problem.notes:
             note(f"note: {remark}")
     attached = {effect.name for effect in problem.model.effects}
-    named = [n for n in chosen.recipe.effects if n in attached and n not in chosen.plant.effects]
-    problem = sized_by_recordings(problem, named) if named else problem
+    known = [n for n in chosen.recipe.effects if n in attached and n not in chosen.plant.effects]
+    problem = sized_by_recordings(problem, known) if known else problem
     opened = with_free_coefficients(problem.model)
     if opened is not problem.model:
         names = [q.name for q in opened.parameters]
