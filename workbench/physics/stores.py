@@ -27,6 +27,9 @@ _FAR = 10.0
 _ZERO = 273.15
 """Absolute temperature at 0 degC, K."""
 
+_ROOM = _ZERO + 20.0
+"""Absolute temperature of a room, K."""
+
 _MAGNUS, _MAGNUS_ZERO = 17.625, _ZERO - 243.04
 """Constants of the vapour pressure over water, ln p = 17.625 t / (t + 243.04), t in degC: a factor
 (dimensionless) and an absolute temperature, K; O. A. Alduchov and R. E. Eskridge 1996."""
@@ -49,17 +52,25 @@ def heat_stores(survey: Survey) -> Iterator[Fit]:
 
 
 def _heat_stores_and_all(survey: Survey) -> Iterator[Fit]:
-    """Yield each heat store, and all pieces of one thing, such as the sections of a kiln, at once.
+    """Yield each heat store, and pieces of one thing at once, such as the sections of a kiln.
 
-    Pieces are three or more that one refitted parameter describes.
+    Pieces are three or more that one parameter describes, or two whose capacity is one.
     """
     fits = list(heat_stores(survey))
     yield from fits
-    pieces = [place for _, ((place,),) in fits]
-    names, kinds = {at.name for at in pieces}, {(at.unit, at.fills) for at in pieces}
-    shared = any(names <= {at.name for at in places} for _, places in survey.spread)
-    if len(pieces) > 2 and len(kinds) == 1 and shared:
-        yield "", tuple((at,) for at in pieces)
+    pieces = {place.name: place for _, ((place,),) in fits}
+    found: dict[tuple[str, ...], str] = {}
+    for q, places in (*survey.spread, *survey.fixed):
+        own = tuple(at.name for at in places if at.name in pieces)
+        alike = len({(pieces[name].unit, pieces[name].fills) for name in own}) == 1
+        if alike and len(own) > 1 + (not any(same_dimension(q.unit, one) for one in _CAPACITIES)):
+            found.setdefault(own, "" if len(own) == len(pieces) else f"_{q.name}")
+    for own, suffix in found.items():
+        yield suffix, tuple((pieces[name],) for name in own)
+
+
+_CAPACITIES = ("J/K", "J/(kg K)", "J/(m3 K)", "kg", "kg/m3", "m3")
+"""Units of what makes a heat capacity."""
 
 
 def sense(at: Place) -> Own:
@@ -70,8 +81,17 @@ def sense(at: Place) -> Own:
 
 def _around(at: Place) -> Own:
     start, reach = at.level.start, _FAR * at.level.scale
+    each = [shape["ambient"] for shape in _rooms(at)]
+    between = min(start - reach, *each), max(start + reach, *each)
     return shape("ambient", at.level.unit, start, "temperature around", around=None,
-                 between=(start - reach, start + reach), scale=at.level.scale)  # fmt: skip
+                 between=between, scale=at.level.scale)  # fmt: skip
+
+
+def _rooms(at: Place) -> list[dict[str, float]]:
+    """Return what may be around a store: what it is at first, or a room, if it counts from zero."""
+    first = at.level.start
+    warm = first > 0.5 * _ZERO and abs(first - _ROOM) > 0.5 * at.level.scale
+    return [{"ambient": t} for t in (first, *[_ROOM] * warm)]
 
 
 def _conductance(
@@ -94,6 +114,7 @@ heat_loss = Law(
     _heat_stores_and_all,
     lambda at: (_conductance(at, "heat lost over difference", signed=True), _around(at), sense(at)),
     lambda at: at.value - at.p.sense * at.p.conductance * (at.signals.level - at.p.ambient),
+    shapes=_rooms,
     usual=True,
     source="I. Newton 1701",
     look_alikes=("radiation", "second_store", "offset"),
@@ -126,6 +147,7 @@ radiation = Law(
         sense(at),
     ),
     _radiated,
+    shapes=_rooms,
     source="J. Stefan 1879, L. Boltzmann 1884",
     look_alikes=("heat_loss", "second_store"),
     separated_by="hold two temperatures far apart: the loss grows faster than the difference",

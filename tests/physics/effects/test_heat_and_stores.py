@@ -76,6 +76,34 @@ def test_what_the_sections_of_a_kiln_radiate_is_one_effect(sections: int, shared
     np.testing.assert_allclose(lost, expected)
 
 
+def test_what_two_cells_of_one_capacity_lose_is_one_effect() -> None:
+    def equations(m: Scope) -> Equations:
+        warm, cool = m.p.conductance * (m.x.h1 - m.x.c2), m.p.conductance * (m.x.h2 - m.x.c1)
+        rates = {
+            "h1": (m.u.hot * (m.p.inlet - m.x.h1) - warm) / m.p.hot_side,
+            "h2": (m.u.hot * (m.x.h1 - m.x.h2) - cool) / m.p.hot_side,
+            "c1": (400.0 * (288.0 - m.x.c1) + cool) / m.p.cold_side,
+            "c2": (400.0 * (m.x.c1 - m.x.c2) + warm) / m.p.cold_side,
+        }
+        return rates, {"outlet": m.x.h2}
+
+    exchanger = machine(
+        equations,
+        ", ".join(f"{cell} K 300 scale=20" for cell in ("h1", "h2", "c1", "c2")),
+        "hot W/K 0 2000 800 scale=400",
+        "outlet K scale=20",
+        "conductance W/K 400 50 2000, hot_side J/K 4e3 5e2 2e4, cold_side J/K 4e3, inlet K 353",
+    ).opened()
+    lossy = {h.name: h for h in library(exchanger) if h.law == "heat_loss"}
+    one_by_one = {f"heat_loss_{cell}" for cell in ("h1", "h2", "c1", "c2")}
+    # Four share the conductance, and two each capacity, whether it is refitted or not.
+    assert lossy.keys() == one_by_one | {"heat_loss", "heat_loss_hot_side", "heat_loss_cold_side"}
+    model = exchanger.with_effect(lossy["heat_loss_hot_side"].at_size(0.01, {"ambient": 293.0}))
+    x = [340.0, 320.0, 300.0, 310.0]
+    lost = exchanger.rates(x, [800.0]) - model.rates(x, [800.0])
+    np.testing.assert_allclose(lost, [0.47, 0.27, 0.0, 0.0], atol=1e-9)
+
+
 def test_heat_loss_is_linear() -> None:
     leaky = tank().with_effect(offered(tank(), "heat_loss_water").at_size(3.0, {"ambient": ROOM}))
     assert heat(leaky, ROOM + 20.0) == pytest.approx(heat(tank(), ROOM + 20.0) - 60.0)
