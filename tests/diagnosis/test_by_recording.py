@@ -81,7 +81,7 @@ def test_a_damper_that_goes_on_ageing_is_no_jump() -> None:
 def test_what_ages_begins_at_what_the_first_recording_shows_as_reached() -> None:
     known = library(oscillator(), RecordedFacts(duration=10.0, sample_time=0.02))
     fade = next(e.effect for e in known if e.name == "parameter_fade_damping")
-    fade = fade.with_parameters({"amount": 0.2, "time_constant": 10.0, "lasting": 10.0})
+    fade = fade.with_parameters({"amount": 0.2, "rate_constant": 0.1, "lasting": 10.0})
     # Three amounts were reached as the first recording began: damping was 0.5 + 3 x 0.2 N s/m.
     factor, _ = from_first({"run 1": 3.0}, "run 1", 1.0 - math.exp(-1.0))
     begun = fade.with_parameters({"amount": factor * 0.2})

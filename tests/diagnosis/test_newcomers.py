@@ -709,6 +709,66 @@ def test_what_is_constant_may_change_over_the_state_that_it_feeds() -> None:
     named(found, "parameter_curve_heat_over_beer")
 
 
+def _exchanged(seed: int, film: float, lost: float) -> Recording:
+    """A heat exchanger of two cells on either side, by SciPy.
+
+    Args:
+        film: Exponent of the cold flow in the transfer.
+        lost: What each hot cell loses to a room of 293.15 K, in W/K.
+    """
+    flow = 0.25 + levels(600, seed, 0.16, 8, 40)
+
+    def rates(_: float, x: Vector, u: float) -> list[float]:
+        transfer = 450.0 * (u / 0.25) ** film
+        warm, cool = transfer * (x[0] - x[3]), transfer * (x[1] - x[2])
+        return [
+            (836.0 * (353.15 - x[0]) - warm - lost * (x[0] - 293.15)) / 9e3,
+            (836.0 * (x[0] - x[1]) - cool - lost * (x[1] - 293.15)) / 9e3,
+            (4180.0 * u * (288.15 - x[2]) + cool) / 7e3,
+            (4180.0 * u * (x[2] - x[3]) + warm) / 7e3,
+        ]
+
+    x = held(rates, [333.0, 323.0, 298.0, 308.0], (flow,), 5.0)[:, [1, 3]]
+    x += 0.05 * np.random.default_rng(seed).normal(size=x.shape)
+    return recording(f"run {seed}", 5.0, {"flow": flow}, {"hot": x[:, 0], "cold": x[:, 1]})
+
+
+@pytest.mark.parametrize(
+    ("film", "lost", "effect", "sizes"),
+    [
+        (0.5, 0.0, "parameter_power_transfer_over_flow", {"exponent": approx(0.5, rel=0.02)}),
+        (
+            0.0,
+            60.0,
+            "heat_loss_hot_side",
+            {"conductance": approx(60.0 / 9e3, rel=0.05), "ambient": approx(293.15, abs=2.0)},
+        ),
+    ],
+)
+def test_a_film_of_heat_goes_with_a_power_and_cells_of_one_side_lose_heat_together(
+    film: float, lost: float, effect: str, sizes: dict[str, Any]
+) -> None:
+    def equations(m: Scope) -> dict[str, Any]:
+        warm, cool = m.p.transfer * (m.x.h1 - m.x.cold), m.p.transfer * (m.x.hot - m.x.c1)
+        return {
+            "h1": (836.0 * (353.15 - m.x.h1) - warm) / m.p.hot_side,
+            "hot": (836.0 * (m.x.h1 - m.x.hot) - cool) / m.p.hot_side,
+            "c1": (4180.0 * m.u.flow * (288.15 - m.x.c1) + cool) / m.p.cold_side,
+            "cold": (4180.0 * m.u.flow * (m.x.c1 - m.x.cold) + warm) / m.p.cold_side,
+        }
+
+    exchanger = machine(
+        equations,
+        "h1 K 335 scale=10, hot K 325 scale=10, c1 K 300 scale=10, cold K 308 scale=10",
+        "flow kg/s 0 0.6 0.25",
+        "hot K, cold K",
+        "transfer W/K 400 50 2e3, hot_side J/K 8e3 1e3 4e4, cold_side J/K 8e3 1e3 4e4",
+    )
+    runs = [_exchanged(seed, film, lost) for seed in (1, 2)]
+    laws = "parameter_power parameter_curve parameter_fade heat_loss radiation offset"
+    named(diagnosed(exchanger, runs, laws), effect, noise=1.3, **sizes)
+
+
 def _winding(seed: int) -> Recording:
     """A coil behind two diodes: 0.5 V drop in the direction of the current, beside SciPy."""
     volts = levels(400, seed, 4.0, 10, 40)

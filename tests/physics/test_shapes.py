@@ -12,7 +12,7 @@ from tests.diagnosis.newcomers import crane, drivetrain, maglev, oscillator, swi
 from tests.machines import clutch, machine
 from workbench.model import Model, Scope
 from workbench.model.trace import Equations
-from workbench.physics.drift import parameter_curve
+from workbench.physics.drift import along_curve, parameter_curve
 from workbench.physics.library import library
 from workbench.physics.recorded_facts import RecordedFacts
 from workbench.physics.survey import Survey
@@ -195,6 +195,29 @@ def test_what_is_lost_one_way_is_offered_where_an_input_fills_a_store() -> None:
     lossy = whole.with_effect(law.at_size(-0.1, {"share": 1.0}))
     rates = [float(lossy.rates([0.5], [i])[0]) / float(whole.rates([0.5], [i])[0]) for i in (-4, 4)]
     assert rates == pytest.approx([0.9, 1.0], rel=1e-3)
+
+
+def test_a_parameter_may_go_with_a_power_of_what_is_never_negative() -> None:
+    pot = machine(
+        lambda m: ({"warm": m.u.heat - m.p.film * m.u.flow * m.x.warm}, {"warm": m.x.warm}),
+        "warm K",
+        "heat K/s 0 10, flow kg/s 0 2 1",
+        "warm K",
+        "film 1/kg 0.5 0 5",
+    ).opened()
+    seen = {"flow": (0.2, 1.0), "heat": (1.0, 8.0), "warm": (-1.0, 9.0)}
+    found = {h.name: h for h in library(pot, RecordedFacts(ranges=seen)) if "power" in h.law}
+    # What has either sign has no power, and what is next to constant has none that shows.
+    assert "parameter_power_film_over_warm" not in found
+    law = found["parameter_power_film_over_flow"]
+    bent = pot.with_effect(law.at_size(0.8))
+    for flow in (0.2, 0.6, 1.0):
+        # A fifth of the middle's flow, 0.6 kg/s, and so on.
+        lost = [-float(m.rates([4.0], [0.0, flow])[0]) for m in (bent, pot)]
+        assert lost[0] == pytest.approx(lost[1] * (flow / 0.6) ** 0.8)
+    assert list(along_curve(bent, bent.effects[0]).values())[1] == pytest.approx(0.5)
+    still = library(pot, RecordedFacts(ranges=seen | {"flow": (0.9, 1.0)}))
+    assert "parameter_power_film_over_flow" not in {h.name for h in still}
 
 
 def test_a_second_store_takes_what_the_first_one_loses_until_both_are_level() -> None:

@@ -61,24 +61,30 @@ def _warmed(at: Place) -> tuple[Own, Own]:
     The amount is that at the end of the recordings: of a ramp, which has no other end, it is known
     as well as of what has come to rest.
     """
+    one = 1.0 / at.lasting
     return (
-        shape("time_constant", "s", at.lasting, "time constant; long, it is a ramp",
-              around=(0.05, 100.0)),
+        shape("rate_constant", "1/s", one, "1 / time constant; 0 of a ramp, below if it gains pace",
+              around=None, between=(-3.0 * one, 20.0 * one), scale=one, read="1/s"),
         known("lasting", "s", at.lasting, "length of the recordings"),
     )  # fmt: skip
 
 
 _WARM = State("warm", "1", 1.0, "share of the amount reached", start_rms=1e-3)
 
+_RAMP = 1e-3
+"""Rate constant over that of the recordings' length within which a series has all digits."""
+
 
 def _warming_up(e: EffectView) -> dict[str, Expression]:
-    reached = 1.0 - ca.exp(-e.p.lasting / e.p.time_constant)
-    return {"warm": (1.0 / reached - e.x.warm) / e.p.time_constant}
+    along = e.p.rate_constant * e.p.lasting
+    ramp, wide = ca.fabs(along) < _RAMP, ca.if_else(ca.fabs(along) < _RAMP, 1.0, along)
+    reached = ca.if_else(ramp, 1.0 - along / 2.0 + along**2 / 6.0, (1.0 - ca.exp(-wide)) / wide)
+    return {"warm": (1.0 / reached - along * e.x.warm) / e.p.lasting}
 
 
 sensor_drift = Law(
     "sensor_drift",
-    "y = u + amount w, w = (1 - exp(-t / tau)) / (1 - exp(-lasting / tau))",
+    "y = u + amount w, w = (1 - exp(-k t)) / (1 - exp(-k lasting)), k = rate_constant",
     sensors(together=False),
     warming(sensor_error),
     lambda at: at.value + at.p.amount * at.x.warm,
@@ -98,7 +104,7 @@ def from_first(
 
     Args:
         begins: Share of the amount reached at the start of each recording, dimensionless.
-        reached: ``1 - exp(-lasting / tau)``, dimensionless.
+        reached: ``1 - exp(-k lasting)``, dimensionless.
 
     Returns:
         The factor of the amount that goes with it, and the shares; dimensionless.
@@ -112,7 +118,7 @@ _driven = drives("force", "acceleration", "flow", only=lambda at: at.driven)
 
 gain_fade = Law(
     "gain_fade",
-    "y = u (1 + amount w), w = (1 - exp(-t / tau)) / (1 - exp(-lasting / tau))",
+    "y = u (1 + amount w), w = (1 - exp(-k t)) / (1 - exp(-k lasting)), k = rate_constant",
     _driven,
     lambda at: (
         size("amount", "1", 0.1, 1.0, "change of the gain by the end of the recordings",
@@ -446,7 +452,7 @@ parameter_pulse = _for_a_while(parameter_jump)
 parameter_fade = replace(
     gain_fade,
     name="parameter_fade",
-    equation="parameter + amount w, w' = (1 / (1 - exp(-lasting / tau)) - w) / tau",
+    equation="parameter + amount w, w' = k (1 / (1 - exp(-k lasting)) - w), k = rate_constant",
     where=_each_parameter,
     parameters=lambda at: (_amount(at), *_warmed(at)),
     transform=lambda at: _changed(at, at.x.warm),
@@ -589,12 +595,13 @@ def along_curve(model: Model, effect: Effect) -> dict[float, float]:
 
     At both ends of what was seen of that and in the middle; empty of any other effect.
     """
-    if effect.about.equation != parameter_curve.equation:
+    curve = {law.equation: one for law, one in _CURVES}.get(effect.about.equation)
+    if curve is None:
         return {}
     own = {q.name: model.parameter(f"{effect.name}.{q.name}").value for q in effect.parameters}
     p, value = Names("parameter", own), model.parameter(effect.about.subject).value
     places = [p.middle + side * p.reach for side in (-1.0, 0.0, 1.0)]
-    return {float(at): float(_curve(p, value, ca.DM(at))) for at in places}
+    return {float(at): float(curve(p, value, ca.DM(at))) for at in places}
 
 
 def _resisting(survey: Survey) -> Iterator[Fit]:
@@ -699,6 +706,42 @@ parameter_curve = Law(
     look_alikes=("parameter_fade", "parameter_jump", "cubic_stiffness"),
     separated_by="the same motion about several positions",
 )  # fmt: skip
+
+
+def _raised(survey: Survey) -> Iterator[Fit]:
+    """Yield parameters that are never negative, each with a signal that is not either."""
+    for suffix, sites in _each_parameter_over(survey):
+        at = sites[0][0]
+        low, high = at.other("over").seen or (0.0, 0.0)
+        if at.parameters[0].fitted and _never_negative(at) and 0.0 <= low < 0.7 * high:
+            yield suffix, sites
+
+
+def _power(p: Names, own: Expression, over: Expression) -> Expression:
+    share = over / p.middle
+    return own * ca.fmax(share, _LEAST_LEFT) ** p.exponent
+
+
+# The coefficient of a film with a flow, a resistance of a wire with an absolute temperature.
+parameter_power = replace(
+    parameter_curve,
+    name="parameter_power",
+    equation="parameter (signal / middle)^exponent",
+    where=_raised,
+    parameters=lambda at: (
+        size("exponent", "1", 0.5, 5.0, "exponent of the signal", signed=True),
+        *_range(at),
+    ),
+    transform=lambda at: with_subject(at, _power(at.p, ca.SX(at.subject), at.signals.over)),
+    shapes=lambda at: ({},),
+    details={},
+    source="F. Dittus and L. Boelter 1930: films of heat, by flow^0.8; similarity laws",
+    look_alikes=("parameter_curve", "parameter_fade"),
+    separated_by="the same motion at a small and at a large value of the signal",
+)
+
+_CURVES = ((parameter_curve, _curve), (parameter_power, _power))
+"""Laws of parameters that are curves of a signal, and what they make of a parameter."""
 
 
 def _terms(survey: Survey) -> Iterator[Fit]:

@@ -53,6 +53,7 @@ class Own:
         absent: Value in a hypothesis, where that differs, in ``unit``.
         resists: Whether it has the sign of a resistance against the motion.
         refined: Whether it is refitted as soon as the law was found, and not before.
+        read: Unit in which people read it; that of its place by default.
     """
 
     name: str
@@ -69,6 +70,7 @@ class Own:
     absent: float | None = None
     resists: bool = False
     refined: bool = False
+    read: str = ""
 
     def either_way(self) -> Own:
         """Return the parameter with both signs, if it is a size that only resists a motion."""
@@ -104,6 +106,7 @@ class Own:
             self.source,
             fitted=self.fitted,
             refined=self.refined,
+            display_unit=self.read,
         )
 
 
@@ -165,6 +168,7 @@ def shape(
     fitted: bool = True,
     absent: float | None = None,
     refined: bool = False,
+    read: str = "",
 ) -> Own:
     """State another parameter of a law.
 
@@ -175,11 +179,13 @@ def shape(
         scale: Scale of a fit, in ``unit``; the value's by default.
         absent: Value in a hypothesis, where that differs, in ``unit``.
         refined: Whether it is a detail, refitted as soon as the law was found and not before.
+        read: Unit in which people read it; that of its place by default.
     """
     lower, upper = around or between
     return Own(
         name, unit, value, lower, upper, text, scale or abs(value) or 1.0, source,
         fitted and not refined, relative=around is not None, absent=absent, refined=refined,
+        read=read,
     )  # fmt: skip
 
 

@@ -95,8 +95,10 @@ def changed_values(
 
 def _reached(model: Model, effect: Effect) -> float:
     """Return which part of what it tends to an ageing reaches along the recordings."""
-    lasting, pace = (_own(model, effect, name).value for name in ("lasting", "time_constant"))
-    return 1.0 - math.exp(-lasting / pace)
+    lasting, pace = (_own(model, effect, name).value for name in ("lasting", "rate_constant"))
+    # Of a ramp it is next to nothing, of which enough digits are left.
+    along = lasting * pace
+    return -math.expm1(-math.copysign(max(abs(along), 1e-6), along))
 
 
 def level_everywhere(effect: Effect) -> float | None:
