@@ -128,3 +128,15 @@ def test_an_unstable_plant_is_sampled_before_it_grows() -> None:
 def test_a_mode_that_grows_is_called_unstable() -> None:
     linear = linear_model(ct.ss([[5.0]], [[1.0]], [[1.0]], 0))
     assert str(linear.modes[0]).split() == ["mode", "unstable", "pole", "5", "rad/s", "x_0"]
+
+
+def test_hours_behind_milliseconds_are_no_integrator() -> None:
+    assert step_time(linear_model("1/((1e-4 s + 1)(3600 s + 1))")) == pytest.approx(5e4)
+    assert step_time(linear_model("1/(s (1e-4 s + 1))")) < 1.0
+
+
+def test_a_plant_that_answers_before_its_slowest_part_is_sampled_for_what_it_answers() -> None:
+    both = linear_model("1/(0.05 s + 1) + 0.2/(7200 s + 1)")
+    assert usual_sample_time(both, ("y",)) == pytest.approx(0.05)
+    # It answers by nothing else than its slowest part.
+    assert usual_sample_time(linear_model("1/((s + 1)(3600 s + 1))"), ("y",)) == pytest.approx(50.0)

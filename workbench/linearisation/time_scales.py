@@ -32,7 +32,8 @@ def horizon_of(linear: LinearModel) -> float:
         times = [_time_for(_mover(linear, q.name), _shows(q)) for q in outputs]
         if moved := [time for time in times if time < math.inf]:
             return max(moved)
-    usual, slowest = horizon(poles), horizon(poles[np.isreal(poles)])
+    lags = poles[np.isreal(poles)]
+    usual, slowest = (horizon(part, slowest=ROUNDED) for part in (poles, lags))
     if not usual < slowest:
         return usual
     movers = [(_mover(linear, q.name), SHARE * _shows(q)) for q in outputs]
@@ -41,6 +42,10 @@ def horizon_of(linear: LinearModel) -> float:
         time *= 1.25
     return min(time, slowest)
 
+
+ROUNDED = 1e-9
+"""What rounding may leave of an integrator, over the fastest mode: hours behind a sensor of
+milliseconds are more."""
 
 SHARE = 0.25
 """Part of its size by which an output moves in the time of a plant's own oscillation."""
@@ -78,6 +83,9 @@ GROWN = 0.05
 
 LEFT = 0.5
 """Part of the room of a command that a step may take at rest without being slowed by its end."""
+
+AT_REST = 1000.0
+"""Samples of the usual time after which a step is over."""
 
 SHOWN, FINEST = 0.05, 1e-3
 """Largest sample time over that in which all of a command moves an output half as far as it shall
@@ -183,16 +191,23 @@ def _turned(linear: LinearModel, name: str) -> list[Callable[[float], float]]:
 def _moved_within(linear: LinearModel, name: str, usual: float, step: float | None) -> float:
     """Return the sample time, in s, that the fastest move of an output asks for, or the usual.
 
-    Commands of which nobody says how far they go ask for none.
+    It shall move as far as its size or the step, or, by commands of which nobody says how far they
+    go, as far as these move it at rest.
     """
-    silent = [q.name for q in linear.operating_point.model.inputs if not q.sized and _endless(q)]
-    linear = linear.select(inputs=[n for n in linear.input_names if n not in silent])
+    inputs = linear.operating_point.model.inputs
+    silent = {q.name for q in inputs if not q.sized and _endless(q)}
     output = next(q for q in linear.operating_point.model.outputs if q.name == name)
-    far = min(output.scale, abs(step) if step else math.inf)
-    moved, time = _mover(linear, name), usual
-    while time > FINEST * usual and moved(time / SHOWN) >= 0.5 * far:
-        time *= 0.8
-    return usual if time == usual else min(usual, rounded_up(time))
+    found = usual
+    for told in (True, False):
+        own = linear.select(inputs=[n for n in linear.input_names if (n not in silent) == told])
+        moved, far = _mover(own, name), min(output.scale, abs(step) if step else math.inf)
+        if not told:
+            far = moved(AT_REST * usual) if np.all(linear.poles.real < 0.0) else math.inf
+        time = usual
+        while time > FINEST * usual and moved(time / SHOWN) >= 0.5 * far > 0.0:
+            time *= 0.8
+        found = min(found, usual if time == usual else rounded_up(time))
+    return found
 
 
 def _endless(command: Input) -> bool:

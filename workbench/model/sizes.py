@@ -144,15 +144,18 @@ def _middle(sizes: Sequence[Vector]) -> Vector:
     return np.asarray(np.sqrt(ordered[(count - 1) // 2] * ordered[count // 2]))
 
 
-def horizon(poles: npt.NDArray[np.complex128], alone: float = 1.0) -> float:
+def horizon(
+    poles: npt.NDArray[np.complex128], alone: float = 1.0, slowest: float = _AS_INTEGRATORS
+) -> float:
     """Return two periods of the slowest oscillation, or three of the slowest lag, in s.
 
     Args:
         poles: Eigenvalues, shape (n,), in 1/s.
         alone: That of integrators alone, which have no time of their own, in s.
+        slowest: Speed over that of the fastest up to which what is slower integrates, a ratio.
     """
     sizes = np.abs(poles)
-    own = poles[sizes > _AS_INTEGRATORS * sizes.max(initial=0.0)]
+    own = poles[sizes > slowest * sizes.max(initial=0.0)]
     oscillations = np.abs(own[np.iscomplex(own)])
     if oscillations.size:
         return float(4.0 * np.pi / oscillations.min())

@@ -861,6 +861,14 @@ def test_what_is_on_its_way_is_known(text: str, delay: float, name: str, tmp_pat
     agrees_on(run, law, tmp_path, 1e-10)
 
 
+@pytest.mark.parametrize("name", ["lqi", "plain-sliding-mode"])
+def test_what_is_over_within_a_sample_is_left_out(name: str) -> None:
+    linear, h = linear_model("1/((0.01 s + 1)(3600 s + 1))"), 50.0
+    law = designed(name, linear, sample_time=h)
+    run = verify(law, linear, step_scenario("y", 0.0, 1.0, hold=400.0 * h, sample_time=h))
+    assert metrics(run)["settling_time"].value < 40.0 * h
+
+
 def test_an_mpc_trusts_what_stands_for_a_delay_no_further_than_it_is_one() -> None:
     linear, h = linear_model("exp(-20 s)/(30 s + 1)"), 0.2
     law = designed("plain-mpc", linear, sample_time=h)
