@@ -348,7 +348,7 @@ class ObservedModel:
         F, C = block_diag(F, still), np.hstack([C, offsets])
         size = np.append(self.sizes[:n], noise[p:])
         predictor = balanced_regulator(F.T, C.T / noise, q, 1.0 / size).T / noise
-        # From the gain of the predictor to that of the correction; what is over in a sample has none.
+        # From the gain of the predictor to that of the correction; what dies in a sample has none.
         scaled, wanted = F * size / size[:, None], predictor / size[:, None]
         M = size[:, None] * np.linalg.lstsq(scaled, wanted, rcond=None)[0]
         known = np.zeros((len(self.F) - n, p + k))
