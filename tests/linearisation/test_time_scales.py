@@ -10,7 +10,13 @@ import pytest
 
 from tests.machines import at_rest, machine
 from workbench.linearisation import linear_model, linearise
-from workbench.linearisation.time_scales import horizon_of, reach_of, step_time, usual_sample_time
+from workbench.linearisation.time_scales import (
+    horizon_of,
+    least_time,
+    reach_of,
+    step_time,
+    usual_sample_time,
+)
 from workbench.model import Model
 from workbench.operating_point import operating_point
 
@@ -140,3 +146,25 @@ def test_a_plant_that_answers_before_its_slowest_part_is_sampled_for_what_it_ans
     assert usual_sample_time(both, ("y",)) == pytest.approx(0.05)
     # It answers by nothing else than its slowest part.
     assert usual_sample_time(linear_model("1/((s + 1)(3600 s + 1))"), ("y",)) == pytest.approx(50.0)
+
+
+def test_what_a_controlled_output_does_not_show_slows_no_samples_down() -> None:
+    """A spindle that warms its windings in hours."""
+    spindle = machine(
+        lambda m: (
+            {
+                "speed": 20.0 * (2.5 * m.u.volts - m.x.speed),
+                "warm": (0.05 * m.x.speed**2 - 0.5 * m.x.warm) / 3600.0,
+            },
+            {"speed": m.x.speed, "warm": m.x.warm},
+        ),
+        "speed rad/s 20, warm K 40",
+        "volts V -24 24",
+        "speed rad/s, warm K",
+    )
+    linear = at_rest(spindle)
+    assert usual_sample_time(linear) == pytest.approx(50.0)
+    # As of a lag of 50 ms alone.
+    alone = usual_sample_time(linear.select(outputs=("speed",)).without_unseen(), ("speed",))
+    assert usual_sample_time(linear, ("speed",)) == alone < 0.001
+    assert least_time(linear, ("volts",), {"speed": 10.0}) < 0.05

@@ -97,9 +97,10 @@ def usual_sample_time(
 ) -> float:
     """Return a sample time, in s, that shows the response: a thousandth of `step_time`.
 
-    It is less where a mode of a plant that is unstable would grow too far in it, and where a
-    controlled output can be moved long before the slowest mode shows, as the air of a house with
-    heavy walls can. A system that was given by its samples keeps their time.
+    It is that of what controlled outputs show. It is less where a mode of a plant that is unstable
+    would grow too far in it, and where a controlled output can be moved long before the slowest
+    mode shows, as the air of a house with heavy walls can. A system that was given by its samples
+    keeps their time.
 
     Args:
         steps: How far controlled outputs shall move, by name, in SI; as far as their scale by
@@ -109,7 +110,8 @@ def usual_sample_time(
     if isinstance(equations, LinearEquations) and equations.sample_time:
         return equations.sample_time
     growing = float(np.max(linear.poles.real, initial=0.0))
-    shown = step_time(linear) / 1000.0
+    own = linear.select(outputs=controlled).without_unseen() if controlled else linear
+    shown = step_time(own) / 1000.0
     far = steps or {}
     quick = min([shown, *(_moved_within(linear, n, shown, far.get(n)) for n in controlled)])
     # What grows by less within the whole step integrates.
@@ -264,11 +266,11 @@ def least_time(linear: LinearModel, actuators: Sequence[str], steps: Mapping[str
     for name, step in steps.items():
         used, moved = _moved_at_rest(linear, actuators, {name: step})
         below, above = _rooms(linear, used)
-        own = linear.select(inputs=used, outputs=[name])
-        size = own.state_scales
+        own = linear.select(inputs=used, outputs=[name]).without_unseen()
+        size, shown = own.state_scales, step_time(own)
         a, b, c = own.A * size / size[:, None], own.B / size[:, None], own.C * size
         for asked, down, up in ((step, below, above), (-step, below + moved, above - moved)):
-            time, most = 1e-4 * step_time(linear), 10.0 * step_time(linear)
+            time, most = 1e-4 * shown, 10.0 * step_time(linear)
             while time < most:
                 by = math.copysign(1.0, asked) * (c @ zero_order_hold(a, b, time)[1])[0]
                 # What may move without end need not be asked whether it moves enough.
