@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
+from workbench.model import Output
+from workbench.reports.figures import tracking
 from workbench.reports.page import Page, Words, html
 from workbench.reports.pictures import Picture
 from workbench.reports.study_page import study_page
@@ -96,3 +99,11 @@ def test_where_no_requirement_is_hard_the_others_decide_the_score(tmp_path: Path
     tables = [b for s in page.sections for b in s.blocks if isinstance(b, Table)]
     (scores,) = (t for t in tables if t.title.startswith("Score on every plant"))
     assert [isinstance(row[1], Cell) and row[1].mark for row in scores.rows] == ["missed", "missed"]
+
+
+def test_errors_of_temperatures_are_differences(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tracking, "steady_limit", lambda *_: 0.5)
+    warm = Output("warm", "K", display_unit="degC")
+    monkeypatch.setattr(tracking, "output_of", lambda *_: warm)
+    picture = tracking._picture(Mock(), "step", "warm", Mock(), "step", "nominal plant", "")
+    assert "error (dotted: ± 0.5 K)" in picture.caption

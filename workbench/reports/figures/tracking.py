@@ -249,7 +249,7 @@ def _picture(
     tail: str,
 ) -> Picture:
     limit = steady_limit(result.study, scenario, output)
-    unit = output_of(result.study, output).display_unit
+    unit = of_difference(output_of(result.study, output).display_unit)
     dotted = f" (dotted: ± {with_unit(f'{limit:g}', unit)})" if limit else ""
     caption = f"{scenario}, {where}: {output}, error{dotted} and command. {tail}"
     words = f"{output}, error and command over time in {scenario}, {where}"
