@@ -59,3 +59,36 @@ def test_who_has_data_alone_is_told_which_plant_was_taken(tmp_path: Path, refuse
         message = refused(*given, "--hold-out", files[1])
         assert "no plant is named, so the arm is taken: name yours with --plant" in message
     assert "there is no file" in refused("diagnose", tmp_path / "c.csv")
+    assert "there is no file" in refused("diagnose", *files, "c.csv")
+    assert "there is no file 'practice-07'" in refused("refit", files[0], "practice-07")
+
+
+def test_recordings_are_named_side_by_side(tmp_path: Path, shell: Shell) -> None:
+    (tmp_path / "pots.py").write_text(POT)
+    for seed, name in enumerate("ab"):
+        heat = np.repeat(np.random.default_rng(seed).uniform(0.0, 1.0, 40), 10)
+        warm = np.zeros(len(heat))
+        for k in range(1, len(heat)):
+            warm[k] = warm[k - 1] * np.exp(-0.05) + heat[k - 1] * (1.0 - np.exp(-0.05))
+        rows = np.column_stack([np.arange(len(heat)), heat, warm])
+        np.savetxt(
+            tmp_path / f"{name}.csv", rows, delimiter=",", header="time,heat,warm", comments=""
+        )
+    files = tmp_path / "a.csv", tmp_path / "b.csv"
+    printed = shell("refit", *files, "--plant", f"{tmp_path / 'pots.py'}:pot").out
+    assert "no recording is held out (--hold-out), so b is" in printed
+
+
+POT = """
+from workbench.model import Input, Model, Output, Parameter, State
+
+def pot():
+    return Model(
+        "pot",
+        lambda m: ({"warm": m.p.pace * (m.u.heat - m.x.warm)}, {"warm": m.x.warm}),
+        states=(State("warm", "1", 1.0),),
+        inputs=(Input("heat", "1", 0.0, 0.0, 1.0),),
+        outputs=(Output("warm", "1"),),
+        parameters=(Parameter("pace", "1/s", value=0.1, lower=0.01, upper=1.0, fitted=True),),
+    )
+"""
