@@ -75,9 +75,12 @@ def _warm_at_first(model: Any) -> dict[str, float]:
     if not (warm and hasattr(model, "initial_state")):
         return {}
     u = model.nominal_input
-    each = zip(
-        (*model.inputs, *model.outputs), (*u, *model.read(model.initial_state(), u)), strict=True
-    )
+    try:
+        values = (*u, *model.read(model.initial_state(), u))
+    except WorkbenchError:
+        # It begins nowhere.
+        return {}
+    each = zip((*model.inputs, *model.outputs), values, strict=True)
     return {q.name: float(value) for q, value in each if q.name in warm}
 
 
