@@ -52,6 +52,19 @@ def test_the_first_screen_answers_what_a_reader_asks() -> None:
     assert float(told[2]) == pytest.approx(after, rel=0.01)
 
 
+def test_of_several_ports_the_first_picture_shows_that_where_most_was_found() -> None:
+    diagnosis = diagnosed(True)
+    proof = proof_of(diagnosis)
+    (one,) = proof.located
+    # At a port that nothing measures what is missing is told elsewhere.
+    elsewhere = [
+        replace(one, port=f"wall_{k}.rate", explained=e) for k, e in enumerate((-9, np.nan))
+    ]
+    page = diagnosis_page(diagnosis, replace(proof, located=(*elsewhere, one)), name="axis")
+    answer = next(p for p in page.pictures if p.name == "answer")
+    assert answer.caption.endswith(f"the signal that is missing at {one.port}.")
+
+
 def test_measured_and_both_models_share_their_axes() -> None:
     figure = next(p for p in _page(True).pictures if p.name == "runs-1").figure
     for axes in figure.axes:

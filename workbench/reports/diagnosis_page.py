@@ -62,13 +62,18 @@ def _first(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> tuple[Block,
         return (answers,)
     title, before = worst_run(runs)
     after = diagnosis.runs.get("extended", {}).get(title) if diagnosis.improved else None
-    located = proof.located[0] if proof.located else None
+    located = max(proof.located, key=_agreed, default=None)
     noise = verdict.fit.get("noise_floor", {})
     drawn = figures.diagnosis_answer(diagnosis.nominal, before, after, noise, located)
     caption = f"{_plain_title(title)}, held out: {plain(before.used[0])}, and its error"
     caption += " (green: no larger than the sensor's noise)"
     caption += f"; the signal that is missing at {located.port}." if located else "."
     return (answers, Picture("answer", drawn, caption, "measured and simulated, before and after"))
+
+
+def _agreed(located: MissingSignal) -> float:
+    """Return how much of what is missing at a port was found, dimensionless; -inf if nothing."""
+    return located.explained if math.isfinite(located.explained) else -math.inf
 
 
 def _plain_title(title: str) -> str:
