@@ -83,13 +83,13 @@ def _loaded(
     from workbench.model.linear_system import with_free_coefficients
     from workbench.recordings.case import RefitSettings, read_case
 
-    named = list(cases or ())
-    if len(named) > 1 or (named and Path(named[0]).is_file()):
-        missing = next((name for name in named if not Path(name).is_file()), None)
+    asked = list(cases or ())
+    if len(asked) > 1 or (asked and Path(asked[0]).is_file()):
+        missing = next((name for name in asked if not Path(name).is_file()), None)
         if missing is not None:
             raise WorkbenchError(f"there is no file {missing!r}; name one case, or recordings")
-        fit, named = [*map(Path, named), *(fit or ())], []
-    case = named[0] if named else None
+        fit, asked = [*map(Path, asked), *(fit or ())], []
+    case = asked[0] if asked else None
     if case is None and not fit and not hold_out:
         raise WorkbenchError(
             "there is nothing to work on; name a case, or give recordings with --fit"
@@ -130,8 +130,8 @@ def _loaded(
         for remark in problem.notes:
             note(f"note: {remark}")
     attached = {effect.name for effect in problem.model.effects}
-    known = [n for n in chosen.recipe.effects if n in attached and n not in chosen.plant.effects]
-    problem = sized_by_recordings(problem, known) if known else problem
+    named = [n for n in chosen.recipe.effects if n in attached and n not in chosen.plant.effects]
+    problem = sized_by_recordings(problem, named) if named else problem
     opened = with_free_coefficients(problem.model)
     if opened is not problem.model:
         names = [q.name for q in opened.parameters]

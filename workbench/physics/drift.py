@@ -595,7 +595,7 @@ def along_curve(model: Model, effect: Effect) -> dict[float, float]:
 
     At both ends of what was seen of that and in the middle; empty of any other effect.
     """
-    curve = {law.equation: one for law, one in _CURVES}.get(effect.about.equation)
+    curve = _CURVES.get(effect.about.equation)
     if curve is None:
         return {}
     own = {q.name: model.parameter(f"{effect.name}.{q.name}").value for q in effect.parameters}
@@ -740,8 +740,8 @@ parameter_power = replace(
     separated_by="the same motion at a small and at a large value of the signal",
 )
 
-_CURVES = ((parameter_curve, _curve), (parameter_power, _power))
-"""Laws of parameters that are curves of a signal, and what they make of a parameter."""
+_CURVES = {parameter_curve.equation: _curve, parameter_power.equation: _power}
+"""What laws of parameters that are curves of a signal make of one, by their equation."""
 
 
 def _terms(survey: Survey) -> Iterator[Fit]:

@@ -63,7 +63,8 @@ def _heat_stores_and_all(survey: Survey) -> Iterator[Fit]:
     for q, places in (*survey.spread, *survey.fixed):
         own = tuple(at.name for at in places if at.name in pieces)
         alike = len({(pieces[name].unit, pieces[name].fills) for name in own}) == 1
-        if alike and len(own) > 1 + (not any(same_dimension(q.unit, one) for one in _CAPACITIES)):
+        least = 2 if any(same_dimension(q.unit, one) for one in _CAPACITIES) else 3
+        if alike and len(own) >= least:
             found.setdefault(own, "" if len(own) == len(pieces) else f"_{q.name}")
     for own, suffix in found.items():
         yield suffix, tuple((pieces[name],) for name in own)
