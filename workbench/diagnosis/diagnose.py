@@ -16,6 +16,7 @@ from workbench.diagnosis.division import with_some_held_out
 from workbench.diagnosis.doubts import still_missing
 from workbench.diagnosis.estimation.error_growth import growth_along
 from workbench.diagnosis.estimation.fixed_parameters import (
+    with_all_uncertainty,
     with_fixed_refitted,
     with_fixed_uncertainty,
 )
@@ -410,12 +411,11 @@ def validate(found: Diagnosis, *, advise: bool = True, jobs: int = 1, say: Progr
                 )
                 if after.spoilt_from(before):
                     # What predicts the next sample better may run further off.
-                    tried = with_fixed_uncertainty(extended, started)
+                    tried = extended
                 else:
                     run.pop("extended", None)
             extended = tried
-        else:
-            extended = with_fixed_uncertainty(extended, started)
+        extended = with_all_uncertainty(extended, started)
         judging = _as_unstable(extended, task, judging)
         if judging is not prepared.judging:
             run.clear()

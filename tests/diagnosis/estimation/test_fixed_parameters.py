@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from copy import copy
 from dataclasses import replace
 from typing import Any
@@ -11,6 +12,7 @@ import pytest
 from tests.machines import machine
 from workbench.diagnosis.estimation.fixed_parameters import (
     value_instead,
+    with_all_uncertainty,
     with_fixed_refitted,
     with_fixed_uncertainty,
 )
@@ -18,9 +20,11 @@ from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import extended_start, fit_with_process_noise
 from workbench.diagnosis.estimation.simulated_recordings import pushes, simulated
 from workbench.model import Model, Scope
+from workbench.physics.delay import sensor_lag
 from workbench.physics.friction import quadratic_drag
 from workbench.physics.library import library
 from workbench.physics.offset_gain import gain
+from workbench.physics.saturation import slew_limit
 from workbench.plants.servo_axis import servo_axis
 
 
@@ -47,6 +51,31 @@ def test_what_is_held_widens_the_interval_of_what_scales_with_it() -> None:
     assert fit.refit.estimate("mass").std < 0.01 * mass.value
     # A quarter of the bounds: 0.04.
     assert mass.std == pytest.approx(0.04 * mass.value, rel=0.05)
+
+
+def test_a_guess_widens_the_interval_of_what_takes_its_part() -> None:
+    # A slew limit that follows small motions more slowly is later, as one with a lower rate is.
+    limited = slew_limit("axis.force", share=1.0, largest_rate=1e3, time_constant=0.01)
+    axis = servo_axis().with_effect(limited)
+    seen = simulated(axis, pushes(400, largest=200.0), sample_time=0.01)
+    names = ("mass", "slew_limit.largest_rate")
+    fit = fit_with_process_noise(axis, [seen], default_priors(axis, names))
+    wide = with_all_uncertainty(fit, [seen])
+    assert wide.refit.values == fit.refit.values
+    for before, after in zip(fit.refit.estimates, wide.refit.estimates, strict=True):
+        assert after.std > 1.5 * before.std
+
+
+def test_times_are_told_to_a_part_of_a_sample() -> None:
+    # 400 steps of a sledge nearly without noise would tell its lag to microseconds.
+    axis = servo_axis().with_effect(sensor_lag("position.reading", time=0.03))
+    seen = simulated(axis, pushes(400, largest=200.0), sample_time=0.01)
+    fit = fit_with_process_noise(axis, [seen], default_priors(axis, ["sensor_lag.time", "mass"]))
+    (lag, mass), told = fit.refit.estimates, with_all_uncertainty(fit, [seen]).refit
+    assert lag.std < 5e-5
+    assert told.estimate(lag.name).std == pytest.approx(math.hypot(lag.std, 1e-4), rel=0.05)
+    assert told.estimate("mass").std == pytest.approx(mass.std, rel=0.2)
+    assert told.covariance[0, 0] == pytest.approx(told.estimate(lag.name).std ** 2)
 
 
 def test_what_was_held_is_refitted_at_the_end_where_unseen_recordings_agree() -> None:

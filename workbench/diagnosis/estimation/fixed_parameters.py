@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
-from workbench.diagnosis.estimation.priors import Prior, default_priors
+from workbench.diagnosis.estimation.priors import Prior, default_priors, guesses
 from workbench.diagnosis.estimation.process_noise import (
     INDIFFERENT,
     ProcessNoiseFit,
@@ -27,33 +27,64 @@ from workbench.diagnosis.estimation.refit_result import Outcome, summarise
 from workbench.errors import NumericalError
 from workbench.model import Effect, Model, Parameter
 
+_WITHIN = 0.01
+"""Part of a sample to which no device's timing is told: its clock, and what it does first."""
+
 _TWIN, _SEEN = 0.998, 1e-4
 """Square of the cosine of two signatures from which on they are the same, and part of the square of
 one that has to be left beside all else that is refitted."""
 
 
 def with_fixed_uncertainty(fit: ProcessNoiseFit, recordings: Sequence[Observed]) -> ProcessNoiseFit:
-    """Widen the intervals of a refit by what the parameters that it left may be wrong.
+    """Widen the intervals of a refit by what the fixed parameters may be wrong.
 
     ``P = (J^T J + diag(prior variances)^-1)^-1`` over free and fixed parameters together, of which
     the block of the free ones is kept; the estimates stay.
     """
-    model = fit.model
     estimates = fit.refit.values
-    names = [q.name for q in model.parameters if q.fixed and q.name not in estimates]
-    if not names:
+    names = [q.name for q in fit.model.parameters if q.fixed and q.name not in estimates]
+    return _beside(fit, recordings, default_priors(fit.model, names))
+
+
+def with_all_uncertainty(fit: ProcessNoiseFit, recordings: Sequence[Observed]) -> ProcessNoiseFit:
+    """Widen the intervals of a last refit by all that no recording tells.
+
+    That is what fixed parameters and the guesses of the laws that were found may be wrong, such as
+    how fast a slew limit follows small motions; and, for times, when within a sample a machine
+    reads and acts. A period is told by all its repetitions.
+    """
+    model, estimates = fit.model, fit.refit.values
+    fixed = [q.name for q in model.parameters if q.fixed and q.name not in estimates]
+    guessed = (q for q in guesses(model, 1.0) if q.name not in estimates)
+    wide = _beside(fit, recordings, (*default_priors(model, fixed), *guessed)).refit
+    periods = {f"{e.name}.{e.about.period}" for e in model.effects if e.about.period}
+    known = _WITHIN * recordings[0].sample_time
+    added = [known * (e.unit == "s" and e.name not in periods) for e in wide.estimates]
+    own = np.array([e.std for e in wide.estimates])
+    # What the scatter of free runs tells is never less uncertain than it was.
+    std = np.hypot(np.maximum(own, [e.std for e in fit.refit.estimates]), added)
+    grown = np.divide(std, own, out=np.ones_like(own), where=own > 0.0)
+    told = tuple(replace(e, std=float(s)) for e, s in zip(wide.estimates, std, strict=True))
+    covariance = wide.covariance * np.outer(grown, grown)
+    return replace(fit, refit=replace(wide, estimates=told, covariance=covariance))
+
+
+def _beside(
+    fit: ProcessNoiseFit, recordings: Sequence[Observed], uncertain: Sequence[Prior]
+) -> ProcessNoiseFit:
+    """Return a refit with its estimates, as uncertain as beside parameters that stay."""
+    if not uncertain:
         return fit
-    own = fit.refit.priors
-    # The nominal value is the best guess of what is fixed: only its uncertainty counts here.
-    every = [*own, *default_priors(model, names)]
-    fixed = {q.name: q.value for q in model.parameters if q.name in names}
+    model, estimates, own = fit.model, fit.refit.values, fit.refit.priors
+    # The value that it has is the best guess of what stays: only its uncertainty counts here.
+    every = [*own, *uncertain]
     filter_ = filter_of(model, recordings[0], fit.noise_scale, [p.name for p in every])
     try:
         parts = filter_.along(recordings, model.values)
     except NumericalError:
         return fit
     outcome = Outcome(
-        np.array([(estimates | fixed)[p.name] for p in every]),
+        np.array([estimates.get(p.name, p.mean) for p in every]),
         parts,
         fit.cost,
         fit.refit.converged,
@@ -86,8 +117,8 @@ def with_fixed_refitted(
         judging: Held-out recordings, with a start for it.
 
     Returns:
-        The fit with the fixed parameters among its estimates; the given one with wider intervals
-        where it does not converge, or where it makes the held-out recordings less likely.
+        The fit with the fixed parameters among its estimates; the given one where it does not
+        converge, or where it makes the held-out recordings less likely.
     """
     model, refit = fit.model, fit.refit
     start = refit.values
@@ -103,7 +134,7 @@ def with_fixed_refitted(
         before, after = (float(blocks_of_cost(one, judging).sum()) for one in (fit, found))
         if found.refit.converged and after < before:
             return found
-    return with_fixed_uncertainty(fit, fitting)
+    return fit
 
 
 def value_instead(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -61,6 +62,26 @@ def default_priors(model: Model, names: Sequence[str] | None = None) -> tuple[Pr
             )
         priors.append(Prior(name, q.value, (q.upper - q.lower) / 4, q.lower, q.upper))
     return tuple(priors)
+
+
+def guesses(model: Model, spread: float, far: float = math.inf) -> list[Prior]:
+    """Return what no refit to prediction errors changes, such as the speed of a rounded reversal.
+
+    Only laws of the model's effects guess.
+
+    Args:
+        spread: Standard deviation over the value, dimensionless.
+        far: By what the value may be multiplied or divided within its bounds, dimensionless.
+    """
+    effects = {effect.name for effect in model.effects}
+    return [
+        Prior(
+            q.name, q.value, spread * q.value, max(q.lower, q.value / far),
+            min(q.upper, q.value * far),
+        )
+        for q in model.parameters
+        if q.name.split(".")[0] in effects and is_guess(q)
+    ]  # fmt: skip
 
 
 def entry_priors(entry: Hypothesis) -> tuple[Prior, ...]:

@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import free_runs
 from workbench.diagnosis.estimation.prediction_error import Observed
-from workbench.diagnosis.estimation.priors import Prior, is_guess
+from workbench.diagnosis.estimation.priors import guesses
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.selection.held_out import pieces, run_errors
 from workbench.diagnosis.selection.rules import IMPERFECT
@@ -85,7 +85,7 @@ def closest_runs(
 
 def _refitted(fit: ProcessNoiseFit, begun: Sequence[Observed], loss: str) -> ProcessNoiseFit:
     model = fit.model
-    priors = [*fit.refit.priors, *_guesses(model)]
+    priors = [*fit.refit.priors, *guesses(model, _GUESS, _FAR)]
     if not priors:
         return fit
     names = [q.name for q in priors]
@@ -144,25 +144,6 @@ def _refitted(fit: ProcessNoiseFit, begun: Sequence[Observed], loss: str) -> Pro
     covariance = _scatter(found.jac, found.fun, np.cumsum([e.size for e in first]))
     best = dict(zip(names, (found.x * scale).tolist(), strict=True))
     return _with_values(fit, best, covariance * np.outer(scale, scale))
-
-
-def _guesses(model: Model) -> list[Prior]:
-    """Return what no refit to prediction errors changes, such as the speed of a rounded reversal.
-
-    A filter makes up for it; a free run creeps where the machine sticks.
-    """
-    effects = {effect.name for effect in model.effects}
-    return [
-        Prior(
-            q.name,
-            q.value,
-            _GUESS * q.value,
-            max(q.lower, q.value / _FAR),
-            min(q.upper, q.value * _FAR),
-        )
-        for q in model.parameters
-        if q.name.split(".")[0] in effects and is_guess(q)
-    ]
 
 
 def _scatter(jacobian: Vector, residual: Vector, ends: Vector) -> Vector:
