@@ -139,6 +139,24 @@ def test_a_curve_of_a_parameter_is_told_in_the_unit_of_that() -> None:
     assert model.read_in(f"{law.name}.amount") == "mg/l/h"
 
 
+def test_levels_of_temperature_are_told_on_the_scale_of_the_thermometer() -> None:
+    kettle = machine(
+        lambda m: ({"T": m.p.gain * m.u.power}, {"probe": m.x.T}),
+        "T K 293.15",
+        "power W upper=2000",
+        "probe K display_unit=degC",
+        "gain K/J 2e-4 0 2e-3",
+    )
+    ranges = dict.fromkeys(("T", "probe.reading"), (290.0, 370.0))
+    seen = library(kettle, RecordedFacts(ranges=ranges))
+    for name, parameter in (("heat_loss", "ambient"), ("sensor_clipping", "limit")):
+        law = next(h for h in seen if h.name.startswith(name))
+        model = kettle.with_effect(law.at_size(0.005, {parameter: 333.15}))
+        read = model.read_in(f"{law.name}.{parameter}")
+        told = Value(333.15, "K", 0.5, read).read
+        assert (round(told[0], 9), *told[1:]) == (60.0, 0.5, "°C")
+
+
 def test_a_curve_is_told_along_the_scale_of_the_thermometer_that_reads_its_state() -> None:
     def equations(m: Scope) -> Equations:
         braking = m.p.mu * m.u.push

@@ -14,7 +14,13 @@ from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError
 from workbench.files import json_text, picked, plain
 from workbench.model import Model
-from workbench.model.units import of_difference, parse_unit, readably, time_unit, written_unit
+from workbench.model.units import (
+    of_difference,
+    parse_unit,
+    read_with_deviation,
+    time_unit,
+    written_unit,
+)
 
 SCHEMA = "workbench.verdict/2"
 
@@ -46,7 +52,7 @@ class Value:
     Args:
         value: The number, in ``unit``.
         std: Standard deviation, in ``unit``.
-        shown: Unit in which people read it, without a zero of its own; empty for ``unit``.
+        shown: Unit in which people read it; empty for ``unit``.
     """
 
     value: float
@@ -57,11 +63,11 @@ class Value:
     @property
     def read(self) -> tuple[float, float, str]:
         """Number, standard deviation and unit as people read them."""
-        factor, unit = readably(1.0, self.unit, self.shown, self.value)
-        if unit == "s":
+        told = read_with_deviation(self.value, self.std, self.unit, self.shown)
+        if told[-1] == "s":
             unit, size = time_unit(self.value)
-            factor = 1.0 / size
-        return factor * self.value, factor * self.std, unit
+            return self.value / size, self.std / size, unit
+        return told
 
 
 @dataclass(frozen=True)

@@ -202,8 +202,8 @@ class Model(Shown):
     def read_in(self, name: str) -> str:
         """Return the unit that the author's words give a parameter for reading; empty if none.
 
-        A parameter of an effect is read as the parameter that this changes, or as what happens at
-        its ports, without a zero of its own.
+        A parameter of an effect that says none is read as the parameter that this changes, or as
+        what happens at its ports, without a zero of its own.
 
         Example:
             >>> from workbench.plants.servo_axis import servo_axis
@@ -216,7 +216,7 @@ class Model(Shown):
         if effect is not None and "." in name:
             places = (effect.about.subject, *effect.ports)
         one = self.parameter(name)
-        return of_difference(one.display_unit) or self.read_at(places, one.unit)
+        return one.display_unit or self.read_at(places, one.unit)
 
     def read_at(self, places: Iterable[str], unit: str) -> str:
         """Return the unit in which people read something of an SI unit; empty if none.

@@ -651,3 +651,17 @@ def readably(
         size = float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))
     written, factor = readable(unit, size)
     return factor * values, written
+
+
+def read_with_deviation(
+    value: float, std: float, unit: str, shown: str = "", size: float | None = None
+) -> tuple[float, float, str]:
+    """Return a value and its standard deviation, in SI, as people read them, and the unit.
+
+    Example:
+        >>> read_with_deviation(293.15, 2.0, "K", "degC"), read_with_deviation(4e5, 1e4, "Pa")
+        ((20.0, 2.0, '°C'), (4.0, 0.1, 'bar'))
+    """
+    size = abs(value) if size is None else size
+    number, written = readably(value, unit, shown, size)
+    return number, readably(std, unit, of_difference(shown), size)[0], written

@@ -45,6 +45,7 @@ class Local:
         sign: 1, or -1 where the signal of the port counts the other way, dimensionless.
         multiplied: Whether it is what the parameter that changes multiplies, of which there is no
             other name.
+        read: Unit in which people read it; empty for its own.
     """
 
     source: str
@@ -58,6 +59,7 @@ class Local:
     ratio: float = 1.0
     sign: float = 1.0
     multiplied: bool = False
+    read: str = ""
 
     @property
     def largest(self) -> float:
@@ -197,6 +199,11 @@ class Place:
             return self.output.scale
         own = self.port.scale if self.port.sized else largest(self.seen) or self.port.scale
         return max(own, self.terms)
+
+    @property
+    def read(self) -> str:
+        """Unit in which people read what a sensor says; empty for its own."""
+        return self.output.display_unit if self.output is not None else ""
 
     @property
     def interval(self) -> float:

@@ -18,7 +18,7 @@ import numpy as np
 from workbench.arrays import Vector
 from workbench.model import Model, Parameter, Port, State
 from workbench.model.expressions import weight
-from workbench.model.quantities import Quantity
+from workbench.model.quantities import Quantity, declared_unit
 from workbench.model.units import SPEEDS, same_dimension
 from workbench.physics.place import Local, Place, largest
 
@@ -46,6 +46,8 @@ class Ports:
         self.known: dict[str, Quantity] = {
             q.name: q for q in (*model.parameters, *model.inputs, *model.states)
         }
+        said = model.quantities
+        self._read = {name: declared_unit(name, q.unit, said) for name, q in self.known.items()}
         self.port_index = {q.name: i for i, q in enumerate(self.trace.ports)}
         self.state_index = {q.name: i for i, q in enumerate(model.states)}
         self.parameter_index = {q.name: i for i, q in enumerate(model.parameters)}
@@ -57,7 +59,8 @@ class Ports:
         start = getattr(q, "initial", getattr(q, "nominal", 0.0))
         seen = self.ranges.get(name)
         scale = q.scale if q.sized else largest(seen) or q.scale
-        return Local(name, q.unit, scale, lower, upper, start, seen)
+        read = self._read[name]
+        return Local(name, q.unit, scale, lower, upper, start, seen, read=read)
 
     def local(self, port: Port, signal: str, origin: str, unit: str = "") -> Local:
         """Return a local signal with what is known of it; by its unit where it is no state."""
@@ -65,7 +68,7 @@ class Ports:
             of = self.of(origin)
             # A prescribed signal of a test bench has no unit of its own.
             own = of.unit if of.unit != "1" or not unit else unit
-            return Local(signal, own, of.scale, of.lower, of.upper, of.start, of.seen)
+            return replace(of, source=signal, unit=own)
         own = self.trace.signal_units[self.trace.signal_names.index(origin)] if origin else unit
         alike = next((q for q in self.model.states if own and q.unit == own), None)
         if alike is None:

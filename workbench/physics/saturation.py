@@ -41,7 +41,7 @@ def _limit(at: Place, usual: float) -> tuple[Own, ...]:
     return (
         share("share of the excess that is cut"),
         shape("limit", at.unit, usual, "the limit", around=around,
-              between=(usual - far, usual + far), scale=at.scale),
+              between=(usual - far, usual + far), scale=at.scale, read=at.read),
     )  # fmt: skip
 
 
@@ -84,7 +84,7 @@ def _limit_within(at: Place) -> tuple[Own, ...]:
     return (
         share("share of the excess that is cut"),
         shape("limit", at.unit, at.scale, "the limit", around=None, between=(low - far, high + far),
-              scale=at.scale),
+              scale=at.scale, read=at.read),
     )  # fmt: skip
 
 

@@ -85,7 +85,7 @@ def _around(at: Place) -> Own:
     each = [shape["ambient"] for shape in _rooms(at)]
     between = min(start - reach, *each), max(start + reach, *each)
     return shape("ambient", at.level.unit, start, "temperature around", around=None,
-                 between=between, scale=at.level.scale)  # fmt: skip
+                 between=between, scale=at.level.scale, read=at.level.read)  # fmt: skip
 
 
 def _rooms(at: Place) -> list[dict[str, float]]:
@@ -288,7 +288,8 @@ def _brim(at: Place) -> tuple[Own, ...]:
     return (
         size("coefficient", per(at.unit, level.unit), 10 * rate, 100 * rate,
              "spill over excess level"),
-        shape("limit", level.unit, _brims(at)[0], "level of the brim", around=(0.1, 10.0)),
+        shape("limit", level.unit, _brims(at)[0], "level of the brim", around=(0.1, 10.0),
+              read=level.read),
         _typical(level, level.scale),
         sense(at),
         floor(at, 0.5),

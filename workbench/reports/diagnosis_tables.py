@@ -17,7 +17,7 @@ from workbench.diagnosis.selection.score import COLLINEAR, Score, Scores
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Verdict
 from workbench.model import Model
-from workbench.model.units import readably, written_unit
+from workbench.model.units import read_with_deviation, readably, written_unit
 from workbench.recordings.checks.check import CHECKS, USUAL_FIX
 from workbench.reports.figures.diagnosis import titled
 from workbench.reports.tables import Cell, Table, interval, number, plain, plus_minus
@@ -69,17 +69,17 @@ def parameters_table(diagnosis: Diagnosis) -> Table:
         one = before.get(name) or after[name]
         new = name not in before
         size = max(abs(one.prior.mean), abs(one.value))
-        factor, unit = readably(1.0, one.unit, model.read_in(name), size)
+        shown_in = (one.unit, model.read_in(name), size)
+        mean, std, unit = read_with_deviation(one.prior.mean, one.prior.std, *shown_in)
         words = ordinates.get(name) or plain(name.replace(".", ", "))
         shown = words if unit == "1" else f"{words} in {unit}"
-        known = plus_minus(factor * one.prior.mean, factor * one.prior.std)
         cells: list[Cell | str] = [
             shown + (" (new)" if new else ""),
-            "" if new else known,
-            _estimate(before.get(name), factor, wrong=wrong),
+            "" if new else plus_minus(mean, std),
+            _estimate(before.get(name), shown_in, wrong=wrong),
         ]
         if after:
-            cells.append(_estimate(after.get(name), factor))
+            cells.append(_estimate(after.get(name), shown_in))
         cells.append(_moved(before.get(name), after.get(name)) if not new else "")
         rows.append(tuple(cells))
     headings = ["parameter", "before the data", "refitted"]
@@ -112,10 +112,13 @@ def _ordinates(diagnosis: Diagnosis) -> dict[str, str]:
     return named
 
 
-def _estimate(estimate: Estimate | None, factor: float, *, wrong: bool = False) -> Cell:
+def _estimate(
+    estimate: Estimate | None, shown_in: tuple[str, str, float], *, wrong: bool = False
+) -> Cell:
     if estimate is None:
         return Cell("")
-    text = plus_minus(factor * estimate.value, factor * estimate.std, 4)
+    value, std, _ = read_with_deviation(estimate.value, estimate.std, *shown_in)
+    text = plus_minus(value, std, 4)
     if wrong and estimate.on_bound:
         return Cell(text, "missed", "on the bound of what is plausible")
     return Cell(text, reason="on its bound" if estimate.on_bound else "")

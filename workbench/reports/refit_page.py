@@ -118,7 +118,7 @@ def _estimates(report: RefitReport) -> Table:
             "estimate": lambda e: number(e.value, 5),
             "95 % interval": lambda e: interval(*e.interval, 5) + (bound if e.on_bound else ""),
         },
-        "Intervals allow for prediction errors that are correlated over half a second.",
+        "Intervals allow for prediction errors that last as long as a response takes to show.",
     )
 
 
