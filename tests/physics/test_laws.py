@@ -368,3 +368,37 @@ def test_a_sensor_may_read_what_another_one_reads() -> None:
     shifted = pump.with_effect(law.at_size(600.0, {"zero": 0.0}))
     read = [model.read([5.0, 100.0, 0.0], [12.0])[1] for model in (pump, shifted)]
     assert read == pytest.approx([2e4, 2.3e4])
+
+
+def test_what_acts_beside_a_gain_is_divided_by_the_same_inertia() -> None:
+    # A weight on a rod that is drawn in: what turns it acts on m r^2, once, whatever acts before.
+    rod = machine(
+        lambda m: (
+            {"turn": m.x.spin, "spin": (m.u.torque - m.p.rub * m.x.spin) / (2.0 * m.x.reach**2),
+             "reach": m.u.draw},
+            {"turn": m.x.turn},
+        ),
+        "turn rad 0, spin rad/s 3, reach m 1",
+        "torque N m 5 lower=-10 upper=10, draw m/s lower=-1 upper=1",
+        "turn rad",
+        "rub N m s/rad 0.1 0 1",
+    )  # fmt: skip
+    drag, scaled = (
+        next(h for h in library(rod) if h.law == law and h.ports == ("spin.rate",))
+        for law in ("quadratic_drag", "gain_jump")
+    )
+    alone, beside = (
+        rod.with_effect(drag.at_size(2e-5)),
+        rod.with_effect(
+            *[replace(scaled.at_size(0.0), name=f"gain_{k}") for k in range(8)], drag.at_size(2e-5)
+        ),
+    )
+    for reach in (1.0, 0.5):
+        plain, dragged, scaled_too = (
+            m.rates(m.initial_state({"spin": 3.0, "reach": reach}), [1.0, 0.0])[1]
+            for m in (rod, alone, beside)
+        )
+        assert plain - dragged == pytest.approx(2e-5 * 9.0 / reach**2)
+        assert scaled_too == pytest.approx(dragged, rel=1e-12)
+    sizes = [m.exact.rates_function.n_instructions() for m in (alone, beside)]
+    assert sizes[1] < sizes[0] + 8 * 25

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import casadi as ca
@@ -78,7 +79,7 @@ def weight(expression: ca.SX, signals: ca.SX) -> ca.SX | None:
         >>> weight((t - w) / (m * r), ca.vertcat(t, r, w)), weight(t / r, ca.vertcat(t, r))
         (SX(r), None)
     """
-    total, adds = ca.SX(1.0), False
+    sums, divisors = [], []
     waiting = [(expression, True)]
     while waiting:
         node, above = waiting.pop()
@@ -87,11 +88,14 @@ def weight(expression: ca.SX, signals: ca.SX) -> ca.SX | None:
             waiting.append((node.dep(0), above))
             if op != ca.OP_NEG:
                 waiting.append((node.dep(1), above == (op == ca.OP_MUL)))
-        elif above:
-            adds |= op in (ca.OP_ADD, ca.OP_SUB) and ca.depends_on(node, signals)
-        elif ca.depends_on(node, signals):
-            total = total * node
-    return total if adds and not total.is_constant() else None
+        elif not above:
+            divisors.append(node)
+        elif op in (ca.OP_ADD, ca.OP_SUB):
+            sums.append(node)
+    found = [node for node in divisors if ca.depends_on(node, signals)]
+    if not found or not any(ca.depends_on(node, signals) for node in sums):
+        return None
+    return math.prod(found, start=ca.SX(1.0))
 
 
 _LOOKS = 32

@@ -107,6 +107,7 @@ class PortView:
         known: States and inputs of the model, by name, in SI.
         parameters: Parameters of the model, by name, in SI.
         subject: The parameter of the model that the effect changes, in SI.
+        plain: The signal before any effect, in the port's unit.
     """
 
     port: str
@@ -120,6 +121,7 @@ class PortView:
     known: Names = field(default_factory=lambda: Names("state or input", {}))
     parameters: Names = field(default_factory=lambda: Names("parameter", {}))
     subject: Expression = None
+    plain: Expression = None
 
     @property
     def group(self) -> str:

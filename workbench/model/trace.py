@@ -239,6 +239,7 @@ def trace(model: Written, form: Form) -> Trace:
                     port.scale,
                     known,
                     Names("parameter", symbols["parameter"]),
+                    plain=written[port.name],
                 )
                 seen[effect.name][port.name] = view
                 value = effect.transform(view)
@@ -308,7 +309,8 @@ def trace(model: Written, form: Form) -> Trace:
     perturbation = _vector({q.name: perturbations[q.name] for q in scope.ports})
     sources = {**scope.values, **symbols["parameter"], **known}
     own_signals = [ca.vcat([_symbolic(v) for v in local[q.name].values()]) for q in scope.ports]
-    traced = [perturbed_rates, perturbed_outputs, start, signals, *own_signals]
+    # Effects one after another have written anew what stands before them.
+    traced = ca.cse([perturbed_rates, perturbed_outputs, start, signals, *own_signals])
     nothing = [perturbation], [ca.SX.zeros(perturbation.numel())]
     still = ca.substitute(traced, *nothing)
     told = [f"rate of {q.name}" for q in model.states]
@@ -316,7 +318,6 @@ def trace(model: Written, form: Form) -> Trace:
     _require_numbers(model, ca.vertcat(*still[:2]), told)
     if _leaves_the_numbers(model, symbols, still[:2]):
         traced = with_real_roots(traced)
-        perturbed_rates, perturbed_outputs = traced[:2]
         still = ca.substitute(traced, *nothing)
     named = _origins(sources)
     return Trace(
@@ -339,8 +340,8 @@ def trace(model: Written, form: Form) -> Trace:
         signals=still[3],
         ranges=tuple(scope.ranges),
         perturbation=perturbation,
-        perturbed_rates=perturbed_rates,
-        perturbed_outputs=perturbed_outputs,
+        perturbed_rates=traced[0],
+        perturbed_outputs=traced[1],
         local_signals=tuple(still[4:]),
     )
 

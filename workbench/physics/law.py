@@ -451,7 +451,7 @@ class Law:
             if not usual or self.of_parameter:
                 return 1.0
             known = {name: ca.SX(at.known[name]) for name in usual if name in at.known}
-            found = weight(ca.SX(at.value), ca.vcat(list(known.values())))
+            found = weight(ca.SX(at.plain), ca.vcat(list(known.values())))
             if found is None:
                 return 1.0
             start = ca.DM([usual[name] for name in known])

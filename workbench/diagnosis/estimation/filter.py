@@ -224,6 +224,7 @@ class Asked(NamedTuple):
             square over the output's scale, and the time of its correlation, in s, of each. It is a
             state of the filter behind those of the plant.
         misread: Places of the inputs whose noise moves the model, but not the machine.
+        absent: Places of the parameters that are zero, whatever the filter is told.
     """
 
     traced: Trace
@@ -236,6 +237,7 @@ class Asked(NamedTuple):
     ports: tuple[int, ...]
     coloured: tuple[tuple[int, float, float], ...] = ()
     misread: tuple[int, ...] = ()
+    absent: tuple[int, ...] = ()
 
 
 class Filter:
@@ -567,28 +569,34 @@ def _functions(asked: Asked, sample_time: float) -> tuple[ca.Function, ...]:
     for k, (row, _, _) in enumerate(asked.coloured):
         reads[row] += noise[k] * sy[row]
     d = ca.SX.sym("d", len(ports) + len(asked.misread), 2)
-    process = _process_noise(traced, np.array(asked.state_scale), ports, asked.misread, d)
+    names = [traced.signal_names.index(traced.ports[i].name) for i in ports]
+    # What acts there: signals of ports, and inputs that are misread.
+    acting = ca.vertcat(*(traced.signals[i] for i in names), *(traced.u[i] for i in asked.misread))
+    by_input = ca.jacobian(rates[:plant], traced.u)[:, list(asked.misread)]
+    slope = ca.horzcat(traced.rates_by_port[:, list(ports)], by_input)
+    process = _process_noise(slope, acting, d, sx[:plant])
     added = [rms**2 * -math.expm1(-2.0 * sample_time / time) for _, rms, time in asked.coloured]
     process = ca.densify(ca.diagcat(process, *map(ca.SX, added)))
     arguments, cse = [x, traced.u, traced.p], {"cse": True}
+    absent = traced.p[list(asked.absent)]
+
+    def function(name: str, values: list[ca.SX], *more: ca.SX) -> ca.Function:
+        # Nothing of what is multiplied by zero is left.
+        told = ca.substitute(values, [absent], [ca.SX(ca.DM.zeros(absent.shape))])
+        return ca.Function(name, [*arguments, *more], told if asked.absent else values, cse)
+
     return (
-        ca.Function("slope", arguments, [rates, *slopes(rates[kept], sx[kept])], cse),
-        ca.Function("rates", arguments, [rates], cse),
-        ca.Function("read", arguments, [ca.densify(reads / sy), *slopes(reads, sy)], cse),
-        ca.Function("noise", [*arguments, d], [process[kept, kept]], cse),
+        function("slope", [rates, *slopes(rates[kept], sx[kept])]),
+        function("rates", [rates]),
+        function("read", [ca.densify(reads / sy), *slopes(reads, sy)]),
+        function("noise", [process[kept, kept]], d),
     )
 
 
-def _process_noise(
-    traced: Trace, scale: Vector, ports: tuple[int, ...], misread: tuple[int, ...], d: ca.SX
-) -> ca.SX:
+def _process_noise(slope: ca.SX, acting: ca.SX, d: ca.SX, scale: ca.DM) -> ca.SX:
     """Covariance that unmodelled signals at ports and noise of inputs add in one sample."""
     if not d.numel():
-        return ca.SX.zeros(len(scale), len(scale))
-    names = [traced.signal_names.index(traced.ports[i].name) for i in ports]
-    signals = ca.vertcat(*(traced.signals[i] for i in names), *(traced.u[i] for i in misread))
-    variances = d[:, 0] + d[:, 1] * signals**2
-    by_input = ca.jacobian(traced.rates, traced.u)[:, list(misread)]
-    slope = ca.horzcat(traced.rates_by_port[:, list(ports)], by_input)
+        return ca.SX.zeros(scale.numel(), scale.numel())
+    variances = d[:, 0] + d[:, 1] * acting**2
     covariance = ca.mtimes(ca.mtimes(slope, ca.diag(variances)), slope.T)
     return ca.densify(covariance / ca.mtimes(ca.SX(scale), ca.SX(scale).T))

@@ -222,6 +222,7 @@ class PredictionError:
         certain: Names of states that are simulated but not corrected by the filter. That is exact
             for the derivatives at size zero of effects that own these states: there no measurement
             depends on them.
+        absent: Names of parameters that are zero whatever it is told.
     """
 
     model: Model
@@ -229,6 +230,7 @@ class PredictionError:
     free: tuple[str, ...]
     disturbances: Mapping[str, float] = field(default_factory=dict)
     certain: tuple[str, ...] = ()
+    absent: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Look the names up and build the filter."""
@@ -338,6 +340,7 @@ class PredictionError:
             self._ports,
             tuple(coloured),
             self._misread,
+            tuple(index_of("parameter", name, self.model.parameters) for name in self.absent),
         )
         self._filters.append(Filter(asked, self.like.sample_time, self._steps))
         return self._filters[-1]
@@ -402,17 +405,19 @@ def filter_of(
     free: Sequence[str] = (),
     *,
     beside: Model | None = None,
+    absent: Sequence[str] = (),
 ) -> PredictionError:
     """Return the filter of a model for recordings like one, at a process-noise scale.
 
     Args:
         noise_scale: Process-noise scale, dimensionless.
         beside: The model without effects at size zero, whose states are certain.
+        absent: Parameters that are zero whatever the filter is told: their slopes alone are wanted.
     """
     own = {q.name for q in (beside or model).states}
     certain = tuple(q.name for q in model.states if q.name not in own)
     pushed = disturbances(model, noise_scale)
-    return PredictionError(model, observed, tuple(free), pushed, certain)
+    return PredictionError(model, observed, tuple(free), pushed, certain, tuple(absent))
 
 
 def stack(parts: Sequence[Innovations]) -> tuple[Vector, Vector]:

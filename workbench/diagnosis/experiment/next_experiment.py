@@ -232,7 +232,9 @@ def _revealing(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> Advice:
     found = [
         sight
         for sight in found
-        if sight.collinearity < COLLINEAR and abs(sight.entry.typical_size) > SEEN * sight.then
+        if sight.collinearity < COLLINEAR
+        and sight.then < _WORTHWHILE * sight.now
+        and abs(sight.entry.typical_size) > SEEN * sight.then
     ]
     if not found:
         return Advice()

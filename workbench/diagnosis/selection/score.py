@@ -209,8 +209,10 @@ def _attached(
     """Run the filter with effects attached; where that fails, look for the one that is to blame."""
     try:
         extended = model.with_effect(*(variant.effect for variant in variants))
-        sizes = (f"{v.effect.name}.{v.entry.size_parameter}" for v in variants)
-        filter_ = filter_of(extended, recordings[0], noise_scale, (*names, *sizes), beside=model)
+        sizes = [f"{v.effect.name}.{v.entry.size_parameter}" for v in variants]
+        absent = [name for name in sizes if extended.parameter(name).value == 0.0]
+        free = (*names, *sizes)
+        filter_ = filter_of(extended, recordings[0], noise_scale, free, beside=model, absent=absent)
         started = [extended_start(r, model, extended) for r in recordings]
         parts = filter_.along(started, extended.values)
         return [_Attached(variants, filter_.free_scale, parts)]
