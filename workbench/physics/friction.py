@@ -128,11 +128,12 @@ direction_dependent_viscous = Law(
 
 
 # With dry friction f the difference makes it f + difference / 2 forwards and f - difference / 2
-# backwards; a torque that is always there would also pull at standstill.
+# backwards; a torque that is always there would also pull at standstill. Without any it would push
+# one way: it is offered beside dry friction, the author's or what was found.
 direction_dependent_friction = Law(
     "direction_dependent_friction",
     "T = -(difference / 2) tanh(v / transition_speed)^2",
-    each(*RESISTED, needs=("speed",)),
+    each(*RESISTED, needs=("speed",), only=lambda at: at.bends),
     lambda at: (
         size("difference", at.unit, 0.05 * at.scale, 1.0 * at.scale,
              "dry friction forwards less that backwards", signed=True),

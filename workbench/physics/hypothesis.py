@@ -62,6 +62,11 @@ class Hypothesis:
         return self.effect.name
 
     @property
+    def is_event(self) -> bool:
+        """Whether it comes at a time of its own, once."""
+        return bool(self.effect.about.moment) and not self.effect.about.period
+
+    @property
     def ports(self) -> tuple[str, ...]:
         """Ports on which it acts."""
         return self.effect.ports

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import replace
+from itertools import islice
 
 from workbench.model import Effect, Model
 from workbench.physics.hypothesis import Hypothesis, look_alikes
 from workbench.physics.law import LAWS, Law
 from workbench.physics.recorded_facts import NOTHING, RecordedFacts
 from workbench.physics.survey import Survey
+
+_MORE = 2
+"""How often an event may come again: as often as sets of effects have room for."""
 
 __all__ = ["LAWS", "Hypothesis", "Law", "every_name", "library", "look_alikes"]
 
@@ -34,7 +39,7 @@ def library(
             yours is taken.
         more_of: Names of attached effects of which there may be more than their parameters allow.
         found: Names of attached effects that were missing at first: what they are is not offered a
-            change with time too.
+            change with time too, and an event among them may come again.
         named: Only laws with whose names this name begins, as a hypothesis of theirs does.
 
     Example:
@@ -58,7 +63,16 @@ def library(
         for h in (*offered, *given)
         if h.name not in taken and not any(_same(h, e, downhill) for e in known)
     ]
+    events = (h for h in (*offered, *given) if h.name in found)
+    missing += [next(h for h in _again(e) if h.name not in taken) for e in events if e.is_event]
     return tuple(sorted(missing, key=lambda h: h.group == "sensor"))
+
+
+def _again(event: Hypothesis) -> Iterator[Hypothesis]:
+    """Return what may come once, a second time, and so on."""
+    while True:
+        event = replace(event, effect=replace(event.effect, name=f"{event.name}_again"))
+        yield event
 
 
 def every_name(
@@ -92,7 +106,9 @@ def every_name(
     for known, more_of in ((model, ()), (refitted, [e.name for e in model.effects])):
         offered = library(known, recorded, more_of=more_of, named=named)
         for hypothesis in (one for h in offered for one in (h, *h.alone)):
-            found.setdefault(hypothesis.name, hypothesis)
+            more = islice(_again(hypothesis), _MORE if hypothesis.is_event else 0)
+            for one in (hypothesis, *more):
+                found.setdefault(one.name, one)
         if named in found:
             break
     return found

@@ -326,6 +326,11 @@ def _each_store(survey: Survey) -> Iterator[Fit]:
             yield f"_{place.port.group}", ((place,),)
 
 
+def _each_effort(survey: Survey) -> Iterator[Fit]:
+    """Yield the stores whose level times what flows is a power."""
+    return (fit for fit in _each_store(survey) if fit[1][0][0].level.unit in ("V", "Pa"))
+
+
 def _above(at: PortView) -> Expression:
     return at.form.ramp(at.signals.level - at.p.outlet, 0.01 * at.p.level_scale)
 
@@ -369,6 +374,26 @@ linear_outflow = Law(
     source="laminar leak, G. Hagen 1839; leak resistance",
     look_alikes=("orifice_outflow", "saturating_outflow", "overflow", "offset"),
     separated_by="let the store run empty: the level falls along an exponential",
+)  # fmt: skip
+
+# Of a voltage or a pressure: what a converter or a pump takes at a constant power.
+constant_power_outflow = Law(
+    "constant_power_outflow",
+    "flow = flow - coefficient level_scale / level",
+    _each_effort,
+    lambda at: (
+        size("coefficient", at.unit, 0.1 * at.scale, at.scale, "outflow at the typical level",
+             signed=True),
+        sense(at),
+        _typical(at.level, at.level.largest),
+    ),
+    # An empty store gives none.
+    lambda at: at.value
+    - at.p.sense * at.p.coefficient * at.p.level_scale * at.signals.level
+    / (at.signals.level**2 + (0.03 * at.p.level_scale) ** 2),
+    source="A. Emadi et al., IEEE Trans. Vehicular Technology 55 (2006) 1112: constant power loads",
+    look_alikes=("linear_outflow", "saturating_outflow", "offset"),
+    separated_by="two levels of the store: what flows out grows where it falls",
 )  # fmt: skip
 
 quadratic_outflow = replace(

@@ -220,7 +220,7 @@ class Survey:
             rubbed=any(
                 e.dry and name in e.ports and e.name not in self._found for e in self.model.effects
             ),
-            empty=ports.value(index).is_zero(), gains=gains,
+            bends=not self.trace.gentle, empty=ports.value(index).is_zero(), gains=gains,
             parameters=tuple(q for q in self._entering[index] if q not in gains),
             whole=ports.whole(index), elastic=(shared or role in EFFORTS) and elastic,
             between=role in EFFORTS and ports.between_bodies(index),

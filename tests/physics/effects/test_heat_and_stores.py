@@ -459,3 +459,24 @@ def test_the_exponent_between_two_stores_is_that_of_their_difference() -> None:
     given = [model.rates([500.0 + d, 500.0], [0.0])[1] for d in (20.0, 40.0, -40.0)]
     assert np.log2(given[1] / given[0]) == pytest.approx(1.25, abs=1e-3)
     assert given[2] == pytest.approx(-given[1])
+
+
+def test_a_converter_takes_more_current_where_the_voltage_falls() -> None:
+    bus = machine(
+        lambda m: ({"v": (m.u.source - m.x.v / m.p.R) / m.p.C}, {"bus": m.x.v}),
+        "v V 48 scale=48",
+        "source A 10 lower=0 upper=20",
+        "bus V",
+        "R ohm 10 1 100, C F 1e-3",
+    )
+    assert "constant_power_outflow" not in {h.law for h in library(tank())}
+    law = next(h for h in library(bus) if h.law == "constant_power_outflow")
+    loaded = bus.with_effect(law.at_size(1000.0, {"level_scale": 48.0}))
+
+    def taken(volts: float) -> float:
+        rates = [m.rates(m.initial_state({"v": volts}), [5.0])[0] for m in (bus, loaded)]
+        return float(rates[0] - rates[1])
+
+    powers = [volts * taken(volts) for volts in (30.0, 40.0, 48.0)]
+    assert powers == pytest.approx([48.0 * 1000.0] * 3, rel=3e-3)
+    assert taken(0.0) == 0.0

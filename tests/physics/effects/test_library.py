@@ -256,3 +256,22 @@ def test_one_name_is_found_as_among_all(plant: str) -> None:
         assert len(alone) < 0.5 * len(everything)
         described = (re.sub(r" at 0x\w+", "", repr(h)) for h in (alone[name], hypothesis))
         assert len(set(described)) == 1
+
+
+def test_an_event_that_was_found_may_come_again() -> None:
+    axis = built("servo")
+    jump = next(h for h in library(axis) if h.name == "offset_jump_axis_force")
+    first = axis.with_effect(jump.at_size(0.1))
+    assert not [h for h in library(first) if h.name.endswith("_again")]
+    (second,) = (h for h in library(first, found=[jump.name]) if h.name.endswith("_again"))
+    assert second.name == f"{jump.name}_again"
+    both = first.with_effect(second.at_size(0.1))
+    third = [h for h in library(both, found=[jump.name, second.name]) if h.is_event]
+    assert f"{second.name}_again" in {h.name for h in third}
+    assert every_name(axis, named=second.name)[second.name].ports == jump.ports
+
+
+def test_friction_differs_by_direction_only_where_there_is_any() -> None:
+    plain = servo_axis().without("coulomb_friction")
+    laws = [{h.law for h in library(model)} for model in (plain, servo_axis())]
+    assert ["direction_dependent_friction" in each for each in laws] == [False, True]
