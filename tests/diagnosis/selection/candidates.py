@@ -39,7 +39,8 @@ def estimated(value: float, std: float) -> SimpleNamespace:
 
 
 def model_that(*misread: tuple[str, float]) -> SimpleNamespace:
-    return SimpleNamespace(traits=SimpleNamespace(misread=misread))
+    inputs = tuple(SimpleNamespace(name=name, unit="rad") for name, _ in misread)
+    return SimpleNamespace(traits=SimpleNamespace(misread=misread), inputs=inputs)
 
 
 def made_candidate(

@@ -44,6 +44,9 @@ def test_what_may_only_even_out_the_noise_of_an_input_is_doubted() -> None:
     (said,) = told("sensor_lag_angle", read)
     assert said == "it may only even out the noise with which pressure was read"
     assert told("sensor_lag_angle") == told("valve_offset", read) == ()
+    # A play of 10 mrad does more than even out a noise of 0.1 mrad, and may do that to one of 5.
+    assert told("sensor_play_angle", ("steer", 1e-4)) == ()
+    assert told("sensor_play_angle", ("steer", 5e-3)) != ()
 
 
 def test_doubts_are_those_of_the_fit_that_is_told() -> None:

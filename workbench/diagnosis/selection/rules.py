@@ -135,6 +135,11 @@ def _noise_apart(q: Question) -> str:
     fit = q.candidate.fit
     if fit is None or not colours_noise(q.candidate) or not fit.model.traits.misread:
         return ""
+    size, units = q.candidate.size, {one.name: one.unit for one in fit.model.inputs}
+    alike = q.candidate.entry.unit
+    noise = [rms for name, rms in fit.model.traits.misread if units[name] == alike]
+    if noise and size is not None and abs(size.value) > q.threshold * max(noise):
+        return ""
     read = ", ".join(name for name, _ in fit.model.traits.misread)
     return f"it may only even out the noise with which {read} was read"
 
@@ -184,9 +189,9 @@ DOUBTS = (
     Rule("seen in the measurements", 0.3, "What moves nothing is not worth naming.", _seen),
     Rule(
         "noise apart",
-        0.0,
+        10.0,
         "Noise of a meter that read an input moves the model and not the machine: whatever evens it"
-        " out runs closer.",
+        " out runs closer. A play that is many times as wide does more than that.",
         _noise_apart,
     ),
     Rule("size off its bound", 0.999, "A solution on a bound is not a solution.", _bound),
