@@ -64,6 +64,29 @@ def terms(expression: ca.SX) -> list[ca.SX]:
     return [expression]
 
 
+_REVERSING = {ca.OP_TANH, ca.OP_SIGN, ca.OP_ATAN, ca.OP_ERF, ca.OP_IF_ELSE_ZERO, ca.OP_SQRT}
+
+
+def reverses_over(expression: ca.SX, signal: ca.SX) -> bool:
+    """Tell whether a part of an expression, any unit, reverses with a signal, as dry friction does.
+
+    Example:
+        >>> v = ca.SX.sym("v")
+        >>> reverses_over(2.0 * v + 3.0 * ca.tanh(v / 1e-3), v), reverses_over(v * ca.fabs(v), v)
+        (True, False)
+    """
+    waiting, seen = expression.elements(), set[int]()
+    while waiting:
+        node = waiting.pop()
+        if node.element_hash() in seen or not node.n_dep():
+            continue
+        seen.add(node.element_hash())
+        if node.op() in _REVERSING and ca.depends_on(node, signal):
+            return True
+        waiting += [node.dep(i) for i in range(node.n_dep())]
+    return False
+
+
 def weight(expression: ca.SX, signals: ca.SX) -> ca.SX | None:
     """Find what a sum of signals is divided by as a whole, any unit, if that is no constant.
 

@@ -133,7 +133,7 @@ direction_dependent_viscous = Law(
 direction_dependent_friction = Law(
     "direction_dependent_friction",
     "T = -(difference / 2) tanh(v / transition_speed)^2",
-    each(*RESISTED, needs=("speed",), only=lambda at: at.bends),
+    each(*RESISTED, needs=("speed",), only=lambda at: at.rubs),
     lambda at: (
         size("difference", at.unit, 0.05 * at.scale, 1.0 * at.scale,
              "dry friction forwards less that backwards", signed=True),

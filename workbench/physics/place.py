@@ -128,7 +128,7 @@ class Place:
         commanded: Whether it follows from inputs alone.
         shared: Whether it is a command that sets several bodies in motion at once.
         rubbed: Whether dry friction is attached to it that was not missing at first.
-        bends: Whether the equations bend somewhere, as those of dry friction do.
+        rubs: Whether there is dry friction over the speed.
         empty: Whether nothing passes there unless an effect adds it.
         whole: Whether the rate of what it drives or fills is proportional to the signal.
         elastic: Whether the signal is a straight line over the coordinate.
@@ -162,7 +162,7 @@ class Place:
     commanded: bool = False
     shared: bool = False
     rubbed: bool = False
-    bends: bool = True
+    rubs: bool = True
     empty: bool = False
     whole: bool = False
     elastic: bool = False

@@ -11,6 +11,7 @@ import numpy as np
 
 from workbench.errors import check_choice
 from workbench.model import Model, Parameter, Port
+from workbench.model.expressions import reverses_over
 from workbench.model.units import per, same_dimension
 from workbench.physics.motion import (
     carried_motion,
@@ -220,7 +221,7 @@ class Survey:
             rubbed=any(
                 e.dry and name in e.ports and e.name not in self._found for e in self.model.effects
             ),
-            bends=not self.trace.gentle, empty=ports.value(index).is_zero(), gains=gains,
+            rubs=self._rubs(index, signals), empty=ports.value(index).is_zero(), gains=gains,
             parameters=tuple(q for q in self._entering[index] if q not in gains),
             whole=ports.whole(index), elastic=(shared or role in EFFORTS) and elastic,
             between=role in EFFORTS and ports.between_bodies(index),
@@ -229,6 +230,14 @@ class Survey:
             stride=self._stride(name, signals), terms=self._terms(port), carried=carried,
             usual=ports.weighing(index) if role in (*EFFORTS, *FLOWS) else {},
         )  # fmt: skip
+
+    def _rubs(self, index: int, signals: Mapping[str, Local]) -> bool:
+        """Tell whether there is dry friction at a port, the author's or what was attached."""
+        name, speed = self.trace.ports[index].name, signals.get("speed")
+        if speed is None or any(e.dry and name in e.ports for e in self.model.effects):
+            return speed is not None
+        known = self.ports.state_index.get(speed.source)
+        return known is None or reverses_over(self.ports.value(index), self.trace.x[known])
 
     def _levels(self, index: int) -> dict[str, Local]:
         """Return what a flow fills, what it empties, and what it fills from there."""
