@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import casadi as ca
 import numpy as np
@@ -64,7 +64,10 @@ def terms(expression: ca.SX) -> list[ca.SX]:
     return [expression]
 
 
-_REVERSING = {ca.OP_TANH, ca.OP_SIGN, ca.OP_ATAN, ca.OP_ERF, ca.OP_IF_ELSE_ZERO, ca.OP_SQRT}
+_REVERSING = {
+    ca.OP_TANH, ca.OP_SIGN, ca.OP_ATAN, ca.OP_ERF, ca.OP_IF_ELSE_ZERO, ca.OP_SQRT, ca.OP_FMIN,
+    ca.OP_FMAX,
+}  # fmt: skip
 
 
 def reverses_over(expression: ca.SX, signal: ca.SX) -> bool:
@@ -74,17 +77,27 @@ def reverses_over(expression: ca.SX, signal: ca.SX) -> bool:
         >>> v = ca.SX.sym("v")
         >>> reverses_over(2.0 * v + 3.0 * ca.tanh(v / 1e-3), v), reverses_over(v * ca.fabs(v), v)
         (True, False)
+        >>> reverses_over(v / (ca.fabs(v) + 1e-3), v)
+        True
     """
+    for node in _operations(expression):
+        # v / (|v| + e) is a rounded sign.
+        below = _operations(node.dep(1)) if node.op() == ca.OP_DIV else ()
+        rounded = any(part.op() == ca.OP_FABS for part in below)
+        if (rounded or node.op() in _REVERSING) and ca.depends_on(node, signal):
+            return True
+    return False
+
+
+def _operations(expression: ca.SX) -> Iterator[ca.SX]:
+    """Yield all that is computed on the way to an expression, each once."""
     waiting, seen = expression.elements(), set[int]()
     while waiting:
         node = waiting.pop()
-        if node.element_hash() in seen or not node.n_dep():
-            continue
-        seen.add(node.element_hash())
-        if node.op() in _REVERSING and ca.depends_on(node, signal):
-            return True
-        waiting += [node.dep(i) for i in range(node.n_dep())]
-    return False
+        if node.n_dep() and node.element_hash() not in seen:
+            seen.add(node.element_hash())
+            waiting += [node.dep(i) for i in range(node.n_dep())]
+            yield node
 
 
 def weight(expression: ca.SX, signals: ca.SX) -> ca.SX | None:
