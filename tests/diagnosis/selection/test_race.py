@@ -391,3 +391,37 @@ def test_more_trust_that_the_beginning_of_recordings_bears_is_no_gain_of_a_law()
     assert found.fit is not None and blind.fit is not None
     assert blind.fit.noise_scale < found.fit.noise_scale == base.noise_scale
     assert blind.gain > found.gain + 100.0
+
+
+@dataclass(frozen=True)
+class Named:
+    name: str
+    value: float
+
+
+@dataclass(frozen=True)
+class Refitted:
+    estimates: tuple[Named, ...]
+
+
+@dataclass(frozen=True)
+class Fitted:
+    refit: Refitted
+
+
+def test_what_is_told_from_its_equal_goes_on_from_where_that_ended() -> None:
+    best = made_candidate("valve_offset", 900.0, 0.1)
+    uneven = made_candidate("constant_torque", 895.0, 0.1, uneven=20.0)
+    short, equal, less = (made_candidate("constant_torque", g, 0.1) for g in (895.0, 899.5, 850.0))
+    asked = [replace(c, followed=True) for c in (short, uneven, equal, less)]
+    assert [race._ended_early(c, best) for c in asked] == [True, False, False, False]
+    assert not race._ended_early(replace(short, followed=False), best)
+    # It keeps what is its own and takes what both have.
+    ended = {"viscous": 2.0, "valve_offset.amount": 0.3}
+    own = [Named("viscous", 1.0), Named("constant_torque.amount", 0.7)]
+    fits = (
+        SimpleNamespace(refit=SimpleNamespace(values=ended)),
+        Fitted(Refitted(tuple(own))),
+    )
+    begun = race._from_where(*(replace(best, fit=cast(Any, fit)) for fit in fits))
+    assert [e.value for e in cast(Any, begun.fit).refit.estimates] == [2.0, 0.7]

@@ -22,13 +22,13 @@ from workbench.diagnosis.estimation.process_noise import (
     fit_with_process_noise,
 )
 from workbench.diagnosis.selection.candidate import Candidate, explains, leaves_nothing, trusts_less
-from workbench.diagnosis.selection.decision import decided
+from workbench.diagnosis.selection.decision import closer_unseen, decided
 from workbench.diagnosis.selection.final_refit import closest_errors, followed
 from workbench.diagnosis.selection.first_refit import first_refit
-from workbench.diagnosis.selection.held_out import NO_RUNS
+from workbench.diagnosis.selection.held_out import NO_RUNS, told_apart
 from workbench.diagnosis.selection.moments import is_event
-from workbench.diagnosis.selection.refit_in_turn import Basis
-from workbench.diagnosis.selection.rules import TWIN, Limits
+from workbench.diagnosis.selection.refit_in_turn import NEARER, Basis
+from workbench.diagnosis.selection.rules import SAME, TWIN, Limits
 from workbench.diagnosis.selection.score import Score
 from workbench.diagnosis.selection.shortlist import LEAST_SCORE
 from workbench.diagnosis.selection.task import Task
@@ -150,6 +150,15 @@ def refit_candidates(
             if early:
                 came = _came_too(at_first, first, best) if len(fit_on) > 1 else []
                 waiting = [came, _twins(alike, first, best) if alike else []]
+    # What gains as much and is told from it all the same may have ended early, in a bent valley.
+    near = [i for i, c in enumerate(first) if best and _ended_early(c, best)]
+    if best and near:
+        task.say("refitting to the end " + " and ".join(first[i].entry.name for i in near))
+        done = in_order([follow(_from_where(best, first[i])) for i in near], jobs=task.jobs)
+        for i, final in zip(near, done, strict=True):
+            first[i] = final if final.gain > first[i].gain else first[i]
+        found = decided(first, runs, limits)
+        best = next((c for c in found if not c.refused), None)
     if best is None or not best.entry.alone:
         return found
     # What acts at several places alike may act at one of them.
@@ -160,6 +169,29 @@ def refit_candidates(
         for entry in best.entry.alone
     ]
     return decided((*first, *in_order([*map(follow, at_one)], jobs=task.jobs)), runs, limits)
+
+
+def _ended_early(candidate: Candidate, best: Candidate) -> bool:
+    """Tell whether a candidate explains as much as the best one, and is told from it all the same.
+
+    As an unbalanced mass and a tilt are, of which one load shows no difference.
+    """
+    followed_too = candidate.followed and candidate.fit is not None
+    if not followed_too or not NEARER < best.gain - candidate.gain < SAME:
+        return False
+    return told_apart(best.blocks, candidate.blocks) or closer_unseen(best, candidate)
+
+
+def _from_where(best: Candidate, candidate: Candidate) -> Candidate:
+    """Return a candidate that goes on with what it shares with the best one as that has it."""
+    assert candidate.fit is not None
+    assert best.fit is not None
+    fit, ended, own = candidate.fit, best.fit.refit.values, f"{best.name}."
+    estimates = tuple(
+        e if e.name.startswith(own) else replace(e, value=ended.get(e.name, e.value))
+        for e in fit.refit.estimates
+    )
+    return replace(candidate, fit=replace(fit, refit=replace(fit.refit, estimates=estimates)))
 
 
 def _raced(basis: Basis, field: Sequence[Score]) -> list[Candidate]:
