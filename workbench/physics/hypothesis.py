@@ -62,8 +62,8 @@ class Hypothesis:
         return self.effect.name
 
     @property
-    def is_event(self) -> bool:
-        """Whether it comes at a time of its own, once."""
+    def comes_once(self) -> bool:
+        """Whether it is an event that does not come again by itself."""
         return bool(self.effect.about.moment) and not self.effect.about.period
 
     @property

@@ -64,7 +64,7 @@ def library(
         if h.name not in taken and not any(_same(h, e, downhill) for e in known)
     ]
     events = (h for h in (*offered, *given) if h.name in found)
-    missing += [next(h for h in _again(e) if h.name not in taken) for e in events if e.is_event]
+    missing += [next(h for h in _again(e) if h.name not in taken) for e in events if e.comes_once]
     return tuple(sorted(missing, key=lambda h: h.group == "sensor"))
 
 
@@ -106,7 +106,7 @@ def every_name(
     for known, more_of in ((model, ()), (refitted, [e.name for e in model.effects])):
         offered = library(known, recorded, more_of=more_of, named=named)
         for hypothesis in (one for h in offered for one in (h, *h.alone)):
-            more = islice(_again(hypothesis), _MORE if hypothesis.is_event else 0)
+            more = islice(_again(hypothesis), _MORE if hypothesis.comes_once else 0)
             for one in (hypothesis, *more):
                 found.setdefault(one.name, one)
         if named in found:

@@ -266,7 +266,7 @@ def test_an_event_that_was_found_may_come_again() -> None:
     (second,) = (h for h in library(first, found=[jump.name]) if h.name.endswith("_again"))
     assert second.name == f"{jump.name}_again"
     both = first.with_effect(second.at_size(0.1))
-    third = [h for h in library(both, found=[jump.name, second.name]) if h.is_event]
+    third = [h for h in library(both, found=[jump.name, second.name]) if h.comes_once]
     assert f"{second.name}_again" in {h.name for h in third}
     assert every_name(axis, named=second.name)[second.name].ports == jump.ports
 

@@ -581,9 +581,10 @@ def _functions(asked: Asked, sample_time: float) -> tuple[ca.Function, ...]:
     absent = traced.p[list(asked.absent)]
 
     def function(name: str, values: list[ca.SX], *more: ca.SX) -> ca.Function:
-        # Nothing of what is multiplied by zero is left.
-        told = ca.substitute(values, [absent], [ca.SX(ca.DM.zeros(absent.shape))])
-        return ca.Function(name, [*arguments, *more], told if asked.absent else values, cse)
+        if asked.absent:
+            # Nothing of what is multiplied by zero is left.
+            values = ca.substitute(values, [absent], [ca.SX.zeros(absent.shape)])
+        return ca.Function(name, [*arguments, *more], values, cse)
 
     return (
         function("slope", [rates, *slopes(rates[kept], sx[kept])]),

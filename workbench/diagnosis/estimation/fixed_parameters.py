@@ -41,9 +41,7 @@ def with_fixed_uncertainty(fit: ProcessNoiseFit, recordings: Sequence[Observed])
     ``P = (J^T J + diag(prior variances)^-1)^-1`` over free and fixed parameters together, of which
     the block of the free ones is kept; the estimates stay.
     """
-    estimates = fit.refit.values
-    names = [q.name for q in fit.model.parameters if q.fixed and q.name not in estimates]
-    return _beside(fit, recordings, default_priors(fit.model, names))
+    return _beside(fit, recordings, _still_fixed(fit))
 
 
 def with_all_uncertainty(fit: ProcessNoiseFit, recordings: Sequence[Observed]) -> ProcessNoiseFit:
@@ -53,11 +51,10 @@ def with_all_uncertainty(fit: ProcessNoiseFit, recordings: Sequence[Observed]) -
     how fast a slew limit follows small motions; and, for times, when within a sample a machine
     reads and acts. A period is told by all its repetitions.
     """
-    model, estimates = fit.model, fit.refit.values
-    fixed = [q.name for q in model.parameters if q.fixed and q.name not in estimates]
-    guessed = (q for q in guesses(model, 1.0) if q.name not in estimates)
-    wide = _beside(fit, recordings, (*default_priors(model, fixed), *guessed)).refit
-    periods = {f"{e.name}.{e.about.period}" for e in model.effects if e.about.period}
+    estimates = fit.refit.values
+    guessed = (q for q in guesses(fit.model, 1.0) if q.name not in estimates)
+    wide = _beside(fit, recordings, (*_still_fixed(fit), *guessed)).refit
+    periods = {f"{e.name}.{e.about.period}" for e in fit.model.effects if e.about.period}
     known = _WITHIN * recordings[0].sample_time
     added = [known * (e.unit == "s" and e.name not in periods) for e in wide.estimates]
     own = np.array([e.std for e in wide.estimates])
@@ -67,6 +64,13 @@ def with_all_uncertainty(fit: ProcessNoiseFit, recordings: Sequence[Observed]) -
     told = tuple(replace(e, std=float(s)) for e, s in zip(wide.estimates, std, strict=True))
     covariance = wide.covariance * np.outer(grown, grown)
     return replace(fit, refit=replace(wide, estimates=told, covariance=covariance))
+
+
+def _still_fixed(fit: ProcessNoiseFit) -> tuple[Prior, ...]:
+    """Return the priors of the fixed parameters that a fit has not refitted."""
+    estimates = fit.refit.values
+    names = [q.name for q in fit.model.parameters if q.fixed and q.name not in estimates]
+    return default_priors(fit.model, names)
 
 
 def _beside(
@@ -121,11 +125,10 @@ def with_fixed_refitted(
         converge, or where it makes the held-out recordings less likely.
     """
     model, refit = fit.model, fit.refit
-    start = refit.values
-    names = [q.name for q in model.parameters if q.fixed and q.name not in start]
-    if not names:
+    start, fixed = refit.values, _still_fixed(fit)
+    if not fixed:
         return fit
-    priors = [*refit.priors, *default_priors(model, names)]
+    priors = [*refit.priors, *fixed]
     # Values that the filter cannot follow are no better ones.
     with suppress(NumericalError):
         found = fit_with_process_noise(

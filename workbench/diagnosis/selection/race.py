@@ -186,11 +186,8 @@ def _from_where(best: Candidate, candidate: Candidate) -> Candidate:
     """Return a candidate that goes on with what it shares with the best one as that has it."""
     assert candidate.fit is not None
     assert best.fit is not None
-    fit, ended, own = candidate.fit, best.fit.refit.values, f"{best.name}."
-    estimates = tuple(
-        e if e.name.startswith(own) else replace(e, value=ended.get(e.name, e.value))
-        for e in fit.refit.estimates
-    )
+    fit, ended = candidate.fit, best.fit.refit.values
+    estimates = tuple(replace(e, value=ended.get(e.name, e.value)) for e in fit.refit.estimates)
     return replace(candidate, fit=replace(fit, refit=replace(fit.refit, estimates=estimates)))
 
 
