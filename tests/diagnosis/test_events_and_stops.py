@@ -25,6 +25,7 @@ from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.selected import Accepted, Selected
 from workbench.diagnosis.stages import Diagnosis
 from workbench.model import Model, Scope
+from workbench.physics.friction import coulomb_friction
 from workbench.physics.library import library
 from workbench.physics.recorded_facts import RecordedFacts, term_of
 from workbench.physics.survey import Survey
@@ -73,6 +74,54 @@ def test_what_acts_for_a_while_is_told_with_its_ends() -> None:
     sizes = {"amount": approx(9.0, rel=0.02), "duration": approx(1.6, abs=STEP)}
     said = "from 5 to 6.6 s of run 1, from 8.2 to 10.6 s of run 2, from 2 to 2.7 s of run 3"
     assert said in named(found, "offset_pulse_mass_force", noise=1.5, **sizes).sentence
+
+
+def test_a_brake_that_drags_for_a_while_is_told_with_its_level_and_its_ends() -> None:
+    def dragged(seed: int, begin: float, end: float) -> Recording:
+        drive = levels(SAMPLES, seed, 30.0, 20, 80)
+
+        def rates(t: float, x: Vector, u: float) -> list[float]:
+            drag = 6.0 * math.tanh(x[1] / 0.01) if begin <= t < end else 0.0
+            return [x[1], u + spring(*x) - drag]
+
+        x = held(rates, [0.0, 0.0], (drive,), STEP, method="LSODA")[:, 0]
+        x += 1e-3 * np.random.default_rng(seed).normal(size=SAMPLES)
+        return recording(f"run {seed}", STEP, {"drive [N]": drive}, {"position [m]": x})
+
+    runs = [dragged(1, 4.0, 6.5), dragged(2, 7.0, 9.0), dragged(3, 2.0, 4.0)]
+    laws = "friction_pulse friction_jump offset_pulse parameter_pulse coulomb_friction"
+    found = diagnosed(oscillator(), runs, laws)
+    sizes = {"level": approx(6.0, rel=0.02), "duration": approx(2.5, abs=STEP)}
+    named(found, "friction_pulse", noise=1.5, **sizes)
+    # Where there is dry friction its level may jump.
+    rubbing = oscillator().with_effect(coulomb_friction("mass.force", level=2.0))
+    assert "friction_jump" not in {h.law for h in library(rubbing)}
+
+
+def test_a_hole_that_a_tank_gets_is_told_with_its_time() -> None:
+    def leaking(seed: int, time: float) -> Recording:
+        pumped = 0.5 + levels(400, seed, 0.4, 10, 40)
+
+        def rates(t: float, h: Vector, u: float) -> Vector:
+            lost = 5e-5 * np.sqrt(max(h[0], 0.0) / 0.5) if t >= time else 0.0
+            return (2e-4 * u - 2.2e-4 * h - lost) / 0.05
+
+        h = held(rates, [0.4], (pumped,), 10.0)[:, 0]
+        h += 1e-3 * np.random.default_rng(seed).normal(size=400)
+        return recording(f"run {seed}", 10.0, {"pump [1]": pumped}, {"level [m]": h})
+
+    tank = machine(
+        lambda m: {"level": (m.p.most * m.u.pump - m.p.drain * m.x.level) / 0.05},
+        "level m 0.4 0 inf scale=0.5",
+        "pump 1 0 1 0.5",
+        "level m",
+        "most m3/s 1.8e-4 5e-5 1e-3, drain m2/s 2e-4 2e-5 2e-3",
+    )
+    runs = [leaking(seed, time) for seed, time in ((1, 1500.0), (2, 2200.0))]
+    laws = "leak_jump linear_leak_jump parameter_jump offset_jump sensor_drift"
+    # 5e-5 m3/s of 0.05 m2.
+    sizes = {"coefficient": approx(1e-3, rel=0.05), "time": approx(1500.0, abs=10.0)}
+    named(diagnosed(tank, runs, laws), "leak_jump*", noise=1.3, **sizes)
 
 
 def kiln() -> Model:

@@ -54,6 +54,44 @@ def test_a_pipe_gives_to_one_tank_what_it_takes_from_the_other() -> None:
     assert doubled.rates(*at) == pytest.approx([-0.125, 0.05])
 
 
+def test_one_conductivity_passes_heat_between_every_two_nodes_of_a_rod() -> None:
+    def equations(m: Scope) -> dict[str, object]:
+        first, last = m.p.k * (m.x.a - m.x.b), m.p.k * (m.x.b - m.x.c)
+        return {
+            "a": (m.u.heat - first) / m.p.c,
+            "b": (first - last) / m.p.c,
+            "c": (last - m.p.h * m.x.c) / (2.0 * m.p.c),
+        }
+
+    rod = machine(
+        equations,
+        "a K 30, b K 20, c K 10",
+        "heat W",
+        "a K",
+        "k W/K 2 0 9, c J/K 5 1 9, h W/K 1 0 9",
+    )
+    assert ports(rod) == ["a_b.exchange", "b_c.exchange"]
+    still = rod.rates([30.0, 20.0, 10.0], [0.0])
+    doubled = rod.with_effect(gain("b_c.exchange", excess=1.0))
+    # 20 W more from b to c, which holds twice as much.
+    assert doubled.rates([30.0, 20.0, 10.0], [0.0]) - still == pytest.approx([0.0, -4.0, 2.0])
+    assert [q.name for q in Survey(rod).passing(rod.parameter("k"))] == ports(rod)
+    assert Survey(rod).passing(rod.parameter("h")) == ()
+    # Of what is written as a whole nothing can be told apart.
+    whole = machine(
+        lambda m: {
+            "a": m.p.k * (m.x.b - m.x.a),
+            "b": m.p.k * (m.x.a - 2.0 * m.x.b + m.x.c),
+            "c": m.p.k * (m.x.b - m.x.c),
+        },
+        "a K 30, b K 20, c K 10",
+        "heat W",
+        "a K",
+        "k 1/s 2 0 9",
+    )
+    assert ports(whole) == []
+
+
 def test_what_fills_both_is_no_exchange() -> None:
     assert ports(tanks(shared=True)) == ["left_right.exchange"]
     # The force on a crane's trolley moves the load in a ratio that turns with the rope.

@@ -10,6 +10,7 @@ import pytest
 
 from tests.diagnosis.newcomers import crane, drivetrain, maglev, oscillator, swing, two_carts
 from tests.machines import clutch, machine
+from workbench.diagnosis.findings import along
 from workbench.model import Model, Scope
 from workbench.model.trace import Equations
 from workbench.physics.drift import along_curve, parameter_curve
@@ -218,6 +219,75 @@ def test_a_parameter_may_go_with_a_power_of_what_is_never_negative() -> None:
     assert list(along_curve(bent, bent.effects[0]).values())[1] == pytest.approx(0.5)
     still = library(pot, RecordedFacts(ranges=seen | {"flow": (0.9, 1.0)}))
     assert "parameter_power_film_over_flow" not in {h.name for h in still}
+
+
+def test_a_parameter_may_be_halved_by_what_stands_in_its_way() -> None:
+    culture = machine(
+        lambda m: ({"food": m.u.feed - m.p.uptake * m.x.food}, {"food": m.x.food}),
+        "food g/l 1 0 inf",
+        "feed g/(l h) 0 1",
+        "food g/l",
+        "uptake 1/h 0.5 0 5",
+    )
+    seen = RecordedFacts(ranges={"food": (0.2, 3.8), "feed": (0.0, 1.0)})
+    laws = (h for h in library(culture, seen) if h.law == "parameter_hill")
+    assert {h.name for h in laws} == set()  # Of a bare signal other laws are curves.
+    fed = machine(
+        lambda m: (
+            {"food": m.u.feed - m.p.uptake * m.x.food * m.x.cells, "cells": -0.1 * m.x.cells},
+            {"food": m.x.food, "cells": m.x.cells},
+        ),
+        "food g/l 1 0 inf, cells g/l 2 0 inf",
+        "feed g/(l h) 0 1",
+        "food g/l, cells g/l",
+        "uptake l/(g h) 0.5 0 5",
+    )
+    (law,) = (h for h in library(fed, seen) if h.name == "parameter_hill_uptake_over_food")
+    # Monod: uptake k / (k + food), k = 4 g/l, is 1 / 1.5 of it at the middle of the range, 2 g/l.
+    slowed = fed.with_effect(law.at_size(0.5, {"exponent": -1.0}))
+    for food in (0.5, 2.0, 3.5):
+        taken = [-float(m.rates([food, 2.0], [0.0])[0]) for m in (slowed, fed)]
+        assert taken[0] == pytest.approx(taken[1] * 4.0 / (4.0 + food))
+    assert list(along_curve(slowed, slowed.effects[0]).values())[1] * 1.5 == pytest.approx(
+        fed.parameter("uptake").value
+    )
+
+
+def test_a_parameter_of_several_stores_may_go_with_the_level_of_each() -> None:
+    ram = machine(
+        lambda m: {
+            "speed": (m.x.head - m.x.rod) / 1e6,
+            "head": m.p.modulus * (m.u.flow - m.x.speed),
+            "rod": m.p.modulus * (m.x.speed - 1e-6 * m.x.rod),
+        },
+        "speed m/s, head Pa 2e6 0 inf, rod Pa 2e6 0 inf",
+        "flow m/s",
+        "head Pa, rod Pa",
+        "modulus Pa/m 1e9 1e8 5e9",
+    )
+    seen = RecordedFacts(ranges={"head": (1e6, 9e6), "rod": (5e5, 5e6)})
+    (law,) = (h for h in library(ram, seen) if h.name == "parameter_power_modulus_over_each_head")
+    stiff = ram.with_effect(law.at_size(1.0))
+    # The middle of all that was seen of both is 4.75e6 Pa.
+    assert stiff.rates([0.5, 9.5e6, 4.75e6], [0.0])[1:] == pytest.approx(
+        ram.rates([0.5, 9.5e6, 4.75e6], [0.0])[1:] * [2.0, 1.0]
+    )
+    assert along(stiff, stiff.effects[0]).endswith(
+        "of head, and so by what each other port changes"
+    )
+
+
+def test_limits_are_tried_within_what_was_seen() -> None:
+    bath = machine(
+        lambda m: ({"warm": m.p.k * (m.u.room - m.x.warm)}, {"warm": m.x.warm}),
+        "warm K 290",
+        "room K scale=5",
+        "warm K",
+        "k 1/s 1 0 9",
+    )
+    found = library(bath, RecordedFacts(ranges={"room.command": (288.0, 298.0)}))
+    (limit,) = (h for h in found if h.name == "lower_saturation_room_command")
+    assert all(288.0 < shape["limit"] < 298.0 for shape in limit.shapes)
 
 
 def test_a_second_store_takes_what_the_first_one_loses_until_both_are_level() -> None:

@@ -218,12 +218,16 @@ def along(model: Model, effect: Effect) -> str:
     if not found:
         return ""
     subject, unit = effect.about.subject, model.parameter(f"{effect.name}.middle").unit
-    named = [q for q in (*model.states, *model.inputs) if f"_over_{q.name}" in effect.name]
+    ends = ("_over_", "_over_each_")
+    signals = (*model.states, *model.inputs)
+    named = [q for q in signals if any(f"{end}{q.name}" in effect.name for end in ends)]
     over = max(named, key=lambda q: len(q.name), default=None)
     said = f"what {subject} multiplies"
     if over is not None:
         slips = (q for q in model.states if effect.name.endswith(f"_over_{over.name}_{q.name}"))
         said = " - ".join(q.name.replace("_", " ") for q in (over, *slips))
+        if f"_over_each_{over.name}" in effect.name:
+            said += ", and so by what each other port changes"
     read = declared_unit(over.name if over else "", unit, model.quantities)
     unit = read or (shown_in(over) if over else unit)
     own = model.parameter(subject).unit

@@ -49,7 +49,9 @@ def exchanges(
     """Find the terms that rates share, by the parameters in them.
 
     A parameter k of a term ``k^n g(x)`` tells its direction, the ratios of ``df/dk``, and its
-    value, ``k df/dk / n``; n and the ratios must be the same whatever the states are.
+    value, ``k df/dk / n``; n and the ratios must be the same whatever the states are. Where one
+    parameter is in several such terms, as a conductivity is all along a rod, they show as they are
+    written.
 
     Args:
         rates: Rates in the symbols ``x``, ``u`` and ``p``, by the state's name, in SI per second.
@@ -97,7 +99,78 @@ def exchanges(
         else:
             _, first = found[same]
             found[same] = direction, Exchange(first.names, first.value + value, first.shares)
+    known = [direction for direction, _ in found]
+    for direction, exchange in _written(f, names, both, own, looks, usual):
+        kinds = [units[n] for n in exchange.names]
+        if _of_one_kind(kinds) and not any(_near(d, direction) for d in known):
+            found.append((direction, exchange))
     return [exchange for _, exchange in found]
+
+
+def _written(
+    f: ca.SX, names: Sequence[str], both: ca.SX, own: ca.SX, looks: Vector, usual: Vector
+) -> list[tuple[Vector, Exchange]]:
+    """Find the terms of rates that are multiples of one another, not all of one sign."""
+    terms = [(i, term) for i in range(f.numel()) for term in _added_up(f[i])]
+    terms = [(i, term) for i, term in terms if ca.depends_on(term, both)]
+    if not terms:
+        return []
+    see = ca.Function("see", [both, own], [ca.vcat([term for _, term in terms])])
+    seen = np.asarray(see(looks.T, usual), dtype=float)
+    known = np.isfinite(seen).all(axis=0)
+    found: dict[tuple[float, ...], tuple[Vector, Exchange]] = {}
+    left = [k for k in range(len(terms)) if known.sum() > 1 and seen[k, known].all()]
+    while left:
+        ratios = {k: seen[k, known] / seen[left[0], known] for k in left}
+        alike = [k for k, ratio in ratios.items() if _same(ratio[:, None])]
+        left = [k for k in left if k not in alike]
+        moved = [terms[k][0] for k in alike]
+        if len({*moved}) < len(moved) or min(ratios[k][0] for k in alike) > 0.0:
+            continue
+        direction = np.zeros(len(names))
+        direction[moved] = [ratios[k][0] for k in alike]
+        first = terms[alike[0]][1]
+        shares = (terms[k][1] / first for k in alike)
+        at = ca.DM(looks[np.flatnonzero(known)[0]])
+        exchange = Exchange(
+            tuple(names[i] for i in moved),
+            first,
+            tuple(ca.substitute(share, both, at) for share in shares),
+        )
+        same = tuple(np.round(direction, 9))
+        if same in found:
+            before = found[same][1]
+            exchange = Exchange(before.names, before.value + first, before.shares)
+        found[same] = direction, exchange
+    return list(found.values())
+
+
+def _added_up(e: ca.SX) -> list[ca.SX]:
+    """Return the terms that add up to a rate; what is made of bare signals alone is one term."""
+    op = e.op() if e.n_dep() else None
+    parts = [e.dep(i) for i in range(e.n_dep())]
+    if op == ca.OP_NEG:
+        return [-term for term in _added_up(parts[0])]
+    if op in (ca.OP_ADD, ca.OP_SUB) and not all(map(_is_bare, parts)):
+        sign = -1.0 if op == ca.OP_SUB else 1.0
+        return [*_added_up(parts[0]), *(sign * term for term in _added_up(parts[1]))]
+    if op == ca.OP_DIV:
+        return [term / parts[1] for term in _added_up(parts[0])]
+    if op == ca.OP_MUL:
+        (a, b), (left, right) = parts, map(_added_up, parts)
+        if len(left) == 1 or len(right) == 1:
+            return [x * y for x in left for y in right] if len(left) + len(right) > 2 else [a * b]
+    return [e]
+
+
+def _is_bare(e: ca.SX) -> bool:
+    """Whether an expression is a signal, a number, or made of such by sums and numbers."""
+    if e.is_constant() or e.is_symbolic():
+        return True
+    parts = [e.dep(i) for i in range(e.n_dep())]
+    if e.op() in (ca.OP_ADD, ca.OP_SUB, ca.OP_NEG):
+        return all(map(_is_bare, parts))
+    return e.op() == ca.OP_MUL and any(q.is_constant() for q in parts) and all(map(_is_bare, parts))
 
 
 def _same(rows: Vector) -> bool:

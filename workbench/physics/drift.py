@@ -31,7 +31,13 @@ from workbench.physics.law import (
     with_subject,
 )
 from workbench.physics.offset_gain import sensor_error
-from workbench.physics.parameter_arguments import argument, dissipating, driving, may_bend_over
+from workbench.physics.parameter_arguments import (
+    argument,
+    dissipating,
+    driving,
+    may_bend_over,
+    own_states,
+)
 from workbench.physics.place import EFFORTS, FLOWS, Local, Place
 from workbench.physics.survey import Survey
 
@@ -200,7 +206,7 @@ offset_jump = Law(
 )  # fmt: skip
 
 
-def _for_a_while(jump: Law) -> Law:
+def for_a_while(jump: Law) -> Law:
     """Return the law of what jumps and jumps back, where most of what is missing acts once."""
 
     def parameters(at: Place) -> tuple[Own, ...]:
@@ -229,7 +235,7 @@ def _for_a_while(jump: Law) -> Law:
     )
 
 
-offset_pulse = _for_a_while(offset_jump)
+offset_pulse = for_a_while(offset_jump)
 
 
 def _wave(
@@ -369,7 +375,7 @@ gain_jump = replace(
     look_alikes=("gain", "offset_jump", "gain_fade"),
 )
 
-gain_pulse = _for_a_while(gain_jump)
+gain_pulse = for_a_while(gain_jump)
 
 sensor_jump = replace(
     offset_jump,
@@ -385,7 +391,7 @@ sensor_jump = replace(
 )  # fmt: skip
 
 
-sensor_pulse = _for_a_while(sensor_jump)
+sensor_pulse = for_a_while(sensor_jump)
 
 
 def _entering(survey: Survey) -> Iterator[tuple[Parameter, tuple[Place, ...]]]:
@@ -408,9 +414,13 @@ def gained(survey: Survey) -> Iterator[tuple[Parameter, tuple[Place, ...]]]:
     yield from ((q, places) for q, places in entering if "." not in q.name)
 
 
-def _changing(q: Parameter, places: Sequence[Place], over: Local) -> tuple[Site, ...]:
-    """Return the ports of a parameter that changes there with a signal."""
-    return tuple((replace(at, parameters=(q,)).with_signal("over", over),) for at in places)
+def _changing(q: Parameter, places: Sequence[Place], *over: Local) -> tuple[Site, ...]:
+    """Return the ports of a parameter that changes there with a signal: one, or one of each."""
+    each_over = over if len(over) > 1 else over * len(places)
+    return tuple(
+        (replace(at, parameters=(q,)).with_signal("over", own),)
+        for at, own in zip(places, each_over, strict=True)
+    )
 
 
 def _each_parameter_over(survey: Survey) -> Iterator[Fit]:
@@ -418,6 +428,9 @@ def _each_parameter_over(survey: Survey) -> Iterator[Fit]:
         for over in may_bend_over(survey, q, places):
             ends = "_".join(filter(None, (over.source, over.minus)))
             yield f"_{q.name}_over_{ends}", _changing(q, places, over)
+        through = survey.passing(q) or places
+        if q.fitted and (own := own_states(survey, through)):
+            yield f"_{q.name}_over_each_{own[0].source}", _changing(q, through, *own)
 
 
 def _amount(at: Place) -> Own:
@@ -446,7 +459,7 @@ parameter_jump = replace(
     look_alikes=("parameter_fade", "gain_jump", "offset_jump"),
 )
 
-parameter_pulse = _for_a_while(parameter_jump)
+parameter_pulse = for_a_while(parameter_jump)
 
 # What ages goes on from one recording to the next: where it begins there is not known.
 parameter_fade = replace(
@@ -740,7 +753,35 @@ parameter_power = replace(
     separated_by="the same motion at a small and at a large value of the signal",
 )
 
-_CURVES = {parameter_curve.equation: _curve, parameter_power.equation: _power}
+
+def _halved(p: Names, own: Expression, over: Expression) -> Expression:
+    share = ca.fmax(over / p.middle, _LEAST_LEFT)
+    return own / (1.0 + p.part * share**-p.exponent)
+
+
+# Oil with air in it, by the square of its pressure; an uptake by what is taken up, or by what
+# poisons it; a film over which something else stands in the way.
+parameter_hill = replace(
+    parameter_power,
+    name="parameter_hill",
+    equation="parameter / (1 + part (middle / signal)^exponent)",
+    parameters=lambda at: (
+        size("part", "1", 0.3, 100.0, "what stands in its way in the middle, over the parameter"),
+        shape("exponent", "1", 1.0, "exponent of the signal", around=None, between=(-6.0, 6.0)),
+        *_range(at),
+    ),
+    transform=lambda at: with_subject(at, _halved(at.p, ca.SX(at.subject), at.signals.over)),
+    shapes=lambda at: [{"exponent": k} for k in (1.0, 2.0, -1.0, -2.0)],
+    source="A. V. Hill 1910; J. Monod 1949; H. E. Merritt 1967, 2.3: air in oil; resistances in a"
+    " row",
+    look_alikes=("parameter_curve", "parameter_power"),
+)
+
+_CURVES = {
+    parameter_curve.equation: _curve,
+    parameter_power.equation: _power,
+    parameter_hill.equation: _halved,
+}
 """What laws of parameters that are curves of a signal make of one, by their equation."""
 
 

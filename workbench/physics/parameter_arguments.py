@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import casadi as ca
 
@@ -95,6 +96,35 @@ def may_bend_over(survey: Survey, q: Parameter, places: Sequence[Place]) -> tupl
         if bends:
             found.append(survey.ports.of(u.name))
     return tuple(found)
+
+
+def own_states(survey: Survey, places: Sequence[Place]) -> tuple[Local, ...]:
+    """Return the state that each of several ports changes, where all are levels of one kind.
+
+    The air in the oil of a cylinder gives way by the pressure of its own chamber. Of what passes
+    between two stores it is the level that drives it, or the mean of both that do: a rod conducts
+    by its own temperature. Empty unless every port has another one, all in one unit, and a state
+    among them is measured. All have one range: that of all of them together.
+    """
+    names, ports, found = list(survey.ports.state_index), survey.ports, list[Local]()
+    for at in places:
+        changed = ports.rates_of(ports.port_index[at.name])
+        drives = [k for k in changed if ca.depends_on(ports.value_at(at), survey.trace.x[k])]
+        own = [names[k] for k in (changed if len(changed) == 1 else drives)]
+        if not 0 < len(own) < 3 or not same_dimension(
+            ports.of(own[0]).unit, ports.of(own[-1]).unit
+        ):
+            return ()
+        found.append(replace(ports.of(own[0]), beside=own[1] if len(own) > 1 else ""))
+    ends = {end for q in found for end in (q.source, q.beside) if end}
+    levels = [ports.of(name) for name in ends]
+    alike = all(same_dimension(q.unit, found[0].unit) for q in found)
+    if not alike or not ends & {*ports.measured.values()} or len({*found}) < max(2, len(found)):
+        return ()
+    lowest = min((q.seen[0] for q in levels if q.seen), default=None)
+    highest = max((q.seen[1] for q in levels if q.seen), default=None)
+    seen = (lowest, highest) if lowest is not None and highest is not None else None
+    return tuple(replace(q, seen=seen) for q in found)
 
 
 def dissipating(survey: Survey, q: Parameter, places: Sequence[Place]) -> Local | None:

@@ -40,6 +40,7 @@ class Local:
         start: Usual value at the start of a run, in ``unit``.
         seen: Smallest and largest value along the recordings, in ``unit``; None if not known.
         minus: Name of a state that is subtracted: the place or speed of one body over another.
+        beside: Name of a state of which and the source it is the mean: along a rod, a conductor.
         ratio: Factor of the source before that, in ``unit`` per unit of the source: of a gear,
             lever or drum.
         sign: 1, or -1 where the signal of the port counts the other way, dimensionless.
@@ -56,6 +57,7 @@ class Local:
     start: float = 0.0
     seen: tuple[float, float] | None = None
     minus: str = ""
+    beside: str = ""
     ratio: float = 1.0
     sign: float = 1.0
     multiplied: bool = False
@@ -97,6 +99,8 @@ class Local:
             known: States and inputs of the model, by name, in SI.
         """
         value = own[self.source] if self.source in own else known[self.source]
+        if self.beside:
+            value = 0.5 * (value + known[self.beside])
         if self.ratio != 1.0:
             value = self.ratio * value
         if self.minus:

@@ -83,8 +83,8 @@ def _limit_within(at: Place) -> tuple[Own, ...]:
     (low, high), far = at.seen or (-math.inf, math.inf), 20.0 * at.scale
     return (
         share("share of the excess that is cut"),
-        shape("limit", at.unit, at.scale, "the limit", around=None, between=(low - far, high + far),
-              scale=at.scale, read=at.read),
+        shape("limit", at.unit, _lower_limits(at)[0]["limit"], "the limit", around=None,
+              between=(low - far, high + far), scale=at.scale, read=at.read),
     )  # fmt: skip
 
 

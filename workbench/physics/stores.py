@@ -105,7 +105,9 @@ def _conductance(
 
 
 def _typical(level: Local, value: float) -> Own:
-    return shape("level_scale", level.unit, value, "typical level", source="", fitted=False)
+    """Return the level at which a law tells its size: of another one it tells another size."""
+    return shape("level_scale", level.unit, value, "typical level", around=(0.2, 5.0), source="",
+                 fitted=False)  # fmt: skip
 
 
 # Signed: less loss than the equations have.
@@ -335,6 +337,12 @@ def _above(at: PortView) -> Expression:
     return at.form.ramp(at.signals.level - at.p.outlet, 0.01 * at.p.level_scale)
 
 
+def _rooted(at: PortView) -> Expression:
+    """Return the root of the level over the typical one, in proportion to it where next to none."""
+    level = _above(at) / at.p.level_scale
+    return level / sqrt(level + 1e-4)
+
+
 def _outlet(at: Place) -> tuple[Own, ...]:
     level = at.level
     return (
@@ -356,7 +364,7 @@ orifice_outflow = Law(
         *_outlet(at),
     ),
     lambda at: at.value
-    - at.p.sense * at.p.coefficient * (sqrt(_above(at) / at.p.level_scale + 1e-4) - 1e-2),
+    - at.p.sense * at.p.coefficient * _rooted(at),
     source="E. Torricelli 1643",
     look_alikes=("linear_outflow", "saturating_outflow", "overflow", "offset"),
     separated_by="let the store run empty: the level falls along a parabola, not an exponential",

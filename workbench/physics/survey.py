@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -317,11 +317,28 @@ class Survey:
             rates = [i for i in at if not t.ports[i].name.endswith(".exchange")]
             own = [i for i in at if all(i == j or not self._reads(i, j) for j in at)]
             for sites in {tuple(some): None for some in (at, rates, own)}:
-                through = sum(ports.by_port[:, i] * slopes[i] for i in sites)
-                if len(sites) > 1 and same(ports.sampled(through), ports.whole_slope(k)):
+                if len(sites) > 1 and self._is_all(k, sites):
                     found.append((q, tuple(self.place(t.ports[i].name) for i in sites)))
                     break
         return found
+
+    def passing(self, q: Parameter) -> tuple[Place, ...]:
+        """Return what states give one another, where a parameter enters through that alone."""
+        k, t = self.ports.parameter_index[q.name], self.trace
+        sites = [
+            i
+            for i, port in enumerate(t.ports)
+            if port.name.endswith(".exchange") and ca.depends_on(self.ports.value(i), t.p[k])
+        ]
+        if not sites or not self._is_all(k, sites):
+            return ()
+        return tuple(self.place(t.ports[i].name) for i in sites)
+
+    def _is_all(self, k: int, sites: Sequence[int]) -> bool:
+        """Tell whether a parameter brings into the equations what it does through some ports."""
+        ports, t = self.ports, self.trace
+        through = sum(ports.by_port[:, i] * ca.jacobian(ports.value(i), t.p[k]) for i in sites)
+        return same(ports.sampled(through), ports.whole_slope(k))
 
     def _reads(self, index: int, other: int) -> bool:
         """Tell whether the port of a sensor reads what another port adds too."""
