@@ -165,6 +165,37 @@ def _burnt_out(seed: int, time: float) -> Recording:
     return recording(f"run {seed}", dt, {"part [1]": part}, {"load [K]": read})
 
 
+def test_a_door_that_spoils_every_parameter_at_first_is_found_by_when_it_stood_open() -> None:
+    def opened(seed: int, begin: float) -> Recording:
+        part = 0.4 + levels(1200, seed, 0.4, 30, 120)
+
+        def rates(t: float, x: Vector, u: float) -> list[float]:
+            lost = (6.1 + 7.0 * (begin <= t < begin + 1200.0)) * (x[1] - 293.0)
+            given = 22.0 * (x[0] - x[1])
+            return [(2000.0 * u - given) / 2200.0, (given - lost) / 8500.0]
+
+        read = held(rates, [298.0, 298.0], (part,), 5.0)[:, 1]
+        read += 0.05 * np.random.default_rng(seed).normal(size=len(part))
+        return recording(f"run {seed}", 5.0, {"part [1]": part}, {"load [K]": read})
+
+    oven = machine(
+        lambda m: {
+            "heater": (2000.0 * m.u.part - m.p.exchange * (m.x.heater - m.x.load)) / m.p.c_heater,
+            "load": (m.p.exchange * (m.x.heater - m.x.load) - m.p.loss * (m.x.load - 293.0))
+            / m.p.c_load,
+        },
+        "heater K 298 scale=50, load K 298 scale=50",
+        "part 1 0 1",
+        "load K",
+        "exchange W/K 20 4 100, loss W/K 5.5 1 50, c_heater J/K 2000 500 1e4,"
+        " c_load J/K 9000 2e3 4e4",
+    )
+    laws = "parameter_pulse parameter_jump heat_loss_pulse offset_pulse sensor_lag"
+    found = diagnosed(oven, [opened(1, 2400.0), opened(2, 2900.0)], laws)
+    sizes = {"amount": approx(7.0, rel=0.01), "duration": approx(1200.0, abs=5.0)}
+    named(found, "parameter_pulse_loss", noise=1.3, **sizes)
+
+
 def test_an_event_at_other_times_in_two_fitted_recordings_is_sharp() -> None:
     runs = [_burnt_out(seed, time) for seed, time in enumerate((6000.0, 4000.0, 8000.0), 1)]
     found = diagnosed(kiln(), runs, "gain_jump gain gain_fade", fit=2)

@@ -796,6 +796,44 @@ def test_what_drops_with_the_direction_of_a_current_is_named_without_a_port() ->
     named(diagnosed(coil, runs, laws, fit=2), "coulomb_friction", level=size)
 
 
+def _smoothed(seed: int) -> Recording:
+    """A converter's choke and capacitor, of 30 mOhm in series, whose voltage is read; SciPy."""
+    duty = 0.55 + levels(1500, seed, 0.2, 60, 200)
+
+    def rates(_: float, x: Vector, u: float) -> Vector:
+        return np.array([(12.0 * u - 0.06 * x[0] - x[1]) / 20e-6, (x[0] - x[1] / 2.2) / 110e-6])
+
+    x = held(rates, [3.0, 6.6], (duty,), 5e-6)
+    volts = x[:, 1] + 0.03 * (x[:, 0] - x[:, 1] / 2.2)
+    rng = np.random.default_rng(seed)
+    current, volts = (q + 0.01 * rng.normal(size=len(duty)) for q in (x[:, 0], volts))
+    return recording(f"run {seed}", 5e-6, {"duty": duty}, {"current [A]": current, "volts": volts})
+
+
+def test_a_capacitor_with_a_resistance_in_series_is_read_ahead_of_its_voltage() -> None:
+    filter_ = machine(
+        lambda m: (
+            {
+                "current": (12.0 * m.u.duty - m.p.winding * m.x.current - m.x.volts) / m.p.henries,
+                "volts": (m.x.current - m.x.volts / m.p.load) / m.p.farads,
+            },
+            {"current": m.x.current, "volts": m.x.volts},
+        ),
+        "current A 3, volts V 6.6",
+        "duty 1 0 1",
+        "current A, volts V",
+        "winding ohm 0.05 0 0.5, henries H 22e-6 5e-6 1e-4, load ohm 2.5 0.5 20,"
+        " farads F 1e-4 2e-5 5e-4",
+    )
+    runs = [_smoothed(1), _smoothed(2)]
+    found = diagnosed(filter_, runs, "sensor_lead sensor_delay sensor_gain sensor_lag")
+    # 30 mOhm times 110 uF.
+    named(found, "sensor_lead_volts", noise=1.2, time=approx(3.3e-6, rel=0.03))
+    (late,) = diagnosed(filter_, runs, "sensor_delay").verdict.findings
+    assert late.belief == "likely"
+    assert late.doubts == ("no sensor reads what is not there yet: it may read some of a rate too",)
+
+
 def _joint(seed: int) -> Recording:
     """A robot's joint: 0.8 kg m2 at the motor, 0.9 at the link, whose angle is read; SciPy."""
     torque = levels(600, seed, 15.0, 15, 50)

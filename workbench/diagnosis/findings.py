@@ -218,7 +218,7 @@ def along(model: Model, effect: Effect) -> str:
     if not found:
         return ""
     subject, unit = effect.about.subject, model.parameter(f"{effect.name}.middle").unit
-    ends = ("_over_", "_over_each_")
+    ends = ("_over_", "_over_each_", "_over_all_")
     signals = (*model.states, *model.inputs)
     named = [q for q in signals if any(f"{end}{q.name}" in effect.name for end in ends)]
     over = max(named, key=lambda q: len(q.name), default=None)
@@ -228,6 +228,8 @@ def along(model: Model, effect: Effect) -> str:
         said = " - ".join(q.name.replace("_", " ") for q in (over, *slips))
         if f"_over_each_{over.name}" in effect.name:
             said += ", and so by what each other port changes"
+        if f"_over_all_{over.name}" in effect.name:
+            said = f"the vector of which {said} is a component"
     read = declared_unit(over.name if over else "", unit, model.quantities)
     unit = read or (shown_in(over) if over else unit)
     own = model.parameter(subject).unit

@@ -99,10 +99,10 @@ def exchanges(
         else:
             _, first = found[same]
             found[same] = direction, Exchange(first.names, first.value + value, first.shares)
-    known = [direction for direction, _ in found]
+    by_parameter = [direction for direction, _ in found]
     for direction, exchange in _written(f, names, both, own, looks, usual):
         kinds = [units[n] for n in exchange.names]
-        if _of_one_kind(kinds) and not any(_near(d, direction) for d in known):
+        if _of_one_kind(kinds) and not any(_near(d, direction) for d in by_parameter):
             found.append((direction, exchange))
     return [exchange for _, exchange in found]
 

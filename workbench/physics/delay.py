@@ -86,6 +86,21 @@ drive_lag = at_inputs_too(
 )
 
 
+# The voltage of a capacitor is read with the drop over its series resistance, the pressure of a
+# vessel before the line to it.
+sensor_lead = Law(
+    "sensor_lead",
+    "y = u + time du/dt",
+    sensors(together=False, only=lambda at: "rate" in at.signals),
+    lambda at: (size("time", "s", at.interval, 250 * at.interval, "time by which it leads"),),
+    lambda at: at.value + at.p.time * at.signals.rate,
+    group="sensor",
+    source="drop over a resistance in series with a store",
+    look_alikes=("sensor_delay", "sensor_gain"),
+    separated_by="steps of what fills the store: a drop in series jumps with them",
+)
+
+
 def _driving(at: PortView) -> Expression:
     """Return what acts on the driven body, which runs ahead of the other by the spring's rate."""
     speed = ca.SX(at.signals.speed)
@@ -378,7 +393,7 @@ def _carried(survey: Survey) -> Iterator[Fit]:
     A place or a speed is carried by nothing else.
     """
     inputs = [survey.ports.of(q.name) for q in survey.model.inputs]
-    moving = [survey.ports.symbols[n] for pair in survey.ports.integral.items() for n in pair]
+    moving = [survey.ports.symbols[n] for n in survey.ports.moving]
     for at in survey.fitting("measurement"):
         moves = ca.depends_on(survey.ports.value_at(at), ca.vertcat(*moving))
         if at.output is None or moves or same_dimension(at.unit, *SPEEDS):

@@ -37,6 +37,7 @@ from workbench.physics.parameter_arguments import (
     driving,
     may_bend_over,
     own_states,
+    own_vector,
 )
 from workbench.physics.place import EFFORTS, FLOWS, Local, Place
 from workbench.physics.survey import Survey
@@ -431,6 +432,8 @@ def _each_parameter_over(survey: Survey) -> Iterator[Fit]:
         through = survey.passing(q) or places
         if q.fitted and (own := own_states(survey, through)):
             yield f"_{q.name}_over_each_{own[0].source}", _changing(q, through, *own)
+            if vector := own_vector(own):
+                yield f"_{q.name}_over_all_{own[0].source}", _changing(q, through, vector)
 
 
 def _amount(at: Place) -> Own:

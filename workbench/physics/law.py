@@ -468,7 +468,7 @@ class Law:
             found = {
                 alias: cofactor(ca.SX(at.value), ca.SX(subject))
                 if q.multiplied
-                else q.value(at.signals, at.known)
+                else q.value(at.signals, at.known, at.parameters)
                 for alias, q in place.signals.items()
                 if subject is not None or not q.multiplied
             }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -98,6 +99,10 @@ def may_bend_over(survey: Survey, q: Parameter, places: Sequence[Place]) -> tupl
     return tuple(found)
 
 
+_VECTORS = ("A", "V", "Wb", "T", "m/s")
+"""Units of what may be a vector whose components are states."""
+
+
 def own_states(survey: Survey, places: Sequence[Place]) -> tuple[Local, ...]:
     """Return the state that each of several ports changes, where all are levels of one kind.
 
@@ -111,20 +116,29 @@ def own_states(survey: Survey, places: Sequence[Place]) -> tuple[Local, ...]:
         changed = ports.rates_of(ports.port_index[at.name])
         drives = [k for k in changed if ca.depends_on(ports.value_at(at), survey.trace.x[k])]
         own = [names[k] for k in (changed if len(changed) == 1 else drives)]
-        if not 0 < len(own) < 3 or not same_dimension(
-            ports.of(own[0]).unit, ports.of(own[-1]).unit
-        ):
+        if not 0 < len(own) < 3:
             return ()
-        found.append(replace(ports.of(own[0]), beside=own[1] if len(own) > 1 else ""))
-    ends = {end for q in found for end in (q.source, q.beside) if end}
+        found.append(replace(ports.of(own[0]), beside=tuple(own[1:])))
+    ends = dict.fromkeys(end for q in found for end in (q.source, *q.beside))
     levels = [ports.of(name) for name in ends]
-    alike = all(same_dimension(q.unit, found[0].unit) for q in found)
-    if not alike or not ends & {*ports.measured.values()} or len({*found}) < max(2, len(found)):
+    alike = all(same_dimension(q.unit, levels[0].unit) for q in levels)
+    if not alike or not ends.keys() & {*ports.measured.values()} or len({*found}) < len(places):
         return ()
-    lowest = min((q.seen[0] for q in levels if q.seen), default=None)
-    highest = max((q.seen[1] for q in levels if q.seen), default=None)
-    seen = (lowest, highest) if lowest is not None and highest is not None else None
-    return tuple(replace(q, seen=seen) for q in found)
+    known = [q.seen for q in levels if q.seen]
+    seen = (min(low for low, _ in known), max(high for _, high in known)) if known else None
+    return tuple(replace(q, seen=seen) for q in found) if len(found) > 1 else ()
+
+
+def own_vector(own: Sequence[Local]) -> Local | None:
+    """Return the length of the vector whose components some states are, if they may be one.
+
+    The iron of a motor saturates with the current of both its axes together.
+    """
+    if not own or any(q.beside for q in own) or not same_dimension(own[0].unit, *_VECTORS):
+        return None
+    longest = math.hypot(*(q.largest for q in own))
+    more = tuple(q.source for q in own[1:])
+    return replace(own[0], beside=more, vector=True, lower=0.0, seen=(0.0, longest))
 
 
 def dissipating(survey: Survey, q: Parameter, places: Sequence[Place]) -> Local | None:

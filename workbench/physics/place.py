@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 from workbench.model import Output, Parameter, Port
-from workbench.model.regularisation import Expression
+from workbench.model.regularisation import Expression, sqrt
 from workbench.model.units import per, same_dimension
 from workbench.physics.recorded_facts import NOTHING, RecordedFacts
 
@@ -40,13 +40,15 @@ class Local:
         start: Usual value at the start of a run, in ``unit``.
         seen: Smallest and largest value along the recordings, in ``unit``; None if not known.
         minus: Name of a state that is subtracted: the place or speed of one body over another.
-        beside: Name of a state of which and the source it is the mean: along a rod, a conductor.
+        beside: Names of states of which and the source it is the mean: along a rod, a conductor.
+        vector: Whether it is not their mean but the length of the vector that they are.
         ratio: Factor of the source before that, in ``unit`` per unit of the source: of a gear,
             lever or drum.
         sign: 1, or -1 where the signal of the port counts the other way, dimensionless.
         multiplied: Whether it is what the parameter that changes multiplies, of which there is no
             other name.
         read: Unit in which people read it; empty for its own.
+        of: Gives it by states and inputs, and by parameters, if it is no signal of the model.
     """
 
     source: str
@@ -57,11 +59,13 @@ class Local:
     start: float = 0.0
     seen: tuple[float, float] | None = None
     minus: str = ""
-    beside: str = ""
+    beside: tuple[str, ...] = ()
+    vector: bool = False
     ratio: float = 1.0
     sign: float = 1.0
     multiplied: bool = False
     read: str = ""
+    of: Callable[[Mapping[str, Expression], Mapping[str, Expression]], Expression] | None = None
 
     @property
     def largest(self) -> float:
@@ -91,16 +95,26 @@ class Local:
             seen=seen,
         )  # fmt: skip
 
-    def value(self, own: Mapping[str, Expression], known: Mapping[str, Expression]) -> Expression:
+    def value(
+        self,
+        own: Mapping[str, Expression],
+        known: Mapping[str, Expression],
+        parameters: Mapping[str, Expression],
+    ) -> Expression:
         """Return the signal, in ``unit``.
 
         Args:
             own: Local signals of the port, by name, in SI.
             known: States and inputs of the model, by name, in SI.
+            parameters: Parameters of the model, by name, in SI.
         """
+        if self.of is not None:
+            return self.of(known, parameters)
         value = own[self.source] if self.source in own else known[self.source]
         if self.beside:
-            value = 0.5 * (value + known[self.beside])
+            parts = [value, *(known[name] for name in self.beside)]
+            squares = sum(part**2 for part in parts) + (1e-6 * self.scale) ** 2
+            value = sqrt(squares) if self.vector else sum(parts) / len(parts)
         if self.ratio != 1.0:
             value = self.ratio * value
         if self.minus:

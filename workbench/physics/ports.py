@@ -19,7 +19,8 @@ from workbench.arrays import Vector
 from workbench.model import Model, Parameter, Port, State
 from workbench.model.expressions import weight
 from workbench.model.quantities import Quantity, declared_unit
-from workbench.model.units import SPEEDS, same_dimension
+from workbench.model.regularisation import Expression
+from workbench.model.units import SPEEDS, per, same_dimension
 from workbench.physics.place import Local, Place, largest
 
 Points = list[tuple[Vector, Vector, Vector]]
@@ -107,9 +108,26 @@ class Ports:
         inputs = {q.name: t.u[i] for i, q in enumerate(m.inputs)}
         return inputs | {q.name: t.x[i] for i, q in enumerate(m.states)}
 
+    @cached_property
+    def parameters(self) -> dict[str, ca.SX]:
+        """Parameters of the model, by name, in SI."""
+        return {q.name: self.symbol_of(q) for q in self.model.parameters}
+
+    def rate_of(self, name: str) -> Local:
+        """Return the rate of a state, as the equations of the model have it without a law."""
+        t, q, k = self.trace, self.known[name], self.state_index[name]
+        names = [*(x.name for x in self.model.states), *(u.name for u in self.model.inputs)]
+
+        def rate(known: Mapping[str, Expression], parameters: Mapping[str, Expression]) -> ca.SX:
+            own = [parameters[p.name] for p in self.model.parameters]
+            now = ca.vcat([*(known[n] for n in names), *own])
+            return ca.substitute(t.rates[k], ca.vertcat(t.x, t.u, t.p), now)
+
+        return Local(f"rate of {name}", per(q.unit, "s"), q.scale / self.model.horizon, of=rate)
+
     def expression(self, index: int, local: Local) -> ca.SX:
         """Return what a law sees at a port, in the unit of that."""
-        return ca.SX(local.value(self.local_signals(index), self.symbols))
+        return ca.SX(local.value(self.local_signals(index), self.symbols, self.parameters))
 
     def values(self, index: int, local: Local) -> Vector:
         """Sample what a law sees at a port."""
@@ -163,6 +181,11 @@ class Ports:
                 if ca.is_equal(self.trace.rates[i], self.trace.x[j], 3) and "." not in name:
                     found.setdefault(speed, name)
         return found
+
+    @property
+    def moving(self) -> set[str]:
+        """Names of states that are a place, or its speed."""
+        return {name for pair in self.integral.items() for name in pair}
 
     @cached_property
     def measured(self) -> dict[str, str]:

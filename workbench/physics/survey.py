@@ -213,7 +213,10 @@ class Survey:
             signals |= self._levels(index)
             store, fills = ports.alone(index)
         if output is not None and output.name in ports.measured:
-            signals.setdefault("measured", ports.of(ports.measured[output.name]))
+            measured = ports.measured[output.name]
+            signals.setdefault("measured", ports.of(measured))
+            if measured in ports.state_index and measured not in ports.moving:
+                signals["rate"] = ports.rate_of(measured)
         gains = tuple(q for q in self._entering[index] if _is_gain(ports, q, index))
         return Place(
             port, role, signals, any(ports.entered[index]), store=store, fills=fills,

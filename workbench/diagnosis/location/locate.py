@@ -67,6 +67,14 @@ class Location:
         ]
         return tuple(port for group in near for port in groups[group])
 
+    def likely(self, model: Model) -> tuple[str, ...]:
+        """Return the ports of groups that gain at least half as much as the best, that first."""
+        if not self.alone or self.alone[self.best] <= 0.0:
+            return ()
+        groups, order = groups_of(model), sorted(self.alone.items(), key=lambda pair: -pair[1])
+        near = (group for group, gain in order if gain >= 0.5 * self.alone[self.best])
+        return tuple(port for group in near for port in groups[group])
+
     def __str__(self) -> str:
         """Return a short aligned table."""
         lines = [f"unknown input at every group gains {self.together:.0f}"]

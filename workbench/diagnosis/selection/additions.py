@@ -180,16 +180,17 @@ def _ends(found: Candidate) -> list[dict[str, float]]:
 
 
 def retimed(task: Task, state: Selected) -> Selected:
-    """Look once more when the events came, now that everything else is part of the model.
+    """Look once more when the events came, now that all they are is part of the model.
 
-    Events that came together may hold each other where only one of them would move.
+    What was found of their shape, or beside them, may show their times better. Events that came
+    together may hold each other where only one of them would move.
     """
     names = [a.candidate.entry.name for a in state.accepted]
     found = [state.extended.model.effect(n) for n in names]
     once = [e.name for e in found if is_event(e) and not e.about.period]
     groups = [once] * (len(once) > 1)
     groups += [[e.name] for e in found if is_event(e) or e.about.begins]
-    for group in groups if len(names) > 1 else ():
+    for group in groups:
         task.say(f"looking again when {' and '.join(group)} came")
         state = _moved(task, state, group)
     return state

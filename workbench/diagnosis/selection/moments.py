@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,8 +29,8 @@ _WIDTHS = 5.0
 _CLEARLY = 10.0
 """Log likelihood by which a recording must be likelier: more than so many tries give by chance."""
 
-_NEAR = 3.0
-"""Samples within which the ends of an event are moved one by one."""
+_NEAR = np.linspace(-3.0, 3.0, 13)
+"""Samples by which the ends of an event are moved one by one."""
 
 _LOOSE = 30.0
 """Process-noise scale of equations that are hardly trusted."""
@@ -250,25 +250,17 @@ def _with_own_end(
     """
     model, now = fit.model, begun.start[list(clocks)]
     usual = np.array([q.initial for q in _clocks(effect)])
-    times, width = np.array(_times(model, effect)), _span(model, [effect])[2]
+    ends, width = np.array(_times(model, effect)), _span(model, [effect])[2]
     reach = begun.sample_time * len(begun.outputs)
-    shown = np.linspace(0.0, reach, _MOMENTS + 1)
     # Where the equations are hardly trusted, each end shows by itself.
-    loose = filter_of(model, begun, _LOOSE)
-    start = begun.start.copy()
-    for k in (1, 0):
-        clock = clocks[k]
-        other = times[1 - k] - start[clocks[1 - k]]
-        tried = times[k] - usual[k] - (shown[shown > other] if k else shown[shown < other])
-        span = times[k] - usual[k] - width, times[k] - usual[k] + width
-        of = Delays(loose, replace(begun, start=start), {clock: usual[k]}, span)
-        found = _likeliest(of, of.cost_from(start[[clock]]), tried[::-1]) if len(tried) else None
-        if found is not None:
-            start[clock] = usual[k] + found
-    begin, end = times + usual - start[list(clocks)]
+    shown = np.linspace(0.0, reach, _MOMENTS + 1)
+    loose = _Ends(filter_of(model, begun, _LOOSE), begun, tuple(clocks), ends, width)
+    begin, end = ends - loose.likeliest(now, lambda _: shown)
     names = [f"{effect.name}.{name}" for name in (effect.about.moment, _length(effect))]
     free = [Prior(name, 0.0, 10.0 * reach, -2.0 * reach, 2.0 * reach) for name in names]
+    start = begun.start.copy()
     start[list(clocks)] = usual
+    filter_ = filter_of(model, begun, fit.noise_scale)
     try:
         own = refit(
             model,
@@ -277,38 +269,58 @@ def _with_own_end(
             stages=(_LOOSE, *(s for s in LADDER if fit.noise_scale <= s < _LOOSE)),
             start=dict(zip(names, (begin, end - begin), strict=True)),
         )
-        filter_ = filter_of(model, begun, fit.noise_scale)
-        before = filter_.run(begun, model.values).cost
         begin, lasting = (own.estimate(name).value for name in names)
-        if lasting > 0.0 and own.cost < before - _CLEARLY:
-            now = times + usual - (begin, begin + lasting)
+        if lasting > 0.0 and own.cost < filter_.run(begun, model.values).cost - _CLEARLY:
+            now = ends - (begin, begin + lasting)
     except WorkbenchError:
         pass  # It began too early, or ended too late, to be told.
-    return _sharpened(filter_of(model, begun, fit.noise_scale), begun, clocks, now, times + usual)
+    # Where little moves a refit sees no slope, nor where a sharp end jumps from one step of the
+    # filter to the next.
+    sharp = replace(loose, filter_=filter_)
+    now = sharp.likeliest(now, lambda _: shown[:: _MOMENTS // _PHASES])
+    return sharp.likeliest(now, lambda time: time + begun.sample_time * _NEAR)
 
 
-def _sharpened(
-    filter_: PredictionError, begun: Observed, clocks: Sequence[int], now: Vector, ends: Vector
-) -> Vector:
-    """Return how the clocks of what ends start, moved within a few samples to where it is likeliest.
-
-    A sharp end jumps from one step of the filter to the next, where a refit sees no slope.
+@dataclass(frozen=True)
+class _Ends:
+    """What begins and ends in a recording.
 
     Args:
-        now: How they start before, shape (2,), in s.
+        clocks: Numbers of the states that are its two clocks.
         ends: When it begins and ends on clocks that start at zero, shape (2,), in s.
+        width: How long it takes to come, in s.
     """
-    near, start = _NEAR * begun.sample_time, begun.start.copy()
-    start[list(clocks)] = now
-    for k in (1, 0):
-        clock, time = clocks[k], float(ends[k] - start[clocks[k]])
-        of = Delays(
-            filter_, replace(begun, start=start), {clock: float(start[clock])}, (time, time)
-        )
-        late, cost = least_between(of.cost, -near, near, _STEPS)
-        if cost < of.cost(0.0):
-            start[clock] += late
-    return start[list(clocks)]
+
+    filter_: PredictionError
+    begun: Observed
+    clocks: tuple[int, ...]
+    ends: Vector
+    width: float
+
+    def likeliest(self, now: Vector, tried: Callable[[float], Vector]) -> Vector:
+        """Return how the clocks start, the end moved first where the recording is likelier.
+
+        Args:
+            now: How they start before, shape (2,), in s.
+            tried: Gives times in the recording at equal distances, shape (n,), in s, for the one at
+                which it begins or ends so far.
+        """
+        start = self.begun.start.copy()
+        start[list(self.clocks)] = now
+        for k in (1, 0):
+            clock, (time, other) = (
+                self.clocks[k],
+                (self.ends - start[list(self.clocks)])[[k, 1 - k]],
+            )
+            instants = tried(time)
+            instants = instants[instants > other] if k else instants[instants < other]
+            span = float(time - self.width), float(time + self.width)
+            begun = replace(self.begun, start=start)
+            of = Delays(self.filter_, begun, {clock: float(start[clock])}, span)
+            if len(instants):
+                late = _likeliest(of, of.cost_from(start[[clock]]), (time - instants)[::-1])
+                start[clock] += late or 0.0
+        return start[list(self.clocks)]
 
 
 def _span(model: Model, effects: Sequence[Effect]) -> tuple[float, float, float]:

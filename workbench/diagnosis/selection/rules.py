@@ -144,6 +144,13 @@ def _noise_apart(q: Question) -> str:
     return f"it may only even out the noise with which {read} was read"
 
 
+def _ahead(q: Question) -> str:
+    size, about = q.candidate.size, q.candidate.entry.effect.about
+    if size is None or not about.advance or size.value >= -q.threshold * size.std:
+        return ""
+    return "no sensor reads what is not there yet: it may read some of a rate too"
+
+
 def _penalty(q: Question) -> str:
     if q.candidate.gain >= q.threshold * q.limits.penalty:
         return ""
@@ -193,6 +200,13 @@ DOUBTS = (
         "Noise of a meter that read an input moves the model and not the machine: whatever evens it"
         " out runs closer. A play that is many times as wide does more than that.",
         _noise_apart,
+    ),
+    Rule(
+        "behind what it reads",
+        3.0,
+        "What is ahead of its plant reads a rate beside it, such as the drop over a resistance in"
+        " series with a capacitor.",
+        _ahead,
     ),
     Rule("size off its bound", 0.999, "A solution on a bound is not a solution.", _bound),
 )

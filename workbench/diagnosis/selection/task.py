@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 
@@ -207,6 +208,14 @@ class Task:
             return []
         return left
 
+    def _lacking_beside(self) -> Iterator[list[tuple[Vector, Vector]]]:
+        """Yield what each port lacks where what is missing may be, with values that run closest."""
+        model = self.closest(self.base, robust=True).model
+        for port in self.location.likely(model) if self.location else ():
+            with contextlib.suppress(NumericalError, np.linalg.LinAlgError):
+                found = [unknown_input(model, seen, (port,)) for seen, _ in self._filtered]
+                yield [(one.time, one.signal[:, 0]) for one in found]
+
     @cached_property
     def _period(self) -> float:
         """Period of what the refitted model lacks, in s; 0 if it does not repeat."""
@@ -223,7 +232,7 @@ class Task:
     @cached_property
     def _episode(self) -> tuple[float, float] | None:
         """From when to when most of what the refitted model lacks acts, in s; None if always."""
-        for same in zip(*self._lacking, strict=True):
+        for same in chain(zip(*self._lacking, strict=True), self._lacking_beside()):
             times = [(r.name, time) for r, (time, _) in zip(self.fitting, same, strict=True)]
             signal = np.concatenate([signal for _, signal in same])
             spans = occurrence("", "1", times, signal, 0.0 * signal, ()).spans
