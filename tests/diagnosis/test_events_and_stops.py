@@ -93,6 +93,9 @@ def test_a_brake_that_drags_for_a_while_is_told_with_its_level_and_its_ends() ->
     found = diagnosed(oscillator(), runs, laws)
     sizes = {"level": approx(6.0, rel=0.02), "duration": approx(2.5, abs=STEP)}
     named(found, "friction_pulse", noise=1.5, **sizes)
+    # What drags from the start is no event.
+    found = diagnosed(oscillator(), [dragged(k, -1.0, 99.0) for k in (1, 2, 3)], laws)
+    named(found, "coulomb_friction", noise=1.5, level=approx(6.0, rel=0.02))
     # Where there is dry friction its level may jump.
     rubbing = oscillator().with_effect(coulomb_friction("mass.force", level=2.0))
     assert "friction_jump" not in {h.law for h in library(rubbing)}

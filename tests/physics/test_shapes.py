@@ -13,9 +13,9 @@ from tests.machines import clutch, machine
 from workbench.diagnosis.findings import along
 from workbench.model import Model, Scope
 from workbench.model.trace import Equations
-from workbench.physics.drift import along_curve, parameter_curve
 from workbench.physics.library import library
-from workbench.physics.recorded_facts import RecordedFacts
+from workbench.physics.parameter_laws import along_curve, parameter_curve
+from workbench.physics.recorded_facts import RecordedFacts, argument_of
 from workbench.physics.survey import Survey
 from workbench.plants.arm import arm
 from workbench.plants.cascaded_tanks import cascaded_tanks
@@ -253,6 +253,21 @@ def test_a_parameter_may_be_halved_by_what_stands_in_its_way() -> None:
     )
 
 
+def test_what_a_sensor_reads_bends_over_a_charge_that_none_reads_alone() -> None:
+    cell = machine(
+        lambda m: (
+            {"charge": -m.u.current, "lag": m.u.current - m.x.lag},
+            {"volts": m.p.rest + m.x.charge - m.x.lag - m.p.loss * m.u.current},
+        ),
+        "charge 1 0.9 0 1, lag V",
+        "current A",
+        "volts V",
+        "rest V 3 2 4, loss ohm 0.1 0 1",
+    )
+    found = {h.name for h in library(cell) if h.law == "parameter_curve"}
+    assert {f"parameter_curve_{q}_over_charge" for q in ("rest", "loss")} <= found
+
+
 def test_a_parameter_of_several_stores_may_go_with_the_level_of_each() -> None:
     ram = machine(
         lambda m: {
@@ -275,6 +290,23 @@ def test_a_parameter_of_several_stores_may_go_with_the_level_of_each() -> None:
     assert along(stiff, stiff.effects[0]).endswith(
         "of head, and so by what each other port changes"
     )
+
+
+def test_what_pushes_does_not_pull() -> None:
+    cam = machine(
+        lambda m: ({"v": m.p.stiff * (m.u.lift - m.x.place), "place": m.x.v}, {"place": m.x.place}),
+        "v m/s, place m",
+        "lift m",
+        "place m",
+        "stiff 1/s2 100 1 1e3",
+    )
+    seen = {"lift": (0.0, 1.0), "place": (-1.0, 1.0), argument_of("stiff"): (-1.0, 1.0)}
+    (law,) = (h for h in library(cam, RecordedFacts(ranges=seen)) if h.law == "term_slack")
+    for sense in (1.0, -1.0):
+        loose = cam.with_effect(law.at_size(1.0, {"holds": 0.2, "sense": sense}))
+        for pushed in (-0.9, -0.3, -0.1, 0.0, 0.1, 0.3, 0.9):
+            force = loose.rates([0.0, -pushed], [0.0])[0]
+            assert force == pytest.approx(100.0 * sense * max(sense * pushed, -0.2))
 
 
 def test_limits_are_tried_within_what_was_seen() -> None:

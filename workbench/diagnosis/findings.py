@@ -18,8 +18,8 @@ from workbench.diagnosis.verdict import Finding, Value
 from workbench.model import Effect, Model
 from workbench.model.quantities import declared_unit, shown_in
 from workbench.model.units import from_si, in_time, in_times, with_unit
-from workbench.physics.drift import along_curve
 from workbench.physics.hypothesis import Hypothesis
+from workbench.physics.parameter_laws import along_curve
 
 _LEAST_ALIKE = 0.1
 """Weight from which what stands for an effect in a set of effects cannot be told from it."""

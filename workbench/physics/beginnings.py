@@ -10,6 +10,7 @@ from workbench.model.units import SPEEDS, same_dimension
 from workbench.physics.drift import for_a_while, offset_jump, passed, when
 from workbench.physics.friction import coulomb_friction
 from workbench.physics.law import Law, each
+from workbench.physics.leakage import chamber_leakage
 from workbench.physics.place import RESISTED
 from workbench.physics.stores import heat_loss, linear_outflow, orifice_outflow
 
@@ -59,6 +60,9 @@ leak_jump, leak_pulse = _begins(
 )
 linear_leak_jump, linear_leak_pulse = _begins(
     linear_outflow, "linear_leak", "a crack, a load of a voltage that was switched on, or off"
+)
+gas_leak_jump, gas_leak_pulse = _begins(
+    chamber_leakage, "gas_leak", "a hose that came off, a seal that failed"
 )
 heat_loss_jump, heat_loss_pulse = _begins(
     heat_loss, "heat_loss", "a door that was opened, lagging that fell off"

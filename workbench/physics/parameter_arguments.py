@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import casadi as ca
@@ -19,6 +19,18 @@ _DAMPINGS = ("N s/m", "N m s/rad")
 
 _RESISTANCES = ("ohm", "S", *_DAMPINGS, "Pa s/m3", "m3/(s Pa)")
 """Units of parameters that make heat of what they multiply, or divide."""
+
+
+def entering(survey: Survey) -> Iterator[tuple[Parameter, tuple[Place, ...]]]:
+    """Yield refitted parameters, each with the ports that bring it into the equations."""
+    yield from ((q, (at,)) for at in survey.places for q in at.parameters)
+    yield from survey.spread
+
+
+def gained(survey: Survey) -> Iterator[tuple[Parameter, tuple[Place, ...]]]:
+    """Yield refitted parameters of the plant, gains of what is driven too, with their ports."""
+    found = [*entering(survey), *((q, (at,)) for at in survey.places for q in at.gains)]
+    yield from ((q, places) for q, places in found if "." not in q.name)
 
 
 def joint_dampings(survey: Survey) -> tuple[tuple[Parameter, tuple[Place, ...], Local], ...]:
@@ -47,14 +59,16 @@ def may_bend_over(survey: Survey, q: Parameter, places: Sequence[Place]) -> tupl
     """Return the measured states and inputs over which a parameter at some ports may change.
 
     A state is measured too where an output reads no other, as that of a capacitor behind a
-    resistance does. What is constant, as the heat of a fermentation, may change over the state
-    that it feeds. Not states that its term is a function of, and of nothing else: a curve over
-    them is a law of its own, unless the term is read as well, as the current of a flux is. Of the
-    inputs those that it is a factor of in what a sensor reads, where no other law is a curve over
-    them: a resistance over its current; or beside a state, as what passes from bubbles to a broth
-    for each litre of air. And those without which its term is, of which the equations
-    make nothing or that multiply a state beside it: a decay over the light, a heat transfer over
-    the flow that carries the heat. And how fast two bodies slip, what rubs between them.
+    resistance does; what is only read may change over all that the same sensor reads, as the
+    voltage of a cell does over its charge. What is constant, as the heat of a fermentation, may
+    change over the state that it feeds. Not states that its term is a function of, and of nothing
+    else: a curve over them is a law of its own, unless the term is read as well, as the current of
+    a flux is. Of the inputs those that it is a factor of in what a sensor reads, where no other law
+    is a curve over them: a resistance over its current; or beside a state, as what passes from
+    bubbles to a broth for each litre of air. And those without which its term is, of which the
+    equations make nothing or that multiply a state beside it: a decay over the light, a heat
+    transfer over the flow that carries the heat. And how fast two bodies slip, what rubs between
+    them.
     """
     t, found = survey.trace, []
     values = [survey.ports.value_at(at) for at in places]
@@ -64,13 +78,16 @@ def may_bend_over(survey: Survey, q: Parameter, places: Sequence[Place]) -> tupl
     alone = (s.sparsity().get_col() for s in slopes_of if s.nnz() == 1)
     constant = not any(ca.depends_on(s, ca.vertcat(t.x, t.u)) for s in slopes)
     read = any(at.output for at in places)
-    shared = read and not all(at.output for at in places)
+    only_read = all(at.output for at in places)
+    shared = read and not only_read
     raised = {k for at in places for k in survey.ports.rates_of(survey.ports.port_index[at.name])}
-    for name in dict.fromkeys([*survey.ports.measured.values(), *(names[k] for (k,) in alone)]):
+    beside = [names[k] for at in places if only_read for k in _entered(survey, at)]
+    known = [*survey.ports.measured.values(), *(names[k] for (k,) in alone), *beside]
+    for name in dict.fromkeys(known):
         other = [t.x[i] for n, i in survey.ports.state_index.items() if n != name]
         rest = ca.vertcat(*other, t.u)
         source = constant and survey.ports.state_index.get(name) in raised
-        more = source or shared or any(ca.depends_on(s, rest) for s in slopes)
+        more = source or shared or name in beside or any(ca.depends_on(s, rest) for s in slopes)
         if "." not in name and more:
             found.append(survey.ports.of(name))
     # How fast two bodies slip changes what rubs between them beside the force that presses them.
@@ -84,7 +101,7 @@ def may_bend_over(survey: Survey, q: Parameter, places: Sequence[Place]) -> tupl
     over = driving(survey, q, places)
     if over and not _is_difference(ca.SX(_multiplied(survey, q, values))):
         found.append(over)
-    beside = [
+    driven = [
         t.rates[i] for at in places for i in survey.ports.rates_of(survey.ports.port_index[at.name])
     ]
     unused = {u.source for u in survey.unused_inputs}
@@ -92,7 +109,7 @@ def may_bend_over(survey: Survey, q: Parameter, places: Sequence[Place]) -> tupl
         if any(ca.depends_on(s, t.u[i]) for s in slopes):
             bends = read or any(ca.depends_on(ca.jacobian(s, t.u[i]), t.x) for s in slopes)
         else:
-            carries = (ca.depends_on(ca.jacobian(rate, t.u[i]), t.x) for rate in beside)
+            carries = (ca.depends_on(ca.jacobian(rate, t.u[i]), t.x) for rate in driven)
             bends = u.name in unused or any(carries)
         if bends:
             found.append(survey.ports.of(u.name))
@@ -101,6 +118,13 @@ def may_bend_over(survey: Survey, q: Parameter, places: Sequence[Place]) -> tupl
 
 _VECTORS = ("A", "V", "Wb", "T", "m/s")
 """Units of what may be a vector whose components are states."""
+
+
+def _entered(survey: Survey, at: Place) -> list[int]:
+    """Return the numbers of the states that enter the signal of a place beside another one."""
+    value, x = survey.ports.value_at(at), survey.trace.x
+    found = [k for k in range(x.numel()) if ca.depends_on(value, x[k])]
+    return found if len(found) > 1 else []
 
 
 def own_states(survey: Survey, places: Sequence[Place]) -> tuple[Local, ...]:

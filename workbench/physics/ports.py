@@ -114,14 +114,15 @@ class Ports:
         return {q.name: self.symbol_of(q) for q in self.model.parameters}
 
     def rate_of(self, name: str) -> Local:
-        """Return the rate of a state, as the equations of the model have it without a law."""
-        t, q, k = self.trace, self.known[name], self.state_index[name]
-        names = [*(x.name for x in self.model.states), *(u.name for u in self.model.inputs)]
+        """Return the rate of a state, as the equations have it without an effect."""
+        q, k = self.known[name], self.state_index[name]
+        own = self.model.without(*(e.name for e in self.model.effects))
+        names = [q.name for q in (*own.states, *own.inputs)]
 
         def rate(known: Mapping[str, Expression], parameters: Mapping[str, Expression]) -> ca.SX:
-            own = [parameters[p.name] for p in self.model.parameters]
-            now = ca.vcat([*(known[n] for n in names), *own])
-            return ca.substitute(t.rates[k], ca.vertcat(t.x, t.u, t.p), now)
+            now = [*(known[n] for n in names), *(parameters[p.name] for p in own.parameters)]
+            t = own.exact
+            return ca.substitute(t.rates[k], ca.vertcat(t.x, t.u, t.p), ca.vcat(now))
 
         return Local(f"rate of {name}", per(q.unit, "s"), q.scale / self.model.horizon, of=rate)
 

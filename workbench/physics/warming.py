@@ -10,9 +10,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from workbench.model import State
-from workbench.physics.drift import gained
 from workbench.physics.law import Fit, Law, Own, shape, size, with_subject
-from workbench.physics.parameter_arguments import dissipating, heating
+from workbench.physics.parameter_arguments import dissipating, gained, heating
 from workbench.physics.place import Local, Place
 from workbench.physics.stores import heat_stores, sense
 from workbench.physics.survey import Survey

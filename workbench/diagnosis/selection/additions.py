@@ -273,7 +273,7 @@ def remembered(task: Task, state: Selected, candidates: Sequence[Candidate]) -> 
         if c.followed
         and c.fit
         and len(c.blocks) > 1
-        and c.rule not in (rules.REFIT.name, rules.FREE_RUN)
+        and c.rule not in (rules.REFIT.name, rules.NO_EVENT, rules.FREE_RUN)
         if not (taken and degenerates_to(c, taken))
     )
     return replace(state, compared=(*state.compared, *sets))

@@ -19,6 +19,9 @@ FREE_RUN = "free run"
 SAME_LEVELS = "levels that differ"
 """Name of the rule that what differs from recording to recording breaks where it does not."""
 
+NO_EVENT = "begins in a recording"
+"""Name of the rule that an event breaks which was there from the start."""
+
 TOO_LITTLE = "it explains too little of what the model leaves out"
 """What breaks the rule that an effect explains a share of the excess."""
 
@@ -165,6 +168,18 @@ def _share(q: Question) -> str:
     return TOO_LITTLE
 
 
+def _begun(q: Question) -> str:
+    fit, effect = q.candidate.fit, q.candidate.entry.effect
+    when, clocks = effect.about.moment, [s for s in effect.states if s.unit == "s"]
+    if fit is None or not when or effect.about.period or not clocks:
+        return ""
+    time = fit.model.parameter(f"{effect.name}.{when}").value
+    latest = time - min([clocks[0].initial, *(start for _, start in clocks[0].start_in)])
+    if latest >= q.threshold * clocks[0].scale:
+        return ""
+    return "it was there from the start of every recording: it is no event"
+
+
 def _held_out(q: Question) -> str:
     if q.candidate.held_out[1] > q.threshold:
         return ""
@@ -173,6 +188,7 @@ def _held_out(q: Question) -> str:
 
 RULES = (
     Rule("refit", 0.0, "A refit that failed says nothing.", _refit),
+    Rule(NO_EVENT, 0.01, "What acts from the start is another law's.", _begun),
     Rule("selection penalty", 1.0, "Among many effects one gains by chance.", _penalty),
     Rule("share of the excess", 1.0, "Less may be the wrong shape of another effect.", _share),
     Rule("held-out gain", 0.0, "Only what predicts unseen recordings is physics.", _held_out),
