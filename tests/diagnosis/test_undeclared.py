@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from tests.diagnosis.machine_data import file, held, recording
+from tests.diagnosis.machine_data import by_runge_kutta, file, held, recording
 from tests.diagnosis.newcomers import diagnosed, named, oscillator
 from tests.machines import machine
 from workbench.arrays import Vector
@@ -589,3 +589,46 @@ def test_a_slow_machine_lacks_nothing_beside_the_noise_of_what_it_is_given(follo
     assert (found is None) == followed
     if found:
         assert dict(found.inputs) == {"inlet": pytest.approx(0.5, rel=0.1)}
+
+
+def _cart(x: Any, force: Any, stiff: float) -> tuple[Any, Any]:
+    """Return the accelerations of a cart and of the rod that hangs from it."""
+    _, _, angle, turn = x
+    sine, cosine = np.sin(angle), np.cos(angle)
+    whole = 0.7 + 0.2 * sine**2
+    cart = (force + 0.2 * sine * (stiff * turn**2 + 9.81 * cosine)) / whole
+    rod = -(force * cosine + 0.2 * stiff * turn**2 * sine * cosine + 0.9 * 9.81 * sine)
+    return cart, rod / (stiff * whole)
+
+
+def test_noise_that_a_machine_follows_is_none_of_a_meter_whatever_else_it_lacks() -> None:
+    def equations(m: Scope) -> Equations:
+        x = m.x.place, m.x.speed, m.x.angle, m.x.turn
+        cart, rod = _cart(x, m.p.gain * m.u.volt - m.p.drag * m.x.speed, m.p.length)
+        rates = {"place": m.x.speed, "speed": cart, "angle": m.x.turn, "turn": rod}
+        return rates, {"place": m.x.place, "angle": m.x.angle}
+
+    plant = machine(
+        equations,
+        "place m scale=0.2, speed m/s scale=0.4, angle rad scale=0.3, turn rad/s scale=1.5",
+        "volt V -12 12 scale=4",
+        "place m, angle rad",
+        "gain N/V 1 0.2 4, drag N s/m 4 0 30, length m 0.3 0.1 0.8",
+    )
+
+    def rates(_: float, x: Sequence[float], volt: float) -> list[float]:
+        rubs = np.exp(-(((x[0] - 0.1) / 0.04) ** 2)) * np.tanh(x[1] / 5e-3)
+        cart, rod = _cart(x, 1.15 * volt - 5.0 * x[1] - rubs, 0.33)
+        return [x[1], cart, x[3], rod]
+
+    rng, step, aim = np.random.default_rng(41), 5e-3, 0.0
+    x, volts, read = np.zeros(4), [], []
+    for k in range(4000):
+        aim = rng.uniform(-0.3, 0.3) if k % 300 == 0 else aim
+        volts.append(float(np.clip(25.0 * (aim - x[0]) + 0.4 * rng.normal(), -12.0, 12.0)))
+        read.append(x[[0, 2]] + [2e-4, 9e-4] * rng.normal(size=2))
+        x = by_runge_kutta(rates, x, [volts[-1], 0.0], step, 4)[1]
+    place, angle = np.array(read).T
+    given = {"volt [V]": volts}
+    recordings = [recording("cart", step, given, {"place [m]": place, "angle [rad]": angle})]
+    assert inputs.misread(with_undeclared(plant, recordings)[0], recordings) is None

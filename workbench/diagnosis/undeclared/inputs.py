@@ -10,7 +10,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from workbench.diagnosis.estimation.prediction_error import filter_of
+from workbench.diagnosis.estimation.prediction_error import PredictionError, filter_of
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import PERFECT
 from workbench.diagnosis.estimation.start import FEW, fit_to_few
@@ -126,8 +126,8 @@ def misread(model: Model, recordings: Sequence[Recording]) -> Misread | None:
 
     The machine follows the noise that a controller passes on: means of three rows foretell it worse
     then. What follows the rows before better than those around is slow itself. A machine that is
-    slow beside a row shows no difference: there it is enough that the equations lack nothing else
-    beside that noise.
+    slow beside a row shows no difference: there, and there alone, it is enough that the equations
+    lack nothing else beside that noise.
     """
     given = [r for r in recordings[:FEW] if not r.resampled]
     noise = {}
@@ -141,8 +141,10 @@ def misread(model: Model, recordings: Sequence[Recording]) -> Misread | None:
     try:
         fit, seen = fit_to_few(model, given)
         filter_ = filter_of(fit.model, seen[0], fit.noise_scale)
+        # What is hardly visible beside what a filter allows for shows in one that allows for none.
+        strict = filter_of(fit.model, seen[0], min(fit.noise_scale, PERFECT))
 
-        def cost(name: str, around: Sequence[int]) -> float:
+        def cost(name: str, around: Sequence[int], filter_: PredictionError = filter_) -> float:
             column, total = columns[name], 0.0
             for one in seen:
                 inputs, every = one.inputs.copy(), np.arange(len(one.inputs))
@@ -152,17 +154,20 @@ def misread(model: Model, recordings: Sequence[Recording]) -> Misread | None:
             return total
 
         costs = {name: [cost(name, around) for around in _AROUND] for name in noise}
+        around, own = _AROUND[:2]
+        followed = {n for n in noise if cost(n, own, strict) < cost(n, around, strict) - SAME}
         states = filter_.run(seen[0], fit.model.values).states
     except (WorkbenchError, np.linalg.LinAlgError):
         return None
     found = [name for name, (around, own, late) in costs.items() if around < min(own - SAME, late)]
-    if not found and fit.noise_scale > PERFECT:
-        read = tuple(noise.items())
-        trial = replace(model, traits=replace(model.traits, misread=read, straight=tuple(noise)))
+    unknown = {name: rms for name, rms in noise.items() if name not in followed}
+    if not found and unknown and fit.noise_scale > PERFECT:
+        read = tuple(unknown.items())
+        trial = replace(model, traits=replace(model.traits, misread=read, straight=tuple(unknown)))
         with contextlib.suppress(WorkbenchError, np.linalg.LinAlgError):
             other = fit_to_few(trial, given)[0]
             if other.noise_scale <= PERFECT and other.cost < fit.cost + SAME:
-                found = list(noise)
+                found = list(unknown)
     if not found:
         return None
     trace = fit.model.exact
