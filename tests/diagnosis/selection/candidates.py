@@ -59,11 +59,17 @@ def made_candidate(
     Its costs go up and down by ``uneven`` from block to block, on unseen recordings too.
     """
     entry = entries()[entry] if isinstance(entry, str) else entry
-    estimate = estimated(entry.typical_size, 1e-3 * entry.typical_size)
+    values = {q.name: q.value for q in entry.effect.parameters}
+    values |= {entry.size_parameter: entry.typical_size}
+
+    def estimate(name: str) -> Any:
+        value = values[name.removeprefix(f"{entry.name}.")]
+        return estimated(value, 1e-3 * value)
+
     own = [q.name for q in entry.effect.parameters if q.fitted]
     own = own if parameters is None else list(map(str, range(parameters)))
     estimates = [SimpleNamespace(name=f"{entry.name}.{n}", on_bound=n == on_bound) for n in own]
-    refit = SimpleNamespace(converged=True, estimate=lambda name: estimate, estimates=estimates)
+    refit = SimpleNamespace(converged=True, estimate=estimate, estimates=estimates)
     fit = cast(
         Any, SimpleNamespace(name=entry.name, refit=refit, noise_scale=scale, model=model_that())
     )

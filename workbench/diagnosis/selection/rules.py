@@ -173,7 +173,7 @@ def _begun(q: Question) -> str:
     when, clocks = effect.about.moment, [s for s in effect.states if s.unit == "s"]
     if fit is None or not when or effect.about.period or not clocks:
         return ""
-    time = fit.model.parameter(f"{effect.name}.{when}").value
+    time = fit.refit.estimate(f"{effect.name}.{when}").value
     latest = time - min([clocks[0].initial, *(start for _, start in clocks[0].start_in)])
     if latest >= q.threshold * clocks[0].scale:
         return ""
