@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +14,7 @@ from casadi import cos
 from pytest import approx
 from scipy.integrate import solve_ivp
 
-from tests.diagnosis.machine_data import held, recording
+from tests.diagnosis.machine_data import by_runge_kutta, held, recording
 from tests.diagnosis.newcomers import diagnosed, levels, named, oscillations, oscillator, recorded
 from tests.machines import machine
 from workbench.arrays import Vector
@@ -24,6 +25,7 @@ from workbench.diagnosis.estimation.simulated_recordings import pushes, simulate
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.selected import Accepted, Selected
 from workbench.diagnosis.stages import Diagnosis
+from workbench.diagnosis.undeclared.plant import with_undeclared
 from workbench.model import Model, Scope
 from workbench.physics.friction import coulomb_friction
 from workbench.physics.library import library
@@ -329,6 +331,45 @@ def test_what_repeats_is_named_with_its_phase_in_each_recording(form: str) -> No
     else:
         flatness = finding.parameters["flatness"].value
         assert flatness > 50.0 if form == "square" else flatness < 0.1
+
+
+def _lived_in(seed: int) -> Recording:
+    """A room with its walls, in which people give 400 W from 20 to 22 h."""
+    heat = 2500.0 + levels(2000, seed, 2500.0, 12, 80)
+
+    def rates(t: float, x: Sequence[float], watts: float) -> list[float]:
+        people = 400.0 * (72000.0 <= t % 86400.0 < 79200.0)
+        given = 340.0 * (x[0] - x[1])
+        room = watts + people - given - 60.0 * (x[0] - 278.0)
+        return [room / 2.6e6, (given - 115.0 * (x[1] - 278.0)) / 2.9e7]
+
+    warm = by_runge_kutta(rates, [293.0, 288.0], heat, 300.0, 2)[:, 0]
+    warm += 0.03 * np.random.default_rng(seed).normal(size=len(heat))
+    return recording(f"run {seed}", 300.0, {"heat [W]": heat}, {"room [K]": warm})
+
+
+def test_what_is_there_for_a_part_of_each_day_is_told_with_its_hours() -> None:
+    def equations(m: Scope) -> dict[str, Any]:
+        given = m.p.inner * (m.x.room - m.x.wall)
+        return {
+            "room": (m.u.heat - given - m.p.air * (m.x.room - 278.0)) / m.p.c_room,
+            "wall": (given - m.p.outer * (m.x.wall - 278.0)) / m.p.c_wall,
+        }
+
+    house = machine(
+        equations,
+        "room K 293 scale=5, wall K 288 scale=5",
+        "heat W 0 6000",
+        "room K",
+        "inner W/K 300 50 2e3, air W/K 50 5 300, outer W/K 100 20 600,"
+        " c_room J/K 3e6 5e5 2e7, c_wall J/K 2.5e7 5e6 2e8",
+    )
+    runs = [_lived_in(seed) for seed in (1, 2)]
+    house = with_undeclared(house, runs)[0]
+    found = diagnosed(house, runs, "periodic_pulse periodic_push sensor_lag offset")
+    finding = named(found, "periodic_pulse_room_rate", noise=1.2, part=approx(1 / 12, abs=0.01))
+    assert finding.parameters["amplitude"].value * 2.6e6 == approx(400.0, rel=0.03)
+    assert finding.parameters["time"].value == approx(21.0 * 3600.0, abs=900.0)
 
 
 def _web(m: Scope) -> dict[str, Any]:

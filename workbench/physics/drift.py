@@ -305,9 +305,9 @@ periodic_pulse = replace(
     ),
     transform=_shone,
     shapes=lambda at: [
-        {"time": late * (at.recorded.period or at.horizon), "part": part}
-        for part in (0.15, 0.4)
-        for late in (0.0, 0.25, 0.5, 0.75)
+        {"time": late / 8.0 * (at.recorded.period or at.horizon), "part": part, "flatness": 10.0}
+        for part in (0.12, 0.25, 0.45)
+        for late in range(8)
     ],
     part="part",
     source="the sun on a day, a shift at work, what is switched on and off by a clock",

@@ -111,10 +111,12 @@ class Local:
         if self.of is not None:
             return self.of(known, parameters)
         value = own[self.source] if self.source in own else known[self.source]
-        if self.beside:
-            parts = [value, *(known[name] for name in self.beside)]
-            squares = sum(part**2 for part in parts) + (1e-6 * self.scale) ** 2
-            value = sqrt(squares) if self.vector else sum(parts) / len(parts)
+        parts = [value, *(known[name] for name in self.beside)]
+        if self.vector:
+            # Rounded where it has no direction.
+            value = sqrt(sum(part**2 for part in parts) + (1e-6 * self.scale) ** 2)
+        elif self.beside:
+            value = sum(parts) / len(parts)
         if self.ratio != 1.0:
             value = self.ratio * value
         if self.minus:

@@ -113,15 +113,18 @@ class Ports:
         """Parameters of the model, by name, in SI."""
         return {q.name: self.symbol_of(q) for q in self.model.parameters}
 
+    @cached_property
+    def _plain(self) -> Model:
+        return self.model.without(*(e.name for e in self.model.effects))
+
     def rate_of(self, name: str) -> Local:
         """Return the rate of a state, as the equations have it without an effect."""
         q, k = self.known[name], self.state_index[name]
-        own = self.model.without(*(e.name for e in self.model.effects))
-        names = [q.name for q in (*own.states, *own.inputs)]
 
         def rate(known: Mapping[str, Expression], parameters: Mapping[str, Expression]) -> ca.SX:
-            now = [*(known[n] for n in names), *(parameters[p.name] for p in own.parameters)]
-            t = own.exact
+            own, t = self._plain, self._plain.exact
+            now = [known[q.name] for q in (*own.states, *own.inputs)]
+            now += [parameters[p.name] for p in own.parameters]
             return ca.substitute(t.rates[k], ca.vertcat(t.x, t.u, t.p), ca.vcat(now))
 
         return Local(f"rate of {name}", per(q.unit, "s"), q.scale / self.model.horizon, of=rate)

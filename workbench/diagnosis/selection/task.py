@@ -208,8 +208,11 @@ class Task:
             return []
         return left
 
-    def _lacking_beside(self) -> Iterator[list[tuple[Vector, Vector]]]:
-        """Yield what each port lacks where what is missing may be, with values that run closest."""
+    def _lacking_alone(self) -> Iterator[list[tuple[Vector, Vector]]]:
+        """Yield what each port alone lacks where what is missing may be, as the model runs closest.
+
+        What acts for a while may have spoiled the values with which each sample is foretold best.
+        """
         model = self.closest(self.base, robust=True).model
         for port in self.location.likely(model) if self.location else ():
             with contextlib.suppress(NumericalError, np.linalg.LinAlgError):
@@ -232,7 +235,7 @@ class Task:
     @cached_property
     def _episode(self) -> tuple[float, float] | None:
         """From when to when most of what the refitted model lacks acts, in s; None if always."""
-        for same in chain(zip(*self._lacking, strict=True), self._lacking_beside()):
+        for same in chain(zip(*self._lacking, strict=True), self._lacking_alone()):
             times = [(r.name, time) for r, (time, _) in zip(self.fitting, same, strict=True)]
             signal = np.concatenate([signal for _, signal in same])
             spans = occurrence("", "1", times, signal, 0.0 * signal, ()).spans
