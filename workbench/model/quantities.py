@@ -333,6 +333,7 @@ class Parameter(Quantity):
             where that is not possible.
         refined: Whether it is refitted although it is not ``fitted``, as soon as the effect that
             it belongs to was found: a detail of its shape.
+        strict: Whether beyond its bounds the equations mean something else: no fit widens them.
     """
 
     value: float = 0.0
@@ -343,6 +344,7 @@ class Parameter(Quantity):
     fixed: bool = False
     setting: float = 0.0
     refined: bool = False
+    strict: bool = False
 
     def __post_init__(self) -> None:
         if self.scale == 0.0:

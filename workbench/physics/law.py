@@ -54,6 +54,7 @@ class Own:
         resists: Whether it has the sign of a resistance against the motion.
         refined: Whether it is refitted as soon as the law was found, and not before.
         read: Unit in which people read it; that of its place by default.
+        strict: Whether beyond its bounds the law is another one.
     """
 
     name: str
@@ -71,6 +72,7 @@ class Own:
     resists: bool = False
     refined: bool = False
     read: str = ""
+    strict: bool = False
 
     def either_way(self) -> Own:
         """Return the parameter with both signs, if it is a size that only resists a motion."""
@@ -107,6 +109,7 @@ class Own:
             fitted=self.fitted,
             refined=self.refined,
             display_unit=self.read,
+            strict=self.strict,
         )
 
 
@@ -169,6 +172,7 @@ def shape(
     absent: float | None = None,
     refined: bool = False,
     read: str = "",
+    strict: bool = False,
 ) -> Own:
     """State another parameter of a law.
 
@@ -180,12 +184,13 @@ def shape(
         absent: Value in a hypothesis, where that differs, in ``unit``.
         refined: Whether it is a detail, refitted as soon as the law was found and not before.
         read: Unit in which people read it; that of its place by default.
+        strict: Whether beyond its bounds the law is another one, so that no fit widens them.
     """
     lower, upper = around or between
     return Own(
         name, unit, value, lower, upper, text, scale or abs(value) or 1.0, source,
         fitted and not refined, relative=around is not None, absent=absent, refined=refined,
-        read=read,
+        read=read, strict=strict,
     )  # fmt: skip
 
 

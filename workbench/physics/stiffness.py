@@ -159,8 +159,11 @@ def _touched(at: Place, name: str, side: float, part: float = _TOUCHES[2]) -> di
 def _place_of_stop(at: Place, name: str, side: float, text: str) -> Own:
     low, high = _seen(at)
     reach = high - low or 1.0
+    # What touches wherever it was seen is a spring, and what never does is not there.
+    beyond = 0.0 if at.coordinate.seen else reach
     return shape(name, at.coordinate.unit, _touched(at, name, side)[name], text, around=None,
-                 between=(low - reach, high + reach), scale=0.1 * reach)  # fmt: skip
+                 between=(low - beyond, high + beyond), scale=0.1 * reach,
+                 strict=beyond == 0.0)  # fmt: skip
 
 
 def _held_off(at: PortView, place: Expression, side: Expression) -> Expression:
@@ -223,6 +226,9 @@ _SCREWS = (0.01, 10.0)
 
 _PLACES = 6
 
+_LEAST_WAVE = 0.8
+"""Part of a wave of a ripple that is at least in a turn, or in what was seen where that is more."""
+
 
 def _turns(at: Place) -> tuple[float, ...]:
     """Radians of the ripple per unit of the position that are worth trying."""
@@ -241,13 +247,23 @@ def _orders(travel: tuple[float, float]) -> tuple[float, ...]:
     return tuple(map(float, _WHOLE_TURNS)) if whole else _TEETH
 
 
-def _waves(frequencies: Sequence[float], unit: str) -> tuple[Own, ...]:
-    """Return frequency and phase of what repeats with the position, in ``unit``."""
+def _waves(
+    frequencies: Sequence[float], unit: str, seen: tuple[float, float] | None
+) -> tuple[Own, ...]:
+    """Return frequency and phase of what repeats with the position, in ``unit``, where ``seen``."""
     usual = frequencies[len(frequencies) // 2]
+    text = "ripples per unit of position, times 2 pi"
+    if seen and unit == "rad":
+        # A turn later it is where it was: with less than a wave until then the law is a curve.
+        least = _LEAST_WAVE * 2.0 * math.pi / max(seen[1] - seen[0], 2.0 * math.pi)
+        frequency = shape("frequency", "1/rad", usual, text, around=None,
+                          between=(least, math.inf), scale=0.1 * usual, strict=True)  # fmt: skip
+    else:
+        around = (0.3 * min(frequencies) / usual, 3.0 * max(frequencies) / usual)
+        frequency = shape("frequency", per("1", unit), usual, text, around=around,
+                          scale=0.1 * usual)  # fmt: skip
     return (
-        shape("frequency", per("1", unit), usual, "ripples per unit of position, times 2 pi",
-              around=(0.3 * min(frequencies) / usual, 3.0 * max(frequencies) / usual),
-              scale=0.1 * usual),
+        frequency,
         shape("phase", "1", 0.0, "phase at position zero", around=None, between=(-6.3, 6.3),
               source=""),
     )  # fmt: skip
@@ -265,7 +281,7 @@ ripple = Law(
     lambda at: (
         size("amplitude", at.unit, 0.03 * at.scale, 0.5 * at.scale,
              "amplitude of the ripple", signed=True),
-        *_waves(_turns(at), at.coordinate.unit),
+        *_waves(_turns(at), at.coordinate.unit, at.coordinate.seen),
     ),
     lambda at: at.value
     + at.p.amplitude * ca.sin(at.p.frequency * at.signals.coordinate + at.p.phase),
@@ -289,7 +305,7 @@ sensor_ripple = replace(
     where=sensors(together=False, only=lambda at: at.unit == "rad"),
     parameters=lambda at: (
         size("amplitude", "rad", 2e-3, 0.1, "amplitude of the error", signed=True),
-        *_waves(_read_orders(at), at.unit),
+        *_waves(_read_orders(at), at.unit, at.seen),
     ),
     transform=lambda at: (
         at.value

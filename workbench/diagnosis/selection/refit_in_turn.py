@@ -164,7 +164,7 @@ def in_step(entry: Hypothesis, values: Mapping[str, float], interval: float) -> 
 def widened(entry: Hypothesis, fit: ProcessNoiseFit, interval: float) -> Hypothesis:
     """Return an effect with wider bounds where a refit ended on them; itself if it did on none.
 
-    What is bounded by nature keeps its bound: zero, all of a whole. A time does not go below the
+    What is bounded by nature keeps its bound: zero, all of a whole, what is strict. A time does not go below the
     sampling interval, where nothing tells it from another law.
 
     Args:
@@ -173,7 +173,9 @@ def widened(entry: Hypothesis, fit: ProcessNoiseFit, interval: float) -> Hypothe
     effect = entry.effect
     ended = {} if entry.whole else {e.name: e.value for e in fit.refit.estimates if e.on_bound}
     own = [(q, ended.get(f"{effect.name}.{q.name}")) for q in effect.parameters]
-    wider = tuple(q if value is None else _wider(q, value, interval) for q, value in own)
+    wider = tuple(
+        q if value is None or q.strict else _wider(q, value, interval) for q, value in own
+    )
     if wider == effect.parameters:
         return entry
     return replace(entry, effect=replace(effect, parameters=wider))
