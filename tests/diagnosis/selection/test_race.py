@@ -342,6 +342,20 @@ def test_a_law_that_contends_is_refitted_with_the_trust_that_it_earns() -> None:
     assert beside[0].gain == pytest.approx(loss.gain)
 
 
+def test_what_was_refitted_on_more_samples_has_no_more_rivals_behind_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # What is seen late, and what is always there: each explains its beginning to the noise.
+    gains = {"local_catch": 21_800.0, "tilt_gravity": 10_800.0}
+    found = [made_candidate(name, gain, 0.5) for name, gain in gains.items()]
+    told = [replace(c, fit=trusting(c)) for c in found]
+    monkeypatch.setattr(race, "_trusted", lambda *given: list(given[-1]))
+    heads = cast(Any, [SimpleNamespace(samples=n) for n in (10_000, 5_000)])
+    assert race._rivals(heads, told, [0, 1]) == ([0, 1], [])
+    heads[0].samples = 5_000
+    assert race._rivals(heads, told, [0, 1]) == ([0], [1])
+
+
 def test_an_event_is_not_followed_where_the_same_all_the_time_explains_as_much() -> None:
     names = ("sensor_offset_angle", "sensor_jump_angle", "sensor_jump_pressure_1")
     offset, jump, other = (made_candidate(n, 100.0 - i, 0.5) for i, n in enumerate(names))

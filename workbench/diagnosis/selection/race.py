@@ -225,7 +225,7 @@ def _first_refits(
         begun: The earlier refits by name.
     """
     begun = begun or {}
-    seen = [sum(len(r.outputs) for r in head.fit_on) for head in heads]
+    seen = [head.samples for head in heads]
     order = sorted(range(len(field)), key=lambda i: -field[i].gain)
     found: dict[int, Candidate] = {}
     # The best scores first, then ever more at a time.
@@ -249,7 +249,7 @@ def _heads(basis: Basis, field: Sequence[Score], samples: int) -> list[Basis]:
 
     What happens later than a beginning is refitted on as much as shows it.
     """
-    short = sum(len(r.outputs) for r in basis.fit_on) <= _SHORT
+    short = basis.samples <= _SHORT
     basis = basis._replace(thorough=basis.thorough and short)
     lengths = [samples if score.late < samples else 2 * score.late for score in field]
     heads = {n: _head(basis, [r.part(slice(n)) for r in basis.fit_on]) for n in {*lengths}}
@@ -264,7 +264,7 @@ def _head(basis: Basis, head: Sequence[Observed]) -> Basis:
     """
     base = basis.base
     least = usual = basis.known + float(blocks_of_cost(base, head).sum())
-    whole = sum(len(r.outputs) for r in head) == sum(len(r.outputs) for r in basis.fit_on)
+    whole = sum(len(r.outputs) for r in head) == basis.samples
     for start in () if whole or base.noise_scale <= PERFECT else ({}, base.refit.values):
         with contextlib.suppress(NumericalError):
             fit = fit_with_process_noise(
@@ -284,12 +284,14 @@ def _rivals(
     """
     if len(leaders) < 2:
         return leaders, []
-    trusted = _trusted([heads[i] for i in leaders], [first[i] for i in leaders])
-    top = max(trusted, key=lambda c: c.gain)
-    if not explains(top):
+    own = [heads[i] for i in leaders]
+    trusted = _trusted(own, [first[i] for i in leaders])
+    # What comes late was refitted on more samples, of which each has its part of the gain.
+    each = [c.gain / basis.samples for basis, c in zip(own, trusted, strict=True)]
+    top = int(np.argmax(each))
+    if not explains(trusted[top]):
         return leaders, []
-    least = _RIVALS * top.gain
-    rivals = [i for i, c in zip(leaders, trusted, strict=True) if c.gain > least]
+    rivals = [i for i, gain in zip(leaders, each, strict=True) if gain > _RIVALS * each[top]]
     return rivals, [i for i in leaders if i not in rivals]
 
 
@@ -299,9 +301,14 @@ def _trusted(heads: Sequence[Basis], first: Sequence[Candidate]) -> list[Candida
     Where the equations are as imperfect as without it, the right law gains little more than a wrong
     one that bends the same way: the noise that is expected makes up for the rest.
     """
-    best = max(first, key=lambda c: c.gain)
-    least = max(_CONTENDS * best.gain, LEAST_SCORE)
-    chosen = [i for i, c in enumerate(first) if c.gain > least or trusts_less(c, best)]
+    seen = [basis.samples for basis in heads]
+    top = max(range(len(first)), key=lambda i: first[i].gain / seen[i])
+    clear, best = first[top].gain / seen[top], first[top]
+    chosen = [
+        i
+        for i, c in enumerate(first)
+        if c.gain > max(_CONTENDS * clear * seen[i], LEAST_SCORE) or trusts_less(c, best)
+    ]
     calls = [(_with_trust, (heads[i], first[i])) for i in chosen]
     found = list(first)
     for i, candidate in zip(chosen, in_order(calls, jobs=heads[0].jobs), strict=True):

@@ -59,6 +59,11 @@ class Basis(NamedTuple):
     thorough: bool = True
     costs: tuple[float, float] = (0.0, 0.0)
 
+    @property
+    def samples(self) -> int:
+        """Samples of all its recordings."""
+        return sum(len(r.outputs) for r in self.fit_on)
+
     def gain(self, fit: ProcessNoiseFit) -> float:
         """Return what a fit gains over the base trusted as much, dimensionless."""
         return self.costs[fit.noise_scale < self.base.noise_scale] - fit.cost
