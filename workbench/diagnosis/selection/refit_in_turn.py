@@ -169,8 +169,8 @@ def in_step(entry: Hypothesis, values: Mapping[str, float], interval: float) -> 
 def widened(entry: Hypothesis, fit: ProcessNoiseFit, interval: float) -> Hypothesis:
     """Return an effect with wider bounds where a refit ended on them; itself if it did on none.
 
-    What is bounded by nature keeps its bound: zero, all of a whole, what is strict. A time does not go below the
-    sampling interval, where nothing tells it from another law.
+    What is bounded by nature keeps its bound: zero, all of a whole, what is strict. A time does not
+    go below the sampling interval, where nothing tells it from another law.
 
     Args:
         interval: Sampling interval of the recordings, in s.
