@@ -50,7 +50,7 @@ friction_jump, friction_pulse = _begins(
         coulomb_friction,
         where=each(
             *RESISTED, needs=("speed",),
-            only=lambda at: not at.rubs and same_dimension(at.speed.unit, *SPEEDS),
+            only=lambda at: not at.dry and same_dimension(at.speed.unit, *SPEEDS),
         ),
     ),
     "friction", "a brake that drags, a bearing or seal that fails",

@@ -133,7 +133,7 @@ direction_dependent_viscous = Law(
 direction_dependent_friction = Law(
     "direction_dependent_friction",
     "T = -(difference / 2) tanh(v / transition_speed)^2",
-    each(*RESISTED, needs=("speed",), only=lambda at: at.rubs),
+    each(*RESISTED, needs=("speed",), only=lambda at: at.dry),
     lambda at: (
         size("difference", at.unit, 0.05 * at.scale, 1.0 * at.scale,
              "dry friction forwards less that backwards", signed=True),
@@ -167,7 +167,7 @@ stribeck_friction = Law(
         shape("stribeck_speed", at.speed.unit, 0.1 * at.speed.scale,
               "speed over which the break-away fades", around=(0.05, 10.0)),
         shape("coulomb_share", "1", 0.0, "what is left of it at high speed, relative to it",
-              around=None, between=(0.0, 1.0), fitted=not at.rubbed),
+              around=None, between=(0.0, 1.0), fitted=not at.dry_declared),
         transition(at),
     ),
     _fading,

@@ -147,8 +147,8 @@ class Place:
         driven: Whether an input of the model reaches the signal at once.
         commanded: Whether it follows from inputs alone.
         shared: Whether it is a command that sets several bodies in motion at once.
-        rubbed: Whether dry friction is attached to it that was not missing at first.
-        rubs: Whether there is dry friction over the speed.
+        dry_declared: Whether dry friction is attached to it that was not missing at first.
+        dry: Whether there is dry friction over the speed.
         empty: Whether nothing passes there unless an effect adds it.
         whole: Whether the rate of what it drives or fills is proportional to the signal.
         elastic: Whether the signal is a straight line over the coordinate.
@@ -181,8 +181,8 @@ class Place:
     driven: bool = False
     commanded: bool = False
     shared: bool = False
-    rubbed: bool = False
-    rubs: bool = True
+    dry_declared: bool = False
+    dry: bool = True
     empty: bool = False
     whole: bool = False
     elastic: bool = False

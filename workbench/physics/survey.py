@@ -221,10 +221,10 @@ class Survey:
         return Place(
             port, role, signals, any(ports.entered[index]), store=store, fills=fills,
             commanded=index in ports.commanded, shared=shared, shaped=bool(shaped),
-            rubbed=any(
+            dry_declared=any(
                 e.dry and name in e.ports and e.name not in self._found for e in self.model.effects
             ),
-            rubs=self._rubs(index, signals), empty=ports.value(index).is_zero(), gains=gains,
+            dry=self._dry(index, signals), empty=ports.value(index).is_zero(), gains=gains,
             parameters=tuple(q for q in self._entering[index] if q not in gains),
             whole=ports.whole(index), elastic=(shared or role in EFFORTS) and elastic,
             between=role in EFFORTS and ports.between_bodies(index),
@@ -234,7 +234,7 @@ class Survey:
             usual=ports.weighing(index) if role in (*EFFORTS, *FLOWS) else {},
         )  # fmt: skip
 
-    def _rubs(self, index: int, signals: Mapping[str, Local]) -> bool:
+    def _dry(self, index: int, signals: Mapping[str, Local]) -> bool:
         """Tell whether there is dry friction at a port, the author's or what was attached."""
         name, speed = self.trace.ports[index].name, signals.get("speed")
         if speed is None or any(e.dry and name in e.ports for e in self.model.effects):
