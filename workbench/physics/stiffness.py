@@ -257,7 +257,8 @@ def _waves(
         # A turn later it is where it was: with less than a wave until then the law is a curve.
         least = _LEAST_WAVE * 2.0 * math.pi / max(seen[1] - seen[0], 2.0 * math.pi)
         frequency = shape("frequency", "1/rad", usual, text, around=None,
-                          between=(least, 1e3 * max(frequencies)), scale=0.1 * usual, strict=True)  # fmt: skip
+                          between=(least, 1e3 * max(frequencies)), scale=0.1 * usual,
+                          strict=True)  # fmt: skip
     else:
         around = (0.3 * min(frequencies) / usual, 3.0 * max(frequencies) / usual)
         frequency = shape("frequency", per("1", unit), usual, text, around=around,

@@ -354,6 +354,10 @@ def test_what_was_refitted_on_more_samples_has_no_more_rivals_behind_it(
     assert race._rivals(heads, told, [0, 1]) == ([0, 1], [])
     heads[0].samples = 5_000
     assert race._rivals(heads, told, [0, 1]) == ([0], [1])
+    # Nor is it followed for them.
+    assert race._leaders(told, 0) == [0, 1]
+    heads[0].samples = 20_000
+    assert race._leaders(race._comparable(heads, told), 0) == [1, 0]
 
 
 def test_an_event_is_not_followed_where_the_same_all_the_time_explains_as_much() -> None:

@@ -119,7 +119,7 @@ def refit_candidates(
     names, more = [s.entry.name for s in field[:_SAID]], len(field) - _SAID
     task.say(f"refitting with {', '.join(names)}{f' and {more} more' if more > 0 else ''}")
     heads = _heads(basis, field, _HEADS[1])
-    at_first = _first_refits(heads, field, _NEAR, earlier)
+    at_first = _comparable(heads, _first_refits(heads, field, _NEAR, earlier))
     leaders = _leaders(at_first, field.index(chosen[0]), several=len(fit_on) > 1)
     leaders, weaker = _rivals(heads, at_first, leaders)
     before = blocks_as_trusted(base, hold_out) if leaders and hold_out else None
@@ -207,7 +207,8 @@ def _raced(basis: Basis, field: Sequence[Score]) -> list[Candidate]:
     for chosen, own in groups.items():
         here = [replace(field[i], clearest=chosen.index(field[i].clearest)) for i in own]
         some = basis._replace(fit_on=[fit_on[k] for k in chosen])
-        done = _first_refits(_heads(some, here, _HEADS[0]), here, _FAR)
+        heads = _heads(some, here, _HEADS[0])
+        done = _comparable(heads, _first_refits(heads, here, _FAR))
         found |= dict(zip(own, done, strict=True))
     return [found[i] for i in range(len(field))]
 
@@ -242,6 +243,18 @@ def _first_refits(
             calls.append((first_refit, (own, field[i], enough, earlier, least)))
         found |= dict(zip(some, in_order(calls, jobs=heads[0].jobs), strict=True))
     return [found[i] for i in range(len(field))]
+
+
+def _comparable(heads: Sequence[Basis], first: Sequence[Candidate]) -> list[Candidate]:
+    """Return refits with gains as on as many samples as the least of what each was refitted on.
+
+    What comes late is refitted on more of them, of which each has its part of the gain.
+    """
+    least = min((head.samples for head in heads), default=0)
+    return [
+        c if head.samples == least else replace(c, gain=c.gain * least / head.samples)
+        for head, c in zip(heads, first, strict=True)
+    ]
 
 
 def _heads(basis: Basis, field: Sequence[Score], samples: int) -> list[Basis]:
@@ -285,13 +298,12 @@ def _rivals(
     if len(leaders) < 2:
         return leaders, []
     own = [heads[i] for i in leaders]
-    trusted = _trusted(own, [first[i] for i in leaders])
-    # What comes late was refitted on more samples, of which each has its part of the gain.
-    each = [c.gain / basis.samples for basis, c in zip(own, trusted, strict=True)]
-    top = int(np.argmax(each))
-    if not explains(trusted[top]):
+    trusted = _comparable(own, _trusted(own, [first[i] for i in leaders]))
+    top = max(trusted, key=lambda c: c.gain)
+    if not explains(top):
         return leaders, []
-    rivals = [i for i, gain in zip(leaders, each, strict=True) if gain > _RIVALS * each[top]]
+    least = _RIVALS * top.gain
+    rivals = [i for i, c in zip(leaders, trusted, strict=True) if c.gain > least]
     return rivals, [i for i in leaders if i not in rivals]
 
 
@@ -301,14 +313,9 @@ def _trusted(heads: Sequence[Basis], first: Sequence[Candidate]) -> list[Candida
     Where the equations are as imperfect as without it, the right law gains little more than a wrong
     one that bends the same way: the noise that is expected makes up for the rest.
     """
-    seen = [basis.samples for basis in heads]
-    top = max(range(len(first)), key=lambda i: first[i].gain / seen[i])
-    clear, best = first[top].gain / seen[top], first[top]
-    chosen = [
-        i
-        for i, c in enumerate(first)
-        if c.gain > max(_CONTENDS * clear * seen[i], LEAST_SCORE) or trusts_less(c, best)
-    ]
+    best = max(first, key=lambda c: c.gain)
+    least = max(_CONTENDS * best.gain, LEAST_SCORE)
+    chosen = [i for i, c in enumerate(first) if c.gain > least or trusts_less(c, best)]
     calls = [(_with_trust, (heads[i], first[i])) for i in chosen]
     found = list(first)
     for i, candidate in zip(chosen, in_order(calls, jobs=heads[0].jobs), strict=True):
