@@ -66,10 +66,22 @@ def test_what_is_simpler_and_scores_nearly_as_well_at_a_place_is_tried_too() -> 
 def test_with_levels_by_recording_what_is_the_same_in_all_of_them_is_tried() -> None:
     by_recording = "sensor_offset_by_recording_angle"
     ranked = [made_score(by_recording, 900.0), made_score("tilt_gravity", 800.0)]
-    ranked += [made_score("sensor_offset_angle", 20.0), made_score("sensor_offset_pressure_1", 9.0)]
+    ranked += [made_score("sensor_offset_angle", 20.0), made_score("sensor_offset_pressure_1", 7.0)]
     scores = Scores((*ranked, made_score("sensor_drift_angle", 8.0)), np.eye(5), 1.0)
     names = [score.entry.name for score in shortlist(scores, most=2)]
     assert names == [by_recording, "tilt_gravity", "sensor_offset_angle"]
+
+
+def test_the_best_law_of_one_parameter_at_each_sensor_is_tried_whatever_scores_better() -> None:
+    # A wheel that reads 4 % more: a ripple that bends the same way scores twice as high.
+    ranked = [("tilt_gravity", 900.0), ("constant_torque", 800.0), ("linear_spring", 700.0),
+              ("sensor_ripple_angle", 500.0), ("sensor_gain_angle", 250.0),
+              ("sensor_offset_pressure_1", 90.0), ("sensor_offset_angle", 80.0),
+              ("sensor_gain_pressure_1", 70.0), ("sensor_gain_pressure_2", 7.0)]  # fmt: skip
+    rows = tuple(made_score(name, gain) for name, gain in ranked)
+    chosen = [s.entry.name for s in shortlist(Scores(rows, np.eye(9), 1.0), most=3)]
+    assert {"sensor_gain_angle", "sensor_offset_pressure_1"} < set(chosen)
+    assert len(chosen) == 4
 
 
 def test_shortlist_takes_look_alikes_and_the_best_of_other_places() -> None:

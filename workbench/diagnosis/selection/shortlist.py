@@ -36,8 +36,8 @@ def shortlist(scores: Scores, *, most: int) -> tuple[Score, ...]:
     """Choose the hypotheses that are worth a full refit.
 
     The best score with its look-alikes, then the best of every other group of ports, then what is
-    simpler than that and scores nearly as well; and what is the same in all recordings of those
-    that have one level in each.
+    simpler than that and scores nearly as well; the best law of one parameter at each sensor, which
+    is located nowhere; and what is the same in all recordings of those that have one level in each.
     """
     worthy = [s for s in scores.scores if s.gain > LEAST_SCORE and s.testable]
     if not worthy:
@@ -55,7 +55,14 @@ def shortlist(scores: Scores, *, most: int) -> tuple[Score, ...]:
         slow = score.entry.stiff and not leads
         if score not in chosen and not slow and len(chosen) < most:
             chosen.append(score)
+    plain = {where(s.entry): s for s in reversed(worthy) if s.entry.group == "sensor" and _alone(s)}
+    chosen += [s for s in plain.values() if s not in chosen]
     return (*chosen, *(s for s in worthy if s not in chosen and any(_plain(s, c) for c in chosen)))
+
+
+def _alone(score: Score) -> bool:
+    """Whether the size of a law is all that is refitted of it, and it remembers nothing."""
+    return _own(score) == 1 and not score.entry.effect.states
 
 
 def _plain(score: Score, other: Score) -> bool:
@@ -69,8 +76,11 @@ def _plain(score: Score, other: Score) -> bool:
 
 
 def _simpler(score: Score, best: Score) -> bool:
-    own, other = (sum(q.fitted for q in s.entry.effect.parameters) for s in (score, best))
-    return own < other and score.gain >= _NEARLY * best.gain
+    return _own(score) < _own(best) and score.gain >= _NEARLY * best.gain
+
+
+def _own(score: Score) -> int:
+    return sum(q.fitted for q in score.entry.effect.parameters)
 
 
 def where(entry: Hypothesis) -> tuple[str, ...]:
