@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -18,7 +19,12 @@ from workbench.physics.library import library
 from workbench.plants.arm import arm
 
 
-def _chosen(entries: tuple[Hypothesis, ...]) -> list[str]:
+def _chosen(
+    entries: tuple[Hypothesis, ...],
+    gains: Mapping[str, float] | None = None,
+    *,
+    quiet: bool = False,
+) -> list[str]:
     """Names of what is refitted first where the joint lacks something and its laws score best."""
     model = arm()
     task: Any = SimpleNamespace(
@@ -27,12 +33,11 @@ def _chosen(entries: tuple[Hypothesis, ...]) -> list[str]:
         priors=[q for q in model.parameters if q.fitted],
         longer=lambda _: 1.0,
     )
-    rated = [
-        SimpleNamespace(entry=e, gain=50.0 * (e.group == "process"), testable=True) for e in entries
-    ]
+    score = {e.name: 50.0 * (e.group == "process") for e in entries} if gains is None else gains
+    rated = [SimpleNamespace(entry=e, gain=score.get(e.name, 0.0), testable=True) for e in entries]
     ordered = tuple(sorted(rated, key=lambda s: -s.gain))
     scores: Any = SimpleNamespace(scores=ordered, look_alikes=lambda *_, **__: ())
-    chosen, later = to_refit(task, scores, MOST_AT_FIRST, model, quiet=False)
+    chosen, later = to_refit(task, scores, MOST_AT_FIRST, model, quiet=quiet)
     names = [s.entry.name for s in (*chosen, *later)]
     assert len(set(names)) == len(names)
     return [s.entry.name for s in chosen]
@@ -40,6 +45,17 @@ def _chosen(entries: tuple[Hypothesis, ...]) -> list[str]:
 
 def test_a_late_sensor_is_tried_wherever_the_mismatch_is_and_whatever_it_scores() -> None:
     assert "sensor_delay_angle" in _chosen(library(arm()))
+
+
+def test_near_the_noise_too_what_scores_half_of_the_best_where_that_is_is_tried() -> None:
+    # A spring in a narrow band: without a place of rest it scores half of what it gains.
+    entries = library(arm())
+    elsewhere = [e.name for e in entries if e.group == "sensor"][: MOST_AT_FIRST + 3]
+    gains = dict.fromkeys(elsewhere, 90.0) | {"creep": 100.0, "stribeck_friction": 95.0}
+    gains |= {"linear_spring": 54.0, "constant_torque": 46.0}
+    chosen = _chosen(entries, gains, quiet=True)
+    assert "linear_spring" in chosen
+    assert "constant_torque" not in chosen
 
 
 def test_what_recordings_show_comes_first_whatever_it_scores() -> None:

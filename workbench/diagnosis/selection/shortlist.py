@@ -103,8 +103,8 @@ def to_refit(
     Args:
         model: The model beside which they are refitted.
         quiet: Whether the model without an effect runs to the noise. What its parameters took over
-            is then not missing: only what scores is refitted, and that of which a score cannot
-            tell.
+            is then not missing: only what scores is refitted, at the located groups half as much as
+            the best, and that of which a score cannot tell.
 
     Returns:
         What to refit, first what the recordings themselves show, and what is left for the case
@@ -114,8 +114,8 @@ def to_refit(
     chosen = [*evident, *(s for s in shortlist(scores, most=most) if s not in evident)]
     groups = {port.name: port.group for port in task.base.model.ports}
     alone = task.location.alone if task.location else {}
-    best = max(alone.values(), default=0.0)
-    located = {group for group, gain in alone.items() if gain > 0.0 and gain >= 0.5 * best}
+    most_alone = max(alone.values(), default=0.0)
+    located = {group for group, gain in alone.items() if gain > 0.0 and gain >= 0.5 * most_alone}
     room = room_for(task, most, model)
     rest = [s for s in scores.scores if s not in chosen]
     moved = _moved(task.base.model)
@@ -130,9 +130,11 @@ def to_refit(
     # A law whose derivative at size zero tells nothing is tried wherever it may be; that a sensor
     # is late is located nowhere.
     far = [s for s in rest if s.entry.far and (s in here or s.entry.group == "sensor")]
+    best = max((s.gain for s in scores.scores), default=0.0)
+    least = max(LEAST_SCORE, _LEADS * best) if quiet else 0.0
+    taken = [*far, *within([s for s in here if s not in far and s.gain >= least], room)]
     if quiet:
-        return (*chosen, *far), ()
-    taken = [*far, *within([s for s in here if s not in far], room)]
+        return (*chosen, *taken), ()
     elsewhere = [s for s in rest if s not in here and s not in far]
     # A small plant has room for the whole library, wherever the mismatch was located.
     later = tuple(elsewhere) if within(rest, room) == rest else ()
