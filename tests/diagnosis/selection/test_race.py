@@ -346,18 +346,30 @@ def test_what_was_refitted_on_more_samples_has_no_more_rivals_behind_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # What is seen late, and what is always there: each explains its beginning to the noise.
-    gains = {"local_catch": 21_800.0, "tilt_gravity": 10_800.0}
-    found = [made_candidate(name, gain, 0.5) for name, gain in gains.items()]
-    told = [replace(c, fit=trusting(c)) for c in found]
     monkeypatch.setattr(race, "_trusted", lambda *given: list(given[-1]))
-    heads = cast(Any, [SimpleNamespace(samples=n) for n in (10_000, 5_000)])
-    assert race._rivals(heads, told, [0, 1]) == ([0, 1], [])
-    heads[0].samples = 5_000
-    assert race._rivals(heads, told, [0, 1]) == ([0], [1])
-    # Nor is it followed for them.
-    assert race._leaders(told, 0) == [0, 1]
-    heads[0].samples = 20_000
-    assert race._leaders(race._comparable(heads, told), 0) == [1, 0]
+    late, always = (
+        replace(made_candidate(name, gain, 0.5), samples=5_000)
+        for name, gain in (("local_catch", 21_800.0), ("tilt_gravity", 10_800.0))
+    )
+    late, always = (replace(c, fit=trusting(c)) for c in (late, always))
+    heads = cast(Any, [None, None])
+    assert race._rivals(heads, [late, always], [0, 1]) == ([0], [1])
+    late = replace(late, samples=10_000)
+    assert race._rivals(heads, [late, always], [0, 1]) == ([0, 1], [])
+    # By sample it has no more either where recordings tell the more the longer they go on.
+    always = replace(always, gain=40_000.0)
+    assert race._rivals(heads, [late, always], [0, 1]) == ([1], [0])
+    always = replace(always, gain=26_000.0)
+    assert race._rivals(heads, [late, always], [0, 1]) == ([0, 1], [])
+
+
+def test_who_is_followed_leads_by_its_gain_or_by_sample() -> None:
+    known = (("ripple", 1574.0, 6500), ("creep", 250.0, 1500), ("linear_spring", 432.0, 4000),
+             ("stribeck_friction", 374.0, 3000), ("tilt_gravity", 240.0, 1600),
+             ("local_catch", 300.0, 3500))  # fmt: skip
+    first = [replace(made_candidate(name, gain, 0.5), samples=n) for name, gain, n in known]
+    assert race._ranked(first) == [0, 2, 1, 3, 4, 5]
+    assert race._leaders(first, 0) == [0, 2, 1, 3]
 
 
 def test_an_event_is_not_followed_where_the_same_all_the_time_explains_as_much() -> None:

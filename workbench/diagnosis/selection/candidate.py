@@ -30,6 +30,7 @@ class Candidate:
         blocks: Cost on the fitting and on the held-out recordings by block of time, shape (n,)
             each, dimensionless; empty if it was not followed.
         run: Errors of its runs on the held-out recordings; None if it was not followed.
+        samples: Samples of the beginnings on which it was refitted; 0 if it was followed.
     """
 
     entry: Hypothesis
@@ -43,6 +44,7 @@ class Candidate:
     shift: float = math.nan
     blocks: tuple[Vector, ...] = field(default=(), compare=False)
     run: RunErrors | None = field(default=None, compare=False)
+    samples: int = 0
 
     @property
     def name(self) -> str:

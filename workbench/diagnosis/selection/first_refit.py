@@ -100,7 +100,10 @@ def first_refit(
             failed = error
         else:
             gain = basis.gain(fit)
-            found.append(Candidate(entry, fit, gain, refused=SURPASSED, followed=False))
+            seen = basis.samples
+            found.append(
+                Candidate(entry, fit, gain, refused=SURPASSED, followed=False, samples=seen)
+            )
 
     for way in ways:
         go(way, score)

@@ -109,17 +109,15 @@ def refit_candidates(
         task.say(f"racing {len(racing)} effects on the beginning of the recordings")
         raced = dict(zip((s.entry.name for s in racing), _raced(basis, racing), strict=True))
 
-        def place(i: int) -> tuple[bool, float]:
-            found = raced.get(chosen[i].entry.name)
-            return found is not None and i >= _BY_SCORE, -found.gain if found else -math.inf
-
-        order = [chosen[i] for i in sorted(range(len(chosen)), key=place)]
+        behind = [s for s in chosen[_BY_SCORE:] if s.entry.name in raced]
+        places = _ranked([raced[s.entry.name] for s in behind])
+        order = [*(s for s in chosen if s not in behind), *(behind[i] for i in places)]
         earlier |= raced
         field, lost = order[:_FIELD], [earlier[s.entry.name] for s in order[_FIELD:]]
     names, more = [s.entry.name for s in field[:_SAID]], len(field) - _SAID
     task.say(f"refitting with {', '.join(names)}{f' and {more} more' if more > 0 else ''}")
     heads = _heads(basis, field, _HEADS[1])
-    at_first = _comparable(heads, _first_refits(heads, field, _NEAR, earlier))
+    at_first = _first_refits(heads, field, _NEAR, earlier)
     leaders = _leaders(at_first, field.index(chosen[0]), several=len(fit_on) > 1)
     leaders, weaker = _rivals(heads, at_first, leaders)
     before = blocks_as_trusted(base, hold_out) if leaders and hold_out else None
@@ -207,8 +205,7 @@ def _raced(basis: Basis, field: Sequence[Score]) -> list[Candidate]:
     for chosen, own in groups.items():
         here = [replace(field[i], clearest=chosen.index(field[i].clearest)) for i in own]
         some = basis._replace(fit_on=[fit_on[k] for k in chosen])
-        heads = _heads(some, here, _HEADS[0])
-        done = _comparable(heads, _first_refits(heads, here, _FAR))
+        done = _first_refits(_heads(some, here, _HEADS[0]), here, _FAR)
         found |= dict(zip(own, done, strict=True))
     return [found[i] for i in range(len(field))]
 
@@ -243,18 +240,6 @@ def _first_refits(
             calls.append((first_refit, (own, field[i], enough, earlier, least)))
         found |= dict(zip(some, in_order(calls, jobs=heads[0].jobs), strict=True))
     return [found[i] for i in range(len(field))]
-
-
-def _comparable(heads: Sequence[Basis], first: Sequence[Candidate]) -> list[Candidate]:
-    """Return refits with gains as on as many samples as the least of what each was refitted on.
-
-    What comes late is refitted on more of them, of which each has its part of the gain.
-    """
-    least = min((head.samples for head in heads), default=0)
-    return [
-        c if head.samples == least else replace(c, gain=c.gain * least / head.samples)
-        for head, c in zip(heads, first, strict=True)
-    ]
 
 
 def _heads(basis: Basis, field: Sequence[Score], samples: int) -> list[Basis]:
@@ -297,14 +282,32 @@ def _rivals(
     """
     if len(leaders) < 2:
         return leaders, []
-    own = [heads[i] for i in leaders]
-    trusted = _comparable(own, _trusted(own, [first[i] for i in leaders]))
-    top = max(trusted, key=lambda c: c.gain)
-    if not explains(top):
-        return leaders, []
-    least = _RIVALS * top.gain
-    rivals = [i for i, c in zip(leaders, trusted, strict=True) if c.gain > least]
-    return rivals, [i for i in leaders if i not in rivals]
+    trusted = _trusted([heads[i] for i in leaders], [first[i] for i in leaders])
+    near = set[int]()
+    for gains in _gains(trusted):
+        top = int(np.argmax(gains))
+        if not explains(trusted[top]):
+            return leaders, []
+        near |= {i for i, g in zip(leaders, gains, strict=True) if g > _RIVALS * gains[top]}
+    return [i for i in leaders if i in near], [i for i in leaders if i not in near]
+
+
+def _gains(found: Sequence[Candidate]) -> tuple[list[float], list[float]]:
+    """Return gains, dimensionless, of refits on beginnings, and by sample.
+
+    What comes late is refitted on more samples than the rest: its gain is too large for comparison,
+    and by sample too small where recordings tell the more the longer they go on.
+    """
+    return [c.gain for c in found], [c.gain / max(c.samples, 1) for c in found]
+
+
+def _ranked(found: Sequence[Candidate]) -> list[int]:
+    """Return the places of refits on beginnings, best first by the gain that is better for each."""
+    ranks = [len(found)] * len(found)
+    for gains in _gains(found):
+        for rank, i in enumerate(sorted(range(len(found)), key=lambda i: -gains[i])):
+            ranks[i] = min(ranks[i], rank)
+    return sorted(range(len(found)), key=lambda i: (ranks[i], -found[i].gain))
 
 
 def _trusted(heads: Sequence[Basis], first: Sequence[Candidate]) -> list[Candidate]:
@@ -364,8 +367,7 @@ def _leaders(first: Sequence[Candidate], best: int, *, several: bool = False) ->
     Args:
         best: Place of the best score.
     """
-    order = sorted(range(len(first)), key=lambda i: -first[i].gain)
-    worthy = [i for i in order if first[i].fit is not None and first[i].gain > LEAST_SCORE]
+    worthy = [i for i in _ranked(first) if first[i].fit is not None and first[i].gain > LEAST_SCORE]
     worthy = [i for i in worthy if not any(_always(first[k], first[i]) for k in worthy)]
     leaders: list[int] = []
     laws: set[str] = set()
