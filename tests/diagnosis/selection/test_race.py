@@ -363,13 +363,18 @@ def test_what_was_refitted_on_more_samples_has_no_more_rivals_behind_it(
     assert race._rivals(heads, [late, always], [0, 1]) == ([0, 1], [])
 
 
-def test_who_is_followed_leads_by_its_gain_or_by_sample() -> None:
-    known = (("ripple", 1574.0, 6500), ("creep", 250.0, 1500), ("linear_spring", 432.0, 4000),
-             ("stribeck_friction", 374.0, 3000), ("tilt_gravity", 240.0, 1600),
-             ("local_catch", 300.0, 3500))  # fmt: skip
-    first = [replace(made_candidate(name, gain, 0.5), samples=n) for name, gain, n in known]
-    assert race._ranked(first) == [0, 2, 1, 3, 4, 5]
-    assert race._leaders(first, 0) == [0, 2, 1, 3]
+def test_who_is_followed_leads_by_its_gain_or_by_what_is_left() -> None:
+    # Near the end of a recording it tells more than at the beginning.
+    known = (("ripple", 1574.0, 6500, 0.5), ("creep", 250.0, 1500, 0.12),
+             ("stribeck_friction", 600.0, 5000, 0.35), ("linear_spring", 432.0, 4000, 0.18),
+             ("tilt_gravity", 240.0, 1600, 0.3), ("local_catch", 610.0, 5500, 0.5))  # fmt: skip
+    first = [
+        replace(made_candidate(name, gain, 0.5), samples=n, share=share)
+        for name, gain, n, share in known
+    ]
+    # The spring by what is left, creep by sample.
+    assert race._leaders(first, 0) == [0, 5, 3, 1]
+    assert race._ranked(first) == [0, 5, 3, 1, 2, 4]
 
 
 def test_an_event_is_not_followed_where_the_same_all_the_time_explains_as_much() -> None:

@@ -31,6 +31,7 @@ class Candidate:
             each, dimensionless; empty if it was not followed.
         run: Errors of its runs on the held-out recordings; None if it was not followed.
         samples: Samples of the beginnings on which it was refitted; 0 if it was followed.
+        share: Part of what it does to all recordings that it does there, by its score, a ratio.
     """
 
     entry: Hypothesis
@@ -45,6 +46,7 @@ class Candidate:
     blocks: tuple[Vector, ...] = field(default=(), compare=False)
     run: RunErrors | None = field(default=None, compare=False)
     samples: int = 0
+    share: float = 1.0
 
     @property
     def name(self) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -88,6 +89,10 @@ def first_refit(
             own, largest = entry_start(entry) | means, entry.size.upper
             if math.isfinite(largest):
                 ways += [_Way(STEEP, {}, (own | {entry.size_name: k * largest},)) for k in _PARTS]
+    share = score.share(max((len(r.outputs) for r in basis.fit_on), default=0))
+    on_beginnings = partial(
+        Candidate, refused=SURPASSED, followed=False, samples=basis.samples, share=share
+    )
     found: list[Candidate] = []
     failed: Exception | None = None
 
@@ -100,10 +105,7 @@ def first_refit(
             failed = error
         else:
             gain = basis.gain(fit)
-            seen = basis.samples
-            found.append(
-                Candidate(entry, fit, gain, refused=SURPASSED, followed=False, samples=seen)
-            )
+            found.append(on_beginnings(entry, fit, gain))
 
     for way in ways:
         go(way, score)

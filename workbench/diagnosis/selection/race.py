@@ -48,6 +48,9 @@ _CONTENDS = 0.3
 """Gain of a first refit over the best one, up to which more trust makes no rival of it, where both
 trust the equations as much."""
 
+_LEAST_SHARE = 0.05
+"""Part of what a law does below which its gain there says little of what the rest will bring."""
+
 _SAID = 4
 """How many of those that are refitted are told by name."""
 
@@ -292,17 +295,22 @@ def _rivals(
     return [i for i in leaders if i in near], [i for i in leaders if i not in near]
 
 
-def _gains(found: Sequence[Candidate]) -> tuple[list[float], list[float]]:
-    """Return gains, dimensionless, of refits on beginnings, and by sample.
+def _gains(found: Sequence[Candidate]) -> tuple[list[float], ...]:
+    """Return gains, dimensionless, of refits on beginnings, by sample too, and by what is left.
 
     What comes late is refitted on more samples than the rest: its gain is too large for comparison,
-    and by sample too small where recordings tell the more the longer they go on.
+    and by sample too small where recordings tell the more the longer they go on. What is left is
+    known as well as the score is right.
     """
-    return [c.gain for c in found], [c.gain / max(c.samples, 1) for c in found]
+    return (
+        [c.gain for c in found],
+        [c.gain / max(c.samples, 1) for c in found],
+        [c.gain / max(c.share, _LEAST_SHARE) for c in found],
+    )
 
 
 def _ranked(found: Sequence[Candidate]) -> list[int]:
-    """Return the places of refits on beginnings, best first by the gain that is better for each."""
+    """Return places of refits on beginnings, best first by the gain that is best for each."""
     ranks = [len(found)] * len(found)
     for gains in _gains(found):
         for rank, i in enumerate(sorted(range(len(found)), key=lambda i: -gains[i])):
