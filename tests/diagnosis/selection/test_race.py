@@ -167,6 +167,22 @@ def test_what_does_the_same_as_what_was_found_is_followed_and_may_take_its_place
     assert taken_of(found) == [names[4 if again else 0]]
 
 
+def test_sensors_that_are_refused_take_nobodys_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    # A gain of the angle beside a load that swings: lags and delays gain more, and run no closer.
+    names = ("sensor_lag_pressures", "sensor_delay_pressures", "sensor_gain_angle", "tilt_gravity")
+    first = [
+        replace(made_candidate(name, 900.0 - 100.0 * i, 0.5), followed=False, refused=SURPASSED)
+        for i, name in enumerate(names)
+    ]
+    late, rest = [names[0], names[1], names[3]], [names[2]]
+    tried, found = _followed_of(monkeypatch, first, fails=(*late,), thorough=True)
+    assert (tried, taken_of(found)) == ([*late, *rest], rest)
+    # Once something was found, or where nothing may be missing, nobody waits for them.
+    for known in ({"thorough": False}, {"thorough": True, "near_noise": True}):
+        tried, found = _followed_of(monkeypatch, first, fails=(*late,), **known)
+        assert (tried, taken_of(found)) == (late, [])
+
+
 def _followed_of(
     monkeypatch: pytest.MonkeyPatch,
     first: list[Candidate],
@@ -174,6 +190,8 @@ def _followed_of(
     *,
     fails: tuple[str, ...] = (),
     gained: dict[str, float] | None = None,
+    thorough: bool = False,
+    near_noise: bool = False,
 ) -> tuple[list[str], tuple[Candidate, ...]]:
     """Return which of first refits were followed, and what became of all."""
     tried = []
@@ -195,7 +213,10 @@ def _followed_of(
     field = [made_score(c.name, 90.0) for c in first]
     base: Any = SimpleNamespace(cost=0.0, model=None)
     seen: Any = SimpleNamespace(outputs=np.zeros((100, 1)))
-    found = race.refit_candidates(_task_of(seen), base, (), field, Limits(20.0, 100.0), alike=alike)
+    limits = Limits(20.0, 100.0, near_noise=near_noise)
+    found = race.refit_candidates(
+        _task_of(seen), base, (), field, limits, alike=alike, thorough=thorough
+    )
     return tried, found
 
 

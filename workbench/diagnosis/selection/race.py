@@ -133,7 +133,15 @@ def refit_candidates(
     found = decided(first, runs, limits)
     best: Candidate | None = None
     waiting = [leaders, weaker]
-    while waiting:
+    # What gained more and is refused takes nobody's place, unless nothing is missing.
+    further = thorough and not limits.near_noise
+    while waiting or (further and best is None):
+        if not waiting:
+            further = False
+            left = [
+                replace(c, fit=None) if first[i].followed else c for i, c in enumerate(at_first)
+            ]
+            waiting = [_leaders(left, field.index(chosen[0]), several=len(fit_on) > 1)]
         some = waiting.pop(0)
         if not some:
             continue
