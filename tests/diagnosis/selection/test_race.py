@@ -37,6 +37,7 @@ from workbench.diagnosis.estimation.simulated_recordings import (
     pushes,
     simulated,
     simulated_axis,
+    simulated_recording,
 )
 from workbench.diagnosis.selection import race
 from workbench.diagnosis.selection.candidate import Candidate
@@ -363,39 +364,47 @@ def test_a_law_that_contends_is_refitted_with_the_trust_that_it_earns() -> None:
     assert beside[0].gain == pytest.approx(loss.gain)
 
 
-def test_what_was_refitted_on_more_samples_has_no_more_rivals_behind_it(
+def test_what_was_refitted_on_a_longer_beginning_gains_no_more_for_that() -> None:
+    axis, n = servo_axis(), 2400
+    force = pushes(n, largest=200.0)
+    truth = axis.with_effect(
+        next(e for e in library(axis) if e.name == "linear_spring").at_size(600.0)
+    )
+    seen = observe(axis, simulated_recording(truth, force, sample_time=0.01))
+    priors = default_priors(axis)
+    base = fit_with_process_noise(axis, [seen], priors)
+    tried = [e for e in library(axis) if e.name in ("linear_spring", "cubic_stiffness")]
+    scores = by_name(score_library(base.model, [seen], priors, tried, noise_scale=base.noise_scale))
+    basis = Basis(base, priors, [seen])
+    spring, cubic = (
+        first_refit(race._head(basis, [seen.part(slice(k))]), scores[name], 10.0)
+        for name, k in (("linear_spring", 300), ("cubic_stiffness", 1800))
+    )
+    assert (spring.length, cubic.length) == (300, 1800)
+    assert cubic.gain > spring.gain
+    spring, cubic = race._alike(basis, [spring, cubic])
+    assert cubic.alike == pytest.approx(cubic.gain, rel=0.1)
+    assert spring.alike > cubic.alike > spring.gain
+    # So it leads, and stands beside what gained most where it was refitted.
+    assert race._ranked([cubic, spring]) == [0, 1]
+    assert race._gains([cubic, spring])[1] == [cubic.alike, spring.alike]
+
+
+def test_rivals_are_near_by_their_gains_or_by_those_on_as_long_a_beginning(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    # What is seen late, and what is always there: each explains its beginning to the noise.
     monkeypatch.setattr(race, "_trusted", lambda *given: list(given[-1]))
-    late, always = (
-        replace(made_candidate(name, gain, 0.5), samples=5_000)
-        for name, gain in (("local_catch", 21_800.0), ("tilt_gravity", 10_800.0))
-    )
+    monkeypatch.setattr(race, "_alike", lambda _, found: list(found))
+    late, always = (made_candidate(n, g, 0.5) for n, g in (("ripple", 900.0), ("creep", 400.0)))
     late, always = (replace(c, fit=trusting(c)) for c in (late, always))
-    heads = cast(Any, [None, None])
-    assert race._rivals(heads, [late, always], [0, 1]) == ([0], [1])
-    late = replace(late, samples=10_000)
-    assert race._rivals(heads, [late, always], [0, 1]) == ([0, 1], [])
-    # By sample it has no more either where recordings tell the more the longer they go on.
-    always = replace(always, gain=40_000.0)
-    assert race._rivals(heads, [late, always], [0, 1]) == ([1], [0])
-    always = replace(always, gain=26_000.0)
-    assert race._rivals(heads, [late, always], [0, 1]) == ([0, 1], [])
 
+    def rivals(*found: Candidate) -> tuple[list[int], list[int]]:
+        return race._rivals(cast(Any, None), cast(Any, [None, None]), found, [0, 1])
 
-def test_who_is_followed_leads_by_its_gain_or_by_what_is_left() -> None:
-    # Near the end of a recording it tells more than at the beginning.
-    known = (("ripple", 1574.0, 6500, 0.5), ("creep", 250.0, 1500, 0.12),
-             ("stribeck_friction", 600.0, 5000, 0.35), ("linear_spring", 432.0, 4000, 0.18),
-             ("tilt_gravity", 240.0, 1600, 0.3), ("local_catch", 610.0, 5500, 0.5))  # fmt: skip
-    first = [
-        replace(made_candidate(name, gain, 0.5), samples=n, share=share)
-        for name, gain, n, share in known
-    ]
-    # The spring by what is left, creep by sample.
-    assert race._leaders(first, 0) == [0, 5, 3, 1]
-    assert race._ranked(first) == [0, 5, 3, 1, 2, 4]
+    assert rivals(late, always) == ([0], [1])
+    assert rivals(replace(late, alike=900.0), replace(always, alike=850.0)) == ([0, 1], [])
+    imperfect = replace(always, alike=1000.0, fit=made_candidate("creep", 1.0, 0.5).fit)
+    assert rivals(replace(late, alike=900.0), imperfect) == ([0, 1], [])
 
 
 def test_an_event_is_not_followed_where_the_same_all_the_time_explains_as_much() -> None:

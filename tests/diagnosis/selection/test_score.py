@@ -112,22 +112,8 @@ def test_what_a_parameter_hides_off_its_bound_is_scored_where_it_is_on_it() -> N
 
 
 def test_what_acts_late_and_in_few_blocks_is_late_too() -> None:
-    score = replace(made_score("parameter_jump_arm_inertia", 1000.0), due=(8000,))
+    score = replace(made_score("parameter_jump_arm_inertia", 1000.0), due=8000)
     assert score.late == 8000
     # Its scatter about the mean over all blocks is large, and what it gains is too.
     assert replace(score, sigma=1.8).late == 8000
     assert replace(score, sigma=1.8, gain=20.0).late == 0
-
-
-def test_how_much_of_an_effect_is_seen_in_a_beginning_is_known_by_what_it_does() -> None:
-    axis = servo_axis()
-    # It is pushed hard in the last quarter.
-    force = pushes(400, largest=200.0) * np.where(np.arange(400) < 300, 0.1, 1.0)
-    seen = [simulated(axis, force, sample_time=0.01)]
-    spring = next(e for e in library(axis) if e.name == "linear_spring")
-    (score,) = score_library(axis, seen, default_priors(axis), [spring], noise_scale=1.0).scores
-    assert score.share(0) == 0.0
-    assert score.share(300) < 0.3
-    assert score.share(400) == 1.0
-    assert 300 < score.due[4] < 400
-    assert sorted(score.due) == [*score.due]

@@ -30,8 +30,10 @@ class Candidate:
         blocks: Cost on the fitting and on the held-out recordings by block of time, shape (n,)
             each, dimensionless; empty if it was not followed.
         run: Errors of its runs on the held-out recordings; None if it was not followed.
-        samples: Samples of the beginnings on which it was refitted; 0 if it was followed.
-        share: Part of what it does to all recordings that it does there, by its score, a ratio.
+        length: Samples of each recording on which it was refitted first, at the most; 0 if it was
+            followed.
+        alike: Gain of a first refit, as it ended, on beginnings that are as long for all; NaN if it
+            was compared with none.
     """
 
     entry: Hypothesis
@@ -45,8 +47,8 @@ class Candidate:
     shift: float = math.nan
     blocks: tuple[Vector, ...] = field(default=(), compare=False)
     run: RunErrors | None = field(default=None, compare=False)
-    samples: int = 0
-    share: float = 1.0
+    length: int = 0
+    alike: float = math.nan
 
     @property
     def name(self) -> str:

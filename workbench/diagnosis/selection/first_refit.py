@@ -89,10 +89,8 @@ def first_refit(
             own, largest = entry_start(entry) | means, entry.size.upper
             if math.isfinite(largest):
                 ways += [_Way(STEEP, {}, (own | {entry.size_name: k * largest},)) for k in _PARTS]
-    share = score.share(max((len(r.outputs) for r in basis.fit_on), default=0))
-    on_beginnings = partial(
-        Candidate, refused=SURPASSED, followed=False, samples=basis.samples, share=share
-    )
+    length = max((len(r.outputs) for r in basis.fit_on), default=0)
+    begun_as = partial(Candidate, refused=SURPASSED, followed=False, length=length)
     found: list[Candidate] = []
     failed: Exception | None = None
 
@@ -105,7 +103,7 @@ def first_refit(
             failed = error
         else:
             gain = basis.gain(fit)
-            found.append(on_beginnings(entry, fit, gain))
+            found.append(begun_as(entry, fit, gain))
 
     for way in ways:
         go(way, score)

@@ -48,9 +48,6 @@ _CONTENDS = 0.3
 """Gain of a first refit over the best one, up to which more trust makes no rival of it, where both
 trust the equations as much."""
 
-_LEAST_SHARE = 0.05
-"""Part of what a law does below which its gain there says little of what the rest will bring."""
-
 _SAID = 4
 """How many of those that are refitted are told by name."""
 
@@ -110,7 +107,8 @@ def refit_candidates(
     field, lost = list(chosen), []
     if racing and (max(lengths) > _RACED * _HEADS[0] or sum(lengths) > _RACED * _HEADS[1]):
         task.say(f"racing {len(racing)} effects on the beginning of the recordings")
-        raced = dict(zip((s.entry.name for s in racing), _raced(basis, racing), strict=True))
+        ran = _alike(basis, _raced(basis, racing))
+        raced = dict(zip((s.entry.name for s in racing), ran, strict=True))
 
         behind = [s for s in chosen[_BY_SCORE:] if s.entry.name in raced]
         places = _ranked([raced[s.entry.name] for s in behind])
@@ -120,9 +118,9 @@ def refit_candidates(
     names, more = [s.entry.name for s in field[:_SAID]], len(field) - _SAID
     task.say(f"refitting with {', '.join(names)}{f' and {more} more' if more > 0 else ''}")
     heads = _heads(basis, field, _HEADS[1])
-    at_first = _first_refits(heads, field, _NEAR, earlier)
+    at_first = _alike(basis, _first_refits(heads, field, _NEAR, earlier))
     leaders = _leaders(at_first, field.index(chosen[0]), several=len(fit_on) > 1)
-    leaders, weaker = _rivals(heads, at_first, leaders)
+    leaders, weaker = _rivals(basis, heads, at_first, leaders)
     before = blocks_as_trusted(base, hold_out) if leaders and hold_out else None
 
     def follow(candidate: Candidate) -> Call[Candidate]:
@@ -285,7 +283,7 @@ def _head(basis: Basis, head: Sequence[Observed]) -> Basis:
 
 
 def _rivals(
-    heads: Sequence[Basis], first: Sequence[Candidate], leaders: list[int]
+    basis: Basis, heads: Sequence[Basis], first: Sequence[Candidate], leaders: list[int]
 ) -> tuple[list[int], list[int]]:
     """Part leaders from those that explain clearly less than what explains nearly all.
 
@@ -293,32 +291,50 @@ def _rivals(
     """
     if len(leaders) < 2:
         return leaders, []
-    trusted = _trusted([heads[i] for i in leaders], [first[i] for i in leaders])
+    trusted = _alike(basis, _trusted([heads[i] for i in leaders], [first[i] for i in leaders]))
     near = set[int]()
     for gains in _gains(trusted):
         top = int(np.argmax(gains))
         if not explains(trusted[top]):
             return leaders, []
-        near |= {i for i, g in zip(leaders, gains, strict=True) if g > _RIVALS * gains[top]}
+        near |= {i for i, gain in zip(leaders, gains, strict=True) if gain > _RIVALS * gains[top]}
     return [i for i in leaders if i in near], [i for i in leaders if i not in near]
 
 
 def _gains(found: Sequence[Candidate]) -> tuple[list[float], ...]:
-    """Return gains, dimensionless, of refits on beginnings, by sample too, and by what is left.
+    """Return gains, dimensionless, of first refits, and on beginnings that are as long for all.
 
-    What comes late is refitted on more samples than the rest: its gain is too large for comparison,
-    and by sample too small where recordings tell the more the longer they go on. What is left is
-    known as well as the score is right.
+    What comes late is refitted on more samples than the rest, and gains more for that. What is not
+    refitted on all that it is compared on gains less.
     """
-    return (
-        [c.gain for c in found],
-        [c.gain / max(c.samples, 1) for c in found],
-        [c.gain / max(c.share, _LEAST_SHARE) for c in found],
-    )
+    return [c.gain for c in found], [c.gain if math.isnan(c.alike) else c.alike for c in found]
+
+
+def _alike(basis: Basis, found: Sequence[Candidate]) -> list[Candidate]:
+    """Return first refits with what each gains, as it ended, on the longest of their beginnings."""
+    longest = max((c.length for c in found), default=0)
+    if all(c.length == longest for c in found):
+        return [replace(c, alike=math.nan) for c in found]
+    parts = [r.part(slice(longest)) for r in basis.fit_on]
+    before = float(blocks_of_cost(basis.base, parts).sum())
+    gains = in_order([(_gain_along, (basis, parts, before, c)) for c in found], jobs=basis.jobs)
+    return [replace(c, alike=gain) for c, gain in zip(found, gains, strict=True)]
+
+
+def _gain_along(
+    basis: Basis, parts: Sequence[Observed], before: float, candidate: Candidate
+) -> float:
+    fit = candidate.fit
+    if fit is None:
+        return -math.inf
+    try:
+        return before - float(blocks_of_cost(fit, basis.started(parts, fit.model)).sum())
+    except NumericalError:
+        return -math.inf
 
 
 def _ranked(found: Sequence[Candidate]) -> list[int]:
-    """Return places of refits on beginnings, best first by the gain that is best for each."""
+    """Return places of first refits, best first by whichever gain puts one higher."""
     ranks = [len(found)] * len(found)
     for gains in _gains(found):
         for rank, i in enumerate(sorted(range(len(found)), key=lambda i: -gains[i])):

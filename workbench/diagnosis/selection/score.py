@@ -40,9 +40,8 @@ _DIFFERS = 3.0
 _MOST_LEVELS = 3
 """How many effects that differ by recording are offered: beside a large misfit nearly all do."""
 
-_PARTS = 10
-"""Equal parts of what an effect does to the predictions, after the first of which it counts as
-seen."""
+_DUE = 0.1
+"""Part of what an effect does to the predictions after which it counts as seen."""
 
 
 @dataclass(frozen=True)
@@ -60,8 +59,8 @@ class Score:
         smallest: Smallest size to be seen on these data, in the same unit.
         shape: Values of the effect's other parameters at which it scores best, in their SI units,
             by short name.
-        due: Samples of each recording that hold one tenth, two tenths... of what it does to the
-            predictions, a number each: of what happens at a time nothing is to be seen before.
+        due: Samples of each recording that hold a tenth of what it does to the predictions, a
+            number: of what happens at a time nothing is to be seen before.
         clearest: Number of the recording that shows most of it, from 0.
     """
 
@@ -73,19 +72,13 @@ class Score:
     collinearity: float
     smallest: float
     shape: Mapping[str, float] = field(default_factory=dict)
-    due: tuple[int, ...] = ()
+    due: int = 0
     clearest: int = 0
 
     @property
     def late(self) -> int:
         """Samples of each recording without which nothing of it is seen; 0 if it is in doubt."""
-        clear = abs(self.sigma) > _SIGMA or self.gain > _HIGH
-        return self.due[0] if clear and self.due else 0
-
-    def share(self, samples: int) -> float:
-        """Return the part of what it does to predictions in so many samples of each recording."""
-        parts = np.arange(len(self.due) + 1) / _PARTS
-        return float(np.interp(samples, (0, *self.due), parts)) if self.due else 1.0
+        return self.due if abs(self.sigma) > _SIGMA or self.gain > _HIGH else 0
 
     @property
     def testable(self) -> bool:
@@ -384,7 +377,7 @@ def _scores(
             float(collinearity[i]),
             float(_SIGMA * deviation[i] * units[i]),
             dict(variants[i].shape),
-            tuple(int(n) for n in due[:, i]),
+            round(float(due[i])),
             int(clearest[i]),
         )
         for i in order
@@ -393,21 +386,16 @@ def _scores(
 
 
 def _due(blocks: Vector, begins: Vector) -> Vector:
-    """Return after how many samples each tenth of what an effect does has been seen.
+    """Return after how many samples a tenth of what each effect does has been seen.
 
     Args:
         blocks: Squared slopes by block of time, shape (n_blocks, n_effects), dimensionless.
         begins: First sample of each block, shape (n_blocks,), a number.
-
-    Returns:
-        Numbers of samples, shape (10, n_effects).
     """
     order = np.argsort(begins, kind="stable")
     gathered = np.cumsum(blocks[order], axis=0)
-    parts = np.arange(1, _PARTS + 1) / _PARTS
-    # Of all of it the last digits may be lost in the sum.
-    first = [np.argmax(gathered >= (1.0 - 1e-9) * part * gathered[-1], axis=0) for part in parts]
-    return np.asarray(np.round(begins[order][np.array(first)]), dtype=int)
+    first = np.argmax(gathered >= _DUE * gathered[-1], axis=0)
+    return np.asarray(begins[order][first])
 
 
 def by_name(scores: Scores) -> dict[str, Score]:
