@@ -160,7 +160,7 @@ def _place_of_stop(at: Place, name: str, side: float, text: str) -> Own:
     low, high = _seen(at)
     reach = high - low or 1.0
     # What touches wherever it was seen is a spring, and what never does is not there.
-    beyond = 0.0 if at.coordinate.seen else reach
+    beyond = 0.0 if at.coordinate.seen and high > low else reach
     return shape(name, at.coordinate.unit, _touched(at, name, side)[name], text, around=None,
                  between=(low - beyond, high + beyond), scale=0.1 * reach,
                  strict=beyond == 0.0)  # fmt: skip

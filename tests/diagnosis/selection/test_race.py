@@ -170,12 +170,13 @@ def test_what_does_the_same_as_what_was_found_is_followed_and_may_take_its_place
 
 def test_sensors_that_are_refused_take_nobodys_place(monkeypatch: pytest.MonkeyPatch) -> None:
     # A gain of the angle beside a load that swings: lags and delays gain more, and run no closer.
-    names = ("sensor_lag_pressures", "sensor_delay_pressures", "sensor_gain_angle", "tilt_gravity")
+    names = ("sensor_lag_pressures", "sensor_delay_pressures", "clock_shift", "tilt_gravity",
+             "sensor_gain_angle")  # fmt: skip
     first = [
         replace(made_candidate(name, 900.0 - 100.0 * i, 0.5), followed=False, refused=SURPASSED)
         for i, name in enumerate(names)
     ]
-    late, rest = [names[0], names[1], names[3]], [names[2]]
+    late, rest = [names[0], names[1], names[3]], [names[4]]
     tried, found = _followed_of(monkeypatch, first, fails=(*late,), thorough=True)
     assert (tried, taken_of(found)) == ([*late, *rest], rest)
     # Once something was found, or where nothing may be missing, nobody waits for them.

@@ -21,7 +21,13 @@ from workbench.diagnosis.estimation.process_noise import (
     blocks_of_cost,
     fit_with_process_noise,
 )
-from workbench.diagnosis.selection.candidate import Candidate, explains, leaves_nothing, trusts_less
+from workbench.diagnosis.selection.candidate import (
+    Candidate,
+    explains,
+    is_sensor,
+    leaves_nothing,
+    trusts_less,
+)
 from workbench.diagnosis.selection.decision import closer_unseen, decided
 from workbench.diagnosis.selection.final_refit import closest_errors, followed
 from workbench.diagnosis.selection.first_refit import first_refit
@@ -137,7 +143,8 @@ def refit_candidates(
         if not waiting:
             further = False
             left = [
-                replace(c, fit=None) if first[i].followed else c for i, c in enumerate(at_first)
+                replace(c, fit=None) if first[i].followed or _remembers(c) else c
+                for i, c in enumerate(at_first)
             ]
             waiting = [_leaders(left, field.index(chosen[0]), several=len(fit_on) > 1)]
         some = waiting.pop(0)
@@ -176,6 +183,11 @@ def refit_candidates(
         for entry in best.entry.alone
     ]
     return decided((*first, *in_order([*map(follow, at_one)], jobs=task.jobs)), runs, limits)
+
+
+def _remembers(candidate: Candidate) -> bool:
+    """Tell whether it is a sensor that is slow or late, which predicts the next sample of much."""
+    return is_sensor(candidate) and bool(candidate.entry.far or candidate.entry.effect.states)
 
 
 def _ended_early(candidate: Candidate, best: Candidate) -> bool:
