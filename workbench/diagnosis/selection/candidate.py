@@ -32,8 +32,8 @@ class Candidate:
         run: Errors of its runs on the held-out recordings; None if it was not followed.
         length: Samples of each recording on which it was refitted first, at the most; 0 if it was
             followed.
-        alike: Gain of a first refit, as it ended, on beginnings that are as long for all; NaN if it
-            was compared with none.
+        alike: Gain of a first refit, as it ended, on beginnings that are as long for all,
+            dimensionless; NaN if it was compared with none.
     """
 
     entry: Hypothesis
