@@ -404,6 +404,7 @@ def test_rivals_are_near_by_their_gains_or_by_those_on_as_long_a_beginning(
 
     assert rivals(late, always) == ([0], [1])
     assert rivals(replace(late, alike=900.0), replace(always, alike=850.0)) == ([0, 1], [])
+    assert rivals(replace(late, alike=400.0), replace(always, alike=800.0)) == ([0, 1], [])
     imperfect = replace(always, alike=1000.0, fit=made_candidate("creep", 1.0, 0.5).fit)
     assert rivals(replace(late, alike=900.0), imperfect) == ([0, 1], [])
 
