@@ -413,7 +413,11 @@ def test_an_event_is_not_followed_where_the_same_all_the_time_explains_as_much()
     names = ("sensor_offset_angle", "sensor_jump_angle", "sensor_jump_pressure_1")
     offset, jump, other = (made_candidate(n, 100.0 - i, 0.5) for i, n in enumerate(names))
     assert race._leaders([offset, jump, other], 0) == [0, 2]
-    assert race._leaders([offset, replace(jump, gain=101.0)], 0) == [1, 0]
+    later = replace(jump, gain=101.0)
+    assert race._leaders([offset, later], 0) == [1, 0]
+    # It was refitted on more of the recordings than what is always there.
+    alike = [replace(offset, alike=150.0), replace(later, alike=120.0)]
+    assert race._leaders(alike, 0) == [0]
     # What trusts the equations less gains more without saying more.
     assert race._leaders([offset, replace(jump, fit=trusting(jump))], 0) == [0, 1]
 

@@ -436,7 +436,8 @@ def _always(one: Candidate, event: Candidate) -> bool:
     if not is_event(event.entry.effect) or is_event(one.entry.effect) or trusts_less(one, event):
         return False
     ports = one.entry.effect.ports == event.entry.effect.ports
-    return ports and one.own_parameters < event.own_parameters and one.gain >= event.gain
+    as_much = one.gain >= event.gain or one.alike >= event.alike
+    return ports and one.own_parameters < event.own_parameters and as_much
 
 
 def _came_too(
