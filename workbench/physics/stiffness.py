@@ -252,19 +252,15 @@ def _waves(
 ) -> tuple[Own, ...]:
     """Return frequency and phase of what repeats with the position, in ``unit``, where ``seen``."""
     usual = frequencies[len(frequencies) // 2]
-    text = "ripples per unit of position, times 2 pi"
-    if seen and unit == "rad":
+    lower, upper, turning = 0.3 * min(frequencies), 3.0 * max(frequencies), unit == "rad"
+    if seen and turning:
         # A turn later it is where it was: with less than a wave until then the law is a curve.
-        least = _LEAST_WAVE * 2.0 * math.pi / max(seen[1] - seen[0], 2.0 * math.pi)
-        frequency = shape("frequency", "1/rad", usual, text, around=None,
-                          between=(least, 1e3 * max(frequencies)), scale=0.1 * usual,
-                          strict=True)  # fmt: skip
-    else:
-        around = (0.3 * min(frequencies) / usual, 3.0 * max(frequencies) / usual)
-        frequency = shape("frequency", per("1", unit), usual, text, around=around,
-                          scale=0.1 * usual)  # fmt: skip
+        lower = _LEAST_WAVE * 2.0 * math.pi / max(seen[1] - seen[0], 2.0 * math.pi)
+        upper = 1e3 * max(frequencies)
     return (
-        frequency,
+        shape("frequency", per("1", unit), usual, "ripples per unit of position, times 2 pi",
+              around=(lower / usual, upper / usual), scale=0.1 * usual,
+              strict=bool(seen) and turning),
         shape("phase", "1", 0.0, "phase at position zero", around=None, between=(-6.3, 6.3),
               source=""),
     )  # fmt: skip

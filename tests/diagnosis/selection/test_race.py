@@ -383,19 +383,19 @@ def test_what_was_refitted_on_a_longer_beginning_gains_no_more_for_that() -> Non
     )
     assert (spring.length, cubic.length) == (300, 1800)
     assert cubic.gain > spring.gain
-    spring, cubic = race._alike(basis, [spring, cubic])
-    assert cubic.alike == pytest.approx(cubic.gain, rel=0.1)
-    assert spring.alike > cubic.alike > spring.gain
+    spring, cubic = race._with_common_gain(basis, [spring, cubic])
+    assert cubic.common_gain == pytest.approx(cubic.gain, rel=0.1)
+    assert spring.common_gain > cubic.common_gain > spring.gain
     # So it leads, and stands beside what gained most where it was refitted.
     assert race._ranked([cubic, spring]) == [0, 1]
-    assert race._gains([cubic, spring])[1] == [cubic.alike, spring.alike]
+    assert race._gains([cubic, spring])[1] == [cubic.common_gain, spring.common_gain]
 
 
 def test_rivals_are_near_by_their_gains_or_by_those_on_as_long_a_beginning(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(race, "_trusted", lambda *given: list(given[-1]))
-    monkeypatch.setattr(race, "_alike", lambda _, found: list(found))
+    monkeypatch.setattr(race, "_with_common_gain", lambda _, found: list(found))
     late, always = (made_candidate(n, g, 0.5) for n, g in (("ripple", 900.0), ("creep", 400.0)))
     late, always = (replace(c, fit=trusting(c)) for c in (late, always))
 
@@ -403,10 +403,16 @@ def test_rivals_are_near_by_their_gains_or_by_those_on_as_long_a_beginning(
         return race._rivals(cast(Any, None), cast(Any, [None, None]), found, [0, 1])
 
     assert rivals(late, always) == ([0], [1])
-    assert rivals(replace(late, alike=900.0), replace(always, alike=850.0)) == ([0, 1], [])
-    assert rivals(replace(late, alike=400.0), replace(always, alike=800.0)) == ([0, 1], [])
-    imperfect = replace(always, alike=1000.0, fit=made_candidate("creep", 1.0, 0.5).fit)
-    assert rivals(replace(late, alike=900.0), imperfect) == ([0, 1], [])
+    assert rivals(replace(late, common_gain=900.0), replace(always, common_gain=850.0)) == (
+        [0, 1],
+        [],
+    )
+    assert rivals(replace(late, common_gain=400.0), replace(always, common_gain=800.0)) == (
+        [0, 1],
+        [],
+    )
+    imperfect = replace(always, common_gain=1000.0, fit=made_candidate("creep", 1.0, 0.5).fit)
+    assert rivals(replace(late, common_gain=900.0), imperfect) == ([0, 1], [])
 
 
 def test_an_event_is_not_followed_where_the_same_all_the_time_explains_as_much() -> None:
@@ -416,8 +422,8 @@ def test_an_event_is_not_followed_where_the_same_all_the_time_explains_as_much()
     later = replace(jump, gain=101.0)
     assert race._leaders([offset, later], 0) == [1, 0]
     # It was refitted on more of the recordings than what is always there.
-    alike = [replace(offset, alike=150.0), replace(later, alike=120.0)]
-    assert race._leaders(alike, 0) == [0]
+    longer = [replace(offset, common_gain=150.0), replace(later, common_gain=120.0)]
+    assert race._leaders(longer, 0) == [0]
     # What trusts the equations less gains more without saying more.
     assert race._leaders([offset, replace(jump, fit=trusting(jump))], 0) == [0, 1]
 

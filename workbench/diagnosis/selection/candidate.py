@@ -32,7 +32,7 @@ class Candidate:
         run: Errors of its runs on the held-out recordings; None if it was not followed.
         length: Samples of each recording on which it was refitted first, at the most; 0 if it was
             followed.
-        alike: Gain of a first refit, as it ended, on beginnings that are as long for all,
+        common_gain: Gain of a first refit, as it ended, on beginnings that are as long for all,
             dimensionless; NaN if it was compared with none.
     """
 
@@ -48,7 +48,7 @@ class Candidate:
     blocks: tuple[Vector, ...] = field(default=(), compare=False)
     run: RunErrors | None = field(default=None, compare=False)
     length: int = 0
-    alike: float = math.nan
+    common_gain: float = math.nan
 
     @property
     def name(self) -> str:

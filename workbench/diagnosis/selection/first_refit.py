@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -90,7 +89,6 @@ def first_refit(
             if math.isfinite(largest):
                 ways += [_Way(STEEP, {}, (own | {entry.size_name: k * largest},)) for k in _PARTS]
     length = max((len(r.outputs) for r in basis.fit_on), default=0)
-    begun_as = partial(Candidate, refused=SURPASSED, followed=False, length=length)
     found: list[Candidate] = []
     failed: Exception | None = None
 
@@ -103,7 +101,9 @@ def first_refit(
             failed = error
         else:
             gain = basis.gain(fit)
-            found.append(begun_as(entry, fit, gain))
+            found.append(
+                Candidate(entry, fit, gain, refused=SURPASSED, followed=False, length=length)
+            )
 
     for way in ways:
         go(way, score)

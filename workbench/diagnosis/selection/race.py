@@ -113,9 +113,8 @@ def refit_candidates(
     field, lost = list(chosen), []
     if racing and (max(lengths) > _RACED * _HEADS[0] or sum(lengths) > _RACED * _HEADS[1]):
         task.say(f"racing {len(racing)} effects on the beginning of the recordings")
-        ran = _alike(basis, _raced(basis, racing))
+        ran = _with_common_gain(basis, _raced(basis, racing))
         raced = dict(zip((s.entry.name for s in racing), ran, strict=True))
-
         behind = [s for s in chosen[_BY_SCORE:] if s.entry.name in raced]
         places = _ranked([raced[s.entry.name] for s in behind])
         order = [*(s for s in chosen if s not in behind), *(behind[i] for i in places)]
@@ -124,7 +123,7 @@ def refit_candidates(
     names, more = [s.entry.name for s in field[:_SAID]], len(field) - _SAID
     task.say(f"refitting with {', '.join(names)}{f' and {more} more' if more > 0 else ''}")
     heads = _heads(basis, field, _HEADS[1])
-    at_first = _alike(basis, _first_refits(heads, field, _NEAR, earlier))
+    at_first = _with_common_gain(basis, _first_refits(heads, field, _NEAR, earlier))
     leaders = _leaders(at_first, field.index(chosen[0]), several=len(fit_on) > 1)
     leaders, weaker = _rivals(basis, heads, at_first, leaders)
     before = blocks_as_trusted(base, hold_out) if leaders and hold_out else None
@@ -303,7 +302,9 @@ def _rivals(
     """
     if len(leaders) < 2:
         return leaders, []
-    trusted = _alike(basis, _trusted([heads[i] for i in leaders], [first[i] for i in leaders]))
+    trusted = _with_common_gain(
+        basis, _trusted([heads[i] for i in leaders], [first[i] for i in leaders])
+    )
     near = set[int]()
     for gains in _gains(trusted):
         top = int(np.argmax(gains))
@@ -319,18 +320,20 @@ def _gains(found: Sequence[Candidate]) -> tuple[list[float], ...]:
     What comes late is refitted on more samples than the rest, and gains more for that. What is not
     refitted on all that it is compared on gains less.
     """
-    return [c.gain for c in found], [c.gain if math.isnan(c.alike) else c.alike for c in found]
+    return [c.gain for c in found], [
+        c.gain if math.isnan(c.common_gain) else c.common_gain for c in found
+    ]
 
 
-def _alike(basis: Basis, found: Sequence[Candidate]) -> list[Candidate]:
+def _with_common_gain(basis: Basis, found: Sequence[Candidate]) -> list[Candidate]:
     """Return first refits with what each gains, as it ended, on the longest of their beginnings."""
-    longest = max((c.length for c in found), default=0)
-    if all(c.length == longest for c in found):
-        return [replace(c, alike=math.nan) for c in found]
-    parts = [r.part(slice(longest)) for r in basis.fit_on]
+    lengths = {c.length for c in found if c.fit is not None}
+    if len(lengths) < 2:
+        return [replace(c, common_gain=math.nan) for c in found]
+    parts = [r.part(slice(max(lengths))) for r in basis.fit_on]
     before = float(blocks_of_cost(basis.base, parts).sum())
     gains = in_order([(_gain_along, (basis, parts, before, c)) for c in found], jobs=basis.jobs)
-    return [replace(c, alike=gain) for c, gain in zip(found, gains, strict=True)]
+    return [replace(c, common_gain=gain) for c, gain in zip(found, gains, strict=True)]
 
 
 def _gain_along(
@@ -436,7 +439,7 @@ def _always(one: Candidate, event: Candidate) -> bool:
     if not is_event(event.entry.effect) or is_event(one.entry.effect) or trusts_less(one, event):
         return False
     ports = one.entry.effect.ports == event.entry.effect.ports
-    as_much = one.gain >= event.gain or one.alike >= event.alike
+    as_much = one.gain >= event.gain or one.common_gain >= event.common_gain
     return ports and one.own_parameters < event.own_parameters and as_much
 
 

@@ -55,12 +55,14 @@ def shortlist(scores: Scores, *, most: int) -> tuple[Score, ...]:
         slow = score.entry.stiff and not leads
         if score not in chosen and not slow and len(chosen) < most:
             chosen.append(score)
-    plain = {where(s.entry): s for s in reversed(worthy) if s.entry.group == "sensor" and _alone(s)}
-    chosen += [s for s in plain.values() if s not in chosen]
+    single = {
+        where(s.entry): s for s in reversed(worthy) if s.entry.group == "sensor" and _is_single(s)
+    }
+    chosen += [s for s in single.values() if s not in chosen]
     return (*chosen, *(s for s in worthy if s not in chosen and any(_plain(s, c) for c in chosen)))
 
 
-def _alone(score: Score) -> bool:
+def _is_single(score: Score) -> bool:
     """Whether the size of a law is all that is refitted of it, and it remembers nothing."""
     return _own(score) == 1 and not score.entry.effect.states
 
