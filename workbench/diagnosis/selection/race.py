@@ -6,11 +6,13 @@ import contextlib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from workbench.arrays import Vector
 from workbench.computing.processes import Call, in_order
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior, entry_priors
@@ -108,80 +110,145 @@ def refit_candidates(
     known = base.cost - float(blocks_of_cost(base, fit_on).sum())
     basis = Basis(base, tuple(priors), tuple(fit_on), known, task.jobs, thorough)
     earlier = {name: _beside(base, c) for name, c in (begun or {}).items()}
-    racing = [s for s in chosen if s.entry.name not in earlier]
-    lengths = [len(r.outputs) for r in fit_on]
-    field, lost = list(chosen), []
-    if racing and (max(lengths) > _RACED * _HEADS[0] or sum(lengths) > _RACED * _HEADS[1]):
-        task.say(f"racing {len(racing)} effects on the beginning of the recordings")
-        ran = _with_common_gain(basis, _raced(basis, racing))
-        raced = dict(zip((s.entry.name for s in racing), ran, strict=True))
-        behind = [s for s in chosen[_BY_SCORE:] if s.entry.name in raced]
-        places = _ranked([raced[s.entry.name] for s in behind])
-        order = [*(s for s in chosen if s not in behind), *(behind[i] for i in places)]
-        earlier |= raced
-        field, lost = order[:_FIELD], [earlier[s.entry.name] for s in order[_FIELD:]]
+    field, lost = _qualified(task, basis, chosen, earlier)
     names, more = [s.entry.name for s in field[:_SAID]], len(field) - _SAID
     task.say(f"refitting with {', '.join(names)}{f' and {more} more' if more > 0 else ''}")
     heads = _heads(basis, field, _HEADS[1])
     at_first = _with_common_gain(basis, _first_refits(heads, field, _NEAR, earlier))
-    leaders = _leaders(at_first, field.index(chosen[0]), several=len(fit_on) > 1)
-    leaders, weaker = _rivals(basis, heads, at_first, leaders)
-    before = blocks_as_trusted(base, hold_out) if leaders and hold_out else None
-
-    def follow(candidate: Candidate) -> Call[Candidate]:
-        return followed, (basis, candidate, hold_out, before)
-
-    plain: list[Call[Any]] = [(closest_errors, (base, base.model, fit_on, hold_out))]
-    runs, first = NO_RUNS, [*at_first, *lost]
-    found = decided(first, runs, limits)
-    best: Candidate | None = None
-    waiting = [leaders, weaker]
+    best_score, several = field.index(chosen[0]), len(fit_on) > 1
+    leaders = _leaders(at_first, best_score, several=several)
+    finals = _Finals(task, basis, hold_out, limits, [*at_first, *lost])
+    for some in _rivals(basis, heads, at_first, leaders):
+        if finals.best is None:
+            finals.compare(some)
     # What gained more and is refused takes nobody's place, unless nothing is missing.
-    further = thorough and not limits.near_noise
-    while waiting or (further and best is None):
-        if not waiting:
-            further = False
-            left = [
-                replace(c, fit=None) if first[i].followed or _remembers(c) else c
-                for i, c in enumerate(at_first)
-            ]
-            waiting = [_leaders(left, field.index(chosen[0]), several=len(fit_on) > 1)]
-        some = waiting.pop(0)
-        if not some:
-            continue
-        task.say("comparing " + " and ".join(first[i].entry.name for i in some))
-        done: list[Any] = in_order([*(follow(first[i]) for i in some), *plain], jobs=task.jobs)
-        for i, final in zip(some, done, strict=False):
-            first[i] = final
-        if plain:
-            runs, plain = done[-1], []
-        found = decided(first, runs, limits)
-        early = best is None
-        best = next((c for c in found if not c.refused), None)
-        if best is not None:
-            waiting = []
-            if early:
-                came = _came_too(at_first, first, best) if len(fit_on) > 1 else []
-                waiting = [came, _twins(alike, first, best) if alike else []]
-    # What gains as much and is told from it all the same may have ended early, in a bent valley.
-    near = [i for i, c in enumerate(first) if best and _ended_early(c, best)]
-    if best and near:
-        task.say("refitting to the end " + " and ".join(first[i].entry.name for i in near))
-        done = in_order([follow(_from_where(best, first[i])) for i in near], jobs=task.jobs)
-        for i, final in zip(near, done, strict=True):
-            first[i] = final if final.gain > first[i].gain else first[i]
-        found = decided(first, runs, limits)
-        best = next((c for c in found if not c.refused), None)
-    if best is None or not best.entry.alone:
-        return found
-    # What acts at several places alike may act at one of them.
-    # It begins with the parameters as they were widened and tuned.
-    shape = best.entry.effect.parameters
-    at_one = [
-        replace(best, entry=replace(entry, effect=replace(entry.effect, parameters=shape)))
-        for entry in best.entry.alone
-    ]
-    return decided((*first, *in_order([*map(follow, at_one)], jobs=task.jobs)), runs, limits)
+    if finals.best is None and thorough and not limits.near_noise:
+        finals.compare(_leaders(finals.left_of(at_first), best_score, several=several))
+    best = finals.best
+    if best is None:
+        return finals.found
+    came = _came_too(at_first, finals.candidates, best) if several else []
+    finals.compare(came or (_twins(alike, finals.candidates, best) if alike else []))
+    finals.compare_to_the_end()
+    return finals.with_single_places()
+
+
+class _Finals:
+    """Refits of some hypotheses on the whole recordings, and what is decided of all.
+
+    Args:
+        hold_out: Recordings that no refit sees.
+        candidates: First refits of all that raced.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        basis: Basis,
+        hold_out: Sequence[Observed],
+        limits: Limits,
+        candidates: list[Candidate],
+    ) -> None:
+        self._task, self._basis, self._hold_out = task, basis, hold_out
+        self._limits, self._runs = limits, NO_RUNS
+        self.candidates = candidates
+        self.found = decided(candidates, NO_RUNS, limits)
+
+    @property
+    def best(self) -> Candidate | None:
+        """The best candidate that is accepted."""
+        return next((c for c in self.found if not c.refused), None)
+
+    def left_of(self, at_first: Sequence[Candidate]) -> list[Candidate]:
+        """Return the first refits that are still to be followed, without sensors that remember."""
+        return [
+            replace(c, fit=None) if self.candidates[i].followed or _remembers(c) else c
+            for i, c in enumerate(at_first)
+        ]
+
+    def compare(self, places: Sequence[int]) -> None:
+        """Follow some of the candidates to the end, and decide of all again."""
+        if not places:
+            return
+        names = [self.candidates[i].entry.name for i in places]
+        self._task.say("comparing " + " and ".join(names))
+        for i, final in zip(
+            places, self._followed([self.candidates[i] for i in places]), strict=True
+        ):
+            self.candidates[i] = final
+        self.found = decided(self.candidates, self._runs, self._limits)
+
+    def compare_to_the_end(self) -> None:
+        """Go on with what gains as much as the best one and is told from it all the same.
+
+        It may have ended early, in a bent valley.
+        """
+        best = self.best
+        near = [i for i, c in enumerate(self.candidates) if best and _ended_early(c, best)]
+        if best is None or not near:
+            return
+        names = [self.candidates[i].entry.name for i in near]
+        self._task.say("refitting to the end " + " and ".join(names))
+        begun = [_from_where(best, self.candidates[i]) for i in near]
+        for i, final in zip(near, self._followed(begun), strict=True):
+            if final.gain > self.candidates[i].gain:
+                self.candidates[i] = final
+        self.found = decided(self.candidates, self._runs, self._limits)
+
+    def with_single_places(self) -> tuple[Candidate, ...]:
+        """Return what is decided where the best one, if it acts at several places, acts at one too.
+
+        It begins with the parameters as they were widened and tuned.
+        """
+        best = self.best
+        if best is None or not best.entry.alone:
+            return self.found
+        shape = best.entry.effect.parameters
+        at_one = [
+            replace(best, entry=replace(entry, effect=replace(entry.effect, parameters=shape)))
+            for entry in best.entry.alone
+        ]
+        return decided((*self.candidates, *self._followed(at_one)), self._runs, self._limits)
+
+    def _followed(self, some: Sequence[Candidate]) -> list[Candidate]:
+        basis, hold_out = self._basis, self._hold_out
+        calls: list[Call[Any]] = [(followed, (basis, c, hold_out, self._before)) for c in some]
+        if self._runs is NO_RUNS:
+            # How far the base itself is from the recordings.
+            calls.append((closest_errors, (basis.base, basis.base.model, basis.fit_on, hold_out)))
+        done: list[Any] = in_order(calls, jobs=self._task.jobs)
+        if self._runs is NO_RUNS:
+            self._runs = done.pop()
+        return done
+
+    @cached_property
+    def _before(self) -> Vector | None:
+        """Cost of the base on the held-out recordings by block of time."""
+        return blocks_as_trusted(self._basis.base, self._hold_out) if self._hold_out else None
+
+
+def _qualified(
+    task: Task, basis: Basis, chosen: Sequence[Score], earlier: dict[str, Candidate]
+) -> tuple[list[Score], list[Candidate]]:
+    """Return whom a race on the beginning of the recordings leaves, and refits of the others.
+
+    Args:
+        earlier: Refits by name of the hypothesis, from which later ones go on; those of the race
+            are added.
+    """
+    racing = [s for s in chosen if s.entry.name not in earlier]
+    lengths = [len(r.outputs) for r in basis.fit_on]
+    long = max(lengths) > _RACED * _HEADS[0] or sum(lengths) > _RACED * _HEADS[1]
+    if not racing or not long:
+        return list(chosen), []
+    task.say(f"racing {len(racing)} effects on the beginning of the recordings")
+    ran = _with_common_gain(basis, _raced(basis, racing))
+    raced = dict(zip((s.entry.name for s in racing), ran, strict=True))
+    behind = [s for s in chosen[_BY_SCORE:] if s.entry.name in raced]
+    places = _ranked([raced[s.entry.name] for s in behind])
+    order = [*(s for s in chosen if s not in behind), *(behind[i] for i in places)]
+    earlier |= raced
+    return order[:_FIELD], [earlier[s.entry.name] for s in order[_FIELD:]]
 
 
 def _remembers(candidate: Candidate) -> bool:
