@@ -216,16 +216,16 @@ def _guarded_source(guarded: Guarded, name: str) -> CSource:
         + Path(__file__).with_name("guard.c").read_text(encoding="utf-8")
         + f"""
 int {name}_start(const double *measurement, double *state) {{
-  return guard_start(measurement, state);
+  return guard_start_(measurement, state);
 }}
 
 int {name}_step(const double *measurement, const double *reference, double *state,
 {" " * (len(name) + 10)}double *command{parameter}) {{
-  return guard_step(measurement, reference, state, command, {report});
+  return guard_step_(measurement, reference, state, command, {report});
 }}
 
 int {name}_missed(double *state, double *command) {{
-  return guard_missed(state, command);
+  return guard_missed_(state, command);
 }}
 """
     )

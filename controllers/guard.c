@@ -131,7 +131,7 @@ static int guard_begin(const double *measurement, double *state) {
   return finite ? status : 16 * GUARD_NOT_FINITE;
 }
 
-static int guard_start(const double *measurement, double *state) {
+static int guard_start_(const double *measurement, double *state) {
   return guard_begin(measurement, state);
 }
 
@@ -338,8 +338,8 @@ static void guard_progress(double *state, const double *command, const double *s
   }
 }
 
-static int guard_step(const double *measurement, const double *reference, double *state,
-                      double *command, double *report) {
+static int guard_step_(const double *measurement, const double *reference, double *state,
+                       double *command, double *report) {
   double wanted[GUARD_REFERENCES], now[GUARD_CONTROLLED], law[GUARD_LAW_STATES + 1];
   double seen[GUARD_SENSORS];
 #if GUARD_ESTIMATED > 0
@@ -424,7 +424,7 @@ static int guard_step(const double *measurement, const double *reference, double
   return 16 * found + status;
 }
 
-static int guard_missed(double *state, double *command) {
+static int guard_missed_(double *state, double *command) {
   if (state[AT_AWAY] > 0.0) {
     state[AT_GOOD] = 0.0;
     state[AT_BAD] += 1.0;

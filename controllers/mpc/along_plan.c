@@ -16,14 +16,14 @@ static void between(const double *table, int place, double share, int count, dou
   for (i = 0; i < count; ++i) out[i] = low[i] + share * (high[i] - low[i]);
 }
 
-static int mpc_start(const double *measurement, double *state) {
+static int mpc_start_(const double *measurement, double *state) {
   arg[0] = measurement;
   res[0] = state;
   return START_KERNEL(arg, res, iw, w, 0);
 }
 
-static int mpc_step(const double *measurement, const double *reference, double *state,
-                    double *command, double *report) {
+static int mpc_step_(const double *measurement, const double *reference, double *state,
+                     double *command, double *report) {
   const double before = state[DEVIATION], reach = UPPER[0];
   double steps, share, forward, move[1], opening;
   int i, place = 0, iterations = 0, status;

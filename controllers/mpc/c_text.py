@@ -81,12 +81,12 @@ def mpc_source(
         + _text(step)
         + f"""
 static int {name}_start(const double *measurement, double *state) {{
-  return mpc_start(measurement, state);
+  return mpc_start_(measurement, state);
 }}
 
 static int {name}_step(const double *measurement, const double *reference, double *state,
 {" " * (len(name) + 17)}double *command, double *report) {{
-  return mpc_step(measurement, reference, state, command, report);
+  return mpc_step_(measurement, reference, state, command, report);
 }}
 """
     )

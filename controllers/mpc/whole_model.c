@@ -1,6 +1,6 @@
 /* A linear MPC on the whole linear model. The state is the estimate (N_Z), openings, then lags. */
 
-static int mpc_start(const double *measurement, double *state) {
+static int mpc_start_(const double *measurement, double *state) {
   double deviation[SENSORS];
   int i;
   for (i = 0; i < SENSORS; ++i) deviation[i] = measurement[i] - REST[i];
@@ -29,8 +29,8 @@ static void regulator(const double *estimate, const double *reference, double *m
   for (i = 0; i < OPENINGS; ++i) move[i] = at_rest[N_X + i] - move[i];
 }
 
-static int mpc_step(const double *measurement, const double *reference, double *state,
-                    double *command, double *report) {
+static int mpc_step_(const double *measurement, const double *reference, double *state,
+                     double *command, double *report) {
   static double estimate[N_Z], part[N_Z], residual[SENSORS], wanted[FOLLOWED * HORIZON], lags[3];
   static double gradient[QP_N], other[QP_N], free_rows[ROWS_A], lower[QP_ROWS], upper[QP_ROWS];
   static double x[QP_N], before[OPENINGS], move[OPENINGS], opening[OPENINGS], last[FOLLOWED];

@@ -362,3 +362,8 @@ def test_refusals(linear: LinearModel, schedule: JointSchedule, tmp_path: Path) 
     with pytest.raises(WorkbenchError, match="small letters"):
         export_c(design_scheduled_pid(schedule), tmp_path, name="My PID")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["mpc", "guard"])
+def test_no_name_is_one_of_the_code_inside(name: str, linear: LinearModel, tmp_path: Path) -> None:
+    built(export_c(design_mpc(linear), tmp_path, name=name))
