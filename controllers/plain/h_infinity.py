@@ -41,7 +41,7 @@ class PlainHInfinitySpecification(LoopSpecification):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_range("speed", self.speed, 0.0, 0.5 / self.sample_time, "rad/s")
+        check_range("speed", self.speed, 0.0, self.turning(0.5), "rad/s")
 
 
 FACTORS = (0.15, 0.3, 0.5, 0.8, 1.2, 2.0)
@@ -69,7 +69,7 @@ def design_plain_h_infinity(
     Raises:
         WorkbenchError: If slycot is not installed, or there is no such controller.
     """
-    want = specification or PlainHInfinitySpecification()
+    want = (specification or PlainHInfinitySpecification()).sampled(linear)
     return designed_for(want, linear, partial(_within, want), reading_helps)
 
 

@@ -21,13 +21,13 @@ from __future__ import annotations
 import math
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from controllers.linear_law import LinearLaw
-from controllers.plain.loop import Loop, loop_of, outputs_of
+from controllers.plain.loop import Loop, followed_by, loop_of, outputs_of
 from controllers.plain.many_loops import AT_A_TIME, Peaks, chosen, closed, peaks, stacked
 from controllers.plain.pairing import zeros
 from controllers.sensitivity import sampled_at
@@ -35,7 +35,8 @@ from controllers.specification import Checked, number
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_range
 from workbench.linearisation.exact_delays import SAME, Channels, channels_of, held
-from workbench.linearisation.time_scales import noise_of
+from workbench.linearisation.state_space import linear_model
+from workbench.linearisation.time_scales import noise_of, usual_sample_time
 from workbench.linearisation.transfer import transfer_function
 from workbench.model.linear_system import LinearEquations, pade
 from workbench.model.units import in_time
@@ -60,8 +61,12 @@ make: beyond, it lets little else through."""
 ALIASES = 20
 """Frequencies, to either side, that look alike to samples and are reckoned with."""
 
-MOST_LATE = 40
-"""Samples of a delay up to which steps reckon with it."""
+MOST_LATE, FEWEST = 40, 10
+"""Samples of a delay up to which steps reckon with it, and those that are enough of more commands
+each of which is on its way for them."""
+
+FINER = 0.25
+"""Least sample time over the usual that is taken for a delay to be one of whole samples."""
 
 SURE = 2.0
 """Angle that a delay turns, in rad, up to which a step shows its Pade function as the delay."""
@@ -87,6 +92,23 @@ class Judged(NamedTuple):
     excess: Vector
 
 
+def of_whole_samples(usual: float, behind: float, commands: int, *, asked: bool) -> float:
+    """Return a sample time, in s, of which a delay is whole samples, as many as steps reckon with.
+
+    Args:
+        usual: The sample time without it, in s.
+        behind: The delay, in s; none if it is 0.
+        commands: How many commands are late.
+        asked: Whether a shorter sample time will do too, as for a delay that somebody states.
+    """
+    if not behind:
+        return usual
+    # More samples of it than steps reckon with make no loop any faster.
+    most = max(MOST_LATE // max(commands, 1), FEWEST)
+    part = behind / min(max(math.ceil(behind / usual - 1e-9), 1), most)
+    return part if part >= FINER * usual and (part > usual or asked) else usual
+
+
 @dataclass(frozen=True)
 class LoopSpecification(Checked):
     """What every design for any linear model is told.
@@ -96,7 +118,8 @@ class LoopSpecification(Checked):
             default those that the commands hold independently.
         actuator: Name of the command, or several; by default the first that moves one output, all
             for several.
-        sample_time: Time between steps, in s.
+        sample_time: Time between steps, in s; by default (0) what shows the plant's response, and
+            makes its delays whole samples (`usual_sample_time`).
         maximum_sensitivity: Limit on Ms, the peak of the sensitivity (ratio); by default (0) 1.8,
             or the least that a loop of this plant has.
         maximum_complementary: Limit on Mt, the peak of the complementary sensitivity (ratio); by
@@ -121,7 +144,7 @@ class LoopSpecification(Checked):
     measured: str | tuple[str, ...] = ""
     actuator: str | tuple[str, ...] = ""
     _: KW_ONLY
-    sample_time: float = number(0.002, *TIMES_S, "s")
+    sample_time: float = number(0.0, 0.0, TIMES_S[1], "s")
     maximum_sensitivity: float = 0.0
     maximum_complementary: float = 0.0
     delay: float = number(0.0, 0.0, TIMES_S[1], "s")
@@ -134,10 +157,32 @@ class LoopSpecification(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.sample_time:
+            check_range("sample time", self.sample_time, *TIMES_S, "s")
         ms, mt = self.maximum_sensitivity, self.maximum_complementary
         for name, value, least in (("Ms", ms, 1.05), ("Mt", mt, 1.0)):
             if value:
                 check_range(f"limit on {name}", value, least, 10.0)
+
+    def turning(self, angle: float) -> float:
+        """Return the frequency, in rad/s, that turns an angle, in rad, in a sample.
+
+        It is without end where nobody says how long a sample is.
+        """
+        return angle / self.sample_time if self.sample_time else math.inf
+
+    def sampled(self, plant: Any) -> Self:
+        """Return the specification with the sample time that a plant asks for, if it has none."""
+        if self.sample_time:
+            return self
+        whole = linear_model(plant)
+        followed, acting, commands = followed_by(whole, self.measured, self.actuator)
+        usual, delays = usual_sample_time(whole, followed), channels_of(whole)
+        behind = max(delays.delays, default=0.0) if delays else 0.0
+        time = of_whole_samples(
+            usual, behind + self.delay, len(acting or commands), asked=self.delay > 0.0
+        )
+        return replace(self, sample_time=time)
 
     def loop_noise(self, loop: Loop) -> Vector:
         """Return the noise rms that is reckoned with, shape (n_sensors,), in SI."""

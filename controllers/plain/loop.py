@@ -147,6 +147,26 @@ def named(given: str | Sequence[str]) -> tuple[str, ...]:
     return tuple(part.strip() for part in parts if part.strip())
 
 
+def followed_by(
+    whole: LinearModel, measured: str | Sequence[str] = (), actuators: str | Sequence[str] = ()
+) -> tuple[tuple[str, ...], tuple[str, ...], list[str]]:
+    """Return the outputs that are followed, the commands that are named, and all there are.
+
+    Raises:
+        WorkbenchError: If there is no such output or command.
+    """
+    inputs = whole.operating_point.model.inputs
+    only_measured = {q.name for q in inputs if not q.commanded}
+    commands = [name for name in whole.input_names if name not in only_measured]
+    given, acting = named(measured), named(actuators)
+    for name in given:
+        check_choice("measured output", name, whole.output_names)
+    for name in acting:
+        check_choice("actuator", name, commands)
+    followed = given or held_outputs(whole, acting or commands) or whole.output_names[:1]
+    return followed, acting, commands
+
+
 def loop_of(
     plant: Any,
     measured: str | Sequence[str] = (),
@@ -180,14 +200,9 @@ def loop_of(
                 f" it; declare one with {kind}s=({kind.capitalize()}(...),)"
             )
     model = whole.operating_point.model
-    only_measured = {q.name for q in model.inputs if not q.commanded}
-    commands = [name for name in whole.input_names if name not in only_measured]
-    given, acting = named(measured), named(actuators)
-    for name in (*given, *named(also)):
+    for name in named(also):
         check_choice("measured output", name, whole.output_names)
-    for name in acting:
-        check_choice("actuator", name, commands)
-    followed = given or held_outputs(whole, acting or commands) or whole.output_names[:1]
+    followed, acting, commands = followed_by(whole, measured, actuators)
     if not acting:
         every = tuple(commands or whole.input_names)
         alone = [whole.select(inputs=(u,), outputs=followed).without_unseen() for u in every]

@@ -82,7 +82,7 @@ class PlainMPCSpecification(LoopSpecification):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_range("speed", self.speed, 0.0, 0.5 / self.sample_time, "rad/s")
+        check_range("speed", self.speed, 0.0, self.turning(0.5), "rad/s")
         for name in ("error_scale", "rate_time", "disturbance"):
             for value in np.atleast_1d(getattr(self, name)):
                 check_range(name.replace("_", " "), float(value), 0.0, 1e30)
@@ -97,7 +97,7 @@ def design_plain_mpc(
         WorkbenchError: If the outputs cannot be led to references by the commands, or a Riccati
             equation has no solution.
     """
-    want = specification or PlainMPCSpecification()
+    want = (specification or PlainMPCSpecification()).sampled(linear)
     # What else is measured is held against the model at rest, from which a plant is far elsewhere.
     return designed_for(want, linear, partial(_within, want), lambda *_: False)
 

@@ -52,7 +52,7 @@ class PlainPIDSpecification(LoopSpecification):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_range("bandwidth", self.bandwidth, 0.0, 1.0 / self.sample_time, "rad/s")
+        check_range("bandwidth", self.bandwidth, 0.0, self.turning(1.0), "rad/s")
 
 
 def design_plain_pid(
@@ -74,7 +74,7 @@ def design_plain_pid(
         WorkbenchError: If no such loop is stable, no pairing can be, or a limit that was given is
             not held.
     """
-    want = specification or PlainPIDSpecification()
+    want = (specification or PlainPIDSpecification()).sampled(linear)
     return designed_for(want, linear, partial(_within, linear, want), partial(_cascade_helps, want))
 
 

@@ -56,8 +56,8 @@ class PlainSlidingModeSpecification(ObserverSpecification):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_range("slope of the surface", self.slope, 0.0, 0.2 / self.sample_time, "rad/s")
-        top = 0.5 / self.sample_time
+        check_range("slope of the surface", self.slope, 0.0, self.turning(0.2), "rad/s")
+        top = self.turning(0.5)
         check_range("bandwidth of the layer", self.layer_bandwidth, 0.0, top, "rad/s")
 
 
@@ -69,7 +69,7 @@ def design_plain_sliding_mode(
     Raises:
         WorkbenchError: If the command does not reach all states, or several outputs are followed.
     """
-    want = specification or PlainSlidingModeSpecification()
+    want = (specification or PlainSlidingModeSpecification()).sampled(linear)
     h = want.sample_time
     slopes = [want.slope] if want.slope else [w for w in speeds(h) if w <= 0.2 / h]
 

@@ -71,7 +71,7 @@ def design_lqi(linear: LinearModel, specification: LQISpecification | None = Non
         WorkbenchError: If the outputs cannot be led to references by the commands, a Riccati
             equation has no solution, or a limit that was given is not held.
     """
-    want = specification or LQISpecification()
+    want = (specification or LQISpecification()).sampled(linear)
 
     def designed(limits: LoopLimits) -> ObserverLaw:
         walks, late = disturbances(limits, want.disturbance), limits.late
@@ -208,7 +208,7 @@ def state_feedback_by_hand(
         >>> state_feedback_by_hand(plant, (9.0, 4.0)).gain
         ((9.0, 4.0),)
     """
-    want = specification or ObserverSpecification()
+    want = (specification or ObserverSpecification()).sampled(linear)
     loop = loop_of(linear, want.measured, want.actuator, want.also_measured)
     K, Kq = (np.atleast_2d(np.asarray(given, dtype=float)) for given in (gain, integral_gain))
     states, shape = loop.linear.state_names, (len(loop.actuators), len(loop.measured))

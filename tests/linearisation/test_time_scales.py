@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import control as ct
 import numpy as np
@@ -11,13 +12,14 @@ import pytest
 from tests.machines import at_rest, machine
 from workbench.linearisation import linear_model, linearise
 from workbench.linearisation.time_scales import (
+    farthest,
     horizon_of,
     least_time,
     reach_of,
     step_time,
     usual_sample_time,
 )
-from workbench.model import Model
+from workbench.model import Model, Scope
 from workbench.operating_point import operating_point
 
 
@@ -168,3 +170,14 @@ def test_what_a_controlled_output_does_not_show_slows_no_samples_down() -> None:
     alone = usual_sample_time(linear.select(outputs=("speed",)).without_unseen(), ("speed",))
     assert usual_sample_time(linear, ("speed",)) == alone < 0.001
     assert least_time(linear, ("volts",), {"speed": 10.0}) < 0.05
+
+
+def test_what_rings_is_as_far_as_it_was() -> None:
+    def equations(m: Scope) -> dict[str, Any]:
+        return {"way": m.x.speed, "speed": m.u.push - m.x.way - 0.02 * m.x.speed}
+
+    model = machine(equations, "way m 1, speed m/s 1", "push N -1 1", "way m", "")
+    rested = at_rest(model)
+    # A turn after it began it is about where it was; half a turn after it was farthest.
+    far = farthest(rested, "way", np.pi)
+    assert farthest(rested, "way", 2.0 * np.pi) == pytest.approx(far, rel=0.01)

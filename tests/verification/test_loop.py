@@ -189,7 +189,10 @@ def test_settling_before_the_record_is_not_recorded(plant: Model) -> None:
 @pytest.mark.parametrize(
     ("change", "problem"),
     [
-        ({"sample_time": 0.001}, "design the controller for the scenario's sample time"),
+        (
+            {"sample_time": 0.001},
+            "give the scenario sample_time=0.001, or the design sample_time=0.0",
+        ),
         ({"sensors": ("speed",)}, "sensor is 'speed'"),
         ({"controlled": ("postion",)}, "did you mean 'position'"),
         ({"actuators": ("valve",)}, "actuator is 'valve'"),

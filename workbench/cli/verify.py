@@ -94,7 +94,8 @@ def verify(
         recipes, scenarios = trial.prepared()
     if trial.delay is not None:
         late, h = scenarios[0].late_samples, scenarios[0].sample_time
-        note(f"commands are late by {late} samples of {in_time(h)}, {in_time(late * h)}")
+        samples = "1 sample" if late == 1 else f"{late} samples"
+        note(f"commands are late by {samples} of {in_time(h)}, {in_time(late * h)}")
     study = replace(trial.study(recipes, scenarios, require or ()), seeds=(seed,))
     with tempfile.TemporaryDirectory() as folder, counting() as counter:
         kept = out or Path(folder)

@@ -216,9 +216,17 @@ def _endless(command: Input) -> bool:
     return not math.isfinite(command.upper - command.lower)
 
 
+_LOOKS = 100
+"""Times, evenly spaced, at which it is looked how far an output is."""
+
+
 def farthest(linear: LinearModel, name: str, time: float) -> float:
-    """Return how far all commands move an output within a time in s, to its farther side, in SI."""
-    return _mover(linear, name)(time)
+    """Return how far all commands move an output within a time in s, to its farther side, in SI.
+
+    What swings may be farther before the time is over than at its end.
+    """
+    moved = _mover(linear, name)
+    return max(moved(t) for t in np.linspace(0.0, time, _LOOKS + 1)[1:])
 
 
 def _mover(linear: LinearModel, name: str) -> Callable[[float], float]:

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controllers.design import DESIGNS, designs_for
-from controllers.plain.limits import MOST_LATE
+from controllers.plain.limits import of_whole_samples
 from controllers.plain.loop import loop_of
 from controllers.plain.pairing import interaction
 from controllers.plain.plain_law import PlainLaw
@@ -52,12 +52,6 @@ from workbench.verification.metrics import metric_of, metric_units
 
 Progress = Callable[[str, int, int, str], None]
 """Told what is being done, how many are done, of how many, and which one."""
-
-FEWEST = 10
-"""Samples of a delay that are enough, of more commands each of which is on its way for them."""
-
-FINER = 0.25
-"""Least sample time over the usual that is taken for a delay to be one of whole samples."""
 
 
 @dataclass(frozen=True)
@@ -139,13 +133,11 @@ class StepTrial:
         own_delays = channels_of(self.linear)
         behind = max(own_delays.delays, default=0.0) if own_delays else 0.0
         behind += self.delay or 0.0
-        if behind and sample_time is None and self._stated is None:
-            # More samples of it than steps reckon with make no loop any faster.
-            usual = found[0].sample_time
-            most = max(MOST_LATE // len(self.model.commands), FEWEST)
-            part = behind / min(max(math.ceil(behind / usual - 1e-9), 1), most)
-            if part >= FINER * usual and (part > usual or self.delay is not None):
-                sample_time = part
+        if sample_time is None and self._stated is None:
+            usual, asked = found[0].sample_time, self.delay is not None
+            time = of_whole_samples(usual, behind, len(self.model.commands), asked=asked)
+            if time != usual:
+                sample_time = time
                 found = scenarios()
         try:
             recipes = self.recipes(found[0])

@@ -76,8 +76,8 @@ def verify(
     if not math.isclose(controller.sample_time, h, rel_tol=1e-6):
         raise WorkbenchError(
             f"controller {controller.name!r} steps every {controller.sample_time:g} s and scenario"
-            f" {scenario.name!r} every {h:g} s; design the controller for the scenario's sample"
-            " time"
+            f" {scenario.name!r} every {h:g} s; give the scenario"
+            f" sample_time={controller.sample_time:g}, or the design sample_time={h:g}"
         )
     known = plant if isinstance(plant, Model) else plant.operating_point.model
     for name in controller.controlled:

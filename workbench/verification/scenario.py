@@ -185,8 +185,8 @@ def step_scenario(
     *,
     unit: str = "1",
     back: bool = False,
-    lead: float = 0.5,
-    hold: float = 2.5,
+    lead: float | None = None,
+    hold: float | None = None,
     sample_time: float = 0.002,
 ) -> Scenario:
     """Build a step of an output's reference.
@@ -196,10 +196,14 @@ def step_scenario(
         end: Reference after the step, in ``unit``.
         unit: Unit of both, such as ``"deg"``; by default they are in SI.
         back: Whether a step back follows.
-        lead: Time for which the reference rests before the first step, in s.
-        hold: Time that each step is held, in s.
-        sample_time: Time between samples, in s.
+        lead: Time for which the reference rests before the first step, in s; 250 samples by
+            default.
+        hold: Time that each step is held, in s; 1250 samples by default.
+        sample_time: Time between samples, in s: that of the controller, as
+            ``controller.sample_time``.
     """
+    lead = 250.0 * sample_time if lead is None else lead
+    hold = 1250.0 * sample_time if hold is None else hold
     levels = check_finite("step", (begin, end, begin) if back else (begin, end))
     values = tuple(float(to_si(level, unit)) for level in levels)
     times = (0.0, *(lead + hold * i for i in range(len(values) - 1)))

@@ -32,6 +32,7 @@ from tests.controllers.in_c import InC, agrees, agrees_on
 from tests.machines import at_rest, machine, stepped
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linear_model
+from workbench.linearisation.time_scales import usual_sample_time
 from workbench.model import Input, Model, Output, Scope, State
 from workbench.plants.servo_axis import servo_axis
 from workbench.plants.servo_pendulum import servo_pendulum
@@ -109,7 +110,7 @@ def test_every_family_controls_any_plant(
 ) -> None:
     linear, model, output, step = case
     law = designed(name, linear, measured=output)
-    scenario = step_scenario(output, 0.0, step, hold=1.5)
+    scenario = step_scenario(output, 0.0, step, hold=1.5, sample_time=law.sample_time)
     run = verify(law, model, scenario)
     found = metrics(run)
     # Without friction nothing is left over; H-infinity nearly integrates only, and is slow there.
@@ -168,10 +169,13 @@ def test_each_law_by_hand_is_one_line() -> None:
         transfer_controller(ct.tf([20.0], [1.0]), **names),
     )
     for law in laws:
-        run = verify(law, linear, step_scenario("y", 0.0, 0.5, hold=6.0))
+        run = verify(
+            law, linear, step_scenario("y", 0.0, 0.5, hold=6.0, sample_time=law.sample_time)
+        )
         assert abs(run["y"][-1] - 0.5) < 0.01
     # K = (25, 8) puts the poles of 1 / (s (s + 2)) at -5 +- 0i: seen in the loop.
-    run = verify(laws[2], linear, step_scenario("y", 0.0, 0.5, hold=1.0))
+    h = laws[2].sample_time
+    run = verify(laws[2], linear, step_scenario("y", 0.0, 0.5, lead=0.5, hold=1.0, sample_time=h))
     time = run.time - 0.5
     ideal = 0.5 * (1.0 - (1.0 + 5.0 * time) * np.exp(-5.0 * time)) * (time >= 0)
     assert np.abs(run["y"] - ideal).max() < 5e-3
@@ -928,3 +932,21 @@ def test_a_sliding_mode_is_as_quick_behind_slow_zeros(
     law = designed("plain-sliding-mode", linear, sample_time=sample_time)
     assert settled_after(law, linear, {"y": 0.1}) < long
     assert max(loop.sensitivity for loop in analyse_loop(law, linear)) < 1.9
+
+
+def test_a_design_has_the_sample_time_of_its_plant() -> None:
+    hour = 3600.0
+    room = linear_model(
+        ct.tf([20.0], [30.0 * hour, 1.0], inputs="heat", outputs="rise"),
+        limits={"heat": (-1.0, 1.0)},
+    )
+    for name in ("plain-pid", "lqi"):
+        law = designed(name, room)
+        assert law.sample_time == usual_sample_time(room, ["rise"]) > 10.0
+        run = verify(law, room, step_scenario("rise", 0.0, 2.0, sample_time=law.sample_time))
+        assert metrics(run)["steady_error"].value < 0.05
+    # Of a delay it is a part, and no more parts than steps reckon with.
+    late = designed("plain-pid", room, delay=0.1 * hour).sample_time
+    assert 0.1 * hour / late == pytest.approx(round(0.1 * hour / late)) and late < law.sample_time
+    with pytest.raises(WorkbenchError, match="sample time is 1e-30 s"):
+        designed("lqi", room, sample_time=1e-30)

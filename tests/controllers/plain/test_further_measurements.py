@@ -57,7 +57,9 @@ def test_a_pendulum_on_a_cart_is_held_by_both_its_sensors(
     assert (law.sensors, law.controlled) == (("cart", "angle"), ("cart",))
     at_command = next(found for found in analyse_loop(law, linear) if found.command)
     assert at_command.stable and at_command.sensitivity < 2.0
-    run = verify(law, linear, step_scenario("cart", 0.0, 0.2, hold=long + 2.0, sample_time=H))
+    run = verify(
+        law, linear, step_scenario("cart", 0.0, 0.2, lead=0.5, hold=long + 2.0, sample_time=H)
+    )
     late = np.abs(run["cart"] - 0.2)[run.time > long]
     assert late.max() < 0.02 * 0.2
     assert settled_after(law, linear, {"cart": 0.2}) < long + 1.0
