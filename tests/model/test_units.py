@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from workbench.errors import WorkbenchError
-from workbench.model import Input, Model, Output, Parameter, State
+from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.model.units import convert, is_known, same_dimension, to_si
+from workbench.physics.library import library
 from workbench.simulation.trajectory import what_moved
 
 
@@ -256,3 +257,73 @@ def test_what_goes_in_and_comes_out_says_no_time_of_plain_equations() -> None:
     # 10 l/min raise it by 30 beats a minute, in 20 s.
     assert heart.rates([0.0], [1e-2 / 60.0]) == pytest.approx([1.5])
     assert heart.read([30.0], [0.0]) == pytest.approx([0.5])
+
+
+def test_ports_of_equations_in_their_own_units_are_in_si() -> None:
+    def tank(centimetres: bool) -> Model:
+        def equations(m: Scope) -> tuple[dict[str, Any], dict[str, Any]]:
+            flow = "cm3/s" if centimetres else "m3/s"
+            out = m.port(
+                "tank.outflow", m.p.drain * m.x.level, unit=flow, signals={"level": m.x.level},
+                disturbance=0.2 if centimetres else 0.2e-6,
+            )  # fmt: skip
+            rate = (m.u.inflow - out) / m.p.area
+            return {"level": rate}, {"level": m.x.level}
+
+        long, flow, wide, drain = ["m", "m3/s", "m2", "m2/s"]
+        if centimetres:
+            long, flow, wide, drain = ["cm", "cm3/s", "cm2", "cm2/s"]
+        size = 1.0 if centimetres else 0.01
+        return Model(
+            "tank",
+            equations,
+            states=(State("level", long, 10.0 * size, initial=15.0 * size),),
+            inputs=(Input("inflow", flow, 15.0 * size**3, lower=0.0, upper=40.0 * size**3),),
+            outputs=(Output("level", long, 5.0 * size),),
+            parameters=(
+                Parameter("area", wide, value=150.0 * size**2),
+                Parameter("drain", drain, value=1.5 * size**2),
+            ),
+        )
+
+    own, plain = (
+        plant.with_effect(
+            next(e for e in library(plant) if e.law == "orifice_outflow").at_size(2e-6)
+        )
+        for plant in map(tank, (True, False))
+    )
+    for one, other in zip(own.ports, plain.ports, strict=True):
+        assert (one.name, one.unit, one.signals) == (other.name, other.unit, other.signals)
+        assert one.scale == pytest.approx(other.scale)
+        assert one.disturbance == pytest.approx(other.disturbance)
+    at = [0.12], [2e-5]
+    assert own.rates(*at) == pytest.approx(plain.rates(*at), rel=1e-12)
+    assert own.rates(*at) != pytest.approx(tank(True).rates(*at))
+
+
+@pytest.mark.parametrize(
+    ("declare", "problem"),
+    [
+        (lambda: Parameter("length", "m", value=math.nan), "value of length is nan"),
+        (lambda: Parameter("length", "m", value="long"), "value of length is 'long'"),  # type: ignore[arg-type]
+        (lambda: Parameter("length", "m", value=1.0, lower=3.0, upper=2.0), "range of length is 3"),
+        (lambda: Input("force", "N", 1.0, lower=20.0, upper=-20.0), "swap lower and upper"),
+    ],
+)
+def test_a_slip_of_a_number_is_told(declare: Any, problem: str) -> None:
+    with pytest.raises(WorkbenchError, match=problem):
+        declare()
+
+
+def test_a_misspelt_rate_is_told_by_its_state() -> None:
+    def equations(m: Scope) -> tuple[dict[str, Any], dict[str, Any]]:
+        pull = m.p.stiffness * m.x.way
+        return {"way": m.x.speed, "sped": (m.u.force - pull) / 2.0, "turn": pull}, {"way": m.x.way}
+
+    with pytest.raises(WorkbenchError, match="no rate of state 'speed'"):
+        Model(
+            "slip", equations,
+            states=(State("way", "m"), State("speed", "m/s"), State("turn", "rad/s")),
+            inputs=(Input("force", "N"),), outputs=(Output("way", "m"),),
+            parameters=(Parameter("stiffness", "N/m", value=3.0),),
+        )  # fmt: skip

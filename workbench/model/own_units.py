@@ -58,15 +58,20 @@ class InSI:
                 ("parameter", scope.p, self.parameters),
             )
         )
-        found = self.equations(replace(scope, x=x, u=u, p=p))
+        own = [
+            (named[n], whole[n])
+            for named, whole in ((x, scope.x), (u, scope.u), (p, scope.p))
+            for n in named
+        ]
+        found = self.equations(replace(scope, x=x, u=u, p=p, own=own))
         if not _are_two(found):
             return found
         rates, outputs = found
         # What is read as it is, in the same unit, stays recognisable.
         read = {
-            (_node(own[n]), of.get(n, _SI)): whole[n]
-            for own, whole, of in ((u, scope.u, self.inputs), (x, scope.x, self.states))
-            for n in own
+            (_node(named[n]), of.get(n, _SI)): whole[n]
+            for named, whole, of in ((u, scope.u, self.inputs), (x, scope.x, self.states))
+            for n in named
         }
         return (
             {n: v * (self.states.get(n, _SI)[0] / self.time) for n, v in rates.items()},

@@ -105,6 +105,13 @@ class Quantity:
             # Whole numbers would stand in memory otherwise than C code reads them.
             if isinstance(value := getattr(self, name), numbers.Integral):
                 object.__setattr__(self, name, float(value))
+        low, high = getattr(self, "lower", -math.inf), getattr(self, "upper", math.inf)
+        if low > high:
+            unit = "" if self.unit == "1" else f" {self.unit}"
+            raise WorkbenchError(
+                f"the range of {self.name} is {low:g} to {high:g}{unit}, from above its upper end;"
+                " swap lower and upper"
+            )
         try:
             self._check_units()
         except WorkbenchError as error:
@@ -347,10 +354,16 @@ class Parameter(Quantity):
     strict: bool = False
 
     def __post_init__(self) -> None:
+        try:
+            finite = math.isfinite(self.value)
+        except TypeError:
+            finite = False
+        if not finite:
+            raise WorkbenchError(f"value of {self.name} is {self.value!r}; give a finite number")
         if self.scale == 0.0:
             object.__setattr__(self, "scale", abs(self.value) or 1.0)
         super().__post_init__()
-        if not (math.isfinite(self.value) and self.lower <= self.value <= self.upper):
+        if not self.lower <= self.value <= self.upper:
             suffix = "" if self.unit == "1" else f" {self.unit}"
             raise WorkbenchError(
                 f"{self.name} is {self.value:g}{suffix}; the valid range is {self.lower:g} to"

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+
+import casadi as ca
 
 from workbench.errors import WorkbenchError, check_choice
 from workbench.model.regularisation import Expression, Form
@@ -154,6 +156,12 @@ class EffectView:
 Transform = Callable[[Port, Expression, Names], Expression]
 
 
+def same_node(one: Expression, other: Expression) -> bool:
+    """Whether two expressions are one and the same."""
+    both = [v for v in (one, other) if isinstance(v, ca.SX) and v.is_scalar()]
+    return len(both) == 2 and both[0].element_hash() == both[1].element_hash()
+
+
 @dataclass
 class Scope:
     """The names that the equations of a model may use, and the ports that they open.
@@ -164,6 +172,8 @@ class Scope:
         units: Those SI units, by name of port or signal.
         scales: Typical sizes of ports that declare none, in SI by name.
         in_si: Whether signals are in SI, in whatever unit the author declares them.
+        own: What equations in units of their own call a quantity, and the same in SI: what an
+            effect sees at a port, and gives back, is in SI all the same; None of others.
     """
 
     x: Names
@@ -177,6 +187,7 @@ class Scope:
     ranges: list[ValidRange] = field(default_factory=list)
     scales: Mapping[str, float] = field(default_factory=dict)
     in_si: bool = False
+    own: Sequence[tuple[Expression, Expression]] | None = None
 
     def port(
         self,
@@ -201,9 +212,10 @@ class Scope:
             disturbance: Root mean square of what the equations may leave out here, in ``unit``.
             relative_disturbance: The same, as a fraction of the signal's magnitude, dimensionless.
         """
-        size = parse_unit(unit).factor if self.in_si else 1.0
+        counted = parse_unit(unit)
+        size = counted.factor if self._sized else 1.0
         unit = self._claim(name, unit)
-        local = Names(f"signal at port {name}", signals or {})
+        local = Names(f"signal at port {name}", self._in_si(signals or {}))
         port = Port(
             name,
             unit,
@@ -215,10 +227,26 @@ class Scope:
             role,
             sized=scale is not None,
         )
-        result = self.transform(port, value, local)
+        given = value if self.own is None else value * size + counted.offset
+        result = self.transform(port, given, local)
         self.ports.append(port)
         self.values[name] = result
-        return result
+        return result if self.own is None else (result - counted.offset) / size
+
+    def _in_si(self, signals: Mapping[str, Expression]) -> Mapping[str, Expression]:
+        """Return local signals in SI: of equations in their own units those that are quantities."""
+        if self.own is None:
+            return signals
+        return {
+            name: whole
+            for name, value in signals.items()
+            for known, whole in self.own
+            if same_node(value, known)
+        }
+
+    @property
+    def _sized(self) -> bool:
+        return self.in_si or self.own is not None
 
     def publish(
         self,
@@ -236,9 +264,10 @@ class Scope:
             lower: Smallest value for which the laws that use it hold, in ``unit``.
             upper: Largest value for which the laws that use it hold, in ``unit``.
         """
-        size = parse_unit(unit).factor if self.in_si else 1.0
+        counted = parse_unit(unit)
+        size = counted.factor if self._sized else 1.0
         unit = self._claim(name, unit)
-        self.values[name] = value
+        self.values[name] = value if self.own is None else value * size + counted.offset
         if lower > -math.inf or upper < math.inf:
             self.ranges.append(ValidRange(name, unit, lower * size, upper * size))
         return value
@@ -248,6 +277,6 @@ class Scope:
             raise WorkbenchError(
                 f"the equations open {name!r} twice; ports and signals need different names"
             )
-        known = parse_unit(unit).factor == 1.0 or not self.in_si
+        known = parse_unit(unit).factor == 1.0 or not self._sized
         self.units[name] = unit if known else in_si(unit)
         return self.units[name]

@@ -431,6 +431,8 @@ def _default_exchanges(
     attached = tuple(f"{effect.name}." for effect in model.effects)
     own = {n: s for n, s in symbols["parameter"].items() if not n.startswith(attached)}
     states = [q for q in model.states if q.name in plain]
+    if any(q not in states and not q.name.startswith(attached) for q in model.states):
+        return rates  # Which rate is missing is told where all of them are taken.
     x = {q.name: symbols["state"][q.name] for q in states}
     given = {n: _symbolic(rate) for n, rate in plain.items() if n in x}
     changed = dict(rates)

@@ -491,15 +491,15 @@ def written_unit(unit: str) -> str:
     """Return a unit as an engineer writes it in a text; empty for a ratio.
 
     Example:
-        >>> [written_unit(u) for u in ("Pa^-1", "m3/(s Pa)", "rad/s2", "deg", "degC", "1")]
-        ['1/Pa', 'm³/(s Pa)', 'rad/s²', '°', '°C', '']
+        >>> [written_unit(u) for u in ("Pa^-1", "m3/(s Pa)", "cmH2O/s2", "deg", "degC", "1")]
+        ['1/Pa', 'm³/(s Pa)', 'cmH2O/s²', '°', '°C', '']
     """
     if unit in ("1", "-"):
         return ""
     inverse = re.fullmatch(r"([A-Za-z]+)\^?-1", unit)
     if inverse is not None:
         return f"1/{inverse[1]}"
-    raised = re.sub(r"(?<=[A-Za-z])\^?(-?\d+)(?![.\d])", lambda m: m[1].translate(RAISED), unit)
+    raised = re.sub(r"(?<=[A-Za-z])\^?(-?\d+)(?![.\w])", lambda m: m[1].translate(RAISED), unit)
     return re.sub(r"\bdeg(?=[CF]?\b)", "°", raised)
 
 
