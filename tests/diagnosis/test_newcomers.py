@@ -1257,3 +1257,24 @@ def test_what_is_never_negative_may_fall_by_a_sum_too() -> None:
     runs = [_played(seed) for seed in (1, 2)]
     found = diagnosed(woofer, runs, "parameter_curve end_stops cubic_stiffness")
     named(found, "parameter_curve_field_over_cone")
+
+
+def test_a_rope_that_is_shorter_than_its_author_says_is_no_missing_physics() -> None:
+    held = {"rope": 1.3}
+    model = replace(
+        crane(),
+        parameters=tuple(
+            replace(q, fitted=False, value=held[q.name]) if q.name in held else q
+            for q in crane().parameters
+        ),
+    )
+    runs = [transport(seed) for seed in (1, 2)]
+    found = diagnosed(model, runs, "sensor_gain sensor_cross_talk coulomb_friction gain")
+    verdict = found.verdict
+    assert verdict.kind == "parameter" and not verdict.findings
+    assert "rope is 999" in verdict.sentence and "where the plant holds 1300 mm" in verdict.sentence
+    assert found.extended.refit.estimate("rope").value == approx(1.0, rel=1e-3)
+    # Friction is friction, whatever is held.
+    rubbing = [transport(seed, friction=6.0) for seed in (1, 2)]
+    right = replace(model, parameters=crane().with_parameters({"rope": 1.0}).parameters)
+    named(diagnosed(right, rubbing, "sensor_gain coulomb_friction"), "coulomb_friction_force")

@@ -84,6 +84,9 @@ def test_a_killed_call_is_continued_from_its_last_round(
     early = conclude_early(found, "searching")
     assert early.interrupted and "Interrupted while searching" in early.sentence
     assert early.as_data()["interrupted"] is True
+    # What was not proved is not sure.
+    assert early.kind == "likely" and {f.belief for f in early.findings} == {"likely"}
+    assert early.findings[0].doubts[-1].endswith("before it was proved")
     told = early.sentence.partition("found until then: coulomb friction; not tried: ")[2]
     assert told.endswith("the proof on the held-out recordings.")
     monkeypatch.setattr(module, "fit", _never)

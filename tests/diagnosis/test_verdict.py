@@ -19,6 +19,7 @@ from workbench.diagnosis.doubts import (
     beside_larger,
     differs,
     left_out_too,
+    of_no_size,
     still_off,
     too_quick,
 )
@@ -363,6 +364,13 @@ def test_a_memory_that_may_be_shorter_than_a_sample_is_doubted(
     said = " ".join(too_quick(given, own))
     assert said.startswith("its time constant may be shorter than a sample, ") == doubted
     assert bool(said) == doubted
+
+
+def test_a_size_that_the_last_refit_leaves_open_is_doubted() -> None:
+    assert of_no_size(Value(8.6, "W/K", 126.0)) == (
+        "its size is within 3 standard deviations of zero",
+    )
+    assert of_no_size(Value(-8.6, "W/K", 2.0)) == of_no_size(None) == ()
 
 
 def test_what_differs_by_recording_is_doubted_where_more_is_left_out() -> None:

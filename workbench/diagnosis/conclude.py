@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from workbench.diagnosis.selection.score import COLLINEAR
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import AWAY, Finding, Kind, Verdict
 from workbench.files import picked
-from workbench.model.units import from_si, in_time, with_unit
+from workbench.model.units import from_si, in_time, read_with_deviation, readably, with_unit
 
 _MOST_SAID = 5
 """Effects that a sentence names, and sets of effects that a verdict weighs."""
@@ -79,7 +80,7 @@ def _kind(diagnosis: Diagnosis, findings: Sequence[Finding], rest: str) -> tuple
             f" recordings.{far}",
         )
     if findings:
-        sentence = " ".join(f.sentence for f in findings) + rest
+        sentence = " ".join(f.sentence for f in findings) + rest + _other_values(diagnosis)
         if all(f.belief == "likely" for f in findings):
             return "likely", sentence
         entries = [c.entry for c, _ in diagnosis.accepted]
@@ -98,6 +99,13 @@ def _kind(diagnosis: Diagnosis, findings: Sequence[Finding], rest: str) -> tuple
             f" refit ends on its bound with {names}. Check it, and what the notes say of values"
             f" that go with it.{far}",
         )
+    if diagnosis.complete and diagnosis.nominal.traits.held:
+        return (
+            "parameter",
+            "No physics is missing that these recordings can show, but a value is wrong:"
+            f"{_other_values(diagnosis)} With it the model predicts them nearly to the noise of the"
+            f" sensors.{_coloured(diagnosis)}",
+        )
     if diagnosis.complete:
         return (
             "nothing_missing",
@@ -109,6 +117,19 @@ def _kind(diagnosis: Diagnosis, findings: Sequence[Finding], rest: str) -> tuple
         "Something is left out, but neither a place nor an effect of the library explains it on the"
         f" held-out recordings.{far}",
     )
+
+
+def _other_values(diagnosis: Diagnosis) -> str:
+    """Say what constants are that the author of the plant holds."""
+    told = []
+    for name, held in diagnosis.nominal.traits.held:
+        q, e = diagnosis.nominal.parameter(name), diagnosis.extended.refit.estimate(name)
+        shown = q.unit, q.display_unit, abs(e.value)
+        value, std, unit = read_with_deviation(e.value, e.std, *shown)
+        was = with_unit(f"{float(readably(held, *shown)[0]):.4g}", unit)
+        now = with_unit(f"{value:.5g} +- {std:.2g}", unit)
+        told.append(f" {name.replace('_', ' ')} is {now}, where the plant holds {was}.")
+    return "".join(told)
 
 
 def _far(diagnosis: Diagnosis) -> str:
@@ -183,6 +204,11 @@ def conclude_early(diagnosis: Diagnosis, step: str, *, after: float | None = Non
         step: What was being done, in plain words.
         after: Time limit that ended it, in s; None if it was interrupted.
     """
+    ended = "Interrupted" if after is None else f"Ended after {after:g} s"
+    if diagnosis.concluded is not None:
+        # A first search had come to its end.
+        said = f"{diagnosis.concluded.sentence} {ended} while {step}."
+        return replace(diagnosis.concluded, sentence=said, interrupted=True)
     findings = tuple(
         Finding(
             where=candidate.entry.ports,
@@ -192,16 +218,13 @@ def conclude_early(diagnosis: Diagnosis, step: str, *, after: float | None = Non
             parameters=own_parameters(diagnosis.extended, candidate.name),
             gain=candidate.gain,
             held_out=candidate.held_out,
-            belief="likely" if candidate.doubts else "sure",
-            doubts=candidate.doubts,
+            belief="likely",
+            doubts=(*candidate.doubts, "the diagnosis ended before it was proved"),
         )
         for candidate, alike in diagnosis.accepted
     )
-    kind: Kind = "unexplained"
-    if findings:
-        kind = "named_class" if any(len(f.alike) > 1 for f in findings) else "named"
+    kind: Kind = "likely" if findings else "unexplained"
     names = ", ".join(f.effect.replace("_", " ") for f in findings if f.effect) or "nothing"
-    ended = "Interrupted" if after is None else f"Ended after {after:g} s"
     return Verdict(
         kind,
         f"{ended} while {step}; found until then: {names}{_most_at(diagnosis)}; not"

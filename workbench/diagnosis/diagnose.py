@@ -36,7 +36,7 @@ from workbench.diagnosis.misrecorded_columns import (
 )
 from workbench.diagnosis.nonparametric.fit import nonparametric_term
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
-from workbench.diagnosis.second_search import VIEWS, View, beside
+from workbench.diagnosis.second_search import VIEWS, View, beside, where_a_constant_is_wrong
 from workbench.diagnosis.selection.held_out import run_errors, settled_run, shown_on_bounds
 from workbench.diagnosis.selection.rules import IMPERFECT, LEAST_SHOWN, NO_NAME
 from workbench.diagnosis.selection.search import score, search
@@ -167,18 +167,34 @@ def stages(
         say=say,
     )
     rows = (*rows, *late, *noise)
-    found = None
-    for found in searched(View(model, rows=rows), folder=folder):
+    found, first_round = None, entries is None and priors is None
+    for reached in searched(View(model, rows=rows), folder=folder):
+        found = reached
         if found.concluded is None:
             yield found
+        if not (first_round and found.rounds):
+            continue
+        first_round = False
+        if found.complete or (view := where_a_constant_is_wrong(found)) is None:
+            continue
+        say(view.why)
+        view, again = replace(view, rows=(*rows, *view.rows)), None
+        for again in searched(view, folder=folder and folder / view.name):
+            if again.scored is not None and not view.better(again, found):
+                break
+        if again is not None and again.concluded is not None:
+            found, model, rows = beside(again, found), view.model, view.rows
+            break
+        say("beside it something is missing too: the first search goes on")
     assert found is not None
+    # An early end keeps what the first search found.
+    yield found
     for view_of in VIEWS if entries is None else VIEWS[:-1]:
         view = view_of(found, model, both)
         if view is None:
             continue
         say(view.why)
         view, again = replace(view, rows=(*rows, *view.rows)), None
-        # An early end keeps what the first search found.
         for again in searched(view, folder=folder and folder / view.name):
             if view.lags(again):
                 say("what it finds there runs farther off: the first search stands")

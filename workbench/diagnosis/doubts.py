@@ -18,9 +18,6 @@ from workbench.errors import NumericalError
 from workbench.model import Effect, Model
 from workbench.model.units import in_time
 
-_SURE_OF = 3.0
-"""Standard deviations within which a time constant must be longer than a sample."""
-
 Errors = Mapping[str, Mapping[str, float]]
 """Held-out errors by model and output, as `held_out_errors` returns them, in SI."""
 
@@ -96,6 +93,13 @@ def still_off(diagnosis: Diagnosis, fit: Errors) -> tuple[str, ...]:
     return (f"{100 * share:.0f} % of the mean square error of the held-out runs is left",)
 
 
+def of_no_size(size: Value | None) -> tuple[str, ...]:
+    """Doubt what the last refit leaves a size that may as well be none."""
+    if size is None or abs(size.value) >= rules.SURE_OF * size.std:
+        return ()
+    return (f"its size is within {rules.SURE_OF:g} standard deviations of zero",)
+
+
 def too_quick(diagnosis: Diagnosis, own: Mapping[str, Value]) -> tuple[str, ...]:
     """Doubt a memory that may last no longer than a sample: without one it is another law.
 
@@ -106,7 +110,7 @@ def too_quick(diagnosis: Diagnosis, own: Mapping[str, Value]) -> tuple[str, ...]
         f"its {name.replace('_', ' ')} may be shorter than a sample, {in_time(sample)}"
         for name, q in own.items()
         if name.endswith("time_constant")
-        and q.value * math.exp(-_SURE_OF * q.std / q.value) < sample
+        and q.value * math.exp(-rules.SURE_OF * q.std / q.value) < sample
     )
 
 

@@ -20,8 +20,9 @@ from workbench.diagnosis.estimation.noise_colour import (
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.selection.candidate import is_sensor
 from workbench.diagnosis.selection.held_out import over_noise
-from workbench.diagnosis.selection.rules import LITTLE_LEFT, OFF_NOISE
+from workbench.diagnosis.selection.rules import AT_NOISE, LEAST_GAIN, LITTLE_LEFT, OFF_NOISE
 from workbench.diagnosis.stages import Diagnosis
+from workbench.diagnosis.undeclared.constants import likeliest_freed
 from workbench.diagnosis.undeclared.disturbances import opened
 from workbench.diagnosis.undeclared.inputs import clearly_likelier, otherwise_between_samples
 from workbench.model import Model
@@ -81,6 +82,30 @@ def beside_correlated_noise(
         return None
     why = "searching again beside noise that is correlated"
     return View(other, "correlated_noise", why, lambda again, _: _explained(again), tuple(rows))
+
+
+def where_a_constant_is_wrong(found: Diagnosis) -> View | None:
+    """Refit a constant that the author holds, if that explains more than what was found first.
+
+    A wrong number is no missing physics, and laws of any kind make up for some of it: it counts
+    where nothing else is missing beside it.
+    """
+    prepared, model = found.prepared, found.nominal
+    most = found.extended.cost - LEAST_GAIN
+    best = likeliest_freed(model, found.base, prepared.fitting, prepared.priors)
+    if best is None or best.cost > most:
+        return None
+    ((name, held),) = best.model.traits.held
+    q = model.parameter(name)
+    told = f"{name} is refitted, which the plant holds at {held:.4g} {q.unit}"
+    row = {"recording": prepared.fitting[0].name, "check": "range", "result": "corrected"}
+    return View(
+        best.model,
+        f"with_{name}",
+        f"searching beside another {name}",
+        lambda again, _: again.scored is not None and again.scored.farthest[1] <= AT_NOISE,
+        ({**row, "note": f"{told}: that explains more than any effect"},),
+    )
 
 
 def where_none_is_declared(

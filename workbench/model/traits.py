@@ -88,6 +88,7 @@ class Traits:
             the model and not the machine.
         passing: States that stand for a delay: nothing acts on what only comes later.
         pace: Time in which the response shows of what has no time of its own, in s.
+        held: Parameters that are refitted although the author holds them, with his values in SI.
     """
 
     sums: tuple[DriftingSum, ...] = ()
@@ -102,6 +103,7 @@ class Traits:
     misread: tuple[tuple[str, float], ...] = ()
     passing: tuple[str, ...] = ()
     pace: float = 1.0
+    held: tuple[tuple[str, float], ...] = ()
 
     def curve(self, name: str) -> ActuatorCurve:
         """Return a curve by the name of its input."""

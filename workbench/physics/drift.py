@@ -112,7 +112,7 @@ def from_first(
 
 
 # What an input of the model reaches at once.
-_driven = drives("force", "acceleration", "flow", only=lambda at: at.driven)
+_driven = drives("force", "acceleration", "flow", "heat", only=lambda at: at.driven)
 
 gain_fade = Law(
     "gain_fade",

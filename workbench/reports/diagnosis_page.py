@@ -289,7 +289,16 @@ def _law_caption(located: MissingSignal) -> str:
 
 def _numbers(diagnosis: Diagnosis, verdict: Verdict) -> Section:
     blocks: list[Block] = []
-    if verdict.kind == "parameter":
+    if diagnosis.nominal.traits.held:
+        held = ", ".join(plain(name.replace("_", " ")) for name, _ in diagnosis.nominal.traits.held)
+        blocks.append(
+            Words(
+                f"The plant holds {held}. Refitted, it explains more than any effect beside the"
+                " value that was held.",
+                "note",
+            )
+        )
+    elif verdict.kind == "parameter":
         blocks.append(
             Words(
                 "The refit wants a value beyond what is plausible. The model follows the recordings"

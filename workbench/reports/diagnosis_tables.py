@@ -52,7 +52,7 @@ def errors_table(errors: Sequence[ErrorRow], extended: bool) -> Table:
 def parameters_table(diagnosis: Diagnosis) -> Table:
     """Build the table of parameters before the data, refitted and in the extended model.
 
-    Parameters that end on a bound stand first where that is the verdict; ordinates of a curve
+    Values that are wrong stand first where that is the verdict; ordinates of a curve
     without a name stand last.
     """
     before = {e.name: e for e in diagnosis.refitted.refit.estimates}
@@ -61,7 +61,8 @@ def parameters_table(diagnosis: Diagnosis) -> Table:
     added = [n for n in after if n not in before]
     names = [*added, *before] if diagnosis.accepted else [*before, *added]
     if wrong:
-        names.sort(key=lambda name: not before[name].on_bound)
+        held = {name for name, _ in diagnosis.nominal.traits.held}
+        names.sort(key=lambda name: not (before[name].on_bound or name in held))
     ordinates = _ordinates(diagnosis)
     model = diagnosis.extended.model if after else diagnosis.base.model
     rows: list[tuple[Cell | str, ...]] = []

@@ -12,6 +12,9 @@ def test_noise_repeats_with_no_period_up_to_the_fastest_that_samples_show() -> N
     for seed in range(100):
         noise = np.random.default_rng(seed).normal(size=500)
         assert np.isnan(period_of([("run", time)], noise))
+    # Rounding of what is constant repeats nothing.
+    rounded = 0.198 + 1e-16 * np.sin(2.0 * np.pi * time / 40.0)
+    assert np.isnan(period_of([("run", time)], rounded))
 
 
 def test_a_slow_course_hides_nothing_that_repeats() -> None:

@@ -26,6 +26,9 @@ _FINER = 40
 _LEAKS = 4
 """Parts of a line by which leakage may put it off: a tenth, where three periods are seen."""
 
+_ROUNDED = 1e-9
+"""Part of a signal that rounding leaves of it."""
+
 _STRETCH, _COURSE = 4, 3
 """Samples to a stretch of a way, on the mean, and degree of the course along it."""
 
@@ -63,11 +66,13 @@ def period_of(
     rates, widths, first = [], [], 0
     for _, time in recordings:
         part = signal[first : first + len(time)]
+        # What is constant but for rounding repeats nothing.
+        least = (_ROUNDED * float(np.max(np.abs(part), initial=0.0))) ** 2
         part = part - (_course(part) if beside_course else np.mean(part))
         first += len(time)
         whole, variance = float(time[-1] - time[0]), float(np.mean(part**2))
         lines = _lines(part)
-        if len(lines) <= _REPEATS or not variance > 0.0 or not whole > 0.0:
+        if len(lines) <= _REPEATS or not variance > least or not whole > 0.0:
             return math.nan
         line, found = int(np.argmax(lines)), []
         step = (len(part) - 1) / len(part) / _FINER / whole

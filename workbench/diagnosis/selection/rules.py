@@ -28,6 +28,9 @@ TOO_LITTLE = "it explains too little of what the model leaves out"
 SURPASSED = "another effect explains the recordings better"
 """Why an effect that passed every rule, or was not followed, is not taken."""
 
+SURE_OF = 3.0
+"""Standard deviations by which a size is another than none."""
+
 LEAST_GAIN = 15.0
 """Gain of log likelihood per effect that is asked for beyond the penalty for the library."""
 
@@ -204,7 +207,7 @@ DOUBTS = (
     ),
     Rule(
         "size beyond its uncertainty",
-        3.0,
+        SURE_OF,
         "The gain excludes zero; where the curvature does not, the size is known from one side"
         " only, as that of a stiff brim, or what gained was the move of another parameter.",
         _sigma,
