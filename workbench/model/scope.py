@@ -156,7 +156,7 @@ class EffectView:
 Transform = Callable[[Port, Expression, Names], Expression]
 
 
-def same_node(one: Expression, other: Expression) -> bool:
+def _same_node(one: Expression, other: Expression) -> bool:
     """Whether two expressions are one and the same."""
     both = [v for v in (one, other) if isinstance(v, ca.SX) and v.is_scalar()]
     return len(both) == 2 and both[0].element_hash() == both[1].element_hash()
@@ -241,7 +241,7 @@ class Scope:
             name: whole
             for name, value in signals.items()
             for known, whole in self.own
-            if same_node(value, known)
+            if _same_node(value, known)
         }
 
     @property

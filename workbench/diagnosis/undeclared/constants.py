@@ -30,7 +30,12 @@ _TRIED = 3
 
 
 class Freed(NamedTuple):
-    """A model of which one constant is refitted, and minus the log likelihood with it."""
+    """A model of which one constant is refitted.
+
+    Args:
+        name: Name of the constant.
+        cost: Minus the log likelihood with it, dimensionless.
+    """
 
     name: str
     model: Model
