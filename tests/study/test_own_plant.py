@@ -125,3 +125,17 @@ def test_specifications_take_units_and_points_take_inputs(study_file: Path) -> N
     study_file.write_text(STUDY.replace(own, lqi.replace("10 ms", "10 mV")), encoding="utf-8")
     with pytest.raises(WorkbenchError, match="which does not measure it"):
         load_study(study_file)
+
+
+def test_a_design_for_any_plant_steps_as_often_as_its_scenarios(study_file: Path) -> None:
+    other = STUDY.replace("specification = { gain = 10.0 }", "").replace(
+        '"own_tank:design"', '"lqi"'
+    )
+    study_file.write_text(other, encoding="utf-8")
+    assert load_study(study_file).controllers["own"].build().sample_time == 0.01
+    stated = other.replace(
+        'design = "lqi"', 'design = "lqi"\nspecification = { sample_time = 0.02 }'
+    )
+    study_file.write_text(stated, encoding="utf-8")
+    with pytest.raises(WorkbenchError, match="steps every 0.02 s .* every 0.01 s; give both"):
+        load_study(study_file)

@@ -169,8 +169,8 @@ class _Resolver:
                 self.variations_[found.name] = found
         self.kinds = {v.kind: v for v in self.variations_.values()}
         cases = {
-            case: Case(
-                case, plant, self.controllers(case, plant, model), self.scenarios(case, model)
+            case: self.at_one_rate(
+                Case(case, plant, self.controllers(case, plant, model), self.scenarios(case, model))
             )
             for case, plant in plants.items()
         }
@@ -181,7 +181,6 @@ class _Resolver:
         with self.at("controllers"):
             if not self.controllers_:
                 raise WorkbenchError("no controller is left; see requires and plants")
-        self.check_rates(cases)
         self.first = next(iter(self.controllers_.values())).plant
         output = self.first.plant().controlled_outputs(self.first.build())[0]
         self.output = next(q for q in self.first.build().outputs if q.name == output)
@@ -282,20 +281,24 @@ class _Resolver:
                         " scenarios, variations, plants and 'judged' that leave none"
                     )
 
-    def check_rates(self, cases: Mapping[str, Case]) -> None:
-        """Check that controllers step as often as the scenarios that they run."""
-        for case in cases.values():
-            for name, recipe in case.controllers.items():
-                designed = getattr(recipe.checked_specification(), "sample_time", None)
-                chosen = self.named("controllers")[name].get("scenarios") or case.scenarios
-                for scenario in (case.scenarios[s] for s in chosen if s in case.scenarios):
-                    h = scenario.sample_time
-                    if isinstance(designed, float) and not math.isclose(designed, h, rel_tol=1e-6):
-                        with self.at("controllers", name, "specification", "sample_time"):
-                            raise WorkbenchError(
-                                f"controller {name!r} steps every {designed:g} s and scenario"
-                                f" {scenario.name!r} every {h:g} s; give both the same sample_time"
-                            )
+    def at_one_rate(self, case: Case) -> Case:
+        """Return a case whose controllers step as often as the scenarios that they run."""
+        recipes = dict(case.controllers)
+        for name, recipe in case.controllers.items():
+            designed = getattr(recipe.checked_specification(), "sample_time", None)
+            chosen = self.named("controllers")[name].get("scenarios") or case.scenarios
+            for scenario in (case.scenarios[s] for s in chosen if s in case.scenarios):
+                h = scenario.sample_time
+                if designed == 0.0:
+                    designed, told = h, (*recipe.specification, ("sample_time", h))
+                    recipes[name] = replace(recipe, specification=told)
+                if isinstance(designed, float) and not math.isclose(designed, h, rel_tol=1e-6):
+                    with self.at("controllers", name, "specification", "sample_time"):
+                        raise WorkbenchError(
+                            f"controller {name!r} steps every {designed:g} s and scenario"
+                            f" {scenario.name!r} every {h:g} s; give both the same sample_time"
+                        )
+        return replace(case, controllers=recipes)
 
     def scenarios(self, case: str, model: Model) -> dict[str, Scenario]:
         found = {}
