@@ -16,6 +16,7 @@ from workbench.diagnosis.estimation.process_noise import (
     extended_start,
     fit_with_process_noise,
 )
+from workbench.diagnosis.selection.rules import WIDER
 from workbench.diagnosis.selection.scalar_search import STEP, between, scanned, stepped
 from workbench.errors import NumericalError
 from workbench.model import Model, Parameter
@@ -35,8 +36,8 @@ _SPARE, _LITTLE = 4, 0.1
 """Samples of a delay that its equations have again where it may be shorter than was moved; part of
 one that they may have more or less than a whole one."""
 
-_WIDER, WIDENINGS = 5.0, 4
-"""Factor by which a bound is widened that a solution sits on, and how often."""
+WIDENINGS = 4
+"""How often a bound is widened that a solution sits on."""
 
 
 class Basis(NamedTuple):
@@ -189,9 +190,9 @@ def widened(entry: Hypothesis, fit: ProcessNoiseFit, interval: float) -> Hypothe
 def _wider(q: Parameter, value: float, interval: float) -> Parameter:
     """Return a parameter with the bound widened on which a value is."""
     if q.upper - value < value - q.lower:
-        upper = q.upper * _WIDER if q.upper > 0.0 else q.upper / _WIDER
+        upper = q.upper * WIDER if q.upper > 0.0 else q.upper / WIDER
         return q if q.unit == "1" and q.upper == 1.0 else replace(q, upper=upper)
-    lower = q.lower * _WIDER if q.lower < 0.0 else q.lower / _WIDER
+    lower = q.lower * WIDER if q.lower < 0.0 else q.lower / WIDER
     lower = max(lower, min(interval, q.lower)) if q.unit == "s" else lower
     return q if q.lower == 0.0 or (q.unit == "1" and q.lower == -1.0) else replace(q, lower=lower)
 

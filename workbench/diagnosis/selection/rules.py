@@ -28,6 +28,9 @@ TOO_LITTLE = "it explains too little of what the model leaves out"
 SURPASSED = "another effect explains the recordings better"
 """Why an effect that passed every rule, or was not followed, is not taken."""
 
+WIDER = 5.0
+"""Factor by which a bound of the library, which is a guess, is widened that a solution sits on."""
+
 SURE_OF = 3.0
 """Standard deviations by which a size is another than none."""
 

@@ -18,6 +18,7 @@ from workbench.diagnosis.estimation.filter import Innovations
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import extended_start, summed_over_blocks
+from workbench.diagnosis.selection.rules import WIDER
 from workbench.model import Effect, Model
 from workbench.physics.library import Hypothesis
 
@@ -84,9 +85,11 @@ class Score:
     def testable(self) -> bool:
         """Whether these data can show the effect at all.
 
-        What parameters reproduce but for a hundredth may still be seen by that hundredth.
+        What parameters reproduce but for a hundredth may still be seen by that hundredth. The
+        largest size is a guess, unless it is all of a whole: a refit that ends on it widens it.
         """
-        possible = self.smallest < self.entry.largest_size and self.collinearity < COLLINEAR
+        largest = self.entry.largest_size * (1.0 if self.entry.whole else WIDER)
+        possible = self.smallest < largest and self.collinearity < COLLINEAR
         return possible or abs(self.sigma) > _SEEN
 
 
