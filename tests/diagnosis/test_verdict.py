@@ -13,7 +13,7 @@ import pytest
 
 from tests.diagnosis.example_diagnosis import example_diagnosis
 from tests.machines import clutch, machine
-from workbench.diagnosis.conclude import _beyond, _far, conclude
+from workbench.diagnosis.conclude import _beyond, _far, _small, conclude
 from workbench.diagnosis.doubts import (
     _add_up,
     beside_larger,
@@ -24,8 +24,10 @@ from workbench.diagnosis.doubts import (
     too_quick,
 )
 from workbench.diagnosis.findings import along, computed
+from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.selection.held_out import explained
 from workbench.diagnosis.selection.weights import Compared
+from workbench.diagnosis.stages import Located
 from workbench.diagnosis.verdict import SCHEMA, Finding, Value, Verdict
 from workbench.model import Scope
 from workbench.model.trace import Equations
@@ -364,6 +366,14 @@ def test_a_memory_that_may_be_shorter_than_a_sample_is_doubted(
     said = " ".join(too_quick(given, own))
     assert said.startswith("its time constant may be shorter than a sample, ") == doubted
     assert bool(said) == doubted
+
+
+def test_what_is_small_and_clearly_there_is_told() -> None:
+    given = example_diagnosis()
+    for gain, told in ((40.0, False), (750.0, True)):
+        location = Location({"axis": gain}, {"axis": gain}, gain)
+        said = _small(replace(given, located=Located(location)))
+        assert bool(said) == said.startswith(" Something small acts at axis.force") == told
 
 
 def test_a_size_that_the_last_refit_leaves_open_is_doubted() -> None:

@@ -26,6 +26,9 @@ _MOST_SAID = 5
 _FURTHER = 0.1
 """Part of its range by which an input goes further than where it was fitted to be told."""
 
+_CLEARLY = 100.0
+"""Gain of an unknown input from which on it is told, however little it moves; noise gives none."""
+
 _LEAST_WEIGHT = 0.005
 """Weight below which a set of effects is not worth a line."""
 
@@ -110,7 +113,8 @@ def _kind(diagnosis: Diagnosis, findings: Sequence[Finding], rest: str) -> tuple
         return (
             "nothing_missing",
             "Nothing is missing that these recordings can show: with refitted parameters the model"
-            f" predicts them nearly to the noise of the sensors.{_coloured(diagnosis)}",
+            f" predicts them nearly to the noise of the sensors.{_coloured(diagnosis)}"
+            f"{_small(diagnosis)}",
         )
     return (
         "unexplained",
@@ -146,6 +150,19 @@ def _far(diagnosis: Diagnosis) -> str:
     return (
         f" On the held-out recordings the error of {output.replace('_', ' ')} is {ratio:.3g} times"
         " what noise and the uncertainty of the parameters would leave."
+    )
+
+
+def _small(diagnosis: Diagnosis) -> str:
+    """Say where an unknown input gains clearly, though runs without it are near the noise."""
+    before, scored = diagnosis.before, diagnosis.scored
+    if before is None or scored is None or max(before.alone.values(), default=0.0) < _CLEARLY:
+        return ""
+    ports = ", ".join(before.ports(diagnosis.nominal))
+    output, ratio = scored.farthest
+    return (
+        f" Something small acts at {ports}, which no law of the library explains: without it the"
+        f" runs are off by {ratio:.2g} times what noise would leave, at {output.replace('_', ' ')}."
     )
 
 
