@@ -115,6 +115,7 @@ def test_commands_that_are_late_are_reckoned_with(
     own = [part for part in step if part not in ("--sample-time", "2s")]
     assert "late by 20 samples of 1.47 s, 29.3 s" in shell(*own, "--delay 29.3s").err
     assert "delay" in refused(*step, "--delay -1s")
+    assert "less than 1% of a sample, 2 s" in refused(*step, "--delay 5ms")
 
 
 def test_a_delay_of_hours_is_of_as_many_samples_as_steps_reckon_with(shell: Shell) -> None:

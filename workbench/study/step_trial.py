@@ -251,9 +251,17 @@ class StepTrial:
         found = replace(each[0], name=title, references=every)
         if self.delay is None:
             return found
-        check_range("delay", self.delay, 0.0, 0.5 * found.duration, "s")
+        fix = "give more time between the steps (--hold)"
+        check_range("delay", self.delay, 0.0, 0.5 * found.duration, "s", fix=fix)
         # By the next whole sample.
-        return replace(found, late_samples=math.ceil(self.delay / found.sample_time - 1e-9))
+        late = math.ceil(self.delay / found.sample_time - SHORTEST)
+        if not late and self.delay:
+            raise WorkbenchError(
+                f"the delay of {in_time(self.delay)} is less than {SHORTEST:.0%} of a sample,"
+                f" {in_time(found.sample_time)}, and delays nothing; leave it out, or take shorter"
+                " samples (--sample-time)"
+            )
+        return replace(found, late_samples=late)
 
     def _levels(self, name: str, y0: Mapping[str, float]) -> tuple[float, float]:
         """Return the levels of an output before and after a step, in SI, as given or usual."""
@@ -456,6 +464,9 @@ def _stirred(recipe: ControllerRecipe, linear: LinearModel, delay: float) -> dic
         return stirred(recipe.build(), linear, delay)
     return {}
 
+
+SHORTEST = 0.01
+"""Part of a sample up to which a delay is none, or no more than whole samples."""
 
 LOUD = 0.005
 """What noise moves an output by, rms, over its step, from which on it may keep that from settling
