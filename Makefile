@@ -41,8 +41,9 @@ demo: $(VENV)/installed
 test: lint typecheck
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal
 
-# Whole diagnoses and redesigns, minutes each, the site, a cluster, other tools.
-test-long: $(VENV)/installed-test
+# Whole diagnoses and redesigns, minutes each, the site, a cluster, other tools; and what rests on
+# linear algebra under a second kernel.
+test-long: $(VENV)/installed-test test-kernel
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m long
 
 # What rests on linear algebra, again with the instructions of an old processor: no answer may turn
