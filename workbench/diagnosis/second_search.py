@@ -91,9 +91,9 @@ def where_a_constant_is_wrong(found: Diagnosis) -> View | None:
     where nothing else is missing beside it.
     """
     prepared, model = found.prepared, found.nominal
-    most = found.extended.cost - LEAST_GAIN
-    best = likeliest_freed(model, found.base, prepared.fitting, prepared.priors)
-    if best is None or best.cost > most:
+    gained = found.base.cost - found.extended.cost
+    best = likeliest_freed(model, found.base, prepared.fitting, prepared.priors, gained)
+    if best is None or best.cost > found.extended.cost - LEAST_GAIN:
         return None
     ((name, held),) = best.model.traits.held
     q = model.parameter(name)

@@ -29,6 +29,10 @@ _TRIED = 3
 """Constants that are refitted, of those that promise most."""
 
 
+_PROMISES = 0.3
+"""Part of what a rival gains that the slopes of a constant promise at least."""
+
+
 class Freed(NamedTuple):
     """A model of which one constant is refitted.
 
@@ -51,7 +55,11 @@ def freed(model: Model, name: str) -> Model:
 
 
 def likeliest_freed(
-    model: Model, base: ProcessNoiseFit, recordings: Sequence[Observed], priors: Sequence[Prior]
+    model: Model,
+    base: ProcessNoiseFit,
+    recordings: Sequence[Observed],
+    priors: Sequence[Prior],
+    rival: float = 0.0,
 ) -> Freed | None:
     """Return the model whose constant explains most of what its refitted parameters leave.
 
@@ -61,12 +69,14 @@ def likeliest_freed(
     Args:
         base: The refit with all constants held.
         priors: Those of the parameters that were refitted.
+        rival: Log likelihood that something else gains, dimensionless: of what promises much less
+            nobody waits for a refit.
     """
     names = [q.name for q in model.parameters if _held(q)]
     promised = _promised(base, recordings, priors, names) if names else []
     best: Freed | None = None
     for gain, name in sorted(promised, reverse=True)[:_TRIED]:
-        if gain < LEAST_GAIN:
+        if gain < max(LEAST_GAIN, _PROMISES * rival):
             break
         other = freed(model, name)
         with contextlib.suppress(NumericalError):
