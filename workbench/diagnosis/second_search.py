@@ -26,6 +26,7 @@ from workbench.diagnosis.undeclared.constants import likeliest_freed
 from workbench.diagnosis.undeclared.disturbances import opened
 from workbench.diagnosis.undeclared.inputs import clearly_likelier, otherwise_between_samples
 from workbench.model import Model
+from workbench.model.units import with_unit
 from workbench.physics.library import Hypothesis
 from workbench.recordings.recording import Recording
 
@@ -97,7 +98,8 @@ def where_a_constant_is_wrong(found: Diagnosis) -> View | None:
         return None
     ((name, held),) = best.model.traits.held
     q = model.parameter(name)
-    told = f"{name} is refitted, which the plant holds at {held:.4g} {q.unit}"
+    was = with_unit(f"{held:.4g}", q.unit)
+    told = f"{name} is refitted, which the plant holds at {was}"
     row = {"recording": prepared.fitting[0].name, "check": "range", "result": "corrected"}
     return View(
         best.model,
