@@ -1278,3 +1278,22 @@ def test_a_rope_that_is_shorter_than_its_author_says_is_no_missing_physics() -> 
     rubbing = [transport(seed, friction=6.0) for seed in (1, 2)]
     right = replace(model, parameters=crane().with_parameters({"rope": 1.0}).parameters)
     named(diagnosed(right, rubbing, "sensor_gain coulomb_friction"), "coulomb_friction_force")
+
+
+@pytest.mark.parametrize("role", ["", "force"])
+def test_a_port_of_a_plain_number_is_told_to_have_no_laws(role: str) -> None:
+    def equations(m: Scope) -> dict[str, Any]:
+        lost = m.port("turbine.loss", 0.1 * m.x.slip, unit="1", role=role)
+        drive = m.port("turbine.drive", m.u.valve, unit="1")
+        rate = (drive - lost - ca.sin(m.x.angle)) / m.p.inertia
+        return {"angle": 300.0 * m.x.slip, "slip": rate}
+
+    model = machine(equations, "angle rad, slip 1", "valve 1 0 2", "angle rad", "inertia s 8 1 50")
+    # What an input is alone is a command, in whatever unit.
+    assert Survey(model).place("turbine.drive").role == "command"
+    time = 0.02 * np.arange(200)
+    run = recording("still", 0.02, {"valve [1]": 0.0 * time}, {"angle [rad]": 0.0 * time})
+    said: list[str] = []
+    for _ in stages(model, [run], [run], jobs=1, progress=said.append):
+        break
+    assert any("no law acts at turbine.loss" in text for text in said) == (not role)

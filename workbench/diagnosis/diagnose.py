@@ -232,6 +232,11 @@ def _stages(
             RecordedFacts(recorded, longest.duration, longest.sample_time),
             extra=extra,
         )
+        if not view.name and (bare := _without_laws(model, offered)):
+            say(
+                f"no law acts at {', '.join(bare)}, in no unit that says what it is: state its"
+                " role, such as m.port(..., role='force')"
+            )
     offered = tuple(filter(view.tries, offered if entries is None else entries))
     files = StageFiles(folder, model, offered)
     files.add(fingerprint(model, (*fit_on, *hold_out), known, split=len(fit_on)))
@@ -311,6 +316,13 @@ def _stages(
     )
     found = replace(found, validated=validated, **files.spent)
     yield replace(found, concluded=conclude(found))
+
+
+def _without_laws(model: Model, offered: Sequence[Hypothesis]) -> list[str]:
+    """Return the ports of plain numbers at which no law of the library acts."""
+    acting = {port for entry in offered for port in entry.ports}
+    plain = (q.name for q in model.ports if q.unit == "1" and not q.role)
+    return [name for name in plain if name not in acting]
 
 
 def prepare(

@@ -393,4 +393,7 @@ def _role_of(ports: Ports, index: int) -> str:
                 return "circuit"
             fast = state.name in ports.integral or state.unit.endswith("/s")
             return "acceleration" if fast else "flow"
-    return "flow" if port.name.endswith(".flow") else ""
+    if port.name.endswith(".flow"):
+        return "flow"
+    # A drive of a model per unit has none that says what it is.
+    return "command" if index in ports.commanded else ""
