@@ -34,6 +34,7 @@ from controllers.sensitivity import sampled_at
 from controllers.specification import Checked, number
 from workbench.arrays import Complex, Matrix, Vector
 from workbench.errors import TIMES_S, WorkbenchError, check_range
+from workbench.linearisation import LinearModel
 from workbench.linearisation.exact_delays import SAME, Channels, channels_of, held
 from workbench.linearisation.state_space import linear_model
 from workbench.linearisation.time_scales import noise_of, usual_sample_time
@@ -92,21 +93,25 @@ class Judged(NamedTuple):
     excess: Vector
 
 
-def of_whole_samples(usual: float, behind: float, commands: int, *, asked: bool) -> float:
-    """Return a sample time, in s, of which a delay is whole samples, as many as steps reckon with.
+def of_whole_samples(
+    linear: LinearModel, usual: float, commands: int, delay: float | None = None
+) -> float:
+    """Return a sample time, in s, of which delays are whole samples, as many as steps reckon with.
 
     Args:
-        usual: The sample time without it, in s.
-        behind: The delay, in s; none if it is 0.
+        usual: The sample time without them, in s.
         commands: How many commands are late.
-        asked: Whether a shorter sample time will do too, as for a delay that somebody states.
+        delay: A delay that somebody states beside those of the plant, in s: a sample time that is
+            shorter than usual will do then, too.
     """
+    own = channels_of(linear)
+    behind = (max(own.delays, default=0.0) if own else 0.0) + (delay or 0.0)
     if not behind:
         return usual
     # More samples of it than steps reckon with make no loop any faster.
     most = max(MOST_LATE // max(commands, 1), FEWEST)
     part = behind / min(max(math.ceil(behind / usual - 1e-9), 1), most)
-    return part if part >= FINER * usual and (part > usual or asked) else usual
+    return part if part >= FINER * usual and (part > usual or delay is not None) else usual
 
 
 @dataclass(frozen=True)
@@ -177,12 +182,8 @@ class LoopSpecification(Checked):
             return self
         whole = linear_model(plant)
         followed, acting, commands = followed_by(whole, self.measured, self.actuator)
-        usual, delays = usual_sample_time(whole, followed), channels_of(whole)
-        behind = max(delays.delays, default=0.0) if delays else 0.0
-        time = of_whole_samples(
-            usual, behind + self.delay, len(acting or commands), asked=self.delay > 0.0
-        )
-        return replace(self, sample_time=time)
+        usual, late = usual_sample_time(whole, followed), len(acting or commands)
+        return replace(self, sample_time=of_whole_samples(whole, usual, late, self.delay or None))
 
     def loop_noise(self, loop: Loop) -> Vector:
         """Return the noise rms that is reckoned with, shape (n_sensors,), in SI."""

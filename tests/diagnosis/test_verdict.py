@@ -19,7 +19,6 @@ from workbench.diagnosis.doubts import (
     beside_larger,
     differs,
     left_out_too,
-    of_no_size,
     still_off,
     too_quick,
 )
@@ -374,13 +373,6 @@ def test_what_is_small_and_clearly_there_is_told() -> None:
         location = Location({"axis": gain}, {"axis": gain}, gain)
         said = _small(replace(given, located=Located(location)))
         assert bool(said) == said.startswith(" Something small acts at axis.force") == told
-
-
-def test_a_size_that_the_last_refit_leaves_open_is_doubted() -> None:
-    assert of_no_size(Value(8.6, "W/K", 126.0)) == (
-        "its size is within 3 standard deviations of zero",
-    )
-    assert of_no_size(Value(-8.6, "W/K", 2.0)) == of_no_size(None) == ()
 
 
 def test_what_differs_by_recording_is_doubted_where_more_is_left_out() -> None:

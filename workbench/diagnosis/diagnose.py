@@ -36,7 +36,13 @@ from workbench.diagnosis.misrecorded_columns import (
 )
 from workbench.diagnosis.nonparametric.fit import nonparametric_term
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
-from workbench.diagnosis.second_search import VIEWS, View, beside, where_a_constant_is_wrong
+from workbench.diagnosis.second_search import (
+    VIEWS,
+    View,
+    beside,
+    lacks_more,
+    where_a_constant_is_wrong,
+)
 from workbench.diagnosis.selection.held_out import run_errors, settled_run, shown_on_bounds
 from workbench.diagnosis.selection.rules import IMPERFECT, LEAST_SHOWN, NO_NAME
 from workbench.diagnosis.selection.search import score, search
@@ -167,6 +173,21 @@ def stages(
         say=say,
     )
     rows = (*rows, *late, *noise)
+
+    def under(
+        view: View, hopeless: Callable[[Diagnosis], bool], why: str
+    ) -> tuple[View, Diagnosis]:
+        """Search again under a view, until that is of no use."""
+        say(view.why)
+        view = replace(view, rows=(*rows, *view.rows))
+        again = None
+        for again in searched(view, folder=folder and folder / view.name):
+            if hopeless(again):
+                say(f"{why}: the first search stands")
+                break
+        assert again is not None
+        return view, again
+
     found, first_round = None, entries is None and priors is None
     for reached in searched(View(model, rows=rows), folder=folder):
         found = reached
@@ -177,15 +198,10 @@ def stages(
         first_round = False
         if found.complete or (view := where_a_constant_is_wrong(found)) is None:
             continue
-        say(view.why)
-        view, again = replace(view, rows=(*rows, *view.rows)), None
-        for again in searched(view, folder=folder and folder / view.name):
-            if again.scored is not None and not view.better(again, found):
-                break
-        if again is not None and again.concluded is not None:
+        view, again = under(view, lacks_more, "beside it something is missing too")
+        if again.concluded is not None and view.better(again, found):
             found, model, rows = beside(again, found), view.model, view.rows
             break
-        say("beside it something is missing too: the first search goes on")
     assert found is not None
     # An early end keeps what the first search found.
     yield found
@@ -193,15 +209,8 @@ def stages(
         view = view_of(found, model, both)
         if view is None:
             continue
-        say(view.why)
-        view, again = replace(view, rows=(*rows, *view.rows)), None
-        for again in searched(view, folder=folder and folder / view.name):
-            if view.lags(again):
-                say("what it finds there runs farther off: the first search stands")
-                break
-        assert again is not None
-        better = again.concluded is not None and view.better(again, found)
-        if better:
+        view, again = under(view, view.lags, "what it finds there runs farther off")
+        if again.concluded is not None and view.better(again, found):
             found, model, rows = beside(again, found), view.model, view.rows
         else:
             found = beside(found, again)

@@ -93,13 +93,6 @@ def still_off(diagnosis: Diagnosis, fit: Errors) -> tuple[str, ...]:
     return (f"{100 * share:.0f} % of the mean square error of the held-out runs is left",)
 
 
-def of_no_size(size: Value | None) -> tuple[str, ...]:
-    """Doubt what the last refit leaves a size that may as well be none."""
-    if size is None or abs(size.value) >= rules.SURE_OF * size.std:
-        return ()
-    return (f"its size is within {rules.SURE_OF:g} standard deviations of zero",)
-
-
 def too_quick(diagnosis: Diagnosis, own: Mapping[str, Value]) -> tuple[str, ...]:
     """Doubt a memory that may last no longer than a sample: without one it is another law.
 

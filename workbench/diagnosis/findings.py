@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import casadi as ca
 
-from workbench.diagnosis.doubts import Errors, beside_larger, differs, of_no_size, too_quick
+from workbench.diagnosis.doubts import Errors, beside_larger, differs, too_quick
 from workbench.diagnosis.estimation.fixed_parameters import value_instead
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.estimation.refit_result import Estimate
@@ -46,16 +46,15 @@ def named(
     texts = (q.effect.about.separated_by.partition(":")[0] for q in members)
     deciding = dict.fromkeys(text for text in texts if text)
     # What was found is doubted alone, and together with all else.
-    size = parameters.get(entry.size_parameter)
     doubts = (
         *candidate.doubts,
-        *of_no_size(size),
         *too_quick(diagnosis, parameters),
         *beside_larger(diagnosis, index),
         *together,
         *differs(entry.effect, rest),
     )
     # A law that is either there or not is told by its other numbers.
+    size = parameters.get(entry.size_parameter)
     told = {entry.size_parameter: size} if size else parameters
     numbers = {name: v.read for name, v in told.items()}
     formula = computed(entry, diagnosis.nominal)

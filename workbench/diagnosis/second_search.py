@@ -105,9 +105,14 @@ def where_a_constant_is_wrong(found: Diagnosis) -> View | None:
         best.model,
         f"with_{name}",
         f"searching beside another {name}",
-        lambda again, _: again.scored is not None and again.scored.farthest[1] <= AT_NOISE,
+        lambda again, _: again.scored is not None and not lacks_more(again),
         ({**row, "note": f"{told}: that explains more than any effect"},),
     )
+
+
+def lacks_more(again: Diagnosis) -> bool:
+    """Whether something is missing beside another constant too, as far as that is known yet."""
+    return again.scored is not None and again.scored.farthest[1] > AT_NOISE
 
 
 def where_none_is_declared(

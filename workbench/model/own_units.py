@@ -12,8 +12,8 @@ import numpy as np
 
 from workbench.errors import WorkbenchError
 from workbench.model.quantities import Quantity
-from workbench.model.regularisation import EXACT, Expression
-from workbench.model.scope import Names, Scope
+from workbench.model.regularisation import EXACT
+from workbench.model.scope import Names, Scope, node
 from workbench.model.units import in_symbols, parse_unit, powers, same_dimension
 
 _SAME = 1e-9
@@ -58,33 +58,29 @@ class InSI:
                 ("parameter", scope.p, self.parameters),
             )
         )
-        own = [
-            (named[n], whole[n])
+        own = {
+            node(named[n]): whole[n]
             for named, whole in ((x, scope.x), (u, scope.u), (p, scope.p))
             for n in named
-        ]
+        }
         found = self.equations(replace(scope, x=x, u=u, p=p, own=own))
         if not _are_two(found):
             return found
         rates, outputs = found
         # What is read as it is, in the same unit, stays recognisable.
         read = {
-            (_node(named[n]), of.get(n, _SI)): whole[n]
+            (node(named[n]), of.get(n, _SI)): whole[n]
             for named, whole, of in ((u, scope.u, self.inputs), (x, scope.x, self.states))
             for n in named
         }
         return (
             {n: v * (self.states.get(n, _SI)[0] / self.time) for n, v in rates.items()},
             {
-                n: read.get((_node(v), (size, zero)), v * size + zero)
+                n: read.get((node(v), (size, zero)), v * size + zero)
                 for n, v in outputs.items()
                 for size, zero in (self.outputs.get(n, _SI),)
             },
         )
-
-
-def _node(value: Expression) -> object:
-    return value.element_hash() if isinstance(value, ca.SX) and value.is_scalar() else object()
 
 
 def _are_two(found: object) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -156,10 +156,9 @@ class EffectView:
 Transform = Callable[[Port, Expression, Names], Expression]
 
 
-def _same_node(one: Expression, other: Expression) -> bool:
-    """Whether two expressions are one and the same."""
-    both = [v for v in (one, other) if isinstance(v, ca.SX) and v.is_scalar()]
-    return len(both) == 2 and both[0].element_hash() == both[1].element_hash()
+def node(value: Expression) -> object:
+    """Return what one and the same expression is known by."""
+    return value.element_hash() if isinstance(value, ca.SX) and value.is_scalar() else object()
 
 
 @dataclass
@@ -172,8 +171,8 @@ class Scope:
         units: Those SI units, by name of port or signal.
         scales: Typical sizes of ports that declare none, in SI by name.
         in_si: Whether signals are in SI, in whatever unit the author declares them.
-        own: What equations in units of their own call a quantity, and the same in SI: what an
-            effect sees at a port, and gives back, is in SI all the same; None of others.
+        own: Quantities in SI by what equations in units of their own know them by (`node`): what an
+            effect sees at a port, and gives back, is in SI all the same; None of other equations.
     """
 
     x: Names
@@ -187,7 +186,7 @@ class Scope:
     ranges: list[ValidRange] = field(default_factory=list)
     scales: Mapping[str, float] = field(default_factory=dict)
     in_si: bool = False
-    own: Sequence[tuple[Expression, Expression]] | None = None
+    own: Mapping[object, Expression] | None = None
 
     def port(
         self,
@@ -237,12 +236,8 @@ class Scope:
         """Return local signals in SI: of equations in their own units those that are quantities."""
         if self.own is None:
             return signals
-        return {
-            name: whole
-            for name, value in signals.items()
-            for known, whole in self.own
-            if _same_node(value, known)
-        }
+        known = {name: self.own.get(node(value)) for name, value in signals.items()}
+        return {name: whole for name, whole in known.items() if whole is not None}
 
     @property
     def _sized(self) -> bool:

@@ -26,7 +26,6 @@ from controllers.plain.selection import settled_after
 from controllers.sensitivity import stirred
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 from workbench.linearisation import LinearModel, linearise
-from workbench.linearisation.exact_delays import channels_of
 from workbench.linearisation.first_step import as_the_loop_rests, command_of_loop, step_of
 from workbench.linearisation.time_scales import (
     farthest,
@@ -130,12 +129,9 @@ class StepTrial:
             return [asked.scenario(stepped) for stepped in moved]
 
         found = scenarios()
-        own_delays = channels_of(self.linear)
-        behind = max(own_delays.delays, default=0.0) if own_delays else 0.0
-        behind += self.delay or 0.0
         if sample_time is None and self._stated is None:
-            usual, asked = found[0].sample_time, self.delay is not None
-            time = of_whole_samples(usual, behind, len(self.model.commands), asked=asked)
+            usual, commands = found[0].sample_time, len(self.model.commands)
+            time = of_whole_samples(self.linear, usual, commands, self.delay)
             if time != usual:
                 sample_time = time
                 found = scenarios()
