@@ -157,7 +157,11 @@ Transform = Callable[[Port, Expression, Names], Expression]
 
 
 def node(value: Expression) -> object:
-    """Return what one and the same expression is known by."""
+    """Return what an expression is known by: another object of the same node is the same.
+
+    Args:
+        value: The expression, in the unit of its author.
+    """
     return value.element_hash() if isinstance(value, ca.SX) and value.is_scalar() else object()
 
 
