@@ -71,11 +71,11 @@ class View:
 def beside_correlated_noise(
     found: Diagnosis, model: Model, recordings: Sequence[Recording]
 ) -> View | None:
-    """View what is left as noise that is correlated, where nothing was found surely."""
+    """View what is left as noise that is correlated, where it is not what was found surely."""
     if (
         any(q.correlated_noise_rms for q in model.outputs)
         or found.fitted is None
-        or not _unsure(found)
+        or not _lacks(found)
     ):
         return None
     other, rows = with_correlated_noise(model, recordings, _left(found), _closest(found))
@@ -119,9 +119,7 @@ def where_none_is_declared(
     found: Diagnosis, model: Model, recordings: Sequence[Recording]
 ) -> View | None:
     """Look where the plant has no port, if what was found runs off the noise or is not sure."""
-    if found.validated is None or found.complete:
-        return None
-    if not _unsure(found) and (_misfit(found) <= OFF_NOISE or _little_left(found)):
+    if found.validated is None or found.complete or not _lacks(found):
         return None
     other, places = opened(model, recordings)
     if not places:
@@ -174,6 +172,11 @@ def beside(found: Diagnosis, other: Diagnosis) -> Diagnosis:
 def _misfit(found: Diagnosis, label: str = "extended") -> float:
     """Return the largest error of a model's free runs, over that of noise alone."""
     return max(over_noise(found.verdict.fit, label).values(), default=math.inf)
+
+
+def _lacks(found: Diagnosis) -> bool:
+    """Whether what was found is not sure, or runs off the noise."""
+    return _unsure(found) or (_misfit(found) > OFF_NOISE and not _little_left(found))
 
 
 def _little_left(found: Diagnosis) -> bool:

@@ -21,6 +21,7 @@ from workbench.physics.law import (
     drives,
     each,
     floor,
+    reference,
     sensors,
     shape,
     size,
@@ -409,7 +410,7 @@ def _paced(at: Place) -> tuple[Own, ...]:
     return (
         size("time", "s", 5.0 * at.interval, 100.0 * at.interval, "delay at the largest pace",
              lower=0.0),
-        shape("largest", pace.unit, pace.largest, "largest pace seen", source="", fitted=False),
+        reference("largest", pace.unit, pace.largest, "largest pace seen"),
         floor(at, 1.0),
     )  # fmt: skip
 

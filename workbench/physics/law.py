@@ -199,6 +199,14 @@ def known(name: str, unit: str, value: float, text: str) -> Own:
     return shape(name, unit, value, text, around=(1.0, 1.0), source="", fitted=False)
 
 
+def reference(name: str, unit: str, value: float, text: str) -> Own:
+    """State the number, in ``unit``, at which a law tells its size: of another, another size.
+
+    It is no guess: no fit changes it, and nothing is unsure of it.
+    """
+    return shape(name, unit, value, text, around=(0.2, 5.0), source="", fitted=False)
+
+
 def floor(at: Place, intervals: float) -> Own:
     """State the time that keeps a law regular at zero size: short beside what samples show.
 

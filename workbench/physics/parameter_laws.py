@@ -12,7 +12,18 @@ from workbench.model import Effect, Model, Names, Parameter, PortView
 from workbench.model.regularisation import Expression
 from workbench.model.units import same_dimension
 from workbench.physics.drift import parameter_amount
-from workbench.physics.law import Fit, Law, Own, Site, known, shape, share, size, with_subject
+from workbench.physics.law import (
+    Fit,
+    Law,
+    Own,
+    Site,
+    known,
+    reference,
+    shape,
+    share,
+    size,
+    with_subject,
+)
 from workbench.physics.parameter_arguments import (
     argument,
     dissipating,
@@ -155,9 +166,7 @@ turbulent_flow = Law(
     _resisting,
     lambda at: (
         size("part", "1", 0.3, 100.0, "turbulent part of the resistance, over the laminar one"),
-        shape(
-            "largest", "1", at.other("over").largest, "largest drive seen", source="", fitted=False
-        ),
+        reference("largest", "1", at.other("over").largest, "largest drive seen"),
     ),
     _hindered,
     of_parameter=True,

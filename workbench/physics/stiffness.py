@@ -16,7 +16,19 @@ from workbench.model import PortView
 from workbench.model.regularisation import Expression
 from workbench.model.units import per, same_dimension
 from workbench.physics.friction import transition
-from workbench.physics.law import Fit, Law, Own, by_port, each, known, sensors, shape, size, twins
+from workbench.physics.law import (
+    Fit,
+    Law,
+    Own,
+    by_port,
+    each,
+    known,
+    reference,
+    sensors,
+    shape,
+    size,
+    twins,
+)
 from workbench.physics.place import COORDINATES, RESISTED, Place
 from workbench.physics.survey import Survey
 
@@ -93,7 +105,7 @@ polynomial_stiffness = Law(
         shape("fifth", "1", 0.0, "fifth power over square at the reach", around=None,
               between=(-100.0, 100.0), scale=1.0),
         _rest(at),
-        shape("reach", at.coordinate.unit, at.coordinate.scale, "deflection of one", fitted=False),
+        reference("reach", at.coordinate.unit, at.coordinate.scale, "deflection of one"),
     ),
     _polynomial,
     source="Taylor expansion of an elastic force",

@@ -17,7 +17,7 @@ import casadi as ca
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression, maximum, sqrt
 from workbench.model.units import per, same_dimension
-from workbench.physics.law import Fit, Law, Own, each, floor, shape, size
+from workbench.physics.law import Fit, Law, Own, each, floor, reference, shape, size
 from workbench.physics.place import Local, Place
 from workbench.physics.survey import Survey
 
@@ -106,8 +106,7 @@ def _conductance(
 
 def _typical(level: Local, value: float) -> Own:
     """Return the level at which a law tells its size: of another one it tells another size."""
-    return shape("level_scale", level.unit, value, "typical level", around=(0.2, 5.0), source="",
-                 fitted=False)  # fmt: skip
+    return reference("level_scale", level.unit, value, "typical level")
 
 
 # Signed: less loss than the equations have.
@@ -161,9 +160,7 @@ def _usually(*levels: Local) -> Own:
     """State the absolute temperature between those that exchange heat."""
     middles = [0.5 * sum(q.seen) if q.seen else q.start for q in levels]
     usual = sum(middles) / len(middles) + _zero(levels[0]).value
-    return shape(
-        "usual", "K", usual or _ZERO, "usual absolute temperature", source="", fitted=False
-    )
+    return reference("usual", "K", usual or _ZERO, "usual absolute temperature")
 
 
 def _wet(survey: Survey) -> Iterator[Fit]:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from workbench.model import State
-from workbench.physics.law import Fit, Law, Own, shape, size, with_subject
+from workbench.physics.law import Fit, Law, Own, reference, shape, size, with_subject
 from workbench.physics.parameter_arguments import dissipating, gained, heating
 from workbench.physics.place import Local, Place
 from workbench.physics.stores import heat_stores, sense
@@ -29,9 +29,7 @@ def _over(at: Place) -> Local:
 
 
 def _largest(at: Place) -> Own:
-    return shape(
-        "largest", _over(at).unit, _over(at).largest, "largest value seen", source="", fitted=False
-    )
+    return reference("largest", _over(at).unit, _over(at).largest, "largest value seen")
 
 
 def _changing(at: Place) -> tuple[Own, ...]:
