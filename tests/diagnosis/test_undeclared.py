@@ -312,6 +312,22 @@ def test_ports_beside_those_of_the_author_stand_at_inputs_and_rates_that_none_ca
     assert axis.opened() is axis  # One port carries the force and all that turns into speed.
 
 
+def test_an_input_that_enters_beside_its_port_has_one_of_its_own() -> None:
+    def through(first: str, second: str) -> list[str]:
+        def equations(m: Scope) -> Equations:
+            charge = m.port("store.current", m.u.current, unit="A")
+            of = {"port": charge, "input": m.u.current}
+            return {"soc": of[first] / 9000.0}, {"u": 3.3 + m.x.soc + 0.03 * of[second]}
+
+        cell = machine(equations, "soc 1 0.6", "current A", "u V", name="cell")
+        return [q.name for q in cell.opened().ports]
+
+    assert "current.command" not in through("port", "port")
+    # An ammeter that reads too little is one error, of which the charge has a part only.
+    assert "current.command" in through("port", "input")
+    assert "current.command" in through("input", "port")
+
+
 def test_what_opened_ports_add_stands_in_their_order_behind_a_port_of_the_author() -> None:
     def equations(m: Scope) -> dict[str, Any]:
         passed = m.port("wall.heat", 5.0 * (m.x.inside - m.x.wall), unit="W")
@@ -379,14 +395,15 @@ def test_a_second_search_tries_its_ports_and_what_was_followed_and_ends_where_it
     for error, run in runs.items():
         run.error = error
 
-    def reached(*errors: float) -> Any:
-        found = [SimpleNamespace(candidate=SimpleNamespace(run=runs[e])) for e in errors]
-        return SimpleNamespace(accepted=found, rounds=(round_,))
+    def reached(*errors: float, first: str = "offset_current_command") -> Any:
+        found = [SimpleNamespace(name=first, run=runs[e]) for e in errors]
+        accepted = [SimpleNamespace(candidate=one) for one in found]
+        return SimpleNamespace(accepted=accepted, rounds=(round_,))
 
     names = ("gain_terminal_voltage", True), ("offset_terminal_voltage", False)
     candidates = [SimpleNamespace(name=name, followed=followed) for name, followed in names]
     round_ = SimpleNamespace(candidates=candidates)
-    view = View(_cell(), among=("soc.rate",), found=reached(1.0))
+    view = View(_cell(), among=("soc.rate",), found=reached(1.0, first="gain_terminal_voltage"))
     offered = library(_cell().opened())
     tried = {h.name for h in offered if view.tries(h)}
     assert {"gain_terminal_voltage", "offset_soc_rate"} <= tried
@@ -394,6 +411,8 @@ def test_a_second_search_tries_its_ports_and_what_was_followed_and_ends_where_it
     assert view.lags(reached(2.0)) and not view.lags(reached(1.2))
     # More effects than were found first are held against all of those.
     assert view.lags(reached(1.2, 2.0)) and not view.lags(reached(2.0, 1.0))
+    # What was found first is found again before what stands at the new ports.
+    assert not view.lags(reached(2.0, first="gain_terminal_voltage"))
     assert not View(_cell(), found=reached(1.0)).lags(reached(2.0))
 
 

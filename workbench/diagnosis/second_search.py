@@ -63,8 +63,10 @@ class View:
         """Whether so many effects run clearly farther off than as many that were found first."""
         if not self.among or self.found is None or not self.found.accepted or not again.accepted:
             return False
-        first = self.found.accepted[min(len(again.accepted), len(self.found.accepted)) - 1]
-        runs = again.accepted[-1].candidate.run, first.candidate.run
+        before = self.found.accepted[: len(again.accepted)]
+        if [a.candidate.name for a in again.accepted] == [a.candidate.name for a in before]:
+            return False  # What stands at its ports is still to come.
+        runs = again.accepted[-1].candidate.run, before[-1].candidate.run
         return runs[0] is not None and runs[1] is not None and runs[0].spoilt_from(runs[1])
 
 

@@ -262,7 +262,7 @@ def trace(model: Written, form: Form) -> Trace:
     declared = dict(written)
     if not declared or model.traits.opened:
         plain = rates
-        covered = _covered(symbols, declared)
+        covered = _covered(model, scope_of(symbols["input"]), symbols, declared)
         scope = scope_of({})
         read = {q.name for q in model.outputs}
         places = {
@@ -449,19 +449,32 @@ def _default_exchanges(
     return changed
 
 
-def _covered(symbols: Mapping[str, Mapping[str, ca.SX]], declared: Named) -> set[str]:
-    """Return the inputs that a port of the author carries alone: what acts on them acts there.
+def _covered(
+    model: Written,
+    scope: Scope,
+    symbols: Mapping[str, Mapping[str, ca.SX]],
+    declared: Named,
+) -> set[str]:
+    """Return the inputs that ports of the author carry alone: what acts on them acts there.
 
     Args:
+        scope: One in which the equations may be written once more.
         declared: Signals at the author's ports before effects have acted, by name, in SI.
     """
     x = _vector(symbols["state"])
-    found = set()
-    for value in map(_symbolic, declared.values()):
-        entering = [n for n, u in symbols["input"].items() if ca.depends_on(value, u)]
-        if len(entering) == 1 and not ca.depends_on(value, x):
-            found.add(entering[0])
-    return found
+    carried: dict[str, set[str]] = {}
+    for port, value in declared.items():
+        entering = [n for n, u in symbols["input"].items() if ca.depends_on(_symbolic(value), u)]
+        if len(entering) == 1 and not ca.depends_on(_symbolic(value), x):
+            carried.setdefault(entering[0], set()).add(port)
+    if not carried:
+        return set()
+    # What enters beside those ports, as a current that both charges and heats, is not theirs alone.
+    scope.transform = lambda port, value, _: (
+        ca.SX.sym(port.name) if any(port.name in ports for ports in carried.values()) else value
+    )
+    beside = ca.vcat([_symbolic(v) for part in _equations_of(model, scope) for v in part.values()])
+    return {n for n in carried if not ca.depends_on(beside, symbols["input"][n])}
 
 
 def _whole(
