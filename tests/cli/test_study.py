@@ -35,9 +35,11 @@ def test_a_worse_controller_is_red_and_says_why_then_an_improved_one_is_blessed(
     results = json.loads((out / "results.json").read_text(encoding="utf-8"))
     missed = [r for r in results["requirements"] if r["hard"] and not r["met"]]
     assert {r["variation"] for r in missed} == {"nominal", "4 kg"}
-    first = next(line for line in summary.splitlines() if line.startswith("- **pid**"))
+    first = next(
+        line for line in summary.splitlines() if line.startswith("| pid | step | settling")
+    )
     worst = max(missed, key=lambda r: r["score"] if r["score"] is not None else 1e9)
-    assert f"step, {worst['variation']}: settling_time" in first
+    assert f"| {worst['variation']}" in first
     if worst["value"] is not None:
         assert f"{100 * (worst['value'] / 0.6 - 1):.3g} % over the limit of 0.6 s" in first
     assert "### Worse than the baseline" in summary and "small FAILED" in said

@@ -20,11 +20,11 @@ import pytest
 from tests.study.small_study import WORSE, small_study
 from workbench.data_folder import shipped_folder
 from workbench.files import write_whole
+from workbench.reports.summary import mark_of
 from workbench.study.baseline import baseline_text
 from workbench.study.conditions import conditions
 from workbench.study.execution import Store, Workers
 from workbench.study.read import load_study
-from workbench.study.summary import mark_of
 from workbench.study.tasks import tasks
 
 yaml = pytest.importorskip("yaml", reason="PyYAML is not installed")
@@ -223,7 +223,7 @@ def test_a_worse_controller_is_red_and_still_reported(checkout: Path) -> None:
     good, comments = play(gitlab_lines(), checkout)
     assert not good and len(comments) == 1 and "small failed" in comments[0]["body"]
     text = (checkout / "comparison" / "summary.md").read_text(encoding="utf-8")
-    assert "settling_time" in text and "Worse than the baseline" in text
+    assert "settling time" in text and "Worse than the baseline" in text
 
 
 @pytest.mark.parametrize("host", LINES)

@@ -14,13 +14,14 @@ from tests.study.gate import STUDY, Gate, finished_gate
 from tests.study.small_study import changed, small_study
 from workbench.files import json_text, write_whole
 from workbench.reports.study_page import study_page
+from workbench.reports.summary import mark_of, summary
 from workbench.reports.tables import Table
 from workbench.study.baseline import baseline_text, bless, box_changes, read_baseline
 from workbench.study.ci_files import github_annotations, junit
 from workbench.study.conditions import condition_changes, conditions
 from workbench.study.read import load_study
 from workbench.study.result import StudyResult, run_study
-from workbench.study.summary import mark_of, plain_summary, summary
+from workbench.study.summary import plain_summary
 
 NARROW = ("limit = 0.6", "limit = 0.495")
 """A limit that holds on the plant and its variation, and not everywhere in the box."""
@@ -71,7 +72,10 @@ def test_what_requires_nothing_is_not_said_to_be_met(tmp_path: Path) -> None:
 def test_a_requirement_on_the_box_is_hard_unless_said_otherwise(gate: Gate) -> None:
     outcome = gate.compared(NARROW, against=False)
     assert not outcome.missed and not outcome.passed
-    assert "failed, box missed" in outcome.verdict() and "### Missed in the box" in summary(outcome)
+    assert (
+        "failed, box missed" in outcome.verdict()
+        and "### Worst plant found in the box" in summary(outcome)
+    )
     assert "worst plant of the box" in junit(outcome) and "<failure" in junit(outcome)
     assert "{" not in junit(outcome)
 
@@ -80,7 +84,9 @@ def test_a_box_that_only_informs_is_named_in_title_table_and_junit(gate: Gate) -
     outcome = gate.compared(NARROW, INFORMS, against=False)
     page = study_page(outcome)
     assert "passed, box missed, 4 soft missed" in page.title and "box missed" in page.lead
-    assert "⚠️ pid" in summary(outcome) and "pid                  box" in plain_summary(outcome)
+    text = summary(outcome)
+    assert "❌" in text and "informs and does not fail this study" in text
+    assert "pid                  box" in plain_summary(outcome)
     assert "(only informs)" in junit(outcome)
     names = [picture.name for picture in page.pictures]
     # The trajectory on the worst plant stands beside the nominal one.
@@ -132,7 +138,10 @@ def test_weaker_conditions_are_red_and_named(gate: Gate, name: str) -> None:
     outcome = gate.compared((before, after))
     text = summary(outcome)
     assert not outcome.passed and outcome.weakened
-    assert "### Changed conditions, which must be accepted" in text and sentence in text
+    assert (
+        "### Changed conditions, which must be accepted" in text
+        and sentence.replace(": ", " | ", 1) in text
+    )
     assert "changed condition: " in plain_summary(outcome) and "conditions" in junit(outcome)
 
 
@@ -200,7 +209,7 @@ def test_a_summary_fits_into_a_comment_and_ends_with_its_mark(
 ) -> None:
     outcome = gate.compared()
     assert summary(outcome).splitlines()[-1] == mark_of("small")
-    monkeypatch.setattr("workbench.study.summary.LONGEST", 700)
+    monkeypatch.setattr("workbench.reports.summary.LONGEST", 700)
     short = summary(outcome)
     assert len(short) < 900 and short.splitlines()[-1] == mark_of("small")
     assert short.count("<details>") == short.count("</details>")
@@ -222,7 +231,7 @@ def test_fewer_plants_of_the_box_than_accepted_are_worse(gate: Gate, tmp_path: P
     (change,) = outcome.worse
     name = "plants that meet settling_time at most 0.495 s"
     assert str(change) == f"pid, box: {name} 100 -> 75 %, worse (tolerance 0 %)"
-    assert f"| **pid**, box | {name} | – | 100 → 75 % |" in summary(outcome)
+    assert f"| pid | box | {name} | 100 → 75 % ❌ |" in summary(outcome)
     assert f'<failure message="{escape(str(change))}' in junit(outcome)
     # A baseline that keeps none says what it cannot see.
     write_whole(kept, baseline_text("small", now.records, conditions(now.study)))
@@ -240,9 +249,9 @@ def test_a_reviewer_reads_what_changed_nominal_and_worst_in_ten_lines(gate: Gate
     outcome = gate.compared(("bandwidth = 30.0", "bandwidth = 24.0"))
     full = [line for line in summary(outcome).splitlines() if line]
     top = full[: full.index("<details>")]
-    assert len(top) <= 10
-    scores = next(line for line in top if line.startswith("| ✅ pid"))
-    assert " → " in scores
+    assert len(top) <= 12
+    scores = next(line for line in top if line.startswith("| pid"))
+    assert " → " in scores and "✅" in scores
     (row,) = (line for line in top if "chatter" in line)
     # Both numbers are those of the baseline and of now, on the nominal plant and on the worst.
     (nominal, worst) = re.findall(r"([\d.]+) → ([\d.]+) V/s \(\+[\d.]+ %\)", row)

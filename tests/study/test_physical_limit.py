@@ -17,6 +17,7 @@ from workbench.errors import NumericalError
 from workbench.files import json_text
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
+from workbench.reports.summary import summary
 from workbench.study import physical_limit
 from workbench.study.baseline import baseline_text
 from workbench.study.execution import Workers, store_of
@@ -25,7 +26,7 @@ from workbench.study.plants import PlantRecipe
 from workbench.study.read import load_study
 from workbench.study.result import run_study
 from workbench.study.study import Study
-from workbench.study.summary import plain_summary, summary
+from workbench.study.summary import plain_summary
 from workbench.study.tasks import Record, record_from_table
 from workbench.verification import Change, Disturbance, Metrics, Scenario, Sine, Steps
 from workbench.verification.each_step import StepResponse
@@ -96,7 +97,9 @@ def test_not_asked_for_is_said_and_nothing_is_solved(
     unknown = dict.fromkeys(("ratio", "limit_s", "begin_s", "seed"))
     told = {"controller": "pid", "scenario": "step", "reason": "not asked for"}
     assert table["worst"] == [unknown | told]
-    assert "limit:" not in summary(outcome) and "physical limit" not in plain_summary(outcome)
+    assert "times the limit" not in summary(outcome) and "physical limit" not in plain_summary(
+        outcome
+    )
 
 
 def test_asked_for_it_is_in_results_and_summary_but_in_no_metric_or_baseline(
@@ -113,8 +116,8 @@ def test_asked_for_it_is_in_results_and_summary_but_in_no_metric_or_baseline(
     assert row["ratio"] == pytest.approx(settling / 0.1)
     assert row["variation"] == "nominal" and row["begin_s"] == pytest.approx(0.1)
     text = summary(outcome)
-    assert "### Distance to the physical limit" in text
-    assert f"{settling / 0.1:.2g} ({settling:#.3g} s / 0.100 s)" in text
+    assert f"pid takes {settling / 0.1:.2g} times the limit of 0.100 s" in text
+    assert f"| {settling:#.3g} s ({settling / 0.1:.2g} ×) |" in text
     assert f"{settling / 0.1:.2g} (" in plain_summary(outcome)
     assert not any("limit" in name for name in record.metrics)
     stored = baseline_text(study.name, outcome.records, {})

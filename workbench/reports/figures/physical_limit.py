@@ -47,30 +47,43 @@ def _draw_ratios(
     return figure
 
 
-def _draw(result: StudyResult) -> list[Block]:
+def _pictures(result: StudyResult) -> list[Picture]:
+    if all(math.isnan(s.limit.value) for s in result.distances.steps):
+        return []
+    ratios, every = _bars(result), shades_of(result.study)
+    drawn = {n: every[n] for own in ratios.values() for n in own}
+    caption = (
+        "Settling time of each step over the shortest time that the nominal plant allows; "
+        "a controller whose bar ends at the dashed line could not be faster."
+    )
+    words = "settling times of the controllers over the physical limit"
+    return [
+        Picture(
+            "physical-limit" + (f"-part-{i + 1}" if i else ""),
+            _draw_ratios(ratios, {name: drawn[name] for name in names}),
+            caption,
+            words,
+        )
+        for i, names in enumerate(told_apart(drawn))
+    ]
+
+
+def limit_blocks(result: StudyResult) -> list[Block]:
+    """Return what the limit tells in words and tables; nothing if it was not asked for."""
     found = result.distances
     if not found.asked:
         return []
-    blocks: list[Block] = [Words(_lead(result))]
-    if any(not math.isnan(s.limit.value) for s in found.steps):
-        ratios, every = _bars(result), shades_of(result.study)
-        drawn = {n: every[n] for own in ratios.values() for n in own}
-        caption = (
-            "Settling time of each step over the shortest time that the nominal plant allows; "
-            "a controller whose bar ends at the dashed line could not be faster."
-        )
-        words = "settling times of the controllers over the physical limit"
-        for i, names in enumerate(told_apart(drawn)):
-            figure = _draw_ratios(ratios, {name: drawn[name] for name in names})
-            title = "physical-limit" + (f"-part-{i + 1}" if i else "")
-            blocks.append(Picture(title, figure, caption, words))
-    if found.steps:
-        blocks.append(_steps(result))
-    missing = _missing(found)
-    if missing:
-        title = "Scenarios without a limit"
-        blocks.append(Table(title, ("scenario", "why there is none"), tuple(missing)))
-    return blocks
+    missing, head = tuple(_missing(found)), ("scenario", "why there is none")
+    return [
+        Words(_lead(result)),
+        *([_steps(result)] if found.steps else []),
+        *([Table("Scenarios without a limit", head, missing)] if missing else []),
+    ]
+
+
+def _draw(result: StudyResult) -> list[Block]:
+    told = limit_blocks(result)
+    return [*told[:1], *_pictures(result), *told[1:]]
 
 
 def _lead(result: StudyResult) -> str:

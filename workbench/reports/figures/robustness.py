@@ -16,7 +16,9 @@ from workbench.reports.page import Block, Words, methods
 from workbench.reports.pictures import Picture
 from workbench.reports.style import INK, REFERENCE, Colour, label, new_figure
 from workbench.reports.tables import Cell, Table, number
+from workbench.study.judgements import RUN_FAILED
 from workbench.study.result import StudyResult
+from workbench.study.robustness import Robustness
 from workbench.study.summary import parameter_text
 
 if TYPE_CHECKING:
@@ -52,50 +54,27 @@ def draw_scores(scores: Mapping[str, tuple[Vector, int]], shades: Mapping[str, C
     return figure
 
 
-def _draw(result: StudyResult) -> list[Block]:
-    if not result.robustness or result.study.box is None:
+def box_tables(result: StudyResult) -> list[Table]:
+    """Return the worst plant of a box, what hurts most, and probabilities; none without a box."""
+    if not result.robustness:
         return []
     units = {q.name: q.unit for q in result.study.plant.build().parameters}
+    names = list(result.robustness[0].worst)
 
-    def shown(name: str, value: float) -> str:
-        return parameter_text(value, units[name])
+    def because(r: Robustness) -> str:
+        if r.judgement is None:
+            return "–"
+        if r.judgement.reason.startswith(RUN_FAILED):
+            # The reason stands with the failed runs.
+            return RUN_FAILED
+        return f"{metric_title(r.judgement.demand.requirement.metric)} {r.judgement.excess()}"
 
-    names = list(result.study.box.ranges)
-    ends = ", ".join(
-        f"{n} {shown(n, low)} to {shown(n, high)}"
-        for n, (low, high) in result.study.box.ranges.items()
-    )
-    box = result.study.box
-    scenarios = ", ".join(box.scenarios)
-    words = Words(
-        f"{box.draws} plants drawn from the box ({ends}) run {scenarios}; the worst is then "
-        "searched. Dots are draws, crosses the search, the ring is the worst plant."
-        + ("" if box.hard else " In this study the box informs and does not fail it.")
-    )
-    worst = Table(
-        "Worst plant found",
-        ("controller", "score", *map(breakable, names), "because"),
-        tuple(
-            (
-                r.controller,
-                score_cell(r.worst_score, capped=True),
-                *(shown(n, r.worst[n]) for n in names),
-                f"{metric_title(r.judgement.demand.requirement.metric)} {r.judgement.excess()}"
-                if r.judgement
-                else "–",
-            )
-            for r in result.robustness
-        ),
-    )
-    hurts = Table(
-        "Change of the score from the lowest to the highest value of a parameter",
-        ("controller", *map(breakable, names), "R²"),
-        tuple(
-            (r.controller, *(number(r.effects[n], 2) for n in names), number(r.explained, 2))
-            for r in result.robustness
-        ),
-    )
-    demands = dict.fromkeys(p.requirement for r in result.robustness for p in r.probabilities)
+    def shown(name: str, r: Robustness) -> str:
+        return parameter_text(r.worst[name], units[name])
+
+    def hurt(name: str, r: Robustness) -> str:
+        return number(r.effects[name], 2)
+
     by = {r.controller: {p.requirement: p for p in r.probabilities} for r in result.robustness}
 
     def chance(controller: str, text: str) -> Cell | str:
@@ -103,11 +82,47 @@ def _draw(result: StudyResult) -> list[Block]:
             return "–"
         return Cell(f"{100 * p.share:.0f} %", "", f"{100 * p.low:.0f} to {100 * p.high:.0f} %")
 
+    worst = Table.of(
+        "Worst plant found in the box",
+        result.robustness,
+        {
+            "controller": lambda r: r.controller,
+            "score": lambda r: score_cell(r.worst_score, capped=True),
+            **{breakable(name): partial(shown, name) for name in names},
+            "because": because,
+        },
+    )
+    hurts = Table.of(
+        "Change of the score from the lowest to the highest value of a parameter",
+        result.robustness,
+        {
+            "controller": lambda r: r.controller,
+            **{breakable(name): partial(hurt, name) for name in names},
+            "R²": lambda r: number(r.explained, 2),
+        },
+    )
     chances = Table.of(
         "Probability of meeting each requirement over the box",
-        demands,
+        dict.fromkeys(p.requirement for r in result.robustness for p in r.probabilities),
         {"requirement": demand_text, **{name: partial(chance, name) for name in by}},
         "Beside each number: its 95 % interval.",
+    )
+    return [worst, hurts, chances]
+
+
+def _draw(result: StudyResult) -> list[Block]:
+    box = result.study.box
+    if not result.robustness or box is None:
+        return []
+    units = {q.name: q.unit for q in result.study.plant.build().parameters}
+    ends = ", ".join(
+        f"{n} {' to '.join(parameter_text(end, units[n]) for end in ends)}"
+        for n, ends in box.ranges.items()
+    )
+    words = Words(
+        f"{box.draws} plants drawn from the box ({ends}) run {', '.join(box.scenarios)}; the worst"
+        " is then searched. Dots are draws, crosses the search, the ring is the worst plant."
+        + ("" if box.hard else " In this study the box informs and does not fail it.")
     )
     drawn = {r.controller: (r.scores, r.drawn) for r in result.robustness}
     picture = Picture(
@@ -117,7 +132,7 @@ def _draw(result: StudyResult) -> list[Block]:
         "requirement is missed.",
         "scores of the controllers over drawn plants",
     )
-    return [words, picture, worst, hurts, chances]
+    return [words, picture, *box_tables(result)]
 
 
 ROBUSTNESS = Figure(
