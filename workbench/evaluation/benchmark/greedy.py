@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
 from typing import Any
 
 from workbench.diagnosis.estimation.free_run import free_run, rms_of
 from workbench.diagnosis.estimation.prediction_error import Observed
-from workbench.diagnosis.estimation.priors import Prior, entry_priors, entry_start
+from workbench.diagnosis.estimation.priors import entry_priors, entry_start
 from workbench.diagnosis.estimation.process_noise import (
     ProcessNoiseFit,
     blocks_of_cost,
@@ -21,7 +20,7 @@ from workbench.diagnosis.estimation.process_noise import (
     fit_with_process_noise,
     start_values,
 )
-from workbench.diagnosis.selection.score import Score, score_library
+from workbench.diagnosis.selection.score import Score, Scores, score_library
 from workbench.diagnosis.stages import Diagnosis
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.files import picked
@@ -42,36 +41,67 @@ def greedy(diagnosis: Diagnosis) -> tuple[list[dict[str, Any]], dict[str, float]
     """Name effects by plain forward selection.
 
     Args:
-        diagnosis: The tool's diagnosis, whose refit and first scores are taken over.
+        diagnosis: The tool's diagnosis, whose refit, first scores and refits are taken over.
 
     Returns:
         Findings as a verdict has them, their held-out errors by output in SI, and why it stopped.
     """
     began = time.process_time()
-    prepared = diagnosis.prepared
+    prepared, nominal, current = diagnosis.prepared, diagnosis.nominal, diagnosis.base
     heads = [_head(r, FIT_S) for r in prepared.fitting]
-    free, current = list(prepared.priors), diagnosis.base
-    findings: list[dict[str, Any]] = []
+    measurements = sum(r.outputs.size for r in heads)
+    free, findings = list(prepared.priors), list[dict[str, Any]]()
+    scores, refits = diagnosis.rounds[0] if diagnosis.rounds else (None, ())
+    known = {c.entry.name: c.fit for c in refits}
+
+    def cost(fit: ProcessNoiseFit) -> float:
+        try:
+            started = [extended_start(r, nominal, fit.model) for r in heads]
+            return float(blocks_of_cost(fit, started).sum())
+        except NumericalError:
+            return math.inf
+
+    def scored(fit: ProcessNoiseFit) -> Scores:
+        short = [extended_start(_head(r, SCORE_S), nominal, fit.model) for r in heads]
+        entries = library(fit.model, RecordedFacts(heads[0].used))
+        entries = tuple(e for e in entries if not e.stiff)
+        return score_library(fit.model, short, free, entries, noise_scale=fit.noise_scale)
+
+    def refitted(fit: ProcessNoiseFit, best: Score) -> ProcessNoiseFit | None:
+        entry = best.entry
+        effect = entry.at_size(1.0) if entry.replaces else entry.at_size(0.0, best.shape)
+        model = fit.model.with_effect(effect)
+        try:
+            return fit_with_process_noise(
+                model,
+                [extended_start(r, nominal, model) for r in heads],
+                (*free, *entry_priors(entry)),
+                start=entry_start(entry, best.size) | start_values(fit.refit, free),
+                noise_scale=fit.noise_scale,
+                follow=False,
+                enough=10.0,
+            )
+        except (NumericalError, WorkbenchError):
+            return None
+
     stopped = "three effects"
-    for _ in range(MOST):
+    while len(findings) < MOST:
         if time.process_time() - began > SECONDS:
             stopped = "time"
             break
-        best = _best(diagnosis, current, heads, free)
-        if best is None:
+        best = max((scores or scored(current)).scores, key=lambda s: s.gain)
+        if best.gain <= 0.0:
             stopped = "no score"
             break
-        fit = _with(diagnosis, current, best, free, heads)
+        name, own = best.entry.name, entry_priors(best.entry)
+        fit = known.get(name) or refitted(current, best)
         if fit is None:
             stopped = "the refit failed"
             break
-        own = entry_priors(best.entry)
-        measurements = sum(r.outputs.size for r in heads)
-        gain = _cost(diagnosis, current, heads) - _cost(diagnosis, fit, heads)
+        gain = cost(current) - cost(fit)
         if gain <= 0.5 * len(own) * math.log(measurements):
             stopped = "the criterion"
             break
-        name = best.entry.name
         sizes = {
             e.name.removeprefix(f"{name}."): picked(e, "value unit")
             | {"std": e.std if math.isfinite(e.std) else None}
@@ -81,68 +111,11 @@ def greedy(diagnosis: Diagnosis) -> tuple[list[dict[str, Any]], dict[str, float]
         told = {"effect": name, "where": list(best.entry.ports), "class": [name]}
         findings.append(told | {"gain": gain, "parameters": sizes})
         free += own
-        current = fit
-    return findings, _errors(diagnosis, current) if findings else {}, stopped
-
-
-def _best(
-    diagnosis: Diagnosis,
-    current: ProcessNoiseFit,
-    heads: Sequence[Observed],
-    free: Sequence[Prior],
-) -> Score | None:
-    if current is diagnosis.base and diagnosis.rounds:
-        scores = diagnosis.rounds[0][0]
-    else:
-        short = [extended_start(_head(r, SCORE_S), diagnosis.nominal, current.model) for r in heads]
-        entries = library(current.model, RecordedFacts(heads[0].used))
-        entries = tuple(e for e in entries if not e.stiff)
-        scores = score_library(current.model, short, free, entries, noise_scale=current.noise_scale)
-    best = max(scores.scores, key=lambda s: s.gain)
-    return best if best.gain > 0.0 else None
-
-
-def _with(
-    diagnosis: Diagnosis,
-    current: ProcessNoiseFit,
-    best: Score,
-    free: Sequence[Prior],
-    heads: Sequence[Observed],
-) -> ProcessNoiseFit | None:
-    """Refit with an effect, or take the tool's own refit of it."""
-    if current is diagnosis.base and diagnosis.rounds:
-        for candidate in diagnosis.rounds[0][1]:
-            if candidate.entry.name == best.entry.name and candidate.fit is not None:
-                return candidate.fit
-    entry = best.entry
-    effect = entry.at_size(1.0) if entry.replaces else entry.at_size(0.0, best.shape)
-    model = current.model.with_effect(effect)
-    try:
-        return fit_with_process_noise(
-            model,
-            [extended_start(r, diagnosis.nominal, model) for r in heads],
-            (*free, *entry_priors(entry)),
-            start=entry_start(entry, best.size) | start_values(current.refit, free),
-            noise_scale=current.noise_scale,
-            follow=False,
-            enough=10.0,
-        )
-    except (NumericalError, WorkbenchError):
-        return None
-
-
-def _cost(diagnosis: Diagnosis, fit: ProcessNoiseFit, heads: Sequence[Observed]) -> float:
-    started = [extended_start(r, diagnosis.nominal, fit.model) for r in heads]
-    try:
-        return float(blocks_of_cost(fit, started).sum())
-    except NumericalError:
-        return math.inf
-
-
-def _errors(diagnosis: Diagnosis, fit: ProcessNoiseFit) -> dict[str, float]:
-    judging = diagnosis.prepared.judging
-    begun = (extended_start(r, diagnosis.nominal, fit.model) for r in judging)
-    return rms_of([free_run(fit.model, r).rmse for r in begun])
+        current, scores, known = fit, None, {}
+    if not findings:
+        return [], {}, stopped
+    begun = (extended_start(r, nominal, current.model) for r in prepared.judging)
+    return findings, rms_of([free_run(current.model, r).rmse for r in begun]), stopped
 
 
 def _head(observed: Observed, seconds: float) -> Observed:

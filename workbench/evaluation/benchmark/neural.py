@@ -43,6 +43,7 @@ class Network:
     Args:
         centre: Means of its arguments, shape (n,), in SI.
         spread: Their deviations, shape (n,), in SI.
+        weights: Those of the hidden layer with its biases, and of the output with its bias.
         scale: What an output of 1 means, in the unit of the port.
     """
 
@@ -51,26 +52,24 @@ class Network:
     weights: Vector
     scale: float
 
-    def parts(self) -> tuple[Vector, Vector, Vector, float]:
-        """Return hidden weights (HIDDEN, n), hidden biases, output weights and output bias."""
-        n = len(self.centre)
-        w, b, v, c = np.split(self.weights, [HIDDEN * n, HIDDEN * (n + 1), HIDDEN * (n + 2)])
-        return w.reshape(HIDDEN, n), b, v, float(c[0])
+    def expression(self, arguments: Expression) -> Expression:
+        """Return the output, in the unit of the port, for a column of arguments, in SI."""
+        return self.scale * _output((arguments - self.centre) / self.spread, ca.DM(self.weights))
 
     def __call__(self, x: Vector) -> Vector:
         """Compute the output, shape (m,), in the unit of the port, of arguments (m, n), in SI."""
-        w, b, v, c = self.parts()
-        return np.asarray(self.scale * (np.tanh((x - self.centre) / self.spread @ w.T + b) @ v + c))
+        column = ca.SX.sym("x", x.shape[1])
+        of_one = ca.Function("network", [column], [self.expression(column)])
+        return np.asarray(of_one(x.T), dtype=float).ravel()
 
-    def expression(self, arguments: Sequence[Expression]) -> Expression:
-        """Return the output as an expression of its arguments."""
-        w, b, v, c = self.parts()
-        z = [(x - m) / s for x, m, s in zip(arguments, self.centre, self.spread, strict=True)]
-        total: Expression = c
-        for row, bias, out in zip(w, b, v, strict=True):
-            inside = sum((float(k) * x for k, x in zip(row, z, strict=True)), float(bias))
-            total = total + float(out) * ca.tanh(inside)
-        return self.scale * total
+
+def _output(z: Expression, weights: Expression) -> Expression:
+    """Return a row of outputs for columns of scaled arguments."""
+    n = z.shape[0]
+    ends = [0, HIDDEN * n, HIDDEN * (n + 1), HIDDEN * (n + 2), HIDDEN * (n + 2) + 1]
+    inside, biases, outside, bias = ca.vertsplit(weights, ends)
+    hidden = ca.reshape(inside, n, HIDDEN).T @ z + ca.repmat(biases, 1, z.shape[1])
+    return outside.T @ ca.tanh(hidden) + bias
 
 
 def trained(x: Vector, y: Vector) -> Network:
@@ -85,20 +84,17 @@ def trained(x: Vector, y: Vector) -> Network:
     centre, spread = x.mean(axis=0), x.std(axis=0)
     spread = np.where(spread > 0, spread, 1.0)
     scale = float(np.std(y)) or 1.0
-    z, target = (x - centre) / spread, y / scale
-    m, n = z.shape
+    begin = np.random.default_rng(0).normal(scale=0.5, size=HIDDEN * (x.shape[1] + 2) + 1)
+    weights = ca.MX.sym("weights", len(begin))
+    error = _output(ca.DM((x - centre) / spread).T, weights) - ca.DM(y / scale).T
+    value = 0.5 * ca.sumsqr(error) / len(y) + 0.5 * _DECAY * ca.sumsqr(weights)
+    cost = ca.Function("cost", [weights], [value, ca.gradient(value, weights)])
 
-    def cost(weights: Vector) -> tuple[float, Vector]:
-        w, b, v, c = Network(centre, spread, weights, 1.0).parts()
-        hidden = np.tanh(z @ w.T + b)
-        error = (hidden @ v + c - target) / m
-        back = np.outer(error, v) * (1.0 - hidden**2)
-        slopes = [(back.T @ z).ravel(), back.sum(axis=0), hidden.T @ error, [error.sum()]]
-        value = 0.5 * m * float(error @ error) + 0.5 * _DECAY * float(weights @ weights)
-        return value, np.concatenate(slopes) + _DECAY * weights
+    def told(at: Vector) -> tuple[float, Vector]:
+        found, slope = cost(at)
+        return float(found), np.asarray(slope).ravel()
 
-    begin = np.random.default_rng(0).normal(scale=0.5, size=HIDDEN * (n + 2) + 1)
-    found = minimize(cost, begin, jac=True, method="L-BFGS-B", options={"maxiter": _STEPS})
+    found = minimize(told, begin, jac=True, method="L-BFGS-B", options={"maxiter": _STEPS})
     return Network(centre, spread, np.asarray(found.x), scale)
 
 
@@ -130,7 +126,7 @@ def neural(
     names = [q.name for q in (*model.states, *model.inputs)]
 
     def transform(at: PortView) -> Expression:
-        return at.value + network.expression([at.known[name] for name in names])
+        return at.value + network.expression(ca.vertcat(*(at.known[name] for name in names)))
 
     extended = model.with_effect(Effect("network", (best[1],), transform))
     runs = [free_run(extended, extended_start(seen, nominal, extended)).rmse for seen in judging]
