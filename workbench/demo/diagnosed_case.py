@@ -27,8 +27,7 @@ from workbench.reports.figures.diagnosis import (
     AFTER,
     BEFORE,
     as_read,
-    diagnosis_residuals,
-    diagnosis_runs,
+    run_pictures,
     sizes_as_read,
 )
 from workbench.reports.page import Section
@@ -142,29 +141,19 @@ def _between(run: FreeRun, start: float, stop: float) -> FreeRun:
 def _section(found: DiagnosedCase) -> Section:
     verdict = found.verdict
     model, held_out = found.model, verdict["fit"]["held_out"]
-    before, after = (as_read(model, run) for run in (found.before, found.after))
-    error, less = (as_read(model, run, errors=True) for run in (found.before, found.after))
     rows = {name: sizes_as_read(model, row) for name, row in held_out.items()}
+    files = "diagnosed-runs", "diagnosed-errors"
+    floor = held_out["noise_floor"]
+    drawn = run_pictures(model, found.before, found.after, floor, plain(DRAWN), files)
+    read = as_read(model, found.before, errors=True)
     blocks = (
-        Picture(
-            "diagnosed-runs",
-            diagnosis_runs(before, after),
-            f"{plain(DRAWN)}: measured, and simulated by the refitted nominal model and by the"
-            " extended one.",
-            "measurements and free runs over time",
-        ),
-        Picture(
-            "diagnosed-errors",
-            diagnosis_residuals(error, rows["noise_floor"], less),
-            f"{plain(DRAWN)}: error of both free runs, root mean square over 0.2 s.",
-            "errors of the free runs over time",
-        ),
+        *drawn,
         Table(
             "Errors of free runs over all held-out recordings, rms",
             ("output", "unit", *(plain(model) for model in held_out)),
             tuple(
                 (plain(name), unit, *(number(row[name]) for row in rows.values()))
-                for name, unit in zip(error.used, error.units, strict=True)
+                for name, unit in zip(read.used, read.units, strict=True)
             ),
         ),
     )

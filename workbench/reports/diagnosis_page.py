@@ -9,7 +9,6 @@ import numpy as np
 
 from workbench.computing.counted import in_words
 from workbench.diagnosis.comparison import Proof
-from workbench.diagnosis.estimation.free_run import FreeRun
 from workbench.diagnosis.location.isolability import Isolability
 from workbench.diagnosis.location.missing_signal import MissingSignal
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
@@ -20,7 +19,6 @@ from workbench.reports.diagnosis_answers import KINDS, accepted_term, diagnosis_
 from workbench.reports.figure import figures_of
 from workbench.reports.figure import sections as own_sections
 from workbench.reports.figures import diagnosis as figures
-from workbench.reports.figures.diagnosis import as_read, sizes_as_read
 from workbench.reports.page import Block, Commands, Method, Page, Section, Words, methods
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import plain
@@ -91,8 +89,6 @@ def _facts(diagnosis: Diagnosis, verdict: Verdict) -> tuple[tuple[str, str], ...
 
 def _held_out(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
     extended = diagnosis.runs.get("extended", {}) if diagnosis.improved else {}
-    model = diagnosis.nominal
-    noise = sizes_as_read(model, verdict.fit.get("noise_floor", {}))
     anew = next((run.restarts for run in diagnosis.runs["refitted"].values() if run.restarts), "")
     how = anew or "it gets the input and the first measurements, never a later one"
     blocks: list[Block] = [
@@ -104,39 +100,13 @@ def _held_out(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
             else f"The model has not seen these recordings. It runs freely: {how}."
         )
     ]
+    noise = verdict.fit.get("noise_floor", {})
     for i, (title, refitted) in enumerate(diagnosis.runs["refitted"].items()):
-        later = extended.get(title)
-        run, error = (as_read(model, refitted, errors=e) for e in (False, True))
-        after, less = (later and as_read(model, later, errors=e) for e in (False, True))
+        later, files = extended.get(title), (f"runs-{i + 1}", f"residuals-{i + 1}")
         name = _plain_title(title)
-        blocks += [
-            Picture(
-                f"runs-{i + 1}",
-                figures.diagnosis_runs(run, after),
-                f"{name}: measured, and simulated by the refitted nominal model"
-                f"{' and by the extended one' if after else ''}.{_failed(run, after)}",
-                f"measurements and free runs of {name} over time",
-            ),
-            Picture(
-                f"residuals-{i + 1}",
-                figures.diagnosis_residuals(error, noise, less),
-                f"{name}: error of the free run, root mean square over a sixtieth of it, on a"
-                " logarithmic axis. In the green band it is no larger than the noise of the"
-                " sensor.",
-                f"errors of the free runs of {name} over time",
-            ),
-        ]
+        blocks += figures.run_pictures(diagnosis.nominal, refitted, later, noise, name, files)
     blocks.append(tables.errors_table(proof.errors, bool(extended)))
     return Section("held-out", "On recordings that were held out", tuple(blocks))
-
-
-def _failed(before: FreeRun, after: FreeRun | None) -> str:
-    said = [
-        f" The {name} model does not reach the end: {run.failure}."
-        for name, run in (("refitted", before), ("extended", after))
-        if run is not None and not run.finite
-    ]
-    return "".join(said)
 
 
 def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:

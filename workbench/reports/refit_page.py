@@ -7,12 +7,7 @@ import re
 from workbench.computing.counted import in_words
 from workbench.diagnosis.refit_report import RefitReport
 from workbench.model.units import to_si
-from workbench.reports.figures.diagnosis import (
-    as_read,
-    diagnosis_residuals,
-    diagnosis_runs,
-    sizes_as_read,
-)
+from workbench.reports.figures.diagnosis import run_pictures
 from workbench.reports.figures.study_traces import written
 from workbench.reports.page import Answers, Block, Method, Page, Section, Words, again, methods
 from workbench.reports.pictures import Picture
@@ -71,38 +66,17 @@ def _answers(report: RefitReport) -> Answers:
 
 def pictures(report: RefitReport) -> tuple[Picture, ...]:
     """Draw free runs on each held-out recording that the refitted model runs to its end."""
-    drawn, names = [], ("nominal", "refitted")
-    model = report.problem.model
+    drawn: list[Picture] = []
     for nominal, refitted in zip(report.nominal, report.refitted, strict=True):
         if not refitted.finite:
             continue
-        before, after = (as_read(model, run) for run in (nominal, refitted))
-        errors, left = (as_read(model, run, errors=True) for run in (nominal, refitted))
-        file = re.sub(r"[^a-z0-9]+", "-", after.name.lower()).strip("-")
-        noise = {
-            r.output: float(to_si(r.noise, r.unit))
-            for r in report.rows
-            if r.recording == after.name
-        }
-        noise = sizes_as_read(model, noise)
-        told = "; ".join(
-            f"{name}: rms error {errors.rmse[name]:.3g} {unit} before, {left.rmse[name]:.3g} after"
-            for name, unit in zip(left.used, left.units, strict=True)
-        )
-        drawn += [
-            Picture(
-                f"held-out-{file}",
-                diagnosis_runs(before, after, names),
-                f"{after.name}: measurements, and free runs of the nominal and the refitted model.",
-                told,
-            ),
-            Picture(
-                f"errors-{file}",
-                diagnosis_residuals(errors, noise, left, names),
-                f"{after.name}: error of both free runs, root mean square over a sixtieth of it.",
-                told,
-            ),
-        ]
+        title = refitted.name
+        own = [r for r in report.rows if r.recording == title]
+        noise = {r.output: float(to_si(r.noise, r.unit)) for r in own}
+        file = re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
+        files = f"held-out-{file}", f"errors-{file}"
+        names = "nominal", "refitted"
+        drawn += run_pictures(report.problem.model, nominal, refitted, noise, title, files, names)
     return tuple(drawn)
 
 

@@ -16,6 +16,7 @@ from workbench.diagnosis.nonparametric.result import Argument
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.model.units import from_si, of_difference, readably, written_unit
+from workbench.reports.pictures import Picture
 from workbench.reports.style import (
     BAND,
     FAINT,
@@ -102,6 +103,54 @@ def diagnosis_runs(
     key(panels[0], columns=3, handles=run_key(after, names))
     figure.align_ylabels()
     return figure
+
+
+def run_pictures(
+    model: Model,
+    before: FreeRun,
+    after: FreeRun | None,
+    noise: Mapping[str, float],
+    title: str,
+    files: tuple[str, str],
+    names: tuple[str, str] = NAMES,
+) -> tuple[Picture, Picture]:
+    """Return the pictures of free runs along a recording and of their errors.
+
+    The runs are in SI; the model says in which units people read them.
+
+    Args:
+        noise: Noise of each output, in its SI unit.
+    """
+    run, error = (as_read(model, before, errors=e) for e in (False, True))
+    later, less = (after and as_read(model, after, errors=e) for e in (False, True))
+    both = [(names[0], run), *([(names[1], later)] if later else [])]
+    failed = [
+        f" The {name} model does not reach the end: {own.failure}."
+        for name, own in both
+        if not own.finite
+    ]
+    told = "; ".join(
+        f"{output}: rms error "
+        + ", ".join(f"{own.rmse[output]:.3g} {unit} {name}" for name, own in both)
+        for output, unit in zip(error.used, error.units, strict=True)
+    )
+    models = " and by ".join(f"the {name} model" for name, _ in both)
+    return (
+        Picture(
+            files[0],
+            diagnosis_runs(run, later, names),
+            f"{title}: measured, and simulated by {models}.{''.join(failed)}",
+            told,
+        ),
+        Picture(
+            files[1],
+            diagnosis_residuals(error, sizes_as_read(model, noise), less, names),
+            f"{title}: error of the free run{'s' * (later is not None)}, root mean square over a"
+            " sixtieth of it, on a logarithmic axis. In the green band it is no larger than twice"
+            " the noise of the sensor.",
+            told,
+        ),
+    )
 
 
 def run_key(after: FreeRun | None, names: tuple[str, str] = NAMES) -> list[Line2D]:
