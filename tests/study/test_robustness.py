@@ -6,19 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import binomtest
 
 from tests.study.small_study import TEXT
 from workbench.study.execution import Workers, store_of
 from workbench.study.read import load_study
-from workbench.study.robustness import interval, robustness, scaled, straight_line, unit_draws
+from workbench.study.robustness import robustness, scaled, straight_line, unit_draws
 from workbench.study.study import Box, Study
-
-
-@pytest.mark.parametrize(("met", "draws"), [(0, 16), (7, 16), (16, 16), (199, 200)])
-def test_the_interval_is_the_exact_one(met: int, draws: int) -> None:
-    known = binomtest(met, draws).proportion_ci(0.95, method="exact")
-    assert interval(met, draws) == pytest.approx((known.low, known.high), abs=1e-12)
 
 
 def test_draws_fill_the_cube_and_repeat() -> None:

@@ -293,22 +293,22 @@ def fit_law(family: Family, points: ForceMap) -> tuple[Vector, Vector, ForceLaw]
     Returns:
         Fitted numbers and their standard deviations, in the law's own units, and the law.
     """
-    from scipy.optimize import least_squares
+    from scipy.optimize import curve_fit
 
     start = np.array(family.start)
-    q, p = points.contraction, points.pressure
+    at = points.contraction, points.pressure
 
-    def misfit(scaled: Vector) -> Vector:
-        return np.asarray(family.build(scaled * start).force(q, p)) - points.force
+    def force(_: Vector, *scaled: float) -> Vector:
+        return np.asarray(family.build(np.array(scaled) * start).force(*at))
 
-    found = least_squares(misfit, np.ones(len(start)), max_nfev=4000)
-    if found.status <= 0:
-        raise WorkbenchError(f"the fit of {family.title} did not end within 4000 steps")
-    freedom = max(1, len(points.force) - len(start))
-    information = found.jac.T @ found.jac
-    covariance = np.linalg.pinv(information) * 2 * found.cost / freedom
-    std = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * np.abs(start)
-    return found.x * start, std, family.build(found.x * start)
+    try:
+        x, covariance = curve_fit(
+            force, at[0], points.force, np.ones(len(start)), method="trf", max_nfev=4000
+        )
+    except RuntimeError:
+        raise WorkbenchError(f"the fit of {family.title} did not end within 4000 steps") from None
+    std = np.sqrt(np.diag(covariance)) * np.abs(start)
+    return x * start, std, family.build(x * start)
 
 
 def _error(law: ForceLaw, points: ForceMap) -> Vector:

@@ -56,16 +56,6 @@ class Benchmark:
             **self.raw,
         }
 
-    def __str__(self) -> str:
-        lines = [str(f) for f in self.figures]
-        for c in self.comparisons:
-            lines += ["", c.title]
-            for w in c.ways:
-                low, middle, high = c.ratio(w.name)
-                told = f"{middle:10.3g} x ({low:.3g} to {high:.3g})  error {w.error:.2g}"
-                lines.append(f"  {w.name:<50} {told if w.times else '':<40} {w.remark}".rstrip())
-        return "\n".join(lines)
-
 
 def machine() -> str:
     """Return processor and Python of this machine, in a line."""

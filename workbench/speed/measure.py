@@ -123,12 +123,6 @@ class Figure:
         unit: Its unit; ``x`` for a ratio.
         reach: The figure to reach, in ``unit``.
         breakdown: What it consists of, or which limit stands in the way.
-
-    Example:
-        >>> print(Figure("open loop", 520.0, "x real time", 500.0))
-        reached  open loop                                          520 x real time (at least 500)
-        >>> print(Figure("first simulation", 4.0, "s", 3.0, False, "compiler 3.1 s"))
-        MISSED   first simulation                                   4 s (at most 3): compiler 3.1 s
     """
 
     what: str
@@ -146,18 +140,9 @@ class Figure:
         return self.value >= self.reach if self.larger_is_better else self.value <= self.reach
 
     @property
-    def state(self) -> str:
-        """Whether it is reached, in one word."""
-        return {True: "reached", False: "MISSED", None: "open"}[self.reached]
-
-    @property
     def bound(self) -> str:
         """What is to be reached, in words, without its unit."""
         return f"{'at least' if self.larger_is_better else 'at most'} {self.reach:g}"
-
-    def __str__(self) -> str:
-        line = f"{self.state:<8} {self.what:<50} {self.value:.4g} {self.unit} ({self.bound})"
-        return f"{line}: {self.breakdown}" if self.breakdown else line
 
 
 def tried(name: str, package: str, measure: Callable[[Any], Way]) -> Way:

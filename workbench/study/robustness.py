@@ -2,7 +2,8 @@
 
 The draws are the same for every controller: a scrambled Sobol sequence, which covers the box more
 evenly than independent draws. The share of draws that meet a requirement estimates its probability,
-with an interval that is exact for independent draws, so on the safe side. The worst draw is where a
+with an interval that is exact for independent draws (Clopper and Pearson, Biometrika 26, 1934), so
+on the safe side. The worst draw is where a
 local search begins: it first tries the corner to which a straight line through all scores points,
 then moves one parameter at a time, with steps that shrink when nothing gets worse (compass search;
 Kolda, Lewis and Torczon, SIAM Review 45, 2003). The same straight line tells how much each
@@ -49,26 +50,6 @@ def scaled(box: Box, unit: Vector) -> Vector:
     ends = np.array(list(box.ranges.values()))
     values = ends[:, 0] + unit * (ends[:, 1] - ends[:, 0])
     return np.array([[float(f"{v:.9g}") for v in row] for row in values]).reshape(np.shape(unit))
-
-
-def interval(met: int, draws: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Return the exact interval of a probability of which some draws were seen.
-
-    Args:
-        confidence: Probability that the interval covers, a ratio.
-
-    Source:
-        Clopper and Pearson, Biometrika 26, 1934.
-
-    Example:
-        >>> [round(end, 3) for end in interval(20, 20)]
-        [0.832, 1.0]
-    """
-    from scipy.special import betaincinv
-
-    tail = 0.5 * (1.0 - confidence)
-    low = float(betaincinv(met, draws - met + 1, tail)) if met else 0.0
-    return low, float(betaincinv(met + 1, draws - met, 1.0 - tail)) if met < draws else 1.0
 
 
 def straight_line(unit: Vector, values: Vector) -> tuple[float, Vector, float]:
@@ -341,6 +322,8 @@ def _result(
     drawn: Sequence[Sequence[Record]],
     searched: Sequence[Mapping[str, Any]],
 ) -> Robustness:
+    from scipy.stats import binomtest
+
     assert study.box is not None
     groups = [*drawn, *([record_from_table(row) for row in one["runs"]] for one in searched)]
     everywhere = np.vstack([unit, *(np.array([one["point"]]) for one in searched)])
@@ -358,10 +341,18 @@ def _result(
         if not any(own):
             continue
         met = sum(all(j.met for j in found) for found in own[: len(unit)])
-        low, high = interval(met, len(unit))
+        low, high = binomtest(met, len(unit)).proportion_ci(CONFIDENCE)
         most = max((j for found in own for j in found), key=lambda j: j.score)
         probabilities.append(
-            Probability(str(demand), demand.requirement.hard, met, len(unit), low, high, most.value)
+            Probability(
+                str(demand),
+                demand.requirement.hard,
+                met,
+                len(unit),
+                float(low),
+                float(high),
+                most.value,
+            )
         )
     failed = tuple(dict.fromkeys(r.reason for records in groups for r in records if r.failed))
     told = tuple(probabilities)
