@@ -395,20 +395,13 @@ def _cause_of_miss(e: Evidence, controller: str, own: Mapping[str, Judgement]) -
             reached[other] = max(j.value for j in judged)
     if reached:
         return _better(e, reached, most.value)
+    required, without = demand.requirement, math.nan
+    if required.scenario == e.want.scenario:
+        found = e.metric(controller, [e.want.neglected.variation], required.metric, demand.step)
+        without = float(from_si(found.value, required.unit))
+    values = {kind: j.value for kind, j in own.items()}
     bad = [kind for kind, j in own.items() if not j.met]
-    said = [f"{number(own[NOMINAL].value)} nominal"] if NOMINAL in own else []
-    listed = ", ".join(f"{number(own[k].value)} with {k}" for k in bad if k != NOMINAL)
-    both = "; ".join(part for part in (*said, listed) if part)
-    if bad == [e.want.unknown.variation]:
-        return f"{e.want.unknown.name}: {both}."
-    required = demand.requirement
-    if NOMINAL in bad and required.scenario == e.want.scenario:
-        kinds = [e.want.neglected.variation]
-        without = e.metric(controller, kinds, required.metric, demand.step).value
-        if without <= float(to_si(required.limit, required.unit)):
-            shown = number(float(from_si(without, required.unit)))
-            return f"{e.want.neglected.name}: {both}; {shown} without it."
-    return f"{e.want.loop.name}: {both}."
+    return _cause(e, values, bad, without, required.limit)
 
 
 def cause_of_ratio(e: Evidence, controller: str, step: Step) -> str:
@@ -426,25 +419,38 @@ def cause_of_ratio(e: Evidence, controller: str, step: Step) -> str:
             f"{want.unknown.name}: the plan alone takes {number(plan)} s of {number(allowed)} s"
             " that are allowed."
         )
-    nominal = e.settling(controller, NOMINAL, step).value
-    without = e.settling(controller, want.neglected.variation, step).value
-    if not nominal <= allowed:
-        if without <= allowed:
-            return (
-                f"{want.neglected.name}: {number(nominal)} s of {number(allowed)} s,"
-                f" {number(without)} s without it."
-            )
-        bare = "" if math.isnan(without) else f" ({number(without)} s without what is neglected)"
-        planned = "" if math.isnan(plan) else f"the plan takes {number(plan)} s, "
-        return (
-            f"{want.loop.name}: {planned}the output {number(nominal)} s{bare} of"
-            f" {number(allowed)} s that are allowed."
-        )
     times = {kind: e.settling(controller, kind, step).value for kind in e.judged(controller)}
-    late = {kind: seconds for kind, seconds in times.items() if not seconds <= allowed}
-    words = ", ".join(f"{number(t)} s with {kind}" for kind, t in late.items())
-    name = want.unknown.name if list(late) == [want.unknown.variation] else want.loop.name
-    return f"{name}: {number(nominal)} s nominal of {number(allowed)} s; {words}."
+    late = [kind for kind, seconds in times.items() if not seconds <= allowed]
+    without = e.settling(controller, want.neglected.variation, step).value
+    return _cause(e, times, late, without, allowed, " s")
+
+
+def _cause(
+    e: Evidence,
+    values: Mapping[str, float],
+    bad: Sequence[str],
+    without: float,
+    limit: float,
+    unit: str = "",
+) -> str:
+    """Say what keeps a controller from a limit, with the numbers that show it.
+
+    Args:
+        values: What was measured by kind of plant, in the unit of the limit.
+        bad: Kinds of the plants on which the limit is missed.
+        without: What was measured without what is neglected, in the same unit; NaN if nothing.
+        limit: The limit, in its unit.
+    """
+    want = e.want
+    said = [f"{number(values[NOMINAL])}{unit} nominal"] if NOMINAL in values else []
+    listed = ", ".join(f"{number(values[k])}{unit} with {k}" for k in bad if k != NOMINAL)
+    told = f"{'; '.join(filter(None, (*said, listed)))}; the limit is {number(limit)}{unit}"
+    if list(bad) == [want.unknown.variation]:
+        return f"{want.unknown.name}: {told}."
+    if not math.isnan(without):
+        told += f"; {number(without)}{unit} without what is neglected"
+    name = want.neglected.name if NOMINAL in bad and without <= limit else want.loop.name
+    return f"{name}: {told}."
 
 
 def _unknown_words(found: Sequence[Evidence]) -> str:
