@@ -47,6 +47,16 @@ def test_a_file_that_was_opened_is_part_of_the_run(tmp_path: Path, name: str) ->
     assert not kept(tmp_path)
 
 
+def test_a_file_that_was_looked_for_in_vain_is_part_of_the_run(tmp_path: Path) -> None:
+    new_study(tmp_path)
+    with watched(), pytest.raises(FileNotFoundError):
+        (tmp_path / "gains.json").read_bytes()
+    Store(tmp_path / "out" / "runs", "0", tmp_path).put(KEY, {"value": 1})
+    assert kept(tmp_path)
+    (tmp_path / "gains.json").write_text("1")
+    assert not kept(tmp_path)
+
+
 def test_a_folder_that_moved_keeps_its_runs(tmp_path: Path) -> None:
     here = tmp_path / "here"
     here.mkdir()

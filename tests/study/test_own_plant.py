@@ -9,7 +9,6 @@ import pytest
 
 from workbench.errors import WorkbenchError
 from workbench.reports.study_page import write_study_files
-from workbench.study.execution import code_digest
 from workbench.study.read import load_study, read_study
 from workbench.study.result import run_study
 
@@ -97,23 +96,6 @@ def test_a_mistake_in_ones_own_module_is_a_sentence_with_its_line(study_file: Pa
     sys.modules.pop("own_tank", None)
     with pytest.raises(WorkbenchError, match=r"line \d+: .*nowhere_at_all"):
         load_study(study_file)
-
-
-def test_gains_in_a_file_and_a_package_below_are_part_of_the_key(study_file: Path) -> None:
-    def digest() -> str:
-        return code_digest(str(study_file.parent))
-
-    package = study_file.parent / "designs"
-    package.mkdir()
-    (package / "__init__.py").write_text("GAIN = 1.0\n", encoding="utf-8")
-    first = digest()
-    (package / "__init__.py").write_text("GAIN = 2.0\n", encoding="utf-8")
-    second = digest()
-    (package / "gains.json").write_text("[3.0]", encoding="utf-8")
-    third = digest()
-    (study_file.parent / "out").mkdir()
-    (study_file.parent / "out" / "results.json").write_text("{}", encoding="utf-8")
-    assert len({first, second, third}) == 3 and digest() == third
 
 
 def test_specifications_take_units_and_points_take_inputs(study_file: Path) -> None:

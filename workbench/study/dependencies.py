@@ -40,7 +40,7 @@ class Seen(NamedTuple):
     """What a process has read while it was watched.
 
     Args:
-        files: Digest by path, of modules and of data.
+        files: Digest by path, of modules and of data; empty of one that was not there.
         packages: Names of imported top-level modules of installed packages.
     """
 
@@ -142,7 +142,7 @@ def seen() -> Seen:
         else:
             files.add(place)
     return Seen(
-        {p: d for p in sorted(files) if _counts(p) and (d := _at_first_sight(p))},
+        {p: _at_first_sight(p) for p in sorted(files) if _counts(p)},
         tuple(sorted(packages)),
     )
 

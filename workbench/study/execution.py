@@ -23,9 +23,6 @@ from workbench.study.study import Study
 from workbench.study.tasks import RECORD, Record, Task, execute, record_from_table
 from workbench.verification.metrics import tolerance_of
 
-_OWN = (".py", ".json", ".csv", ".npz", ".npy", ".mat", ".parquet", ".yaml", ".toml", ".txt")
-"""Endings of files that a user's own code may read."""
-
 _RESULTS = ("results.json", "baseline.json")
 _KEPT = TableShape(
     {"inputs": TableShape({"files": named(text), "packages": named(text)}), "work": named(whole)}
@@ -114,29 +111,6 @@ class Store:
         for path in self.folder.glob("*.json"):
             if re.fullmatch(r"[0-9a-f]{32}", path.stem) and path.name not in self.touched:
                 path.unlink(missing_ok=True)
-
-
-def _own_files(folder: Path) -> list[Path]:
-    """Return modules and data of a user's own: beside the study, and in packages below it.
-
-    Results and baselines of studies are no input of a run.
-    """
-    packages = {p.parent for p in folder.rglob("*.py")} | {folder}
-    found = (p for place in sorted(packages) for p in sorted(place.iterdir()) if p.is_file())
-    return [p for p in found if p.suffix in _OWN and not p.name.endswith(_RESULTS)]
-
-
-def code_digest(*own: str) -> str:
-    """Return a digest of the code that the numbers of a study depend on.
-
-    Args:
-        own: Folders with plants and designs of one's own, whose modules count too.
-    """
-    digest = hashlib.sha256(digest_of_code())
-    for path in (path for folder in own for path in _own_files(Path(folder))):
-        digest.update(path.name.encode())
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
 
 
 T = TypeVar("T")
@@ -261,5 +235,4 @@ def _difference(kept: Record, now: Record) -> str:
 
 def store_of(study: Study, folder: Path) -> Store:
     """Return the store of a study's runs, in ``runs`` below its folder of results."""
-    own = (str(study.path.resolve().parent),) if study.has_own_code else ()
-    return Store(Path(folder) / "runs", code_digest(*own), study.path.parent)
+    return Store(Path(folder) / "runs", digest_of_code().hex(), study.path.parent)

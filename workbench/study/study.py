@@ -247,23 +247,6 @@ class Study:
         """The nominal plant of the first case."""
         return next(iter(self.cases.values())).plant
 
-    @property
-    def has_own_code(self) -> bool:
-        """Whether a plant, effect, design, metric or reference is a module of the user's own."""
-        recipes = [c for case in self.cases.values() for c in case.controllers.values()]
-        plants = [*(v.plant for v in self.variations.values()), *(c.plant for c in recipes)]
-        names = [*(p.kind for p in plants), *(e for p in plants for e in p.effects)]
-        kinds = {
-            type(r).__module__.partition(".")[0]
-            for s in self.scenarios.values()
-            for r in s.references.values()
-        }
-        return (
-            bool(self.own_metrics)
-            or any(":" in name for name in (*names, *(c.design for c in recipes)))
-            or not kinds <= {"workbench"}
-        )
-
     def with_limit(self, asked: bool) -> Study:
         """Return the study with or without the comparison with the physical limit."""
         return replace(self, report=replace(self.report, physical_limit=asked))
