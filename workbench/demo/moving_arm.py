@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,19 +16,12 @@ from workbench.model import Model
 from workbench.plants.arm.arm import ArmEquations
 from workbench.plants.arm.geometry import TRAVEL, ArmGeometry
 from workbench.reports.page import Moving, template
-from workbench.reports.style import FURTHER, INK, SIMULATED, Colour
+from workbench.reports.pictures import Picture, inline_svg
+from workbench.reports.style import FURTHER, INK, SIMULATED, label, new_figure
 from workbench.simulation import Trajectory
-
-Trace = tuple[str, tuple[tuple[Vector, Colour], ...]]
-"""Quantity with its unit, and the curves that are drawn over time, with their colours."""
 
 FRAME_TIME = 0.02
 """Time between frames, in s; the page draws between them."""
-
-_WIDTH, _LEFT, _RIGHT = 374.0, 42.0, 6.0
-_HEIGHT, _GAP = 62.0, 12.0
-"""Size of the traces, in the units of their drawing."""
-
 
 _DASHES_PER_VOLT_SECOND = 60.0
 
@@ -63,11 +57,7 @@ def moving_arm(run: Trajectory, *, start: float, stop: float, caption: str) -> M
             for m, p in zip(drawn.muscles, pressures, strict=True)
         ],
     }
-    traces: tuple[Trace, ...] = (
-        ("angle in °", ((frames["angle"], SIMULATED),)),
-        ("p in bar", tuple(zip(pressures, FURTHER, strict=False))),
-        ("valve in V", ((of("valve"), INK),)),
-    )
+    traces, left, right = _traces(time, frames["angle"], pressures, of("valve"))
     data = {"step": FRAME_TIME, **_rounded(frames)}
     markup = template("workbench.demo", "moving_arm.html").render(
         drawn=drawn,
@@ -78,13 +68,9 @@ def moving_arm(run: Trajectory, *, start: float, stop: float, caption: str) -> M
         plates=round(values["load"]),
         degrees=lambda x: -np.degrees(x),
         colours=(FURTHER[0], FURTHER[1]),
-        traces=[_drawn(trace, i) for i, trace in enumerate(traces)],
-        width=_WIDTH,
-        left=_LEFT,
-        right=_WIDTH - _RIGHT,
-        height=len(traces) * (_HEIGHT + _GAP) + 22,
-        start=start,
-        stop=stop,
+        traces=traces,
+        left=round(left, 3),
+        right=round(right, 3),
     )
     return Moving(markup, caption)
 
@@ -104,33 +90,26 @@ def _rounded(frames: Any) -> Any:
     return np.round(frames, 2).tolist()
 
 
-def _drawn(trace: Trace, row: int) -> dict[str, Any]:
-    """Return signals as paths in the coordinates of the drawing."""
-    label, curves = trace
-    top = row * (_HEIGHT + _GAP) + 6
-    low = min(float(values.min()) for values, _ in curves)
-    high = max(float(values.max()) for values, _ in curves)
-    room = 0.06 * (high - low) or 1.0
-    low, high = low - room, high + room
-
-    def height(value: Any) -> Any:
-        return top + _HEIGHT * (high - value) / (high - low)
-
-    paths = []
-    for values, colour in curves:
-        x = np.linspace(_LEFT, _WIDTH - _RIGHT, len(values))
-        points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, height(values), strict=True))
-        paths.append({"colour": colour, "points": points})
-    ticks = [{"text": f"{v:g}", "y": height(v)} for v in _nice(low, high)]
-    return {"label": label, "middle": top + _HEIGHT / 2, "paths": paths, "ticks": ticks}
-
-
-def _nice(low: float, high: float) -> list[float]:
-    """Return two to four round values between two ends."""
-    from matplotlib.ticker import MaxNLocator
-
-    found = MaxNLocator(nbins=3, steps=[1, 2, 3, 5, 10]).tick_values(low, high)
-    return [float(v) for v in found if low <= v <= high]
+def _traces(
+    time: Vector, angle: Vector, pressures: Sequence[Vector], valve: Vector
+) -> tuple[str, float, float]:
+    """Draw the signals over time; returns the drawing, and where its axis begins and ends, in %."""
+    figure, panels = new_figure([0.75] * 3)
+    rows = (
+        ("angle in °", [angle], (SIMULATED,)),
+        ("p in bar", pressures, FURTHER),
+        ("valve in V", [valve], (INK,)),
+    )
+    for axes, (name, curves, colours) in zip(panels, rows, strict=True):
+        for values, colour in zip(curves, colours, strict=False):
+            axes.plot(time, values, color=colour.light, linewidth=1.4)
+        label(axes, y=name)
+    label(panels[-1], x="time in s")
+    figure.align_ylabels()
+    drawn = inline_svg(Picture("traces", figure, "angle, pressures and valve voltage over time"))
+    # Where the axes are is known once they are drawn.
+    place = panels[0].get_position()
+    return drawn, 100.0 * place.x0, 100.0 * place.x1
 
 
 @dataclass(frozen=True)
