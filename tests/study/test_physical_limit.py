@@ -178,7 +178,7 @@ def test_the_worst_step_and_seed_count(tmp_path: Path) -> None:
         record(Value(0.2), Value(0.8), Value(0.15), seed=2),
     ]
     found = distances(study, records, own)
-    worst = found.of("pid", "step")
+    worst = found.worst[0]
     assert worst is not None and worst.ratio == Value(4.0)
     assert worst.worst is not None and (worst.worst.seed, worst.worst.begin) == (2, 1.0)
     assert len(found.steps) == 6
@@ -188,7 +188,7 @@ def test_a_step_that_never_settles_is_the_worst(tmp_path: Path) -> None:
     study = asking(tmp_path)
     own = limits_of(study, Value(0.1), Value(0.2), Value(0.1))
     never = Value(math.nan, "not within 2 % of the step by the end of the record")
-    worst = distances(study, [record(Value(0.2), never, Value(9.0))], own).of("pid", "step")
+    worst = distances(study, [record(Value(0.2), never, Value(9.0))], own).worst[0]
     assert worst is not None and math.isnan(worst.ratio.value) and worst.ratio == never
 
 
@@ -197,16 +197,16 @@ def test_a_step_without_a_limit_says_nothing_about_the_controller(tmp_path: Path
     gone = Value(math.nan, "the time-optimal move did not converge")
     own = limits_of(study, Value(0.1), gone, gone)
     records = [record(Value(0.2), Value(0.3), Value(0.4))]
-    worst = distances(study, records, own).of("pid", "step")
+    worst = distances(study, records, own).worst[0]
     assert worst is not None and worst.ratio == Value(2.0)
-    none = distances(study, records, dict.fromkeys(own, gone)).of("pid", "step")
+    none = distances(study, records, dict.fromkeys(own, gone)).worst[0]
     assert none is not None and none.ratio == gone and none.worst is None
 
 
 def test_a_failed_run_has_no_distance(tmp_path: Path) -> None:
     study = asking(tmp_path)
     found = distances(study, [record(reason="diverged at 0.2 s")], limits_of(study, Value(0.1)))
-    worst = found.of("pid", "step")
+    worst = found.worst[0]
     assert worst is not None and worst.ratio.reason == "the run failed: diverged at 0.2 s"
 
 

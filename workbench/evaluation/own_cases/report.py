@@ -12,12 +12,14 @@ from workbench.evaluation.own_cases.plan import FACTORS
 from workbench.evaluation.own_cases.statistics import (
     ANSWERERS,
     BARS,
+    KINDS,
     ByEffect,
     Score,
     by_effect,
-    by_kind,
     by_size,
+    grouped,
     judge,
+    right_of,
     score_of,
     scores,
     truths_of,
@@ -106,15 +108,15 @@ _RATES = ("right group", "right name or class", "wrong name")
 
 
 def _kinds(rows: Sequence[Mapping[str, Any]]) -> str:
-    told = [
-        (kind, row["cases"], f"{row['points']} of {row['most']}", *(row[name] for name in _RATES))
-        for kind, row in by_kind(rows).items()
-    ]
+    told = []
+    for kind, own in grouped(rows, "kind", KINDS).items():
+        points, most = (sum(getattr(j.line, of) for j in own) for of in ("points", "most"))
+        told.append((kind, len(own), f"{points} of {most}", *right_of(own).values()))
     return aligned_table(("kind", "cases", "points", *_RATES), told, width=None)
 
 
 def _sizes(rows: Sequence[Mapping[str, Any]]) -> str:
-    told = [(f"x {f:g}", *(row[name] for name in _RATES)) for f, row in by_size(rows).items()]
+    told = [(f"x {f:g}", *rates.values()) for f, rates in by_size(rows).items()]
     return aligned_table(("size", *_RATES), told, width=None)
 
 

@@ -191,6 +191,9 @@ NEAR = 1.3
 HIDING = {"single": "one", "pair": "two", "triple": "three"}
 """Kinds of cases that hide what the library has, and how many effects those are."""
 
+KINDS = (*HIDING, "nothing", "outside", "limited")
+"""All kinds of cases."""
+
 
 @dataclass(frozen=True)
 class Sizes:
@@ -277,7 +280,8 @@ def _share(judged: Sequence[Judged], which: Literal["located", "named"]) -> Rate
     return Rate.of(flag for j in judged for flag in getattr(j.line, which))
 
 
-def _right(judged: Sequence[Judged]) -> dict[str, Rate]:
+def right_of(judged: Sequence[Judged]) -> dict[str, Rate]:
+    """Return how often hidden effects were located and named, and how often a name was wrong."""
     return {
         "right group": _share(judged, "located"),
         "right name or class": _share(judged, "named"),
@@ -344,23 +348,16 @@ def by_effect(rows: Sequence[Mapping[str, Any]]) -> tuple[ByEffect, ...]:
     return tuple(result)
 
 
+def grouped(
+    rows: Sequence[Mapping[str, Any]], key: str, values: Sequence[Any]
+) -> dict[Any, list[Judged]]:
+    """Return how the tool did on the cases with each value of a key, where there are any."""
+    judged = [(row[key], judge(row)) for row in rows]
+    groups = {value: [j for found, j in judged if found == value] for value in values}
+    return {value: own for value, own in groups.items() if own}
+
+
 def by_size(rows: Sequence[Mapping[str, Any]]) -> dict[float, dict[str, Rate]]:
     """Return rates of single effects by their size over the rig's own."""
-    judged = [judge(row) for row in rows if row["kind"] == "single"]
-    sizes = {factor: [j for j in judged if j.factor == factor] for factor in sorted(FACTORS)}
-    return {factor: _right(own) for factor, own in sizes.items() if own}
-
-
-def by_kind(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Return how the tool did on each kind of case."""
-    result: dict[str, dict[str, Any]] = {}
-    for kind in (*HIDING, "nothing", "outside", "limited"):
-        own = [judge(row) for row in rows if row["kind"] == kind]
-        if own:
-            result[kind] = {
-                "cases": len(own),
-                "points": sum(j.line.points for j in own),
-                "most": sum(j.line.most for j in own),
-                **_right(own),
-            }
-    return result
+    single = [row for row in rows if row["kind"] == "single"]
+    return {f: right_of(own) for f, own in grouped(single, "factor", sorted(FACTORS)).items()}
