@@ -156,7 +156,7 @@ def change_tables(outcome: StudyResult) -> list[Table]:
     rest = [c for c in outcome.changes if not c.fails and c.way != "better"]
     kinds: tuple[tuple[str, Sequence[Change], Mark], ...] = (
         ("Worse than the baseline", outcome.worse, "missed"),
-        ("Better than the baseline", outcome.better, "met"),
+        ("Better than the baseline", outcome.better, ""),
         ("Other changes, which do not count", rest, ""),
     )
     return [table for kind in kinds for table in _changed(outcome, *kind)]
@@ -170,7 +170,7 @@ def _changed(outcome: StudyResult, title: str, found: Sequence[Change], mark: Ma
         controller, variation, scenario, _ = change.key
         where = (controller, scenario or variation)
         if not change.metric:
-            told = f"run is {change.way}", Cell(change.reason, "", group.also), "–"
+            told = Cell(f"run is {change.way}", mark), Cell(change.reason, "", group.also), "–"
             rows[*where, change.way] = (*where, *told)
         elif variation == IN_BOX:
             moved = _moved(change.before, change.after, "%", share=False)
