@@ -97,9 +97,7 @@ def test_not_asked_for_is_said_and_nothing_is_solved(
     unknown = dict.fromkeys(("ratio", "limit_s", "begin_s", "seed"))
     told = {"controller": "pid", "scenario": "step", "reason": "not asked for"}
     assert table["worst"] == [unknown | told]
-    assert "times the limit" not in summary(outcome) and "physical limit" not in plain_summary(
-        outcome
-    )
+    assert "time-optimal" not in summary(outcome) and "physical limit" not in plain_summary(outcome)
 
 
 def test_asked_for_it_is_in_results_and_summary_but_in_no_metric_or_baseline(
