@@ -39,7 +39,7 @@ def _begins(law: Law, name: str, source: str) -> tuple[Law, Law]:
         usual=False,
         source=source,
         look_alikes=(law.name, "offset_jump", "parameter_jump"),
-        separated_by=offset_jump.separated_by,
+        separated_by=f"the event again, and {law.separated_by}",
     )
     return jump, replace(for_a_while(jump), shapes=law.shapes)
 

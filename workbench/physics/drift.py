@@ -194,7 +194,7 @@ offset_jump = Law(
     moment="time",
     source="an event: something slipped, came loose or was switched",
     look_alikes=("offset", "gain_jump", "constant_torque", "constant_force", "valve_offset"),
-    separated_by="a repetition of the recording: an event does not repeat",
+    separated_by="the event again at two levels of the drive: an offset is the same at both",
 )  # fmt: skip
 
 
@@ -365,6 +365,7 @@ gain_jump = replace(
     ),
     transform=lambda at: at.value * (1.0 + at.p.amount * passed(at)),
     look_alikes=("gain", "offset_jump", "gain_fade"),
+    separated_by="the event again at two levels of the drive: a gain grows with it",
 )
 
 gain_pulse = for_a_while(gain_jump)
@@ -380,6 +381,7 @@ sensor_jump = replace(
     ),
     group="sensor",
     look_alikes=("sensor_offset", "sensor_drift"),
+    separated_by="the event again beside a reference: the machine itself does not jump",
 )  # fmt: skip
 
 
@@ -419,6 +421,7 @@ parameter_jump = replace(
     of_parameter=True,
     source="an event: a part that slipped, seized, or was switched",
     look_alikes=("parameter_fade", "gain_jump", "offset_jump"),
+    separated_by="the event again at two levels of the drive: it grows with what it multiplies",
 )
 
 parameter_pulse = for_a_while(parameter_jump)

@@ -238,6 +238,7 @@ supply_jump = replace(
     where=each("supply_pressure"),
     source="a regulator that sticks, another consumer that is switched on",
     look_alikes=("supply_droop", "reservoir_droop", "regulator_droop"),
+    separated_by="the event again at rest: a droop needs flow",
 )
 
 supply_drift = replace(

@@ -271,6 +271,17 @@ def test_an_event_that_was_found_may_come_again() -> None:
     assert every_name(axis, named=second.name)[second.name].ports == jump.ports
 
 
+def test_events_that_look_alike_are_told_by_what_they_do_and_not_by_their_repetition() -> None:
+    events = [law for law in LAWS.members().values() if law.moment == "time" and not law.period]
+    told = {law.name: law.separated_by.partition(":")[0] for law in events}
+    assert all(text.startswith("the event again") for text in told.values()), told
+    # Of what is added and what multiplies one experiment decides, and another where it is read.
+    assert told["offset_jump"] == told["gain_jump"] == told["parameter_jump"]
+    assert len({told[n] for n in ("offset_jump", "sensor_jump", "friction_jump")}) == 3
+    own = LAWS.get("coulomb_friction").separated_by.partition(":")[0]
+    assert own in told["friction_jump"] and own in told["friction_pulse"]
+
+
 def test_friction_differs_by_direction_only_where_there_is_any() -> None:
     plain = servo_axis().without("coulomb_friction")
     laws = [{h.law for h in library(model)} for model in (plain, servo_axis())]
