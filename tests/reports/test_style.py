@@ -64,6 +64,35 @@ def test_controllers_are_told_apart(ground: str) -> None:
         assert np.linalg.norm(rgb(getattr(a, ground)) - rgb(getattr(b, ground))) > 60
 
 
+# What is left of red, green and blue without one kind of cone (Machado, Oliveira, Fernandes 2009).
+SEEN = {
+    "all": np.eye(3),
+    "no red": [[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]],
+    "no green": [[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]],
+    "no blue": [[1.256, -0.077, -0.179], [-0.078, 0.931, 0.148], [0.005, 0.691, 0.304]],
+}
+# From linear red, green and blue to cones and on to Oklab (B. Ottosson 2020).
+CONES = [[0.4122, 0.5363, 0.0514], [0.2119, 0.6807, 0.1074], [0.0883, 0.2817, 0.6300]]
+OKLAB = [[0.2105, 0.7936, -0.0041], [1.9780, -2.4286, 0.4506], [0.0259, 0.7828, -0.8087]]
+
+
+def perceived(text: str, seen: str) -> np.ndarray:
+    share = rgb(text) / 255
+    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    left = np.clip(np.asarray(SEEN[seen]) @ linear, 0.0, 1.0)
+    return np.asarray(OKLAB) @ np.cbrt(np.asarray(CONES) @ left)
+
+
+@pytest.mark.parametrize("seen", SEEN)
+@pytest.mark.parametrize("ground", ["light", "dark"])
+def test_curves_are_told_apart_by_everybody(ground: str, seen: str) -> None:
+    shown = [getattr(c, ground) for c in (*controller_colours().values(), *FURTHER)]
+    # From 0.02 on two patches side by side differ; thin lines need more. Few people see no blue.
+    least = {"all": 0.12, "no blue": 0.04}.get(seen, 0.08)
+    for a, b in combinations(shown, 2):
+        assert np.linalg.norm(perceived(a, seen) - perceived(b, seen)) > least, (a, b)
+
+
 @pytest.mark.parametrize("ground", ["light", "dark"])
 def test_lines_stand_out_from_the_ground(ground: str) -> None:
     paper = getattr(PAPER, ground)
@@ -82,6 +111,13 @@ def test_a_controller_keeps_its_colour_in_any_company() -> None:
 
 def test_a_name_without_a_colour_of_its_own_always_gets_the_same() -> None:
     assert colours(["mine"])["mine"] == colours(["cascade PID", "mine", "yours"])["mine"]
+
+
+def test_designs_for_any_plant_keep_their_colours_in_any_company() -> None:
+    names = [f"plain-{kind}" for kind in ("h-infinity", "mpc", "pid", "sliding-mode")] + ["lqi"]
+    assert all(colours([name])[name] == colours(names)[name] for name in names)
+    assert colours(names)["plain-mpc"] == colours(["linear MPC"])["linear MPC"]
+    assert len(set(colours(["mpc", "plain-mpc", "linear MPC"]).values())) == 3
 
 
 def test_families_with_a_colour() -> None:
@@ -120,7 +156,7 @@ def test_every_controller_of_a_study_is_drawn(
 ) -> None:
     # One controller more than there are colours.
     monkeypatch.setattr("workbench.reports.style.FURTHER", FURTHER[:2])
-    designs = [word for name in ("lqi", "plain-sliding-mode", "plain-pid") for word in ("-c", name)]
+    designs = [word for name in ("lqi", "plain-h-infinity", "plain-pid") for word in ("-c", name)]
     assert run(["verify", "--plant", "servo-axis", *designs, "--out", str(tmp_path)]) == 0
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "Not drawn" not in page and "tracking-1-part-2" in page

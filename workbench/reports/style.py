@@ -34,14 +34,15 @@ class Colour:
 
 
 FURTHER: tuple[Colour, ...] = (
-    Colour("further-1", "#00778a", "#4fc8dc"),
-    Colour("further-2", "#946c00", "#e0b63f"),
-    Colour("further-3", "#6a4fc4", "#b5a3ff"),
-    Colour("further-4", "#5a7d1e", "#a9cf6c"),
-    Colour("further-5", "#8a4b2a", "#d79a76"),
-    Colour("further-6", "#a8307c", "#f28bc8"),
+    Colour("further-1", "#b36df6", "#8f4cc0"),
+    Colour("further-2", "#939453", "#fee665"),
+    Colour("further-3", "#255240", "#048a1f"),
+    Colour("further-4", "#601903", "#b48788"),
+    Colour("further-5", "#ea55a4", "#bc3576"),
+    Colour("further-6", "#132e75", "#5e7ef5"),
 )
-"""For controllers without a colour of their own, laws, and other things to be told apart."""
+"""For controllers without a colour of their own, laws, and other things to be told apart: by their
+lightness too, as those see them who tell no red from green, or no blue from yellow."""
 
 INK = Colour("ink", "#1d2226", "#e8eaed")
 MEASURED = Colour("measured", "#30373d", "#d5d9de")
@@ -81,6 +82,14 @@ def controller_colours() -> dict[str, Colour]:
     return found
 
 
+def _own(name: str) -> Colour | None:
+    """Return the colour of a family, or of the family of a design; None if it has none."""
+    from controllers.design import DESIGNS
+
+    design = DESIGNS.members().get(name)
+    return controller_colours().get(name if design is None else design.family)
+
+
 def palette() -> tuple[Colour, ...]:
     """Return every colour that a page may show."""
     return (*controller_colours().values(), *FURTHER, *ROLES, *RAMP)
@@ -100,20 +109,20 @@ _ROWS = 2
 def colours(names: Iterable[str]) -> dict[str, Colour]:
     """Return one colour per controller, the same in every picture.
 
-    Families of the workbench's designs have their own; any other name always takes the same one of
-    the further colours, unless a name before it has taken that.
+    Families of the workbench's designs have their own, and so have their designs; any other name
+    always takes the same one of the further colours, unless a name before it has taken that.
 
     Example:
-        >>> [colour.name for colour in colours(["cascade PID", "mine"]).values()]
-        ['cascade-pid', 'further-2']
+        >>> [colour.name for colour in colours(["cascade PID", "mine", "plain-mpc"]).values()]
+        ['cascade-pid', 'further-2', 'linear-mpc']
     """
-    known = controller_colours()
     given: dict[str, Colour] = {}
     for name in dict.fromkeys(names):
-        if name in known:
-            given[name] = known[name]
+        own = _own(name)
+        if own is not None and own not in given.values():
+            given[name] = own
             continue
-        further = 1 + sum(n not in known for n in given)
+        further = 1 + sum(c in FURTHER for c in given.values())
         check_range("number of curves to tell apart", further, 0, len(FURTHER))
         first = crc32(name.encode()) % len(FURTHER)
         order = (*FURTHER[first:], *FURTHER[:first])
@@ -129,10 +138,11 @@ def shades(names: Iterable[str]) -> dict[str, Colour]:
         6
     """
     listed = list(dict.fromkeys(names))
-    further = [name for name in listed if name not in controller_colours()]
+    known = {name: own for name in listed if (own := _own(name)) is not None}
+    further = [name for name in listed if name not in known]
     size = len(FURTHER)
     given = [colours(further[i : i + size]) for i in range(0, len(further), size)]
-    return {n: c for some in (colours(set(listed) - set(further)), *given) for n, c in some.items()}
+    return {n: c for some in (known, *given) for n, c in some.items()}
 
 
 def told_apart(shades: Mapping[str, Colour]) -> list[list[str]]:
