@@ -7,7 +7,7 @@ import numpy as np
 
 from tests.diagnosis.machine_data import recording
 from tests.machines import machine
-from workbench.diagnosis.misrecorded_columns import with_signs_tried
+from workbench.diagnosis.misrecorded_columns import with_columns_tried
 from workbench.model import Model
 from workbench.recordings import check_recording
 
@@ -47,11 +47,11 @@ def test_what_takes_a_coupling_away_is_not_reversed() -> None:
     trial = recording("motor", 1e-3, commands, read)
     report = check_recording(trial, model=motor())
     assert not report.fit
-    tried = with_signs_tried(motor(), report)
+    tried = with_columns_tried(motor(), report)
     assert tried.fit and "signs" in tried.doubtful
     turned = replace(trial.signal("torque_V"), values=-trial["torque_V"])
     wrong = check_recording(trial.with_signal(turned), model=motor())
-    assert with_signs_tried(motor(), wrong) is wrong and not wrong.fit
+    assert with_columns_tried(motor(), wrong) is wrong and not wrong.fit
 
 
 def test_a_heater_that_answers_to_an_opened_door_is_not_reversed() -> None:
@@ -77,4 +77,4 @@ def test_a_heater_that_answers_to_an_opened_door_is_not_reversed() -> None:
     trial = recording("incubator", 5.0, {"heater [W]": heater}, {"chamber [K]": chamber})
     report = check_recording(trial, model=incubator)
     assert not report.fit
-    assert with_signs_tried(incubator, report).fit
+    assert with_columns_tried(incubator, report).fit

@@ -62,10 +62,10 @@ def recording(
         seen = read_recording(file, mapping=mapping, signals=wanted)
         required = None if wanted is None else [w.name for w in wanted if w.name in seen]
         report = check_recording(seen, model=model, required=required)
-        if model is not None and not report.fit:
-            from workbench.diagnosis.misrecorded_columns import with_signs_tried
+        if model is not None:
+            from workbench.diagnosis.misrecorded_columns import with_columns_tried
 
-            report = with_signs_tried(model, report)
+            report = with_columns_tried(model, report)
     typer.echo(str(seen), err=as_json)
     if seen.mapping is not None:
         typer.echo(f"\n{seen.mapping}", err=as_json)

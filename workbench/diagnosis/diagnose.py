@@ -31,8 +31,8 @@ from workbench.diagnosis.location.locate import Location, locate
 from workbench.diagnosis.location.located_signal import missing_signals
 from workbench.diagnosis.misrecorded_columns import (
     with_breaks_bridged,
+    with_columns_tried,
     with_commands_in_time,
-    with_signs_tried,
 )
 from workbench.diagnosis.nonparametric.fit import nonparametric_term
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
@@ -343,7 +343,7 @@ def prepare(
     """Check and observe the recordings."""
     needed = [q.name for q in model.inputs]
     reports = [
-        with_signs_tried(
+        with_columns_tried(
             model,
             check_recording(
                 # What drives the model is held between samples, whatever its column was taken for.

@@ -1,14 +1,18 @@
-"""Columns that came a row too late, dropped out, or seem to have the wrong sign; refits tell."""
+"""Columns that came late, dropped out, are exchanged or in a wrong unit or sign; refits tell."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Matrix, Vector, runs
+from workbench.diagnosis.estimation.free_run import FreeRun, free_run
+from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import filter_of
 from workbench.diagnosis.estimation.process_noise import perfect_cost
 from workbench.diagnosis.estimation.start import FEW, fit_to_few
@@ -17,10 +21,13 @@ from workbench.diagnosis.undeclared.inputs import clearly_likelier
 from workbench.diagnosis.undeclared.plant import with_undeclared
 from workbench.errors import WorkbenchError
 from workbench.model import Model
-from workbench.model.units import in_time
+from workbench.model.units import from_si, in_time, of_difference, to_si, with_unit
 from workbench.recordings.checks.check import MAX_EXCLUDED
-from workbench.recordings.checks.report import CheckReport
+from workbench.recordings.checks.expected import expectations, reached
+from workbench.recordings.checks.report import CheckReport, check_recording
 from workbench.recordings.checks.stuck import MIN_LEVELS
+from workbench.recordings.checks.time_base import check_time_base
+from workbench.recordings.checks.units import check_units
 from workbench.recordings.recording import Recording
 
 _LEFT = 0.1
@@ -34,6 +41,9 @@ _BACK = 0.1
 
 _FEW, _MOST_LEFT = 3, 0.5
 """Breaks of an input in all that may be dropouts, and part of what is left out that may stay."""
+
+_TIMES = ("us", "ms", "s", "min", "h")
+"""Units in which people write a time."""
 
 
 def moved_up(recording: Recording, names: Sequence[str], rows: int) -> Recording:
@@ -202,7 +212,136 @@ def _lacks(model: Model, recordings: Sequence[Recording]) -> float:
     return fit.cost - perfect_cost(fit.model, started)
 
 
-def with_signs_tried(model: Model, report: CheckReport) -> CheckReport:
+@dataclass(frozen=True)
+class _Reading:
+    """A recording, read otherwise than its columns say.
+
+    Args:
+        check: Name of the check of recordings whose answer that changes.
+        mistake: What is wrong with the columns then, and how to mend it.
+    """
+
+    recording: Recording
+    check: str
+    mistake: str
+
+
+def with_columns_tried(model: Model, report: CheckReport) -> CheckReport:
+    """Ask refits of a model for exchanged columns, and for a wrong unit of time or a wrong sign.
+
+    Another reading of the columns is refitted where the model as it stands runs closer along it. It
+    is right where nearly all that the refitted model leaves out, or misses, goes with it. Where the
+    machine differs from the model besides, less does, and it is a doubt.
+    """
+    if not report.fit:
+        return _with_signs_tried(model, report)
+    seen = report.recording.take(slice(_ROWS))
+    sized = model.sized_by(reached(model, [seen]))
+    # What checks corrected may come from the mistake.
+    known = {id(r): r.take(slice(_ROWS)) for r in (report.original, report.recording)}
+    readings = [other for recording in known.values() for other in _readings(model, recording)]
+    trials = [_missed_by(sized, other.recording) for other in readings]
+    if not min(trials, default=math.inf) < _missed_by(sized, seen):
+        return report
+    other = readings[int(np.argmin(trials))]
+    names = [q.name for q in (*model.inputs, *model.outputs) if q.name in seen]
+    checked = check_recording(other.recording, model=model, required=names)
+    if not checked.fit:
+        return report
+    try:
+        (lacks, run), (left, better) = (_refitted(model, r) for r in (seen, checked.recording))
+    except (WorkbenchError, np.linalg.LinAlgError):
+        return report
+    # What misses as much as the measurements move explains nothing.
+    closer = _missed(better) / min(_missed(run), 1.0)
+    if lacks <= SAME / _LEFT or left > lacks - SAME or closer > _MOST_LEFT:
+        return report
+    sure = min(left / lacks, closer) < _LEFT
+    note = (
+        f"the refitted model misses {_rms(run, seen)}, and {_rms(better, seen)} if {other.mistake}"
+    )
+    checks = tuple(
+        replace(
+            c,
+            result="unfit" if sure else c.result,
+            note=note if sure else f"{c.note}; {note}",
+            doubt=True,
+        )
+        if c.name == other.check
+        else c
+        for c in report.checks
+    )
+    return replace(report, checks=checks)
+
+
+def _readings(model: Model, recording: Recording) -> Iterator[_Reading]:
+    """Give the other readings of a recording that its checks let through, as exports mix them up.
+
+    Times are in another unit, or two columns of a model in each other's place.
+    """
+    stated = {row.signal: row.unit for row in recording.mapping or ()}
+    clock = stated.get("time") or "s"
+    step = in_time(recording.sample_time)
+    for unit in _TIMES:
+        factor = float(to_si(1.0, unit) / to_si(1.0, clock))
+        if factor != 1.0:
+            timed = replace(recording, time=recording.time * factor)
+            mistake = (
+                f"the time counts {unit}, not {clock} (steps of {in_time(timed.sample_time)}, not"
+                f" {step}): give its unit in the header or in a mapping file"
+            )
+            found = check_time_base(timed, expectations(timed, model=model, signs={}))
+            if found.result == "pass" and not found.doubt:
+                yield _Reading(timed, "time base", mistake)
+    names = [q.name for q in (*model.inputs, *model.outputs) if q.name in recording]
+    for pair in combinations(names, 2):
+        one, two = (recording.signal(n) for n in pair)
+        units = [stated.get(s.name) or s.unit for s in (one, two)]
+        numbers = [from_si(s.values, unit) for s, unit in zip((one, two), units, strict=True)]
+        exchanged = recording
+        for signal, values, unit in zip((one, two), reversed(numbers), units, strict=True):
+            exchanged = exchanged.with_signal(replace(signal, values=to_si(values, unit)))
+        found = check_units(exchanged, expectations(exchanged, model=model, signs={}))
+        if found.result == "pass" and not found.doubt:
+            mistake = (
+                f"{one.name} and {two.name} are exchanged: correct the order of the columns in the"
+                " file or in a mapping (--mapping)"
+            )
+            yield _Reading(exchanged, "signs", mistake)
+
+
+def _missed_by(model: Model, recording: Recording) -> float:
+    """Return what a model as it stands misses of a recording; infinite if it cannot run along."""
+    try:
+        return _missed(free_run(model, observe(model, recording)))
+    except (WorkbenchError, np.linalg.LinAlgError):
+        return math.inf
+
+
+def _missed(run: FreeRun) -> float:
+    """Return the mean square of a run's error over the variance of what was measured."""
+    moves = {name: std for name, std in run.spread.items() if std > 0.0}
+    shares = [(run.rmse[name] / std) ** 2 for name, std in moves.items()]
+    return float(np.mean(shares)) if shares else math.inf
+
+
+def _refitted(model: Model, recording: Recording) -> tuple[float, FreeRun]:
+    """Return what a refitted model lacks, as `_lacks`, and its run along the recording."""
+    told, _ = with_undeclared(model, [recording])
+    fit, started = fit_to_few(told, [recording])
+    return fit.cost - perfect_cost(fit.model, started), free_run(fit.model, started[0])
+
+
+def _rms(run: FreeRun, recording: Recording) -> str:
+    """Say by how much a run misses the measurements."""
+    said = []
+    for name, unit in zip(run.used, run.units, strict=True):
+        shown = of_difference(recording.signal(name).display_unit or unit)
+        said.append(f"{name} by {with_unit(f'{from_si(run.rmse[name], shown):.3g}', shown)} rms")
+    return ", ".join(said)
+
+
+def _with_signs_tried(model: Model, report: CheckReport) -> CheckReport:
     """Doubt a wrong sign without which the refitted model follows a recording no better.
 
     A command that answers to what it moves, as in a drive that takes the coupling of its axes away
