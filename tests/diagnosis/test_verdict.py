@@ -141,6 +141,38 @@ def test_a_curve_of_a_parameter_is_told_in_the_unit_of_that() -> None:
     assert model.read_in(f"{law.name}.amount") == "mg/l/h"
 
 
+@pytest.mark.parametrize("written", ["L/min", "m3/s"])
+def test_what_combines_units_is_read_in_those_of_the_author(written: str) -> None:
+    def equations(m: Scope) -> Equations:
+        flow = m.port("valve.flow", m.u.pump - m.p.leak * m.x.line, unit=written)
+        return {"line": flow / m.p.store}, {"gauge": m.x.line}
+
+    own = written == "L/min"
+    # In units of its own, or in those of the SI with a unit for the reader.
+    hose = machine(
+        equations,
+        "line bar 1" if own else "line Pa 1e5",
+        "pump L/min upper=20" if own else "pump m3/s upper=4e-4 display_unit=L/min",
+        "gauge bar" if own else "gauge Pa display_unit=bar",
+        "leak L/(min bar) 2 0 9, store L/bar 0.5"
+        if own
+        else "leak m3/(s Pa) 3e-10 0 9e-10, store m3/Pa 5e-9",
+        time="min" if own else "",
+    )
+    laws = {h.name: hose.with_effect(h.at_size(h.typical_size)) for h in library(hose)}
+    wanted = {
+        ("linear_outflow_valve", "conductance"): "L/(min bar)",
+        ("quadratic_outflow_valve", "coefficient"): "L/(min bar2)",
+        ("sensor_cross_talk_gauge_pump", "gain"): "bar min/L",
+        ("offset_valve_flow", "amount"): "L/min",
+    }
+    read = {(law, q): laws[law].read_in(f"{law}.{q}") for law, q in wanted}
+    assert read == wanted
+    # The author wrote this one himself.
+    jump = "parameter_jump_leak"
+    assert laws[jump].read_in(f"{jump}.amount") == ("L/(min bar)" if own else "")
+
+
 def test_levels_of_temperature_are_told_on_the_scale_of_the_thermometer() -> None:
     kettle = machine(
         lambda m: ({"T": m.p.gain * m.u.power}, {"probe": m.x.T}),

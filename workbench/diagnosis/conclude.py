@@ -302,7 +302,7 @@ def _not_testable(diagnosis: Diagnosis) -> tuple[Mapping[str, str], ...]:
                 f"{100 * s.collinearity:.1f} % of its signature is collinear with parameters"
                 if s.collinearity >= COLLINEAR
                 else "only sizes beyond"
-                f" {diagnosis.nominal.size_text(s.smallest, s.entry.unit, s.entry.ports)}"
+                f" {diagnosis.nominal.size_text(s.smallest, s.entry.unit, s.entry.effect.places)}"
                 " would show"
             ),
         }

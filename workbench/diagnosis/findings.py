@@ -61,7 +61,7 @@ def named(
     beside = ""
     if other := entry.effect.about.tells:
         q = model.parameter(f"{entry.name}.{other}")
-        beside = f", {other} {model.size_text(q.value, q.unit, entry.ports, 3)}"
+        beside = f", {other} {model.size_text(q.value, q.unit, entry.effect.places, 3)}"
     text = (
         f"{'Likely missing' if doubts else 'Missing'}:"
         f" {entry.name.replace('_', ' ')} at {', '.join(entry.ports)}"
@@ -207,8 +207,7 @@ def _by_recording(model: Model, effect: Effect) -> str:
         return ""
     subject = about.subject
     unit = model.parameter(subject).unit if subject else effect.parameters[0].unit
-    places = (subject, *effect.ports)
-    told = (f"{model.size_text(v, unit, places, 3)} in {k}" for k, v in found.items())
+    told = (f"{model.size_text(v, unit, effect.places, 3)} in {k}" for k, v in found.items())
     return f"; {subject or 'it'} {'is' if about.level else 'begins at'} {', '.join(told)}"
 
 
@@ -234,7 +233,7 @@ def along(model: Model, effect: Effect) -> str:
     unit = read or (shown_in(over) if over else unit)
     own = model.parameter(subject).unit
     told = (
-        f"{model.size_text(value, own, (subject, *effect.ports), 3)} at"
+        f"{model.size_text(value, own, effect.places, 3)} at"
         f" {with_unit(f'{from_si(at, unit):.3g}', unit)}"
         for at, value in found.items()
     )

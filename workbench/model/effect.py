@@ -104,6 +104,11 @@ class Effect:
         if len(set(own)) != len(own):
             raise WorkbenchError(f"effect {self.name!r} uses a name twice: {', '.join(own)}")
 
+    @property
+    def places(self) -> tuple[str, ...]:
+        """What it changes, if that is a parameter, and its ports: in whose units it is read."""
+        return tuple(filter(None, (self.about.subject, *self.ports)))
+
     def with_parameters(self, values: Mapping[str, float]) -> Effect:
         """Return the same effect with other values by short name, in each parameter's unit."""
         for name in values:

@@ -18,7 +18,15 @@ from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError, check_choice, check_finite
 from workbench.model.effect import Effect
 from workbench.model.own_units import in_si_equations
-from workbench.model.quantities import Input, Output, Parameter, Quantity, State, declared_unit
+from workbench.model.quantities import (
+    Input,
+    Output,
+    Parameter,
+    Quantity,
+    State,
+    combined_unit,
+    declared_unit,
+)
 from workbench.model.regularisation import EXACT, REGULARISED, Expression, Form
 from workbench.model.scope import Names, Port
 from workbench.model.sizes import horizon, missing, poles_of, silent, sized, sizes
@@ -214,21 +222,32 @@ class Model(Shown):
         effect = next((e for e in self.effects if e.name == name.partition(".")[0]), None)
         places: tuple[str, ...] = (name,)
         if effect is not None and "." in name:
-            places = (effect.about.subject, *effect.ports)
+            places = effect.places
         one = self.parameter(name)
         return one.display_unit or self.read_at(places, one.unit)
 
     def read_at(self, places: Iterable[str], unit: str) -> str:
         """Return the unit in which people read something of an SI unit; empty if none.
 
+        What a signal at a port is over a power of another quantity is read in both their units.
+
         Args:
             places: Ports, rates, and parameters, whose own unit it may be.
         """
+        places, known = tuple(places), self.quantities
         said = {q.name: of_difference(q.display_unit) for q in self.parameters if q.unit == unit}
-        found = (
-            said.get(p) or declared_unit(p, unit, self.quantities, difference=True) for p in places
-        )
-        return next(filter(None, found), "")
+        ports = [q for name in places for q in self.ports if q.name == name]
+        # In which its author wrote it, or named it.
+        read = {
+            q.name: of_difference(q.stated) or declared_unit(q.name, q.unit, known, difference=True)
+            for q in ports
+        }
+        said |= {q.name: read[q.name] for q in ports if q.unit == unit}
+        found = (said.get(p) or declared_unit(p, unit, known, difference=True) for p in places)
+        # What changes a parameter is read as that is written.
+        own = any(q.name in places and q.unit == unit for q in self.parameters)
+        combined = (combined_unit(unit, q.unit, read[q.name], known) for q in ports if not own)
+        return next(filter(None, (*found, *combined)), "")
 
     def reading(self, unit: str, *places: str, size: float = 0.0) -> tuple[str, float]:
         """Return how differences of an SI unit are read at places: a unit, and its factor from SI.

@@ -324,6 +324,39 @@ def declared_unit(
     return agreed if agreed not in (unit, "1") and of_difference(agreed) == agreed else ""
 
 
+_POWERS = (0.5, 1, 1.5, 2, 3, -1)
+"""Powers of a quantity that laws divide a signal by."""
+
+
+def combined_unit(unit: str, signal: str, read: str, quantities: Iterable[Quantity]) -> str:
+    """Return the unit for reading what a signal is over a power of a quantity; empty if unclear.
+
+    Args:
+        unit: SI unit of that, as `per` writes it.
+        signal: SI unit of the signal.
+        read: Unit in which the signal is read; empty if it is none of its own.
+        quantities: Outputs, inputs and states, of which those of one SI unit agree how to read it.
+
+    Example:
+        >>> of = [Output("line", "Pa", display_unit="bar"), State("level", "m")]
+        >>> [combined_unit(per("m3/s", "Pa", n), "m3/s", "L/min", of) for n in (1, 0.5)]
+        ['L/(min bar)', 'L/(min bar^0.5)']
+        >>> combined_unit("m2/s", "m3/s", "L/min", of), combined_unit("kg/Pa", "m3/s", "L/min", of)
+        ('L/(min m)', '')
+    """
+    if not read:
+        return ""
+    known = list(quantities)
+    measured = dict.fromkeys(q.unit for q in known if q.unit != "1")
+    found = {
+        per(read, declared_unit("", by, known) or by, power)
+        for by in dict.fromkeys([*measured, *(per(u, "s") for u in measured)])
+        for power in _POWERS
+        if per(signal, by, power) == unit
+    }
+    return found.pop() if len(found) == 1 else ""
+
+
 @dataclass(frozen=True)
 class Parameter(Quantity):
     """A constant of the model, with bounds and where the number comes from.

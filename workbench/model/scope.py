@@ -61,6 +61,7 @@ class Port:
             tell.
         origins: For each of ``signals``, the state, input, port or published signal that it is, or
             nothing.
+        stated: Unit that the author of the equations wrote, where it is not ``unit``.
     """
 
     name: str
@@ -73,6 +74,7 @@ class Port:
     role: str = ""
     origins: tuple[str, ...] = ()
     sized: bool = True
+    stated: str = ""
 
     @property
     def group(self) -> str:
@@ -217,7 +219,7 @@ class Scope:
         """
         counted = parse_unit(unit)
         size = counted.factor if self._sized else 1.0
-        unit = self._claim(name, unit)
+        stated, unit = unit, self._claim(name, unit)
         local = Names(f"signal at port {name}", self._in_si(signals or {}))
         port = Port(
             name,
@@ -229,6 +231,7 @@ class Scope:
             relative_disturbance,
             role,
             sized=scale is not None,
+            stated=stated if stated != unit else "",
         )
         given = value if self.own is None else value * size + counted.offset
         result = self.transform(port, given, local)

@@ -187,7 +187,7 @@ def weights_table(verdict: Verdict) -> Table:
 
 def _size(score: Score, model: Model) -> str:
     entry = score.entry
-    unit, factor = model.reading(entry.unit, *entry.ports, size=score.size)
+    unit, factor = model.reading(entry.unit, *entry.effect.places, size=score.size)
     return f"{number(factor * score.size)} {unit}".removesuffix(" 1")
 
 

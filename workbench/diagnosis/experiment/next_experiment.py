@@ -179,9 +179,9 @@ def _sharpening(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> Advice:
         return Advice()
     size = diagnosis.extended.refit.estimate(name)
     before, after = (
-        diagnosis.nominal.size_text(x, size.unit, best.entry.ports) for x in (now, then)
+        diagnosis.nominal.size_text(x, size.unit, best.entry.effect.places) for x in (now, then)
     )
-    value = diagnosis.nominal.size_text(size.value, size.unit, best.entry.ports, 3)
+    value = diagnosis.nominal.size_text(size.value, size.unit, best.entry.effect.places, 3)
     said = {
         "experiment": experiment.text,
         "separation_sigma": None,
@@ -240,7 +240,7 @@ def _revealing(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> Advice:
         return Advice()
     best = max(found, key=lambda sight: sight.now / sight.then)
     least, before = (
-        diagnosis.nominal.size_text(SEEN * std, best.entry.unit, best.entry.ports)
+        diagnosis.nominal.size_text(SEEN * std, best.entry.unit, best.entry.effect.places)
         for std in (best.then, best.now)
     )
     # An input that never changes sign shows nothing of what happens below zero.

@@ -146,7 +146,7 @@ def located_signal(
         port = next(q for q in model.ports if q.name == name)
         rows, found_there = known_rows(signal, std), taken_out or _Found("", {})
         along = _argument(signal if law is None else law, arguments, port, found_there, rows)
-        own = declared_unit(name, port.unit, model.quantities, difference=True)
+        own = model.read_at([name], port.unit)
         local = _local(model, port, parts, arguments)
         missing = _missing(parts, i, along, local, own, law if np.any(law) else None)
         if taken_out is not None and law is not None:

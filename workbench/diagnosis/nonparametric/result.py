@@ -162,7 +162,7 @@ class NonparametricTerm:
         """Return the unit declared for reading an argument, or the curves; empty if none."""
         model, place = self.fit.model, next(q for q in self.fit.model.ports if q.name in self.ports)
         if not argument:
-            return declared_unit(place.name, self.unit, model.quantities, difference=True)
+            return model.read_at([place.name], self.unit)
         origins = dict(zip(place.signals, place.origins, strict=False))
         unit = next(a.unit for a in self.arguments if a.name == argument)
         return declared_unit(origins.get(argument, argument), unit, model.quantities)
