@@ -22,7 +22,7 @@ from workbench.diagnosis.undeclared.plant import with_undeclared
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.model.units import from_si, in_time, of_difference, to_si, with_unit
-from workbench.recordings.checks.check import MAX_EXCLUDED
+from workbench.recordings.checks.check import MAX_EXCLUDED, Finding
 from workbench.recordings.checks.expected import expectations, reached
 from workbench.recordings.checks.report import CheckReport, check_recording
 from workbench.recordings.checks.stuck import MIN_LEVELS
@@ -218,12 +218,14 @@ class _Reading:
 
     Args:
         check: Name of the check of recordings whose answer that changes.
-        mistake: What is wrong with the columns then, and how to mend it.
+        mistake: What is wrong with the columns then.
+        fix: How to mend it.
     """
 
     recording: Recording
     check: str
     mistake: str
+    fix: str
 
 
 def with_columns_tried(model: Model, report: CheckReport) -> CheckReport:
@@ -258,19 +260,18 @@ def with_columns_tried(model: Model, report: CheckReport) -> CheckReport:
         return report
     sure = min(left / lacks, closer) < _LEFT
     note = (
-        f"the refitted model misses {_rms(run, seen)}, and {_rms(better, seen)} if {other.mistake}"
+        f"{other.mistake}, as it seems: the refitted model misses {_rms(better, other.recording)}"
+        f" then, and {_rms(run, seen)} as recorded; {other.fix}"
     )
-    checks = tuple(
-        replace(
-            c,
-            result="unfit" if sure else c.result,
-            note=note if sure else f"{c.note}; {note}",
-            doubt=True,
-        )
-        if c.name == other.check
-        else c
-        for c in report.checks
-    )
+
+    def told(c: Finding) -> Finding:
+        if c.name != other.check:
+            return c
+        if sure:
+            return replace(c, result="unfit", note=note)
+        return replace(c, note=f"{c.note}; {note}", doubt=True)
+
+    checks = tuple(told(c) for c in report.checks)
     return replace(report, checks=checks)
 
 
@@ -288,11 +289,12 @@ def _readings(model: Model, recording: Recording) -> Iterator[_Reading]:
             timed = replace(recording, time=recording.time * factor)
             mistake = (
                 f"the time counts {unit}, not {clock} (steps of {in_time(timed.sample_time)}, not"
-                f" {step}): give its unit in the header or in a mapping file"
+                f" {step})"
             )
+            fix = "give its unit in the header or in a mapping file"
             found = check_time_base(timed, expectations(timed, model=model, signs={}))
             if found.result == "pass" and not found.doubt:
-                yield _Reading(timed, "time base", mistake)
+                yield _Reading(timed, "time base", mistake, fix)
     names = [q.name for q in (*model.inputs, *model.outputs) if q.name in recording]
     for pair in combinations(names, 2):
         one, two = (recording.signal(n) for n in pair)
@@ -303,11 +305,9 @@ def _readings(model: Model, recording: Recording) -> Iterator[_Reading]:
             exchanged = exchanged.with_signal(replace(signal, values=to_si(values, unit)))
         found = check_units(exchanged, expectations(exchanged, model=model, signs={}))
         if found.result == "pass" and not found.doubt:
-            mistake = (
-                f"{one.name} and {two.name} are exchanged: correct the order of the columns in the"
-                " file or in a mapping (--mapping)"
-            )
-            yield _Reading(exchanged, "signs", mistake)
+            mistake = f"{one.name} and {two.name} are exchanged"
+            fix = "correct the order of the columns in the file or in a mapping (--mapping)"
+            yield _Reading(exchanged, "signs", mistake, fix)
 
 
 def _missed_by(model: Model, recording: Recording) -> float:
