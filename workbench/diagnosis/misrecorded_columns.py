@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -256,9 +257,11 @@ def with_columns_tried(model: Model, report: CheckReport) -> CheckReport:
         return report
     # What misses as much as the measurements move explains nothing.
     closer = _missed(better) / min(_missed(run), 1.0)
-    if lacks <= SAME / _LEFT or left > lacks - SAME or closer > _MOST_LEFT:
+    likelier = lacks > SAME / _LEFT and left < lacks - SAME
+    # Noise that nobody declared is taken from the recording: it may be all that a wrong one lacks.
+    sure = closer < _LEFT**2 or (likelier and min(left / lacks, closer) < _LEFT)
+    if closer > _MOST_LEFT or not (sure or likelier):
         return report
-    sure = min(left / lacks, closer) < _LEFT
     note = (
         f"{other.mistake}, as it seems: the refitted model misses {_rms(better, other.recording)}"
         f" then, and {_rms(run, seen)} as recorded; {other.fix}"
@@ -280,6 +283,8 @@ def _readings(model: Model, recording: Recording) -> Iterator[_Reading]:
 
     Times are in another unit, or two columns of a model in each other's place.
     """
+    names = [q.name for q in (*model.inputs, *model.outputs) if q.name in recording]
+    known = partial(expectations, model=model, required=names, signs={})
     stated = {row.signal: row.unit for row in recording.mapping or ()}
     clock = stated.get("time") or "s"
     step = in_time(recording.sample_time)
@@ -292,10 +297,9 @@ def _readings(model: Model, recording: Recording) -> Iterator[_Reading]:
                 f" {step})"
             )
             fix = "give its unit in the header or in a mapping file"
-            found = check_time_base(timed, expectations(timed, model=model, signs={}))
+            found = check_time_base(timed, known(timed))
             if found.result == "pass" and not found.doubt:
                 yield _Reading(timed, "time base", mistake, fix)
-    names = [q.name for q in (*model.inputs, *model.outputs) if q.name in recording]
     for pair in combinations(names, 2):
         one, two = (recording.signal(n) for n in pair)
         units = [stated.get(s.name) or s.unit for s in (one, two)]
@@ -303,7 +307,7 @@ def _readings(model: Model, recording: Recording) -> Iterator[_Reading]:
         exchanged = recording
         for signal, values, unit in zip((one, two), reversed(numbers), units, strict=True):
             exchanged = exchanged.with_signal(replace(signal, values=to_si(values, unit)))
-        found = check_units(exchanged, expectations(exchanged, model=model, signs={}))
+        found = check_units(exchanged, known(exchanged))
         if found.result == "pass" and not found.doubt:
             mistake = f"{one.name} and {two.name} are exchanged"
             fix = "correct the order of the columns in the file or in a mapping (--mapping)"
