@@ -98,6 +98,54 @@ def test_what_fills_both_is_no_exchange() -> None:
     assert ports(crane()) == []
 
 
+def test_a_hose_gives_a_lung_what_leaves_its_own_pressure() -> None:
+    """A pressure and a volume share what one resistance lets pass, read as the volume's flow."""
+
+    def equations(m: Scope) -> Equations:
+        flow = (m.x.hose - m.x.volume / m.p.compliance) / m.p.airway
+        supplied = (m.u.blower - m.x.hose) / m.p.line
+        return {"hose": (supplied - flow) / 2e-8, "volume": flow}, {"flow": flow}
+
+    lung = machine(
+        equations,
+        "hose Pa 500, volume m3 5e-4",
+        "blower Pa",
+        "flow m3/s",
+        "compliance m3/Pa 5e-7, airway Pa*s/m3 1e6, line Pa*s/m3 4e5",
+    )
+    assert ports(lung) == ["volume_hose.exchange"]
+    at = [800.0, 2.5e-4], [1000.0]
+    assert lung.signals(*at)["volume_hose.exchange"] == pytest.approx(3e-4)
+    doubled = lung.with_effect(gain("volume_hose.exchange", excess=1.0))
+    assert doubled.rates(*at) - lung.rates(*at) == pytest.approx([-3e-4 / 2e-8, 3e-4])
+    assert doubled.signals(*at)["flow.reading"] == pytest.approx(6e-4)
+
+
+def test_what_two_kinds_of_states_share_by_chance_is_no_exchange() -> None:
+    def motor(m: Scope) -> Equations:
+        emf, torque = m.p.k * m.x.speed, m.p.k * m.x.current
+        return (
+            {
+                "current": (m.u.voltage - m.p.R * m.x.current - emf) / 1e-3,
+                "speed": (torque - 1e-4 * m.x.speed) / 1e-5,
+            },
+            {"speed": m.x.speed},
+        )
+
+    # One factor, two terms; and what an input alone gives acts at its command.
+    direct = machine(
+        motor, "current A 1, speed rad/s 10", "voltage V", "speed rad/s", "k V*s 0.05, R ohm 1"
+    )
+    charged = machine(
+        lambda m: (
+            {"charge": -m.p.gain * m.u.current, "drop": m.p.gain * m.u.current - m.x.drop},
+            {"drop": m.x.drop},
+        ),
+        "charge C 1, drop V 1", "current A", "drop V", "gain 1 2",
+    )  # fmt: skip
+    assert ports(direct) == ports(charged) == []
+
+
 def test_a_coupling_is_one_force_with_all_its_parts() -> None:
     model = drivetrain()
     assert ports(model) == ["motor_speed_load_speed.exchange"]

@@ -1,14 +1,15 @@
 """Exchanges: what one store or body gives and another takes, found in equations without ports.
 
 The spring between two masses, the heat between a room and its walls, a reaction that turns one
-substance into another: a term that enters the rates of several states of one kind in a fixed ratio,
-with opposite signs. What acts there, such as the backlash of a coupling, acts on all of them.
+substance into another: a term that enters the rates of several states in a fixed ratio, with
+opposite signs. What acts there, such as the backlash of a coupling, acts on all of them. States of
+several kinds, as a pressure and the volume that it fills, share what one parameter is in.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -73,8 +74,13 @@ def exchanges(
     for symbol in p.values():
         slope = ca.jacobian(f, symbol)
         moved = [i for i in range(len(names)) if not slope[i].is_zero()]
-        if len(moved) < 2 or not _of_one_kind([units[names[i]] for i in moved]):
+        if len(moved) < 2:
             continue
+        if not _of_one_kind([units[names[i]] for i in moved]):
+            if not ca.depends_on(slope[moved], ca.vcat(list(x.values()))):
+                continue  # What an input alone gives acts there.
+            # What is nearly all of a rate is best read in its unit.
+            moved.sort(key=lambda i: len(_added_up(f[i])))
         bent = symbol * ca.jacobian(slope[moved[0]], symbol)
         see = ca.Function("see", [both, own], [slope[moved], bent])
         seen = np.vstack([np.asarray(v, dtype=float) for v in see(looks.T, usual)]).T
@@ -89,10 +95,23 @@ def exchanges(
         value = symbol * slope[moved[0]] / round(float(powers[0, 0]), 6)
         direction = np.zeros(len(names))
         direction[moved] = ratios[0]
-        if any(_near(d, direction) and not ca.jacobian(v, symbol).is_zero() for d, v in taken):
-            continue  # A second factor of a term that is there already.
-        taken.append((direction, value))
         same = next((k for k, (d, _) in enumerate(found) if _near(d, direction)), None)
+        factored = [v for d, v in taken if _near(d, direction) and ca.depends_on(v, symbol)]
+        if factored:
+            # A second factor of a term that is there already, or of more than that.
+            part = ca.sum1(ca.vcat(factored))
+            by_it = symbol * ca.jacobian(part, symbol) / round(float(powers[0, 0]), 6)
+            at = ca.Function("at", [both, own], [part, by_it, value])
+            there, scaled, whole = np.array(at(looks[known].T, usual), dtype=float)[:, 0]
+            if not _equal(there, scaled) or _equal(there, whole):
+                continue
+            assert same is not None
+            first = found[same][1]
+            found[same] = direction, replace(first, value=first.value - part + value)
+            taken = [(d, v) for d, v in taken if not any(v is one for one in factored)]
+            taken.append((direction, value))
+            continue
+        taken.append((direction, value))
         if same is None:
             own_shares = tuple(shares[k] for k in range(len(moved)))
             found.append((direction, Exchange(tuple(names[i] for i in moved), value, own_shares)))
@@ -175,6 +194,10 @@ def _is_bare(e: ca.SX) -> bool:
 
 def _same(rows: Vector) -> bool:
     return bool(np.all(np.abs(rows - rows[0]) <= _ALIKE * np.abs(rows[0]).max()))
+
+
+def _equal(a: Vector, b: Vector) -> bool:
+    return bool(np.all(np.abs(a - b) <= _ALIKE * np.abs(b).max()))
 
 
 def _near(a: Vector, b: Vector) -> bool:
