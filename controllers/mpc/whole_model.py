@@ -171,7 +171,7 @@ class LinearMPC(ValveController):
         else:
             now, fresh = reference, np.array(self.reference_speed) * self.sample_time
             if self.pace:
-                moved = self._moved(reference, *np.split(state.paced, 2))
+                moved = self._moved(reference, state.paced[:count], state.paced[count:])
                 now = state.paced[:count] + moved
                 paced = np.concatenate([now, moved])
             filtered, target = lagged(state.filtered.T, state.target.T, now.T, fresh)
@@ -211,9 +211,9 @@ class LinearMPC(ValveController):
 
     def _moved(self, reference: Matrix, before: Matrix, moved: Matrix) -> Matrix:
         """Return by how much references move."""
-        count = len(before)
-        brake = np.array(self.brake or (math.inf,) * count)
-        leap = np.array(self.leap or (0.0,) * count)
+        # One that need not brake is sooner told than one that brakes without an end.
+        brake = np.array(self.brake) if self.brake else math.inf
+        leap = np.array(self.leap or (0.0,) * len(before))
         pace = np.array(self.pace)
         return np.asarray(paced(reference - before, moved, pace, brake, leap, ARRAYS))
 

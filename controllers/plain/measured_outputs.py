@@ -54,8 +54,9 @@ def designed_for(want: LoopSpecification, linear: Any, design: Makes[C], helps: 
         slower = replace(want, trusted_frequency=share * fast)
         # A plant that is unstable needs so much.
         with suppress(WorkbenchError):
-            found = borne(_upon(slower, whole, design, helps), whole, want)
-            best = found if found.cost < MUCH_LESS * best.cost else best
+            most = MUCH_LESS * best.cost
+            found = borne(_upon(slower, whole, design, helps), whole, want, most)
+            best = found if found.cost < most else best
         if not best.poor:
             break
     return best.law

@@ -21,6 +21,7 @@ from controllers.plain.limits import LoopSpecification
 from controllers.plain.plain_law import PlainLaw
 from controllers.plain.selection import OVERSHOT
 from controllers.sensitivity import stirred
+from workbench.arrays import Vector
 from workbench.linearisation import LinearModel
 from workbench.linearisation.first_step import command_of_loop, step_of
 from workbench.linearisation.from_rest import FromRest, bends
@@ -71,16 +72,22 @@ class Borne(NamedTuple, Generic[P]):
     poor: bool
 
 
-def borne(law: P, linear: LinearModel, want: LoopSpecification) -> Borne[P]:
-    """Return the law with references that the equations of its plant bear, each of its own."""
-    found: Any = law
+def borne(law: P, linear: LinearModel, want: LoopSpecification, most: float = math.inf) -> Borne[P]:
+    """Return the law with references that the equations of its plant bear, each of its own.
+
+    Args:
+        most: What its steps may come to, in samples squared: those of a law that come to more are
+            not run to their end, and cost more than any.
+    """
+    found, cost, poor = cast(Any, law), 0.0, False
     if not bends(linear):
-        return Borne(law, 0.0, False)
-    run, each = _Run(found, linear, want), []
+        return Borne(law, cost, poor)
+    run = _Run(found, linear, want)
     for i in range(len(found.controlled)):
-        found, stepped = run.led(found, i)
-        each.append(stepped)
-    return Borne(found, sum(one.cost() for one in each), any(one.poor for one in each))
+        if cost <= most:
+            found, stepped = run.led(found, i, most - cost)
+            cost, poor = cost + stepped.cost(), poor or stepped.poor
+    return Borne(found, cost, poor)
 
 
 class _Run:
@@ -95,32 +102,52 @@ class _Run:
         self.lower = np.array([q.lower + ENDED * q.scale for q in moved])
         self.upper = np.array([q.upper - ENDED * q.scale for q in moved])
 
-    def led(self, law: Any, i: int) -> tuple[Any, Stepped]:
-        """Return the law with the best references of an output, and what its step comes to."""
+    def led(self, law: Any, i: int, most: float) -> tuple[Any, Stepped]:
+        """Return the law with the best references of an output, and what its step comes to.
+
+        Args:
+            most: What it may come to, in samples squared.
+        """
         names, model = law.controlled, self.linear.operating_point.model
         command = command_of_loop(self.linear, names[i]) if len(names) == 1 else ""
         size = step_of(model, self.linear, names[i], names, command)
         noisy = NOISY * stirred(law, self.linear, self.want.delay).get(names[i], 0.0) / abs(size)
-        first = self.stepped(law, i, size, noisy)
+        best = law, self.stepped(law, i, size, noisy, most)
+        first = best[1]
         if not first.overshoot or (first.overshoot < POOR and first.left > SETTLED):
-            return law, first
-        laws = [law, *(slower(law, i, abs(size), by * first.rise) for by in SLOWER)]
-        found = [first, *(self.stepped(one, i, size, noisy) for one in laws[1:])]
-        return min(zip(laws, found, strict=True), key=lambda pair: pair[1].cost(3.0))
+            return best
+        # The slowest first: beside it, what overshoots is soon known to be worse.
+        for by in reversed(SLOWER) if first.rise else ():
+            tried = slower(law, i, abs(size), by * first.rise)
+            found = self.stepped(tried, i, size, noisy, most, best[1].cost(3.0))
+            best = (tried, found) if found.cost(3.0) < best[1].cost(3.0) else best
+        return best
 
-    def stepped(self, law: Any, i: int, size: float, noisy: float) -> Stepped:
+    def stepped(
+        self,
+        law: Any,
+        i: int,
+        size: float,
+        noisy: float,
+        most: float = math.inf,
+        others: float = math.inf,
+    ) -> Stepped:
         """Return what a step of one output, in SI, and back comes to.
+
+        Where that is more than it may be, it is not run to its end, and counts as lost.
 
         Args:
             noisy: What noise may move it by, as a fraction of the step.
+            most: What it may come to, in samples squared.
+            others: What others come to, with overshoots by their third power.
         """
         plant, lost = self.plant, Stepped(math.inf, math.inf, 1, math.inf)
         plant.start()
         state = law.initial_state(tuple(plant.rest))
         coming = [plant.command] * round(self.want.delay / self.want.sample_time)
         at, asked = law.sensors.index(law.controlled[i]), plant.rest[: len(law.controlled)]
-        overshoot, error, rise, left = self.want.overshoot, 0.0, 0, 0.0
-        settled, within = SETTLED + noisy, WITHIN + noisy
+        so_far = Stepped(0.0, 0.0, 0, 0.0)
+        settled = SETTLED + noisy
         random = np.random.default_rng(0)
         for sign in (1.0, -1.0):
             asked[i] += sign * size
@@ -130,8 +157,12 @@ class _Run:
                 away[k] = sign * (y[at] - asked[i]) / size
                 if not abs(away[k]) < LOST:
                     return lost
-                if k % BLOCK == BLOCK - 1 and np.all(np.abs(away[k + 1 - BLOCK : k + 1]) < settled):
-                    break
+                if k % BLOCK == BLOCK - 1:
+                    if np.all(np.abs(away[k + 1 - BLOCK : k + 1]) < settled):
+                        break
+                    found = self._with(so_far, away[: k + 1], noisy)
+                    if found.cost() > most or found.cost(3.0) > others:
+                        return lost._replace(rise=found.rise)
                 reference = tuple(asked) * (1 + law.preview)
                 y = y + self.noise * random.standard_normal(len(y))
                 command, state, _ = law.step(state, tuple(y.tolist()), reference)
@@ -140,11 +171,7 @@ class _Run:
                 if not plant.hold(coming.pop(0)):
                     return lost
             away = away[: k + 1]
-            overshoot = max(overshoot, float(away.max()) - noisy)
-            error += float(np.arange(len(away)) @ np.abs(away))
-            unsettled = np.flatnonzero(np.abs(away) > within)
-            error += 0.5 * float(unsettled.max(initial=0)) ** 2
-            rise = rise or max(int(np.argmax(away > -0.37)), 1)
+            so_far, left = self._with(so_far, away, noisy), so_far.left
             last, before = (np.abs(part[:BLOCK]).max() for part in (away[-BLOCK:], away[k // 2 :]))
             end = sent[k + 1 - BLOCK : k + 1]
             low, high = end <= self.lower, end >= self.upper
@@ -155,7 +182,18 @@ class _Run:
             left = (
                 max(left, float(last) - noisy) if last > (1.0 if waits else 0.5) * before else left
             )
-        return Stepped(overshoot - self.want.overshoot, error, rise, left)
+            so_far = so_far._replace(rise=max(so_far.rise, 1), left=left)
+        return so_far
+
+    def _with(self, before: Stepped, away: Vector, noisy: float) -> Stepped:
+        """Return what steps come to with a further one, by how far it is away, shape (n,)."""
+        unsettled = np.flatnonzero(np.abs(away) > WITHIN + noisy).max(initial=0)
+        error = float(np.arange(len(away)) @ np.abs(away)) + 0.5 * float(unsettled) ** 2
+        return before._replace(
+            overshoot=max(before.overshoot, float(away.max()) - noisy - self.want.overshoot),
+            error=before.error + error,
+            rise=before.rise or int(np.argmax(away > -0.37)),
+        )
 
 
 def slower(law: P, i: int, size: float, samples: float) -> P:

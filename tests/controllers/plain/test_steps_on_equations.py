@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 from unittest.mock import Mock
 
@@ -20,6 +21,7 @@ from tests.machines import at_rest, machine, stepped
 from workbench.errors import WorkbenchError
 from workbench.linearisation import first_step
 from workbench.linearisation.first_step import step_of
+from workbench.linearisation.from_rest import FromRest
 from workbench.linearisation.time_scales import reach_of, usual_sample_time
 from workbench.model import Model
 from workbench.plants.plant import Plant
@@ -318,3 +320,26 @@ def test_what_empties_a_hopper_steps_as_far_as_it_goes() -> None:
     feeder = machine(equations, "speed rad/s 5, mass kg 15", inputs, "flow kg/s")
     linear = at_rest(feeder)
     assert step_of(feeder, linear, "flow", ("flow",)) > 0.1 * reach_of(linear, "flow")
+
+
+def test_what_comes_to_more_than_others_is_not_run_to_its_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    linear = at_rest(knee())
+    held = []
+    hold = FromRest.hold
+
+    def counted(plant: FromRest, command: Any) -> bool:
+        held.append(command)
+        return hold(plant, command)
+
+    monkeypatch.setattr(FromRest, "hold", counted)
+    want = LQISpecification().sampled(linear)
+    law = replace(designed("lqi", linear), pace=(), brake=(), leap=())
+    held.clear()
+    best = steps_on_equations.borne(law, linear, want)
+    # Seven references that are run to their end take 4,000.
+    assert len(held) < 3000 and len(best.law.brake) == 1
+    held.clear()
+    assert steps_on_equations.borne(law, linear, want, 0.5 * best.cost).cost > 0.5 * best.cost
+    assert len(held) < 1500
