@@ -9,14 +9,18 @@ lags of speeds w_r, sample k:
     xp+   = F x + G (u_clipped - u0),    q+ = q + h P (r - y)
 
 P leads to what moves no command that is at its end, where fewer are left than outputs: nothing is
-summed while the only one is. rho, a share of the command, leads to the surface s = 0. With xs r
+summed while the only one is. rho, a share of the command, leads to the surface s = 0. Beyond the
+layer q moves no command, and is that for which s is at its edge: what leads to the surface need not
+make up for how far a command at its end took the states from it. With xs r
 and us r the state and command at which the outputs are r, Kr is us + K xs, or the share of it whose
 zero takes the place of the slowest pole: the integral then holds the rest, and no overshoot is
 needed to empty it. Sr is found the same way.
 
 Units: SI.
 
-Source: Kwakernaak and Sivan, Linear Optimal Control Systems, 1972, chapters 3 to 5.
+Source: Kwakernaak and Sivan, Linear Optimal Control Systems, 1972, chapters 3 to 5; Seshagiri and
+Khalil, Robust output feedback regulation of minimum-phase nonlinear systems using conditional
+integrators, Automatica 41, 2005.
 """
 
 from __future__ import annotations
@@ -143,11 +147,8 @@ class ObserverLaw(PlainLaw):
         free = [u == v for u, v in zip(command, asked, strict=True)]
         change = _freed(change, self.integral_gain, self.size, free, arithmetic)
         if self.reach:
-            # Outside its layer a surface is reached as fast as may be, and farther off no faster.
-            away = s * self.surface_integral * change[0] < 0.0
-            held = arithmetic.where(away, 0.0 * change[0], change[0])
-            outside = arithmetic.largest(s, -s) > self.layer
-            change = (arithmetic.where(outside, held, change[0]),)
+            beyond = s - arithmetic.clip(s, -self.layer, self.layer)
+            q = (q[0] + beyond / self.surface_integral,)
         summed = tuple(a + b for a, b in zip(q, change, strict=True))
         move = tuple(u - rest for u, rest in zip(command, self.rest, strict=True))
         predicted = product(self.G, move, product(self.F, x))

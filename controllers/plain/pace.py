@@ -107,6 +107,10 @@ def _pace(limits: LoopLimits, law: Any, i: int) -> tuple[float, float, float]:
 LARGE = (0.5, 3.0, 10.0)
 """Steps of which the reference's pace is chosen, over that which the command is just enough for."""
 
+BEYOND = 10.0
+"""Steps of a sliding mode that are tried too, over the reach of an output, where commands hold it:
+beyond its layer it is another law than within."""
+
 PACES = (3.0, 1.5, 0.75, 0.4)
 """Paces that are tried: what the command is just enough for, up or down, in the time of a small
 step's rise."""
@@ -148,6 +152,8 @@ def _large(limits: LoopLimits, law: Any, i: int) -> tuple[Vector, Matrix]:
             if 0.0 < least < 0.9 * most:
                 large = [share * least for share in LARGE]
                 large += [far for far in (0.25 * reach, reach) if far > large[-1]]
+                slides = getattr(law, "reach", 0.0) > 0.0
+                large += [BEYOND * reach] if slides and BEYOND * reach < 0.9 * most else []
                 sizes |= {sign * min(far, 0.9 * most) for far in large}
                 enough.add(least)
     # A ramp moves the commands as fast as a step of its pace moves them far.

@@ -934,6 +934,24 @@ def test_a_sliding_mode_is_as_quick_behind_slow_zeros(
     assert max(loop.sensitivity for loop in analyse_loop(law, linear)) < 1.9
 
 
+def test_a_sliding_mode_makes_up_for_no_time_that_its_command_was_at_its_end() -> None:
+    # A heated tank of 300 s, read through a pocket of 60 s, at a seventh of its power.
+    tank = machine(
+        lambda m: {
+            "liquid": (m.u.power / 20.0 - m.x.liquid) / 300.0,
+            "warmth": (m.x.liquid - m.x.warmth) / 60.0,
+        },
+        "liquid K 20 scale=20, warmth K 20 scale=20",
+        "power W 0 3000 scale=500",
+        "warmth K 0.05 resolution=0.1 scale=20",
+    )
+    linear = at_rest(tank, warmth=20.0)
+    law = designed("plain-sliding-mode", linear, delay=30.0)
+    late = round(30.0 / law.sample_time)
+    reached = stepped(law, tank, "warmth", 20.0, 40.0, late, back=True, lead=100.0, hold=2000.0)
+    assert reached["settling_time"] < 500.0 and reached["overshoot"] < 0.02
+
+
 def test_a_design_has_the_sample_time_of_its_plant() -> None:
     hour = 3600.0
     room = linear_model(
