@@ -65,11 +65,13 @@ class FromRest:
         """Hold commands, in SI, for a sample, within their ends; tell whether that went."""
         for i, value, end in zip(self._acting, command, self._ends, strict=True):
             self._u[i] = min(max(value, end[0]), end[1])
+        before = self._x.copy()
         if self._hold():
             return math.isfinite(sum(self._x.tolist()))
         if self._stiff:
             return False
         # What is stiff, or sticks, is left to the other method from there on.
+        self._x[:] = before
         self._integrate_by("rosenbrock")
         return self.hold(command)
 
