@@ -9,7 +9,8 @@ several kinds, as a pressure and the volume that it fills, share what one parame
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -38,6 +39,15 @@ class Exchange:
     names: tuple[str, ...]
     value: ca.SX
     shares: tuple[ca.SX, ...]
+
+
+class _Shared(NamedTuple):
+    """What several rates share, and the terms by parameter that add up to it."""
+
+    direction: Vector
+    names: tuple[str, ...]
+    shares: tuple[ca.SX, ...]
+    values: list[ca.SX]
 
 
 def exchanges(
@@ -69,8 +79,7 @@ def exchanges(
     usual = rng.uniform(0.5, 1.5, own.numel())
     looks = rng.uniform(0.2, 1.0, (_LOOKS, both.numel()))
     units = {q.name: q.unit for q in states}
-    found: list[tuple[Vector, Exchange]] = []
-    taken: list[tuple[Vector, ca.SX]] = []
+    shared: list[_Shared] = []
     for symbol in p.values():
         slope = ca.jacobian(f, symbol)
         moved = [i for i in range(len(names)) if not slope[i].is_zero()]
@@ -95,29 +104,27 @@ def exchanges(
         value = symbol * slope[moved[0]] / round(float(powers[0, 0]), 6)
         direction = np.zeros(len(names))
         direction[moved] = ratios[0]
-        same = next((k for k, (d, _) in enumerate(found) if _near(d, direction)), None)
-        factored = [v for d, v in taken if _near(d, direction) and ca.depends_on(v, symbol)]
-        if factored:
-            # A second factor of a term that is there already, or of more than that.
-            part = ca.sum1(ca.vcat(factored))
-            by_it = symbol * ca.jacobian(part, symbol) / round(float(powers[0, 0]), 6)
-            at = ca.Function("at", [both, own], [part, by_it, value])
-            there, scaled, whole = np.array(at(looks[known].T, usual), dtype=float)[:, 0]
-            if not _equal(there, scaled) or _equal(there, whole):
-                continue
-            assert same is not None
-            first = found[same][1]
-            found[same] = direction, replace(first, value=first.value - part + value)
-            taken = [(d, v) for d, v in taken if not any(v is one for one in factored)]
-            taken.append((direction, value))
-            continue
-        taken.append((direction, value))
+        same = next((one for one in shared if _near(one.direction, direction)), None)
         if same is None:
             own_shares = tuple(shares[k] for k in range(len(moved)))
-            found.append((direction, Exchange(tuple(names[i] for i in moved), value, own_shares)))
-        else:
-            _, first = found[same]
-            found[same] = direction, Exchange(first.names, first.value + value, first.shares)
+            moving = tuple(names[i] for i in moved)
+            shared.append(_Shared(direction, moving, own_shares, [value]))
+            continue
+        factored = [v for v in same.values if ca.depends_on(v, symbol)]
+        if factored:
+            # A second factor of a term that is there already, unless that is a part of this one.
+            part = ca.sum1(ca.vcat(factored))
+            scaled = symbol * ca.jacobian(part, symbol) / round(float(powers[0, 0]), 6)
+            at = ca.Function("at", [both, own], [part, scaled, value])
+            there, by_it, whole = np.array(at(looks[known].T, usual), dtype=float)[:, 0]
+            if not _equal(there, by_it) or _equal(there, whole):
+                continue
+        kept = [v for v in same.values if not ca.depends_on(v, symbol)]
+        same.values[:] = [*kept, value]
+    found = [
+        (one.direction, Exchange(one.names, ca.sum1(ca.vcat(one.values)), one.shares))
+        for one in shared
+    ]
     by_parameter = [direction for direction, _ in found]
     for direction, exchange in _written(f, names, both, own, looks, usual):
         kinds = [units[n] for n in exchange.names]
