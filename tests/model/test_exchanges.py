@@ -121,6 +121,35 @@ def test_a_hose_gives_a_lung_what_leaves_its_own_pressure() -> None:
     assert doubled.signals(*at)["flow.reading"] == pytest.approx(6e-4)
 
 
+def test_a_reaction_takes_a_substance_and_warms_what_holds_it() -> None:
+    """It has no rate near 0 K, and what boils off takes mass and warmth with it."""
+
+    def equations(m: Scope) -> Equations:
+        reacted = m.p.often * ca.exp(-8750.0 / m.x.warm) * m.x.left
+        boiled = m.p.boiling * (m.x.warm - 290.0)
+        return (
+            {
+                "left": -reacted,
+                "mass": -boiled,
+                "warm": 0.2 * reacted - 110.0 * boiled + m.u.heat / 4e5,
+            },
+            {"warm": m.x.warm},
+        )
+
+    reactor = machine(
+        equations,
+        "left mol/m3 500, mass kg 100, warm K 350",
+        "heat W",
+        "warm K",
+        "often 1/s 1e9 1e8 1e10, boiling kg/(K*s) 1e-5 0 1e-3",
+    )
+    assert ports(reactor) == ["left_warm.exchange", "mass_warm.exchange"]
+    at = [500.0, 100.0, 350.0], [0.0]
+    more = reactor.with_effect(gain("left_warm.exchange", excess=1.0)).rates(*at)
+    reacted = 500.0 * 1e9 * np.exp(-25.0)
+    assert more - reactor.rates(*at) == pytest.approx([-reacted, 0.0, 0.2 * reacted])
+
+
 def test_what_two_kinds_of_states_share_by_chance_is_no_exchange() -> None:
     def motor(m: Scope) -> Equations:
         emf, torque = m.p.k * m.x.speed, m.p.k * m.x.current

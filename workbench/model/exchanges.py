@@ -1,9 +1,9 @@
 """Exchanges: what one store or body gives and another takes, found in equations without ports.
 
 The spring between two masses, the heat between a room and its walls, a reaction that turns one
-substance into another: a term that enters the rates of several states in a fixed ratio, with
-opposite signs. What acts there, such as the backlash of a coupling, acts on all of them. States of
-several kinds, as a pressure and the volume that it fills, share what one parameter is in.
+substance into another: a term that enters the rates of several states in a fixed ratio, of one kind
+with opposite signs. What acts there, such as the backlash of a coupling, acts on all of them.
+States of several kinds, as a pressure and the volume that it fills, share what one parameter is in.
 """
 
 from __future__ import annotations
@@ -16,11 +16,12 @@ import casadi as ca
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.model.quantities import Quantity
+from workbench.model.quantities import State
 from workbench.model.units import SPEEDS, same_dimension
 
 _LOOKS = 12
-"""Random points at which terms are compared; those without a value do not count."""
+"""Random points at which terms are compared, half of them as large as states usually are; those
+without a value do not count."""
 
 _ALIKE = 1e-7
 """Relative difference of numbers that are the same but for rounding."""
@@ -52,7 +53,7 @@ class _Shared(NamedTuple):
 
 def exchanges(
     rates: Mapping[str, ca.SX],
-    states: Sequence[Quantity],
+    states: Sequence[State],
     x: Mapping[str, ca.SX],
     u: Mapping[str, ca.SX],
     p: Mapping[str, ca.SX],
@@ -78,6 +79,8 @@ def exchanges(
     # What is found must not turn on the values that parameters have.
     usual = rng.uniform(0.5, 1.5, own.numel())
     looks = rng.uniform(0.2, 1.0, (_LOOKS, both.numel()))
+    # A reaction has no rate at 1 K.
+    looks[::2, : len(x)] *= [max(abs(q.initial), q.scale) for q in states]
     units = {q.name: q.unit for q in states}
     shared: list[_Shared] = []
     for symbol in p.values():
@@ -85,7 +88,8 @@ def exchanges(
         moved = [i for i in range(len(names)) if not slope[i].is_zero()]
         if len(moved) < 2:
             continue
-        if not _of_one_kind([units[names[i]] for i in moved]):
+        alike = _of_one_kind([units[names[i]] for i in moved])
+        if not alike:
             if not ca.depends_on(slope[moved], ca.vcat(list(x.values()))):
                 continue  # What an input alone gives acts there.
             # What is nearly all of a rate is best read in its unit.
@@ -98,8 +102,10 @@ def exchanges(
             continue
         slopes = seen[known, :-1]
         ratios, powers = slopes / slopes[:, :1], 1.0 + seen[known, -1:] / slopes[:, :1]
-        if not (_same(ratios) and _same(powers)) or ratios.min() > 0.0 or powers[0, 0] == 0.0:
+        if not (_same(ratios) and _same(powers)) or powers[0, 0] == 0.0:
             continue
+        if alike and ratios.min() > 0.0:
+            continue  # It fills both, or drives them.
         shares = ca.substitute(slope[moved] / slope[moved[0]], both, ca.DM(looks[known[0]]))
         value = symbol * slope[moved[0]] / round(float(powers[0, 0]), 6)
         direction = np.zeros(len(names))

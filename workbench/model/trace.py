@@ -16,7 +16,7 @@ from workbench.errors import WorkbenchError
 from workbench.model.effect import Effect
 from workbench.model.exchanges import exchanges
 from workbench.model.expressions import leave_the_numbers, with_real_roots
-from workbench.model.quantities import Input, Quantity
+from workbench.model.quantities import Input, Quantity, State
 from workbench.model.regularisation import Expression, Form
 from workbench.model.scope import EffectView, Names, Port, PortView, Scope, ValidRange
 from workbench.model.traits import LEFT_OUT, Traits
@@ -56,7 +56,7 @@ class Written(Protocol):
         """The equations, written with the names of a `Scope`."""
 
     @property
-    def states(self) -> tuple[Quantity, ...]:
+    def states(self) -> tuple[State, ...]:
         """States, those of attached effects last."""
 
     @property
