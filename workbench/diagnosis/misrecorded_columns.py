@@ -325,8 +325,9 @@ def _missed_by(model: Model, recording: Recording) -> float:
 def _missed(run: FreeRun) -> float:
     """Return the mean square of a run's error over the variance of what was measured."""
     moves = {name: std for name, std in run.spread.items() if std > 0.0}
-    shares = [(run.rmse[name] / std) ** 2 for name, std in moves.items()]
-    return float(np.mean(shares)) if shares else math.inf
+    shares = [run.rmse[name] / std for name, std in moves.items()]
+    with np.errstate(over="ignore"):
+        return float(np.mean(np.square(shares))) if shares else math.inf
 
 
 def _refitted(model: Model, recording: Recording) -> tuple[float, FreeRun]:

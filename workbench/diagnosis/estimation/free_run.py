@@ -67,7 +67,8 @@ class FreeRun:
         """Root mean square of the error by output, in its SI unit; infinite if the run failed."""
         if not self.finite:
             return dict.fromkeys(self.used, float("inf"))
-        rms = np.sqrt(np.nanmean(self.error**2, axis=0))
+        with np.errstate(over="ignore"):  # What ran that far off is infinitely wrong.
+            rms = np.sqrt(np.nanmean(self.error**2, axis=0))
         return dict(zip(self.used, rms.tolist(), strict=True))
 
     @property
