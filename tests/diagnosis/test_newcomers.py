@@ -1149,6 +1149,50 @@ def test_what_is_read_farther_down_a_pipe_is_late_by_what_flows() -> None:
     assert found.parameters["time"].std < 0.01 * time
 
 
+def _reacted(seed: int) -> Recording:
+    """Let a substance react with an order of 1.25 where a jacket cools it."""
+    rng, step, n = np.random.default_rng(seed), 10.0, 700
+    feed = 1000.0 + levels(n, seed, 400.0, 50, 100)
+    jacket = 300.0 + levels(n, 20 + seed, 10.0, 40, 80)
+
+    def rates(_: float, x: Vector, feed: float, jacket: float) -> list[float]:
+        rate = 4.4e5 * math.exp(-6000.0 / x[1]) * x[0] * (x[0] / 500.0) ** 0.25
+        warmer = 1e-3 * (295.0 - x[1]) + 0.02 * rate + 2.2e-3 * (jacket - x[1])
+        return [1e-3 * (feed - x[0]) - rate, warmer]
+
+    noise = rng.normal(size=(n, 2)) * [1.0, 0.05]
+    left, warm = (held(rates, [500.0, 310.0], (feed, jacket), step) + noise).T
+    given = {"feed [mol/m3]": feed, "jacket [K]": jacket}
+    return recording(f"reactor {seed}", step, given, {"c [mol/m3]": left, "T [K]": warm})
+
+
+def test_the_order_of_a_reaction_that_warms_is_told_where_it_takes_and_warms() -> None:
+    def equations(m: Scope) -> Equations:
+        rate = m.p.k_0 * ca.exp(-6000.0 / m.x.T) * m.x.c
+        passed = m.p.cooling * (m.u.jacket - m.x.T)
+        return (
+            {
+                "c": 1e-3 * (m.u.feed - m.x.c) - rate,
+                "T": 1e-3 * (295.0 - m.x.T) + 0.02 * rate + passed,
+            },
+            {"c": m.x.c, "T": m.x.T},
+        )
+
+    reactor = machine(
+        equations,
+        "c mol/m3 500 start_rms=20, T K 310 start_rms=2",
+        "feed mol/m3, jacket K",
+        "c mol/m3, T K",
+        "k_0 1/s 4e5 4e4 4e6, cooling 1/s 2e-3 2e-4 2e-2",
+    )
+    laws = "parameter_power parameter_curve parameter_jump gain offset saturation second_store"
+    found = named(
+        diagnosed(reactor, [_reacted(1), _reacted(2)], laws), "parameter_power_k_0_over_c",
+        noise=1.1, exponent=approx(0.25, rel=0.03),
+    )  # fmt: skip
+    assert found.where == ("c_T.exchange",)
+
+
 def _windy(seed: int) -> Recording:
     """Turn a dish of 1500 kg m2, which the wind turns by the sine of twice its angle to it."""
     rng, n, dt = np.random.default_rng(seed), 2000, 0.1

@@ -18,6 +18,10 @@ from workbench.model.trace import Trace
 
 Named = TypeVar("Named", State, Input, Output)
 
+BEYOND = 1e50
+"""Slope, in SI, that no machine has: there the equations have left their range, as an Arrhenius law
+below zero absolute, and tell nothing of steps or sizes."""
+
 _ROUNDS = 6
 """Times that the motion is followed to where the sizes of the last round lead: a bearing that
 sticks at the start slides there."""
@@ -107,7 +111,7 @@ def sizes(
             rates, outputs, ports, _ = (np.asarray(part) for part in slopes(at, driven, p))
             answers = np.vstack([rates, outputs])[:, n_x:].any(axis=0)
             # Beyond the end of an input nothing is told of it.
-            if not np.isfinite(rates).all() or np.any(answering & ~answers):
+            if not np.all(np.abs(rates) < BEYOND) or np.any(answering & ~answers):
                 continue
             answering = answering | answers
             if not found and not sign:

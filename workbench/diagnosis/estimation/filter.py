@@ -23,6 +23,7 @@ from workbench.arrays import Vector
 from workbench.computing.buffered import Buffered
 from workbench.computing.counted import count
 from workbench.model import Model, Trace
+from workbench.model.sizes import BEYOND
 from workbench.simulation.equations import CFunction, Equations, address, in_c
 
 OUTLIER_SIGMA = 5.0
@@ -44,10 +45,6 @@ _LATE = 3e-4
 _FORGOTTEN = 1e-3
 """Part of a mode that fades in one sample at least: what is older than a thousand samples is
 corrected by the measurements."""
-
-_BEYOND = 1e50
-"""Slope, in SI, that no machine has: there the equations have left their range, as an Arrhenius law
-below zero absolute, and tell nothing of steps."""
 
 _FADED = 1e-50
 """Covariance and sensitivity, relative to the scales, that are none any more."""
@@ -115,7 +112,7 @@ def steps_of(model: Model, sample_time: float, states: Vector, inputs: Vector) -
         function = model.form(form).jacobian_function
         slopes = np.asarray(function(states[:n].T, inputs[:n].T, model.values)[0], dtype=float)
         each += np.split(slopes, n, axis=1)
-    modes = np.linalg.eigvals(np.where(np.abs(each) < _BEYOND, each, 0.0)) * sample_time
+    modes = np.linalg.eigvals(np.where(np.abs(each) < BEYOND, each, 0.0)) * sample_time
     fastest = np.abs(modes).max(axis=1, initial=0.0)
     # A step of angle w is late by w^5 / 120, summed up for as long as the mode remembers.
     turned, faded = np.abs(modes.imag), np.maximum(np.abs(modes.real), _FORGOTTEN)
