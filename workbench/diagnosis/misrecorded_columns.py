@@ -14,7 +14,7 @@ import numpy.typing as npt
 from workbench.arrays import Matrix, Vector, runs
 from workbench.diagnosis.estimation.free_run import FreeRun, free_run
 from workbench.diagnosis.estimation.observe import observe
-from workbench.diagnosis.estimation.prediction_error import filter_of
+from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.process_noise import perfect_cost
 from workbench.diagnosis.estimation.start import FEW, fit_to_few
 from workbench.diagnosis.selection.rules import SAME
@@ -209,8 +209,15 @@ def _stepped(inputs: Matrix, column: int, first: int, last: int, at: int) -> Mat
 
 def _lacks(model: Model, recordings: Sequence[Recording]) -> float:
     """Return by how much a refitted model is less likely than one that lacks nothing."""
+    return _refitted(model, recordings)[0]
+
+
+def _refitted(
+    model: Model, recordings: Sequence[Recording]
+) -> tuple[float, Model, Sequence[Observed]]:
+    """Return what a refitted model lacks, as `_lacks`, the model, and recordings with starts."""
     fit, started = fit_to_few(model, recordings)
-    return fit.cost - perfect_cost(fit.model, started)
+    return fit.cost - perfect_cost(fit.model, started), fit.model, started
 
 
 @dataclass(frozen=True)
@@ -252,7 +259,7 @@ def with_columns_tried(model: Model, report: CheckReport) -> CheckReport:
     if not checked.fit:
         return report
     try:
-        (lacks, run), (left, better) = (_refitted(model, r) for r in (seen, checked.recording))
+        (lacks, run), (left, better) = (_run_along(model, r) for r in (seen, checked.recording))
     except (WorkbenchError, np.linalg.LinAlgError):
         return report
     # What misses as much as the measurements move explains nothing.
@@ -330,11 +337,11 @@ def _missed(run: FreeRun) -> float:
         return float(np.mean(np.square(shares))) if shares else math.inf
 
 
-def _refitted(model: Model, recording: Recording) -> tuple[float, FreeRun]:
+def _run_along(model: Model, recording: Recording) -> tuple[float, FreeRun]:
     """Return what a refitted model lacks, as `_lacks`, and its run along the recording."""
     told, _ = with_undeclared(model, [recording])
-    fit, started = fit_to_few(told, [recording])
-    return fit.cost - perfect_cost(fit.model, started), free_run(fit.model, started[0])
+    lacks, refitted, started = _refitted(told, [recording])
+    return lacks, free_run(refitted, started[0])
 
 
 def _rms(run: FreeRun, recording: Recording) -> str:

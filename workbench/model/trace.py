@@ -462,19 +462,17 @@ def _covered(
         declared: Signals at the author's ports before effects have acted, by name, in SI.
     """
     x = _vector(symbols["state"])
-    carried: dict[str, set[str]] = {}
+    carried: dict[str, str] = {}
     for port, value in declared.items():
         entering = [n for n, u in symbols["input"].items() if ca.depends_on(_symbolic(value), u)]
         if len(entering) == 1 and not ca.depends_on(_symbolic(value), x):
-            carried.setdefault(entering[0], set()).add(port)
+            carried[port] = entering[0]
     if not carried:
         return set()
     # What enters beside those ports, as a current that both charges and heats, is not theirs alone.
-    scope.transform = lambda port, value, _: (
-        ca.SX.sym(port.name) if any(port.name in ports for ports in carried.values()) else value
-    )
+    scope.transform = lambda port, value, _: ca.SX.sym(port.name) if port.name in carried else value
     beside = ca.vcat([_symbolic(v) for part in _equations_of(model, scope) for v in part.values()])
-    return {n for n in carried if not ca.depends_on(beside, symbols["input"][n])}
+    return {n for n in carried.values() if not ca.depends_on(beside, symbols["input"][n])}
 
 
 def _whole(
