@@ -135,8 +135,9 @@ def _summed(
 ) -> Expression:
     slopes = np.concatenate([[0.0], np.diff(values) / np.diff(points), [0.0]])
     y = values[0] + 0.0 * x
+    rounded = 1e-12 * np.abs(slopes).max()
     for point, change in zip(points, np.diff(slopes).tolist(), strict=True):
-        if change != 0.0:
+        if abs(change) > rounded:
             y = y + change * form.ramp(x - point, width)
     return y
 

@@ -123,7 +123,7 @@ class BraidedCylinder:
         if self.printing == "as_printed":
             return 2 * self.end_volume(fibre_length, form=form)
         height2 = self._squared_height(fibre_length, form)
-        return -(2 * math.pi / 3) * height2**1.5
+        return -(2 * math.pi / 3) * height2 * sqrt(height2)
 
     def volume(self, fibre_length: Expression, *, form: Form = EXACT) -> Expression:
         """Return the gas volume with flattened ends, without fittings and line, m^3, at s, m.

@@ -60,18 +60,15 @@ class ArmGeometry:
 
     @property
     def _constants(self) -> tuple[float, float, float]:
-        """Constant, cosine and sine coefficient of L^2, m^2."""
+        """Constant, cosine and sine coefficient of L^2 over a muscle's own angle, m^2."""
         squares = self.anchor_distance**2 + self.anchor_offset**2
-        # 32 mm added to mm^2, as the printed 175059 has it
-        last = self.lever * 1e-3 if self.printing == "as_printed" else self.lever**2
-        return (
-            squares + last,
-            2 * self.anchor_offset * self.lever,
-            2 * self.anchor_distance * self.lever,
-        )
-
-    def _beta(self, alpha: Expression) -> Expression:
-        return alpha + math.radians(120.0) if self.printing == "as_printed" else math.pi - alpha
+        cosine, sine = 2 * self.anchor_offset * self.lever, 2 * self.anchor_distance * self.lever
+        if self.printing == "corrected":
+            return squares + self.lever**2, cosine, -sine
+        # 32 mm added to mm^2, as the printed 175059 has it; sin(a + 120 deg), taken apart
+        turned = math.radians(120.0)
+        shifted = cosine - sine * math.sin(turned), -sine * math.cos(turned)
+        return squares + self.lever * 1e-3, *shifted
 
     def length(self, alpha: Expression) -> Expression:
         """Return the length of a muscle between its anchors, ``L^2 = K + A cos a - B sin b``, in m.
@@ -80,27 +77,34 @@ class ArmGeometry:
         theta for muscle 2; b = 180 deg - a. Source: the paper's equation for L.
         """
         (constant, cosine, sine), known = self._constants, functions_of(alpha)
-        return sqrt(constant + cosine * known.cos(alpha) - sine * known.sin(self._beta(alpha)))
+        return sqrt(constant + cosine * known.cos(alpha) + sine * known.sin(alpha))
 
-    def length_slope(self, alpha: Expression) -> Expression:
-        """Return dL/d(alpha) of one muscle, m/rad, at an angle of its own lever, rad."""
-        (_, cosine, sine), known = self._constants, functions_of(alpha)
-        beta_slope = 1.0 if self.printing == "as_printed" else -1.0
-        numerator = -cosine * known.sin(alpha) - sine * known.cos(self._beta(alpha)) * beta_slope
-        return numerator / (2 * self.length(alpha))
+    def _by_joint(self, angle: Expression) -> tuple[tuple[Expression, Expression], ...]:
+        """Return length, m, and its slope over theta, m/rad, of the muscles at theta and 60 deg -.
+
+        Both are waves over theta itself, so that a model computes one cosine and one sine.
+        """
+        constant, cosine, sine = self._constants
+        known, turned, found = functions_of(angle), (math.cos(TRAVEL), math.sin(TRAVEL)), []
+        cos, sin = known.cos(angle), known.sin(angle)
+        mirrored = turned[0] * cosine + turned[1] * sine, turned[1] * cosine - turned[0] * sine
+        for a, b in ((cosine, sine), mirrored):
+            length = sqrt(constant + a * cos + b * sin)
+            found.append((length, (b * cos - a * sin) / (2 * length)))
+        return tuple(reversed(found) if self.printing == "as_printed" else found)
 
     def lengths(self, angle: Expression) -> tuple[Expression, Expression]:
         """Return the lengths L1 and L2 of both muscles between anchors, m, at an angle, rad."""
-        one, two = self.length(angle), self.length(TRAVEL - angle)
-        return (two, one) if self.printing == "as_printed" else (one, two)
+        (one, _), (two, _) = self._by_joint(angle)
+        return one, two
 
     def moment_arms(self, angle: Expression) -> tuple[Expression, Expression]:
         """Return dL1/dtheta, negative, and dL2/dtheta, positive, m/rad, at an angle theta, rad.
 
         The joint torque of the muscles is ``-F1 dL1/dtheta - F2 dL2/dtheta``.
         """
-        one, two = self.length_slope(angle), -self.length_slope(TRAVEL - angle)
-        return (two, one) if self.printing == "as_printed" else (one, two)
+        (_, one), (_, two) = self._by_joint(angle)
+        return one, two
 
     def fibre_lengths(self, angle: Expression) -> tuple[Expression, Expression]:
         """Return the fibre lengths s of muscle 1 and 2, m, at an angle, rad."""
