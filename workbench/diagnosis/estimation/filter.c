@@ -15,20 +15,30 @@ typedef struct {
     Function read;   /* measurements, and H = d / d x, D = d / d parameters (scaled) */
     Function noise;  /* covariance added in one sample (scaled) */
     int64_t states, inputs, measurements, corrected, free;
-    int64_t calm, few; /* pieces of a sample tried first, and steps in each; none if these are 0 */
-    int64_t again;     /* steps in a calm piece that bends along few; 0 if these are not tried */
-    int64_t pieces;    /* of a sample of which a calm piece bends, with one linearisation each */
-    int64_t straight, steps; /* in such a piece: as many as will do if nothing bends, and all */
-    int64_t finer;     /* parts of such a step that bends */
+    int64_t pieces;   /* of a sample, each carried by an exponential step of its own */
+    int64_t halvings; /* how often a piece is halved at the most where it bends */
+    int64_t steps;    /* Runge-Kutta steps of a part that bends all the same */
+    int64_t finer;    /* parts of such a step that bends */
     const int64_t *places; /* of the states that measurements correct */
     const double *scale;   /* of each state */
-    double sample_time, outlier, faded, little, little_bent, much_bent, nothing;
+    double sample_time, outlier, faded, little, little_bent, much_bent, curved, nothing;
     int64_t most_doublings;
-    int64_t uneasy, rough, bent, kinks; /* calm pieces of all samples that bent along few steps, and
-                                           along more; pieces that needed all steps; of these steps
-                                           those that bent */
+    int64_t tries, bent, kinks; /* exponential steps tried; parts that took Runge-Kutta steps, and of
+                                   these those that bent */
     double *work;
 } Filter;
+
+/* What carries a part of a sample, and room for it. */
+typedef struct {
+    double *A, *B;         /* slopes amid it, over the scales */
+    double *step, *driven; /* exponential of A, and what B adds to the sensitivities */
+    double *all;           /* product of those of the sample so far */
+    double *kept;          /* slopes amid the part before, with which the next one is tried */
+    double *held, *mean;   /* their exponential along half the time `held_for`, and its mean */
+    double held_for;
+    double *other, *rest, *half, *whole, *added, *away; /* rooms for a matrix and for vectors */
+    double *k[5], *at, *to; /* rates, and states */
+} Part;
 
 /* Columns j to j + WIDTH of ROWS rows of the product below, which stay in registers. */
 #define PATCH(ROWS, WIDTH)                                                                         \
@@ -128,20 +138,190 @@ static int bends(Filter *g, const double *x, double h, const double *u, const do
     return 0;
 }
 
-/* Carry a state along a piece by a few Runge-Kutta steps, if these show no bend: A and B are those
- * in the middle then, which is the midpoint of a step or begins one, and `to` is where it ends. */
-static int straight(Filter *g, int64_t pieces, int64_t steps, const double *x, const double *u,
-                    const double *p, double **k, double *at, double *to)
+static void times(double *to, const double *a, const double *x, int64_t n)
 {
-    const double h = g->sample_time / (double)(pieces * steps);
-    memcpy(to, x, (size_t)g->states * sizeof(double));
-    for (int64_t step = 0; step < steps; step++) {
-        if (slopes(g, to, h, u, p, k, at, step == steps / 2 ? (int)(steps % 2) : -1) ||
-            bends(g, to, h, u, p, k, at, g->little_bent))
+    for (int64_t i = 0; i < n; i++)
+        to[i] = dot(a + i * n, x, n);
+}
+
+/* step = exp(time A), and mean = its mean on the way there. */
+static void exponential(const Filter *g, double time, const double *A, double *step, double *mean,
+                        double *a)
+{
+    const int64_t n = g->corrected;
+    const size_t size = (size_t)(n * n) * sizeof(double);
+    /* Parts along which the slopes do little. */
+    double most = 0.0, part = time;
+    for (int64_t i = 0; i < n; i++) {
+        double sum = 0.0;
+        for (int64_t j = 0; j < n; j++)
+            sum += fabs(A[i * n + j]);
+        most = sum > most ? sum : most;
+    }
+    int doublings = 0;
+    for (; most * part > g->little && doublings < g->most_doublings; doublings++)
+        part /= 2.0;
+    /* mean = I + a / 2 (I + a / 3), step = I + a mean, with a = part A */
+    for (int64_t i = 0; i < n * n; i++) {
+        a[i] = A[i] * part;
+        mean[i] = a[i] / 3.0;
+    }
+    for (int64_t i = 0; i < n; i++)
+        mean[i * n + i] += 1.0;
+    product(step, a, mean, n, n, n, 0, 0);
+    for (int64_t i = 0; i < n * n; i++)
+        mean[i] = 0.5 * step[i];
+    for (int64_t i = 0; i < n; i++)
+        mean[i * n + i] += 1.0;
+    product(step, a, mean, n, n, n, 0, 0);
+    for (int64_t i = 0; i < n; i++)
+        step[i * n + i] += 1.0;
+    /* Twice as far: mean = (mean + step mean) / 2, step = step^2 */
+    for (; doublings; doublings--) {
+        memcpy(a, mean, size);
+        product(mean, step, a, n, n, n, 1, 0);
+        for (int64_t i = 0; i < n * n; i++)
+            mean[i] *= 0.5;
+        memcpy(a, step, size);
+        product(step, a, a, n, n, n, 0, 0);
+    }
+}
+
+/* Go on with other slopes for the next part, in a part of this length. */
+static void keep(const Filter *g, Part *m, double time)
+{
+    exponential(g, time / 2.0, m->kept, m->held, m->mean, m->other);
+    m->held_for = time;
+}
+
+/* What is added evenly along a part is, at its end, this much of it. */
+static void fade(Part *m, double *added, int64_t n)
+{
+    times(m->rest, m->mean, added, n);
+    times(added, m->held, m->rest, n);
+    for (int64_t c = 0; c < n; c++)
+        added[c] = 0.5 * (added[c] + m->rest[c]);
+}
+
+/* Carry a state along a part by the exponential of the slopes of the part before, and what these
+ * leave out by Simpson's rule, unless that is much or no parabola: `m->to` is where it ends. */
+static int at_once(Filter *g, Part *m, double time, const double *x, const double *u,
+                   const double *p)
+{
+    const int64_t n = g->corrected;
+    double **k = m->k, *to = m->to;
+    g->tries++;
+    g->rates.res[0] = k[0];
+    if (evaluate_at(&g->rates, x, u, p))
+        return 0;
+    for (int64_t i = 0; i < g->states; i++)
+        to[i] = x[i] + time / 2.0 * k[0][i];
+    for (int64_t c = 0; c < n; c++)
+        m->rest[c] = time / 2.0 * k[0][g->places[c]] / g->scale[g->places[c]];
+    times(m->half, m->mean, m->rest, n);
+    times(m->whole, m->held, m->half, n);
+    for (int64_t c = 0; c < n; c++) {
+        const int64_t i = g->places[c];
+        m->whole[c] += m->half[c];
+        to[i] = x[i] + g->scale[i] * m->half[c];
+    }
+    g->slope.res[0] = k[1];
+    if (evaluate_at(&g->slope, to, u, p))
+        return 0;
+    for (int64_t i = 0; i < g->states; i++)
+        to[i] = x[i] + time * k[1][i];
+    for (int64_t c = 0; c < n; c++)
+        to[g->places[c]] = x[g->places[c]] + g->scale[g->places[c]] * m->whole[c];
+    g->rates.res[0] = k[2];
+    if (evaluate_at(&g->rates, to, u, p))
+        return 0;
+    /* What the slopes kept leave out, and what it is off a parabola, fades as they say. */
+    for (int64_t c = 0; c < n; c++) {
+        const int64_t i = g->places[c];
+        const double amid = (k[1][i] - k[0][i]) / g->scale[i] - dot(m->kept + c * n, m->half, n);
+        const double end = (k[2][i] - k[0][i]) / g->scale[i] - dot(m->kept + c * n, m->whole, n);
+        m->added[c] = time / 6.0 * (4.0 * amid + end);
+        m->away[c] = time / 6.0 * (4.0 * amid - end);
+    }
+    fade(m, m->added, n);
+    fade(m, m->away, n);
+    for (int64_t c = 0; c < n; c++) {
+        const double gone = fabs(m->half[c]) + fabs(m->whole[c] - m->half[c]);
+        if (!(fabs(m->away[c]) <= g->little_bent * gone + g->nothing) ||
+            !(fabs(m->added[c]) <= g->curved * gone + g->nothing))
             return 0;
-        go(to, h, k, g->states);
+        to[g->places[c]] += g->scale[g->places[c]] * m->added[c];
+    }
+    for (int64_t i = 0, c = 0; i < g->states; i++) {
+        if (c < n && g->places[c] == i) {
+            c++;
+            continue;
+        }
+        const double away = time / 6.0 * (2.0 * k[1][i] - k[0][i] - k[2][i]);
+        const double gone = time / 6.0 * (fabs(k[0][i]) + 4.0 * fabs(k[1][i]) + fabs(k[2][i]));
+        if (!(fabs(away) <= g->little_bent * gone + g->nothing * g->scale[i]))
+            return 0;
+        to[i] = x[i] + time / 6.0 * (k[0][i] + 4.0 * k[1][i] + k[2][i]);
     }
     return 1;
+}
+
+/* Carry a state along a part by Runge-Kutta steps, and those that bend in finer ones. Returns
+ * whether the equations could not be evaluated. */
+static int in_steps(Filter *g, Part *m, double time, double *x, const double *u, const double *p)
+{
+    const double h = time / (double)g->steps, fine = h / (double)g->finer;
+    g->bent++;
+    for (int64_t s = 0; s < g->steps; s++) {
+        /* The middle is the midpoint of a step, or begins one where their number is even. */
+        const int with = s == g->steps / 2 ? (int)(g->steps % 2) : -1;
+        if (slopes(g, x, h, u, p, m->k, m->at, with))
+            return 1;
+        const int kink = bends(g, x, h, u, p, m->k, m->at, g->much_bent);
+        g->kinks += kink;
+        if (!kink)
+            go(x, h, m->k, g->states);
+        for (int64_t part = kink ? 0 : g->finer; part < g->finer; part++) {
+            if (slopes(g, x, fine, u, p, m->k, m->at, -1))
+                return 1;
+            go(x, fine, m->k, g->states);
+        }
+    }
+    return 0;
+}
+
+/* Carry a state, and the sensitivities G, along a part of a sample, or along both halves of it. Returns
+ * whether the equations could not be evaluated. */
+static int along(Filter *g, Part *m, double time, int64_t halvings, double *x, double *G,
+                 const double *u, const double *p)
+{
+    const int64_t n = g->corrected, nf = g->free;
+    const size_t size = (size_t)(n * n) * sizeof(double);
+    if (m->held_for != time)
+        keep(g, m, time);
+    const int once = at_once(g, m, time, x, u, p);
+    if (!once && halvings)
+        return along(g, m, time / 2.0, halvings - 1, x, G, u, p) ||
+               along(g, m, time / 2.0, halvings - 1, x, G, u, p);
+    if (once)
+        memcpy(x, m->to, (size_t)g->states * sizeof(double));
+    else if (in_steps(g, m, time, x, u, p))
+        return 1;
+    memcpy(m->kept, m->A, size);
+    keep(g, m, time);
+    /* Along both halves: step = held^2, driven = (I + held) mean B */
+    for (int64_t i = 0; i < n * nf; i++)
+        m->B[i] *= time / 2.0;
+    product(m->driven, m->mean, m->B, n, n, nf, 0, 0);
+    memcpy(m->B, m->driven, (size_t)(n * nf) * sizeof(double));
+    product(m->driven, m->held, m->B, n, n, nf, 1, 0);
+    product(m->step, m->held, m->held, n, n, n, 0, 0);
+    product(m->B, m->step, G, n, n, nf, 0, 0);
+    for (int64_t i = 0; i < n * nf; i++)
+        G[i] = m->B[i] + m->driven[i];
+    memcpy(m->other, m->all, size);
+    product(m->all, m->step, m->other, n, n, n, 0, 0);
+    return 0;
 }
 
 /* Filter the samples of a recording; the results have a row for each. Returns how many were done
@@ -151,18 +331,28 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
                double *rows, double *logs, double *states)
 {
     const int64_t nx = g->states, n = g->corrected, ny = g->measurements, nf = g->free;
-    const double h = g->sample_time / (double)(g->pieces * g->steps);
+    const size_t size = (size_t)(n * n) * sizeof(double);
     double *w = g->work;
-    double *k[5], *at = w + 5 * nx, *to = at + nx;
+    Part m = {.held_for = 0.0};
+    double **rooms[] = {&m.A, &m.step, &m.all, &m.kept, &m.held, &m.mean, &m.other};
+    for (int i = 0; i < 7; i++, w += n * n)
+        *rooms[i] = w;
+    double *P_half = w, *Q = w + n * n;
     for (int i = 0; i < 5; i++)
-        k[i] = w + i * nx;
-    w = to + nx;
-    double *predicted = w, *H = w + ny, *D = H + ny * n, *moved = D + ny * nf, *gain = moved + n;
-    double *row = gain + n, *A = row + nf, *B = A + n * n, *Q = B + n * nf, *half = Q + n * n;
-    double *step = half + n * n, *all = step + n * n, *before = all + n * n;
-    double *driven = before + n * n;
-    g->slope.res[1] = A;
-    g->slope.res[2] = B;
+        m.k[i] = Q + n * n + i * nx;
+    m.at = m.k[4] + nx;
+    m.to = m.at + nx;
+    m.rest = m.to + nx;
+    m.half = m.rest + n;
+    m.whole = m.half + n;
+    m.added = m.whole + n;
+    m.away = m.added + n;
+    m.B = m.away + n;
+    m.driven = m.B + n * nf;
+    double *predicted = m.driven + n * nf, *H = predicted + ny, *D = H + ny * n;
+    double *moved = D + ny * nf, *gain = moved + n, *row = gain + n;
+    g->slope.res[1] = m.A;
+    g->slope.res[2] = m.B;
     for (int64_t t = 0; t < samples; t++, u += g->inputs, y += ny, r += ny) {
         /* Correction, one measurement after the other. */
         g->read.res[0] = predicted;
@@ -217,94 +407,24 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
         g->noise.res[0] = Q;
         if (evaluate_at(&g->noise, x, u, p))
             return t;
-        /* Prediction: classical Runge-Kutta steps, the exponential of the slopes amid each piece. */
-        const int64_t inner = g->pieces / g->calm;
-        int64_t left = 0; /* pieces of a calm one that bends */
-        for (int64_t done = 0; done < g->pieces;) {
-            int64_t gone = inner;
-            int easy = 0;
-            if (left == 0 && g->few) {
-                easy = straight(g, g->calm, g->few, x, u, p, k, at, to);
-                g->uneasy += !easy;
-                if (!easy && g->again)
-                    easy = straight(g, g->calm, g->again, x, u, p, k, at, to);
-                g->rough += !easy;
-            }
-            if (!easy) {
-                gone = 1;
-                left = (left ? left : inner) - 1;
-                easy = g->straight < g->steps &&
-                       straight(g, g->pieces, g->straight, x, u, p, k, at, to);
-                g->bent += !easy;
-            }
-            if (easy)
-                memcpy(x, to, (size_t)nx * sizeof(double));
-            for (int64_t s = easy ? g->steps : 0; s < g->steps; s++) {
-                if (slopes(g, x, h, u, p, k, at, s == g->steps / 2 ? (int)(g->steps % 2) : -1))
-                    return t;
-                const int kink = bends(g, x, h, u, p, k, at, g->much_bent);
-                g->kinks += kink;
-                if (!kink)
-                    go(x, h, k, nx);
-                for (int64_t part = kink ? 0 : g->finer; part < g->finer; part++) {
-                    if (slopes(g, x, h / (double)g->finer, u, p, k, at, -1))
-                        return t;
-                    go(x, h / (double)g->finer, k, nx);
-                }
-            }
-            /* Parts of the piece along which the slopes do little. */
-            double most = 0.0, part = g->sample_time * (double)gone / (double)g->pieces;
-            for (int64_t i = 0; i < n; i++) {
-                double sum = 0.0;
-                for (int64_t j = 0; j < n; j++)
-                    sum += fabs(A[i * n + j]);
-                most = sum > most ? sum : most;
-            }
-            int doublings = 0;
-            for (; most * part > g->little && doublings < g->most_doublings; doublings++)
-                part /= 2.0;
-            /* half = I + a / 2 (I + a / 3), step = I + a half, with a = part A */
-            for (int64_t i = 0; i < n * n; i++) {
-                A[i] *= part;
-                half[i] = A[i] / 3.0;
-            }
-            for (int64_t i = 0; i < n; i++)
-                half[i * n + i] += 1.0;
-            product(step, A, half, n, n, n, 0, 0);
-            for (int64_t i = 0; i < n * n; i++)
-                half[i] = 0.5 * step[i];
-            for (int64_t i = 0; i < n; i++)
-                half[i * n + i] += 1.0;
-            product(step, A, half, n, n, n, 0, 0);
-            for (int64_t i = 0; i < n; i++)
-                step[i * n + i] += 1.0;
-            /* What the parameters add, driven = half B, takes fewer products than half itself. */
-            for (int64_t i = 0; i < n * nf; i++)
-                B[i] *= part;
-            product(driven, half, B, n, n, nf, 0, 0);
-            /* Twice as far: driven = driven + step driven, step = step^2 */
-            for (; doublings; doublings--) {
-                memcpy(B, driven, (size_t)(n * nf) * sizeof(double));
-                product(driven, step, B, n, n, nf, 1, 0);
-                memcpy(before, step, (size_t)(n * n) * sizeof(double));
-                product(step, before, before, n, n, n, 0, 0);
-            }
-            product(B, step, G, n, n, nf, 0, 0);
-            for (int64_t i = 0; i < n * nf; i++)
-                G[i] = B[i] + driven[i];
-            if (done == 0) {
-                memcpy(all, step, (size_t)(n * n) * sizeof(double));
-            } else {
-                memcpy(before, all, (size_t)(n * n) * sizeof(double));
-                product(all, step, before, n, n, n, 0, 0);
-            }
-            done += gone;
+        /* Prediction, with the slopes here where none are kept. */
+        if (t == 0) {
+            g->slope.res[0] = m.k[0];
+            if (evaluate_at(&g->slope, x, u, p))
+                return t;
+            memcpy(m.kept, m.A, size);
         }
-        product(before, all, P, n, n, n, 0, 0);
+        memset(m.all, 0, size);
+        for (int64_t i = 0; i < n; i++)
+            m.all[i * n + i] = 1.0;
+        for (int64_t piece = 0; piece < g->pieces; piece++)
+            if (along(g, &m, g->sample_time / (double)g->pieces, g->halvings, x, G, u, p))
+                return t;
+        product(P_half, m.all, P, n, n, n, 0, 0);
         for (int64_t i = 0; i < n; i++)
             for (int64_t j = 0; j < n; j++)
-                half[j * n + i] = all[i * n + j];
-        product(P, before, half, n, n, n, 0, 1);
+                m.other[j * n + i] = m.all[i * n + j];
+        product(P, P_half, m.other, n, n, n, 0, 1);
         for (int64_t i = 0; i < n; i++)
             for (int64_t j = 0; j <= i; j++) {
                 double value = P[i * n + j];

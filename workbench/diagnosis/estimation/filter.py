@@ -1,10 +1,11 @@
 """An extended Kalman filter with sensitivities along a recording.
 
-Explicit Runge-Kutta steps carry the state, the exponential of the linearised equations its
-covariance and its derivatives with respect to the free parameters. Where something bends, such as
-dry friction at a reversal or a contact that is met, many steps go along what a few go else; one
-linearisation in the middle of a piece of the sample serves all its steps. `filter.c` does the same
-as machine code; `_sample_of` is the version to read, and the one that runs without a C compiler.
+The exponential of the linearised equations carries the state, its covariance and its derivatives
+with respect to the free parameters, however fast a lag is beside the sampling interval; what is
+not linear is added. Where that is no parabola over time, such as dry friction at a reversal or a
+contact that is met, a sample is halved, and its smallest parts are gone along in Runge-Kutta steps.
+`filter.c` does the same as machine code; `_sample_of` is the version to read, and the one that runs
+without a C compiler.
 """
 
 from __future__ import annotations
@@ -39,6 +40,9 @@ steps of 0.7 ms without parts a stop's damping came out 3 % wrong, and with it a
 MOST_STEPS = 50
 """Runge-Kutta steps that a sample gets at the most."""
 
+_HALVINGS = 2
+"""How often a piece is halved at the least before Runge-Kutta steps carry it."""
+
 _LATE = 3e-4
 """Angle by which a swinging mode may be late, in rad."""
 
@@ -53,47 +57,38 @@ _LITTLE, _DOUBLINGS = 1.0, 40
 """Sum along a row of a matrix of which Taylor's polynomial of third order is the exponential, and
 how often a part like that is doubled at the most."""
 
-_LITTLE_BENT, _MUCH_BENT, _NOTHING = 1e-3, 0.05, 1e-8
-"""What a method of third order may add to a Runge-Kutta step along which nothing bends, and to one
-that is not taken in parts, as a fraction of what the states move, and of their scales. A mode may
-turn by 0.3 rad in the first."""
+_LITTLE_BENT, _MUCH_BENT, _CURVED, _NOTHING = 3e-3, 0.05, 0.03, 1e-8
+"""What rates may differ from a parabola in an exponential step, what a method of third order may
+add to a Runge-Kutta step that is not taken in parts, and what rates may differ from the slopes
+kept, as a fraction of what the states move; and what counts as nothing, of their scales."""
 
-_PAYS = 0.6
-"""Share of the work of all steps that those along which nothing bends may be, to be tried first."""
+_TRIED, _ONCE = 5, 3
+"""Evaluations of the equations in a Runge-Kutta step, with the one that looks for bends, and in an
+exponential one."""
 
-_AGAIN = 4
-"""Times as many steps must all of them be as twice the few ones, for these to be tried too."""
-
-_TRIED = 5
-"""Evaluations of the equations in a step that is looked at for bends, one more than in others."""
-
-_NUMBERS = ("sample_time", "outlier", "faded", "little", "little_bent", "much_bent", "nothing")
+_NUMBERS = (
+    *("sample_time", "outlier", "faded"),
+    *("little", "little_bent", "much_bent", "curved", "nothing"),
+)
 
 
 class Steps(NamedTuple):
     """How a filter goes through the time between two samples.
 
     Args:
-        calm: Pieces of that time which are tried first, with one linearisation each.
-        few: Runge-Kutta steps in a calm piece; 0 if none is tried.
-        again: Steps in a calm piece that bends along few; 0 if these are not tried.
-        pieces: Pieces of the time, a multiple of ``calm``, where a calm piece bends or is not
-            tried; with one linearisation each.
-        straight: Runge-Kutta steps in such a piece along which nothing bends.
-        each: Runge-Kutta steps in any other, each in parts if it bends.
+        pieces: Pieces of that time, each carried by an exponential step of its own.
+        halvings: How often a piece is halved where it bends, each half with such a step.
+        number: Runge-Kutta steps in a sample that bends all the same, each in parts if it bends.
     """
 
-    calm: int
-    few: int
-    again: int
     pieces: int
-    straight: int
-    each: int
+    halvings: int
+    number: int
 
     @property
-    def number(self) -> int:
-        """Runge-Kutta steps in a sample."""
-        return self.pieces * self.each
+    def each(self) -> int:
+        """Runge-Kutta steps in the smallest part of a piece."""
+        return -(-self.number // (self.pieces << self.halvings))
 
 
 def steps_of(model: Model, sample_time: float, states: Vector, inputs: Vector) -> Steps:
@@ -121,24 +116,8 @@ def steps_of(model: Model, sample_time: float, states: Vector, inputs: Vector) -
     stable = fastest / (0.65 if gentle else 1.3)
     bends = 0.0 if gentle else _STEPS
     asked = np.maximum(stable, (late / _LATE) ** 0.25)
-    all_pieces, all_steps = _whole(stable.max()), _whole(max(asked.max(), bends))
-
-    def work(level: float) -> float:
-        """Runge-Kutta steps of a sample, if those that most states ask for are tried first."""
-        return _whole(level) + float((asked > level).mean()) * all_steps
-
-    level = min(np.unique(asked), key=work)
-    calm, few = 1, 0
-    if work(level) <= _PAYS * all_steps:
-        calm = _whole(stable[asked <= level].max())
-        few = -(-_whole(level) // calm)
-    pieces = calm * -(-all_pieces // calm)
-    straight, each_step = (-(-n // pieces) for n in (_whole(asked.max()), all_steps))
-    pays = straight <= _PAYS * each_step
-    if calm == pieces and pays:
-        few = 0
-    again = 2 * few if _AGAIN * calm * 2 * few <= pieces * each_step else 0
-    return Steps(calm, few, again, pieces, straight if pays else each_step, each_step)
+    halvings = max(_HALVINGS, math.ceil(math.log2(_whole(stable.max()))))
+    return Steps(1, halvings, _whole(max(asked.max(), bends)))
 
 
 def _whole(steps: float) -> int:
@@ -185,16 +164,13 @@ class _Struct(ctypes.Structure):
         *((name, CFunction) for name in ("slope", "rates", "read", "noise")),
         *(
             (name, ctypes.c_int64)
-            for name in ("states", "inputs", "measurements", "corrected", "free", *Steps._fields)
+            for name in ("states", "inputs", "measurements", "corrected", "free", "pieces")
         ),
-        ("finer", ctypes.c_int64),
+        *((name, ctypes.c_int64) for name in ("halvings", "steps", "finer")),
         ("places", ctypes.c_void_p),
         ("scale", ctypes.c_void_p),
         *((name, ctypes.c_double) for name in _NUMBERS),
-        *(
-            (name, ctypes.c_int64)
-            for name in ("most_doublings", "uneasy", "rough", "bent", "kinks")
-        ),
+        *((name, ctypes.c_int64) for name in ("most_doublings", "tries", "bent", "kinks")),
         ("work", ctypes.c_void_p),
     ]
 
@@ -257,7 +233,7 @@ class Filter:
             self._in_c = library.filter
             n_x, n = plant + own, len(self._kept)
             n_y, n_f = len(asked.rows), len(asked.columns)
-            size = 7 * n_x + n_y * (1 + n + n_f) + 2 * n + n_f + 6 * n * n + 2 * n * n_f
+            size = 7 * n_x + n_y * (1 + n + n_f) + 7 * n + n_f + 9 * n * n + 2 * n * n_f
             self._work = np.zeros(max(1, size))
             self._struct = _Struct(
                 *(self._equations.in_c(i) for i in range(4)),
@@ -266,7 +242,9 @@ class Filter:
                 n_y,
                 n,
                 n_f,
-                *steps,
+                steps.pieces,
+                steps.halvings,
+                steps.each,
                 _FINER,
                 self._kept.ctypes.data,
                 address(self._scale),
@@ -276,6 +254,7 @@ class Filter:
                 _LITTLE,
                 _LITTLE_BENT,
                 _MUCH_BENT,
+                _CURVED,
                 _NOTHING,
                 _DOUBLINGS,
                 work=address(self._work),
@@ -329,26 +308,22 @@ class Filter:
             np.full((n, len(x)), np.nan),
             (x, covariance),
         )
-        calm, few, again, pieces, straight, each = self._steps
         if self._struct is None:
             done = self._interpreted(x, covariance, sensitivity, u, y, r, p, d, found)
-            uneasy, rough, bent = done * calm, done * calm, done * pieces
-            kinks = each * bent
+            tries, bent, kinks = done * self._steps.pieces, 0, 0
         else:
             # CasADi takes matrices by columns.
             d = np.ascontiguousarray(d.T)
             arrays = (x, covariance, sensitivity, u, y, r, p, d, *found[:4])
             places = (address(array) for array in arrays)
-            for name in ("uneasy", "rough", "bent", "kinks"):
+            for name in ("tries", "bent", "kinks"):
                 setattr(self._struct, name, 0)
             done = int(self._in_c(ctypes.byref(self._struct), n, *places))
-            bent, uneasy, kinks = self._struct.bent, self._struct.uneasy, self._struct.kinks
-            rough = self._struct.rough if few else done * calm
+            tries, bent, kinks = (getattr(self._struct, k) for k in ("tries", "bent", "kinks"))
         count("filtered_samples", done)
-        # Measurements and process noise once, the equations in each part of each step.
-        tried = calm * few * done + again * uneasy + each * bent
-        tried += pieces // calm * straight * rough if straight < each else 0
-        count("model_evaluations", 2 * done + _TRIED * tried + 4 * _FINER * kinks)
+        # Measurements and process noise once, the equations in each step.
+        carried = _ONCE * tries + _TRIED * self._steps.each * bent + 4 * _FINER * kinks
+        count("model_evaluations", 2 * done + carried)
         states = np.ascontiguousarray(found.states[:, :plant])
         return done, found._replace(states=states)
 
@@ -360,9 +335,11 @@ class Filter:
         missing = np.isnan(y)
         # A measurement that is not there is one with a very large noise.
         variance, measured = np.where(missing, 1e12, r), np.where(missing, 0.0, y)
+        slopes = np.zeros_like(P)
         for t, inputs in enumerate(u):
-            told = self._sample(x, P, G, inputs, measured[t], variance[t], p, d, self._scale)
-            places = x, P, G, *(table[t] for table in found[:4])
+            now = inputs, measured[t], variance[t], p, d
+            told = self._sample(x, P, G, slopes, float(t == 0), *now, self._scale)
+            places = x, P, G, slopes, *(table[t] for table in found[:4])
             for into, values in zip(places, told, strict=True):
                 into[:] = values.reshape(into.shape)
             if not np.isfinite(x).all():
@@ -388,6 +365,7 @@ def _sample_of(
     n, n_y, n_f = len(kept), read.size1_out(0), slope.size1_out(2)
     x0, u, p = ca.MX.sym("x", n_x), ca.MX.sym("u", n_u), ca.MX.sym("p", n_p)
     covariance0, sensitivity0 = ca.MX.sym("P", n, n), ca.MX.sym("G", n, n_f)
+    slopes0, first = ca.MX.sym("A", n, n), ca.MX.sym("first")
     y, r, d = ca.MX.sym("y", n_y), ca.MX.sym("r", n_y), ca.MX.sym("d", *noise.size_in(3))
     scale = ca.MX.sym("scale", n_x)
     predicted, by_state, by_free = read(x0, u, p)
@@ -414,32 +392,112 @@ def _sample_of(
         covariance = covariance - ca.mtimes(gain, gain.T) / variance
     # Rows of the unit matrix put the correction on the states that are corrected.
     x = filtered = x0 + scale * ca.mtimes(ca.DM.eye(n_x)[:, list(kept)], moved)
+    # The slopes kept from the sample before, those here in the first one.
+    slopes = ca.if_else(first, slope(x, u, p)[1].T, slopes0)
     whole = ca.MX(ca.DM.eye(n))
-    along = _along(slope, rates, sample_time, steps)
-    for _ in range(steps.calm):
-        x, transition, driven = along(x, u, p, scale)
+    along = _along(slope, rates, kept, sample_time / steps.pieces, steps.halvings, steps.each)
+    for _ in range(steps.pieces):
+        x, slopes, transition, driven = along(x, slopes, u, p, scale)
         sensitivity = ca.mtimes(transition, sensitivity) + driven
         whole = ca.mtimes(transition, whole)
     covariance = _flushed(ca.mtimes(ca.mtimes(whole, covariance), whole.T))
     covariance = 0.5 * (covariance + covariance.T) + noise(filtered, u, p, d)
     told = [ca.vcat(whitened), ca.vcat(rows), ca.vcat(logs), filtered]
-    arguments = [x0, covariance0, sensitivity0, u, y, r, p, d, scale]
-    return ca.Function("sample", arguments, [x, covariance, _flushed(sensitivity), *told])
+    arguments = [x0, covariance0, sensitivity0, slopes0, first, u, y, r, p, d, scale]
+    going_on = [x, covariance, _flushed(sensitivity), slopes]
+    return ca.Function("sample", arguments, [*going_on, *told])
 
 
-def _along(slope: ca.Function, rates: ca.Function, sample_time: float, steps: Steps) -> ca.Function:
-    """Build what carries a state along a calm piece of a sample.
+def _along(
+    slope: ca.Function,
+    rates: ca.Function,
+    kept: tuple[int, ...],
+    time: float,
+    halvings: int,
+    each: int,
+) -> ca.Function:
+    """Build what carries a state along a part of a sample.
 
-    It returns the state, the transition of what it was, and what the parameters add to it.
+    It takes and returns the state and the slopes amid the part before, and returns the transition
+    of what the state was, and what the parameters add to it.
 
-    Few steps will do where what a method of third order adds to them is little.
+    The slopes kept carry the state along the part and to its middle by their exponential. What the
+    rates there and at the end differ from these slopes is integrated by Simpson's rule; it must be
+    little, and a parabola over time. Parts that bend are halved, the smallest ones taken in
+    Runge-Kutta steps, and those that bend in finer ones.
 
-    Source: Zonneveld, Automatic Numerical Integration, 1964; Hairer, Norsett and Wanner, Solving
-    Ordinary Differential Equations I, table 4.2.
+    Source: M. Hochbruck and A. Ostermann, Exponential integrators, Acta Numerica 19 (2010), for
+    steps with slopes that need not be those at their begin; Zonneveld, Automatic Numerical
+    Integration, 1964, and Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I,
+    table 4.2, for the test of a Runge-Kutta step.
     """
-    n, m, n_p = (slope.size1_in(i) for i in range(3))
-    given = [ca.MX.sym("x", n), ca.MX.sym("u", m), ca.MX.sym("p", n_p), ca.MX.sym("scale", n)]
-    x0, u, p, scale = given
+    n_x, n_u, n_p = (slope.size1_in(i) for i in range(3))
+    n, onto = len(kept), ca.DM.eye(n_x)[:, list(kept)]
+    x0, before = ca.MX.sym("x", n_x), ca.MX.sym("A", n, n)
+    u, p, scale = ca.MX.sym("u", n_u), ca.MX.sym("p", n_p), ca.MX.sym("scale", n_x)
+    given = [x0, before, u, p, scale]
+    carried = ca.sum2(onto)
+
+    def moved(along: ca.MX, other: ca.MX) -> ca.MX:
+        """Return where the states are, those that are not corrected by other steps."""
+        return x0 + scale * ca.mtimes(onto, along) + (1 - carried) * other
+
+    def ends(x: ca.MX, a: ca.MX, b: ca.MX) -> list[ca.MX]:
+        held, mean = exponential_of(n)(0.5 * time * a.T)
+        driven = ca.mtimes(mean, 0.5 * time * b.T)
+        return [x, a.T, ca.mtimes(held, held), driven + ca.mtimes(held, driven)]
+
+    def at_once() -> tuple[list[ca.MX], ca.MX]:
+        held, mean = exponential_of(n)(0.5 * time * before)
+
+        def faded(added: ca.MX) -> ca.MX:
+            """Return what is left at the end of what is added evenly along the part."""
+            half = 0.5 * ca.mtimes(mean, added)
+            return half + ca.mtimes(held, half)
+
+        def small(added: ca.MX, gone: ca.MX, part: float) -> ca.MX:
+            return ca.mmin(ca.fabs(added) <= part * gone + _NOTHING)
+
+        k0 = rates(x0, u, p)
+        half = ca.mtimes(mean, 0.5 * time * ca.mtimes(onto.T, k0 / scale))
+        whole = half + ca.mtimes(held, half)
+        k1, a, b = slope(moved(half, 0.5 * time * k0), u, p)
+        k2 = rates(moved(whole, time * k1), u, p)
+        amid, end = (
+            ca.mtimes(onto.T, (k - k0) / scale) - ca.mtimes(before, v)
+            for k, v in ((k1, half), (k2, whole))
+        )
+        added, away = (faded(time / 6 * v) for v in (4 * amid + end, 4 * amid - end))
+        gone = ca.fabs(half) + ca.fabs(whole - half)
+        easy = small(away, gone, _LITTLE_BENT) * small(added, gone, _CURVED)
+        others = (1 - carried) / scale
+        steps = ca.fabs(k0) + 4 * ca.fabs(k1) + ca.fabs(k2)
+        away = time / 6 * (2 * k1 - k0 - k2)
+        easy *= small(others * away, others * time / 6 * steps, _LITTLE_BENT)
+        return ends(moved(whole + added, time / 6 * (k0 + 4 * k1 + k2)), a, b), easy
+
+    def unless_bent(once: list[ca.MX], easy: ca.MX, parts: ca.Function) -> ca.Function:
+        found = [ca.MX.sym("v", *v.size()) for v in once]
+        own = ca.Function("once", [*found, *given], found)
+        other = ca.Function("bent", [*found, *given], parts(*given))
+        chosen = ca.Function.if_else("chosen", own, other)(easy, *once, *given)
+        return ca.Function("along", given, list(chosen))
+
+    if halvings:
+        half = _along(slope, rates, kept, time / 2, halvings - 1, each)
+        x, a, transition, driven = half(*given)
+        x, a, further, more = half(x, a, u, p, scale)
+        both = [x, a, ca.mtimes(further, transition), ca.mtimes(further, driven) + more]
+        return unless_bent(*at_once(), ca.Function("halves", given, both))
+    in_steps = _in_steps(slope, rates, time / each, each)
+    found = ends(*in_steps(x0, u, p, scale))
+    return unless_bent(*at_once(), ca.Function("steps", given, found))
+
+
+def _in_steps(slope: ca.Function, rates: ca.Function, h: float, count: int) -> ca.Function:
+    """Build what carries a state along Runge-Kutta steps, and gives the slopes amid them."""
+    x0, u, p = (ca.MX.sym(name, slope.size1_in(i)) for i, name in enumerate("xup"))
+    scale = ca.MX.sym("scale", x0.numel())
 
     def slopes(x: ca.MX, h: float, amid: int = -1) -> tuple[list[ca.MX], list[ca.MX]]:
         """Return the four slopes of a step, and the linearisation at the one with this number."""
@@ -457,52 +515,22 @@ def _along(slope: ca.Function, rates: ca.Function, sample_time: float, steps: St
     def gone(x: ca.MX, h: float, k: list[ca.MX]) -> ca.MX:
         return x + h / 6 * (k[0] + 2 * k[1] + 2 * k[2] + k[3])
 
-    def whole_or_in_parts(h: float) -> ca.Function:
-        """Build what takes the end of a step, or goes along it in parts."""
-        found, x = ca.MX.sym("step", n), x0
-        for _ in range(_FINER):
-            x = gone(x, h / _FINER, slopes(x, h / _FINER)[0])
-        whole = ca.Function("whole", [found, *given], [found])
-        return ca.Function.if_else("step", whole, ca.Function("parts", [found, *given], [x]))
-
-    def gone_along(time: float, count: int, *, parts: bool) -> tuple[list[ca.MX], ca.MX]:
-        x, a, b, good = x0, ca.MX(), ca.MX(), ca.MX(1)
-        h, little = time / count, _MUCH_BENT if parts else _LITTLE_BENT
-        step = whole_or_in_parts(h) if parts else None
-        for number in range(count):
-            # The middle is the midpoint of a step, or begins one where their number is even.
-            k, linearised = slopes(x, h, count % 2 if number == count // 2 else -1)
-            a, b = linearised or (a, b)
-            k5 = rates(x + h / 32 * (5 * k[0] + 7 * k[1] + 13 * k[2] - k[3]), u, p)
-            away = h * (2 * (k[1] + k[2] + k[3]) - (2 * k[0] + 16 * k5) / 3)
-            moved = gone(ca.MX.zeros(n), h, [ca.fabs(v) for v in k])
-            easy = ca.mmin(ca.fabs(away) <= little * moved + _NOTHING * scale)
-            good *= easy
-            end = gone(x, h, k)
-            x = step(easy, end, x, u, p, scale) if step is not None else end
-        transition, half = exponential_of(a.size1())(time * a.T)
-        return [x, transition, ca.mtimes(half, time * b.T)], good
-
-    def unless_bent(few: list[ca.MX], good: ca.MX, fine: ca.Function) -> ca.Function:
-        found = [ca.MX.sym("v", *v.size()) for v in few]
-        own = ca.Function("straight", [*found, *given], found)
-        other = ca.Function("bent", [*found, *given], fine(*given))
-        chosen = ca.Function.if_else("chosen", own, other)(good, *few, *given)
-        return ca.Function("along", given, list(chosen))
-
-    piece = sample_time / steps.pieces
-    along = ca.Function("bent", given, gone_along(piece, steps.each, parts=True)[0])
-    if steps.straight < steps.each:
-        along = unless_bent(*gone_along(piece, steps.straight, parts=False), along)
-    x, transition, driven = along(*given)
-    for _ in range(1, steps.pieces // steps.calm):
-        x, further, more = along(x, u, p, scale)
-        transition, driven = ca.mtimes(further, transition), ca.mtimes(further, driven) + more
-    along = ca.Function("pieces", given, [x, transition, driven])
-    for number in (steps.again, steps.few):
-        if number:
-            along = unless_bent(*gone_along(sample_time / steps.calm, number, parts=False), along)
-    return along
+    end, x = ca.MX.sym("end", x0.numel()), x0
+    for _ in range(_FINER):
+        x = gone(x, h / _FINER, slopes(x, h / _FINER)[0])
+    own = ca.Function("whole", [end, x0, u, p], [end])
+    step = ca.Function.if_else("step", own, ca.Function("parts", [end, x0, u, p], [x]))
+    x, a, b = x0, ca.MX(), ca.MX()
+    for number in range(count):
+        # The middle is the midpoint of a step, or begins one where their number is even.
+        k, linearised = slopes(x, h, count % 2 if number == count // 2 else -1)
+        a, b = linearised or (a, b)
+        k5 = rates(x + h / 32 * (5 * k[0] + 7 * k[1] + 13 * k[2] - k[3]), u, p)
+        away = h * (2 * (k[1] + k[2] + k[3]) - (2 * k[0] + 16 * k5) / 3)
+        moved = gone(ca.MX.zeros(x0.numel()), h, [ca.fabs(v) for v in k])
+        easy = ca.mmin(ca.fabs(away) <= _MUCH_BENT * moved + _NOTHING * scale)
+        x = step(easy, gone(x, h, k), x, u, p)
+    return ca.Function("steps", [x0, u, p, scale], [x, a, b])
 
 
 @functools.lru_cache(maxsize=32)

@@ -356,7 +356,7 @@ def steps_along(model: Model, observed: Observed) -> Steps:
     At some samples the states, random within their scales, are corrected by the measurements.
     """
     if not model.states:
-        return Steps(1, 0, 0, 1, 1, 1)
+        return Steps(1, 0, 1)
     rng = np.random.default_rng(0)
     rows = [index_of("output", name, model.outputs) for name in observed.used]
     scale = np.array([q.scale for q in model.states])
@@ -384,7 +384,7 @@ def steps_along(model: Model, observed: Observed) -> Steps:
         x = np.clip(x + scale * gain[:, :, 0], *within)
     steps = steps_of(model, observed.sample_time, x, u)
     finer = _FINER if len(observed.relative_noise) else 1
-    return steps._replace(calm=steps.calm * finer, pieces=steps.pieces * finer)
+    return steps._replace(pieces=steps.pieces * finer, number=steps.number * finer)
 
 
 def disturbances(model: Model, noise_scale: float) -> dict[str, float]:
