@@ -40,7 +40,7 @@ steps of 0.7 ms without parts a stop's damping came out 3 % wrong, and with it a
 MOST_STEPS = 50
 """Runge-Kutta steps that a sample gets at the most."""
 
-_HALVINGS = 2
+_HALVINGS = 3
 """How often a piece is halved at the least before Runge-Kutta steps carry it."""
 
 _LATE = 3e-4
@@ -57,7 +57,7 @@ _LITTLE, _DOUBLINGS = 1.0, 40
 """Sum along a row of a matrix of which Taylor's polynomial of third order is the exponential, and
 how often a part like that is doubled at the most."""
 
-_LITTLE_BENT, _MUCH_BENT, _CURVED, _NOTHING = 3e-3, 0.05, 0.03, 1e-8
+_LITTLE_BENT, _MUCH_BENT, _CURVED, _NOTHING = 3e-3, 0.01, 0.03, 1e-8
 """What rates may differ from a parabola in an exponential step, what a method of third order may
 add to a Runge-Kutta step that is not taken in parts, and what rates may differ from the slopes
 kept, as a fraction of what the states move; and what counts as nothing, of their scales."""

@@ -18,6 +18,9 @@ STEP, _STEPS = 3.0, 6
 """Factor between values that are tried as long as the cost falls, and how many: the usual size of
 an effect may be wrong by a hundred."""
 
+_STRIDES = 5
+"""Lengths of a stride that are tried where a search walks, each twice the one before."""
+
 _FINE, _FINEST = 0.02, 8
 """Logarithm within which what was found in steps is searched between them, and in how many runs."""
 
@@ -43,16 +46,21 @@ def stepped(cost: Cost, here: float, q: Parameter, least: float, step: float = S
 
 
 def walked(cost: Cost, here: float, q: Parameter, step: float) -> float:
-    """Go on from a value by equal steps, up or down within the bounds of q, as long as that gains.
+    """Go on from a value by steps and their doubles, within the bounds of q, as long as that gains.
+
+    A cost that falls far away may rise, or waver, at the first step.
 
     Args:
         step: In the unit of the number.
     """
     least = cost(here)
-    for to in (step, -step):
-        while q.lower <= here + to <= q.upper and (now := cost(here + to)) < least:
-            least, here = now, here + to
-    return here
+    while True:
+        places = [here + to * 2**k for k in range(_STRIDES) for to in (step, -step)]
+        found = [(cost(v), v) for v in places if q.lower <= v <= q.upper]
+        now, there = min(found, default=(math.inf, here))
+        if not now < least:
+            return here
+        least, here = now, there
 
 
 def between(cost: Cost, here: float, q: Parameter, enough: float) -> float:
