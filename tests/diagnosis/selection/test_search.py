@@ -280,8 +280,10 @@ def test_what_ended_alike_in_all_recordings_is_told_as_what_acts_always(other: f
     (level,) = entry.effect.states
     level = replace(level, start_in=(("axis 1", 1.0), ("axis 2", other)))
     entry = replace(entry, effect=replace(entry.effect, states=(level,)))
-    # Neither explains what is hidden there, which ends in many valleys where equations are trusted.
-    named = _found_instead(task, given.selected, entry, entry_priors(entry), entry_start(entry), 1.0)
+    # Neither explains what is hidden there: trusted, the equations end in any of many valleys.
+    named = _found_instead(
+        task, given.selected, entry, entry_priors(entry), entry_start(entry), 1.0
+    )
     ((told, _),) = simplified(task, named).accepted
     assert told.entry.law == ("constant_force" if other > 0.0 else "offset_by_recording")
 

@@ -34,9 +34,11 @@ typedef struct {
     double *step, *driven; /* exponential of A, and what B adds to the sensitivities */
     double *all;           /* product of those of the sample so far */
     double *kept;          /* slopes amid the part before, with which the next one is tried */
-    double *held, *mean;   /* their exponential along half the time `held_for`, and its mean */
+    double *held, *mean, *late; /* their exponential along half the time `held_for`, its mean on the
+                                   way, and the mean of that */
     double held_for;
-    double *other, *rest, *half, *whole, *added, *away; /* rooms for a matrix and for vectors */
+    double *a, *square, *cube, *other; /* rooms for matrices, and for vectors */
+    double *rest, *ahead, *half, *whole, *amid, *end, *bent, *kink, *even, *slanted;
     double *k[5], *at, *to; /* rates, and states */
 } Part;
 
@@ -144,72 +146,100 @@ static void times(double *to, const double *a, const double *x, int64_t n)
         to[i] = dot(a + i * n, x, n);
 }
 
-/* step = exp(time A), and mean = its mean on the way there. */
-static void exponential(const Filter *g, double time, const double *A, double *step, double *mean,
-                        double *a)
+/* Exponential of the slopes kept, its mean and its late mean, along half a part of this length. */
+static void hold(const Filter *g, Part *m, double time)
 {
     const int64_t n = g->corrected;
     const size_t size = (size_t)(n * n) * sizeof(double);
+    double *a = m->a, *square = m->square, *cube = m->cube, *other = m->other;
+    double *held = m->held, *mean = m->mean, *late = m->late;
     /* Parts along which the slopes do little. */
-    double most = 0.0, part = time;
+    double most = 0.0, part = time / 2.0;
     for (int64_t i = 0; i < n; i++) {
         double sum = 0.0;
         for (int64_t j = 0; j < n; j++)
-            sum += fabs(A[i * n + j]);
+            sum += fabs(m->kept[i * n + j]);
         most = sum > most ? sum : most;
     }
     int doublings = 0;
     for (; most * part > g->little && doublings < g->most_doublings; doublings++)
         part /= 2.0;
-    /* mean = I + a / 2 (I + a / 3), step = I + a mean, with a = part A */
-    for (int64_t i = 0; i < n * n; i++) {
-        a[i] = A[i] * part;
-        mean[i] = a[i] / 3.0;
-    }
-    for (int64_t i = 0; i < n; i++)
-        mean[i * n + i] += 1.0;
-    product(step, a, mean, n, n, n, 0, 0);
+    /* mean = sum of a^k / (k + 1)!, late = sum of a^k / (k + 2)!, held = I + a mean */
     for (int64_t i = 0; i < n * n; i++)
-        mean[i] = 0.5 * step[i];
-    for (int64_t i = 0; i < n; i++)
+        a[i] = m->kept[i] * part;
+    product(square, a, a, n, n, n, 0, 0);
+    product(cube, square, a, n, n, n, 0, 0);
+    for (int64_t i = 0; i < n * n; i++) {
+        mean[i] = a[i] / 2.0 + square[i] / 6.0;
+        late[i] = a[i] / 6.0 + square[i] / 24.0;
+        other[i] = a[i] / 120.0 + square[i] / 720.0;
+        held[i] = a[i] / 720.0 + square[i] / 5040.0;
+    }
+    for (int64_t i = 0; i < n; i++) {
         mean[i * n + i] += 1.0;
-    product(step, a, mean, n, n, n, 0, 0);
+        late[i * n + i] += 1.0 / 2.0;
+        other[i * n + i] += 1.0 / 24.0;
+        held[i * n + i] += 1.0 / 120.0;
+    }
+    product(mean, cube, other, n, n, n, 1, 0);
+    product(late, cube, held, n, n, n, 1, 0);
+    product(held, a, mean, n, n, n, 0, 0);
     for (int64_t i = 0; i < n; i++)
-        step[i * n + i] += 1.0;
-    /* Twice as far: mean = (mean + step mean) / 2, step = step^2 */
+        held[i * n + i] += 1.0;
+    /* Twice as far: late = (late + held late + mean) / 4, mean = (mean + held mean) / 2, held^2 */
     for (; doublings; doublings--) {
-        memcpy(a, mean, size);
-        product(mean, step, a, n, n, n, 1, 0);
+        memcpy(other, late, size);
+        product(late, held, other, n, n, n, 1, 0);
+        memcpy(other, mean, size);
+        for (int64_t i = 0; i < n * n; i++)
+            late[i] = 0.25 * (late[i] + mean[i]);
+        product(mean, held, other, n, n, n, 1, 0);
         for (int64_t i = 0; i < n * n; i++)
             mean[i] *= 0.5;
-        memcpy(a, step, size);
-        product(step, a, a, n, n, n, 0, 0);
+        memcpy(other, held, size);
+        product(held, other, other, n, n, n, 0, 0);
     }
-}
-
-/* Go on with other slopes for the next part, in a part of this length. */
-static void keep(const Filter *g, Part *m, double time)
-{
-    exponential(g, time / 2.0, m->kept, m->held, m->mean, m->other);
     m->held_for = time;
 }
 
-/* What is added evenly along a part is, at its end, this much of it. */
-static void fade(Part *m, double *added, int64_t n)
+/* Add to `sum` what is left at the end of half a part of what is added along it, evenly and along a
+ * slanted line with a mean of zero. */
+static void faded(Part *m, const double *even, const double *slanted, double *sum, int64_t n)
 {
-    times(m->rest, m->mean, added, n);
-    times(added, m->held, m->rest, n);
     for (int64_t c = 0; c < n; c++)
-        added[c] = 0.5 * (added[c] + m->rest[c]);
+        m->rest[c] = even[c] - slanted[c] / 2.0;
+    for (int64_t c = 0; c < n; c++)
+        sum[c] += dot(m->mean + c * n, m->rest, n) + dot(m->late + c * n, slanted, n);
 }
 
-/* Carry a state along a part by the exponential of the slopes of the part before, and what these
- * leave out by Simpson's rule, unless that is much or no parabola: `m->to` is where it ends. */
+/* What is left at the end of a part of what is added along it, a parabola from zero with these values
+ * amid it and at its end. */
+static void added(Part *m, double time, const double *amid, const double *end, double *sum,
+                  int64_t n)
+{
+    double *even = m->even, *slanted = m->slanted;
+    for (int64_t c = 0; c < n; c++) {
+        sum[c] = 0.0;
+        even[c] = time * (4.0 * amid[c] - end[c] / 2.0) / 12.0;
+        slanted[c] = time / 2.0 * amid[c];
+    }
+    faded(m, even, slanted, sum, n);
+    memcpy(m->rest, sum, (size_t)n * sizeof(double));
+    times(sum, m->held, m->rest, n);
+    for (int64_t c = 0; c < n; c++) {
+        even[c] = time * (4.0 * amid[c] + 2.5 * end[c]) / 12.0;
+        slanted[c] = time / 2.0 * (end[c] - amid[c]);
+    }
+    faded(m, even, slanted, sum, n);
+}
+
+/* Carry a state along a part by the exponential of the slopes amid it, where those of the part before
+ * lead, and what they leave out by Simpson's rule, unless that is much: `m->to` is where it ends. */
 static int at_once(Filter *g, Part *m, double time, const double *x, const double *u,
                    const double *p)
 {
     const int64_t n = g->corrected;
-    double **k = m->k, *to = m->to;
+    double **k = m->k, *to = m->to, *ahead = m->ahead;
     g->tries++;
     g->rates.res[0] = k[0];
     if (evaluate_at(&g->rates, x, u, p))
@@ -218,39 +248,42 @@ static int at_once(Filter *g, Part *m, double time, const double *x, const doubl
         to[i] = x[i] + time / 2.0 * k[0][i];
     for (int64_t c = 0; c < n; c++)
         m->rest[c] = time / 2.0 * k[0][g->places[c]] / g->scale[g->places[c]];
-    times(m->half, m->mean, m->rest, n);
-    times(m->whole, m->held, m->half, n);
-    for (int64_t c = 0; c < n; c++) {
-        const int64_t i = g->places[c];
-        m->whole[c] += m->half[c];
-        to[i] = x[i] + g->scale[i] * m->half[c];
-    }
+    times(ahead, m->mean, m->rest, n);
+    for (int64_t c = 0; c < n; c++)
+        to[g->places[c]] = x[g->places[c]] + g->scale[g->places[c]] * ahead[c];
     g->slope.res[0] = k[1];
     if (evaluate_at(&g->slope, to, u, p))
         return 0;
+    memcpy(m->kept, m->A, (size_t)(n * n) * sizeof(double));
+    hold(g, m, time);
+    times(m->half, m->mean, m->rest, n);
+    times(m->whole, m->held, m->half, n);
     for (int64_t i = 0; i < g->states; i++)
         to[i] = x[i] + time * k[1][i];
-    for (int64_t c = 0; c < n; c++)
+    for (int64_t c = 0; c < n; c++) {
+        m->whole[c] += m->half[c];
         to[g->places[c]] = x[g->places[c]] + g->scale[g->places[c]] * m->whole[c];
+    }
     g->rates.res[0] = k[2];
     if (evaluate_at(&g->rates, to, u, p))
         return 0;
-    /* What the slopes kept leave out, and what it is off a parabola, fades as they say. */
     for (int64_t c = 0; c < n; c++) {
         const int64_t i = g->places[c];
-        const double amid = (k[1][i] - k[0][i]) / g->scale[i] - dot(m->kept + c * n, m->half, n);
-        const double end = (k[2][i] - k[0][i]) / g->scale[i] - dot(m->kept + c * n, m->whole, n);
-        m->added[c] = time / 6.0 * (4.0 * amid + end);
-        m->away[c] = time / 6.0 * (4.0 * amid - end);
+        m->amid[c] = (k[1][i] - k[0][i]) / g->scale[i] - dot(m->kept + c * n, ahead, n);
+        m->end[c] = (k[2][i] - k[0][i]) / g->scale[i] - dot(m->kept + c * n, m->whole, n);
     }
-    fade(m, m->added, n);
-    fade(m, m->away, n);
+    added(m, time, m->amid, m->end, m->bent, n);
+    /* The end alone counts a sixth: nothing, if all is smooth. */
+    memset(m->amid, 0, (size_t)n * sizeof(double));
+    for (int64_t c = 0; c < n; c++)
+        m->end[c] *= -1.0;
+    added(m, time, m->amid, m->end, m->kink, n);
     for (int64_t c = 0; c < n; c++) {
         const double gone = fabs(m->half[c]) + fabs(m->whole[c] - m->half[c]);
-        if (!(fabs(m->away[c]) <= g->little_bent * gone + g->nothing) ||
-            !(fabs(m->added[c]) <= g->curved * gone + g->nothing))
+        if (!(fabs(m->kink[c]) <= g->little_bent * gone + g->nothing) ||
+            !(fabs(m->bent[c]) <= g->curved * gone + g->nothing))
             return 0;
-        to[g->places[c]] += g->scale[g->places[c]] * m->added[c];
+        to[g->places[c]] += g->scale[g->places[c]] * m->bent[c];
     }
     for (int64_t i = 0, c = 0; i < g->states; i++) {
         if (c < n && g->places[c] == i) {
@@ -298,17 +331,19 @@ static int along(Filter *g, Part *m, double time, int64_t halvings, double *x, d
     const int64_t n = g->corrected, nf = g->free;
     const size_t size = (size_t)(n * n) * sizeof(double);
     if (m->held_for != time)
-        keep(g, m, time);
+        hold(g, m, time);
     const int once = at_once(g, m, time, x, u, p);
     if (!once && halvings)
         return along(g, m, time / 2.0, halvings - 1, x, G, u, p) ||
                along(g, m, time / 2.0, halvings - 1, x, G, u, p);
-    if (once)
+    if (once) {
         memcpy(x, m->to, (size_t)g->states * sizeof(double));
-    else if (in_steps(g, m, time, x, u, p))
-        return 1;
-    memcpy(m->kept, m->A, size);
-    keep(g, m, time);
+    } else {
+        if (in_steps(g, m, time, x, u, p))
+            return 1;
+        memcpy(m->kept, m->A, size);
+        hold(g, m, time);
+    }
     /* Along both halves: step = held^2, driven = (I + held) mean B */
     for (int64_t i = 0; i < n * nf; i++)
         m->B[i] *= time / 2.0;
@@ -334,20 +369,21 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
     const size_t size = (size_t)(n * n) * sizeof(double);
     double *w = g->work;
     Part m = {.held_for = 0.0};
-    double **rooms[] = {&m.A, &m.step, &m.all, &m.kept, &m.held, &m.mean, &m.other};
-    for (int i = 0; i < 7; i++, w += n * n)
+    double **rooms[] = {&m.A,    &m.step, &m.all,    &m.kept, &m.held, &m.mean,
+                        &m.late, &m.a,    &m.square, &m.cube, &m.other};
+    for (int i = 0; i < 11; i++, w += n * n)
         *rooms[i] = w;
     double *P_half = w, *Q = w + n * n;
     for (int i = 0; i < 5; i++)
         m.k[i] = Q + n * n + i * nx;
     m.at = m.k[4] + nx;
     m.to = m.at + nx;
-    m.rest = m.to + nx;
-    m.half = m.rest + n;
-    m.whole = m.half + n;
-    m.added = m.whole + n;
-    m.away = m.added + n;
-    m.B = m.away + n;
+    w = m.to + nx;
+    double **vectors[] = {&m.rest, &m.ahead, &m.half, &m.whole, &m.amid,
+                          &m.end,  &m.bent,  &m.kink, &m.even,  &m.slanted};
+    for (int i = 0; i < 10; i++, w += n)
+        *vectors[i] = w;
+    m.B = w;
     m.driven = m.B + n * nf;
     double *predicted = m.driven + n * nf, *H = predicted + ny, *D = H + ny * n;
     double *moved = D + ny * nf, *gain = moved + n, *row = gain + n;

@@ -54,7 +54,7 @@ _FADED = 1e-50
 """Covariance and sensitivity, relative to the scales, that are none any more."""
 
 _LITTLE, _DOUBLINGS = 1.0, 40
-"""Sum along a row of a matrix of which Taylor's polynomial of third order is the exponential, and
+"""Sum along a row of a matrix of which Taylor's polynomial of sixth order is the exponential, and
 how often a part like that is doubled at the most."""
 
 _LITTLE_BENT, _MUCH_BENT, _CURVED, _NOTHING = 3e-3, 0.01, 0.03, 1e-8
@@ -233,7 +233,7 @@ class Filter:
             self._in_c = library.filter
             n_x, n = plant + own, len(self._kept)
             n_y, n_f = len(asked.rows), len(asked.columns)
-            size = 7 * n_x + n_y * (1 + n + n_f) + 7 * n + n_f + 9 * n * n + 2 * n * n_f
+            size = 7 * n_x + n_y * (1 + n + n_f) + 12 * n + n_f + 13 * n * n + 2 * n * n_f
             self._work = np.zeros(max(1, size))
             self._struct = _Struct(
                 *(self._equations.in_c(i) for i in range(4)),
@@ -421,13 +421,13 @@ def _along(
     It takes and returns the state and the slopes amid the part before, and returns the transition
     of what the state was, and what the parameters add to it.
 
-    The slopes kept carry the state along the part and to its middle by their exponential. What the
-    rates there and at the end differ from these slopes is integrated by Simpson's rule; it must be
-    little, and a parabola over time. Parts that bend are halved, the smallest ones taken in
-    Runge-Kutta steps, and those that bend in finer ones.
+    The slopes before carry the state to the middle by their exponential, those there carry it to
+    the end. What the rates in the middle and at the end differ from these is a parabola that is
+    added, fading as the slopes say; it must be little, and nothing at the end. Parts that bend are
+    halved, the smallest ones taken in Runge-Kutta steps, and those that bend in finer ones.
 
-    Source: M. Hochbruck and A. Ostermann, Exponential integrators, Acta Numerica 19 (2010), for
-    steps with slopes that need not be those at their begin; Zonneveld, Automatic Numerical
+    Source: M. Hochbruck and A. Ostermann, Exponential integrators, Acta Numerica 19 (2010), section
+    2.3; Zonneveld, Automatic Numerical
     Integration, 1964, and Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I,
     table 4.2, for the test of a Runge-Kutta step.
     """
@@ -443,44 +443,54 @@ def _along(
         return x0 + scale * ca.mtimes(onto, along) + (1 - carried) * other
 
     def ends(x: ca.MX, a: ca.MX, b: ca.MX) -> list[ca.MX]:
-        held, mean = exponential_of(n)(0.5 * time * a.T)
+        held, mean, _ = exponential_of(n)(0.5 * time * a.T)
         driven = ca.mtimes(mean, 0.5 * time * b.T)
         return [x, a.T, ca.mtimes(held, held), driven + ca.mtimes(held, driven)]
 
-    def at_once() -> tuple[list[ca.MX], ca.MX]:
-        held, mean = exponential_of(n)(0.5 * time * before)
-
-        def faded(added: ca.MX) -> ca.MX:
-            """Return what is left at the end of what is added evenly along the part."""
-            half = 0.5 * ca.mtimes(mean, added)
-            return half + ca.mtimes(held, half)
-
-        def small(added: ca.MX, gone: ca.MX, part: float) -> ca.MX:
-            return ca.mmin(ca.fabs(added) <= part * gone + _NOTHING)
-
+    def at_once() -> tuple[list[ca.MX], ca.MX, ca.MX]:
         k0 = rates(x0, u, p)
-        half = ca.mtimes(mean, 0.5 * time * ca.mtimes(onto.T, k0 / scale))
+        evenly = 0.5 * time * ca.mtimes(onto.T, k0 / scale)
+        ahead = ca.mtimes(exponential_of(n)(0.5 * time * before)[1], evenly)
+        k1, a, b = slope(moved(ahead, 0.5 * time * k0), u, p)
+        held, mean, late = exponential_of(n)(0.5 * time * a.T)
+        half = ca.mtimes(mean, evenly)
         whole = half + ca.mtimes(held, half)
-        k1, a, b = slope(moved(half, 0.5 * time * k0), u, p)
         k2 = rates(moved(whole, time * k1), u, p)
         amid, end = (
-            ca.mtimes(onto.T, (k - k0) / scale) - ca.mtimes(before, v)
-            for k, v in ((k1, half), (k2, whole))
+            ca.mtimes(onto.T, (k - k0) / scale) - ca.mtimes(a.T, v)
+            for k, v in ((k1, ahead), (k2, whole))
         )
-        added, away = (faded(time / 6 * v) for v in (4 * amid + end, 4 * amid - end))
+
+        def faded(even: ca.MX, slanted: ca.MX) -> ca.MX:
+            """Return what is left after half the part of what is added evenly, and along a line."""
+            return ca.mtimes(mean, even - 0.5 * slanted) + ca.mtimes(late, slanted)
+
+        def added(amid: ca.MX, end: ca.MX) -> ca.MX:
+            """Return what is left at the end of what is added along a parabola from zero."""
+            first = faded(time * (4 * amid - end / 2) / 12, time / 2 * amid)
+            second = faded(time * (4 * amid + 2.5 * end) / 12, time / 2 * (end - amid))
+            return ca.mtimes(held, first) + second
+
+        def small(value: ca.MX, gone: ca.MX, part: float) -> ca.MX:
+            return ca.mmin(ca.fabs(value) <= part * gone + _NOTHING)
+
+        # The end alone counts a sixth: nothing, if all is smooth.
+        bent, kink = added(amid, end), added(0 * amid, -end)
         gone = ca.fabs(half) + ca.fabs(whole - half)
-        easy = small(away, gone, _LITTLE_BENT) * small(added, gone, _CURVED)
+        easy = small(kink, gone, _LITTLE_BENT) * small(bent, gone, _CURVED)
         others = (1 - carried) / scale
         steps = ca.fabs(k0) + 4 * ca.fabs(k1) + ca.fabs(k2)
         away = time / 6 * (2 * k1 - k0 - k2)
         easy *= small(others * away, others * time / 6 * steps, _LITTLE_BENT)
-        return ends(moved(whole + added, time / 6 * (k0 + 4 * k1 + k2)), a, b), easy
+        return ends(moved(whole + bent, time / 6 * (k0 + 4 * k1 + k2)), a, b), easy, a.T
 
-    def unless_bent(once: list[ca.MX], easy: ca.MX, parts: ca.Function) -> ca.Function:
+    def unless_bent(parts: ca.Function) -> ca.Function:
+        """Build what goes along the parts where a whole step bends, with the slopes amid that."""
+        once, easy, amid = at_once()
         found = [ca.MX.sym("v", *v.size()) for v in once]
         own = ca.Function("once", [*found, *given], found)
         other = ca.Function("bent", [*found, *given], parts(*given))
-        chosen = ca.Function.if_else("chosen", own, other)(easy, *once, *given)
+        chosen = ca.Function.if_else("chosen", own, other)(easy, *once, x0, amid, u, p, scale)
         return ca.Function("along", given, list(chosen))
 
     if halvings:
@@ -488,10 +498,10 @@ def _along(
         x, a, transition, driven = half(*given)
         x, a, further, more = half(x, a, u, p, scale)
         both = [x, a, ca.mtimes(further, transition), ca.mtimes(further, driven) + more]
-        return unless_bent(*at_once(), ca.Function("halves", given, both))
+        return unless_bent(ca.Function("halves", given, both))
     in_steps = _in_steps(slope, rates, time / each, each)
     found = ends(*in_steps(x0, u, p, scale))
-    return unless_bent(*at_once(), ca.Function("steps", given, found))
+    return unless_bent(ca.Function("steps", given, found))
 
 
 def _in_steps(slope: ca.Function, rates: ca.Function, h: float, count: int) -> ca.Function:
@@ -535,22 +545,29 @@ def _in_steps(slope: ca.Function, rates: ca.Function, h: float, count: int) -> c
 
 @functools.lru_cache(maxsize=32)
 def exponential_of(n: int, little: float = _LITTLE) -> ca.Function:
-    """Build the exponential of a matrix of n rows, and its mean on the way from the unit matrix.
+    """Build the exponential of a matrix of n rows, its mean on the way there, and the mean of that.
 
-    Taylor's polynomial of a part of the matrix whose largest sum along a row is at most little,
-    dimensionless, doubled until it is the whole: Golub and Van Loan, Matrix Computations, section
-    9.3.
+    They are phi_0, phi_1 and phi_2 of exponential integrators: Taylor's polynomials of a part of
+    the matrix whose largest sum along a row is at most little, dimensionless, doubled until it is
+    the whole. Golub and Van Loan, Matrix Computations, section 9.3; Hochbruck and Ostermann, Acta
+    Numerica 19 (2010).
     """
     matrix, identity = ca.MX.sym("a", n, n), ca.DM.eye(n)
     numbers = []
     for doublings in range(_DOUBLINGS + 1):
-        part = matrix / 2**doublings
-        mean = identity + 0.5 * ca.mtimes(part, identity + part / 3)
-        transition = identity + ca.mtimes(part, mean)
+        a = matrix / 2**doublings
+        square = ca.mtimes(a, a)
+        cube = ca.mtimes(square, a)
+        mean = identity + a / 2 + square / 6
+        mean += ca.mtimes(cube, identity / 24 + a / 120 + square / 720)
+        late = identity / 2 + a / 6 + square / 24
+        late += ca.mtimes(cube, identity / 120 + a / 720 + square / 5040)
+        held = identity + ca.mtimes(a, mean)
         for _ in range(doublings):
-            mean = 0.5 * (mean + ca.mtimes(transition, mean))
-            transition = ca.mtimes(transition, transition)
-        numbers.append(ca.Function("doubled", [matrix], [transition, mean]))
+            late = 0.25 * (late + ca.mtimes(held, late) + mean)
+            mean = 0.5 * (mean + ca.mtimes(held, mean))
+            held = ca.mtimes(held, held)
+        numbers.append(ca.Function("doubled", [matrix], [held, mean, late]))
     size = ca.mmax(ca.sum2(ca.fabs(matrix))) / little
     doubled = ca.Function.conditional("doubled", numbers[:-1], numbers[-1])
     number = ca.ceil(ca.log(ca.fmax(size, 1.0)) / math.log(2.0))
