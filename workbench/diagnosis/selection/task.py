@@ -13,7 +13,7 @@ import numpy as np
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.filter import Innovations
-from workbench.diagnosis.estimation.prediction_error import Observed, filter_of, steps_along
+from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import (
     ProcessNoiseFit,
@@ -123,14 +123,7 @@ class Task:
 
     def longer(self, model: Model) -> float:
         """Return how much longer a filter takes with what was found, dimensionless, 1 or more."""
-        steps = [
-            steps_along(m, r).number * max(len(m.states), 1) ** 2
-            for m, r in (
-                (self.base.model, self.fitting[0]),
-                (model, self.started(self.fitting[:1], model)[0]),
-            )
-        ]
-        return max(1.0, steps[1] / steps[0])
+        return max(1.0, len(model.states) / max(len(self.base.model.states), 1)) ** 2
 
     def without(self, state: Selected, found: Accepted) -> Shorter:
         """Refit the extended model without one effect; None if it cannot be fitted without it."""
