@@ -1,0 +1,99 @@
+"""How the filter carries a state along a sample: exponential steps, against SciPy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+from tests.diagnosis.machine_data import recording
+from tests.machines import machine
+from workbench.arrays import Vector
+from workbench.computing.counted import done
+from workbench.diagnosis.estimation.filter import Steps
+from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError
+from workbench.model import Model, Scope
+
+SAMPLE = 0.02
+DRIVE = 3.0 * np.repeat(np.random.default_rng(0).uniform(-1.0, 1.0, 20), 15)
+
+
+def _run(model: Model, **given: object) -> tuple[PredictionError, Observed]:
+    """Return the filter of a model and a recording that does not correct it."""
+    told = {"drive [1]": DRIVE}, {f"{q.name} [1]": 0.0 * DRIVE for q in model.outputs}
+    seen = observe(model, recording("run", SAMPLE, *told))
+    seen = replace(seen, start=0.0 * seen.start, start_rms=0.0 * seen.start_rms)
+    return PredictionError(model, seen, **given), seen  # type: ignore[arg-type]
+
+
+def _lagging() -> Model:
+    return machine(
+        lambda m: {"slow": m.x.fast - m.x.slow, "fast": 1e6 * (m.u.drive - m.x.fast)},
+        "slow 1, fast 1",
+        "drive 1",
+        "slow 1 1e-3",
+        "idle 1",
+    )
+
+
+def test_a_lag_far_faster_than_the_samples_takes_one_step_of_each() -> None:
+    model = _lagging()
+    filter_, seen = _run(model, free=("idle",))
+    before = done()["model_evaluations"]
+    states = filter_.run(seen, model.values).states
+    # Two for what is read and for noise, three for the step.
+    assert done()["model_evaluations"] - before == 5 * len(DRIVE)
+    slopes = np.array([[-1.0, 1.0, 0.0], [0.0, -1e6, 1e6], [0.0, 0.0, 0.0]])
+    once, exact = expm(SAMPLE * slopes), np.zeros((len(DRIVE), 2))
+    for i, drive in enumerate(DRIVE[:-1]):
+        exact[i + 1] = (once @ [*exact[i], drive])[:2]
+    np.testing.assert_allclose(states, exact, atol=1e-9)
+
+
+def _hard(x: Vector, drive: float) -> list[float]:
+    return [x[1], drive * 900.0 - 900.0 * x[0] - 50.0 * x[0] ** 3 - 2.0 * x[1]]
+
+
+def _hardening() -> Model:
+    def equations(m: Scope) -> dict[str, object]:
+        rates = _hard([m.x.place, m.x.speed], m.u.drive)  # type: ignore[arg-type]
+        return dict(zip(("place", "speed"), rates, strict=True))
+
+    outputs, parameters = "place 1 1e-3", "idle 1"
+    return machine(equations, "place 1, speed 1/s scale=30", "drive 1", outputs, parameters)
+
+
+def test_steps_of_a_spring_that_hardens_are_of_fourth_order() -> None:
+    model, exact = _hardening(), np.zeros((len(DRIVE), 2))
+    for i, drive in enumerate(DRIVE[:-1]):
+        found = solve_ivp(
+            lambda t, x, drive=drive: _hard(x, drive), (0.0, SAMPLE), exact[i], "DOP853",
+            rtol=1e-12, atol=1e-12,
+        )  # fmt: skip
+        exact[i + 1] = found.y[:, -1]
+    errors = []
+    for pieces in (4, 8):
+        filter_, seen = _run(model, free=())
+        filter_._steps = Steps(pieces, 0, pieces)
+        away = filter_.run(seen, model.values).states - exact
+        errors.append(np.sqrt(np.mean((away / exact.std(axis=0)) ** 2)))
+    # It turns by 0.6 to 1.1 rad in a sample.
+    assert errors[0] < 1e-4 and errors[1] < errors[0] / 12.0
+
+
+@pytest.mark.parametrize("pace", [1.0, 30.0])
+def test_states_that_nothing_corrects_are_carried_too(pace: float) -> None:
+    def equations(m: Scope) -> dict[str, object]:
+        lag = pace * (m.u.drive - m.x.beside)
+        return {"place": m.u.drive - m.x.place, "beside": lag}
+
+    model = machine(equations, "place 1, beside 1", "drive 1", "place 1 1e-3", "idle 1")
+    runs = []
+    for certain in ((), ("beside",)):
+        filter_, seen = _run(model, free=(), certain=certain)
+        runs.append(filter_.run(seen, model.values).states)
+    np.testing.assert_allclose(*runs, atol=2e-3 * DRIVE.max() * 2.0)
