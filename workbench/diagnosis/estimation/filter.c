@@ -15,8 +15,7 @@ typedef struct {
     Function read;   /* measurements, and H = d / d x, D = d / d parameters (scaled) */
     Function noise;  /* covariance added in one sample (scaled) */
     int64_t states, inputs, measurements, corrected, free;
-    int64_t pieces;   /* of a sample, each carried by an exponential step of its own */
-    int64_t halvings; /* how often a piece is halved at the most where it bends */
+    int64_t halvings; /* how often a sample is halved at the most where it bends */
     int64_t steps;    /* Runge-Kutta steps of a part that bends all the same */
     int64_t finer;    /* parts of such a step that bends */
     const int64_t *places; /* of the states that measurements correct */
@@ -32,7 +31,8 @@ typedef struct {
 typedef struct {
     double *A, *B;         /* slopes amid it, over the scales */
     double *step, *driven; /* exponential of A, and what B adds to the sensitivities */
-    double *all;           /* product of those of the sample so far */
+    double *all;           /* product of those of the parts of the sample so far */
+    int64_t parts;         /* how many these are */
     double *kept;          /* slopes amid the part before, with which the next one is tried */
     double *held, *mean, *late; /* their exponential along half the time `held_for`, its mean on the
                                    way, and the mean of that */
@@ -354,8 +354,12 @@ static int along(Filter *g, Part *m, double time, int64_t halvings, double *x, d
     product(m->B, m->step, G, n, n, nf, 0, 0);
     for (int64_t i = 0; i < n * nf; i++)
         G[i] = m->B[i] + m->driven[i];
-    memcpy(m->other, m->all, size);
-    product(m->all, m->step, m->other, n, n, n, 0, 0);
+    if (m->parts++) {
+        memcpy(m->other, m->all, size);
+        product(m->all, m->step, m->other, n, n, n, 0, 0);
+    } else {
+        memcpy(m->all, m->step, size);
+    }
     return 0;
 }
 
@@ -450,12 +454,9 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
                 return t;
             memcpy(m.kept, m.A, size);
         }
-        memset(m.all, 0, size);
-        for (int64_t i = 0; i < n; i++)
-            m.all[i * n + i] = 1.0;
-        for (int64_t piece = 0; piece < g->pieces; piece++)
-            if (along(g, &m, g->sample_time / (double)g->pieces, g->halvings, x, G, u, p))
-                return t;
+        m.parts = 0;
+        if (along(g, &m, g->sample_time, g->halvings, x, G, u, p))
+            return t;
         product(P_half, m.all, P, n, n, n, 0, 0);
         for (int64_t i = 0; i < n; i++)
             for (int64_t j = 0; j < n; j++)

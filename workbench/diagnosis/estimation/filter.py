@@ -41,7 +41,7 @@ MOST_STEPS = 50
 """Runge-Kutta steps that a sample gets at the most."""
 
 _HALVINGS = 3
-"""How often a piece is halved at the least before Runge-Kutta steps carry it."""
+"""How often a sample is halved at the least before Runge-Kutta steps carry its parts."""
 
 _LATE = 3e-4
 """Angle by which a swinging mode may be late, in rad."""
@@ -76,19 +76,17 @@ class Steps(NamedTuple):
     """How a filter goes through the time between two samples.
 
     Args:
-        pieces: Pieces of that time, each carried by an exponential step of its own.
-        halvings: How often a piece is halved where it bends, each half with such a step.
+        halvings: How often it is halved where one exponential step bends.
         number: Runge-Kutta steps in a sample that bends all the same, each in parts if it bends.
     """
 
-    pieces: int
     halvings: int
     number: int
 
     @property
     def each(self) -> int:
-        """Runge-Kutta steps in the smallest part of a piece."""
-        return -(-self.number // (self.pieces << self.halvings))
+        """Runge-Kutta steps in the smallest part."""
+        return -(-self.number // 2**self.halvings)
 
 
 def steps_of(model: Model, sample_time: float, states: Vector, inputs: Vector) -> Steps:
@@ -117,7 +115,7 @@ def steps_of(model: Model, sample_time: float, states: Vector, inputs: Vector) -
     bends = 0.0 if gentle else _STEPS
     asked = np.maximum(stable, (late / _LATE) ** 0.25)
     halvings = max(_HALVINGS, math.ceil(math.log2(_whole(stable.max()))))
-    return Steps(1, halvings, _whole(max(asked.max(), bends)))
+    return Steps(halvings, _whole(max(asked.max(), bends)))
 
 
 def _whole(steps: float) -> int:
@@ -164,7 +162,7 @@ class _Struct(ctypes.Structure):
         *((name, CFunction) for name in ("slope", "rates", "read", "noise")),
         *(
             (name, ctypes.c_int64)
-            for name in ("states", "inputs", "measurements", "corrected", "free", "pieces")
+            for name in ("states", "inputs", "measurements", "corrected", "free")
         ),
         *((name, ctypes.c_int64) for name in ("halvings", "steps", "finer")),
         ("places", ctypes.c_void_p),
@@ -242,7 +240,6 @@ class Filter:
                 n_y,
                 n,
                 n_f,
-                steps.pieces,
                 steps.halvings,
                 steps.each,
                 _FINER,
@@ -310,7 +307,7 @@ class Filter:
         )
         if self._struct is None:
             done = self._interpreted(x, covariance, sensitivity, u, y, r, p, d, found)
-            tries, bent, kinks = done * self._steps.pieces, 0, 0
+            tries, bent, kinks = done, 0, 0
         else:
             # CasADi takes matrices by columns.
             d = np.ascontiguousarray(d.T)
@@ -394,13 +391,10 @@ def _sample_of(
     x = filtered = x0 + scale * ca.mtimes(ca.DM.eye(n_x)[:, list(kept)], moved)
     # The slopes kept from the sample before, those here in the first one.
     slopes = ca.if_else(first, slope(x, u, p)[1].T, slopes0)
-    whole = ca.MX(ca.DM.eye(n))
-    along = _along(slope, rates, kept, sample_time / steps.pieces, steps.halvings, steps.each)
-    for _ in range(steps.pieces):
-        x, slopes, transition, driven = along(x, slopes, u, p, scale)
-        sensitivity = ca.mtimes(transition, sensitivity) + driven
-        whole = ca.mtimes(transition, whole)
-    covariance = _flushed(ca.mtimes(ca.mtimes(whole, covariance), whole.T))
+    along = _along(slope, rates, kept, sample_time, steps.halvings, steps.each)
+    x, slopes, transition, driven = along(x, slopes, u, p, scale)
+    sensitivity = ca.mtimes(transition, sensitivity) + driven
+    covariance = _flushed(ca.mtimes(ca.mtimes(transition, covariance), transition.T))
     covariance = 0.5 * (covariance + covariance.T) + noise(filtered, u, p, d)
     told = [ca.vcat(whitened), ca.vcat(rows), ca.vcat(logs), filtered]
     arguments = [x0, covariance0, sensitivity0, slopes0, first, u, y, r, p, d, scale]

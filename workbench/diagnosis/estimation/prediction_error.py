@@ -36,9 +36,6 @@ _LOOKS, _CORRECTIONS = 21, 2
 """Samples at which a model's fastest mode is looked for; corrections of the states there, more than
 one for sensors that are not linear."""
 
-_FINER = 3
-"""Times as many steps where what is read is known by its logarithm, over many powers of ten."""
-
 _SHORT = 2000
 """Samples of all recordings below which a thread costs more than it saves."""
 
@@ -356,7 +353,7 @@ def steps_along(model: Model, observed: Observed) -> Steps:
     At some samples the states, random within their scales, are corrected by the measurements.
     """
     if not model.states:
-        return Steps(1, 0, 1)
+        return Steps(0, 1)
     rng = np.random.default_rng(0)
     rows = [index_of("output", name, model.outputs) for name in observed.used]
     scale = np.array([q.scale for q in model.states])
@@ -382,9 +379,7 @@ def steps_along(model: Model, observed: Observed) -> Steps:
         variance = spread @ spread.transpose(0, 2, 1) + own[:, :, None] * np.eye(len(rows))
         gain = spread.transpose(0, 2, 1) @ np.linalg.solve(variance, error[:, :, None])
         x = np.clip(x + scale * gain[:, :, 0], *within)
-    steps = steps_of(model, observed.sample_time, x, u)
-    finer = _FINER if len(observed.relative_noise) else 1
-    return steps._replace(pieces=steps.pieces * finer, number=steps.number * finer)
+    return steps_of(model, observed.sample_time, x, u)
 
 
 def disturbances(model: Model, noise_scale: float) -> dict[str, float]:
