@@ -86,7 +86,7 @@ class Steps(NamedTuple):
     @property
     def each(self) -> int:
         """Runge-Kutta steps in the smallest part."""
-        return -(-self.number // 2**self.halvings)
+        return -(-self.number // (1 << self.halvings))
 
 
 def steps_of(model: Model, sample_time: float, states: Vector, inputs: Vector) -> Steps:
