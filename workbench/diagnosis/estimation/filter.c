@@ -34,11 +34,10 @@ typedef struct {
     double *all;           /* product of those of the parts of the sample so far */
     int64_t parts;         /* how many these are */
     double *kept;          /* slopes amid the part before, with which the next one is tried */
-    double *held, *mean, *late; /* their exponential along half the time `held_for`, its mean on the
-                                   way, and the mean of that */
+    double *held, *mean;   /* their exponential along half the time `held_for`, and its mean */
     double held_for;
     double *a, *square, *cube, *other; /* rooms for matrices, and for vectors */
-    double *rest, *ahead, *half, *whole, *amid, *end, *bent, *kink, *even, *slanted;
+    double *rest, *ahead, *half, *whole, *amid, *end, *bent, *kink, *even, *slanted, *bend;
     double *k[5], *at, *to; /* rates, and states */
 } Part;
 
@@ -83,6 +82,37 @@ static void product(double *restrict c, const double *restrict a, const double *
     int64_t i = 0;
     BAND(2)
     BAND(1)
+}
+
+/* Columns j to j + WIDTH of four rows of a product of full matrices. */
+#define BLOCK(WIDTH)                                                                               \
+    for (; j + (WIDTH) <= m; j += (WIDTH)) {                                                       \
+        double sum[4][WIDTH];                                                                      \
+        for (int s = 0; s < 4; s++)                                                                \
+            for (int q = 0; q < (WIDTH); q++)                                                      \
+                sum[s][q] = add ? c[(i + s) * m + j + q] : 0.0;                                    \
+        for (int64_t l = 0; l < k; l++)                                                            \
+            for (int s = 0; s < 4; s++)                                                            \
+                for (int q = 0; q < (WIDTH); q++)                                                  \
+                    sum[s][q] += a[(i + s) * k + l] * b[l * m + j + q];                            \
+        for (int s = 0; s < 4; s++)                                                                \
+            for (int q = 0; q < (WIDTH); q++)                                                      \
+                c[(i + s) * m + j + q] = sum[s][q];                                                \
+    }
+
+/* c = a b, or c += a b, for a of shape (n, k) and b of shape (k, m), which have few zeros. */
+static void full(double *restrict c, const double *restrict a, const double *restrict b, int64_t n,
+                 int64_t k, int64_t m, int add)
+{
+    int64_t i = 0;
+    for (; i + 4 <= n; i += 4) {
+        int64_t j = 0;
+        BLOCK(8)
+        BLOCK(4)
+        BLOCK(2)
+        BLOCK(1)
+    }
+    product(c + i * m, a + i * k, b, n - i, k, m, add, 0);
 }
 
 static double dot(const double *a, const double *b, int64_t n)
@@ -146,70 +176,77 @@ static void times(double *to, const double *a, const double *x, int64_t n)
         to[i] = dot(a + i * n, x, n);
 }
 
-/* Exponential of the slopes kept, its mean and its late mean, along half a part of this length. */
+/* Largest sum along a row. */
+static double norm(const double *a, int64_t n)
+{
+    double most = 0.0;
+    for (int64_t i = 0; i < n; i++) {
+        double sum = 0.0;
+        for (int64_t j = 0; j < n; j++)
+            sum += fabs(a[i * n + j]);
+        most = sum > most ? sum : most;
+    }
+    return most;
+}
+
+/* Exponential of the slopes kept along half a part of this length, and its mean on the way. */
 static void hold(const Filter *g, Part *m, double time)
 {
     const int64_t n = g->corrected;
     const size_t size = (size_t)(n * n) * sizeof(double);
     double *a = m->a, *square = m->square, *cube = m->cube, *other = m->other;
-    double *held = m->held, *mean = m->mean, *late = m->late;
-    /* Parts along which the slopes do little. */
-    double most = 0.0, part = time / 2.0;
-    for (int64_t i = 0; i < n; i++) {
-        double sum = 0.0;
-        for (int64_t j = 0; j < n; j++)
-            sum += fabs(m->kept[i * n + j]);
-        most = sum > most ? sum : most;
-    }
+    double *held = m->held, *mean = m->mean;
+    for (int64_t i = 0; i < n * n; i++)
+        a[i] = time / 2.0 * m->kept[i];
+    product(square, a, a, n, n, n, 0, 0);
+    product(cube, a, square, n, n, n, 0, 0);
+    /* Parts along which the slopes do little; scales of states are seldom balanced. */
+    const double most = fmax(sqrt(norm(square, n)), cbrt(norm(cube, n)));
+    double part = 1.0;
     int doublings = 0;
     for (; most * part > g->little && doublings < g->most_doublings; doublings++)
         part /= 2.0;
-    /* mean = sum of a^k / (k + 1)!, late = sum of a^k / (k + 2)!, held = I + a mean */
-    for (int64_t i = 0; i < n * n; i++)
-        a[i] = m->kept[i] * part;
-    product(square, a, a, n, n, n, 0, 0);
-    product(cube, square, a, n, n, n, 0, 0);
+    for (int64_t i = 0; i < n * n; i++) {
+        a[i] *= part;
+        square[i] *= part * part;
+        cube[i] *= part * part * part;
+    }
+    /* mean = sum of a^k / (k + 1)!, held = I + a mean */
     for (int64_t i = 0; i < n * n; i++) {
         mean[i] = a[i] / 2.0 + square[i] / 6.0;
-        late[i] = a[i] / 6.0 + square[i] / 24.0;
         other[i] = a[i] / 120.0 + square[i] / 720.0;
-        held[i] = a[i] / 720.0 + square[i] / 5040.0;
     }
     for (int64_t i = 0; i < n; i++) {
         mean[i * n + i] += 1.0;
-        late[i * n + i] += 1.0 / 2.0;
         other[i * n + i] += 1.0 / 24.0;
-        held[i * n + i] += 1.0 / 120.0;
     }
-    product(mean, cube, other, n, n, n, 1, 0);
-    product(late, cube, held, n, n, n, 1, 0);
+    full(mean, cube, other, n, n, n, 1);
     product(held, a, mean, n, n, n, 0, 0);
     for (int64_t i = 0; i < n; i++)
         held[i * n + i] += 1.0;
-    /* Twice as far: late = (late + held late + mean) / 4, mean = (mean + held mean) / 2, held^2 */
+    /* Twice as far: mean = (mean + held mean) / 2, held = held^2 */
     for (; doublings; doublings--) {
-        memcpy(other, late, size);
-        product(late, held, other, n, n, n, 1, 0);
         memcpy(other, mean, size);
-        for (int64_t i = 0; i < n * n; i++)
-            late[i] = 0.25 * (late[i] + mean[i]);
-        product(mean, held, other, n, n, n, 1, 0);
+        full(mean, held, other, n, n, n, 1);
         for (int64_t i = 0; i < n * n; i++)
             mean[i] *= 0.5;
         memcpy(other, held, size);
-        product(held, other, other, n, n, n, 0, 0);
+        full(held, other, other, n, n, n, 0);
     }
     m->held_for = time;
 }
 
-/* Add to `sum` what is left at the end of half a part of what is added along it, evenly and along a
- * slanted line with a mean of zero. */
-static void faded(Part *m, const double *even, const double *slanted, double *sum, int64_t n)
+/* Add to `sum` what is left after half a part of what is added along it, evenly and along a slanted
+ * line with a mean of zero, of which - z / 12 is left where z, what the slopes do, is small. */
+static void faded(Part *m, double time, const double *even, const double *slanted, double *sum,
+                  int64_t n)
 {
+    times(m->bend, m->mean, slanted, n);
+    times(m->rest, m->kept, m->bend, n);
     for (int64_t c = 0; c < n; c++)
-        m->rest[c] = even[c] - slanted[c] / 2.0;
+        m->rest[c] = even[c] - time / 24.0 * m->rest[c];
     for (int64_t c = 0; c < n; c++)
-        sum[c] += dot(m->mean + c * n, m->rest, n) + dot(m->late + c * n, slanted, n);
+        sum[c] += dot(m->mean + c * n, m->rest, n);
 }
 
 /* What is left at the end of a part of what is added along it, a parabola from zero with these values
@@ -223,14 +260,14 @@ static void added(Part *m, double time, const double *amid, const double *end, d
         even[c] = time * (4.0 * amid[c] - end[c] / 2.0) / 12.0;
         slanted[c] = time / 2.0 * amid[c];
     }
-    faded(m, even, slanted, sum, n);
+    faded(m, time, even, slanted, sum, n);
     memcpy(m->rest, sum, (size_t)n * sizeof(double));
     times(sum, m->held, m->rest, n);
     for (int64_t c = 0; c < n; c++) {
         even[c] = time * (4.0 * amid[c] + 2.5 * end[c]) / 12.0;
         slanted[c] = time / 2.0 * (end[c] - amid[c]);
     }
-    faded(m, even, slanted, sum, n);
+    faded(m, time, even, slanted, sum, n);
 }
 
 /* Carry a state along a part by the exponential of the slopes amid it, where those of the part before
@@ -273,11 +310,10 @@ static int at_once(Filter *g, Part *m, double time, const double *x, const doubl
         m->end[c] = (k[2][i] - k[0][i]) / g->scale[i] - dot(m->kept + c * n, m->whole, n);
     }
     added(m, time, m->amid, m->end, m->bent, n);
-    /* The end alone counts a sixth: nothing, if all is smooth. */
-    memset(m->amid, 0, (size_t)n * sizeof(double));
+    /* What is at the end is nothing, if all is smooth. */
     for (int64_t c = 0; c < n; c++)
-        m->end[c] *= -1.0;
-    added(m, time, m->amid, m->end, m->kink, n);
+        m->even[c] = time / 6.0 * m->end[c];
+    times(m->kink, m->mean, m->even, n);
     for (int64_t c = 0; c < n; c++) {
         const double gone = fabs(m->half[c]) + fabs(m->whole[c] - m->half[c]);
         if (!(fabs(m->kink[c]) <= g->little_bent * gone + g->nothing) ||
@@ -292,7 +328,7 @@ static int at_once(Filter *g, Part *m, double time, const double *x, const doubl
         }
         const double away = time / 6.0 * (2.0 * k[1][i] - k[0][i] - k[2][i]);
         const double gone = time / 6.0 * (fabs(k[0][i]) + 4.0 * fabs(k[1][i]) + fabs(k[2][i]));
-        if (!(fabs(away) <= g->little_bent * gone + g->nothing * g->scale[i]))
+        if (!(fabs(away) <= g->curved * gone + g->nothing * g->scale[i]))
             return 0;
         to[i] = x[i] + time / 6.0 * (k[0][i] + 4.0 * k[1][i] + k[2][i]);
     }
@@ -347,16 +383,16 @@ static int along(Filter *g, Part *m, double time, int64_t halvings, double *x, d
     /* Along both halves: step = held^2, driven = (I + held) mean B */
     for (int64_t i = 0; i < n * nf; i++)
         m->B[i] *= time / 2.0;
-    product(m->driven, m->mean, m->B, n, n, nf, 0, 0);
+    full(m->driven, m->mean, m->B, n, n, nf, 0);
     memcpy(m->B, m->driven, (size_t)(n * nf) * sizeof(double));
-    product(m->driven, m->held, m->B, n, n, nf, 1, 0);
-    product(m->step, m->held, m->held, n, n, n, 0, 0);
-    product(m->B, m->step, G, n, n, nf, 0, 0);
+    full(m->driven, m->held, m->B, n, n, nf, 1);
+    full(m->step, m->held, m->held, n, n, n, 0);
+    full(m->B, m->step, G, n, n, nf, 0);
     for (int64_t i = 0; i < n * nf; i++)
         G[i] = m->B[i] + m->driven[i];
     if (m->parts++) {
         memcpy(m->other, m->all, size);
-        product(m->all, m->step, m->other, n, n, n, 0, 0);
+        full(m->all, m->step, m->other, n, n, n, 0);
     } else {
         memcpy(m->all, m->step, size);
     }
@@ -373,9 +409,9 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
     const size_t size = (size_t)(n * n) * sizeof(double);
     double *w = g->work;
     Part m = {.held_for = 0.0};
-    double **rooms[] = {&m.A,    &m.step, &m.all,    &m.kept, &m.held, &m.mean,
-                        &m.late, &m.a,    &m.square, &m.cube, &m.other};
-    for (int i = 0; i < 11; i++, w += n * n)
+    double **rooms[] = {&m.A,    &m.step, &m.all,    &m.kept, &m.held,
+                        &m.mean, &m.a,    &m.square, &m.cube, &m.other};
+    for (int i = 0; i < 10; i++, w += n * n)
         *rooms[i] = w;
     double *P_half = w, *Q = w + n * n;
     for (int i = 0; i < 5; i++)
@@ -383,9 +419,9 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
     m.at = m.k[4] + nx;
     m.to = m.at + nx;
     w = m.to + nx;
-    double **vectors[] = {&m.rest, &m.ahead, &m.half, &m.whole, &m.amid,
-                          &m.end,  &m.bent,  &m.kink, &m.even,  &m.slanted};
-    for (int i = 0; i < 10; i++, w += n)
+    double **vectors[] = {&m.rest, &m.ahead, &m.half, &m.whole,   &m.amid, &m.end,
+                          &m.bent, &m.kink,  &m.even, &m.slanted, &m.bend};
+    for (int i = 0; i < 11; i++, w += n)
         *vectors[i] = w;
     m.B = w;
     m.driven = m.B + n * nf;
@@ -457,7 +493,7 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
         m.parts = 0;
         if (along(g, &m, g->sample_time, g->halvings, x, G, u, p))
             return t;
-        product(P_half, m.all, P, n, n, n, 0, 0);
+        full(P_half, m.all, P, n, n, n, 0);
         for (int64_t i = 0; i < n; i++)
             for (int64_t j = 0; j < n; j++)
                 m.other[j * n + i] = m.all[i * n + j];

@@ -54,8 +54,8 @@ _FADED = 1e-50
 """Covariance and sensitivity, relative to the scales, that are none any more."""
 
 _LITTLE, _DOUBLINGS = 1.0, 40
-"""Sum along a row of a matrix of which Taylor's polynomial of sixth order is the exponential, and
-how often a part like that is doubled at the most."""
+"""Size of a matrix of which Taylor's polynomial of sixth order is the exponential, and how often a
+part like that is doubled at the most."""
 
 _LITTLE_BENT, _MUCH_BENT, _CURVED, _NOTHING = 3e-3, 0.01, 0.03, 1e-8
 """What rates may differ from a parabola in an exponential step, what a method of third order may
@@ -231,7 +231,7 @@ class Filter:
             self._in_c = library.filter
             n_x, n = plant + own, len(self._kept)
             n_y, n_f = len(asked.rows), len(asked.columns)
-            size = 7 * n_x + n_y * (1 + n + n_f) + 12 * n + n_f + 13 * n * n + 2 * n * n_f
+            size = 7 * n_x + n_y * (1 + n + n_f) + 13 * n + n_f + 12 * n * n + 2 * n * n_f
             self._work = np.zeros(max(1, size))
             self._struct = _Struct(
                 *(self._equations.in_c(i) for i in range(4)),
@@ -437,7 +437,7 @@ def _along(
         return x0 + scale * ca.mtimes(onto, along) + (1 - carried) * other
 
     def ends(x: ca.MX, a: ca.MX, b: ca.MX) -> list[ca.MX]:
-        held, mean, _ = exponential_of(n)(0.5 * time * a.T)
+        held, mean = exponential_of(n)(0.5 * time * a.T)
         driven = ca.mtimes(mean, 0.5 * time * b.T)
         return [x, a.T, ca.mtimes(held, held), driven + ca.mtimes(held, driven)]
 
@@ -446,7 +446,7 @@ def _along(
         evenly = 0.5 * time * ca.mtimes(onto.T, k0 / scale)
         ahead = ca.mtimes(exponential_of(n)(0.5 * time * before)[1], evenly)
         k1, a, b = slope(moved(ahead, 0.5 * time * k0), u, p)
-        held, mean, late = exponential_of(n)(0.5 * time * a.T)
+        held, mean = exponential_of(n)(0.5 * time * a.T)
         half = ca.mtimes(mean, evenly)
         whole = half + ca.mtimes(held, half)
         k2 = rates(moved(whole, time * k1), u, p)
@@ -456,26 +456,30 @@ def _along(
         )
 
         def faded(even: ca.MX, slanted: ca.MX) -> ca.MX:
-            """Return what is left after half the part of what is added evenly, and along a line."""
-            return ca.mtimes(mean, even - 0.5 * slanted) + ca.mtimes(late, slanted)
+            """Return what is left after half the part of what is added evenly, and along a line.
 
-        def added(amid: ca.MX, end: ca.MX) -> ca.MX:
-            """Return what is left at the end of what is added along a parabola from zero."""
-            first = faded(time * (4 * amid - end / 2) / 12, time / 2 * amid)
-            second = faded(time * (4 * amid + 2.5 * end) / 12, time / 2 * (end - amid))
-            return ca.mtimes(held, first) + second
+            Of the line, which has a mean of zero, - z / 12 is left where z, what the slopes do, is
+            small.
+            """
+            bend = ca.mtimes(a.T, ca.mtimes(mean, slanted))
+            return ca.mtimes(mean, even - time / 24 * bend)
+
+        # A parabola from zero, by its halves.
+        first = faded(time * (4 * amid - end / 2) / 12, time / 2 * amid)
+        second = faded(time * (4 * amid + 2.5 * end) / 12, time / 2 * (end - amid))
+        bent = ca.mtimes(held, first) + second
 
         def small(value: ca.MX, gone: ca.MX, part: float) -> ca.MX:
             return ca.mmin(ca.fabs(value) <= part * gone + _NOTHING)
 
-        # The end alone counts a sixth: nothing, if all is smooth.
-        bent, kink = added(amid, end), added(0 * amid, -end)
         gone = ca.fabs(half) + ca.fabs(whole - half)
-        easy = small(kink, gone, _LITTLE_BENT) * small(bent, gone, _CURVED)
+        # What is at the end is nothing, if all is smooth.
+        easy = small(ca.mtimes(mean, time / 6 * end), gone, _LITTLE_BENT)
+        easy *= small(bent, gone, _CURVED)
         others = (1 - carried) / scale
         steps = ca.fabs(k0) + 4 * ca.fabs(k1) + ca.fabs(k2)
         away = time / 6 * (2 * k1 - k0 - k2)
-        easy *= small(others * away, others * time / 6 * steps, _LITTLE_BENT)
+        easy *= small(others * away, others * time / 6 * steps, _CURVED)
         return ends(moved(whole + bent, time / 6 * (k0 + 4 * k1 + k2)), a, b), easy, a.T
 
     def unless_bent(parts: ca.Function) -> ca.Function:
@@ -539,32 +543,31 @@ def _in_steps(slope: ca.Function, rates: ca.Function, h: float, count: int) -> c
 
 @functools.lru_cache(maxsize=32)
 def exponential_of(n: int, little: float = _LITTLE) -> ca.Function:
-    """Build the exponential of a matrix of n rows, its mean on the way there, and the mean of that.
+    """Build the exponential of a matrix of n rows, and its mean on the way from the unit matrix.
 
-    They are phi_0, phi_1 and phi_2 of exponential integrators: Taylor's polynomials of a part of
-    the matrix whose largest sum along a row is at most little, dimensionless, doubled until it is
-    the whole. Golub and Van Loan, Matrix Computations, section 9.3; Hochbruck and Ostermann, Acta
-    Numerica 19 (2010).
+    Taylor's polynomials of a part a of the matrix, doubled until it is the whole; in a part, the
+    root of the largest sum along a row of a^2, and the cubic root of that of a^3, are at most
+    little, dimensionless. Golub and Van Loan, Matrix Computations, section 9.3; A. H. Al-Mohy and
+    N. J. Higham, SIAM Journal on Matrix Analysis 31 (2009), for the roots.
     """
     matrix, identity = ca.MX.sym("a", n, n), ca.DM.eye(n)
     numbers = []
     for doublings in range(_DOUBLINGS + 1):
         a = matrix / 2**doublings
         square = ca.mtimes(a, a)
-        cube = ca.mtimes(square, a)
+        cube = ca.mtimes(a, square)
         mean = identity + a / 2 + square / 6
         mean += ca.mtimes(cube, identity / 24 + a / 120 + square / 720)
-        late = identity / 2 + a / 6 + square / 24
-        late += ca.mtimes(cube, identity / 120 + a / 720 + square / 5040)
         held = identity + ca.mtimes(a, mean)
         for _ in range(doublings):
-            late = 0.25 * (late + ca.mtimes(held, late) + mean)
             mean = 0.5 * (mean + ca.mtimes(held, mean))
             held = ca.mtimes(held, held)
-        numbers.append(ca.Function("doubled", [matrix], [held, mean, late]))
-    size = ca.mmax(ca.sum2(ca.fabs(matrix))) / little
+        numbers.append(ca.Function("doubled", [matrix], [held, mean]))
+    square = ca.mtimes(matrix, matrix)
+    powers = square, ca.mtimes(matrix, square)
+    sizes = [ca.mmax(ca.sum2(ca.fabs(power))) ** (1 / k) for k, power in enumerate(powers, 2)]
     doubled = ca.Function.conditional("doubled", numbers[:-1], numbers[-1])
-    number = ca.ceil(ca.log(ca.fmax(size, 1.0)) / math.log(2.0))
+    number = ca.ceil(ca.log(ca.fmax(ca.fmax(*sizes) / little, 1.0)) / math.log(2.0))
     return ca.Function("exponential", [matrix], doubled(number, matrix))
 
 

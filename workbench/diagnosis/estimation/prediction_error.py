@@ -253,6 +253,9 @@ class PredictionError:
         self._variances = np.array(told).reshape(-1, 2)
         self._output_scale = np.array([model.outputs[i].scale for i in self._rows])
         self._steps = steps_along(model, self.like)
+        if self.certain:
+            # Effects at size zero are many and fast, and move nothing that is corrected.
+            self._steps = self._steps._replace(halvings=1)
         certain = {index_of("state", name, model.states) for name in self.certain}
         self._corrected = tuple(i for i in range(len(model.states)) if i not in certain)
         self._filters: list[Filter] = []

@@ -34,7 +34,7 @@ MEMORY = 0.5
 up to 50 samples."""
 
 _LITTLE = 2.0**-4
-"""Sum along a row of a matrix of which a polynomial of sixth order is the exponential to 1e-12."""
+"""Size of a matrix of which a polynomial of sixth order is the exponential to 1e-12."""
 
 _PASSES = 2
 _MOST_STEPS = 3000
@@ -184,7 +184,7 @@ class _Linearised:
         # Mean of both ends of the step: second order in its length.
         rate_a = 0.5 * step * (a + np.concatenate([a[1:], a[-1:]]))
         rate_b = 0.5 * step * (b + np.concatenate([b[1:], b[-1:]]))
-        forward, integral, _ = told(exponential_of(n_x, _LITTLE), np.hstack(list(rate_a)))
+        forward, integral = told(exponential_of(n_x, _LITTLE), np.hstack(list(rate_a)))
         transition = np.zeros((n, n_x + n_d, n_x + n_d))
         transition[:, :n_x, :n_x] = forward / sx[:, None] * sx
         transition[:, :n_x, n_x:] = integral @ rate_b / sx[:, None] * sd
