@@ -20,7 +20,7 @@ typedef struct {
     int64_t finer;    /* parts of such a step that bends */
     const int64_t *places; /* of the states that measurements correct */
     const double *scale;   /* of each state */
-    double sample_time, outlier, faded, little, little_bent, much_bent, curved, nothing;
+    double sample_time, outlier, faded, little, alike, little_bent, much_bent, curved, nothing;
     int64_t most_doublings;
     int64_t tries, bent, kinks; /* exponential steps tried; parts that took Runge-Kutta steps, and of
                                    these those that bent */
@@ -291,8 +291,17 @@ static int at_once(Filter *g, Part *m, double time, const double *x, const doubl
     g->slope.res[0] = k[1];
     if (evaluate_at(&g->slope, to, u, p))
         return 0;
-    memcpy(m->kept, m->A, (size_t)(n * n) * sizeof(double));
-    hold(g, m, time);
+    double changed = 0.0;
+    for (int64_t i = 0; i < n; i++) {
+        double sum = 0.0;
+        for (int64_t j = 0; j < n; j++)
+            sum += fabs(m->A[i * n + j] - m->kept[i * n + j]);
+        changed = fmax(changed, sum);
+    }
+    if (!(changed * time / 2.0 <= g->alike)) {
+        memcpy(m->kept, m->A, (size_t)(n * n) * sizeof(double));
+        hold(g, m, time);
+    }
     times(m->half, m->mean, m->rest, n);
     times(m->whole, m->held, m->half, n);
     for (int64_t i = 0; i < g->states; i++)

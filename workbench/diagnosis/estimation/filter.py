@@ -57,6 +57,10 @@ _LITTLE, _DOUBLINGS = 1.0, 40
 """Size of a matrix of which Taylor's polynomial of sixth order is the exponential, and how often a
 part like that is doubled at the most."""
 
+_ALIKE = 1e-6
+"""Size of what slopes differ from those kept, up to which the exponential of these serves on: those
+of a linear plant never change."""
+
 _LITTLE_BENT, _MUCH_BENT, _CURVED, _NOTHING = 3e-3, 0.01, 0.03, 1e-8
 """What rates may differ from a parabola in an exponential step, what a method of third order may
 add to a Runge-Kutta step that is not taken in parts, and what rates may differ from the slopes
@@ -67,8 +71,8 @@ _TRIED, _ONCE = 5, 3
 exponential one."""
 
 _NUMBERS = (
-    *("sample_time", "outlier", "faded"),
-    *("little", "little_bent", "much_bent", "curved", "nothing"),
+    *("sample_time", "outlier", "faded", "little", "alike"),
+    *("little_bent", "much_bent", "curved", "nothing"),
 )
 
 
@@ -249,6 +253,7 @@ class Filter:
                 OUTLIER_SIGMA,
                 _FADED,
                 _LITTLE,
+                _ALIKE,
                 _LITTLE_BENT,
                 _MUCH_BENT,
                 _CURVED,
@@ -436,22 +441,24 @@ def _along(
         """Return where the states are, those that are not corrected by other steps."""
         return x0 + scale * ca.mtimes(onto, along) + (1 - carried) * other
 
-    def ends(x: ca.MX, a: ca.MX, b: ca.MX) -> list[ca.MX]:
-        held, mean = exponential_of(n)(0.5 * time * a.T)
+    def ends(x: ca.MX, slopes: ca.MX, b: ca.MX) -> list[ca.MX]:
+        held, mean = exponential_of(n)(0.5 * time * slopes)
         driven = ca.mtimes(mean, 0.5 * time * b.T)
-        return [x, a.T, ca.mtimes(held, held), driven + ca.mtimes(held, driven)]
+        return [x, slopes, ca.mtimes(held, held), driven + ca.mtimes(held, driven)]
 
     def at_once() -> tuple[list[ca.MX], ca.MX, ca.MX]:
         k0 = rates(x0, u, p)
         evenly = 0.5 * time * ca.mtimes(onto.T, k0 / scale)
         ahead = ca.mtimes(exponential_of(n)(0.5 * time * before)[1], evenly)
         k1, a, b = slope(moved(ahead, 0.5 * time * k0), u, p)
-        held, mean = exponential_of(n)(0.5 * time * a.T)
+        changed = ca.mmax(ca.sum2(ca.fabs(a.T - before)))
+        slopes = ca.if_else(0.5 * time * changed <= _ALIKE, before, a.T)
+        held, mean = exponential_of(n)(0.5 * time * slopes)
         half = ca.mtimes(mean, evenly)
         whole = half + ca.mtimes(held, half)
         k2 = rates(moved(whole, time * k1), u, p)
         amid, end = (
-            ca.mtimes(onto.T, (k - k0) / scale) - ca.mtimes(a.T, v)
+            ca.mtimes(onto.T, (k - k0) / scale) - ca.mtimes(slopes, v)
             for k, v in ((k1, ahead), (k2, whole))
         )
 
@@ -461,7 +468,7 @@ def _along(
             Of the line, which has a mean of zero, - z / 12 is left where z, what the slopes do, is
             small.
             """
-            bend = ca.mtimes(a.T, ca.mtimes(mean, slanted))
+            bend = ca.mtimes(slopes, ca.mtimes(mean, slanted))
             return ca.mtimes(mean, even - time / 24 * bend)
 
         # A parabola from zero, by its halves.
@@ -480,7 +487,7 @@ def _along(
         steps = ca.fabs(k0) + 4 * ca.fabs(k1) + ca.fabs(k2)
         away = time / 6 * (2 * k1 - k0 - k2)
         easy *= small(others * away, others * time / 6 * steps, _CURVED)
-        return ends(moved(whole + bent, time / 6 * (k0 + 4 * k1 + k2)), a, b), easy, a.T
+        return ends(moved(whole + bent, time / 6 * (k0 + 4 * k1 + k2)), slopes, b), easy, slopes
 
     def unless_bent(parts: ca.Function) -> ca.Function:
         """Build what goes along the parts where a whole step bends, with the slopes amid that."""
@@ -498,7 +505,8 @@ def _along(
         both = [x, a, ca.mtimes(further, transition), ca.mtimes(further, driven) + more]
         return unless_bent(ca.Function("halves", given, both))
     in_steps = _in_steps(slope, rates, time / each, each)
-    found = ends(*in_steps(x0, u, p, scale))
+    x, a, b = in_steps(x0, u, p, scale)
+    found = ends(x, a.T, b)
     return unless_bent(ca.Function("steps", given, found))
 
 
