@@ -426,9 +426,8 @@ def _along(
     halved, the smallest ones taken in Runge-Kutta steps, and those that bend in finer ones.
 
     Source: M. Hochbruck and A. Ostermann, Exponential integrators, Acta Numerica 19 (2010), section
-    2.3; Zonneveld, Automatic Numerical
-    Integration, 1964, and Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I,
-    table 4.2, for the test of a Runge-Kutta step.
+    2.3; Zonneveld, Automatic Numerical Integration, 1964, and Hairer, Norsett and Wanner, Solving
+    Ordinary Differential Equations I, table 4.2, for the test of a Runge-Kutta step.
     """
     n_x, n_u, n_p = (slope.size1_in(i) for i in range(3))
     n, onto = len(kept), ca.DM.eye(n_x)[:, list(kept)]
