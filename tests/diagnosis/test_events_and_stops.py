@@ -367,8 +367,7 @@ def test_what_is_there_for_a_part_of_each_day_is_told_with_its_hours() -> None:
     runs = [_lived_in(seed) for seed in (1, 2)]
     house = with_undeclared(house, runs)[0]
     found = diagnosed(house, runs, "periodic_pulse periodic_push sensor_lag offset")
-    # What heats the room alone, or takes it from the walls, is hard to tell from the room.
-    finding = named(found, "periodic_pulse_room*", noise=1.2, part=approx(1 / 12, abs=0.01))
+    finding = named(found, "periodic_pulse_room_rate", noise=1.2, part=approx(1 / 12, abs=0.01))
     assert finding.parameters["amplitude"].value * 2.6e6 == approx(400.0, rel=0.03)
     assert finding.parameters["time"].value == approx(21.0 * 3600.0, abs=900.0)
 

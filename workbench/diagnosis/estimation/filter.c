@@ -151,7 +151,7 @@ static void go(double *x, double h, double **k, int64_t n)
 
 /* Whether a method of third order adds more than a little to a step with these slopes. */
 static int bends(Filter *g, const double *x, double h, const double *u, const double *p, double **k,
-                 double *at, double little)
+                 double *at)
 {
     for (int64_t i = 0; i < g->states; i++)
         at[i] = x[i] + h / 32.0 * (5.0 * k[0][i] + 7.0 * k[1][i] + 13.0 * k[2][i] - k[3][i]);
@@ -164,7 +164,7 @@ static int bends(Filter *g, const double *x, double h, const double *u, const do
             away += LESS[s] * k[s][i];
         const double gone =
             (fabs(k[0][i]) + 2.0 * fabs(k[1][i]) + 2.0 * fabs(k[2][i]) + fabs(k[3][i])) / 6.0;
-        if (!(h * fabs(away) <= little * h * gone + g->nothing * g->scale[i]))
+        if (!(h * fabs(away) <= g->much_bent * h * gone + g->nothing * g->scale[i]))
             return 1;
     }
     return 0;
@@ -210,9 +210,7 @@ static void hold(const Filter *g, Part *m, double time)
         a[i] *= part;
         square[i] *= part * part;
         cube[i] *= part * part * part;
-    }
-    /* mean = sum of a^k / (k + 1)!, held = I + a mean */
-    for (int64_t i = 0; i < n * n; i++) {
+        /* mean = sum of a^k / (k + 1)!, held = I + a mean */
         mean[i] = a[i] / 2.0 + square[i] / 6.0;
         other[i] = a[i] / 120.0 + square[i] / 720.0;
     }
@@ -291,14 +289,9 @@ static int at_once(Filter *g, Part *m, double time, const double *x, const doubl
     g->slope.res[0] = k[1];
     if (evaluate_at(&g->slope, to, u, p))
         return 0;
-    double changed = 0.0;
-    for (int64_t i = 0; i < n; i++) {
-        double sum = 0.0;
-        for (int64_t j = 0; j < n; j++)
-            sum += fabs(m->A[i * n + j] - m->kept[i * n + j]);
-        changed = fmax(changed, sum);
-    }
-    if (!(changed * time / 2.0 <= g->alike)) {
+    for (int64_t i = 0; i < n * n; i++)
+        m->other[i] = m->A[i] - m->kept[i];
+    if (!(norm(m->other, n) * time / 2.0 <= g->alike)) {
         memcpy(m->kept, m->A, (size_t)(n * n) * sizeof(double));
         hold(g, m, time);
     }
@@ -355,7 +348,7 @@ static int in_steps(Filter *g, Part *m, double time, double *x, const double *u,
         const int with = s == g->steps / 2 ? (int)(g->steps % 2) : -1;
         if (slopes(g, x, h, u, p, m->k, m->at, with))
             return 1;
-        const int kink = bends(g, x, h, u, p, m->k, m->at, g->much_bent);
+        const int kink = bends(g, x, h, u, p, m->k, m->at);
         g->kinks += kink;
         if (!kink)
             go(x, h, m->k, g->states);

@@ -90,11 +90,11 @@ class Steps(NamedTuple):
     @property
     def each(self) -> int:
         """Runge-Kutta steps in the smallest part."""
-        return -(-self.number // (1 << self.halvings))
+        return math.ceil(self.number / (1 << self.halvings))
 
 
 def steps_of(model: Model, sample_time: float, states: Vector, inputs: Vector) -> Steps:
-    """Choose linearisations and Runge-Kutta steps per sample from the fastest mode at some states.
+    """Choose halvings and Runge-Kutta steps of a sample from the fastest mode at some states.
 
     Args:
         sample_time: Time between samples, in s.

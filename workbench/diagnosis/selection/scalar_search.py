@@ -6,6 +6,7 @@ dimensionless.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 
@@ -53,14 +54,16 @@ def walked(cost: Cost, here: float, q: Parameter, step: float) -> float:
     Args:
         step: In the unit of the number.
     """
-    least = cost(here)
-    while True:
-        places = [here + to * 2**k for k in range(_STRIDES) for to in (step, -step)]
-        found = [(cost(v), v) for v in places if q.lower <= v <= q.upper]
-        now, there = min(found, default=(math.inf, here))
-        if not now < least:
-            return here
-        least, here = now, there
+
+    @functools.cache
+    def after(steps: int) -> float:
+        value = here + steps * step
+        return cost(value) if q.lower <= value <= q.upper else math.inf
+
+    gone, strides = 0, [to * 2**k for k in range(_STRIDES) for to in (1, -1)]
+    while after(nearer := min((gone + n for n in strides), key=after)) < after(gone):
+        gone = nearer
+    return here + gone * step
 
 
 def between(cost: Cost, here: float, q: Parameter, enough: float) -> float:

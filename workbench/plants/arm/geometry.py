@@ -70,19 +70,10 @@ class ArmGeometry:
         shifted = cosine - sine * math.sin(turned), -sine * math.cos(turned)
         return squares + self.lever * 1e-3, *shifted
 
-    def length(self, alpha: Expression) -> Expression:
-        """Return the length of a muscle between its anchors, ``L^2 = K + A cos a - B sin b``, in m.
-
-        The angle ``alpha`` is that of the muscle's own lever, in rad: theta for muscle 1, 60 deg -
-        theta for muscle 2; b = 180 deg - a. Source: the paper's equation for L.
-        """
-        (constant, cosine, sine), known = self._constants, functions_of(alpha)
-        return sqrt(constant + cosine * known.cos(alpha) + sine * known.sin(alpha))
-
     def _by_joint(self, angle: Expression) -> tuple[tuple[Expression, Expression], ...]:
-        """Return length, m, and its slope over theta, m/rad, of the muscles at theta and 60 deg -.
+        """Return length, m, and its slope over the angle, m/rad, of muscle 1 and of muscle 2.
 
-        Both are waves over theta itself, so that a model computes one cosine and one sine.
+        Both are waves over the angle itself, so that a model computes one cosine and one sine.
         """
         constant, cosine, sine = self._constants
         known, turned, found = functions_of(angle), (math.cos(TRAVEL), math.sin(TRAVEL)), []
@@ -94,7 +85,11 @@ class ArmGeometry:
         return tuple(reversed(found) if self.printing == "as_printed" else found)
 
     def lengths(self, angle: Expression) -> tuple[Expression, Expression]:
-        """Return the lengths L1 and L2 of both muscles between anchors, m, at an angle, rad."""
+        """Return the lengths L1 and L2 of both muscles between anchors, m, at an angle, rad.
+
+        ``L^2 = K + A cos a - B sin b``, b = 180 deg - a, with the angle a of the muscle's own
+        lever: theta for muscle 1, 60 deg - theta for muscle 2. Source: the paper's equation for L.
+        """
         (one, _), (two, _) = self._by_joint(angle)
         return one, two
 
