@@ -37,7 +37,7 @@ typedef struct {
     double *held, *mean;   /* their exponential along half the time `held_for`, and its mean */
     double held_for;
     double *a, *square, *cube, *other; /* rooms for matrices, and for vectors */
-    double *rest, *ahead, *half, *whole, *amid, *end, *bent, *kink, *even, *slanted, *bend;
+    double *rest, *ahead, *half, *whole, *amid, *end, *bent, *kink, *even;
     double *k[5], *at, *to; /* rates, and states */
 } Part;
 
@@ -234,38 +234,20 @@ static void hold(const Filter *g, Part *m, double time)
     m->held_for = time;
 }
 
-/* Add to `sum` what is left after half a part of what is added along it, evenly and along a slanted
- * line with a mean of zero, of which - z / 12 is left where z, what the slopes do, is small. */
-static void faded(Part *m, double time, const double *even, const double *slanted, double *sum,
-                  int64_t n)
-{
-    times(m->bend, m->mean, slanted, n);
-    times(m->rest, m->kept, m->bend, n);
-    for (int64_t c = 0; c < n; c++)
-        m->rest[c] = even[c] - time / 24.0 * m->rest[c];
-    for (int64_t c = 0; c < n; c++)
-        sum[c] += dot(m->mean + c * n, m->rest, n);
-}
-
 /* What is left at the end of a part of what is added along it, a parabola from zero with these values
- * amid it and at its end. */
+ * amid it and at its end: its mean over each half. */
 static void added(Part *m, double time, const double *amid, const double *end, double *sum,
                   int64_t n)
 {
-    double *even = m->even, *slanted = m->slanted;
-    for (int64_t c = 0; c < n; c++) {
-        sum[c] = 0.0;
-        even[c] = time * (4.0 * amid[c] - end[c] / 2.0) / 12.0;
-        slanted[c] = time / 2.0 * amid[c];
-    }
-    faded(m, time, even, slanted, sum, n);
-    memcpy(m->rest, sum, (size_t)n * sizeof(double));
+    for (int64_t c = 0; c < n; c++)
+        m->even[c] = time * (4.0 * amid[c] - end[c] / 2.0) / 12.0;
+    times(m->rest, m->mean, m->even, n);
     times(sum, m->held, m->rest, n);
-    for (int64_t c = 0; c < n; c++) {
-        even[c] = time * (4.0 * amid[c] + 2.5 * end[c]) / 12.0;
-        slanted[c] = time / 2.0 * (end[c] - amid[c]);
-    }
-    faded(m, time, even, slanted, sum, n);
+    for (int64_t c = 0; c < n; c++)
+        m->even[c] = time * (4.0 * amid[c] + 2.5 * end[c]) / 12.0;
+    times(m->rest, m->mean, m->even, n);
+    for (int64_t c = 0; c < n; c++)
+        sum[c] += m->rest[c];
 }
 
 /* Carry a state along a part by the exponential of the slopes amid it, where those of the part before
@@ -421,9 +403,9 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
     m.at = m.k[4] + nx;
     m.to = m.at + nx;
     w = m.to + nx;
-    double **vectors[] = {&m.rest, &m.ahead, &m.half, &m.whole,   &m.amid, &m.end,
-                          &m.bent, &m.kink,  &m.even, &m.slanted, &m.bend};
-    for (int i = 0; i < 11; i++, w += n)
+    double **vectors[] = {&m.rest, &m.ahead, &m.half, &m.whole, &m.amid,
+                          &m.end,  &m.bent,  &m.kink, &m.even};
+    for (int i = 0; i < 9; i++, w += n)
         *vectors[i] = w;
     m.B = w;
     m.driven = m.B + n * nf;

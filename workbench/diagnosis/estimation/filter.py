@@ -235,7 +235,7 @@ class Filter:
             self._in_c = library.filter
             n_x, n = plant + own, len(self._kept)
             n_y, n_f = len(asked.rows), len(asked.columns)
-            size = 7 * n_x + n_y * (1 + n + n_f) + 13 * n + n_f + 12 * n * n + 2 * n * n_f
+            size = 7 * n_x + n_y * (1 + n + n_f) + 11 * n + n_f + 12 * n * n + 2 * n * n_f
             self._work = np.zeros(max(1, size))
             self._struct = _Struct(
                 *(self._equations.in_c(i) for i in range(4)),
@@ -461,19 +461,9 @@ def _along(
             for k, v in ((k1, ahead), (k2, whole))
         )
 
-        def faded(even: ca.MX, slanted: ca.MX) -> ca.MX:
-            """Return what is left after half the part of what is added evenly, and along a line.
-
-            Of the line, which has a mean of zero, - z / 12 is left where z, what the slopes do, is
-            small.
-            """
-            bend = ca.mtimes(slopes, ca.mtimes(mean, slanted))
-            return ca.mtimes(mean, even - time / 24 * bend)
-
-        # A parabola from zero, by its halves.
-        first = faded(time * (4 * amid - end / 2) / 12, time / 2 * amid)
-        second = faded(time * (4 * amid + 2.5 * end) / 12, time / 2 * (end - amid))
-        bent = ca.mtimes(held, first) + second
+        # A parabola from zero, by its mean over each half.
+        first, second = (time / 12 * (4 * amid + part * end) for part in (-0.5, 2.5))
+        bent = ca.mtimes(held, ca.mtimes(mean, first)) + ca.mtimes(mean, second)
 
         def small(value: ca.MX, gone: ca.MX, part: float) -> ca.MX:
             return ca.mmin(ca.fabs(value) <= part * gone + _NOTHING)
