@@ -301,7 +301,12 @@ def _moved_at_rest(
     own = [column[name] for name in used]
     left = np.block([[linear.A, linear.B[:, own]], [linear.C[rows], linear.D[np.ix_(rows, own)]]])
     right = np.append(np.zeros(len(linear.A)), list(steps.values()))
-    return used, np.linalg.lstsq(left, right, rcond=None)[0][len(linear.A) :]
+    # States, commands and outputs have units of their own.
+    left = left * np.append(linear.state_scales, np.ones(len(own)))
+    size = np.maximum(np.abs(left).max(axis=1), 1e-300)
+    columns = np.maximum(np.abs(left / size[:, None]).max(axis=0), 1e-300)
+    found = np.linalg.lstsq(left / size[:, None] / columns, right / size, rcond=None)[0]
+    return used, (found / columns)[len(linear.A) :]
 
 
 def _rooms(linear: LinearModel, commands: Sequence[str]) -> tuple[Vector, Vector]:

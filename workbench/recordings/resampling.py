@@ -216,7 +216,7 @@ def resample(
         instants = check_finite("times", times if times is not None else [])
         if instants.ndim != 1 or len(instants) < 2 or np.any(np.diff(instants) <= 0):
             raise WorkbenchError("times must be two or more increasing instants")
-        if instants[0] < first - 1e-9 or instants[-1] > last + old:
+        if instants[0] < first - 1e-6 * old or instants[-1] > last + old:
             raise WorkbenchError(
                 f"times run from {instants[0]:g} to {instants[-1]:g} s but the recording from "
                 f"{first:g} to {last:g} s; choose instants inside"

@@ -144,3 +144,25 @@ def test_no_recording_and_mixed_recordings_are_refused() -> None:
     slow = replace(simulated_axis(0), sample_time=0.02)
     with pytest.raises(WorkbenchError, match="same outputs and sample time"):
         refit(axis, [simulated_axis(0), slow])
+
+
+def test_draws_spread_as_the_estimates_do_whatever_their_units() -> None:
+    axis = _axis()
+    found = refit(axis, [_seen(axis, 0)], stages=NO_DISTURBANCE)
+    # A conductance in m3/(s Pa) beside a coefficient in W/(m2 K).
+    stds = 10.0 ** np.array([0.0, 3.0, -18.0, -8.0])
+    units = stds / [e.std for e in found.estimates]
+    free = {"lower": -np.inf, "upper": np.inf}
+    moved = replace(
+        found,
+        covariance=found.covariance * np.outer(units, units),
+        estimates=tuple(
+            replace(e, value=0.0, std=s, prior=replace(e.prior, **free))
+            for e, s in zip(found.estimates, stds.tolist(), strict=True)
+        ),
+    )
+    rng = np.random.default_rng(0)
+    drawn = np.array([list(moved.drawn(rng).values()) for _ in range(4000)])
+    np.testing.assert_allclose(drawn.std(axis=0), stds, rtol=0.05)
+    own = found.covariance / np.outer(*2 * [[e.std for e in found.estimates]])
+    np.testing.assert_allclose(np.corrcoef(drawn.T), own, atol=0.06)

@@ -173,6 +173,8 @@ def value_instead(
     rows = rows.reshape(-1, rows.shape[-1]) / filter_.free_scale
     k = free.index(f"{effect.name}.{size}")
     others = np.delete(rows[:, : len(free)], k, axis=1)
+    # Each parameter has a unit of its own, and none is too small to count.
+    others = others / np.maximum(np.linalg.norm(others, axis=0), 1e-300)
     left = rows - others @ np.linalg.lstsq(others, rows, rcond=None)[0]
     own = left[:, k]
     for q, whole, other in zip(held, rows.T[len(free) :], left.T[len(free) :], strict=True):

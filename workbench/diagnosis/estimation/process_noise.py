@@ -366,7 +366,7 @@ def perfect_cost(model: Model, recordings: Sequence[Observed]) -> float:
                 total += float(np.sum(0.5 + part.log_deviation[used]))
                 continue
         scale = [model.outputs[index_of("output", k, model.outputs)].scale for k in observed.used]
-        logs = 0.5 + np.log(np.maximum(observed.white_noise_rms, 1e-12) / scale)
+        logs = 0.5 + np.log(np.maximum(observed.white_noise_rms / scale, 1e-12))
         total += float(np.sum(logs[np.isfinite(observed.told)]))
         total += max(observed.growth, 0.0) * observed.sample_time * len(logs)
     return total

@@ -99,9 +99,12 @@ class Refit:
 
     def drawn(self, rng: np.random.Generator) -> dict[str, float]:
         """Draw values by name, in SI, from the distribution of the estimates, within bounds."""
-        eigenvalues, vectors = np.linalg.eigh(self.covariance)
+        # In SI units the variance of one may be less than what is lost of that of another.
+        size = np.sqrt(np.diag(self.covariance))
+        per = np.where(size > 0.0, size, 1.0)
+        eigenvalues, vectors = np.linalg.eigh(self.covariance / np.outer(per, per))
         root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
-        off = root @ rng.normal(size=len(self.estimates))
+        off = size * (root @ rng.normal(size=len(self.estimates)))
         return {
             e.name: float(np.clip(e.value + by, e.prior.lower, e.prior.upper))
             for e, by in zip(self.estimates, off, strict=True)

@@ -162,7 +162,8 @@ def fitted_start(model: Model, observed: Observed, *, samples: int) -> Observed:
     first = observed.part(slice(count))
     low = np.array([q.lower for q in model.states])[: len(observed.start)]
     high = np.array([q.upper for q in model.states])[: len(observed.start)]
-    rms = np.maximum(observed.start_rms, 1e-12)
+    least = 1e-12 * np.array([q.scale for q in model.states])[: len(observed.start)]
+    rms = np.maximum(observed.start_rms, least)
 
     def misfit(x: Vector) -> Vector:
         run = free_run(model, replace(first, start=x))

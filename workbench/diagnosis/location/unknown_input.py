@@ -82,13 +82,14 @@ def unknown_input(model: Model, observed: Observed, ports: Sequence[str]) -> Unk
     problem = _Linearised(model, observed, chosen, every)
     states = _filtered(model, observed, ports)[grid]
     signal = np.zeros((len(grid), len(chosen)))
-    rms: Vector = np.array([0.1 * model.ports[i].scale for i in chosen])
+    scale = np.array([model.ports[i].scale for i in chosen])
+    rms: Vector = 0.1 * scale
     for _ in range(_PASSES):
         # What leaves the finite numbers is said in words.
         with np.errstate(over="ignore", invalid="ignore"):
             around = problem.around(states, signal)
             states, signal, std = _smooth(around, rms, states, signal)
-            rms = np.maximum(np.sqrt(np.mean(signal**2 + std**2, axis=0)), 1e-12)
+            rms = np.maximum(np.sqrt(np.mean(signal**2 + std**2, axis=0)), 1e-12 * scale)
         if not (np.isfinite(states).all() and np.isfinite(rms).all()):
             raise NumericalError(
                 f"the smoother left the finite numbers on {observed.name!r}; the model is too far"

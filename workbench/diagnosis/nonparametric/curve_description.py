@@ -56,7 +56,7 @@ def describing_terms(x: Vector, curve: Vector, draws: Vector) -> tuple[Term, ...
         "x^3": (x / size)[:, None] ** 3,
     }
     if x[0] < -0.1 * span and x[-1] > 0.1 * span:
-        columns |= {"|x|": np.abs(x)[:, None], "sign x": np.sign(x)[:, None]}
+        columns |= {"|x|": np.abs(x / size)[:, None], "sign x": np.sign(x)[:, None]}
     for k in waves:
         columns[f"sin({k:.3g} x)"] = np.column_stack([np.sin(k * x), np.cos(k * x)])
     count: Counter[str] = Counter()

@@ -185,9 +185,11 @@ def _nearest(
     def linear(inner: Vector) -> tuple[Vector, Vector]:
         p = dict(zip(shape.inner, inner.tolist(), strict=True))
         g = np.array([float(shape.function(value, p)) for value in x.tolist()])
-        columns = np.column_stack([g, np.ones(len(g))])
+        unit = float(np.abs(g).max()) or 1.0
+        columns = np.column_stack([g / unit, np.ones(len(g))])
         answer = np.linalg.lstsq(columns, y, rcond=None)[0]
-        return answer, np.nan_to_num((y - columns @ answer) / size, nan=1e3)
+        left = np.nan_to_num((y - columns @ answer) / size, nan=1e3)
+        return answer / np.array([unit, 1.0]), left
 
     best: tuple[float, dict[str, float]] = (math.inf, {})
     for start in shape.starts(low, high):
@@ -197,7 +199,7 @@ def _nearest(
             bounds = tuple(np.transpose([ends[name] for name in shape.inner]))
             inner = np.clip(inner, *bounds)
             inner = least_squares(
-                lambda v: linear(v)[1], inner, x_scale=np.abs(inner) + 1e-9, bounds=bounds
+                lambda v: linear(v)[1], inner, x_scale=0.1 * np.ptp(bounds, axis=0), bounds=bounds
             ).x
         answer, left = linear(inner)
         # A law with more of its own must come nearer, but not nearer than the curve is known.
@@ -229,14 +231,14 @@ def shape_effect(
         **shape.units(argument.unit),
     }
     within = shape.bounds(*argument.hull)
+    along = np.linspace(*argument.hull, 60)
+    largest = max(abs(float(shape.function(x, values))) for x in along.tolist())
     parameters = []
     for name, unit in units.items():
         value = values[name]
-        reach = max(_ROOM * abs(value), 1.0 if name == "level" else 0.0)
-        low, high = within.get(name, (-reach, reach))
-        parameters.append(
-            Parameter(name, unit, abs(value) or 1.0, "", value, low, high, fitted=True)
-        )
+        usual = max(abs(value), largest if name == "level" else 0.0)
+        low, high = within.get(name, (-_ROOM * usual, _ROOM * usual))
+        parameters.append(Parameter(name, unit, usual or 1.0, "", value, low, high, fitted=True))
     return Effect(EFFECT_NAME, term.ports, transform, parameters=tuple(parameters))
 
 
