@@ -245,7 +245,8 @@ def _moves(linear: LinearModel, name: str) -> Callable[[float], Vector]:
     rooms = [_room(inputs[n], u) if n in inputs else 1.0 for n, u in rests]
     size = own.state_scales
     a, b = own.A * size / size[:, None], own.B * np.array(rooms) / size[:, None]
-    return lambda time: np.asarray((own.C[0] * size) @ zero_order_hold(a, b, time)[1])
+    at_once = own.D[0] * np.array(rooms)
+    return lambda time: at_once + (own.C[0] * size) @ zero_order_hold(a, b, time)[1]
 
 
 def has_room(linear: LinearModel, actuators: Sequence[str], steps: Mapping[str, float]) -> bool:
@@ -280,7 +281,8 @@ def least_time(linear: LinearModel, actuators: Sequence[str], steps: Mapping[str
         for asked, down, up in ((step, below, above), (-step, below + moved, above - moved)):
             time, most = 1e-4 * shown, 10.0 * step_time(linear)
             while time < most:
-                by = math.copysign(1.0, asked) * (c @ zero_order_hold(a, b, time)[1])[0]
+                by = (c @ zero_order_hold(a, b, time)[1])[0] + own.D[0]
+                by = math.copysign(1.0, asked) * by
                 # What may move without end need not be asked whether it moves enough.
                 far = np.where(by > 0.0, up, down)
                 if np.sum(np.abs(by[by != 0.0]) * far[by != 0.0]) >= abs(asked):

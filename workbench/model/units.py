@@ -277,6 +277,8 @@ def powers(text: str) -> list[tuple[str, float]]:
         [('m', 3), ('s', -1), ('Pa', -1)]
     """
     found: list[tuple[str, float]] = []
+    if text.strip() in ("", "-"):
+        return found
     position, sign, group, raised = 0, 1, [1], True
     while position < len(text):
         match = _TOKEN.match(text, position)

@@ -32,7 +32,7 @@ from workbench.physics.survey import Survey
 
 def _constant(p: Names) -> Expression:
     """Time constant with what keeps it regular, in s: f at zero time, nothing beside a long one."""
-    return p.time + p.floor * p.floor / (p.time + p.floor)
+    return p.time + p.floor * ca.exp(-p.time / p.floor)
 
 
 def _filtered(at: PortView) -> Expression:

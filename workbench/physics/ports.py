@@ -119,10 +119,11 @@ class Ports:
 
     def rate_of(self, name: str) -> Local:
         """Return the rate of a state, as the equations have it without an effect."""
-        q, k = self.known[name], self.state_index[name]
+        q, k, own = self.known[name], self.state_index[name], self._plain
 
+        # It goes to other processes with the law, as a model does and equations do not.
         def rate(known: Mapping[str, Expression], parameters: Mapping[str, Expression]) -> ca.SX:
-            own, t = self._plain, self._plain.exact
+            t = own.exact
             now = [known[q.name] for q in (*own.states, *own.inputs)]
             now += [parameters[p.name] for p in own.parameters]
             return ca.substitute(t.rates[k], ca.vertcat(t.x, t.u, t.p), ca.vcat(now))

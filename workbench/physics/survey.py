@@ -372,7 +372,8 @@ def _bearing_loads(signals: Mapping[str, Local]) -> dict[str, Local]:
 def _role_of(ports: Ports, index: int) -> str:
     """Return the role of a port: as its author declared, else by name, unit or structure.
 
-    A force drives the state whose integral is a state too, a flow drives a level.
+    A force drives the state whose integral is a state too, a flow drives a level. What drives a flow
+    is the force on what flows: a pressure, or a head.
     """
     port = ports.trace.ports[index]
     if port.role:
@@ -382,6 +383,10 @@ def _role_of(ports: Ports, index: int) -> str:
             return role
     if "penetration" in port.signals:
         return "stop"
+    if same_dimension(port.unit, "Pa", "m") and any(
+        same_dimension(q.unit, *_ROLES["flow"]) for q in ports.moved[index]
+    ):
+        return "force"
     for role, units in _ROLES.items():
         if same_dimension(port.unit, *units):
             circuit = role == "voltage" and any(map(ports.is_current, ports.moved[index]))
