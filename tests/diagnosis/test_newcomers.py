@@ -864,12 +864,12 @@ def test_a_joint_that_gives_is_two_bodies_and_a_spring() -> None:
 
 
 def _charged(seed: int) -> Recording:
-    """An accumulator whose gas gets hot: its pressure rises with the power 1.3; beside SciPy."""
+    """An accumulator whose gas gets hot: its pressure rises with the power 1.4; beside SciPy."""
     rng = np.random.default_rng(seed)
     pump, valve = levels(400, seed, 2.5e-4, 10, 40) + 3e-4, levels(400, seed + 9, 0.3, 15, 50) + 0.5
     oil, read = 1e-3, np.empty(400)
     for k, (given, opening) in enumerate(zip(pump, valve, strict=True)):
-        gas = 55e5 * (5e-3 / (5e-3 - oil)) ** 1.3
+        gas = 55e5 * (5e-3 / (5e-3 - oil)) ** 1.4
         read[k] = gas + rng.normal(0.0, 1e4)
         oil += 0.05 * (given - 2.4e-7 * opening * math.sqrt(gas))
     return recording(

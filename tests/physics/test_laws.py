@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 from pathlib import Path
 
 import casadi as ca
+import cloudpickle
 import control as ct
 import numpy as np
 import pytest
@@ -80,6 +82,35 @@ def test_a_law_from_outside_is_tried(tmp_path: Path) -> None:
     model = servo_axis().with_effect(found["magnet"].at_size(5.0))
     change = model.rates([0.5, 0.0], [0.0]) - servo_axis().rates([0.5, 0.0], [0.0])
     assert change[1] == pytest.approx(-5.0 * 0.5 / 1.25 / 95.0)
+
+
+def test_every_law_goes_to_other_processes() -> None:
+    for model in (circuit(), heated_tank(), servo_axis()):
+        offered_here = library(model)
+        for law in offered_here:
+            # What a process does with it, it does with what was written down of it.
+            other = pickle.loads(cloudpickle.dumps(law))  # noqa: S301
+            trace = model.with_effect(other.at_size(0.1 * other.typical_size)).exact
+            own = model.with_effect(law.at_size(0.1 * law.typical_size)).exact
+            assert trace.rates.shape == own.rates.shape, law.name
+    assert "sensor_lead" in {h.law for h in library(heated_tank())}
+
+
+def test_a_head_or_a_pressure_is_the_force_on_what_flows() -> None:
+    for unit, of in (("m", "m3/s"), ("Pa", "kg/s")):
+        duct = machine(
+            lambda m, unit=unit: (
+                {"flow": m.p.share * m.port("head", m.u.above - m.p.loss * m.x.flow, unit=unit)},
+                {"read": m.x.flow},
+            ),
+            f"flow {of}",
+            f"above {unit} 0 10",
+            f"read {of}",
+            f"share {per(per(of, 's'), unit)} 0.1, loss {per(unit, of)} 0.2 0 2",
+        )
+        place = Survey(duct).place("head")
+        assert (place.role, place.speed.source) == ("force", "flow")
+        assert {"quadratic_drag", "coulomb_friction"} <= {h.law for h in library(duct)}
 
 
 def test_speed_and_coordinate_follow_from_structure() -> None:

@@ -236,3 +236,20 @@ def test_what_explicit_steps_cannot_follow_goes_to_rosenbrock() -> None:
     run = verify(controller, stiff, REST)
     assert run.integrator.startswith("rosenbrock")
     assert abs(run["position"][-1]) < 1e-6
+
+
+def test_what_an_output_shows_at_once_begins_as_the_plant_rests() -> None:
+    """The flow of a turbine is what its gate lets through, from the first sample on."""
+    turbine = machine(
+        lambda m: (
+            {"level": (10.0 - 2.6 * m.u.gate * np.sqrt(m.x.level)) / 80.0},
+            {"flow": 2.6 * m.u.gate * np.sqrt(m.x.level)},
+        ),
+        "level m 50",
+        "gate 1 0 1 0.3",
+        "flow m3/s",
+    )
+    still = Scripted((10.0 / 2.6 / 50.0**0.5,), ("flow",), ("flow",), ("gate",), sample_time=1.0)
+    scenario = Scenario("rest", {"flow": Steps((0.0,), (10.0,))}, 4.0, settle=0.0, sample_time=1.0)
+    run = verify(still, turbine, scenario)
+    assert run["flow"][0] == pytest.approx(10.0, rel=1e-6)

@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from workbench.computing.counted import Work
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior
@@ -20,7 +22,7 @@ from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.location.missing_signal import MissingSignal, Occurrence
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.held_out import Runs
-from workbench.diagnosis.selection.rules import IMPERFECT
+from workbench.diagnosis.selection.rules import AT_NOISE, IMPERFECT, LITTLE_EXCESS
 from workbench.diagnosis.selection.selected import Accepted, Round, Scored, Selected, Withdrawn
 from workbench.diagnosis.selection.weights import Weighted
 from workbench.diagnosis.verdict import Verdict
@@ -178,10 +180,21 @@ class Diagnosis(Drawn):
 
     @property
     def complete(self) -> bool:
-        """Whether the refitted nominal model predicts nearly to the noise: nothing is missing."""
+        """Whether the refitted nominal model predicts nearly to the noise: nothing is missing.
+
+        So it does where nothing was found, it runs as close to unseen recordings as noise lets it,
+        and next to nothing of what a sample tells is lacking: the noise of a meter that an input
+        was read by.
+        """
         if self.scored is None:
             return self.base.noise_scale <= IMPERFECT
-        return self.scored.near_noise(self.base)
+        if self.scored.near_noise(self.base):
+            return True
+        if self.selected is None or not self.selected.finished or self.improved:
+            return False
+        samples = sum(int(np.isfinite(r.outputs).sum()) for r in self.prepared.fitting)
+        little = self.scored.excess < LITTLE_EXCESS * samples
+        return little and self.scored.farthest[1] <= AT_NOISE
 
     @property
     def accepted(self) -> tuple[Accepted, ...]:

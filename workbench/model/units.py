@@ -273,8 +273,8 @@ def powers(text: str) -> list[tuple[str, float]]:
     """Take a unit apart: its symbols in order, each with its power.
 
     Example:
-        >>> powers("m3/(s Pa)")
-        [('m', 3), ('s', -1), ('Pa', -1)]
+        >>> powers("m3/(s Pa)"), powers("-")
+        ([('m', 3), ('s', -1), ('Pa', -1)], [])
     """
     found: list[tuple[str, float]] = []
     if text.strip() in ("", "-"):

@@ -372,8 +372,8 @@ def _bearing_loads(signals: Mapping[str, Local]) -> dict[str, Local]:
 def _role_of(ports: Ports, index: int) -> str:
     """Return the role of a port: as its author declared, else by name, unit or structure.
 
-    A force drives the state whose integral is a state too, a flow drives a level. What drives a flow
-    is the force on what flows: a pressure, or a head.
+    A force drives the state whose integral is a state too, a flow drives a level. What drives a
+    flow is the force on what flows: a pressure, or a head.
     """
     port = ports.trace.ports[index]
     if port.role:

@@ -102,7 +102,7 @@ def verify(
             model, {**idle, **start} if len(start) <= len(controller.actuators) else start
         )
         if events or channels_of(model) is None:
-            sampled = FullPlant(model, h, rest.x, tolerance=tolerance, method=method)
+            sampled = FullPlant(model, h, rest.x, before=rest.u, tolerance=tolerance, method=method)
         else:
             sampled = LatePlant(model, h, (rest.x, rest.u))
         begin = rest.u

@@ -31,6 +31,8 @@ class FullPlant:
     Args:
         sample_time: Time between samples, in s.
         start: States at the start, shape (n_states,), in SI.
+        before: Inputs until the first command, shape (n_inputs,), in SI, which sensors may show;
+            nominal by default.
         tolerance: Local error allowed in a step, relative to the scales of the states.
     """
 
@@ -40,6 +42,7 @@ class FullPlant:
         sample_time: float,
         start: npt.ArrayLike,
         *,
+        before: Vector | None = None,
         tolerance: float = TOLERANCE,
         method: Method = "erk",
     ) -> None:
@@ -53,7 +56,8 @@ class FullPlant:
         integrator = integrator_of(method, model.exact, scale, sample_time, tolerance)
         self.integrator = integrator.name
         self._x = check_vector("state", start, model.states).copy()
-        self._u, self._p = model.nominal_input.copy(), model.values.copy()
+        self._u = (model.nominal_input if before is None else before).copy()
+        self._p = model.values.copy()
         self._y = integrator.equations(1, self._x, self._u, self._p)
         self._hold = integrator.holding(self._x, self._u, self._p, self._y)
         self.outputs: list[float] = self._y.tolist()

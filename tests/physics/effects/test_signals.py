@@ -12,8 +12,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tests.diagnosis.newcomers import oscillator
-from tests.machines import machine
+from tests.machines import at_rest, machine
 from tests.physics.effects.bench import bench, held, offered, read, response, run, triangle
+from workbench.linearisation.transfer import transfer_function
 from workbench.model import Model, Scope, State
 from workbench.model.trace import Equations
 from workbench.model.units import same_dimension
@@ -55,7 +56,7 @@ def test_lag_is_a_lead_lag_with_the_delay_of_its_time() -> None:
     for time in (0.0, 0.01, 0.06):
         for w in (0.1, 5.0, 50.0):
             floor = 1e-3  # half of 2 ms
-            spare = floor**2 / (time + floor)
+            spare = floor * math.exp(-time / floor)
             exact = (1 + 1j * w * spare) / (1 + 1j * w * (time + spare))
             assert response(one_lag(time), w) == pytest.approx(exact, rel=1e-9)
     # At low frequency the phase is that of a delay of the same time.
@@ -507,3 +508,19 @@ def test_each_term_that_a_medium_may_flow_past_has_a_name_of_its_own() -> None:
     )
     names = [h.name for h in library(boat) if h.law == "moving_medium"]
     assert len(set(names)) == len(names) == 4
+
+
+@pytest.mark.parametrize("law", ["drive_lag", "sensor_lag"])
+def test_a_lag_of_a_few_samples_passes_nothing_at_once(law: str) -> None:
+    """A gate of 12 s, sampled every 4 s, is no gate that goes 2 % of its way at once."""
+    slow = machine(
+        lambda m: {"level": 0.01 * m.u.gate - 0.01 * m.x.level}, "level m", "gate 1 0 1", "level m"
+    )
+    facts = RecordedFacts(("level",), 4000.0, 4.0)
+    (lag,) = (h for h in library(slow, facts) if h.law == law)
+    whole = slow.with_effect(lag.at_size(12.0))
+    linear = at_rest(whole)
+    s = 1j * np.array([0.02, 0.3, 3.0])
+    found = transfer_function(linear.A, linear.B, linear.C, linear.D, s)[:, 0, 0]
+    exact = 0.01 / (s + 0.01) / (12.0 * s + 1.0)
+    np.testing.assert_allclose(np.abs(found), np.abs(exact), rtol=0.05)

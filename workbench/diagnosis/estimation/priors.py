@@ -49,13 +49,9 @@ class Prior:
             (False, True, True)
         """
         whole = self.upper - self.lower
-        ends = (
-            (value - self.lower, self.mean - self.lower),
-            (self.upper - value, self.upper - self.mean),
-        )
-        return any(
-            off < _AT_END * min(whole, _WIDE * usual or _LEAST * whole) for off, usual in ends
-        )
+        ends = [(abs(value - end), abs(self.mean - end)) for end in (self.lower, self.upper)]
+        least = _LEAST * whole
+        return any(off < _AT_END * min(whole, _WIDE * usual or least) for off, usual in ends)
 
 
 def is_guess(q: Parameter) -> bool:

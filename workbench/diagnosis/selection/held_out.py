@@ -42,7 +42,7 @@ Runs = Mapping[str, FreeRun]
 """Free runs by recording."""
 
 _SPOILT = 1.25
-_DRAWS = 4
+_DRAWS = 12
 
 
 def settled_run(

@@ -311,6 +311,10 @@ AT_NOISE = 1.1
 """Held-out error over what noise and the uncertainty of the parameters leave, up to which laws are
 refitted only for their score: what parameters took over so well is not missing."""
 
+LITTLE_EXCESS = 0.05
+"""Log likelihood that a model lacks per measured value up to which it predicts nearly to the noise
+where its runs are at the noise too: errors a fifth larger than foretold."""
+
 MUCH_CLOSER = 0.2
 """Part of the error of another effect's free runs that has to go for unseen recordings to be
 believed before those that were fitted: chance and a happy start move runs too."""
