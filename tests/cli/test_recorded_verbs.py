@@ -92,3 +92,10 @@ def pot():
         parameters=(Parameter("pace", "1/s", value=0.1, lower=0.01, upper=1.0, fitted=True),),
     )
 """
+
+
+def test_a_recording_without_what_a_plant_reads_is_told(tmp_path: Path, shell: Shell) -> None:
+    file = tmp_path / "axis.csv"
+    rows = "".join(f"{0.01 * k:.2f},{k % 7},{20 + k % 3}\n" for k in range(400))
+    file.write_text(f"time [s],force [N],room [degC]\n{rows}")
+    assert "has no output of" in shell("recording", file, "--plant", "servo-axis").err

@@ -388,3 +388,9 @@ def test_a_step_goes_no_farther_than_the_plant_can_rest_however_little_that_is()
     linear = linearise(operating_point(pot), verdict=False)
     step = _reached(pot, linear, "excess", 1.0, {"excess": 2e-3}, "jacket")
     assert 1e-4 < abs(step) < 3e-3
+
+
+def test_a_short_run_of_a_slow_plant_is_sampled_as_it_lasts(shell: Shell) -> None:
+    words = "simulate --plant 1/((s+1)(1e6s+1)) --input u=0:1 --duration 3s --out run.csv"
+    shell(words)
+    assert len(Path("run.csv").read_text().splitlines()) >= 200

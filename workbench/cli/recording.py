@@ -63,9 +63,15 @@ def recording(
         required = None if wanted is None else [w.name for w in wanted if w.name in seen]
         report = check_recording(seen, model=model, required=required)
         if model is not None:
+            from workbench.diagnosis.estimation.observe import recorded_outputs
             from workbench.diagnosis.misrecorded_columns import with_columns_tried
 
             report = with_columns_tried(model, report)
+            try:
+                recorded_outputs(model, seen)
+            except WorkbenchError as error:
+                # Fit as it may be, no model can be held against it.
+                typer.echo(f"note: {error}", err=True)
     typer.echo(str(seen), err=as_json)
     if seen.mapping is not None:
         typer.echo(f"\n{seen.mapping}", err=as_json)

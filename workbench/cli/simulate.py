@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from workbench.model import Model, State
     from workbench.simulation import Trajectory
 
+_LEAST_SAMPLES = 200
+"""Samples that a run has at least, where nobody says how long one is."""
+
 
 @with_plant("option", "effect", "input", "at")
 def simulate(
@@ -42,7 +45,8 @@ def simulate(
             input, or of one that is named, such as 0.9 or valve=0.9V.
         period (TIME): Period of the pulses. By default two steps that the linear model responds to.
         duration (TIME): Length of the run. By default four such steps.
-        sample_time (TIME): Time between samples. By default a thousandth of such a step.
+        sample_time (TIME): Time between samples. By default a thousandth of such a step, less where
+            a run would have less than 200 of them.
         initial: Start at the initial values that the states declare, not at rest.
         out: CSV file for time, inputs and outputs.
     """
@@ -74,7 +78,11 @@ def simulate(
             return 1e-3 * quantity("duration", str(duration), "s")
         return steps * step_time(linearise(start, verdict=False))
 
-    step = check_range("sample time", time("sample time", sample_time, 1e-3), *TIMES_S, "s")
+    step = time("sample time", sample_time, 1e-3)
+    if sample_time is None and duration is not None:
+        # A slow mode, or a rest that is far from where it starts, is no reason to refuse a time.
+        step = min(step, quantity("duration", duration, "s") / _LEAST_SAMPLES)
+    step = check_range("sample time", step, *TIMES_S, "s")
     length = check_range("duration", time("duration", duration, 4.0), 2 * step, 1e6 * step, "s")
     driven = _with_pulses(chosen, pulses, lambda: time("period", period, 2.0), length)
     run = run_model(model, _held(model, u, driven, length, step), sample_time=step, start=x)

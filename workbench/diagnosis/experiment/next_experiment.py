@@ -155,7 +155,7 @@ def _deciding(
             f"No admissible input tells {names} well: the best, {best.experiment.text}, by"
             f" {best.sigma:.1f} standard deviations."
         )
-        if read and read[0][1] > best.sigma:
+        if read and read[0][1] >= DECISIVE:
             name, sigma = read[0]
             step |= {"sensor": name, "sensor_sigma": round(float(sigma), 1)}
             step["sentence"] = f"{step['sentence']} A sensor of {name} in it would, by {sigma:.1f}."
