@@ -225,8 +225,8 @@ def farthest(linear: LinearModel, name: str, time: float) -> float:
 
     What swings may be farther before the time is over than at its end.
     """
-    moved = _mover(linear, name)
-    return max(moved(t) for t in np.linspace(0.0, time, _LOOKS + 1)[1:])
+    moved = _moves(linear, name, at_once=True)
+    return max(float(np.abs(moved(t)).sum()) for t in np.linspace(0.0, time, _LOOKS + 1)[1:])
 
 
 def _mover(linear: LinearModel, name: str) -> Callable[[float], float]:
@@ -235,8 +235,12 @@ def _mover(linear: LinearModel, name: str) -> Callable[[float], float]:
     return lambda time: float(np.abs(moved(time)).sum())
 
 
-def _moves(linear: LinearModel, name: str) -> Callable[[float], Vector]:
-    """Return what tells how far each command moves an output, in SI, within a time in s."""
+def _moves(linear: LinearModel, name: str, *, at_once: bool = False) -> Callable[[float], Vector]:
+    """Return what tells how far each command moves an output, in SI, within a time in s.
+
+    Args:
+        at_once: Whether what it does at once counts, which takes no time.
+    """
     inputs = {q.name: q for q in linear.operating_point.model.inputs}
     commands = [n for n in linear.input_names if n not in inputs or inputs[n].commanded]
     own = linear.select(inputs=commands, outputs=[name]).without_unseen().without_unreached()
@@ -245,8 +249,8 @@ def _moves(linear: LinearModel, name: str) -> Callable[[float], Vector]:
     rooms = [_room(inputs[n], u) if n in inputs else 1.0 for n, u in rests]
     size = own.state_scales
     a, b = own.A * size / size[:, None], own.B * np.array(rooms) / size[:, None]
-    at_once = own.D[0] * np.array(rooms)
-    return lambda time: at_once + (own.C[0] * size) @ zero_order_hold(a, b, time)[1]
+    begins = at_once * own.D[0] * np.array(rooms)
+    return lambda time: begins + (own.C[0] * size) @ zero_order_hold(a, b, time)[1]
 
 
 def has_room(linear: LinearModel, actuators: Sequence[str], steps: Mapping[str, float]) -> bool:

@@ -107,12 +107,19 @@ cubic_drag = Law(
     separated_by="fast against slow runs: the decay grows with the square of the amplitude",
 )  # fmt: skip
 
+
+def _reverses(at: Place) -> bool:
+    """Tell whether the speed had both signs: what goes one way only tells no direction."""
+    seen = at.speed.seen
+    return seen is None or seen[0] < 0.0 < seen[1]
+
+
 # With a damper c the difference makes it c + difference / 2 forwards and c - difference / 2
 # backwards; on its own it feeds energy in one direction.
 direction_dependent_viscous = Law(
     "direction_dependent_viscous",
     "T = -(difference / 2) |v|",
-    each(*RESISTED, needs=("speed",)),
+    each(*RESISTED, needs=("speed",), only=_reverses),
     lambda at: (
         size("difference", per(at.unit, at.speed.unit), 0.025 * at.scale / at.speed.scale,
              0.5 * at.scale / at.speed.scale,
@@ -133,7 +140,7 @@ direction_dependent_viscous = Law(
 direction_dependent_friction = Law(
     "direction_dependent_friction",
     "T = -(difference / 2) tanh(v / transition_speed)^2",
-    each(*RESISTED, needs=("speed",), only=lambda at: at.dry),
+    each(*RESISTED, needs=("speed",), only=lambda at: at.dry and _reverses(at)),
     lambda at: (
         size("difference", at.unit, 0.05 * at.scale, 1.0 * at.scale,
              "dry friction forwards less that backwards", signed=True),
