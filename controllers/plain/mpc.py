@@ -39,7 +39,6 @@ from controllers.valve_inverse import ValveInverse
 from workbench.arrays import Matrix
 from workbench.errors import check_range
 from workbench.linearisation import LinearModel
-from workbench.linearisation.zero_order_hold import zero_order_hold
 
 FASTEST = 0.15
 """Largest speed of a reference that is tried, times the sample time: a horizon has its samples."""
@@ -236,11 +235,7 @@ def _problem(
     )
     numbers = MPCSpecification(
         prediction_time=step,
-        # What acts beside the command is held over a sample: what dies within one takes no part.
-        state_noise=zero_order_hold(own.A, own.B, h)[1]
-        / h
-        * loop.command_scale
-        * random_walk(disturbance, speed),
+        state_noise=own.B * loop.command_scale * random_walk(disturbance, speed),
         sensor_noise=tuple(noise.tolist()),
         sample_time=h,
     )
