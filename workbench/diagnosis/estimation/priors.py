@@ -16,10 +16,6 @@ from workbench.physics.hypothesis import Hypothesis
 _WIDE = 100.0
 """Ratio of the bounds of a parameter beyond which its usual value is a guess only."""
 
-_AT_END, _LEAST = 1e-3, 1e-6
-"""Part of what lies between the bounds within which a value is on one; part of that which counts
-where the usual value is a bound itself."""
-
 
 @dataclass(frozen=True)
 class Prior:
@@ -39,19 +35,8 @@ class Prior:
     upper: float
 
     def is_bound(self, value: float) -> bool:
-        """Say whether a value, in the parameter's SI unit, sits on a bound.
-
-        Bounds may be decades away from each other: near one is what is so beside the usual value.
-
-        Example:
-            >>> time = Prior("time", 3.0, 1e6, 0.0, 1e7)
-            >>> time.is_bound(10.0), time.is_bound(0.01), time.is_bound(1e7)
-            (False, True, True)
-        """
-        whole = self.upper - self.lower
-        ends = [(abs(value - end), abs(self.mean - end)) for end in (self.lower, self.upper)]
-        least = _LEAST * whole
-        return any(off < _AT_END * min(whole, _WIDE * usual or least) for off, usual in ends)
+        """Say whether a value, in the parameter's SI unit, sits on a bound."""
+        return min(value - self.lower, self.upper - value) < 1e-3 * (self.upper - self.lower)
 
 
 def is_guess(q: Parameter) -> bool:
