@@ -390,7 +390,11 @@ def test_a_step_goes_no_farther_than_the_plant_can_rest_however_little_that_is()
     assert 1e-4 < abs(step) < 3e-3
 
 
-def test_a_short_run_of_a_slow_plant_is_sampled_as_it_lasts(shell: Shell) -> None:
-    words = "simulate --plant 1/((s+1)(1e6s+1)) --input u=0:1 --duration 3s --out run.csv"
-    shell(words)
-    assert len(Path("run.csv").read_text().splitlines()) >= 200
+def test_a_short_run_of_a_slow_plant_is_sampled_as_it_lasts(
+    tmp_path: Path, shell: Shell, refused: Refused
+) -> None:
+    words = "simulate --plant 1/((s+1)(1e6s+1)) --input u=0:1 --duration"
+    file = tmp_path / "run.csv"
+    shell(words, "3s", "--out", file)
+    assert len(file.read_text().splitlines()) >= 200
+    assert "duration is -3 s" in refused(words, "-3s")

@@ -181,3 +181,15 @@ def test_what_rings_is_as_far_as_it_was() -> None:
     # A turn after it began it is about where it was; half a turn after it was farthest.
     far = farthest(rested, "way", np.pi)
     assert farthest(rested, "way", 2.0 * np.pi) == pytest.approx(far, rel=0.01)
+
+
+def test_what_a_command_does_at_once_counts_for_how_far_it_takes_an_output() -> None:
+    """A gate lets through more at once, and less when the tank behind it has sunk."""
+    gate = machine(
+        lambda m: ({"level": -0.01 * m.x.level - 0.002 * m.u.gate}, {"flow": m.x.level + m.u.gate}),
+        "level 1",
+        "gate 1 -1 1",
+        "flow 1",
+    )
+    assert farthest(at_rest(gate), "flow", 1.0) == pytest.approx(1.0, rel=0.03)
+    assert least_time(at_rest(gate), ("gate",), {"flow": 0.5}) < 1.0

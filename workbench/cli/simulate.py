@@ -78,12 +78,12 @@ def simulate(
             return 1e-3 * quantity("duration", str(duration), "s")
         return steps * step_time(linearise(start, verdict=False))
 
-    step = time("sample time", sample_time, 1e-3)
-    if sample_time is None and duration is not None:
+    step, length = time("sample time", sample_time, 1e-3), time("duration", duration, 4.0)
+    if sample_time is None and length > 0.0:
         # A slow mode, or a rest that is far from where it starts, is no reason to refuse a time.
-        step = min(step, quantity("duration", duration, "s") / _LEAST_SAMPLES)
+        step = min(step, length / _LEAST_SAMPLES)
     step = check_range("sample time", step, *TIMES_S, "s")
-    length = check_range("duration", time("duration", duration, 4.0), 2 * step, 1e6 * step, "s")
+    check_range("duration", length, 2 * step, 1e6 * step, "s")
     driven = _with_pulses(chosen, pulses, lambda: time("period", period, 2.0), length)
     run = run_model(model, _held(model, u, driven, length, step), sample_time=step, start=x)
     if start is None:

@@ -225,13 +225,13 @@ def farthest(linear: LinearModel, name: str, time: float) -> float:
 
     What swings may be farther before the time is over than at its end.
     """
-    moved = _moves(linear, name, at_once=True)
-    return max(float(np.abs(moved(t)).sum()) for t in np.linspace(0.0, time, _LOOKS + 1)[1:])
+    moved = _mover(linear, name, at_once=True)
+    return max(moved(t) for t in np.linspace(0.0, time, _LOOKS + 1)[1:])
 
 
-def _mover(linear: LinearModel, name: str) -> Callable[[float], float]:
+def _mover(linear: LinearModel, name: str, *, at_once: bool = False) -> Callable[[float], float]:
     """Return what tells how far all commands move an output, in SI, within a time in s."""
-    moved = _moves(linear, name)
+    moved = _moves(linear, name, at_once=at_once)
     return lambda time: float(np.abs(moved(time)).sum())
 
 

@@ -376,3 +376,20 @@ def test_held_out_runs_a_little_off_by_chance_call_for_no_law_that_does_not_scor
     # However little a filter trusts equations that leave nothing out, they are complete.
     assert scored.near_noise(replace(base, noise_scale=0.3)) is (excess == 0.0)
     assert not first.accepted
+
+
+@pytest.mark.parametrize(
+    ("lacking", "far", "complete"), [(0.04, 1.05, True), (0.06, 1.05, False), (0.04, 1.15, False)]
+)
+def test_nothing_is_missing_where_runs_are_at_the_noise_and_next_to_nothing_is_lacking(
+    lacking: float, far: float, complete: bool
+) -> None:
+    given = example_diagnosis()
+    samples = sum(r.outputs.size for r in given.prepared.fitting)
+    scored = replace(given.scored, over_floor={"position": far}, excess=lacking * samples)
+    fitted = replace(given.fitted, base=replace(given.base, noise_scale=0.3))
+    found = replace(given, scored=scored, fitted=fitted, validated=None)
+    # What was found speaks for itself.
+    assert not found.complete
+    nothing = replace(found, selected=replace(given.selected, accepted=()))
+    assert nothing.complete is complete

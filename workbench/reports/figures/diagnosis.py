@@ -247,8 +247,8 @@ def draw_error(
     Args:
         noise: Noise of each output, in the unit of the runs; the band is twice that.
     """
-    largest = float(np.nanmax(np.abs(before.error[:, i]), initial=0.0))
-    level = max(noise.get(before.used[i], 0.0), 1e-9 * largest) or 1.0
+    off = float(np.nanmax(np.abs(before.error[:, i]), initial=0.0))
+    level = max(noise.get(before.used[i], 0.0), 1e-9 * off) or 1.0
     smallest, largest = level, 3 * level
     for run, colour in ((before, BEFORE), (after, AFTER)):
         if run is not None and run.finite:
