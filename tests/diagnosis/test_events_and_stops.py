@@ -42,7 +42,7 @@ def spring(x: float, v: float) -> float:
 
 
 def _pushed(
-    laws: str, jumps: tuple[float, ...], lasting: tuple[float, ...] = 3 * (np.inf,)
+    laws: str, jumps: tuple[float, ...], lasting: tuple[float, ...] = 3 * (np.inf,), fit: int = 1
 ) -> Diagnosis:
     """Diagnose an oscillator on which 9 N more act from a time on, in s, another in each run."""
     runs = []
@@ -51,7 +51,7 @@ def _pushed(
         more = 9.0 * ((since >= 0.0) & (since < length))
         drive = levels(SAMPLES, seed, 30.0, 20, 80)
         runs.append(recorded(1.0, spring, drive, STEP, 1e-3, seed=seed, unread=more))
-    return diagnosed(oscillator(), runs, laws)
+    return diagnosed(oscillator(), runs, laws, fit=fit)
 
 
 @pytest.mark.parametrize(
@@ -75,6 +75,23 @@ def test_what_acts_for_a_while_is_told_with_its_ends() -> None:
     found = _pushed(laws, (5.0, 8.2, 2.0), lasting=(1.6, 2.4, 0.7))
     sizes = {"amount": approx(9.0, rel=0.02), "duration": approx(1.6, abs=STEP)}
     said = "from 5 to 6.6 s of run 1, from 8.2 to 10.6 s of run 2, from 2 to 2.7 s of run 3"
+    assert said in named(found, "offset_pulse_mass_force", noise=1.5, **sizes).sentence
+
+
+def test_an_event_of_one_of_several_recordings_is_found_beside_what_all_could_show() -> None:
+    # With one time for both it gains a thousandth of what a late sensor or a soft drive does.
+    laws = "offset_jump gain_jump sensor_lag elastic_drive creep sensor_delay surface_force"
+    found = _pushed(laws, (5.0, 99.0, 3.1), fit=2)
+    sizes = {"amount": approx(9.0, rel=0.02), "time": approx(5.0, abs=STEP)}
+    said = "from 5 s of run 1 on, not in run 2, from 3.1 s of run 3 on"
+    assert said in named(found, "offset_jump_mass_force", noise=1.5, **sizes).sentence
+
+
+def test_what_acts_for_a_while_may_be_over_much_sooner_or_not_come() -> None:
+    laws = "offset_pulse offset_jump sensor_pulse"
+    found = _pushed(laws, (99.0, 5.0, 6.0, 99.0), lasting=(1.0, 2.0, 1.0, 1.0), fit=2)
+    sizes = {"amount": approx(9.0, rel=0.02), "duration": approx(2.0, abs=STEP)}
+    said = "not in run 1, from 5 to 7 s of run 2, from 6 to 7 s of run 3, not in run 4"
     assert said in named(found, "offset_pulse_mass_force", noise=1.5, **sizes).sentence
 
 

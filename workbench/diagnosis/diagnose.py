@@ -232,7 +232,7 @@ def _stages(
 ) -> Iterator[Diagnosis]:
     """Diagnose a model that declares all its noise, under a view of its recordings."""
     model = view.model
-    known = tuple(priors if priors is not None else default_priors(model))
+    known = view.priors or tuple(priors if priors is not None else default_priors(model))
     recorded = tuple(q.name for q in model.outputs if q.name in fit_on[0])
     longest = max(fit_on, key=lambda recording: recording.duration)
     if entries is None:
@@ -291,6 +291,7 @@ def _stages(
         say,
         tuple(extra),
         view.tries,
+        view.complete,
     )
     scored = files.reached(Scored, lambda: score(task))
     found = replace(found, scored=scored, **files.spent)

@@ -343,8 +343,11 @@ def combined_unit(unit: str, signal: str, read: str, quantities: Iterable[Quanti
         ['L/(min bar)', 'L/(min bar^0.5)']
         >>> combined_unit("m2/s", "m3/s", "L/min", of), combined_unit("kg/Pa", "m3/s", "L/min", of)
         ('L/(min m)', '')
+        >>> combined_unit("1/s", "kg/s", "g/min", [State("store", "kg", display_unit="mg")])
+        ''
     """
-    if not read:
+    # A time remains one, whatever was divided.
+    if not read or {base for base, _ in parse_unit(unit).dimensions} <= {"s"}:
         return ""
     known = list(quantities)
     measured = dict.fromkeys(q.unit for q in known if q.unit != "1")

@@ -97,7 +97,8 @@ def _judged_on(
     held_out, unseen = held_out_gain(
         before, fit, basis.started(hold_out, fit.model), base.noise_scale
     )
-    shift = _shift(entry, fit, base.model, hold_out[0])
+    # What comes at a time may not come to some of them.
+    shift = max(_shift(entry, fit, base.model, r) for r in hold_out)
     return replace(judged, held_out=held_out, shift=shift, blocks=(*blocks, unseen))
 
 

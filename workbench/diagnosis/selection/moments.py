@@ -18,6 +18,7 @@ from workbench.diagnosis.selection.scalar_search import least_between
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Effect, Model, Parameter, State
 from workbench.physics.drift import from_first
+from workbench.physics.library import Hypothesis
 
 _MOMENTS, _PHASES, _STEPS = 100, 33, 20
 """Starts of a clock along a recording that are tried, or along two periods of what repeats, and
@@ -25,6 +26,12 @@ steps from the best one on."""
 
 _WIDTHS = 5.0
 """Half-widths of an event from its middle to where it has not begun, or is over."""
+
+_NEVER = 3.0
+"""Lengths of a recording by which a clock starts early on which an event does not come."""
+
+_PARTS_OF_LENGTH = 1.0, 0.5, 0.25
+"""How much shorter an event may be in a recording, to which it does not seem to come."""
 
 _CLEARLY = 10.0
 """Log likelihood by which a recording must be likelier: more than so many tries give by chance."""
@@ -221,11 +228,21 @@ def with_own_moments(
             tried = tried[(soon - tried < length + beyond) & (last - tried > -beyond)]
             # Half of what one takes to come is moved within the same slope of the likelihood.
             tried = tried[:: max(1, math.floor(0.5 * width / _WIDTHS / (tried[1] - tried[0])))]
-        of = Delays(filter_of(model, begun, fit.noise_scale), begun, usual, span)
+        filter_ = filter_of(model, begun, fit.noise_scale)
         start = begun.start.copy()
-        found = _likeliest(of, of.cost_from(start[list(usual)]), tried)
-        if found is not None:
-            start[list(usual)] = [t + found for t in usual.values()]
+        for part in _PARTS_OF_LENGTH if any(map(_length, effects)) else (1.0,):
+            # What is over sooner has a clock of its end that is ahead.
+            ahead = usual | {
+                clocks[e.name][1]: usual[clocks[e.name][1]] + (1.0 - part) * _lasting(model, e)
+                for e in filter(_length, effects)
+            }
+            of = Delays(filter_, begun, ahead, span)
+            found = _likeliest(of, of.cost_from(start[list(usual)]), tried)
+            if found is not None:
+                start[list(usual)] = [t + found for t in ahead.values()]
+            moved = [start[i] - t for i, t in usual.items()]
+            if span and span[0] - min(moved) < length and span[1] - max(moved) > 0.0:
+                break
         for e in filter(_length, effects):
             own = clocks[e.name]
             start[own] = _with_own_end(fit, e, replace(begun, start=start), own)
@@ -339,6 +356,29 @@ def is_event(effect: Effect) -> bool:
     return bool(effect.about.moment) and len(_clocks(effect)) == 1 + bool(_length(effect))
 
 
+def may_be_absent(effect: Effect) -> bool:
+    """Whether an effect is an event that may come to some recordings and not to others."""
+    return is_event(effect) and not effect.about.period
+
+
+def absent_from(entry: Hypothesis, recordings: Sequence[Observed]) -> Hypothesis:
+    """Return a hypothesis whose event, if it is one, does not come to some recordings.
+
+    Their clocks start too early.
+    """
+    if not recordings or not may_be_absent(entry.effect):
+        return entry
+    never = {r.name: -_NEVER * r.sample_time * len(r.outputs) for r in recordings}
+    clocks = {q.name for q in _clocks(entry.effect)}
+    states = (
+        replace(q, start_in=tuple(sorted((dict(q.start_in) | never).items())))
+        if q.name in clocks
+        else q
+        for q in entry.effect.states
+    )
+    return replace(entry, effect=replace(entry.effect, states=tuple(states)))
+
+
 def _length(effect: Effect) -> str:
     """Return the name of the parameter that is how long an event lasts; empty if it is for good."""
     known = effect.about.moment, effect.about.period
@@ -346,10 +386,15 @@ def _length(effect: Effect) -> str:
     return next((name for name in own if name not in known), "")
 
 
+def _lasting(model: Model, effect: Effect) -> float:
+    length = _length(effect)
+    return _own(model, effect, length).value if length else math.inf
+
+
 def _times(model: Model, effect: Effect) -> tuple[float, float]:
     """Return when an event begins and ends on its clocks, in s; it never ends at infinity."""
-    begin, length = _own(model, effect, effect.about.moment).value, _length(effect)
-    return begin, begin + (_own(model, effect, length).value if length else math.inf)
+    begin = _own(model, effect, effect.about.moment).value
+    return begin, begin + _lasting(model, effect)
 
 
 def _own(model: Model, effect: Effect, name: str) -> Parameter:

@@ -18,6 +18,7 @@ from workbench.diagnosis.estimation.filter import Innovations
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import extended_start, summed_over_blocks
+from workbench.diagnosis.selection.moments import absent_from, may_be_absent
 from workbench.diagnosis.selection.rules import WIDER
 from workbench.model import Effect, Model
 from workbench.physics.library import Hypothesis
@@ -37,6 +38,10 @@ scatters about its mean over all."""
 
 _DIFFERS = 3.0
 """Gain of log likelihood by which one size in each recording has to beat one in all of them."""
+
+_ELSEWHERE, _CLEARLY = 0.8, 10.0
+"""Part of what an event gains in some recordings that it gains in all at most, and log likelihood
+that this has to cost, where it does not come to the others."""
 
 _MOST_LEVELS = 3
 """How many effects that differ by recording are offered: beside a large misfit nearly all do."""
@@ -198,7 +203,8 @@ def score_library(
     n = len(names)
     scale = np.concatenate([attached[0].scale[:n], *(one.scale[n:] for one in attached)])
     std = np.array([p.std for p in priors])
-    return replace(_scores(totals, ordered, scale, std, noise_scale), failed=tuple(failed.items()))
+    found = _scores(totals, ordered, scale, std, noise_scale, recordings)
+    return replace(found, failed=tuple(failed.items()))
 
 
 def _attached(
@@ -297,49 +303,95 @@ class _Totals:
         self.shown.append(summed_over_blocks(np.einsum("kyf,kyf->kf", own, own)))
 
     @np.errstate(over="ignore", invalid="ignore")
-    def leveled(self, levels: Sequence[int], prior: Vector) -> list[int]:
-        """Give each recording the size of its own that some effects score best with.
+    def by_recording(
+        self, variants: Sequence[_Variant], prior: Vector
+    ) -> tuple[list[int], dict[int, Vector]]:
+        """Give each recording the size that some effects score best with, which the totals hold.
+
+        Levels have one of their own in each, in multiples of their root mean square; events are
+        there or not.
 
         Args:
-            levels: Numbers of these effects, whose root mean square size the totals then hold.
             prior: Information of the priors of the free parameters, shape (n_free, n_free).
 
         Returns:
-            Those whose sizes do not differ from recording to recording.
+            Numbers of the levels that do not differ from recording to recording; and of events,
+            what each recording gains by them, zero where they do not come, shape (n,).
         """
-        n, same = self.split, []
+        n, same, gains = self.split, [], {}
         shared = self.information[:n, :n] + prior
         weights = np.ones((len(self.each), len(self.gradient)))
-        for k in levels:
+        for k, variant in enumerate(variants):
+            about = variant.effect.about
+            once = len(self.each) > 1 and may_be_absent(variant.effect)
+            if not (about.level or once):
+                continue
             cross = np.array([i[:n, n + k] for i, _ in self.each])
             slopes = np.array([g[n + k] for _, g in self.each])
             slopes -= cross @ np.linalg.solve(shared, self.gradient[:n])
             curvature = np.diag([i[n + k, n + k] for i, _ in self.each])
             curvature -= cross @ np.linalg.solve(shared, cross.T)
-            if not np.isfinite(curvature).all():
+            if once:
+                weights[:, n + k] = own = _shown_in(slopes, curvature)
+                size = -(own @ slopes) / max(own @ curvature @ own, 1e-30)
+                gains[k] = own * (-size * slopes - 0.5 * size**2 * np.diag(curvature))
+            elif (levels := _levels(slopes, curvature)) is not None:
+                weights[:, n + k] = levels
+            else:
                 same.append(k)
-                continue
-            sizes = -np.linalg.pinv(curvature, rcond=1e-6, hermitian=True) @ slopes
-            alike = 0.5 * slopes.sum() ** 2 / max(curvature.sum(), 1e-6 * np.trace(curvature))
-            if not -0.5 * slopes @ sizes - alike > _DIFFERS:
-                same.append(k)
-                continue
-            weights[:, n + k] = sizes / np.sqrt(np.mean(sizes**2))
         pairs = [(np.outer(w, w) * i, w * g) for w, (i, g) in zip(weights, self.each, strict=True)]
         self.information = np.sum([i for i, _ in pairs], axis=0)
         self.gradient = np.sum([g for _, g in pairs], axis=0)
         self.blocks = [w * b for w, b in zip(weights, self.blocks, strict=True)]
         self.shown = [w[n:] ** 2 * b for w, b in zip(weights, self.shown, strict=True)]
-        return same
+        return same, gains
+
+
+def _levels(slopes: Vector, curvature: Vector) -> Vector | None:
+    """Return the sizes of recordings over their root mean square; None where one will do.
+
+    Args:
+        slopes: Of the cost by the size in each recording, shape (n,), dimensionless.
+        curvature: Shape (n, n), dimensionless.
+    """
+    if not np.isfinite(curvature).all():
+        return None
+    sizes = -np.linalg.pinv(curvature, rcond=1e-6, hermitian=True) @ slopes
+    alike = 0.5 * slopes.sum() ** 2 / max(curvature.sum(), 1e-6 * np.trace(curvature))
+    if not -0.5 * slopes @ sizes - alike > _DIFFERS:
+        return None
+    return np.asarray(sizes / np.sqrt(np.mean(sizes**2)))
+
+
+def _shown_in(slopes: Vector, curvature: Vector) -> Vector:
+    """Return 1 for each recording to which an event comes, 0 for the others.
+
+    It comes to those that want most of it, of one sign.
+    """
+    own = np.diag(curvature)
+    if not (np.isfinite(curvature).all() and (own > 0.0).all()):
+        return np.ones(len(own))
+    order = np.argsort(slopes / own)
+    ends = [some for k in range(1, len(order)) for some in (order[:k], order[k:])]
+    tried = [np.ones(len(order)), *(np.isin(np.arange(len(order)), some) * 1.0 for some in ends)]
+    gains = [0.5 * (w @ slopes) ** 2 / (w @ curvature @ w) for w in tried]
+    best = int(np.argmax(gains))
+    elsewhere = gains[0] < min(_ELSEWHERE * gains[best], gains[best] - _CLEARLY)
+    return tried[best if elsewhere else 0]
 
 
 @np.errstate(over="ignore", invalid="ignore")
 def _scores(
-    totals: _Totals, variants: Sequence[_Variant], scale: Vector, std: Vector, noise_scale: float
+    totals: _Totals,
+    variants: Sequence[_Variant],
+    scale: Vector,
+    std: Vector,
+    noise_scale: float,
+    recordings: Sequence[Observed],
 ) -> Scores:
     n = totals.split
     prior = np.diag((scale[:n] / std) ** 2)
-    same = totals.leveled([i for i, v in enumerate(variants) if v.effect.about.level], prior)
+    same, gains = totals.by_recording(variants, prior)
     information, gradient = totals.information, totals.gradient
     blocks = np.concatenate(totals.blocks)
     collinear = np.linalg.solve(information[:n, :n] + prior, information[:n, n:])
@@ -369,10 +421,15 @@ def _scores(
     order = [i for i in order if i not in differing[_MOST_LEVELS:]]
     due = _due(np.concatenate(totals.shown), np.concatenate(totals.begins))
     clearest = np.argmax([blocks.sum(axis=0) for blocks in totals.shown], axis=0)
+    # A recording to which an event does not come shows by how much it does not.
+    clearest[list(gains)] = [np.argmax(own) for own in gains.values()]
     units = scale[n:]
     scores = tuple(
         Score(
-            variants[i].entry,
+            absent_from(
+                variants[i].entry,
+                [r for r, g in zip(recordings, gains.get(i, ()), strict=False) if g == 0.0],
+            ),
             float(gain[i]),
             float(signed[i] / deviation[i]),
             float(signed[i] * units[i]),

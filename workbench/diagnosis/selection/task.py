@@ -28,6 +28,7 @@ from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.location.missing_signal import occurrence
 from workbench.diagnosis.location.periods import period_of, stride_of
 from workbench.diagnosis.location.unknown_input import unknown_input
+from workbench.diagnosis.selection.moments import absent_from
 from workbench.diagnosis.selection.selected import Accepted, Selected
 from workbench.diagnosis.selection.simulation_error import closest_runs
 from workbench.errors import NumericalError
@@ -60,6 +61,7 @@ class Task:
         shorter: Models that were refitted without one of their effects, by identity and effect.
         refitted: Models that were refitted to free runs, by identity and whether with heavy tails.
         say: Called with a line of text before each step.
+        complete: Names of recordings that lack nothing, to which no event comes.
     """
 
     nominal: Model
@@ -73,6 +75,7 @@ class Task:
     say: Progress = lambda text: None
     extra: tuple[Law | Hypothesis, ...] = ()
     tries: Callable[[Hypothesis], bool] = lambda _: True
+    complete: tuple[str, ...] = ()
     shorter: dict[tuple[int, str], tuple[ProcessNoiseFit, Shorter]] = field(default_factory=dict)
     refitted: dict[tuple[int, bool], tuple[ProcessNoiseFit, ProcessNoiseFit]] = field(
         default_factory=dict
@@ -110,7 +113,9 @@ class Task:
                 more_of=self._more_of,
                 found=attached - given,
             )
-        return [e for e in entries if e.name not in attached and self.tries(e)]
+        without = [r for r in self.fitting if r.name in self.complete]
+        tried = (e for e in entries if e.name not in attached and self.tries(e))
+        return [absent_from(e, without) for e in tried]
 
     def closest(self, fit: ProcessNoiseFit, *, robust: bool = False) -> ProcessNoiseFit:
         """Return a fit as it runs closest to the recordings."""
