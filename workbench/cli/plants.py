@@ -17,7 +17,8 @@ def plants(name: str | None = None) -> int:
     Args:
         name ([NAME]): Plant, or module:object of your own.
     """
-    from workbench.model.units import with_unit, written_unit
+    from workbench.model.quantities import shown_in
+    from workbench.model.units import from_si, with_unit, written_unit
     from workbench.physics.library import library
     from workbench.plants.registry import PLANTS
 
@@ -30,15 +31,17 @@ def plants(name: str | None = None) -> int:
     typer.echo(str(plant))
     for kind in ("inputs", "outputs", "states"):
         named = (
-            f"{q.name} ({written_unit(q.unit) or 'ratio'}"
+            f"{q.name} ({written_unit(shown_in(q)) or 'ratio'}"
             f"{'' if getattr(q, 'commanded', True) else ', only measured'})"
             for q in getattr(model, kind)
         )
         typer.echo(f"  {kind}: {', '.join(named) or 'none'}")
     typer.echo(f"  parameters:{'' if model.parameters else ' none'}")
     for q in model.parameters:
-        known = "" if q.lower == -math.inf else f", {q.lower:g} to {q.upper:g}"
-        value = with_unit(f"{q.value:.6g}", q.unit)
+        unit = shown_in(q)
+        value, lower, upper = (from_si(one, unit) for one in (q.value, q.lower, q.upper))
+        known = "" if lower == -math.inf else f", {lower:g} to {upper:g}"
+        value = with_unit(f"{value:.6g}", unit)
         typer.echo(f"    {q.name:<32} {value}{known}{', refitted' if q.fitted else ''}")
     typer.echo(f"  effects: {', '.join(effect.name for effect in model.effects) or 'none'}")
     offered: dict[str, list[str]] = {}

@@ -262,7 +262,7 @@ class Output(Channel):
 
 
 def shown_in(quantity: Quantity) -> str:
-    """Return the unit in which people read a quantity: what an input or output says, if it does.
+    """Return the unit in which people read a quantity: what it says, if it does.
 
     Example:
         >>> shown_in(State("pressure", "Pa")), shown_in(Input("rudder", "rad", display_unit="deg"))
@@ -270,8 +270,7 @@ def shown_in(quantity: Quantity) -> str:
     """
     if isinstance(quantity, Output):
         return quantity.display_unit
-    said = quantity.display_unit if isinstance(quantity, (Input, State)) else ""
-    return shown_unit(said or quantity.unit)
+    return shown_unit(quantity.display_unit or quantity.unit)
 
 
 def declared_unit(

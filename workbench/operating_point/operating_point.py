@@ -22,7 +22,7 @@ from workbench.arrays import Vector
 from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError, check_choice, check_finite, check_range
 from workbench.model import EXACT, DriftingSum, Input, Model, Quantity, State
-from workbench.model.quantities import Channel, shown_in
+from workbench.model.quantities import shown_in
 from workbench.model.units import from_si, shown_unit, with_unit
 from workbench.operating_point.derivatives import derivatives_of
 from workbench.operating_point.trim import (
@@ -391,7 +391,7 @@ def check_value(model: Model, name: str, value: float, *, what: str = "") -> Non
         quantity: Quantity = {q.name: q for q in (*model.inputs, *model.states, *model.outputs)}[
             name
         ]
-        unit = quantity.display_unit if isinstance(quantity, Channel) else quantity.unit
+        unit = shown_in(quantity)
         # The range of a state is that of the laws; a measurement shares it if it shows that state.
         bounded = states[name] if name in _shown_states(model) else quantity
         lower, upper = getattr(bounded, "lower", -math.inf), getattr(bounded, "upper", math.inf)
@@ -572,8 +572,7 @@ def _display(model: Model, name: str, value: float) -> str:
     quantity: Quantity = next(
         q for q in (*model.outputs, *model.states, *model.inputs) if q.name == name
     )
-    unit = quantity.display_unit if isinstance(quantity, Channel) else quantity.unit
-    return f"{from_si(value, unit):g} {unit}"
+    return f"{from_si(value, shown_in(quantity)):g} {shown_in(quantity)}"
 
 
 def _entry(kind: str, quantity: Quantity, value: float) -> tuple[str, str, float, str]:

@@ -17,7 +17,7 @@ from workbench.diagnosis.selection.score import COLLINEAR, Score, Scores
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Verdict
 from workbench.model import Model
-from workbench.model.units import read_with_deviation, readably, written_unit
+from workbench.model.units import readably, written_unit
 from workbench.recordings.checks.check import CHECKS, USUAL_FIX
 from workbench.reports.figures.diagnosis import titled
 from workbench.reports.tables import Cell, Table, interval, number, plain, plus_minus
@@ -55,8 +55,8 @@ def parameters_table(diagnosis: Diagnosis) -> Table:
     Values that are wrong stand first where that is the verdict; ordinates of a curve
     without a name stand last.
     """
-    before = {e.name: e for e in diagnosis.refitted.refit.estimates}
-    after = {e.name: e for e in diagnosis.extended.refit.estimates} if diagnosis.improved else {}
+    before = {e.name: e for e in diagnosis.refitted.refit.as_read}
+    after = {e.name: e for e in diagnosis.extended.refit.as_read} if diagnosis.improved else {}
     wrong = diagnosis.verdict.kind == "parameter"
     added = [n for n in after if n not in before]
     names = [*added, *before] if diagnosis.accepted else [*before, *added]
@@ -64,23 +64,20 @@ def parameters_table(diagnosis: Diagnosis) -> Table:
         held = {name for name, _ in diagnosis.nominal.traits.held}
         names.sort(key=lambda name: not (before[name].on_bound or name in held))
     ordinates = _ordinates(diagnosis)
-    model = diagnosis.extended.model if after else diagnosis.base.model
     rows: list[tuple[Cell | str, ...]] = []
     for name in names:
         one = before.get(name) or after[name]
         new = name not in before
-        size = max(abs(one.prior.mean), abs(one.value))
-        shown_in = (one.unit, model.read_in(name), size)
-        mean, std, unit = read_with_deviation(one.prior.mean, one.prior.std, *shown_in)
+        mean, std, unit = one.read(one.prior.mean, one.prior.std)
         words = ordinates.get(name) or plain(name.replace(".", ", "))
         shown = words if unit == "1" else f"{words} in {unit}"
         cells: list[Cell | str] = [
             shown + (" (new)" if new else ""),
             "" if new else plus_minus(mean, std),
-            _estimate(before.get(name), shown_in, wrong=wrong),
+            _estimate(before.get(name), one, wrong=wrong),
         ]
         if after:
-            cells.append(_estimate(after.get(name), shown_in))
+            cells.append(_estimate(after.get(name), one))
         cells.append(_moved(before.get(name), after.get(name)) if not new else "")
         rows.append(tuple(cells))
     headings = ["parameter", "before the data", "refitted"]
@@ -113,12 +110,11 @@ def _ordinates(diagnosis: Diagnosis) -> dict[str, str]:
     return named
 
 
-def _estimate(
-    estimate: Estimate | None, shown_in: tuple[str, str, float], *, wrong: bool = False
-) -> Cell:
+def _estimate(estimate: Estimate | None, first: Estimate, *, wrong: bool = False) -> Cell:
+    """Write an estimate in the unit of the first in its row."""
     if estimate is None:
         return Cell("")
-    value, std, _ = read_with_deviation(estimate.value, estimate.std, *shown_in)
+    value, std, _ = first.read(estimate.value, estimate.std)
     text = plus_minus(value, std, 4)
     if wrong and estimate.on_bound:
         return Cell(text, "missed", "on the bound of what is plausible")

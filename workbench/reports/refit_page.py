@@ -84,13 +84,15 @@ def _estimates(report: RefitReport) -> Table:
     bound = " (on a bound)"
     return Table.of(
         "Refitted parameters",
-        report.refit.estimates,
+        report.refit.as_read,
         {
             "parameter": lambda e: e.name,
-            "unit": lambda e: e.unit,
-            "before": lambda e: number(e.prior.mean, 4),
-            "estimate": lambda e: number(e.value, 5),
-            "95 % interval": lambda e: interval(*e.interval, 5) + (bound if e.on_bound else ""),
+            "unit": lambda e: e.read(e.value, e.std)[2],
+            "before": lambda e: number(e.read(e.prior.mean, 0.0)[0], 4),
+            "estimate": lambda e: number(e.read(e.value, e.std)[0], 5),
+            "95 % interval": lambda e: (
+                interval(*(e.read(end, 0.0)[0] for end in e.interval), 5) + bound * e.on_bound
+            ),
         },
         "Intervals allow for prediction errors that last as long as a response takes to show.",
     )

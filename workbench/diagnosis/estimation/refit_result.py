@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from workbench.diagnosis.estimation.priors import Prior
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
 from workbench.model.model import index_of
-from workbench.model.units import written_unit
+from workbench.model.units import read_with_deviation
 
 _BLOCKS = (0.5, 2.0)
 """Lengths over which prediction errors may be correlated, for the intervals, over the time in which
@@ -32,6 +32,8 @@ class Estimate:
     Args:
         value: Estimate, in ``unit``.
         std: Standard deviation of the estimate, in ``unit``.
+        shown: Unit in which people read it, where that was asked for (`Refit.as_read`) and the unit
+            of its size will not do.
     """
 
     name: str
@@ -40,18 +42,25 @@ class Estimate:
     std: float
     prior: Prior
     on_bound: bool
+    shown: str = ""
 
     @property
     def interval(self) -> tuple[float, float]:
         """Lower and upper end of the 95 % interval, in ``unit``."""
         return self.value - 1.96 * self.std, self.value + 1.96 * self.std
 
+    def read(self, value: float, std: float) -> tuple[float, float, str]:
+        """Return a value of the parameter and its deviation, in SI, as people read them."""
+        size = max(abs(self.prior.mean), abs(self.value))
+        return read_with_deviation(value, std, self.unit, self.shown, size)
+
     def __str__(self) -> str:
         """Return one aligned line."""
-        unit = written_unit(self.unit)
+        value, std, unit = self.read(self.value, self.std)
+        mean, spread, _ = self.read(self.prior.mean, self.prior.std)
         line = (
-            f"{self.name:<30} {self.value:>10.5g} +- {self.std:<10.2g} {unit:<14}"
-            f" prior {self.prior.mean:.5g} +- {self.prior.std:.2g}"
+            f"{self.name:<30} {value:>10.5g} +- {std:<10.2g} {unit.removesuffix('1'):<14}"
+            f" prior {mean:.5g} +- {spread:.2g}"
         )
         return line + ("  ON BOUND" if self.on_bound else "")
 
@@ -86,6 +95,11 @@ class Refit:
     disagreements: tuple[str, ...]
     noise_scale: float = 0.0
     inflations: Vector = field(default_factory=lambda: np.ones(0))
+
+    @property
+    def as_read(self) -> tuple[Estimate, ...]:
+        """Estimates with the units in which people read them."""
+        return tuple(replace(e, shown=self.model.read_in(e.name)) for e in self.estimates)
 
     @property
     def values(self) -> dict[str, float]:
@@ -129,7 +143,7 @@ class Refit:
         """Return a short aligned table."""
         state = "converged" if self.converged else "NOT CONVERGED"
         lines = [f"refit of {self.model.name}: {state}, {self.iterations} steps"]
-        lines += [f"  {estimate}" for estimate in self.estimates]
+        lines += [f"  {estimate}" for estimate in self.as_read]
         white = ", ".join(f"{k} {v:.3g}" for k, v in self.whiteness.items())
         lines += [f"  mean square of whitened prediction errors: {white}"]
         lines += [f"  not determined by the data: {text}" for text in self.unidentifiable]
