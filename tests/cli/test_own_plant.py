@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -170,6 +171,47 @@ def test_verify_runs_a_design_of_the_users_own(
     # A design for the arm says what is missing; one for any linear model does it.
     assert "of the linear model" in refused(words, "-c pid")
     assert "plain-pid on circuit" in shell(words, "-c plain-pid", step).out
+
+
+def test_plants_and_refits_are_told_in_the_units_of_their_author(here: Path, shell: Shell) -> None:
+    (here / "clinic.py").write_text("""
+from workbench.model import Input, Model, Output, Parameter, State
+
+def drip():
+    def equations(m):
+        rate = m.u.drip / m.p.volume - m.p.loss * m.x.sugar
+        return {"sugar": rate}, {"sugar": m.x.sugar}
+    return Model(
+        "drip", equations, time="min",
+        states=[State("sugar", "mg/dl", 100.0, initial=90.0)],
+        inputs=[Input("drip", "mg/min", 50.0, lower=0.0, upper=500.0)],
+        outputs=[Output("sugar", "mg/dl", noise_rms=1.0)],
+        parameters=[
+            Parameter("volume", "dl", value=120.0),
+            Parameter("loss", "1/min", value=0.02, lower=0.005, upper=0.1, fitted=True),
+        ],
+    )
+""")
+    told = shell("plants clinic:drip").out
+    assert "inputs: drip (mg/min)" in told and "states: sugar (mg/dl)" in told
+    assert re.search(r"loss +0\.02 1/min, 0\.005 to 0\.1, refitted", told)
+    assert re.search(r"volume +120 dl$", told, re.MULTILINE)
+    minutes = np.arange(0.0, 600.0, 2.0)
+    drip = np.where(minutes % 200.0 < 100.0, 400.0, 50.0)
+    sugar = [90.0]
+    for given in drip[:-1]:
+        end = given / 120.0 / 0.03
+        sugar.append(end + (sugar[-1] - end) * np.exp(-0.03 * 2.0))
+    read = sugar + np.random.default_rng(1).normal(size=len(drip))
+    head = "time [min],sugar [mg/dl],drip [mg/min]"
+    for name, part in (("a.csv", slice(200)), ("b.csv", slice(200, None))):
+        table = np.column_stack([minutes, read, drip])[part]
+        np.savetxt(name, table, delimiter=",", header=head, comments="")
+    found = shell("refit --plant clinic:drip --fit a.csv --hold-out b.csv --out page").out
+    value = re.search(r"loss +(\S+) \+- \S+ +1/min +prior 0\.02 ", found)
+    assert value is not None and float(value[1]) == pytest.approx(0.03, rel=0.02)
+    page = (here / "page" / "report.html").read_text()
+    assert f"{float(value[1]):.5g}" in page and "1/min" in page
 
 
 @pytest.mark.system

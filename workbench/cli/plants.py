@@ -41,8 +41,8 @@ def plants(name: str | None = None) -> int:
         unit = shown_in(q)
         value, lower, upper = (from_si(one, unit) for one in (q.value, q.lower, q.upper))
         known = "" if lower == -math.inf else f", {lower:g} to {upper:g}"
-        value = with_unit(f"{value:.6g}", unit)
-        typer.echo(f"    {q.name:<32} {value}{known}{', refitted' if q.fitted else ''}")
+        told = with_unit(f"{value:.6g}", unit)
+        typer.echo(f"    {q.name:<32} {told}{known}{', refitted' if q.fitted else ''}")
     typer.echo(f"  effects: {', '.join(effect.name for effect in model.effects) or 'none'}")
     offered: dict[str, list[str]] = {}
     for hypothesis in library(model):

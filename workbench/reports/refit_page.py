@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from workbench.computing.counted import in_words
+from workbench.diagnosis.estimation.refit_result import Estimate
 from workbench.diagnosis.refit_report import RefitReport
 from workbench.model.units import to_si
 from workbench.reports.figures.diagnosis import run_pictures
@@ -81,7 +82,6 @@ def pictures(report: RefitReport) -> tuple[Picture, ...]:
 
 
 def _estimates(report: RefitReport) -> Table:
-    bound = " (on a bound)"
     return Table.of(
         "Refitted parameters",
         report.refit.as_read,
@@ -90,12 +90,15 @@ def _estimates(report: RefitReport) -> Table:
             "unit": lambda e: e.read(e.value, e.std)[2],
             "before": lambda e: number(e.read(e.prior.mean, 0.0)[0], 4),
             "estimate": lambda e: number(e.read(e.value, e.std)[0], 5),
-            "95 % interval": lambda e: (
-                interval(*(e.read(end, 0.0)[0] for end in e.interval), 5) + bound * e.on_bound
-            ),
+            "95 % interval": _interval,
         },
         "Intervals allow for prediction errors that last as long as a response takes to show.",
     )
+
+
+def _interval(estimate: Estimate) -> str:
+    low, high = (estimate.read(end, 0.0)[0] for end in estimate.interval)
+    return interval(low, high, 5) + (" (on a bound)" if estimate.on_bound else "")
 
 
 def _published(report: RefitReport) -> Table:

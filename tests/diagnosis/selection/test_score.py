@@ -8,14 +8,18 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.axis_case import COULOMB_N, observed
+from tests.diagnosis.newcomers import Law, levels, oscillator, recorded
 from tests.diagnosis.selection.candidates import made_score
+from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.estimation.simulated_recordings import pushes, simulated
+from workbench.diagnosis.selection.moments import moments
 from workbench.diagnosis.selection.score import COLLINEAR, Scores, by_name, score_library
 from workbench.physics.friction import coulomb_friction, viscous_friction
 from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.library import library
+from workbench.physics.recorded_facts import RecordedFacts
 from workbench.plants.servo_axis import servo_axis
 
 _AT = "axis.force"
@@ -117,3 +121,27 @@ def test_what_acts_late_and_in_few_blocks_is_late_too() -> None:
     # Its scatter about the mean over all blocks is large, and what it gains is too.
     assert replace(score, sigma=1.8).late == 8000
     assert replace(score, sigma=1.8, gain=20.0).late == 0
+
+
+@pytest.mark.parametrize("jumps", [(99.0, 3.0), (3.0, 99.0)])
+def test_an_event_that_one_of_two_recordings_wants_does_not_come_to_the_other(
+    jumps: tuple[float, float],
+) -> None:
+    plain = oscillator()
+    seen = []
+    for seed, time in enumerate(jumps, 1):
+        more = 0.2 * (0.02 * np.arange(300) >= time)
+        drive = levels(300, seed, 3.0, 20, 80)
+        law: Law = lambda x, v: -30.0 * x - 0.6 * v  # noqa: E731
+        seen.append(observe(plain, recorded(1.0, law, drive, 0.02, 1e-3, seed=seed, unread=more)))
+    known = {"mass": 1.0, "stiffness": 30.0, "damping": 0.6}
+    right = plain.with_parameters(known)
+    priors = [replace(p, mean=known[p.name], std=1e-3 * p.std) for p in default_priors(plain)]
+    facts = RecordedFacts(("position",), 6.0, 0.02)
+    (entry,) = (e for e in library(plain, facts) if e.name == "offset_jump_mass_force")
+    (score,) = score_library(right, seen, priors, [entry], noise_scale=0.03).scores
+    own = int(np.argmin(jumps))
+    effect, other = score.entry.effect, f"run {2 - own}"
+    assert score.clearest == own and [dict(q.start_in).keys() for q in effect.states] == [{other}]
+    assert moments(right.with_effect(effect), effect, other)[0] > 6.0
+    assert score.size == pytest.approx(0.2, rel=0.3)

@@ -374,10 +374,11 @@ def _shown_in(slopes: Vector, curvature: Vector) -> Vector:
     order = np.argsort(slopes / own)
     ends = [some for k in range(1, len(order)) for some in (order[:k], order[k:])]
     tried = [np.ones(len(order)), *(np.isin(np.arange(len(order)), some) * 1.0 for some in ends)]
-    gains = [0.5 * (w @ slopes) ** 2 / (w @ curvature @ w) for w in tried]
+    least = 1e-6 * np.trace(curvature)
+    gains = [0.5 * (w @ slopes) ** 2 / max(w @ curvature @ w, least) for w in tried]
     best = int(np.argmax(gains))
     elsewhere = gains[0] < min(_ELSEWHERE * gains[best], gains[best] - _CLEARLY)
-    return tried[best if elsewhere else 0]
+    return np.asarray(tried[best if elsewhere else 0])
 
 
 @np.errstate(over="ignore", invalid="ignore")
