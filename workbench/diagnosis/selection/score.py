@@ -316,7 +316,7 @@ class _Totals:
 
         Returns:
             Numbers of the levels that do not differ from recording to recording; and of events,
-            what each recording gains by them, zero where they do not come, shape (n,).
+            what each recording gains by them, shape (n,), minus infinity where they do not come.
         """
         n, same, gains = self.split, [], {}
         shared = self.information[:n, :n] + prior
@@ -334,7 +334,8 @@ class _Totals:
             if once:
                 weights[:, n + k] = own = _shown_in(slopes, curvature)
                 size = -(own @ slopes) / max(own @ curvature @ own, 1e-30)
-                gains[k] = own * (-size * slopes - 0.5 * size**2 * np.diag(curvature))
+                gain = -size * slopes - 0.5 * size**2 * np.diag(curvature)
+                gains[k] = np.where(own > 0.0, gain, -np.inf)
             elif (levels := _levels(slopes, curvature)) is not None:
                 weights[:, n + k] = levels
             else:
@@ -429,7 +430,7 @@ def _scores(
         Score(
             absent_from(
                 variants[i].entry,
-                [r for r, g in zip(recordings, gains.get(i, ()), strict=False) if g == 0.0],
+                [r for r, g in zip(recordings, gains.get(i, ()), strict=False) if g == -np.inf],
             ),
             float(gain[i]),
             float(signed[i] / deviation[i]),
