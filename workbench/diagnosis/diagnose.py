@@ -37,11 +37,10 @@ from workbench.diagnosis.misrecorded_columns import (
 from workbench.diagnosis.nonparametric.fit import nonparametric_term
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.second_search import (
+    EARLY,
     VIEWS,
     View,
     beside,
-    lacks_more,
-    where_a_constant_is_wrong,
 )
 from workbench.diagnosis.selection.held_out import run_errors, settled_run, shown_on_bounds
 from workbench.diagnosis.selection.rules import IMPERFECT, LEAST_SHOWN, NO_NAME
@@ -174,15 +173,13 @@ def stages(
     )
     rows = (*rows, *late, *noise)
 
-    def under(
-        view: View, hopeless: Callable[[Diagnosis], bool], why: str
-    ) -> tuple[View, Diagnosis]:
+    def under(view: View) -> tuple[View, Diagnosis]:
         """Search again under a view, until that is of no use."""
         say(view.why)
         view = replace(view, rows=(*rows, *view.rows))
         again = None
         for again in searched(view, folder=folder and folder / view.name):
-            if hopeless(again):
+            if why := view.ends(again):
                 say(f"{why}: the first search stands")
                 break
         assert again is not None
@@ -196,11 +193,15 @@ def stages(
         if not (first_round and found.rounds):
             continue
         first_round = False
-        if found.complete or (view := where_a_constant_is_wrong(found)) is None:
-            continue
-        view, again = under(view, lacks_more, "beside it something is missing too")
-        if again.concluded is not None and view.better(again, found):
-            found, model, rows = beside(again, found), view.model, view.rows
+        for early in EARLY:
+            view = None if found.complete else early(found, model, both)
+            if view is None:
+                continue
+            view, again = under(view)
+            if again.concluded is not None and view.better(again, found):
+                found, model, rows = beside(again, found), view.model, view.rows
+                break
+        if found.concluded is not None:
             break
     assert found is not None
     # An early end keeps what the first search found.
@@ -209,7 +210,7 @@ def stages(
         view = view_of(found, model, both)
         if view is None:
             continue
-        view, again = under(view, view.lags, "what it finds there runs farther off")
+        view, again = under(view)
         if again.concluded is not None and view.better(again, found):
             found, model, rows = beside(again, found), view.model, view.rows
         else:

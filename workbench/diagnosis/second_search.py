@@ -63,6 +63,7 @@ class View:
         among: Ports whose hypotheses are tried, beside those that the first search followed.
         found: What that found; all hypotheses that ``may_be`` are tried without it.
         better: Whether what it found takes the place of what was found first.
+        stops: Why it is of no use to go on with it, as far as it is; empty if it may be.
         priors: What is known of the free parameters; what the author says if empty.
         may_be: Whether a hypothesis is tried.
         complete: Names of recordings that lack nothing by themselves, to which no event came.
@@ -72,6 +73,7 @@ class View:
     name: str = ""
     why: str = ""
     better: Callable[[Diagnosis, Diagnosis], bool] = lambda *_: True
+    stops: Callable[[Diagnosis], str] = lambda _: ""
     rows: tuple[dict[str, str], ...] = ()
     among: tuple[str, ...] = ()
     found: Diagnosis | None = field(default=None, repr=False)
@@ -86,7 +88,11 @@ class View:
         followed = {c.name for r in self.found.rounds for c in r.candidates if c.followed}
         return hypothesis.name in followed or any(p in self.among for p in hypothesis.ports)
 
-    def lags(self, again: Diagnosis) -> bool:
+    def ends(self, again: Diagnosis) -> str:
+        """Return why it is of no use to go on with this search; empty if it may be."""
+        return self.stops(again) or "what it finds there runs farther off" * self._lags(again)
+
+    def _lags(self, again: Diagnosis) -> bool:
         """Whether so many effects run clearly farther off than as many that were found first."""
         if not self.among or self.found is None or not self.found.accepted or not again.accepted:
             return False
@@ -111,16 +117,20 @@ def beside_correlated_noise(
     if not rows:
         return None
     why = "searching again beside noise that is correlated"
-    return View(other, "correlated_noise", why, lambda again, _: _explained(again), tuple(rows))
+    return View(
+        other, "correlated_noise", why, lambda again, _: _explained(again), rows=tuple(rows)
+    )
 
 
-def where_a_constant_is_wrong(found: Diagnosis) -> View | None:
+def where_a_constant_is_wrong(
+    found: Diagnosis, model: Model, _: Sequence[Recording]
+) -> View | None:
     """Refit a constant that the author holds, if that explains more than what was found first.
 
     A wrong number is no missing physics, and laws of any kind make up for some of it: it counts
     where nothing else is missing beside it.
     """
-    prepared, model = found.prepared, found.nominal
+    prepared = found.prepared
     gained = found.base.cost - found.extended.cost
     best = likeliest_freed(model, found.base, prepared.fitting, prepared.priors, gained)
     if best is None or best.cost > found.extended.cost - LEAST_GAIN:
@@ -134,12 +144,13 @@ def where_a_constant_is_wrong(found: Diagnosis) -> View | None:
         best.model,
         f"with_{name}",
         f"searching beside another {name}",
-        lambda again, _: again.scored is not None and not lacks_more(again),
+        lambda again, _: again.scored is not None and not _lacks_more(again),
+        lambda again: "beside it something is missing too" * _lacks_more(again),
         ({**row, "note": f"{told}: that explains more than any effect"},),
     )
 
 
-def lacks_more(again: Diagnosis) -> bool:
+def _lacks_more(again: Diagnosis) -> bool:
     """Whether something is missing beside another constant too, as far as that is known yet."""
     return again.scored is not None and again.scored.farthest[1] > AT_NOISE
 
@@ -150,11 +161,33 @@ def where_none_is_declared(
     """Look where the plant has no port, if what was found runs off the noise or is not sure."""
     if found.validated is None or found.complete or not _lacks(found):
         return None
+    return _opened("opened", _closer, found, model, recordings)
+
+
+def where_none_is_declared_yet(
+    found: Diagnosis, model: Model, recordings: Sequence[Recording]
+) -> View | None:
+    """Look there as soon as no single law explains the recordings at the ports that there are.
+
+    Pairs of laws would be tried for minutes against a play of what carries out a command.
+    """
+    if found.complete or found.selected is None or found.selected.finished:
+        return None
+    return _opened("opened_first", lambda again, _: not _lacks(again), found, model, recordings)
+
+
+def _opened(
+    name: str,
+    better: Callable[[Diagnosis, Diagnosis], bool],
+    found: Diagnosis,
+    model: Model,
+    recordings: Sequence[Recording],
+) -> View | None:
     other, places = opened(model, recordings)
     if not places:
         return None
     why = f"searching again where {model.name} has no port: {', '.join(places)}"
-    return View(other, "opened", why, _closer, among=places, found=found)
+    return View(other, name, why, better, among=places, found=found)
 
 
 def otherwise_between(
@@ -181,7 +214,7 @@ def otherwise_between(
         "between_samples",
         f"searching again with {told}",
         lambda again, _: bool(again.accepted),
-        ({**row, "note": f"{told}: that is likelier beside what was found"},),
+        rows=({**row, "note": f"{told}: that is likelier beside what was found"},),
         found=found,
     )
 
@@ -228,10 +261,13 @@ def _alone(
     return fit if fit.noise_scale <= PERFECT and little else None
 
 
+EARLY = (where_a_constant_is_wrong, where_none_is_declared_yet)
+"""Those that are taken after the first round of a search, before it goes on."""
+
 VIEWS = (
     where_some_lack_nothing, otherwise_between, beside_correlated_noise, where_none_is_declared,
 )  # fmt: skip
-"""In the order in which they are taken."""
+"""Those that are taken after it, in this order."""
 
 
 def beside(found: Diagnosis, other: Diagnosis) -> Diagnosis:
