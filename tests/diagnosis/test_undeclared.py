@@ -13,7 +13,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tests.diagnosis.machine_data import by_runge_kutta, file, held, recording
-from tests.diagnosis.newcomers import diagnosed, named, oscillator
+from tests.diagnosis.newcomers import diagnosed, levels, named, oscillator
 from tests.machines import machine
 from workbench.arrays import Vector
 from workbench.diagnosis.diagnose import diagnose
@@ -408,12 +408,12 @@ def test_a_second_search_tries_its_ports_and_what_was_followed_and_ends_where_it
     tried = {h.name for h in offered if view.tries(h)}
     assert {"gain_terminal_voltage", "offset_soc_rate"} <= tried
     assert "offset_terminal_voltage" in {h.name for h in offered} - tried
-    assert view.lags(reached(2.0)) and not view.lags(reached(1.2))
+    assert view.ends(reached(2.0)) and not view.ends(reached(1.2))
     # More effects than were found first are held against all of those.
-    assert view.lags(reached(1.2, 2.0)) and not view.lags(reached(2.0, 1.0))
+    assert view.ends(reached(1.2, 2.0)) and not view.ends(reached(2.0, 1.0))
     # What was found first is found again before what stands at the new ports.
-    assert not view.lags(reached(2.0, first="gain_terminal_voltage"))
-    assert not View(_cell(), found=reached(1.0)).lags(reached(2.0))
+    assert not view.ends(reached(2.0, first="gain_terminal_voltage"))
+    assert not View(_cell(), found=reached(1.0)).ends(reached(2.0))
 
 
 def test_an_error_where_the_author_opened_no_port_is_found_there(
@@ -428,6 +428,30 @@ def test_an_error_where_the_author_opened_no_port_is_found_there(
     assert {"offset_current_command", "offset_soc_rate"} & {*verdict.findings[0].alike}
     fit = verdict.fit
     assert fit["extended"]["u"] < 1.2 * fit["noise_floor"]["u"]
+
+
+def test_a_play_of_a_command_without_a_port_is_looked_for_before_laws_are_paired() -> None:
+    def worn(seed: int) -> Recording:
+        asked, at, given = levels(450, seed, 30.0, 5, 30), 0.0, np.empty(450)
+        asked[:20] = 0.0
+        for k, wanted in enumerate(asked):
+            given[k] = at = min(max(at, wanted - 4.0), wanted + 4.0)
+
+        def rates(_: float, x: Vector, push: float) -> list[float]:
+            return [x[1], push - 30.0 * x[0] - 0.6 * x[1]]
+
+        read = held(rates, np.zeros(2), (given,), 0.02)[:, 0]
+        read += 1e-3 * np.random.default_rng(seed).normal(size=450)
+        return recording(f"run {seed}", 0.02, {"drive [N]": asked}, {"position [m]": read})
+
+    laws = "backlash offset gain sensor_lag creep elastic_drive bouc_wen_hysteresis quadratic_drag"
+    said: list[str] = []
+    found = diagnosed(oscillator(), [worn(k) for k in (1, 2, 3)], laws, fit=2, progress=said.append)
+    named(found, "backlash_drive_command", noise=1.5, half_width=pytest.approx(4.0, rel=0.02))
+    first = next(k for k, line in enumerate(said) if "has no port: drive.command" in line)
+    assert not any("what is left" in line or "hides" in line for line in said[:first])
+    # What was found there leaves nothing to another search, nor to the rest of the first one.
+    assert not any("searching" in line for line in said[first + 1 :])
 
 
 def _in_waves() -> Model:
