@@ -16,11 +16,12 @@ from tests.machines import machine
 from tests.model.test_sizes import crane
 from tests.physics.effects.bench import offered
 from workbench.errors import WorkbenchError
-from workbench.model import Model
+from workbench.model import Effect, Model
 from workbench.model.linear_system import model_of_system
 from workbench.model.units import per
 from workbench.physics.friction import coulomb_friction, viscous_friction
 from workbench.physics.library import LAWS, library
+from workbench.physics.recorded_facts import RecordedFacts
 from workbench.physics.survey import Survey
 from workbench.plants.servo_axis import servo_axis
 
@@ -433,3 +434,43 @@ def test_what_acts_beside_a_gain_is_divided_by_the_same_inertia() -> None:
         assert scaled_too == pytest.approx(dragged, rel=1e-12)
     sizes = [m.exact.rates_function.n_instructions() for m in (alone, beside)]
     assert sizes[1] < sizes[0] + 8 * 25
+
+
+def test_two_laws_over_what_a_parameter_multiplies_stand_beside_each_other() -> None:
+    def equations(m):
+        grip = m.p.grip * (0.5 * m.x.drum - m.x.belt)
+        return {"drum": m.u.drive - grip, "belt": 0.1 * grip}
+
+    conveyor = machine(
+        equations, "drum rad/s, belt m/s", "drive rad/s2", "belt m/s", "grip 1/s 10 1 100"
+    )
+    seen = library(conveyor, RecordedFacts(ranges={"argument of grip": (-0.05, 0.05)}))
+    law = next(h for h in seen if h.name == "parameter_curve_grip_over_argument")
+
+    def rates(*effects: Effect) -> list[float]:
+        bent = conveyor.with_effect(*effects)
+        return np.ravel(bent.exact.rates_function([1.0, 0.46], [0.0], bent.values)).tolist()
+
+    one, other = law.at_size(2.0, {"bend": 0.0}), replace(law.at_size(0.0), name="other")
+    assert rates(one, other) == pytest.approx(rates(one), rel=1e-12)
+    more = replace(law.at_size(1.0, {"bend": 0.0}), name="other")
+    assert rates(one, more)[1] > 1.01 * rates(one)[1] > 1.02 * rates()[1]
+
+
+def test_a_shaft_whose_turns_nobody_counts_turns_as_far_as_it_goes_meanwhile() -> None:
+    def spindle(unit: str, fastest: float) -> Model:
+        return machine(
+            lambda m: {"speed": (m.p.gain * m.u.volts - m.x.speed) / 0.2},
+            f"speed {unit} scale={fastest}",
+            "volts V -10 10 scale=10",
+            f"speed {unit}",
+            f"gain {per(unit, 'V')} {fastest / 10.0}",
+        )
+
+    slow, fast = (
+        next(h for h in library(m) if h.law == "bouc_wen_hysteresis")
+        for m in (spindle("rad/s", 1.0), spindle("rad/s", 5000.0))
+    )
+    assert fast.effect.parameters[1].value == 5000.0 * slow.effect.parameters[1].value
+    # A loop that turned within a thousandth of a sample could not be followed.
+    assert slow.effect.parameters[1].value > 1e-3 * 0.2

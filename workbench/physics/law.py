@@ -479,7 +479,7 @@ class Law:
                 if self.of_parameter or changed in at.parameters:
                     subject = at.parameters[changed]
             found = {
-                alias: cofactor(ca.SX(at.value), ca.SX(subject))
+                alias: _multiplied(at, subject)
                 if q.multiplied
                 else q.value(at.signals, at.known, at.parameters)
                 for alias, q in place.signals.items()
@@ -522,6 +522,13 @@ class Law:
             about=About(**told | {"subject": self._subject(sites)}),
             dry=self.dry,
         )
+
+
+def _multiplied(at: PortView, subject: Expression) -> ca.SX | None:
+    """Return what a parameter multiplies at a port: in the plant, or else in its effects."""
+    # Another law may have changed the parameter there.
+    found = cofactor(ca.SX(at.plain), ca.SX(subject))
+    return cofactor(ca.SX(at.value), ca.SX(subject)) if found is None else found
 
 
 LAWS = Registry(

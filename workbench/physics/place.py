@@ -252,8 +252,14 @@ class Place:
 
     @property
     def coordinate(self) -> Local:
-        """The position of what moves."""
-        return self.signals.get("coordinate") or Local("coordinate", coordinate_unit(self.unit))
+        """The position of what moves; none of a shaft whose turns nobody counts.
+
+        Of that its scale is how far it goes while the response of the model shows.
+        """
+        if "coordinate" in self.signals:
+            return self.signals["coordinate"]
+        way = self.speed.largest * self.horizon if "speed" in self.signals else 1.0
+        return Local("coordinate", coordinate_unit(self.unit), scale=way or 1.0)
 
     @property
     def level(self) -> Local:

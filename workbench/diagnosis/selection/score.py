@@ -229,10 +229,14 @@ def _attached(
         if len(variants) == 1:
             failed.setdefault(variants[0].entry.name, reason_of(error))
             return []
+    # What leaves the finite numbers is mostly a state of its own.
+    remembering = [v for v in variants if v.effect.states]
+    others = [v for v in variants if not v.effect.states]
     half = len(variants) // 2
+    parts = (others, remembering) if others and remembering else (variants[:half], variants[half:])
     return [
         one
-        for part in (variants[:half], variants[half:])
+        for part in parts
         for one in _attached(model, recordings, names, part, noise_scale, failed)
     ]
 
