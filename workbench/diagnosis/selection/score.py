@@ -233,11 +233,11 @@ def _attached(
     remembering = [v for v in variants if v.effect.states]
     others = [v for v in variants if not v.effect.states]
     half = len(variants) // 2
-    parts = (others, remembering) if others and remembering else (variants[:half], variants[half:])
+    halves = (others, remembering) if others and remembering else (variants[:half], variants[half:])
     return [
         one
-        for part in parts
-        for one in _attached(model, recordings, names, part, noise_scale, failed)
+        for some in halves
+        for one in _attached(model, recordings, names, some, noise_scale, failed)
     ]
 
 
