@@ -83,7 +83,8 @@ def test_a_loop_is_designed_where_what_it_leaves_rests(folder: Path, shell: Shel
 
 
 def test_plants_says_what_is_only_measured(folder: Path, shell: Shell, refused: Refused) -> None:
-    assert "feed (°C, only measured), power (kW), draw (l/min)" in shell("plants boilers:boiler").out
+    told = shell("plants boilers:boiler").out
+    assert "feed (°C, only measured), power (kW), draw (l/min)" in told
     refused("verify --plant boilers:boiler --feed 300K")
 
 
