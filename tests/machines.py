@@ -97,3 +97,15 @@ def stepped(
     step = step_scenario(output, begin, end, sample_time=law.sample_time, **told)
     step = replace(step, late_samples=late)
     return {name: found.value for name, found in metrics(verify(law, plant, step)).items()}
+
+
+def conveyor() -> Model:
+    """A belt that a drum drives by grip: what the parameter multiplies is a sum of two speeds."""
+
+    def equations(m: Scope) -> dict[str, Any]:
+        grip = m.p.grip * (0.5 * m.x.drum - m.x.belt)
+        return {"drum": m.u.drive - grip, "belt": 0.1 * grip}
+
+    return machine(
+        equations, "drum rad/s, belt m/s", "drive rad/s2", "belt m/s", "grip 1/s 10 1 100"
+    )

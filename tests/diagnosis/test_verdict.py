@@ -6,13 +6,12 @@ import json
 import math
 import re
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.diagnosis.example_diagnosis import example_diagnosis
-from tests.machines import clutch, machine
+from tests.machines import clutch, conveyor, machine
 from workbench.diagnosis.conclude import _beyond, _far, _small, conclude
 from workbench.diagnosis.doubts import (
     _add_up,
@@ -210,16 +209,10 @@ def test_a_curve_is_told_along_the_scale_of_the_thermometer_that_reads_its_state
 
 
 def test_a_curve_over_several_signals_is_told_along_what_a_parameter_multiplies() -> None:
-    def equations(m: Scope) -> dict[str, Any]:
-        grip = m.p.grip * (0.5 * m.x.drum - m.x.belt)
-        return {"drum": m.u.drive - grip, "belt": 0.1 * grip}
-
-    conveyor = machine(
-        equations, "drum rad/s, belt m/s", "drive rad/s2", "belt m/s", "grip 1/s 10 1 100"
-    )
-    seen = library(conveyor, RecordedFacts(ranges={"argument of grip": (-0.05, 0.05)}))
+    plain = conveyor()
+    seen = library(plain, RecordedFacts(ranges={"argument of grip": (-0.05, 0.05)}))
     law = next(h for h in seen if h.name == "parameter_curve_grip_over_argument")
-    model = conveyor.with_effect(law.at_size(2.0, {"bend": 0.0}))
+    model = plain.with_effect(law.at_size(2.0, {"bend": 0.0}))
     told = along(model, model.effects[-1])
     assert "10 1/s at 0 m/s, 12.2 1/s at 0.05 m/s of what grip multiplies" in told
 

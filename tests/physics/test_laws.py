@@ -12,7 +12,7 @@ import control as ct
 import numpy as np
 import pytest
 
-from tests.machines import machine
+from tests.machines import conveyor, machine
 from tests.model.test_sizes import crane
 from tests.physics.effects.bench import offered
 from workbench.errors import WorkbenchError
@@ -437,18 +437,12 @@ def test_what_acts_beside_a_gain_is_divided_by_the_same_inertia() -> None:
 
 
 def test_two_laws_over_what_a_parameter_multiplies_stand_beside_each_other() -> None:
-    def equations(m):
-        grip = m.p.grip * (0.5 * m.x.drum - m.x.belt)
-        return {"drum": m.u.drive - grip, "belt": 0.1 * grip}
-
-    conveyor = machine(
-        equations, "drum rad/s, belt m/s", "drive rad/s2", "belt m/s", "grip 1/s 10 1 100"
-    )
-    seen = library(conveyor, RecordedFacts(ranges={"argument of grip": (-0.05, 0.05)}))
+    plain = conveyor()
+    seen = library(plain, RecordedFacts(ranges={"argument of grip": (-0.05, 0.05)}))
     law = next(h for h in seen if h.name == "parameter_curve_grip_over_argument")
 
     def rates(*effects: Effect) -> list[float]:
-        bent = conveyor.with_effect(*effects)
+        bent = plain.with_effect(*effects)
         return np.ravel(bent.exact.rates_function([1.0, 0.46], [0.0], bent.values)).tolist()
 
     one, other = law.at_size(2.0, {"bend": 0.0}), replace(law.at_size(0.0), name="other")
