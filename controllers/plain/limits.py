@@ -28,7 +28,7 @@ import numpy.typing as npt
 
 from controllers.linear_law import LinearLaw
 from controllers.plain.loop import Loop, followed_by, loop_of, outputs_of
-from controllers.plain.many_loops import AT_A_TIME, Peaks, chosen, closed, peaks, radii, stacked
+from controllers.plain.many_loops import AT_A_TIME, Peaks, chosen, closed, log_radii, peaks, stacked
 from controllers.plain.pairing import zeros
 from controllers.sensitivity import sampled_at
 from controllers.specification import Checked, number
@@ -392,7 +392,7 @@ class LoopLimits:
 
     def stable(self, laws: LinearLaw) -> npt.NDArray[np.bool_]:
         """Tell which loops are stable without a delay, with the lag and without."""
-        grown = [radii(closed(plant, laws)[0]) for plant in self.plants]
+        grown = [log_radii(closed(plant, laws)[0]) for plant in self.plants]
         return np.asarray(np.max(grown, axis=0) < 0.0)
 
     def _peaks(self, laws: LinearLaw, every: int = 1) -> Peaks:

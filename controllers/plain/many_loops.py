@@ -87,7 +87,7 @@ _SURE, _DOUBLED = 0.01, 40
 is squared at most for it."""
 
 
-def radii(matrices: Matrix) -> Vector:
+def log_radii(matrices: Matrix) -> Vector:
     """Return the logarithms of spectral radii of matrices, shape (n, k, k), to a hundredth.
 
     The radius is what the norm of a power n grows to, to the power 1 / n (Gelfand). A loop whose
@@ -95,7 +95,7 @@ def radii(matrices: Matrix) -> Vector:
 
     Example:
         >>> late = np.array([[0.0, 0.0, 0.125], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-        >>> np.round(np.exp(radii(late[None])), 1)
+        >>> np.round(np.exp(log_radii(late[None])), 1)
         array([0.5])
     """
     count = len(matrices)

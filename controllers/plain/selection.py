@@ -22,7 +22,7 @@ import numpy as np
 from controllers.linear_law import LinearLaw
 from controllers.plain.limits import Judged, LoopLimits, LoopSpecification
 from controllers.plain.loop import loop_of
-from controllers.plain.many_loops import chosen, closed, radii, stacked
+from controllers.plain.many_loops import chosen, closed, log_radii, stacked
 from workbench.arrays import Matrix, Vector
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
@@ -76,7 +76,7 @@ def steps(limits: LoopLimits, laws: LinearLaw) -> tuple[Vector, Matrix, Matrix]:
     """
     plant = limits.stepped
     over, entry = closed(plant, laws)
-    slowest = np.exp(radii(over))
+    slowest = np.exp(log_radii(over))
     C = plant[2][: limits.outputs]
     left, x, stride = np.arange(len(over)), np.zeros_like(entry), 1
     times, on = [0], np.ones(len(over), dtype=bool)
@@ -205,7 +205,7 @@ def settled_after(law: Any, linear: LinearModel, sizes: Mapping[str, float]) -> 
     want = LoopSpecification(law.controlled, law.actuators, sample_time=law.sample_time)
     loop = loop_of(linear, law.controlled, law.actuators, law.sensors, law.sample_time)
     limits, laws = LoopLimits(loop, want), stacked([law])
-    if radii(closed(limits.stepped, laws)[0]).max() > 1e-9:
+    if log_radii(closed(limits.stepped, laws)[0]).max() > 1e-9:
         return math.inf
     time, seen, _ = steps(limits, laws)
     long, none = 0.0, (math.inf,) * len(law.controlled)

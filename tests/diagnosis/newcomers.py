@@ -34,7 +34,7 @@ Law = Callable[[float, float], float]
 
 
 def diagnosed(
-    model: Model, runs: Sequence[Recording], laws: str = "*", *, fit: int = 1, **given: Any
+    model: Model, runs: Sequence[Recording], laws: str = "*", *, fit: int = 1, **told: Any
 ) -> Diagnosis:
     """Diagnose by the first recordings, with some laws of the library and the ranges it sees."""
     words = laws.split()
@@ -44,7 +44,7 @@ def diagnosed(
         return [e for e in every if any(fnmatch(n, w) for n in (e.law, e.name) for w in words)]
 
     with patch.object(task, "library", few):
-        return diagnose(model, runs[:fit], runs[fit:], jobs=1, advise=False, **given)
+        return diagnose(model, runs[:fit], runs[fit:], jobs=1, advise=False, **told)
 
 
 def named(found: Diagnosis, effect: str, *, noise: float = math.inf, **sizes: Any) -> Finding:

@@ -36,12 +36,7 @@ from workbench.diagnosis.misrecorded_columns import (
 )
 from workbench.diagnosis.nonparametric.fit import nonparametric_term
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
-from workbench.diagnosis.second_search import (
-    EARLY,
-    VIEWS,
-    View,
-    beside,
-)
+from workbench.diagnosis.second_search import EARLY, VIEWS, View, beside
 from workbench.diagnosis.selection.held_out import run_errors, settled_run, shown_on_bounds
 from workbench.diagnosis.selection.rules import IMPERFECT, LEAST_SHOWN, NO_NAME
 from workbench.diagnosis.selection.search import score, search
@@ -173,8 +168,8 @@ def stages(
     )
     rows = (*rows, *late, *noise)
 
-    def under(view: View) -> tuple[View, Diagnosis]:
-        """Search again under a view, until that is of no use."""
+    def under(view: View, found: Diagnosis) -> tuple[View, Diagnosis, bool]:
+        """Search again under a view, until that is of no use, and tell whether it is better."""
         say(view.why)
         view = replace(view, rows=(*rows, *view.rows))
         again = None
@@ -183,7 +178,7 @@ def stages(
                 say(f"{why}: the first search stands")
                 break
         assert again is not None
-        return view, again
+        return view, again, again.concluded is not None and view.better(again, found)
 
     found, first_round = None, entries is None and priors is None
     for reached in searched(View(model, rows=rows), folder=folder):
@@ -197,8 +192,8 @@ def stages(
             view = None if found.complete else early(found, model, both)
             if view is None:
                 continue
-            view, again = under(view)
-            if again.concluded is not None and view.better(again, found):
+            view, again, better = under(view, found)
+            if better:
                 found, model, rows = beside(again, found), view.model, view.rows
                 break
         if found.concluded is not None:
@@ -210,8 +205,8 @@ def stages(
         view = view_of(found, model, both)
         if view is None:
             continue
-        view, again = under(view)
-        if again.concluded is not None and view.better(again, found):
+        view, again, better = under(view, found)
+        if better:
             found, model, rows = beside(again, found), view.model, view.rows
         else:
             found = beside(found, again)

@@ -11,8 +11,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from workbench.diagnosis.estimation.noise_colour import (
     BY_CHANCE,
     Leftover,
@@ -33,9 +31,9 @@ from workbench.diagnosis.selection.moments import may_be_absent
 from workbench.diagnosis.selection.rules import (
     AT_NOISE,
     LEAST_GAIN,
-    LITTLE_EXCESS,
     LITTLE_LEFT,
     OFF_NOISE,
+    lacks_little,
 )
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.undeclared.constants import likeliest_freed
@@ -227,9 +225,12 @@ def where_some_lack_nothing(found: Diagnosis, model: Model, _: Sequence[Recordin
     prepared = found.prepared
     if found.fitted is None or len(prepared.fitting) < 2 or not _lacks(found):
         return None
-    clean = [seen for seen in prepared.fitting if _alone(model, (seen,), prepared.priors)]
-    known = _alone(model, clean, prepared.priors) if clean else None
-    if known is None or len(clean) == len(prepared.fitting):
+    fits = [_alone(model, (seen,), prepared.priors) for seen in prepared.fitting]
+    clean = [seen for seen, fit in zip(prepared.fitting, fits, strict=True) if fit]
+    if not 0 < len(clean) < len(fits):
+        return None
+    known = next(filter(None, fits)) if len(clean) == 1 else _alone(model, clean, prepared.priors)
+    if known is None:
         return None
     priors = tuple(
         replace(p, mean=e.value, std=min(p.std, _KNOWN * e.std))
@@ -256,8 +257,7 @@ def _alone(
         perfect = perfect_cost(fit.model, recordings)
     except NumericalError:
         return None
-    samples = sum(int(np.isfinite(r.outputs).sum()) for r in recordings)
-    little = fit.cost - perfect < LITTLE_EXCESS * samples
+    little = lacks_little(fit.cost - perfect, recordings)
     return fit if fit.noise_scale <= PERFECT and little else None
 
 

@@ -11,8 +11,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
 from workbench.computing.counted import Work
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior
@@ -22,7 +20,7 @@ from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.location.missing_signal import MissingSignal, Occurrence
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.held_out import Runs
-from workbench.diagnosis.selection.rules import AT_NOISE, IMPERFECT, LITTLE_EXCESS
+from workbench.diagnosis.selection.rules import AT_NOISE, IMPERFECT, lacks_little
 from workbench.diagnosis.selection.selected import Accepted, Round, Scored, Selected, Withdrawn
 from workbench.diagnosis.selection.weights import Weighted
 from workbench.diagnosis.verdict import Verdict
@@ -192,8 +190,7 @@ class Diagnosis(Drawn):
             return True
         if self.selected is None or not self.selected.finished or self.improved:
             return False
-        samples = sum(int(np.isfinite(r.outputs).sum()) for r in self.prepared.fitting)
-        little = self.scored.excess < LITTLE_EXCESS * samples
+        little = lacks_little(self.scored.excess, self.prepared.fitting)
         return little and self.scored.farthest[1] <= AT_NOISE
 
     @property

@@ -572,7 +572,8 @@ def _display(model: Model, name: str, value: float) -> str:
     quantity: Quantity = next(
         q for q in (*model.outputs, *model.states, *model.inputs) if q.name == name
     )
-    return f"{from_si(value, shown_in(quantity)):g} {shown_in(quantity)}"
+    unit = shown_in(quantity)
+    return f"{from_si(value, unit):g} {unit}"
 
 
 def _entry(kind: str, quantity: Quantity, value: float) -> tuple[str, str, float, str]:

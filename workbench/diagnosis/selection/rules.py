@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import numpy as np
+
+from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.selection.candidate import Candidate, colours_noise
 
@@ -314,6 +317,12 @@ refitted only for their score: what parameters took over so well is not missing.
 LITTLE_EXCESS = 0.05
 """Log likelihood that a model lacks per measured value up to which it predicts nearly to the noise
 where its runs are at the noise too: errors a fifth larger than foretold."""
+
+
+def lacks_little(excess: float, recordings: Sequence[Observed]) -> bool:
+    """Whether a log likelihood (dimensionless) that a model lacks is next to nothing a value."""
+    return excess < LITTLE_EXCESS * sum(int(np.isfinite(r.outputs).sum()) for r in recordings)
+
 
 MUCH_CLOSER = 0.2
 """Part of the error of another effect's free runs that has to go for unseen recordings to be

@@ -229,15 +229,11 @@ def _attached(
         if len(variants) == 1:
             failed.setdefault(variants[0].entry.name, reason_of(error))
             return []
-    # What leaves the finite numbers is mostly a state of its own.
-    remembering = [v for v in variants if v.effect.states]
-    others = [v for v in variants if not v.effect.states]
     half = len(variants) // 2
-    halves = (others, remembering) if others and remembering else (variants[:half], variants[half:])
     return [
         one
-        for some in halves
-        for one in _attached(model, recordings, names, some, noise_scale, failed)
+        for part in (variants[:half], variants[half:])
+        for one in _attached(model, recordings, names, part, noise_scale, failed)
     ]
 
 
@@ -324,6 +320,7 @@ class _Totals:
         """
         n, same, gains = self.split, [], {}
         shared = self.information[:n, :n] + prior
+        settled = np.linalg.solve(shared, self.gradient[:n])
         weights = np.ones((len(self.each), len(self.gradient)))
         for k, variant in enumerate(variants):
             about = variant.effect.about
@@ -332,7 +329,7 @@ class _Totals:
                 continue
             cross = np.array([i[:n, n + k] for i, _ in self.each])
             slopes = np.array([g[n + k] for _, g in self.each])
-            slopes -= cross @ np.linalg.solve(shared, self.gradient[:n])
+            slopes -= cross @ settled
             curvature = np.diag([i[n + k, n + k] for i, _ in self.each])
             curvature -= cross @ np.linalg.solve(shared, cross.T)
             if once:
