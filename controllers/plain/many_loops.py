@@ -88,7 +88,7 @@ is squared at most for it."""
 
 
 def log_radii(matrices: Matrix) -> Vector:
-    """Return the logarithms of spectral radii of matrices, shape (n, k, k), to a hundredth.
+    """Return the logarithms of spectral radii of matrices, shape (n, k, k), to about a hundredth.
 
     The radius is what the norm of a power n grows to, to the power 1 / n (Gelfand). A loop whose
     commands are long on their way has hundreds of states, of which no other eigenvalue matters.

@@ -31,3 +31,10 @@ def test_what_hardly_decays_is_told_from_what_grows(left: float, rng: np.random.
 
 def test_what_is_over_after_some_samples_has_no_radius() -> None:
     assert log_radii(np.stack([np.eye(30, k=-1), np.zeros((30, 30))])).max() < -20.0
+
+
+def test_what_grows_on_its_way_only_is_waited_for() -> None:
+    # Ten times as much from one to the next for 30 samples, a hundredth for 30, and round again.
+    loop = np.roll(np.diag(np.repeat([10.0, 0.01], 30)), 1, axis=0)
+    # Whose powers repeat what passes in them tells its pace less well, but not that it grows.
+    assert log_radii(loop[None])[0] == pytest.approx(-0.5 * np.log(10.0), rel=0.2)
