@@ -34,7 +34,7 @@ def test_what_is_over_after_some_samples_has_no_radius() -> None:
 
 
 def test_what_grows_on_its_way_only_is_waited_for() -> None:
-    # Ten times as much from one to the next for 30 samples, a hundredth for 30, and round again.
-    loop = np.roll(np.diag(np.repeat([10.0, 0.01], 30)), 1, axis=0)
-    # Whose powers repeat what passes in them tells its pace less well, but not that it grows.
-    assert log_radii(loop[None])[0] == pytest.approx(-0.5 * np.log(10.0), rel=0.2)
+    # A million times as much from one to the next for 30 samples, a billionth for 30, and again.
+    loop = np.roll(np.diag(np.repeat([1e6, 1e-9], 30)), 1, axis=0)
+    # Powers that repeat what passes in them tell its pace badly, but not that it grows.
+    assert log_radii(loop[None])[0] < 0.0
