@@ -18,9 +18,10 @@ typedef struct {
     int64_t halvings; /* how often a sample is halved at the most where it bends */
     int64_t steps;    /* Runge-Kutta steps of a part that bends all the same */
     int64_t finer;    /* parts of such a step that bends */
+    int64_t deeper;   /* how often a part is halved beyond that, in which even these would grow */
     const int64_t *places; /* of the states that measurements correct */
     const double *scale;   /* of each state */
-    double sample_time, outlier, faded, little, alike, little_bent, much_bent, curved, nothing;
+    double sample_time, outlier, faded, little, alike, little_bent, much_bent, curved, nothing, stiff;
     int64_t most_doublings;
     int64_t tries, bent, kinks; /* exponential steps tried; parts that took Runge-Kutta steps, and of
                                    these those that bent */
@@ -35,84 +36,58 @@ typedef struct {
     int64_t parts;         /* how many these are */
     double *kept;          /* slopes amid the part before, with which the next one is tried */
     double *held, *mean;   /* their exponential along half the time `held_for`, and its mean */
-    double held_for;
+    double held_for, fastest; /* a bound of the fastest mode of `kept`, times half that time */
     double *a, *square, *cube, *other; /* rooms for matrices, and for vectors */
     double *rest, *ahead, *half, *whole, *amid, *end, *bent, *kink, *even;
     double *k[5], *at, *to; /* rates, and states */
 } Part;
 
-/* Columns j to j + WIDTH of ROWS rows of the product below, which stay in registers. */
-#define PATCH(ROWS, WIDTH)                                                                         \
-    for (; j + (WIDTH) <= end; j += (WIDTH)) {                                                     \
-        double sum[ROWS][WIDTH];                                                                   \
+typedef double Four __attribute__((vector_size(32), aligned(8)));
+
+/* Columns j to j + 4 FOURS, or to the last one, of ROWS rows of a product of full matrices. The last
+ * four numbers may reach beyond a row of b, and are not stored there. */
+#define BLOCK(ROWS, FOURS)                                                                         \
+    {                                                                                              \
+        Four sum[ROWS][FOURS];                                                                     \
         for (int s = 0; s < (ROWS); s++)                                                           \
-            for (int q = 0; q < (WIDTH); q++)                                                      \
-                sum[s][q] = add ? to[s * m + j + q] : 0.0;                                         \
-        for (int64_t l = 0; l < k; l++) {                                                          \
-            const double *other = b + l * m + j;                                                   \
-            if (from[l] == 0.0 && from[((ROWS) - 1) * k + l] == 0.0)                               \
-                continue;                                                                          \
+            for (int q = 0; q < (FOURS); q++)                                                      \
+                sum[s][q] = add ? *(Four *)(to + s * m + j + 4 * q) : (Four){0.0};                  \
+        for (int64_t l = 0; l < k; l++)                                                            \
             for (int s = 0; s < (ROWS); s++)                                                       \
-                for (int q = 0; q < (WIDTH); q++)                                                  \
-                    sum[s][q] += from[s * k + l] * other[q];                                       \
-        }                                                                                          \
+                for (int q = 0; q < (FOURS); q++)                                                  \
+                    sum[s][q] += from[s * k + l] * *(const Four *)(b + l * m + j + 4 * q);         \
         for (int s = 0; s < (ROWS); s++)                                                           \
-            for (int q = 0; q < (WIDTH); q++)                                                      \
-                to[s * m + j + q] = sum[s][q];                                                     \
+            for (int q = 0; q < (FOURS); q++) {                                                    \
+                double *at = to + s * m + j + 4 * q;                                               \
+                const int64_t left = m - j - 4 * q;                                                \
+                if (left >= 4)                                                                     \
+                    *(Four *)at = sum[s][q];                                                       \
+                else                                                                               \
+                    for (int64_t e = 0; e < left; e++)                                             \
+                        at[e] = sum[s][q][e];                                                      \
+            }                                                                                      \
     }
 
-#define BAND(ROWS)                                                                                 \
+#define ROWS_OF(ROWS)                                                                              \
     for (; i + (ROWS) <= n; i += (ROWS)) {                                                         \
         const double *from = a + i * k;                                                            \
         double *to = c + i * m;                                                                    \
-        const int64_t end = lower ? i + (ROWS) : m;                                                \
         int64_t j = 0;                                                                             \
-        PATCH(ROWS, 16)                                                                            \
-        PATCH(ROWS, 8)                                                                             \
-        PATCH(ROWS, 4)                                                                             \
-        PATCH(ROWS, 2)                                                                             \
-        PATCH(ROWS, 1)                                                                             \
+        const int64_t end = lower ? i + (ROWS) : m;                                                \
+        for (; j + 4 < end; j += 8)                                                                \
+            BLOCK(ROWS, 2)                                                                         \
+        if (j < end)                                                                               \
+            BLOCK(ROWS, 1)                                                                         \
     }
 
-/* c = a b, or c += a b, for a of shape (n, k) that may be sparse and b of shape (k, m); of a
- * symmetric c the lower half will do. */
-static void product(double *restrict c, const double *restrict a, const double *restrict b, int64_t n,
-                    int64_t k, int64_t m, int add, int lower)
-{
-    int64_t i = 0;
-    BAND(2)
-    BAND(1)
-}
-
-/* Columns j to j + WIDTH of four rows of a product of full matrices. */
-#define BLOCK(WIDTH)                                                                               \
-    for (; j + (WIDTH) <= m; j += (WIDTH)) {                                                       \
-        double sum[4][WIDTH];                                                                      \
-        for (int s = 0; s < 4; s++)                                                                \
-            for (int q = 0; q < (WIDTH); q++)                                                      \
-                sum[s][q] = add ? c[(i + s) * m + j + q] : 0.0;                                    \
-        for (int64_t l = 0; l < k; l++)                                                            \
-            for (int s = 0; s < 4; s++)                                                            \
-                for (int q = 0; q < (WIDTH); q++)                                                  \
-                    sum[s][q] += a[(i + s) * k + l] * b[l * m + j + q];                            \
-        for (int s = 0; s < 4; s++)                                                                \
-            for (int q = 0; q < (WIDTH); q++)                                                      \
-                c[(i + s) * m + j + q] = sum[s][q];                                                \
-    }
-
-/* c = a b, or c += a b, for a of shape (n, k) and b of shape (k, m), which have few zeros. */
+/* The same of a that has few zeros, where b and c have three numbers of room behind them. */
 static void full(double *restrict c, const double *restrict a, const double *restrict b, int64_t n,
-                 int64_t k, int64_t m, int add)
+                 int64_t k, int64_t m, int add, int lower)
 {
     int64_t i = 0;
-    for (; i + 4 <= n; i += 4) {
-        int64_t j = 0;
-        BLOCK(8)
-        BLOCK(4)
-        BLOCK(2)
-        BLOCK(1)
-    }
-    product(c + i * m, a + i * k, b, n - i, k, m, add, 0);
+    ROWS_OF(4)
+    ROWS_OF(2)
+    ROWS_OF(1)
 }
 
 static double dot(const double *a, const double *b, int64_t n)
@@ -170,9 +145,19 @@ static int bends(Filter *g, const double *x, double h, const double *u, const do
     return 0;
 }
 
-static void times(double *to, const double *a, const double *x, int64_t n)
+/* to = a x, four rows at a time, so that no sum waits for itself. */
+static void times(double *restrict to, const double *restrict a, const double *restrict x, int64_t n)
 {
-    for (int64_t i = 0; i < n; i++)
+    int64_t i = 0;
+    for (; i + 4 <= n; i += 4) {
+        const double *from = a + i * n;
+        double sum[4] = {0.0};
+        for (int64_t j = 0; j < n; j++)
+            for (int s = 0; s < 4; s++)
+                sum[s] += from[s * n + j] * x[j];
+        memcpy(to + i, sum, sizeof sum);
+    }
+    for (; i < n; i++)
         to[i] = dot(a + i * n, x, n);
 }
 
@@ -198,10 +183,11 @@ static void hold(const Filter *g, Part *m, double time)
     double *held = m->held, *mean = m->mean;
     for (int64_t i = 0; i < n * n; i++)
         a[i] = time / 2.0 * m->kept[i];
-    product(square, a, a, n, n, n, 0, 0);
-    product(cube, a, square, n, n, n, 0, 0);
+    full(square, a, a, n, n, n, 0, 0);
+    full(cube, a, square, n, n, n, 0, 0);
     /* Parts along which the slopes do little; scales of states are seldom balanced. */
-    const double most = fmax(sqrt(norm(square, n)), cbrt(norm(cube, n)));
+    const double by_square = sqrt(norm(square, n)), by_cube = cbrt(norm(cube, n));
+    const double most = fmax(by_square, by_cube);
     double part = 1.0;
     int doublings = 0;
     for (; most * part > g->little && doublings < g->most_doublings; doublings++)
@@ -218,20 +204,21 @@ static void hold(const Filter *g, Part *m, double time)
         mean[i * n + i] += 1.0;
         other[i * n + i] += 1.0 / 24.0;
     }
-    full(mean, cube, other, n, n, n, 1);
-    product(held, a, mean, n, n, n, 0, 0);
+    full(mean, cube, other, n, n, n, 1, 0);
+    full(held, a, mean, n, n, n, 0, 0);
     for (int64_t i = 0; i < n; i++)
         held[i * n + i] += 1.0;
     /* Twice as far: mean = (mean + held mean) / 2, held = held^2 */
     for (; doublings; doublings--) {
         memcpy(other, mean, size);
-        full(mean, held, other, n, n, n, 1);
+        full(mean, held, other, n, n, n, 1, 0);
         for (int64_t i = 0; i < n * n; i++)
             mean[i] *= 0.5;
         memcpy(other, held, size);
-        full(held, other, other, n, n, n, 0);
+        full(held, other, other, n, n, n, 0, 0);
     }
     m->held_for = time;
+    m->fastest = fmin(by_square, by_cube);
 }
 
 /* What is left at the end of a part of what is added along it, a parabola from zero with these values
@@ -288,10 +275,12 @@ static int at_once(Filter *g, Part *m, double time, const double *x, const doubl
     g->rates.res[0] = k[2];
     if (evaluate_at(&g->rates, to, u, p))
         return 0;
+    times(m->amid, m->kept, ahead, n);
+    times(m->end, m->kept, m->whole, n);
     for (int64_t c = 0; c < n; c++) {
         const int64_t i = g->places[c];
-        m->amid[c] = (k[1][i] - k[0][i]) / g->scale[i] - dot(m->kept + c * n, ahead, n);
-        m->end[c] = (k[2][i] - k[0][i]) / g->scale[i] - dot(m->kept + c * n, m->whole, n);
+        m->amid[c] = (k[1][i] - k[0][i]) / g->scale[i] - m->amid[c];
+        m->end[c] = (k[2][i] - k[0][i]) / g->scale[i] - m->end[c];
     }
     added(m, time, m->amid, m->end, m->bent, n);
     /* What is at the end is nothing, if all is smooth. */
@@ -353,7 +342,9 @@ static int along(Filter *g, Part *m, double time, int64_t halvings, double *x, d
     if (m->held_for != time)
         hold(g, m, time);
     const int once = at_once(g, m, time, x, u, p);
-    if (!once && halvings)
+    /* The finest Runge-Kutta step must not grow. */
+    const int grows = 2.0 * m->fastest > g->stiff * (double)(g->steps * g->finer);
+    if (!once && (halvings > 0 || (grows && halvings > -g->deeper)))
         return along(g, m, time / 2.0, halvings - 1, x, G, u, p) ||
                along(g, m, time / 2.0, halvings - 1, x, G, u, p);
     if (once) {
@@ -367,24 +358,24 @@ static int along(Filter *g, Part *m, double time, int64_t halvings, double *x, d
     /* Along both halves: step = held^2, driven = (I + held) mean B */
     for (int64_t i = 0; i < n * nf; i++)
         m->B[i] *= time / 2.0;
-    full(m->driven, m->mean, m->B, n, n, nf, 0);
+    full(m->driven, m->mean, m->B, n, n, nf, 0, 0);
     memcpy(m->B, m->driven, (size_t)(n * nf) * sizeof(double));
-    full(m->driven, m->held, m->B, n, n, nf, 1);
-    full(m->step, m->held, m->held, n, n, n, 0);
-    full(m->B, m->step, G, n, n, nf, 0);
+    full(m->driven, m->held, m->B, n, n, nf, 1, 0);
+    full(m->step, m->held, m->held, n, n, n, 0, 0);
+    full(m->B, m->step, G, n, n, nf, 0, 0);
     for (int64_t i = 0; i < n * nf; i++)
         G[i] = m->B[i] + m->driven[i];
     if (m->parts++) {
         memcpy(m->other, m->all, size);
-        full(m->all, m->step, m->other, n, n, n, 0);
+        full(m->all, m->step, m->other, n, n, n, 0, 0);
     } else {
         memcpy(m->all, m->step, size);
     }
     return 0;
 }
 
-/* Filter the samples of a recording; the results have a row for each. Returns how many were done
- * before the states left the finite numbers. */
+/* Filter the samples of a recording; the results have a row for each. P and G have three numbers of
+ * room behind them. Returns how many were done before the states left the finite numbers. */
 int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, const double *u,
                const double *y, const double *r, const double *p, const double *d, double *whitened,
                double *rows, double *logs, double *states)
@@ -477,11 +468,11 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
         m.parts = 0;
         if (along(g, &m, g->sample_time, g->halvings, x, G, u, p))
             return t;
-        full(P_half, m.all, P, n, n, n, 0);
+        full(P_half, m.all, P, n, n, n, 0, 0);
         for (int64_t i = 0; i < n; i++)
             for (int64_t j = 0; j < n; j++)
                 m.other[j * n + i] = m.all[i * n + j];
-        product(P, P_half, m.other, n, n, n, 0, 1);
+        full(P, P_half, m.other, n, n, n, 0, 1);
         for (int64_t i = 0; i < n; i++)
             for (int64_t j = 0; j <= i; j++) {
                 double value = P[i * n + j];

@@ -66,13 +66,19 @@ _LITTLE_BENT, _MUCH_BENT, _CURVED, _NOTHING = 3e-3, 0.01, 0.03, 1e-8
 add to a Runge-Kutta step that is not taken in parts, and what rates may differ from the slopes
 kept, as a fraction of what the states move; and what counts as nothing, of their scales."""
 
+_STIFF, _DEEPER = 1.0, 8
+"""Fastest mode times the finest Runge-Kutta step, beyond which a part that bends is halved once
+more, and how often at the most. The method is stable up to 2.8, and what bends is faster beside
+where its slopes were taken: flow through an opening is a root, whose slope near zero no start
+shows."""
+
 _TRIED, _ONCE = 5, 3
 """Evaluations of the equations in a Runge-Kutta step, with the one that looks for bends, and in an
 exponential one."""
 
 _NUMBERS = (
     *("sample_time", "outlier", "faded", "little", "alike"),
-    *("little_bent", "much_bent", "curved", "nothing"),
+    *("little_bent", "much_bent", "curved", "nothing", "stiff"),
 )
 
 
@@ -168,7 +174,7 @@ class _Struct(ctypes.Structure):
             (name, ctypes.c_int64)
             for name in ("states", "inputs", "measurements", "corrected", "free")
         ),
-        *((name, ctypes.c_int64) for name in ("halvings", "steps", "finer")),
+        *((name, ctypes.c_int64) for name in ("halvings", "steps", "finer", "deeper")),
         ("places", ctypes.c_void_p),
         ("scale", ctypes.c_void_p),
         *((name, ctypes.c_double) for name in _NUMBERS),
@@ -247,6 +253,7 @@ class Filter:
                 steps.halvings,
                 steps.each,
                 _FINER,
+                _DEEPER,
                 self._kept.ctypes.data,
                 address(self._scale),
                 sample_time,
@@ -258,6 +265,7 @@ class Filter:
                 _MUCH_BENT,
                 _CURVED,
                 _NOTHING,
+                _STIFF,
                 _DOUBLINGS,
                 work=address(self._work),
             )
@@ -302,7 +310,10 @@ class Filter:
         u, y, r, p = (np.ascontiguousarray(v, dtype=float) for v in (u, y, r, p))
         d = np.asarray(d, dtype=float).reshape(-1, 2)
         n, n_y = y.shape
-        sensitivity = np.zeros((len(self._kept), self._equations.functions[0].size1_out(2)))
+        n_f = self._equations.functions[0].size1_out(2)
+        covariance, sensitivity = (
+            _with_room(a) for a in (covariance, np.zeros((len(self._kept), n_f)))
+        )
         found = Innovations(
             np.full((n, n_y), np.nan),
             np.zeros((n, n_y, sensitivity.shape[1])),
@@ -423,7 +434,8 @@ def _along(
     The slopes before carry the state to the middle by their exponential, those there carry it to
     the end. What the rates in the middle and at the end differ from these is a parabola that is
     added, fading as the slopes say; it must be little, and nothing at the end. Parts that bend are
-    halved, the smallest ones taken in Runge-Kutta steps, and those that bend in finer ones.
+    halved, the smallest ones taken in Runge-Kutta steps, and those that bend in finer ones; where
+    even these would grow, a part is halved further.
 
     Source: M. Hochbruck and A. Ostermann, Exponential integrators, Acta Numerica 19 (2010), section
     2.3; Zonneveld, Automatic Numerical Integration, 1964, and Hairer, Norsett and Wanner, Solving
@@ -478,25 +490,23 @@ def _along(
         easy *= small(others * away, others * time / 6 * steps, _CURVED)
         return ends(moved(whole + bent, time / 6 * (k0 + 4 * k1 + k2)), slopes, b), easy, slopes
 
-    def unless_bent(parts: ca.Function) -> ca.Function:
-        """Build what goes along the parts where a whole step bends, with the slopes amid that."""
-        once, easy, amid = at_once()
-        found = [ca.MX.sym("v", *v.size()) for v in once]
-        own = ca.Function("once", [*found, *given], found)
-        other = ca.Function("bent", [*found, *given], parts(*given))
-        chosen = ca.Function.if_else("chosen", own, other)(easy, *once, x0, amid, u, p, scale)
-        return ca.Function("along", given, list(chosen))
-
-    if halvings:
+    once, easy, amid = at_once()
+    found = [ca.MX.sym("v", *v.size()) for v in once]
+    ways = [ca.Function("once", [*found, *given], found)]
+    which = ca.logic_not(easy)
+    if halvings <= 0:
+        x, a, b = _in_steps(slope, rates, time / each, each)(x0, u, p, scale)
+        ways.append(ca.Function("steps", [*found, *given], ends(x, a.T, b)))
+        finest = time / (each * _FINER)
+        which *= 1 + (finest * ca.fmin(*_sizes(amid)) > _STIFF)
+    if halvings > -_DEEPER:
         half = _along(slope, rates, kept, time / 2, halvings - 1, each)
         x, a, transition, driven = half(*given)
         x, a, further, more = half(x, a, u, p, scale)
         both = [x, a, ca.mtimes(further, transition), ca.mtimes(further, driven) + more]
-        return unless_bent(ca.Function("halves", given, both))
-    in_steps = _in_steps(slope, rates, time / each, each)
-    x, a, b = in_steps(x0, u, p, scale)
-    found = ends(x, a.T, b)
-    return unless_bent(ca.Function("steps", given, found))
+        ways.append(ca.Function("halves", [*found, *given], both))
+    chosen = ca.Function.conditional("chosen", ways[:-1], ways[-1])
+    return ca.Function("along", given, list(chosen(which, *once, x0, amid, u, p, scale)))
 
 
 def _in_steps(slope: ca.Function, rates: ca.Function, h: float, count: int) -> ca.Function:
@@ -560,12 +570,24 @@ def exponential_of(n: int, little: float = _LITTLE) -> ca.Function:
             mean = 0.5 * (mean + ca.mtimes(held, mean))
             held = ca.mtimes(held, held)
         numbers.append(ca.Function("doubled", [matrix], [held, mean]))
+    doubled = ca.Function.conditional("doubled", numbers[:-1], numbers[-1])
+    size = ca.fmax(*_sizes(matrix))
+    number = ca.ceil(ca.log(ca.fmax(size / little, 1.0)) / math.log(2.0))
+    return ca.Function("exponential", [matrix], doubled(number, matrix))
+
+
+def _sizes(matrix: ca.MX) -> list[ca.MX]:
+    """Bounds of the fastest mode of slopes, by their square and their cube."""
     square = ca.mtimes(matrix, matrix)
     powers = square, ca.mtimes(matrix, square)
-    sizes = [ca.mmax(ca.sum2(ca.fabs(power))) ** (1 / k) for k, power in enumerate(powers, 2)]
-    doubled = ca.Function.conditional("doubled", numbers[:-1], numbers[-1])
-    number = ca.ceil(ca.log(ca.fmax(ca.fmax(*sizes) / little, 1.0)) / math.log(2.0))
-    return ca.Function("exponential", [matrix], doubled(number, matrix))
+    return [ca.mmax(ca.sum2(ca.fabs(power))) ** (1 / k) for k, power in enumerate(powers, 2)]
+
+
+def _with_room(matrix: Vector) -> Vector:
+    """Copy a matrix to where three numbers of room are behind it, as `filter.c` wants it."""
+    room = np.zeros(matrix.size + 3)
+    room[: matrix.size] = matrix.ravel()
+    return room[: matrix.size].reshape(matrix.shape)
 
 
 def _flushed(matrix: ca.MX) -> ca.MX:
