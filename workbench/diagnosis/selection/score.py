@@ -46,6 +46,9 @@ that this has to cost, where it does not come to the others."""
 _MOST_LEVELS = 3
 """How many effects that differ by recording are offered: beside a large misfit nearly all do."""
 
+_TOGETHER = 48
+"""Effects that one filter carries at the most: a step is as fine as that of the fastest of them."""
+
 _DUE = 0.1
 """Part of what an effect does to the predictions after which it counts as seen."""
 
@@ -192,8 +195,10 @@ def score_library(
     attached: list[_Attached] = []
     # Stiff effects would force short steps on all others, so they have a filter of their own.
     for stiff in (False, True):
-        if group := [v for v in variants if v.entry.stiff is stiff]:
-            attached += _attached(model, recordings, names, group, noise_scale, failed)
+        group = [v for v in variants if v.entry.stiff is stiff]
+        for begin in range(0, len(group), _TOGETHER):
+            some = group[begin : begin + _TOGETHER]
+            attached += _attached(model, recordings, names, some, noise_scale, failed)
     if not attached:
         return Scores((), np.zeros((0, 0)), noise_scale, tuple(failed.items()))
     ordered = [variant for one in attached for variant in one.variants]
