@@ -47,18 +47,13 @@ def machine(
     value and, where a fit may change it, its bounds; whatever else is told by name, ``scale=10``.
     Equations that return rates alone show the states that the outputs have the names of.
     """
-    read = _told(Output, outputs, "noise_rms")
-
-    def whole(m: Any) -> Any:
-        found = equations(m)
-        return (found, {q.name: m.x[q.name] for q in read}) if isinstance(found, dict) else found
 
     return Model(
         name,
-        whole,
+        equations,
         states=_told(State, states, "initial"),
         inputs=_told(Input, inputs, "lower", "upper", "nominal"),
-        outputs=read,
+        outputs=_told(Output, outputs, "noise_rms"),
         parameters=_told(Parameter, parameters, "value", "lower", "upper"),
         time=time,
     )

@@ -350,6 +350,7 @@ def test_a_law_means_the_state_where_an_input_has_its_name() -> None:
     ("equations", "told"),
     [
         (lambda m: [m.u.inflow], "return a list; return two mappings"),
+        (lambda m: {"depth": m.u.inflow}, "no rate of state 'level'"),
         (
             lambda m: ({"level": max(m.u.inflow, m.x.level)}, {"level": m.x.level}),
             "'max' cannot decide: take np.where",
@@ -365,6 +366,23 @@ def test_what_a_newcomer_writes_first_is_refused_with_what_to_write(
 
     with pytest.raises(WorkbenchError, match=told), warnings.catch_warnings():
         operating_point(adopt(tank, "my_plants:tank").model())
+
+
+def test_rates_alone_show_the_states_that_outputs_are_called_after() -> None:
+    def cup() -> Model:
+        return Model(
+            "cup",
+            lambda m: {"warmth": (m.u.room - m.x.warmth) / m.p.time, "mass": -m.p.lost},
+            states=(State("warmth", "degC", initial=80.0), State("mass", "g", initial=200.0)),
+            inputs=(Input("room", "degC", nominal=20.0),),
+            outputs=(Output("mass", "kg"), Output("warmth", "degF")),
+            parameters=(Parameter("time", "min", value=10.0), Parameter("lost", "g/min", value=2)),
+        )
+
+    model = adopt(cup, "my_plants:cup").model()
+    read = model.exact.outputs_function([353.15, 0.2], [293.15], model.values)
+    assert np.ravel(read) == pytest.approx([0.2, 353.15])
+    assert model.rates([353.15, 0.2], [293.15]) == pytest.approx([-0.1, -2e-3 / 60.0])
 
 
 def test_functions_of_numbers_are_refused_where_symbols_stand() -> None:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +17,6 @@ from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.time_scales import horizon_of, step_time
 from workbench.linearisation.transfer import transfer_function
 from workbench.model import Model, Output, Parameter, Quantity, Scope
-from workbench.model.trace import Equations
 from workbench.model.units import from_si, in_time, of_difference, per, with_unit
 from workbench.operating_point import Derivatives, OperatingPoint
 from workbench.simulation.integrators import Method
@@ -294,13 +294,14 @@ class Comparison:
 class _Held:
     """Equations with constant rates taken off."""
 
-    equations: Callable[..., Equations]
+    equations: Callable[..., Any]
     names: tuple[str, ...]
 
-    def __call__(self, m: Scope) -> Equations:
-        rates, outputs = self.equations(m)
-        taken = {name: rates[name] - m.p[f"held_rate.{name}"] for name in self.names}
-        return {**rates, **taken}, outputs
+    def __call__(self, m: Scope) -> Any:
+        found = self.equations(m)
+        rates, *outputs = (found,) if isinstance(found, Mapping) else found
+        held = {**rates, **{n: rates[n] - m.p[f"held_rate.{n}"] for n in self.names}}
+        return (held, *outputs) if outputs else held
 
 
 def _without_drift(op: OperatingPoint) -> Model:

@@ -48,7 +48,8 @@ class Model(Shown):
     """A plant: states, inputs, outputs, parameters and the equations that join them.
 
     ``equations`` takes a `Scope` and returns two mappings: the rate of every own state and the
-    measurement of every output. Whatever passes through ``scope.port`` can be changed by an effect.
+    measurement of every output; or the rates alone, where each output is the state with its name.
+    Whatever passes through ``scope.port`` can be changed by an effect.
 
     Args:
         equations: The equations, written with the names of a `Scope`.

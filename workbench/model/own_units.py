@@ -64,6 +64,8 @@ class InSI:
             for n in named
         }
         found = self.equations(replace(scope, x=x, u=u, p=p, own=own))
+        if isinstance(found, Mapping):
+            return self._paced(found)
         if not _are_two(found):
             return found
         rates, outputs = found
@@ -74,13 +76,16 @@ class InSI:
             for n in named
         }
         return (
-            {n: v * (self.states.get(n, _SI)[0] / self.time) for n, v in rates.items()},
+            self._paced(rates),
             {
                 n: read.get((node(v), (size, zero)), v * size + zero)
                 for n, v in outputs.items()
                 for size, zero in (self.outputs.get(n, _SI),)
             },
         )
+
+    def _paced(self, rates: Mapping[str, Any]) -> dict[str, Any]:
+        return {n: v * (self.states.get(n, _SI)[0] / self.time) for n, v in rates.items()}
 
 
 def _are_two(found: object) -> bool:
@@ -198,7 +203,9 @@ def _alike(
     for equations in (first, second):
         x, u, p = map(Names, ("state", "input", "parameter"), given)
         found = equations(Scope(x, u, p, form=EXACT))
-        if not _are_two(found):
+        if isinstance(found, Mapping):
+            found = (found,)
+        elif not _are_two(found):
             return True
         each.append(ca.vcat([ca.SX(v) for part in found for v in part.values()]))
     vectors = [ca.vcat(list(v.values())) if v else ca.SX(0, 1) for v in given]

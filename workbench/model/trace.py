@@ -364,6 +364,8 @@ def _leaves_the_numbers(
 
 def _equations_of(model: Written, scope: Scope) -> Equations:
     found: Any = model.equations(scope)
+    if isinstance(found, Mapping):
+        return found, {q.name: scope.x[q.name] for q in model.outputs if q.name in scope.x}
     if isinstance(found, tuple) and [isinstance(v, Mapping) for v in found] == [True, True]:
         return found
     raise WorkbenchError(
