@@ -57,6 +57,10 @@ def response(laws: LinearLaw, z: Complex, inputs: int = 1) -> Complex:
     F = laws.F[:, live][:, :, live]
     T, b, c = (part.astype(complex) for part in (F, entry[:, live], laws.H[:, :, live]))
     n = len(live)
+    origin, behind = _repeating(F, entry[:, live])
+    if 2 * np.count_nonzero(behind) > n:
+        x = _repeated(F, b, z, origin, behind)
+        return np.asarray(np.einsum("lmn,lnzk->lzmk", c, x) + laws.J[:, None, :, :inputs])
     for k in np.flatnonzero(np.any(np.tril(F, -1), axis=(1, 2))):
         even, _, _, size, _ = dgebal(F[k], scale=1, permute=0)
         T[k], _, _, Z, *_ = zgees(lambda _: True, even, lwork=8 * n)
@@ -66,6 +70,42 @@ def response(laws: LinearLaw, z: Complex, inputs: int = 1) -> Complex:
         right = np.einsum("lj,ljzk->lzk", T[:, i, i + 1 :], x[:, i + 1 :])
         x[:, i] = (b[:, i, None] + right) / (z - T[:, i, i, None])[..., None]
     return np.asarray(np.einsum("lmn,lnzk->lzmk", c, x) + laws.J[:, None, :, :inputs])
+
+
+def _repeating(F: Matrix, entry: Matrix) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Return what each state repeats, and how many samples later: none are those that do not."""
+    own = np.arange(F.shape[1])
+    reads = np.any(F != 0.0, axis=0)
+    alone = (reads.sum(axis=1) == 1) & ~np.any(entry != 0.0, axis=(0, 2))
+    before = np.where(alone, reads.argmax(axis=1), own)
+    before = np.where(np.all(F[:, own, before] == 1.0, axis=0), before, own)
+    origin, behind = before, (before != own).astype(int)
+    # Twice as far each time; what goes round repeats itself, and is no delay.
+    for _ in range(len(own).bit_length()):
+        origin, behind = origin[origin], behind + behind[origin]
+    round_ = before[origin] != origin
+    return np.where(round_, own, origin), np.where(round_, 0, behind)
+
+
+def _repeated(
+    F: Matrix, b: Complex, z: Complex, origin: npt.NDArray[np.intp], behind: npt.NDArray[np.intp]
+) -> Complex:
+    """Return states over inputs, shape (n_laws, n, n_z, n_inputs), of laws that mostly repeat some.
+
+    The equations of the others stand alone, with powers of 1 / z for what is repeated.
+    """
+    own = np.flatnonzero(behind == 0)
+    place = np.searchsorted(own, origin)
+    late = z[:, None] ** -behind
+    x = np.zeros((*b.shape[:2], len(z), b.shape[2]), dtype=complex)
+    for i, (f, entry) in enumerate(zip(F[:, own], b[:, own], strict=True)):
+        left = np.zeros((len(z), len(own), len(own)), dtype=complex)
+        for k, at in enumerate(place):
+            left[:, :, at] -= late[:, k, None] * f[:, k]
+        left[:, range(len(own)), range(len(own))] += z[:, None]
+        found = np.linalg.solve(left, np.broadcast_to(entry, (len(z), *entry.shape)))
+        x[i] = (late[:, :, None] * found[:, place]).swapaxes(0, 1)
+    return x
 
 
 def closed(plant: tuple[Matrix, Matrix, Matrix], laws: LinearLaw) -> tuple[Matrix, Matrix]:
@@ -99,7 +139,7 @@ def log_radii(matrices: Matrix) -> Vector:
         array([0.5])
     """
     count = len(matrices)
-    power, total = matrices, np.zeros(count)
+    power, total = _without_twins(matrices), np.zeros(count)
     found, left = np.full(count, -math.inf), np.arange(count)
     for k in range(_DOUBLED):
         size = np.linalg.norm(power, axis=(1, 2))
@@ -114,6 +154,43 @@ def log_radii(matrices: Matrix) -> Vector:
             break
         power = power @ power
     return found
+
+
+_ALIKE = 1e-12
+"""What rows of the same quantity in two units differ by, of their largest number."""
+
+
+def _without_twins(matrices: Matrix) -> Matrix:
+    """Take states that are in proportion from the next sample on for one: spectral radii stay.
+
+    So it is with commands on their way, of which plant and law have a record each.
+    """
+    k = matrices.shape[1]
+    # What is in proportion is found in the first, and holds in all or is not used.
+    own, whole, left = matrices[0], np.eye(k), np.arange(k)
+    weight = np.random.default_rng(0).uniform(1.0, 2.0, k)
+    while True:
+        size = np.maximum(np.abs(own).max(axis=1, initial=0.0), 1e-300)
+        rows = own / size[:, None]
+        sums = np.asarray(rows @ weight[: len(own)])
+        order = np.argsort(np.abs(sums))
+        near = np.flatnonzero(np.diff(np.abs(sums[order])) <= _ALIKE * k)
+        merged = np.eye(len(own))
+        for one, other in zip(order[near], order[near + 1], strict=True):
+            sign = np.sign(sums[one] * sums[other])
+            # A third one of a kind finds the first in the next round.
+            if merged[one, one] and np.abs(rows[one] - sign * rows[other]).max() <= _ALIKE:
+                merged[other] = 0.0
+                merged[other, one] = sign * size[other] / size[one]
+        kept = np.flatnonzero(np.diagonal(merged))
+        if len(kept) == len(own):
+            break
+        own, whole, left = (own @ merged[:, kept])[kept], whole @ merged[:, kept], left[kept]
+    told = matrices @ whole
+    found = told[:, left]
+    away = np.abs(told - whole @ found).max(axis=2)
+    alike = np.all(away <= 10.0 * k * _ALIKE * np.abs(told).max(axis=2))
+    return found if alike else matrices
 
 
 AT_A_TIME = 64
