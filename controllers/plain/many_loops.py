@@ -170,9 +170,9 @@ def _without_twins(matrices: Matrix) -> Matrix:
     own, whole, left = matrices[0], np.eye(k), np.arange(k)
     weight = np.random.default_rng(0).uniform(1.0, 2.0, k)
     while True:
-        size = np.maximum(np.abs(own).max(axis=1, initial=0.0), 1e-300)
+        size = np.maximum(np.asarray(np.abs(own).max(axis=1)), 1e-300)
         rows = own / size[:, None]
-        sums = np.asarray(rows @ weight[: len(own)])
+        sums = rows @ weight[: len(own)]
         order = np.argsort(np.abs(sums))
         near = np.flatnonzero(np.diff(np.abs(sums[order])) <= _ALIKE * k)
         merged = np.eye(len(own))
