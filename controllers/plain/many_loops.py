@@ -168,9 +168,9 @@ def _without_twins(matrices: Matrix) -> Matrix:
     k = matrices.shape[1]
     # What is in proportion is found in the first, and holds in all or is not used.
     own, whole, left = matrices[0], np.eye(k), np.arange(k)
-    weight = np.random.default_rng(0).uniform(1.0, 2.0, k)
+    weight = np.random.default_rng(0).uniform(1.0, 2.0, size=(k,))
     while True:
-        size = np.maximum(np.asarray(np.abs(own).max(axis=1)), 1e-300)
+        size = np.maximum(np.abs(own).max(axis=1), 1e-300)
         rows = own / size[:, None]
         sums = rows @ weight[: len(own)]
         order = np.argsort(np.abs(sums))
