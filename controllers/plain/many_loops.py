@@ -139,6 +139,8 @@ def log_radii(matrices: Matrix) -> Vector:
         array([0.5])
     """
     count = len(matrices)
+    if not matrices.size:
+        return np.full(count, -math.inf)
     power, total = _without_twins(matrices), np.zeros(count)
     found, left = np.full(count, -math.inf), np.arange(count)
     for k in range(_DOUBLED):

@@ -31,6 +31,7 @@ def test_what_hardly_decays_is_told_from_what_grows(left: float, rng: np.random.
 
 
 def test_what_is_over_after_some_samples_has_no_radius() -> None:
+    assert log_radii(np.zeros((0, 3, 3))).shape == (0,)
     assert log_radii(np.stack([np.eye(30, k=-1), np.zeros((30, 30))])).max() < -20.0
 
 
