@@ -42,7 +42,7 @@ typedef struct {
     double *k[5], *at, *to; /* rates, and states */
 } Part;
 
-typedef double Four __attribute__((vector_size(32), aligned(8)));
+typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
 
 /* Columns j to j + 4 FOURS, or to the last one, of ROWS rows of a product of full matrices. The last
  * four numbers may reach beyond a row of b, and are not stored there. */
@@ -51,7 +51,7 @@ typedef double Four __attribute__((vector_size(32), aligned(8)));
         Four sum[ROWS][FOURS];                                                                     \
         for (int s = 0; s < (ROWS); s++)                                                           \
             for (int q = 0; q < (FOURS); q++)                                                      \
-                sum[s][q] = add ? *(Four *)(to + s * m + j + 4 * q) : (Four){0.0};                  \
+                sum[s][q] = add ? *(Four *)(to + s * m + j + 4 * q) : (Four){0.0};                 \
         for (int64_t l = 0; l < k; l++)                                                            \
             for (int s = 0; s < (ROWS); s++)                                                       \
                 for (int q = 0; q < (FOURS); q++)                                                  \
@@ -80,7 +80,8 @@ typedef double Four __attribute__((vector_size(32), aligned(8)));
             BLOCK(ROWS, 1)                                                                         \
     }
 
-/* The same of a that has few zeros, where b and c have three numbers of room behind them. */
+/* c = a b, or c += a b, for a of shape (n, k) and b of shape (k, m), where b and c have three numbers
+ * of room behind them; of a symmetric c the lower half will do. */
 static void full(double *restrict c, const double *restrict a, const double *restrict b, int64_t n,
                  int64_t k, int64_t m, int add, int lower)
 {
