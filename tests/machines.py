@@ -45,7 +45,6 @@ def machine(
     ``"speed m/s 2, angle rad"`` are two states, the first of which starts at 2. Behind an input
     stand its ends and what is usual, behind an output the rms of its noise, behind a parameter its
     value and, where a fit may change it, its bounds; whatever else is told by name, ``scale=10``.
-    Equations that return rates alone show the states that the outputs have the names of.
     """
 
     return Model(

@@ -83,8 +83,8 @@ def _repeating(F: Matrix, entry: Matrix) -> tuple[npt.NDArray[np.intp], npt.NDAr
     # Twice as far each time; what goes round repeats itself, and is no delay.
     for _ in range(len(own).bit_length()):
         origin, behind = origin[origin], behind + behind[origin]
-    round_ = before[origin] != origin
-    return np.where(round_, own, origin), np.where(round_, 0, behind)
+    circling = before[origin] != origin
+    return np.where(circling, own, origin), np.where(circling, 0, behind)
 
 
 def _repeated(
@@ -188,6 +188,8 @@ def _without_twins(matrices: Matrix) -> Matrix:
         if len(kept) == len(own):
             break
         own, whole, left = (own @ merged[:, kept])[kept], whole @ merged[:, kept], left[kept]
+    if len(left) == k:
+        return matrices
     told = matrices @ whole
     found = told[:, left]
     away = np.abs(told - whole @ found).max(axis=2)

@@ -30,7 +30,7 @@ from workbench.model.quantities import (
 from workbench.model.regularisation import EXACT, REGULARISED, Expression, Form
 from workbench.model.scope import Names, Port
 from workbench.model.sizes import horizon, missing, poles_of, silent, sized, sizes
-from workbench.model.trace import Equations, Trace, trace
+from workbench.model.trace import Equations, Named, Trace, trace
 from workbench.model.traits import Bound, Traits
 from workbench.model.units import of_difference, readably, same_dimension, with_unit
 
@@ -77,7 +77,7 @@ class Model(Shown):
     """
 
     name: str
-    equations: Callable[..., Equations]
+    equations: Callable[..., Equations | Named]
     states: tuple[State, ...]
     inputs: tuple[Input, ...]
     outputs: tuple[Output, ...]

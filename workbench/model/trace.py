@@ -27,7 +27,7 @@ ca.GlobalOptions.setNumpyMode(-1)
 
 Named = Mapping[str, Expression]
 
-Equations = tuple[Mapping[str, Expression], Mapping[str, Expression]]
+Equations = tuple[Named, Named]
 """Rate of every own state and measurement of every output, by name."""
 
 
@@ -52,7 +52,7 @@ class Written(Protocol):
         """Name of the plant."""
 
     @property
-    def equations(self) -> Callable[[Scope], Equations]:
+    def equations(self) -> Callable[[Scope], Equations | Named]:
         """The equations, written with the names of a `Scope`."""
 
     @property

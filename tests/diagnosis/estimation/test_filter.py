@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from types import ModuleType
 from typing import Any
@@ -58,6 +59,18 @@ def test_a_lag_far_faster_than_the_samples_takes_one_step_of_each() -> None:
     np.testing.assert_allclose(states, exact, atol=1e-9)
 
 
+def _by_scipy(rates: Callable[[Vector, float], list[Any]], method: str, tolerance: float) -> Vector:
+    """Return the two states of a machine driven from zero, at each sample."""
+    exact = np.zeros((len(DRIVE), 2))
+    for i, drive in enumerate(DRIVE[:-1]):
+        found = solve_ivp(
+            lambda t, x, drive=drive: rates(x, drive), (0.0, SAMPLE), exact[i], method,
+            rtol=tolerance, atol=tolerance,
+        )  # fmt: skip
+        exact[i + 1] = found.y[:, -1]
+    return exact
+
+
 def _hard(x: Vector, drive: float) -> list[float]:
     return [x[1], drive * 900.0 - 900.0 * x[0] - 50.0 * x[0] ** 3 - 2.0 * x[1]]
 
@@ -72,13 +85,7 @@ def _hardening() -> Model:
 
 
 def test_steps_of_a_spring_that_hardens_are_of_fourth_order() -> None:
-    model, exact = _hardening(), np.zeros((len(DRIVE), 2))
-    for i, drive in enumerate(DRIVE[:-1]):
-        found = solve_ivp(
-            lambda t, x, drive=drive: _hard(x, drive), (0.0, SAMPLE), exact[i], "DOP853",
-            rtol=1e-12, atol=1e-12,
-        )  # fmt: skip
-        exact[i + 1] = found.y[:, -1]
+    model, exact = _hardening(), _by_scipy(_hard, "DOP853", 1e-12)
     errors = []
     for parts in (4, 8):
         filter_, seen = _run(model, parts, free=())
@@ -125,13 +132,7 @@ def test_a_narrow_tube_far_faster_than_the_finest_step_settles_and_is_cheap() ->
         "chamber 1 1e-3",
         "idle 1",
     )
-    exact = np.zeros((len(DRIVE), 2))
-    for i, drive in enumerate(DRIVE[:-1]):
-        found = solve_ivp(
-            lambda t, x, drive=drive: rates(np, *x, drive), (0.0, SAMPLE), exact[i], "Radau",
-            rtol=1e-9, atol=1e-11,
-        )  # fmt: skip
-        exact[i + 1] = found.y[:, -1]
+    exact = _by_scipy(lambda x, drive: rates(np, *x, drive), "Radau", 1e-10)
     filter_, seen = _run(model, free=())
     filter_._steps = Steps(3, 1)
     before = done()["model_evaluations"]

@@ -44,7 +44,7 @@ typedef struct {
 
 typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
 
-/* Columns j to j + 4 FOURS, or to the last one, of ROWS rows of a product of full matrices. The last
+/* Columns j to j + 4 FOURS, or to the last one, of ROWS rows of a product of matrices. The last
  * four numbers may reach beyond a row of b, and are not stored there. */
 #define BLOCK(ROWS, FOURS)                                                                         \
     {                                                                                              \
@@ -82,8 +82,8 @@ typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
 
 /* c = a b, or c += a b, for a of shape (n, k) and b of shape (k, m), where b and c have three numbers
  * of room behind them; of a symmetric c the lower half will do. */
-static void full(double *restrict c, const double *restrict a, const double *restrict b, int64_t n,
-                 int64_t k, int64_t m, int add, int lower)
+static void product(double *restrict c, const double *restrict a, const double *restrict b, int64_t n,
+                    int64_t k, int64_t m, int add, int lower)
 {
     int64_t i = 0;
     ROWS_OF(4)
@@ -184,8 +184,8 @@ static void hold(const Filter *g, Part *m, double time)
     double *held = m->held, *mean = m->mean;
     for (int64_t i = 0; i < n * n; i++)
         a[i] = time / 2.0 * m->kept[i];
-    full(square, a, a, n, n, n, 0, 0);
-    full(cube, a, square, n, n, n, 0, 0);
+    product(square, a, a, n, n, n, 0, 0);
+    product(cube, a, square, n, n, n, 0, 0);
     /* Parts along which the slopes do little; scales of states are seldom balanced. */
     const double by_square = sqrt(norm(square, n)), by_cube = cbrt(norm(cube, n));
     const double most = fmax(by_square, by_cube);
@@ -205,18 +205,18 @@ static void hold(const Filter *g, Part *m, double time)
         mean[i * n + i] += 1.0;
         other[i * n + i] += 1.0 / 24.0;
     }
-    full(mean, cube, other, n, n, n, 1, 0);
-    full(held, a, mean, n, n, n, 0, 0);
+    product(mean, cube, other, n, n, n, 1, 0);
+    product(held, a, mean, n, n, n, 0, 0);
     for (int64_t i = 0; i < n; i++)
         held[i * n + i] += 1.0;
     /* Twice as far: mean = (mean + held mean) / 2, held = held^2 */
     for (; doublings; doublings--) {
         memcpy(other, mean, size);
-        full(mean, held, other, n, n, n, 1, 0);
+        product(mean, held, other, n, n, n, 1, 0);
         for (int64_t i = 0; i < n * n; i++)
             mean[i] *= 0.5;
         memcpy(other, held, size);
-        full(held, other, other, n, n, n, 0, 0);
+        product(held, other, other, n, n, n, 0, 0);
     }
     m->held_for = time;
     m->fastest = fmin(by_square, by_cube);
@@ -359,16 +359,16 @@ static int along(Filter *g, Part *m, double time, int64_t halvings, double *x, d
     /* Along both halves: step = held^2, driven = (I + held) mean B */
     for (int64_t i = 0; i < n * nf; i++)
         m->B[i] *= time / 2.0;
-    full(m->driven, m->mean, m->B, n, n, nf, 0, 0);
+    product(m->driven, m->mean, m->B, n, n, nf, 0, 0);
     memcpy(m->B, m->driven, (size_t)(n * nf) * sizeof(double));
-    full(m->driven, m->held, m->B, n, n, nf, 1, 0);
-    full(m->step, m->held, m->held, n, n, n, 0, 0);
-    full(m->B, m->step, G, n, n, nf, 0, 0);
+    product(m->driven, m->held, m->B, n, n, nf, 1, 0);
+    product(m->step, m->held, m->held, n, n, n, 0, 0);
+    product(m->B, m->step, G, n, n, nf, 0, 0);
     for (int64_t i = 0; i < n * nf; i++)
         G[i] = m->B[i] + m->driven[i];
     if (m->parts++) {
         memcpy(m->other, m->all, size);
-        full(m->all, m->step, m->other, n, n, n, 0, 0);
+        product(m->all, m->step, m->other, n, n, n, 0, 0);
     } else {
         memcpy(m->all, m->step, size);
     }
@@ -469,11 +469,11 @@ int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, cons
         m.parts = 0;
         if (along(g, &m, g->sample_time, g->halvings, x, G, u, p))
             return t;
-        full(P_half, m.all, P, n, n, n, 0, 0);
+        product(P_half, m.all, P, n, n, n, 0, 0);
         for (int64_t i = 0; i < n; i++)
             for (int64_t j = 0; j < n; j++)
                 m.other[j * n + i] = m.all[i * n + j];
-        full(P, P_half, m.other, n, n, n, 0, 1);
+        product(P, P_half, m.other, n, n, n, 0, 1);
         for (int64_t i = 0; i < n; i++)
             for (int64_t j = 0; j <= i; j++) {
                 double value = P[i * n + j];
