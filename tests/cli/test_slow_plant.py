@@ -75,6 +75,20 @@ def test_times_of_hours_are_told_in_hours(oven: list[str], shell: Shell) -> None
     assert f"iae {found['metrics']['iae']['value'] / 3600.0:.4g} K h" in said
 
 
+@pytest.mark.parametrize("sampled", ["", "--sample-time 7.2s"])
+@pytest.mark.parametrize(("on", "off"), [(73.0, 74.0), (80.0, 100.0), (60.0, 600.0), (0.4, 0.7)])
+def test_an_input_switches_when_it_is_told_to_whatever_the_sample_time(
+    oven: list[str], shell: Shell, sampled: str, on: float, off: float
+) -> None:
+    steps = f"--duty 0:0,{on}s:1,{off}s:0 --duration 2h --out run.csv"
+    shell("simulate", *oven, steps, sampled)
+    time, duty, rise = np.loadtxt("run.csv", delimiter=",", skiprows=1).T
+    assert len(time) < 20001 and (len(time) == 1000 or not sampled)
+    assert np.array_equal(duty, (time > on - 1e-9) & (time < off - 1e-9))
+    heated, left = (np.maximum(time - at, 0.0) / 2500.0 for at in (on, off))
+    assert rise == pytest.approx(150.0 * (np.exp(-left) - np.exp(-heated)), abs=1e-5)
+
+
 def test_a_recording_may_be_short_beside_the_plant(
     oven: list[str], shell: Shell, refused: Refused
 ) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,10 @@ if TYPE_CHECKING:
 
 _LEAST_SAMPLES = 200
 """Samples that a run has at least, where nobody says how long one is."""
+
+_MORE, _MOST = 50, 2e6
+"""How many times more samples a run may have to meet the instants at which inputs switch, and the
+most parts of a run between which they can."""
 
 
 @with_plant("option", "effect", "input", "at")
@@ -46,7 +51,7 @@ def simulate(
         period (TIME): Period of the pulses. By default two steps that the linear model responds to.
         duration (TIME): Length of the run. By default four such steps.
         sample_time (TIME): Time between samples. By default a thousandth of such a step, less where
-            a run would have less than 200 of them.
+            a run would have less than 200 of them or inputs would switch between two.
         initial: Start at the initial values that the states declare, not at rest.
         out: CSV file for time, inputs and outputs.
     """
@@ -85,7 +90,10 @@ def simulate(
     step = check_range("sample time", step, *TIMES_S, "s")
     check_range("duration", length, 2 * step, 1e6 * step, "s")
     driven = _with_pulses(chosen, pulses, lambda: time("period", period, 2.0), length)
-    run = run_model(model, _held(model, u, driven, length, step), sample_time=step, start=x)
+    instants = sorted({t for steps in driven.values() for t, _ in steps if 0.0 < t < length})
+    step, parts = _paced(instants, step, length, given=sample_time is not None)
+    fine = step / parts
+    run = run_model(model, _held(model, u, driven, length, fine), sample_time=fine, start=x)
     if start is None:
         typer.echo(f"{unrest}; it starts at the initial values of its states", err=True)
     elif not initial and not chosen.at:
@@ -94,9 +102,39 @@ def simulate(
     if out is not None:
         from workbench.files import write_whole
 
-        write_whole(out, _csv(run))
+        write_whole(out, _csv(run, parts))
+        if parts > 1:
+            typer.echo("inputs switch between its samples; a shorter --sample-time shows where")
         typer.echo(f"simulated recording written to {out}")
     return 0
+
+
+def _paced(
+    instants: Sequence[float], step: float, length: float, *, given: bool
+) -> tuple[float, int]:
+    """Return a sample time, and into how many parts a sample is cut for inputs to switch between.
+
+    Args:
+        instants: When inputs switch, in s.
+        step: Sample time, in s, which is kept if it was given.
+        length: Length of the run, in s.
+    """
+    common = 0.0
+    for instant in instants:
+        common = _divisor(common, instant, 1e-6 * step)
+    if not given and common > step / _MORE:
+        # A little less or much less, so that one sample is at each of them.
+        return common / math.ceil(common / step - 1e-9), 1
+    common = _divisor(common, step, 1e-6 * step) if instants else step
+    return step, min(round(step / common), math.ceil(_MOST * step / length))
+
+
+def _divisor(a: float, b: float, tolerance: float) -> float:
+    """Return the largest time of which two are multiples, but for a tolerance (Euclid)."""
+    while a > tolerance:
+        a, b = b - a * round(b / a), a
+        a = abs(a)
+    return b
 
 
 def _tell_other_start(model: Model, initial: Vector, rest: Vector) -> None:
@@ -179,10 +217,11 @@ def _held(
     return held
 
 
-def _csv(run: Trajectory) -> str:
+def _csv(run: Trajectory, parts: int) -> str:
+    """Return time, inputs and outputs at the samples of a run that has parts of each."""
     from workbench.recordings.saving import csv_text
 
     outputs = {q.name for q in run.model.outputs}
     shown = [(q.name, q.display_unit) for q in run.model.inputs if q.name not in outputs]
     shown += [(q.name, q.display_unit) for q in run.model.outputs]
-    return csv_text(run.time, [(name, unit, run[name]) for name, unit in shown])
+    return csv_text(run.time[::parts], [(name, unit, run[name][::parts]) for name, unit in shown])
