@@ -77,3 +77,11 @@ def test_the_zero_of_a_scale_has_no_part_in_an_error() -> None:
     assert error.rmse["air"] == pytest.approx(9.0)
     (axes,) = diagnosis_residuals(error, sizes_as_read(model, {"air": 0.05})).axes
     assert axes.get_ylabel() == "error of air in Δ°F"
+
+
+def test_errors_beside_a_sensor_whose_noise_nobody_knows_have_no_band() -> None:
+    seen = np.sin(0.1 * np.arange(100.0))[:, None]
+    run = FreeRun("a", ("flow",), ("1",), np.arange(100.0), seen, 0.9 * seen)
+    (axes,) = diagnosis_residuals(run, {}).axes
+    low, high = axes.get_ylim()
+    assert not axes.patches and 1e-3 < low < high < 1.0

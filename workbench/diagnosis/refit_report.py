@@ -17,7 +17,7 @@ from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.estimation.refit import refit
 from workbench.diagnosis.estimation.refit_result import Refit
 from workbench.diagnosis.estimation.start import fit_with_likely_starts, fitted_start, likely_start
-from workbench.diagnosis.estimation.windows import MILD, windowed_run
+from workbench.diagnosis.estimation.windows import MILD, settled, windowed_run
 from workbench.diagnosis.problem import Problem
 from workbench.diagnosis.selection.held_out import floor_of
 from workbench.diagnosis.selection.rules import IMPERFECT
@@ -156,8 +156,8 @@ def run_refit(problem: Problem, *, progress: Callable[[str], None] | None = None
     if not problem.fit:
         raise WorkbenchError(f"{problem.title} has no recording to fit on; give at least one")
     fit = [problem.observed(recording) for recording in problem.fit]
-    judged = [(problem.model, problem.observed(recording)) for recording in problem.hold_out]
-    judged += [(model, problem.observed(r, model)) for model, r in problem.in_loop]
+    judged = [(problem.model, recording) for recording in problem.hold_out]
+    judged += problem.in_loop
     priors, how = default_priors(problem.model), problem.refit
     began, begun = time.perf_counter(), done()
     scale = MILD
@@ -179,18 +179,21 @@ def run_refit(problem: Problem, *, progress: Callable[[str], None] | None = None
     if progress:
         progress("free runs on held-out recordings")
     nominal, refitted, rows = [], [], []
-    for model, seen in judged:
+    for model, recording in judged:
         changed = model.with_parameters(found.values)
-        observed = seen if how.stages else likely_start(changed, seen, seen, scale)
         own = ProcessNoiseFit(replace(found, model=changed), scale)
-        observed = growth_along(own, observed)
+        # Where a run begins depends on the parameters between it and the first measurements.
+        both = [problem.observed(recording, m) for m in (model, changed)]
+        if not how.stages:
+            both = [likely_start(changed, seen, seen, scale) for seen in both]
+        as_nominal, observed = (growth_along(own, seen) for seen in both)
         if observed.diverges:
-            before = windowed_run(model, model, observed, scale)
+            before = windowed_run(model, model, as_nominal, scale)
             after = windowed_run(changed, model, observed, scale)
             floor = np.sqrt(floor_of(own, model, observed)).tolist()
             limited = dict(zip(observed.used, floor, strict=True))
         else:
-            before = free_run(model, _started(how, model, observed))
+            before = free_run(model, _started(how, model, as_nominal))
             started = _started(how, changed, observed)
             after = free_run(changed, started)
             limited = noise_limited(own.refit, started)
@@ -248,6 +251,6 @@ def _remark(row: HeldOut) -> str:
 
 def _started(how: RefitSettings, model: Model, observed: Observed) -> Observed:
     if not how.start_samples:
-        return observed
+        return settled(model, model, observed)
     samples = min(how.start_samples, len(observed.outputs))
     return fitted_start(model, observed, samples=samples)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 from workbench.computing.counted import in_words
@@ -73,7 +74,8 @@ def pictures(report: RefitReport) -> tuple[Picture, ...]:
             continue
         title = refitted.name
         own = [r for r in report.rows if r.recording == title]
-        noise = {r.output: float(to_si(r.noise, r.unit)) for r in own}
+        known = [r for r in own if math.isfinite(r.noise)]
+        noise = {r.output: float(to_si(r.noise, r.unit)) for r in known}
         file = re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
         files = f"held-out-{file}", f"errors-{file}"
         names = "nominal", "refitted"

@@ -230,17 +230,13 @@ class _Problem:
         damped = hessian + damping * np.diag(np.diag(hessian))
         low = (self._lower - values) / self._scale
         high = (self._upper - values) / self._scale
-        free = np.ones(len(values), dtype=bool)
-        step = np.zeros(len(values))
-        # Active set: parameters that would leave their bounds are put on them, the rest solved
-        # again.
-        for _ in range(len(values) + 1):
-            rhs = -gradient[free] - damped[np.ix_(free, ~free)] @ step[~free]
-            step[free] = np.linalg.solve(damped[np.ix_(free, free)], rhs)
-            out = free & ((step < low) | (step > high))
-            if not out.any():
-                break
-            step[out] = np.clip(step[out], low[out], high[out])
-            free &= ~out
+        step = np.linalg.solve(damped, -gradient)
+        if np.any((step < low) | (step > high)):
+            from scipy.optimize import lsq_linear
+
+            # The best within the bounds; one that is merely cut off there may lead uphill.
+            factor = np.linalg.cholesky(damped)
+            aim = -np.linalg.solve(factor, gradient)
+            step = lsq_linear(factor.T, aim, (low, high), method="bvls").x
         trial = np.clip(values + step * self._scale, self._lower, self._upper)
         return trial, -float(gradient @ step + 0.5 * step @ hessian @ step)

@@ -233,7 +233,8 @@ def diagnosis_residuals(
     handles: list[Line2D | Patch] = [named_line(names[0], BEFORE, width=1.3)]
     if after is not None:
         handles.append(named_line(names[1], AFTER, width=1.3))
-    handles.append(Patch(color=BAND.light, label="twice the sensor's noise"))
+    if any(noise.get(name) for name in before.used):
+        handles.append(Patch(color=BAND.light, label="twice the sensor's noise"))
     key(panels[0], columns=3, handles=handles)  # type: ignore[arg-type]
     figure.align_ylabels()
     return figure
@@ -245,10 +246,14 @@ def draw_error(
     """Draw the error of one output over time, on a logarithmic axis.
 
     Args:
-        noise: Noise of each output, in the unit of the runs; the band is twice that.
+        noise: Noise of each output, in the unit of the runs; the band is twice that. Without one no
+            band is drawn.
     """
-    off = float(np.nanmax(np.abs(before.error[:, i]), initial=0.0))
-    level = max(noise.get(before.used[i], 0.0), 1e-9 * off) or 1.0
+    told = noise.get(before.used[i], 0.0)
+    off = np.abs(before.error[:, i])
+    level = max(told, 1e-9 * float(np.nanmax(off, initial=0.0))) or 1.0
+    if not told and np.any(off > 0.0):
+        level = float(np.nanmedian(off[off > 0.0]))
     smallest, largest = level, 3 * level
     for run, colour in ((before, BEFORE), (after, AFTER)):
         if run is not None and run.finite:
@@ -258,8 +263,9 @@ def draw_error(
             largest = max(largest, float(np.nanmax(rms, initial=level)))
     axes.set_yscale("log")
     axes.set_ylim(0.5 * max(smallest, 1e-3 * level), 2 * largest)
-    axes.axhspan(1e-12, 2 * level, color=BAND.light, zorder=0)
-    axes.axhline(level, color=REFERENCE.light, linewidth=0.9, linestyle=":")
+    if told:
+        axes.axhspan(1e-12, 2 * level, color=BAND.light, zorder=0)
+        axes.axhline(level, color=REFERENCE.light, linewidth=0.9, linestyle=":")
     decades(axes)
     label(axes, y=titled(f"error of {before.used[i]}", before.units[i]))
 
