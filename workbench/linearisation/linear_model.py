@@ -334,7 +334,7 @@ class LinearModel(Drawn):
             f"  {', '.join(self.input_names)} -> {', '.join(self.output_names)}",
         ]
         if np.any(self.drift):
-            lines.append("  the point drifts; see its operating point")
+            lines.append(f"  at a point that drifts: {point.drift_in_words()}")
         lines += [f"  {line}" for line in self._told_modes()]
         if self.verdict is not None:
             lines += [f"  {line}" for line in self.verdict.summary()]

@@ -23,7 +23,7 @@ from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError, check_choice, check_finite, check_range
 from workbench.model import EXACT, DriftingSum, Input, Model, Quantity, State
 from workbench.model.quantities import shown_in
-from workbench.model.units import from_si, shown_unit, with_unit
+from workbench.model.units import from_si, of_difference, with_unit
 from workbench.operating_point.derivatives import derivatives_of
 from workbench.operating_point.trim import (
     RESIDUAL_TOLERANCE,
@@ -33,6 +33,7 @@ from workbench.operating_point.trim import (
     clocks_of,
     conditions_of,
     limits_of,
+    rate_sizes,
     solve,
     what_would_be_possible,
 )
@@ -97,14 +98,20 @@ class OperatingPoint(Shown):
         rows += [_entry("output", q, v) for q, v in zip(model.outputs, self.y, strict=True)]
         rows += [_entry("state", q, v) for q, v in zip(model.states, self.x, strict=True)]
         for name, rate in self.drift.items():
-            unit = shown_unit(next(q for q in model.states if q.name == name).unit)
-            rows.append(("drift", name, float(from_si(rate, unit)), f"{unit}/s"))
+            unit = shown_in(next(q for q in model.states if q.name == name))
+            rate_unit = of_difference(unit)
+            rows.append(("drift", name, float(from_si(rate, rate_unit)), f"{rate_unit}/s"))
         return (Rows("values at rest", ("kind", "name", "value", "unit"), rows),)
 
     def in_words(self) -> str:
         """Return inputs and measurements in one line, in the units in which they are shown."""
         rows = self.tables()[0].rows[: len(self.u) + len(self.y)]
         return ", ".join(f"{n} {with_unit(f'{v:.4g}', str(unit))}" for _, n, v, unit in rows)
+
+    def drift_in_words(self) -> str:
+        """Return how fast each state goes on that does not rest there."""
+        drifting = [row for row in self.tables()[0].rows if row[0] == "drift"]
+        return ", ".join(f"{n} by {with_unit(f'{v:.3g}', str(unit))}" for _, n, v, unit in drifting)
 
     def __str__(self) -> str:
         model = self.model
@@ -142,6 +149,10 @@ def operating_point(
     reported. Without one the result is a true equilibrium: of the arm, where the valve's leakage
     holds both pressures. What changes at a time, such as a jump of a parameter, has changed.
 
+    Of a plant that declares no such sum and rests nowhere, as a roll that grows, a cell that is
+    discharged or a rocket that burns, a state or two go on: they stand where they start, or where
+    what is given puts them, and their rates are the drift.
+
     Args:
         model: The plant, or what stands for it, such as a system of python-control.
         given: Values of measurements, states or inputs by name, in SI, at most one per input (and
@@ -170,12 +181,32 @@ def operating_point(
         (4.2, True)
     """
     model = model_of(model)
+    asked = _checked(model, given)
+    if len(_with_disturbances(model, asked)) < len(_undisturbed(model, asked)) and (
+        passed := _passed_through(model, asked, bounds, near)
+    ):
+        return passed
+    try:
+        return _resting(model, given, bounds, near)
+    except _NoPointError:
+        if passed := _passed_through(model, asked, bounds, near):
+            return passed
+        raise
+
+
+def _resting(
+    model: Model,
+    given: Mapping[str, float] | None,
+    bounds: Mapping[str, tuple[float, float]] | None,
+    near: OperatingPoint | None,
+) -> OperatingPoint:
+    """Find where all of a model rests, but for the sums that it declares to drift."""
     if _tells_where(model) and (held := _held_at_start(model, bounds, near, given)):
         return held
     wanted = _with_disturbances(model, _checked(model, given))
     sums = [total for total in model.traits.sums if total.name in _drifting(model, wanted)]
-    direction = _direction(model, sums)
-    problem = Problem(model, _conditions(model, wanted, sums), direction, *_bounds(model, bounds))
+    conditions = _conditions(model, wanted, sums)
+    problem = Problem(model, conditions, _directions(model, sums), *_bounds(model, bounds))
     x, u = _start(model, wanted, sums, near)
     x = np.clip(x, problem.lower[: len(x)], problem.upper[: len(x)])
     solution = solve(problem, x, u)
@@ -187,8 +218,12 @@ def operating_point(
             solution = other
             break
     if not solution.solved:
-        # What nominal inputs do not carry, or fill and empty, is held where it starts.
-        if not given and (held := _held_at_start(model, bounds, near)):
+        # What nominal inputs do not carry, or fill and empty, is held where it starts. A command
+        # that declares quite another value keeps that if all rests by it but what goes on slowly.
+        held = None if given else _held_at_start(model, bounds, near)
+        if held and _says_rest(model) and not _about_nominal(held):
+            return _passed_through(model, wanted, bounds, near) or held
+        if held:
             return held
         raise _NoPointError(lambda: _impossible(problem, solution, asked=bool(given)))
     # By itself it would not come to rest there, nor stay: a command that holds it does.
@@ -200,7 +235,7 @@ def operating_point(
         for elsewhere in _within_ranges(model, u):
             middle = {q.name: float(v) for q, v in zip(model.inputs, elsewhere, strict=True)}
             with suppress(WorkbenchError):
-                return operating_point(model, middle, bounds=bounds, near=near)
+                return _resting(model, middle, bounds, near)
     # What begins nowhere and rests anywhere would rest where chance lets it.
     anywhere = [q.name for q in model.states if q.name in solution.undetermined]
     started = derivatives_of(model, EXACT).values(x, u, model.values)
@@ -208,6 +243,79 @@ def operating_point(
         raise _no_numbers(model, f"where {model.name!r} begins, and it rests anywhere,")
     if any("." in name for name in solution.undetermined):
         solution = _with_effects_at_start(problem, solution, x, u)
+    return _point(problem, solution, wanted)
+
+
+def _about_nominal(point: OperatingPoint) -> bool:
+    """Say whether commands are about where they declare to be."""
+    pairs = zip(point.u, point.model.inputs, strict=True)
+    return all(abs(u - q.nominal) < _ABOUT * q.scale for u, q in pairs if q.commanded)
+
+
+def _passed_through(
+    model: Model,
+    asked: Mapping[str, float],
+    bounds: Mapping[str, tuple[float, float]] | None,
+    near: OperatingPoint | None,
+) -> OperatingPoint | None:
+    """Find where all rests but a state or two that go on slowly, such as the radius of a roll.
+
+    They stand where they start, or where what is given puts them. Slow is what takes ten times as
+    long to go its scale as any other state does when something moves by its own.
+    """
+    if model.traits.sums:
+        return None
+    wanted = _undisturbed(model, dict(asked))
+    found = _passing(model, wanted, bounds, near)
+    if not found and len(wanted) <= len(model.inputs):
+        # What is given is where a state goes by that the usual commands do not hold.
+        wanted = {q.name: q.nominal for q in model.inputs} | wanted
+        found = _passing(model, wanted, bounds, near)
+    return _point(*found, wanted) if found else None
+
+
+def _passing(
+    model: Model,
+    wanted: Mapping[str, float],
+    bounds: Mapping[str, tuple[float, float]] | None,
+    near: OperatingPoint | None,
+) -> tuple[Problem, Solution] | None:
+    conditions = _conditions(model, wanted, ())
+    x, u = _start(model, wanted, (), near)
+    size = np.array([q.scale for q in model.states])
+    own = [i for i, q in enumerate(model.states) if "." not in q.name]
+    limits = _bounds(model, bounds)
+    x = np.clip(x, limits[0][: len(x)], limits[1][: len(x)])
+    more = max(0, len(conditions) - len(model.inputs))
+    for count in range(max(1, more), min(_PASSING, len(x) - 1) + 1):
+        slowest, best = SLOW, None
+        for going in map(list, combinations(own, count)):
+            held = [(model.states[i].name, x[i]) for i in going[more:]]
+            every = (*conditions, *conditions_of(model, held, states_first=True))
+            problem = Problem(model, every, np.diag(size)[:, going], *limits)
+            solution = solve(problem, x, u, robust=False)
+            if not solution.solved:
+                continue
+            rates = derivatives_of(model, EXACT).values(solution.x, solution.u, model.values)
+            others = np.delete(rate_sizes(model, solution.x, solution.u) / size, going)
+            pace = float(np.max(np.abs(rates[going]) / size[going]) / others.min())
+            if pace < slowest:
+                slowest, best = pace, (problem, solution)
+        if best:
+            return best
+    return None
+
+
+_ABOUT = 0.1
+"""Distance of a command from its nominal value, over its scale, that may be its rounding."""
+
+_PASSING, SLOW = 2, 0.1
+"""Most states that go on while the others rest, and how fast they may, over the pace of these."""
+
+
+def _point(problem: Problem, solution: Solution, wanted: Mapping[str, float]) -> OperatingPoint:
+    """Return what a trim found, without its round-off."""
+    model = problem.model
     _snap(model, wanted, solution)
     values = derivatives_of(model, EXACT).values(solution.x, solution.u, model.values)
     # What is zero within the tolerance may be zero.
@@ -228,8 +336,8 @@ def operating_point(
         given=wanted,
         drift={
             q.name: float(rate)
-            for q, rate, weight in zip(model.states, at, direction, strict=True)
-            if weight
+            for q, rate, weights in zip(model.states, at, problem.drifting, strict=True)
+            if weights.any()
         },
         residual=solution.residual,
         condition_number=solution.condition_number,
@@ -339,7 +447,7 @@ def _held_at_start(
         for kept in islice(combinations(outputs, count), CHOICES):
             with suppress(WorkbenchError):
                 held = {**left, **idle, **dict(kept), **asked}
-                return operating_point(model, held, bounds=bounds, near=near)
+                return _resting(model, held, bounds, near)
     return None
 
 
@@ -375,8 +483,13 @@ def _checked(model: Model, given: Mapping[str, float] | None) -> dict[str, float
 def _with_disturbances(model: Model, given: dict[str, float]) -> dict[str, float]:
     """Hold what nobody commands at its nominal value, as far as the inputs have room for it."""
     room = len(model.inputs) - len(given) if given else 0
-    held = [q for q in model.inputs if not q.commanded and q.name not in given]
-    return given | {q.name: q.nominal for q in held[: max(room, 0)]}
+    return dict(islice(_undisturbed(model, given).items(), len(given) + max(room, 0)))
+
+
+def _undisturbed(model: Model, given: dict[str, float]) -> dict[str, float]:
+    """Add to given values the nominal ones of all inputs that nobody commands."""
+    idle = {q.name: q.nominal for q in model.inputs if not q.commanded}
+    return given | {name: value for name, value in idle.items() if name not in given}
 
 
 def check_value(model: Model, name: str, value: float, *, what: str = "") -> None:
@@ -434,14 +547,16 @@ def _conditions(
     return tuple(found)
 
 
-def _direction(model: Model, sums: Sequence[DriftingSum]) -> Vector:
-    """Return the direction in which the rates may differ from zero: that of drifting sums."""
+def _directions(model: Model, sums: Sequence[DriftingSum]) -> Vector:
+    """Return the directions in which the rates may differ from zero: those of drifting sums."""
     names = [q.name for q in model.states]
-    direction = np.zeros(len(names))
-    for name, weight in (pair for total in sums for pair in total.drifting):
-        # The drift is counted in scales of the states, so that it is of the size of the rest.
-        direction[names.index(name)] = weight * model.states[names.index(name)].scale
-    return direction
+    directions = np.zeros((len(names), len(sums)))
+    for column, total in enumerate(sums):
+        for name, weight in total.drifting:
+            # The drift is counted in scales of the states, so that it is of the size of the rest.
+            i = names.index(name)
+            directions[i, column] = weight * model.states[i].scale
+    return directions
 
 
 def _bounds(model: Model, given: Mapping[str, tuple[float, float]] | None) -> tuple[Vector, Vector]:

@@ -15,7 +15,7 @@ import numpy as np
 from workbench.arrays import Vector
 from workbench.model import EXACT, REGULARISED, Form, Input, Model, State
 from workbench.model.quantities import shown_in
-from workbench.model.units import from_si, shown_unit
+from workbench.model.units import from_si, same_dimension, shown_unit
 from workbench.operating_point.derivatives import derivatives_of
 
 RESIDUAL_TOLERANCE = 1e-8
@@ -48,15 +48,15 @@ class Problem:
     """What a trim has to solve.
 
     Args:
-        drift_direction: Direction in which the rates may differ from zero, shape (n_x,), in SI
-            per unit of drift; zero for none.
+        drifting: Directions in which the rates may differ from zero, shape (n_x, n_drift), in SI
+            per unit of drift.
         lower: Smallest states and inputs, shape (n_x + n_u,), in SI.
         upper: Largest states and inputs, shape (n_x + n_u,), in SI.
     """
 
     model: Model
     conditions: tuple[Condition, ...]
-    drift_direction: Vector
+    drifting: Vector
     lower: Vector
     upper: Vector
 
@@ -68,7 +68,6 @@ class Solution:
     Args:
         x: States, shape (n_x,), in SI.
         u: Inputs, shape (n_u,), in SI.
-        drift: Drift along the problem's direction, in units of that direction per second.
         residual: Largest remaining error, relative to the scales.
         worst: Name of the equation that the error is in.
         condition_number: Ratio of the largest to the smallest singular value of the scaled
@@ -78,7 +77,6 @@ class Solution:
 
     x: Vector
     u: Vector
-    drift: float
     residual: float
     worst: str
     condition_number: float
@@ -100,7 +98,7 @@ def solve(problem: Problem, x: Vector, u: Vector, *, robust: bool = True) -> Sol
         robust: Whether to fall back to a bounded least-squares search where Newton's method ends
             outside its tolerance.
     """
-    exact = _Equations(problem, EXACT, _rate_sizes(problem.model, x, u))
+    exact = _Equations(problem, EXACT, rate_sizes(problem.model, x, u))
     # The search weighs all rates alike, lest the fastest lead it; each is judged as it is.
     own = exact.size[: exact.n_x]
     alike = own * (np.median(exact.rate_size / own) if exact.n_x else 1.0)
@@ -128,7 +126,7 @@ def solve(problem: Problem, x: Vector, u: Vector, *, robust: bool = True) -> Sol
     return exact.solution(z, steps)
 
 
-def _rate_sizes(model: Model, x: Vector, u: Vector) -> Vector:
+def rate_sizes(model: Model, x: Vector, u: Vector) -> Vector:
     """Return what each rate is when one state or input moves by its scale, in SI per second.
 
     A rate that nothing moves there has the pace of the fastest.
@@ -150,11 +148,11 @@ class _Equations:
         self.at = derivatives_of(model, form)
         self.p = model.values
         self.n_x, self.n_u = len(model.states), len(model.inputs)
-        self.drifts = bool(np.any(problem.drift_direction))
+        drifts = problem.drifting.shape[1]
         own = [q.scale for q in (*model.states, *model.inputs)]
-        self.size = np.array(own + ([1.0] if self.drifts else []))
-        self.lower = np.append(problem.lower, -np.inf)[: len(self.size)] / self.size
-        self.upper = np.append(problem.upper, np.inf)[: len(self.size)] / self.size
+        self.size = np.array(own + drifts * [1.0])
+        self.lower = np.append(problem.lower, np.full(drifts, -np.inf)) / self.size
+        self.upper = np.append(problem.upper, np.full(drifts, np.inf)) / self.size
         self.rate_size = rate_size
         self.weights = np.array([c.weights for c in problem.conditions]).reshape(
             len(problem.conditions), len(model.outputs) + self.n_x + self.n_u
@@ -167,7 +165,7 @@ class _Equations:
             self.ticking[i] = rate
 
     def scaled(self, x: Vector, u: Vector) -> Vector:
-        z = np.concatenate([x, u, [0.0] if self.drifts else []]) / self.size
+        z = np.concatenate([x, u, np.zeros(self.problem.drifting.shape[1])]) / self.size
         return np.asarray(np.clip(z, self.lower, self.upper))
 
     @np.errstate(over="ignore", invalid="ignore")
@@ -179,17 +177,15 @@ class _Equations:
         rates, measurements = values[: self.n_x], values[self.n_x :]
         error = (rates - self.ticking) / self.rate_size
         slope = jacobian[: self.n_x] / self.rate_size[:, None]
-        if self.drifts:
-            direction = self.problem.drift_direction / self.rate_size
-            error = error - full[-1] * direction
-            slope = np.column_stack([slope, -direction])
+        drifting = self.problem.drifting / self.rate_size[:, None]
+        error = error - drifting @ full[self.n_x + self.n_u :]
+        slope = np.column_stack([slope, -drifting])
         if len(self.wanted):
             everything = np.concatenate([measurements, x, u])
             of_y, of_z = self.weights[:, : self.n_y], self.weights[:, self.n_y :]
             met = (self.weights @ everything - self.wanted) / self.wanted_size
             rows = (of_y @ jacobian[self.n_x :] + of_z) / self.wanted_size[:, None]
-            if self.drifts:
-                rows = np.column_stack([rows, np.zeros(len(rows))])
+            rows = np.column_stack([rows, np.zeros((len(rows), drifting.shape[1]))])
             error, slope = np.concatenate([error, met]), np.vstack([slope, rows])
         return error, slope * self.size
 
@@ -283,7 +279,6 @@ class _Equations:
         return Solution(
             x=full[: self.n_x],
             u=full[self.n_x : self.n_x + self.n_u],
-            drift=float(full[-1]) if self.drifts else 0.0,
             residual=float(np.abs(error[worst])),
             worst=labels[worst],
             condition_number=float(kept[0] / kept[-1]) if len(kept) else math.inf,
@@ -300,13 +295,15 @@ def _singular_values(slope: Vector) -> tuple[Vector, Vector]:
     return singular, right
 
 
-def conditions_of(model: Model, given: Sequence[tuple[str, float]]) -> tuple[Condition, ...]:
+def conditions_of(
+    model: Model, given: Sequence[tuple[str, float]], *, states_first: bool = False
+) -> tuple[Condition, ...]:
     """Turn given values, in SI, into conditions: of measurements, states, then inputs by name."""
     everything = [*model.outputs, *model.states, *model.inputs]
     names = [q.name for q in everything]
     found = []
     for name, value in given:
-        index = names.index(name)
+        index = names.index(name, len(model.outputs) if states_first else 0)
         weights = np.zeros(len(names))
         weights[index] = 1.0
         found.append(Condition(name, weights, float(value), everything[index].scale))
@@ -314,12 +311,13 @@ def conditions_of(model: Model, given: Sequence[tuple[str, float]]) -> tuple[Con
 
 
 def clocks_of(model: Model) -> dict[int, float]:
-    """Return the rates, in SI per second, of states that go on whatever happens, by their place.
+    """Return the rates, in SI per second, of times that go on whatever happens, by their place.
 
     Nothing rests at a time, but everything else may: before what happens at a time, or after it.
     """
-    rates = [model.exact.rates[i] for i in range(len(model.states))]
-    return {i: float(r) for i, r in enumerate(rates) if r.is_constant() and float(r) != 0.0}
+    timed = [i for i, q in enumerate(model.states) if same_dimension(q.unit, "s")]
+    rates = {i: model.exact.rates[i] for i in timed}
+    return {i: float(r) for i, r in rates.items() if r.is_constant() and float(r) != 0.0}
 
 
 def limits_of(model: Model) -> tuple[Vector, Vector]:

@@ -167,6 +167,7 @@ class StepTrial:
         self._tell_far(found, hold)
         self._tell_noise(recipes, found)
         self._tell_ends()
+        self._tell_drift()
         return recipes, found
 
     def _tell_ends(self) -> None:
@@ -180,6 +181,15 @@ class StepTrial:
             self.say(
                 f"at rest every command is at an end of its range ({names}) and goes one way only;"
                 " rest the plant where it works (--from)"
+            )
+
+    def _tell_drift(self) -> None:
+        """Say which states go on where all others rest, if the plant does not declare them."""
+        point = self.linear.operating_point
+        if point.drift and not self.model.traits.sums:
+            self.say(
+                f"a state does not rest there but goes on ({point.drift_in_words()}); designs and"
+                " steps are those of where it begins"
             )
 
     def _tell_far(self, scenarios: Sequence[Scenario], hold: float) -> None:
