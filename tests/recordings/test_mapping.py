@@ -364,3 +364,34 @@ def test_units_of_the_file(read: Read) -> None:
     for bad in ("0.5", "half deg", "0.5 furlong", ""):
         with pytest.raises(WorkbenchError, match="unit"):
             read(lines, mapping={"units": {"tick": bad}})
+
+
+@pytest.mark.parametrize(
+    ("supply", "chamber", "apart"),
+    [
+        ("supply [bar abs]", "chamber [bar abs]", (0.0, 0.0)),
+        ("supply [barg]", "chamber [barg]", (1.01325, 1.01325)),
+        ("supply [bar abs]", "chamber [barg]", (0.0, 1.01325)),
+        ("supply [bar]", "chamber [bar]", (0.0, 0.0)),
+    ],
+)
+def test_pressures_of_a_plant_that_counts_from_vacuum_are_absolute(
+    supply: str, chamber: str, apart: tuple[float, float], tmp_path: Path
+) -> None:
+    # That it does, the chamber tells: it begins at the ambient pressure.
+    plant = machine(
+        lambda m: (
+            {"filled": m.u.supply - m.x.filled},
+            {"chamber": m.x.filled, "loss": m.u.supply - m.x.filled},
+        ),
+        "filled Pa 101325 scale=1e5",
+        "supply Pa 0 1e6 7e5",
+        "chamber Pa 100 scale=1e5, loss Pa 100 scale=1e5",
+    )
+    file = tmp_path / "a.csv"
+    file.write_text(f"time_s,{supply},{chamber},loss [mbar]\n0,7,1,30\n1,7,2,20\n2,7,6,10\n")
+    found = read_recording(file, signals=plant)
+    read = found["supply"] / 1e5 - 7.0, found["chamber"] / 1e5 - [1.0, 2.0, 6.0]
+    assert np.allclose(read, np.array(apart)[:, None])
+    assert found.signal("chamber").kind == "absolute pressure"
+    assert found["loss"].tolist() == [3000.0, 2000.0, 1000.0]

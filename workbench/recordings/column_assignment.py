@@ -14,6 +14,7 @@ from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
 from workbench.model.units import parse_unit, same_dimension, to_si
 from workbench.recordings.column_matching import (
+    AMBIENT_PA,
     Requested,
     guess_role,
     in_degrees,
@@ -29,7 +30,6 @@ from workbench.recordings.mapping import ColumnRule, MappingRules
 from workbench.recordings.quantity_kinds import kind_of
 from workbench.recordings.recording import ColumnMapping, MappedColumn, Role, Scalar, Signal
 
-AMBIENT_PA = 101325.0
 _EPOCHS = {"ms": 1e11, "us": 1e14, "ns": 1e17}
 """Smallest count since 1970 that is one of milli-, micro- and nanoseconds: seconds do not get there
 before the year 5138, and the others have since 1973."""
@@ -220,7 +220,12 @@ def _signal(
             values = to_si(values, unit)
     name = kind.name
     reference = rule.reference or header.reference
-    if kind.name == "pressure" and reference == "absolute":
+    if kind.name == "pressure" and request.reference == "absolute":
+        name = "absolute pressure"
+        if reference == "gauge":
+            values = values + AMBIENT_PA
+            note = f"gauge; {AMBIENT_PA / 1e5:g} bar added, as the plant counts from vacuum"
+    elif kind.name == "pressure" and reference == "absolute":
         values, name = values - AMBIENT_PA, "gauge pressure"
         note = f"absolute; {AMBIENT_PA / 1e5:g} bar subtracted"
     elif kind.name == "pressure" and reference == "gauge":
@@ -315,7 +320,8 @@ def assign(
 
     With rules for signals only those are taken; otherwise the requested ones are found by name and
     unit, and every other column of numbers keeps its own name. Pressures stated as absolute become
-    gauge pressures.
+    gauge pressures, but for a plant that counts from vacuum: there stated gauge pressures become
+    absolute.
 
     Example:
         >>> file = Columns(("time_ms", "angle_deg"), ("", ""), np.array([[0.0, 0.0], [2.0, 180.0]]))

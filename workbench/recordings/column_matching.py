@@ -51,6 +51,8 @@ class Requested:
         display_unit: Unit in which people read it; ``""`` for the column's.
         stated: Unit in which numbers count that state none; ``""`` for that of the SI.
         begins: What it is where the plant begins, in SI; NaN if nobody knows.
+        reference: From where the plant counts a pressure, ``gauge`` or ``absolute``; ``""`` if it
+            does not show.
     """
 
     name: str
@@ -60,19 +62,38 @@ class Requested:
     optional: bool = False
     stated: str = ""
     begins: float = math.nan
+    reference: str = ""
 
 
-def _requested(q: Any, role: Role, begins: Mapping[str, float]) -> Requested:
+def _requested(q: Any, role: Role, begins: Mapping[str, float], reference: str) -> Requested:
     shown = getattr(q, "display_unit", q.unit)
     shown = "" if shown == q.unit else shown
     stated, first = getattr(q, "stated", ""), begins.get(q.name, math.nan)
-    return Requested(q.name, q.unit, role, shown, stated=stated, begins=first)
+    counts = _reference(q, first) or reference if same_dimension(q.unit, "Pa") else ""
+    return Requested(q.name, q.unit, role, shown, stated=stated, begins=first, reference=counts)
 
 
-def _warm_at_first(model: Any) -> dict[str, float]:
-    """Return the temperatures with which a model begins, of inputs and outputs by name, in K."""
-    warm = [q.name for q in (*model.inputs, *model.outputs) if same_dimension(q.unit, "K")]
-    if not (warm and hasattr(model, "initial_state")):
+AMBIENT_PA = 101325.0
+_ABOUT_PA = 0.05 * AMBIENT_PA
+"""Distance from the ambient pressure of what somebody writes for it, such as 1 bar."""
+
+
+def _reference(q: Any, begins: float) -> str:
+    """Return from where a plant counts a pressure, by its range and by where it begins."""
+    lower = getattr(q, "lower", -math.inf)
+    if abs(begins - AMBIENT_PA) < _ABOUT_PA or lower > 0.5 * AMBIENT_PA:
+        return "absolute"
+    return "gauge" if -math.inf < lower < 0.0 else ""
+
+
+def _at_first(model: Any) -> dict[str, float]:
+    """Return temperatures and pressures with which a model begins, by name, in SI."""
+    at = [
+        q.name
+        for q in (*model.inputs, *model.outputs)
+        if same_dimension(q.unit, "K") or same_dimension(q.unit, "Pa")
+    ]
+    if not (at and hasattr(model, "initial_state")):
         return {}
     u = model.nominal_input
     try:
@@ -81,7 +102,7 @@ def _warm_at_first(model: Any) -> dict[str, float]:
         # It begins nowhere.
         return {}
     each = zip((*model.inputs, *model.outputs), values, strict=True)
-    return {q.name: float(value) for q, value in each if q.name in warm}
+    return {q.name: float(value) for q, value in each if q.name in at}
 
 
 def requested_signals(signals: Any) -> tuple[Requested, ...]:
@@ -96,9 +117,13 @@ def requested_signals(signals: Any) -> tuple[Requested, ...]:
     if isinstance(signals, tuple) and all(isinstance(s, Requested) for s in signals):
         return signals
     if hasattr(signals, "inputs") and hasattr(signals, "outputs"):
-        begins = _warm_at_first(signals)
-        inputs = (_requested(q, "command", begins) for q in signals.inputs)
-        return (*inputs, *(_requested(q, "measurement", begins) for q in signals.outputs))
+        begins = _at_first(signals)
+        roles: list[tuple[Any, Role]] = [(q, "command") for q in signals.inputs]
+        roles += [(q, "measurement") for q in signals.outputs]
+        told = {_reference(q, begins[q.name]) for q, _ in roles if q.name in begins}
+        # What tells nothing by itself, such as a supply, is counted as the others are.
+        usual = "absolute" if "absolute" in told and "gauge" not in told else ""
+        return tuple(_requested(q, role, begins, usual) for q, role in roles)
     if isinstance(signals, Mapping):
         for unit in signals.values():
             parse_unit(unit)

@@ -40,7 +40,7 @@ class ColumnRule:
         factor: Gain, in ``unit`` per unit of the column: a sensor's voltage becomes a pressure.
         offset: Added after sign and factor, in ``unit``.
         role: ``command``, ``reference`` or ``measurement``; by default from the name.
-        reference: ``gauge`` or ``absolute`` (pressures); absolute becomes gauge.
+        reference: ``gauge`` or ``absolute`` (pressures); it becomes what the plant counts in.
     """
 
     signal: str

@@ -10,7 +10,7 @@ import numpy as np
 from workbench.model.units import from_si, same_dimension, to_si
 from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
-from workbench.recordings.column_assignment import AMBIENT_PA
+from workbench.recordings.column_matching import AMBIENT_PA
 from workbench.recordings.recording import Recording, Signal
 
 _NEAR = 0.06e5
@@ -27,8 +27,7 @@ def check_gauge(recording: Recording, expected: Expected) -> Finding:
 
     A vented volume reads 0 gauge, and about 1.01 bar absolute. Pressures count as absolute if none
     ever falls below ambient, at least one dwells there, and they rise well above; or if one exceeds
-    its range by no more than 1.4 bar. A model whose range begins above half an atmosphere counts
-    from vacuum, and its pressures stay.
+    its range by no more than 1.4 bar. Pressures of a plant that counts from vacuum stay.
     """
     names = [
         s.name
