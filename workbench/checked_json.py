@@ -68,7 +68,8 @@ def read_toml(path: str | Path, what: str, shape: Shape | None = None) -> dict[s
     """
     name = f"{what} {str(path)!r}"
     try:
-        content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        # Editors of Windows put a mark of the encoding before all else.
+        content = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise WorkbenchError(f"{name} cannot be read: {reason}") from None

@@ -327,3 +327,25 @@ def test_a_misspelt_rate_is_told_by_its_state() -> None:
             inputs=(Input("force", "N"),), outputs=(Output("way", "m"),),
             parameters=(Parameter("stiffness", "N/m", value=3.0),),
         )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("told", "value", "unit", "is_"),
+    [
+        ("revs", 2.0, "rad", 4.0 * math.pi),
+        ("Umdr/min", 30.0, "rad/s", math.pi),
+        ("krpm", 0.03, "rad/s", math.pi),
+        ("rps", 1.0, "rad/s", 2.0 * math.pi),
+        ("gon", 200.0, "rad", math.pi),
+        ("Grad", 180.0, "rad", math.pi),
+        ("Grad Celsius", 20.0, "K", 293.15),
+        ("℃", 20.0, "K", 293.15),
+        ("DEGF", 32.0, "K", 273.15),
+        ("VOLTS", 2.0, "V", 2.0),
+        ("Ampere", 2.0, "A", 2.0),
+    ],
+)
+def test_units_as_loggers_and_people_of_other_tongues_write_them(
+    told: str, value: float, unit: str, is_: float
+) -> None:
+    assert is_known(told) and convert(value, told, unit) == pytest.approx(is_)

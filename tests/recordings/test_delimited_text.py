@@ -79,12 +79,20 @@ def test_row_of_units_and_comments(read: Read) -> None:
     assert recording.signal("angle").kind == "angle"
 
 
-def test_an_oscilloscope_writes_its_step_among_the_units(read: Read) -> None:
-    head = "X,CH1,CH2,Start,Increment,\nSequence,Volt,Volt,-3.0e+00,1.0e-02\n"
+@pytest.mark.parametrize("volt", ["Volt", "VOLT"])
+def test_an_oscilloscope_writes_its_step_among_the_units(read: Read, volt: str) -> None:
+    head = f"X,CH1,CH2,Start,Increment,\nSequence,{volt},{volt},-3.0e+00,1.0e-02\n"
     rows = "".join(f"{k},{k / 9:.4e},{1 / (k + 1):.4e},,\n" for k in range(50))
     recording = read(head + rows)
     assert np.allclose(recording.time, 0.01 * np.arange(50))
     assert recording.signal("CH1").unit == "V" and recording["CH2"][1] == 0.5
+
+
+def test_channels_that_have_numbers_for_names(read: Read) -> None:
+    rows = "".join(f"{0.01 * k - 5:.8E},{k:+.6E},{k * k:+.6E}\n" for k in range(9))
+    text = "x-axis,1,2\nsecond,Volt,Ampere\n" + rows
+    found = read(text, mapping={"time": {"column": "x-axis"}, "signals": {"current": "2"}})
+    assert found["current"][3] == 9.0 and found.signal("current").unit == "A"
 
 
 def test_a_row_of_units_stands_above_what_a_title_ends_in(read: Read) -> None:
@@ -95,9 +103,10 @@ def test_a_row_of_units_stands_above_what_a_title_ends_in(read: Read) -> None:
     assert recording.names == ("Channel_A", "Channel_B") and recording.time[1] == 0.001
 
 
-def test_a_night_in_which_clocks_change_has_no_gap(read: Read) -> None:
-    rows = [f"2024-03-31T01:59:{k:02d}+01:00,{k}" for k in range(50, 60)]
-    rows += [f"2024-03-31T03:00:{k:02d}+02:00,{k}" for k in range(10)]
+@pytest.mark.parametrize(("winter", "summer"), [("+01:00", "+02:00"), (" CET", " CEST")])
+def test_a_night_in_which_clocks_change_has_no_gap(read: Read, winter: str, summer: str) -> None:
+    rows = [f"2024-03-31T01:59:{k:02d}{winter},{k}" for k in range(50, 60)]
+    rows += [f"2024-03-31T03:00:{k:02d}{summer},{k}" for k in range(10)]
     assert np.array_equal(read(["time,x_mm", *rows]).time, np.arange(20.0))
 
 
@@ -156,12 +165,14 @@ def test_a_table_of_words_with_few_numbers_says_what_its_words_are(read: Read) -
         read(lines, mapping={"burner": "Brenner"})
 
 
-@pytest.mark.parametrize("decimal", [",", "."])
+@pytest.mark.parametrize("decimal", [",", ".", "'"])
 def test_thousands_may_be_set_apart(decimal: str, read: Read) -> None:
     rows = [(k, 1013.5 + k, 950.0 + k) for k in range(0, 200, 10)]
     texts = [f'{t};"{p:,.1f}";"{n:,.0f}"' for t, p, n in rows]
     if decimal == ",":
         texts = [text.translate(str.maketrans(".,", ",.")) for text in texts]
+    elif decimal == "'":
+        texts = [text.replace(",", "'") for text in texts]
     found = read(["t [s];p [Pa];n", *texts])
     assert np.array_equal(np.c_[found.time, found["p"], found["n"]], rows)
 

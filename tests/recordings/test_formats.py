@@ -55,6 +55,30 @@ def test_mat_5_structs_and_matrices(tmp_path: Path, title: str, data: str) -> No
     assert np.array_equal(recording["p"], VOLTAGE)
 
 
+def test_columns_of_a_matrix_get_the_names_of_a_mapping(tmp_path: Path) -> None:
+    path = saved(tmp_path, M=np.c_[TIME, VOLTAGE, POSITION])
+    recording = read_recording(path, mapping={"columns": ["time_s", "vir_V", "qm_mm"]})
+    assert recording.names == ("vir", "qm") and np.array_equal(recording.time, TIME)
+    assert recording["qm"] == pytest.approx(1e-3 * POSITION)
+    with pytest.raises(WorkbenchError, match="names 2 columns but trial.mat has 3"):
+        read_recording(path, mapping={"columns": ["time_s", "vir_V"]})
+
+
+@pytest.mark.parametrize("every", [1, 5])
+def test_time_series_share_the_instants_of_all(tmp_path: Path, every: int) -> None:
+    series = {
+        "vir": {"Time": TIME.reshape(-1, 1), "Data": VOLTAGE.reshape(1, 1, -1)},
+        "qm": {"Time": 1.0 * TIME[::every], "Data": POSITION[::every]},
+    }
+    recording = read_recording(saved(tmp_path, **series, kp=160.18))
+    assert np.array_equal(recording.time, TIME) and recording.metadata["kp"] == 160.18
+    assert np.array_equal(recording["vir"], VOLTAGE)
+    assert np.array_equal(recording["qm"][::every], POSITION[::every])
+    assert np.count_nonzero(np.isfinite(recording["qm"])) == len(TIME[::every])
+    alone = read_recording(saved(tmp_path, qm=series["qm"]))
+    assert alone.names == ("qm",) and np.array_equal(alone["qm"], POSITION[::every])
+
+
 def test_tables_that_share_their_first_column_have_it_for_the_time(tmp_path: Path) -> None:
     both = {"u": np.c_[TIME, VOLTAGE], "y": np.c_[TIME, POSITION, 2.0 * POSITION]}
     recording = read_recording(saved(tmp_path, **both))
@@ -285,9 +309,10 @@ Delta_X\t0.001\t0.001\t
 """
 
 
+@pytest.mark.parametrize(("sign", "title"), [("\t", "Tab"), (",", "Comma"), (";", "Semicolon")])
 @pytest.mark.parametrize("end", ["", "\t"])
 @pytest.mark.parametrize("with_time", [True, False])
-def test_labview_measurements(read: Read, with_time: bool, end: str) -> None:
+def test_labview_measurements(read: Read, with_time: bool, end: str, sign: str, title: str) -> None:
     rows = np.column_stack([TIME, 1e3 * POSITION, VOLTAGE])[:, 0 if with_time else 1 :].tolist()
     titles = ["X_Value"] * with_time + ["qm", "vir", "Comment"]
     lines = ["\t".join(titles), *("\t".join(map(str, row)) + end for row in rows)]
@@ -295,10 +320,11 @@ def test_labview_measurements(read: Read, with_time: bool, end: str) -> None:
     # LabVIEW leaves the first column empty where no time is written.
     empty = ["X_Value\t" + lines[0], *("\t" + line for line in lines[1:])]
     for written in [lines] if with_time else [lines, empty]:
-        recording = read(head + "\n".join(written), "trial.lvm")
+        text = (head + "\n".join(written)).replace("Tab", title).replace("\t", sign)
+        recording = read(text, "trial.lvm")
         assert recording.time == pytest.approx(TIME)
         assert recording["qm"] == pytest.approx(POSITION)
-        assert recording.signal("vir").unit == "V"
+        assert [recording.signal(name).unit for name in ("qm", "vir")] == ["m", "V"]
 
 
 def test_tdms(tmp_path: Path) -> None:

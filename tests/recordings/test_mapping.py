@@ -395,3 +395,12 @@ def test_pressures_of_a_plant_that_counts_from_vacuum_are_absolute(
     assert np.allclose(read, np.array(apart)[:, None])
     assert found.signal("chamber").kind == "absolute pressure"
     assert found["loss"].tolist() == [3000.0, 2000.0, 1000.0]
+
+
+def test_a_heading_is_found_without_its_unit_and_behind_a_mark_of_the_encoding(
+    tmp_path: Path,
+) -> None:
+    file, rules = tmp_path / "a.csv", tmp_path / "rules.toml"
+    file.write_text("Zeit (s);Température ambiante (°C)\n0;20\n1;21\n2;22\n", encoding="utf-8")
+    rules.write_text('signals.room = "Température ambiante"', encoding="utf-8-sig")
+    assert read_recording(file, mapping=rules)["room"].tolist() == [293.15, 294.15, 295.15]

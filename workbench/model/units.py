@@ -97,7 +97,10 @@ _SYMBOLS: dict[str, tuple[float, Dimensions]] = {
     "arcmin": (math.pi / 10800, _dim(rad=1)),
     "arcsec": (math.pi / 648000, _dim(rad=1)),
     **dict.fromkeys(("turn", "rev"), (2 * math.pi, _dim(rad=1))),
+    "gon": (math.pi / 200, _dim(rad=1)),
     "rpm": (2 * math.pi / 60, _dim(s=-1, rad=1)),
+    "krpm": (2e3 * math.pi / 60, _dim(s=-1, rad=1)),
+    "rps": (2 * math.pi, _dim(s=-1, rad=1)),
     # In a compound unit, a degree of a scale is a difference.
     **dict.fromkeys(("degC", "°C"), (1.0, _dim(K=1))),
     **dict.fromkeys(("degF", "°F", _FAHRENHEIT), (5 / 9, _dim(K=1))),
@@ -148,18 +151,20 @@ _SPELLINGS = {
     "RPM": "rpm", "kph": "km/h", "kmh": "km/h", "lpm": "l/min", "LPM": "l/min",
     "SCCM": "sccm", "SLM": "slm", "SLPM": "slpm", "GPM": "gpm", "CFM": "cfm", "TORR": "Torr",
     **dict.fromkeys(("Kelvin", "kelvin"), "K"), "Celsius": "degC", "Fahrenheit": "degF",
+    **dict.fromkeys(("℃", "DEGC", "degc"), "degC"), **dict.fromkeys(("℉", "DEGF", "degf"), "degF"),
     **dict.fromkeys(("meter", "meters", "metre", "metres"), "m"),
     **dict.fromkeys(("newton", "newtons"), "N"), "pascal": "Pa", "Bar": "bar", "BAR": "bar",
     **dict.fromkeys(("volt", "volts", "Volt", "Volts"), "V"),
     **dict.fromkeys(("amp", "amps", "ampere", "Amp", "Amps"), "A"),
-    **dict.fromkeys(("degree", "degrees", "Deg", "DEG", "grad"), "deg"),
+    **dict.fromkeys(("degree", "degrees", "Deg", "DEG", "grad", "Grad"), "deg"),
+    **dict.fromkeys(("turns", "revs", "revolution", "revolutions", "Umdr"), "turn"),
     **dict.fromkeys(("radian", "radians", "RAD"), "rad"),
     **dict.fromkeys(("liter", "liters", "litre", "litres"), "l"),
     "Upm": "rpm", "knot": "kn", "knots": "kn", "percent": "%", "VA": "V A",
 }  # fmt: skip
 """How loggers and people spell units."""
 
-_WORD = re.compile(r"[A-Za-zµΩΔ°%‰]+")
+_WORD = re.compile(r"[A-Za-zµΩΔ°%‰℃℉]+")
 _TOKEN = re.compile(
     r"\s*([()/*·]|\.(?!\d)|\^?[-+−]?\d+(?:\.\d+)?|[²³⁻¹]+|(?:cm|mm|in)H2O|[A-Za-zµΩΔ°%‰]+|-)"
 )
@@ -255,6 +260,11 @@ def is_known(text: str) -> bool:
         return False
 
 
+def _symbol(word: str) -> str:
+    """Return the symbol of a word for a unit; what is no short symbol may be in capitals."""
+    return _SPELLINGS.get(word) or (len(word) > 3 and _SPELLINGS.get(word.lower())) or word
+
+
 @lru_cache(maxsize=4096)
 def in_symbols(text: str) -> str:
     """Return a unit with words for units replaced by their symbols.
@@ -265,8 +275,8 @@ def in_symbols(text: str) -> str:
     """
     # A letter alone is as often a name: a voltage, a radius.
     text = re.sub(r"^(U|r|tr)/min$", "rpm", text)
-    symbols = _WORD.sub(lambda m: _SPELLINGS.get(m.group(), m.group()), text)
-    return re.sub(r"(deg|°)\s+(?=[CF]$)", r"\1", symbols)
+    symbols = _WORD.sub(lambda m: _symbol(m.group()), text)
+    return re.sub(r"(deg|°)\s+(deg)?(?=[CF]$)", r"\1", symbols)
 
 
 def powers(text: str) -> list[tuple[str, float]]:

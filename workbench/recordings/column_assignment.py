@@ -116,9 +116,9 @@ def find_column(headers: Sequence[Header], rule: ColumnRule) -> int:
     """Return the index of the column that a rule names."""
     wanted = rule.column.strip()
     for name in (wanted, wanted.rsplit(".", 1)[-1]):
-        for key in ("column", "name"):
+        for key, told in (("column", name), ("name", name), ("name", tidy_name(name))):
             for i, header in enumerate(headers):
-                if getattr(header, key).strip() == name:
+                if getattr(header, key).strip() == told:
                     return i
     raise WorkbenchError(
         f"the mapping takes {rule.signal!r} from column {rule.column!r}, which the file does not "

@@ -37,6 +37,8 @@ _GROUPED = {
     ",": re.compile(r"^[+-]?\d{1,3}(\.\d{3})+(,\d*)?$"),
 }
 """Numbers with thousands set apart, by the decimal sign. Both signs, or one twice, tell which."""
+_APOSTROPHES = re.compile(r"^[+-]?\d{1,3}(['’]\d{3})+([.,]\d*)?$")
+"""Thousands as the Swiss set them apart."""
 _REMARKS = ("", "comment", "comments", "remark", "remarks")
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "+inf", "-inf", "#n/a"}
 _WORDS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
@@ -92,7 +94,13 @@ def is_comment(line: str) -> bool:
 
 def is_number(cell: str, decimal: str = ".") -> bool:
     """Tell whether a cell holds a number."""
+    if _APOSTROPHES.match(cell):
+        cell = _joined(cell)
     return bool((_POINT if decimal == "." else _COMMA).match(cell)) or _tells(cell, decimal)
+
+
+def _joined(cell: str) -> str:
+    return re.sub("['’]", "", cell)
 
 
 def _tells(cell: str, decimal: str) -> bool:
@@ -351,7 +359,8 @@ def _value(cell: str, layout: Layout) -> float | None:
     """Return what a cell holds: NaN if it says that there is no number, None if it is a text."""
     decimal = layout.decimal
     if is_number(cell, decimal) or _GROUPED[decimal].match(cell):
-        return float(cell.replace("." if decimal == "," else ",", "").replace(decimal, "."))
+        plain = _joined(cell).replace("." if decimal == "," else ",", "")
+        return float(plain.replace(decimal, "."))
     parts = [part for part in instant(cell, day_first=layout.day_first) if part is not None]
     if parts:
         return sum(parts)

@@ -21,8 +21,14 @@ _STAMP = re.compile(
     r"|(?P<named_d>\d\d?)[- ](?P<named_m>[A-Za-z]{3})[- ](?P<named_y>\d{4}|\d\d))?"
     r"(?:(?:(?<=\d)[T ]\s*)?(?P<clock>(?P<h>\d\d?):(?P<min>\d\d)"
     r"(?::(?P<s>\d\d(?:[.,]\d*)?)|(?P<part>[.,]\d+))?(?:\s?(?P<half>[AaPp])[Mm])?)"
-    r"\s?(?:Z|UTC|(?P<east>[+-]\d\d):?(?P<more>\d\d))?)?"
+    r"\s?(?:Z|(?P<zone>[A-Z]{3,4})|(?P<east>[+-]\d\d):?(?P<more>\d\d))?)?"
 )
+_EAST = {
+    "UTC": 0, "GMT": 0, "WET": 0, "WEST": 1, "BST": 1, "CET": 1, "MEZ": 1, "CEST": 2, "MESZ": 2,
+    "EET": 2, "EEST": 3, "JST": 9, "EST": -5, "EDT": -4, "CST": -6, "CDT": -5, "MST": -7,
+    "MDT": -6, "PST": -8, "PDT": -7,
+}  # fmt: skip
+"""Hours by which clocks of a zone are ahead of the universal time."""
 Instant = tuple[float | None, float | None]
 NEVER: Instant = (None, None)
 _MILLENNIUM = date(2000, 1, 1).toordinal()
@@ -41,9 +47,11 @@ def instant(cell: str, *, day_first: bool = False) -> Instant:
         ((259200.0, 21600.0), (259200.0, 90.5), (None, 25200.0))
         >>> instant("2000-01-04T03:00+02:00"), instant("04:59.5"), instant("1/4/2000 12:00:30 AM")
         ((259200.0, 3600.0), (None, 299.5), (259200.0, 30.0))
+        >>> instant("27.10.2024 02:30:00 CEST")[1], instant("27.10.2024 02:30:00 CET")[1]
+        (1800.0, 5400.0)
     """
     found = _STAMP.fullmatch(cell)
-    if found is None:
+    if found is None or (found["zone"] or "UTC") not in _EAST:
         return NEVER
     day = clock = None
     if found["date"]:
@@ -64,6 +72,7 @@ def instant(cell: str, *, day_first: bool = False) -> Instant:
         if found["east"]:
             east = float(found["east"])
             clock -= 3600.0 * east + math.copysign(60.0 * float(found["more"]), east)
+        clock -= 3600.0 * _EAST[found["zone"] or "UTC"]
     return day, clock
 
 

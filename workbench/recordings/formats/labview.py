@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 
 from workbench.errors import WorkbenchError
 from workbench.recordings.columns import Columns
-from workbench.recordings.formats.delimited_text import line_blocks, read_text
+from workbench.recordings.formats.delimited_text import line_blocks, read_text, split_line
 from workbench.recordings.formats.format import Format, ReadOptions
 from workbench.recordings.formats.variables import columns_of_variables, in_seconds, unreadable
 
@@ -22,8 +23,11 @@ def read_lvm(path: Path, options: ReadOptions) -> Columns:
     """
     found = read_text(path, options)
     told: dict[str, list[str]] = {}
-    for line in next(line_blocks(path, []), [])[:200]:
-        key, *cells = (cell.strip() for cell in line.split("\t"))
+    above = next(line_blocks(path, []), [])[:200]
+    # "Separator" stands before the sign that it names.
+    sign = next((line[9] for line in above if re.match(r"Separator[\t,;]", line)), "\t")
+    for line in above:
+        key, *cells = split_line(line, sign)
         told.setdefault(key, [c for c in cells if c])
     units = told.get("Y_Unit_Label", [])
     # The last column may be for comments, which have no unit.

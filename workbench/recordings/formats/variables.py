@@ -12,7 +12,7 @@ import numpy.typing as npt
 from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
 from workbench.matlab import MAX_DEPTH
-from workbench.recordings.columns import Columns
+from workbench.recordings.columns import Columns, titles
 from workbench.recordings.formats.format import ReadOptions
 from workbench.recordings.recording import Scalar
 
@@ -117,20 +117,60 @@ def _time_base(vectors: Mapping[str, Vector], options: ReadOptions) -> int:
     return max(set(lengths), key=lambda n: (lengths.count(n), n))
 
 
+def _series(value: Any) -> tuple[Vector, Vector] | None:
+    """Return the instants and values of a struct that holds both, as a time series does."""
+    if not isinstance(value, Mapping):
+        return None
+    vectors = {
+        key.lower(): item
+        for key, item in value.items()
+        if isinstance(item, np.ndarray) and item.dtype.kind in "fiub" and item.size > 1
+    }
+    instants = vectors.get("time", vectors.get("t"))
+    values = vectors.get("data", vectors.get("values"))
+    if instants is None or values is None:
+        return None
+    time, data = np.ravel(instants).astype(float), np.squeeze(values).astype(float)
+    data = data.T if data.ndim == 2 and len(data) != len(time) else data
+    if data.ndim > 2 or len(data) != len(time) or not np.isfinite(time).all():
+        return None
+    return time, data
+
+
+def _with_series_joined(content: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Put time series, each with instants of its own, into columns over the instants of all."""
+    series = {name: found for name, value in content.items() if (found := _series(value))}
+    if not series:
+        return content
+    instants = np.concatenate([time for time, _ in series.values()])
+    # What differs by rounding is one instant.
+    fine = 1e-9 * np.ptp(instants) or 1.0
+    counted, first = np.unique(np.round(instants / fine), return_index=True)
+    columns: dict[str, Any] = {"time": instants[first]}
+    for name, (time, data) in series.items():
+        own = np.full((len(counted), *data.shape[1:]), np.nan)
+        own[np.searchsorted(counted, np.round(time / fine))] = data
+        columns[name] = own
+    return columns | {k: v for k, v in content.items() if k not in series}
+
+
 def columns_of_variables(path: Path, content: Mapping[str, Any], options: ReadOptions) -> Columns:
     """Sort the variables of a file into columns and settings.
 
     The vectors as long as the time become columns (those of the most frequent length if there is
-    no time), a matrix one column per short side, structs are written out as ``struct.field`` where
-    there are several, scalars, texts and short vectors of another length become settings.
+    no time), a matrix one column per short side, time series share the instants of all, other
+    structs are written out as ``struct.field`` where there are several, scalars, texts and short
+    vectors of another length become settings.
     """
     flat: dict[str, Any] = {}
-    while len(inside := [v for v in content.values() if isinstance(v, Mapping)]) == 1 and not any(
-        isinstance(v, (np.ndarray, list)) and np.size(v) > 1 for v in content.values()
+    while (
+        len(inside := [v for v in content.values() if isinstance(v, Mapping)]) == 1
+        and not any(isinstance(v, (np.ndarray, list)) and np.size(v) > 1 for v in content.values())
+        and _series(inside[0]) is None
     ):
         # One struct or group around everything says nothing.
         content = {k: v for k, v in content.items() if v is not inside[0]} | dict(inside[0])
-    for name, value in content.items():
+    for name, value in _with_series_joined(content).items():
         flatten(name, value, flat)
     vectors, scalars, odd = _sorted_out(_with_time(flat, options))
     if not vectors:
@@ -153,4 +193,5 @@ def columns_of_variables(path: Path, content: Mapping[str, Any], options: ReadOp
         notes.append(f"left out, not columns of numbers: {', '.join(odd)}")
     values = np.column_stack([vectors[h] for h in headers])
     values[~np.isfinite(values)] = np.nan
+    headers, _ = titles(headers, len(headers), options.columns, path.name)
     return Columns(headers, ("",) * len(headers), values, True, scalars, tuple(notes))
