@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from tests.diagnosis.machine_data import held, recording
+from tests.diagnosis.machine_data import file, held, recording
 from tests.machines import machine
-from workbench.diagnosis.problem import Problem
+from workbench.diagnosis.problem import Problem, problem_of_files
 from workbench.diagnosis.refit_report import run_refit
 from workbench.diagnosis.undeclared.plant import with_undeclared
 from workbench.model import Model, Scope
@@ -64,3 +66,13 @@ def test_a_motor_is_found_and_its_runs_begin_where_that_one_was(angle: bool, see
     assert max(map(abs, apart)) < 4.0
     assert max(e.std / TRUTH[e.name] for e in report.refit.estimates) < 0.01
     assert report.reaches_floor, str(report)
+
+
+@pytest.mark.parametrize("late", [0, 1])
+def test_a_command_that_was_written_late_is_told(late: int, tmp_path: Path) -> None:
+    run = _driven(1, 0.0, angle=True)
+    columns = {"time_s": run.time[late:], "voltage_V": run["voltage"][: len(run) - late]}
+    columns |= {f"{n} [{run.signal(n).unit}]": run[n][late:] for n in ("speed", "angle", "current")}
+    path = file(tmp_path / "a.csv", columns)
+    notes = problem_of_files(_motor(), [path], []).notes
+    assert any("written late" in note for note in notes) == bool(late)

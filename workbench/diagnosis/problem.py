@@ -20,8 +20,10 @@ from workbench.model import Input, Model, Output
 from workbench.model.units import to_si
 from workbench.physics.library import every_name
 from workbench.recordings.case import Case, RefitSettings
-from workbench.recordings.checks.expected import expectations
+from workbench.recordings.checks.check import Finding
+from workbench.recordings.checks.expected import Expected, expectations
 from workbench.recordings.checks.gaps import check_gaps
+from workbench.recordings.checks.loop import check_loop
 from workbench.recordings.checks.time_base import check_time_base, evened
 from workbench.recordings.checks.units import beyond_range
 from workbench.recordings.column_matching import driven_by
@@ -143,6 +145,7 @@ def problem_of_files(
     said = [text for text in (divided, fewer) if text]
     said += [note for recording in read.values() for note in recording.notes]
     said += _taken_as_si(declared, list(read.values()))
+    said += [f"{r.name}: {found.note}" for r in whole if (found := _loop(r)) and found.doubt]
     for recording in read.values():
         for q, taken in zip(declared.inputs, model.inputs, strict=True):
             clipped = (q.lower, q.upper) == (taken.lower, taken.upper)
@@ -156,6 +159,12 @@ def problem_of_files(
         hold_out=held,
         notes=(*dict.fromkeys(said), *notes),
     )
+
+
+def _loop(recording: Recording) -> Finding | None:
+    """Look for a loop in a recording of which every cell is a number."""
+    complete = recording.increasing and all(np.isfinite(s.values).all() for s in recording.signals)
+    return check_loop(recording, Expected()) if complete else None
 
 
 def _ordered(recording: Recording) -> Recording:

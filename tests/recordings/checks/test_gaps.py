@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tests.recordings.example import example_recording, with_values
+from tests.recordings.example import example_recording, recorded, with_values
 from workbench.recordings import Recording, check_recording
 
 TRIAL = example_recording(seconds=4.0)
@@ -27,6 +27,22 @@ def test_short_gap_is_filled_and_excluded() -> None:
     # The command keeps its last value: what the machine got is unknown.
     assert (recording["valve"][500:503] == TRIAL["valve"][499]).all()
     assert any(note.startswith("gaps:") for note in recording.notes)
+
+
+def test_rows_that_are_lost_here_and_there_leave_the_others_where_they_are() -> None:
+    rng = np.random.default_rng(0)
+    kept = np.flatnonzero(rng.random(1000) > 0.2)
+    level = np.repeat(rng.uniform(0.0, 1.0, 20), 50)
+    wave = np.sin(0.05 * np.arange(1000.0))
+    trial = recorded(0.01 * kept, {"u V": level[kept]}, {"y m": wave[kept]})
+    report = check_recording(trial)
+    found = report.recording
+    at = np.round(found.time / 0.01).astype(int)
+    assert report.check("gaps").result == "corrected"
+    assert found.time == pytest.approx(0.01 * at) and set(np.diff(at)) == {1}
+    whole = found.valid("y")
+    assert set(at[whole]) == set(kept) and np.array_equal(found["y"][whole], wave[at[whole]])
+    assert np.mean(found["u"] != level[at]) < 0.01
 
 
 def test_long_gap_keeps_the_longest_piece() -> None:

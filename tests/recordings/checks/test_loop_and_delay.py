@@ -52,6 +52,42 @@ def test_smooth_command_without_feedback_is_unknown() -> None:
     assert loop_of(recorded(time, {"u V": u}, {"y m": y})) == "unknown"
 
 
+def _driven(voltage: np.ndarray, rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """Return speed and current of a motor; the latter answers to its voltage at once."""
+    speed, current = np.zeros((2, len(voltage)))
+    for k, volts in enumerate(voltage):
+        current[k] = (volts - 0.05 * speed[k]) / 1.2
+        speed[k + 1 : k + 2] = speed[k] + 0.01 * (0.05 * current[k] - 8e-4 * speed[k]) / 1.5e-3
+    noise = rng.normal(size=(2, len(voltage)))
+    return {"n rad/s": speed + 0.3 * noise[0], "i A": current + 0.02 * noise[1]}
+
+
+@pytest.mark.parametrize("late", [0, 1, 3])
+def test_a_held_command_that_was_written_late_is_no_feedback(late: int) -> None:
+    rng = np.random.default_rng(0)
+    voltage = np.repeat(rng.uniform(-12.0, 12.0, 24), 50)
+    read = {name: values[late:] for name, values in _driven(voltage, rng).items()}
+    found = check_recording(recorded(0.01, {"u V": voltage[: len(voltage) - late]}, read))
+    loop = found.check("loop")
+    assert loop.values["loop"] == "open" and loop.doubt == (late > 0)
+    assert not late or f"u changes {10 * late} ms after i answers" in loop.note
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_thermostat_does_not_know_what_comes(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    warm, on = 0.0, 1.0
+    heat, read = np.zeros(6000), np.zeros(6000)
+    for k in range(6000):
+        read[k] = warm + 0.02 * rng.normal()
+        on = 0.0 if read[k] > 21.0 else 1.0 if read[k] < 19.0 else on
+        heat[k] = on
+        warm += 0.005 * (40.0 * on - warm) + 0.02 * rng.normal()
+    assert (
+        not check_recording(recorded(1.0, {"heat 1": heat}, {"room K": read})).check("loop").doubt
+    )
+
+
 @pytest.mark.parametrize("closed", [False, True])
 def test_example(closed: bool) -> None:
     trial = example_recording(seconds=20.0, closed_loop=closed)

@@ -56,8 +56,10 @@ def gap_limit(time: Vector) -> float:
 
 
 def _regular(steps: Vector) -> bool:
+    """Tell whether steps are alike, or whole multiples of the usual one, as where rows are lost."""
     low, usual, high = np.quantile(steps, [0.05, 0.5, 0.95])
-    return bool(high - low < 0.2 * usual)
+    lost = np.abs(steps / usual - np.round(steps / usual)) if usual > 0.0 else steps
+    return bool(high - low < 0.2 * usual or (low > 0.9 * usual and np.mean(lost < 0.1) > 0.95))
 
 
 def _longest_piece(recording: Recording) -> tuple[Recording, list[str]]:
