@@ -307,3 +307,27 @@ def test_levels_beside_whole_numbers_are_no_names_of_signals(read: Read) -> None
     rows = [f"{k / 200}\t{(0.19, -2.5)[k // 9 % 2]}\t{7 * k}" for k in range(60)]
     recording = read(["Time (s)\tForce (N)\tPath (um)", *rows])
     assert (recording.names, len(recording)) == (("Force", "Path"), 60)
+
+
+@pytest.mark.parametrize("mark", ["-9999", "999.9", "99999"])
+def test_numbers_that_stand_for_none_are_missing(read: Read, mark: str) -> None:
+    rows = [[str(k), str(900 + k), mark if k in (5, 6) else str(k % 7)] for k in range(40)]
+    recording = read(["t_s,p_mbar,n_V", *map(",".join, rows)])
+    assert np.flatnonzero(np.isnan(recording["n"])).tolist() == [5, 6]
+    # What counts so far, or stands at two levels, is no mark.
+    assert np.isfinite(recording["p"]).all()
+    rows = [[str(k), mark if k % 9 == 5 else "0"] for k in range(40)]
+    assert np.isfinite(read(["t_s,n_V", *map(",".join, rows)])["n"]).all()
+
+
+@pytest.mark.parametrize(
+    ("good", "bad"), [("Good", "Bad"), ("192", "24"), ("1", "0"), ("true", "false")]
+)
+def test_values_that_a_column_beside_them_calls_bad_are_missing(
+    read: Read, good: str, bad: str
+) -> None:
+    rows = [f"{k},{k % 7},{bad if 9 < k < 13 else good},{k}" for k in range(40)]
+    recording = read(["t_s,n_rpm,n_quality,air quality", *rows])
+    assert np.flatnonzero(np.isnan(recording["n"])).tolist() == [10, 11, 12]
+    assert recording.names == ("n", "air_quality")
+    assert "3 value(s) of 'n_rpm' are bad by 'n_quality'" in recording.notes

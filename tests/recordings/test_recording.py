@@ -1,9 +1,12 @@
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from tests.recordings.example import example_recording
 from workbench.errors import WorkbenchError
-from workbench.recordings import Recording, Signal, Span
+from workbench.recordings import Recording, Signal, Span, read_recording
 
 
 def test_arrays_cannot_be_changed() -> None:
@@ -59,3 +62,16 @@ def test_prints_itself() -> None:
     text = str(example_recording(seconds=2.0).noted("something was corrected"))
     assert "gauge pressure  measurement  bar" in text
     assert text.endswith("note: something was corrected")
+
+
+def test_a_script_learns_how_columns_were_read(tmp_path: Path) -> None:
+    file = tmp_path / "a.csv"
+    file.write_text("t_ms,n_rpm\n0,30\n10,-60\n20,\n")
+    told = json.loads(json.dumps(read_recording(file).as_data()))
+    (signal,) = told["signals"]
+    assert (signal["unit"], signal["minimum"], signal["maximum"]) == ("rpm", -60.0, 30.0)
+    assert signal["missing"] == 1
+    assert [(row["column"], row["signal"], row["unit"]) for row in told["columns"]] == [
+        ("t_ms", "time", "ms"),
+        ("n_rpm", "n", "rpm"),
+    ]

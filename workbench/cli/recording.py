@@ -80,6 +80,7 @@ def recording(
         "result": report.result,
         "fit": report.fit,
         "doubtful": list(report.doubtful),
+        **seen.as_data(),
         "checks": report.as_data(),
     }
     tell(content, as_json=as_json)

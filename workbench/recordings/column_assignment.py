@@ -24,7 +24,7 @@ from workbench.recordings.column_matching import (
     match_requested,
     without_column,
 )
-from workbench.recordings.columns import Columns, without_giants
+from workbench.recordings.columns import Columns, without_giants, without_marks
 from workbench.recordings.headers import Header, read_header, read_unit, tidy_name, unit_of_time
 from workbench.recordings.mapping import ColumnRule, MappingRules
 from workbench.recordings.quantity_kinds import kind_of
@@ -154,6 +154,37 @@ def _own_units(
             values[:, i] *= factor
             headers[i] = replace(header, unit=unit, problem="")
     return replace(columns, values=values), headers
+
+
+_GOOD = 192
+"""Quality from which on a value is good, as OPC counts it (0 to 255)."""
+
+
+def _as_judged(columns: Columns, headers: Sequence[Header]) -> tuple[Columns, set[int]]:
+    """Take values for missing that a column beside them, ``speed_quality``, calls bad.
+
+    Returns:
+        The columns, and the places of those that judge others.
+    """
+    values, notes, judges = columns.values.copy(), list(columns.notes), set()
+    names = [h.name.lower() for h in headers]
+    for k, header in enumerate(headers):
+        found = re.fullmatch(r"(.+?)[_ .](?:quality|qual|valid)", header.name.lower())
+        if found is None or found[1] not in names:
+            continue
+        told = values[:, k]
+        known = told[np.isfinite(told)]
+        least = 1.0 if np.isin(known, (0.0, 1.0)).all() else _GOOD
+        if not known.size or not np.any(known >= least):
+            continue
+        judges.add(k)
+        index = names.index(found[1])
+        bad = (told < least) & np.isfinite(values[:, index])
+        if bad.any():
+            values[bad, index] = np.nan
+            count, column = np.count_nonzero(bad), headers[index].column
+            notes.append(f"{count} value(s) of {column!r} are bad by {header.column!r}")
+    return replace(columns, values=values, notes=tuple(notes)), judges
 
 
 def _readable(columns: Columns, index: int, name: str) -> str:
@@ -330,8 +361,9 @@ def assign(
         (array([0.   , 0.002]), array([0.        , 3.14159265]))
     """
     rules = rules or MappingRules()
-    columns = with_whole_stamps(without_giants(columns))
+    columns = with_whole_stamps(without_marks(without_giants(columns)))
     columns, headers = _own_units(columns, header_list(columns), rules)
+    columns, judges = _as_judged(columns, headers)
     metadata: dict[str, Scalar] = {**columns.metadata, **rules.metadata}
     headers = in_turns(in_degrees(headers, requested), requested)
     headers = in_small_units(headers, requested)
@@ -362,7 +394,9 @@ def assign(
         if index in taken:
             continue
         why = _readable(columns, index, header.column.strip()) or header.problem
-        if rules.signals:
+        if index in judges:
+            why = "judges another column"
+        elif rules.signals:
             why = why or "not in the mapping"
         elif header.name in {s.name for s in signals}:
             why = why or "another column has its name"

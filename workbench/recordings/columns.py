@@ -50,6 +50,37 @@ def without_giants(columns: Columns) -> Columns:
     return replace(columns, values=np.where(giants, np.nan, values), notes=(*columns.notes, note))
 
 
+def without_marks(columns: Columns) -> Columns:
+    """Take numbers such as -9999 for missing, where they are far from all others of their column.
+
+    Loggers write them where they have none.
+    """
+    values, notes = columns.values, list(columns.notes)
+    for k, header in enumerate(columns.headers):
+        own = values[:, k]
+        for mark in _MARKS:
+            marked = own == mark
+            others = own[np.isfinite(own) & ~marked]
+            if not 0 < np.count_nonzero(marked) <= _MOST_MARKED * len(own) or others.size < 3:
+                continue
+            if np.abs(mark - others).min() > _APART * np.ptp(others) > 0.0:
+                own = np.where(marked, np.nan, own)
+                values = np.column_stack([values[:, :k], own, values[:, k + 1 :]])
+                count = np.count_nonzero(marked)
+                notes.append(f"{count} number(s) {mark:g} of {header!r} stand for none")
+    return replace(columns, values=values, notes=tuple(notes))
+
+
+_MARKS = tuple(
+    sign * mark
+    for sign in (-1.0, 1.0)
+    for mark in (99.99, 999.0, 999.9, 999.99, 9999.0, 9999.9, 9999.99, 99999.0, 999999.0, 9999999.0)
+)
+_APART, _MOST_MARKED = 3.0, 0.2
+"""Distance of a mark from all other numbers, over their spread, and the largest part of a column
+that is marked."""
+
+
 def average_rows(rows: Vector, factor: int) -> Vector:
     """Average every ``factor`` rows, leaving NaN cells out; NaN where all were.
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from typing import Literal, overload
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Literal, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -354,6 +354,21 @@ class Recording(Drawn):
             rows.append((s.name, s.kind, s.role, s.display_unit or "?", low, high, missing))
         titles = ("signal", "kind", "role", "unit", "minimum", "maximum", "missing")
         return (Rows("signals", titles, rows),)
+
+    def as_data(self) -> dict[str, list[dict[str, Any]]]:
+        """Return the signals, with their ranges as they are shown, and how columns were read."""
+        signals: list[dict[str, Any]] = []
+        for s in self.signals:
+            shown = s.displayed()
+            finite = shown[np.isfinite(shown)]
+            low, high = (float(finite.min()), float(finite.max())) if finite.size else (None, None)
+            signals.append(
+                {"name": s.name, "kind": s.kind, "role": s.role, "unit": s.display_unit}
+                | {"minimum": low, "maximum": high}
+                | {"missing": int(np.count_nonzero(~self.valid(s.name)))}
+            )
+        rows = () if self.mapping is None else self.mapping.rows
+        return {"signals": signals, "columns": [asdict(row) for row in rows]}
 
     def columns(self) -> dict[str, Vector]:
         """Return time and signals over time, in SI."""

@@ -41,7 +41,7 @@ _APOSTROPHES = re.compile(r"^[+-]?\d{1,3}(['’]\d{3})+([.,]\d*)?$")
 """Thousands as the Swiss set them apart."""
 _REMARKS = ("", "comment", "comments", "remark", "remarks")
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "+inf", "-inf", "#n/a"}
-_WORDS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
+_WORDS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0, "good": 1.0, "bad": 0.0}
 _SETTING = re.compile(r"^\s*([A-Za-z][\w ./()\[\]-]{0,60}?)\s*[:=]\s*(\S.*?)\s*$")
 
 
