@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -18,7 +19,7 @@ from workbench.errors import check_choice
 from workbench.linearisation import LinearModel
 from workbench.linearisation.state_space import linear_model
 from workbench.linearisation.time_scales import noise_of
-from workbench.linearisation.transfer import transfer_function
+from workbench.linearisation.transfer import transfer_function, with_modes, zeros_of
 from workbench.linearisation.zero_order_hold import zero_order_hold
 from workbench.model.quantities import of_names
 
@@ -67,6 +68,22 @@ def peaks_of(loop_parts: LoopMatrices, angle: Matrix, sensor: int | None = 0) ->
 def frequencies(points: int = 300) -> Matrix:
     """Return frequencies from 1e-4 to nearly half of the sampling rate, in rad per sample."""
     return np.geomspace(2e-4 * np.pi, 0.98 * np.pi, points)
+
+
+def with_resonances(loop_parts: LoopMatrices, angle: Matrix) -> Matrix:
+    """Return frequencies, in rad per sample, with more of them about lightly damped modes.
+
+    Those of plant, law and closed loop are peaks of its gain and of its sensitivity, zeros of the
+    plant are gaps.
+    """
+    A, B, C, F, G, H, J = loop_parts
+    found = [*np.linalg.eigvals(A), *np.linalg.eigvals(F)]
+    found += [*np.linalg.eigvals(np.block([[A + B @ J @ C, B @ H], [G @ C, F]]))]
+    for k, row in itertools.product(range(B.shape[1]), C):
+        found += [*zeros_of(A, B[:, k], row)]
+    # What is a pure delay has no frequency.
+    turning = np.array([z for z in found if abs(z) > 1e-6 and z.imag > 0.0], dtype=complex)
+    return with_modes(angle, np.log(turning))
 
 
 def gain_of(

@@ -13,8 +13,10 @@ import pytest
 
 from controllers.mpc.whole_model import design_mpc
 from controllers.pid import CascadePID, FixedGains, design_pid
+from controllers.plain.pid_design import design_plain_pid
 from controllers.sensitivity import loop_matrices, peak_sensitivities
 from controllers.sliding_mode import design_sliding_mode
+from tests.machines import machine
 from tests.study.small_study import BY_BANDWIDTH, small_study
 from workbench.linearisation import LinearModel, linearise
 from workbench.operating_point import operating_point
@@ -113,3 +115,26 @@ def test_the_gain_margin_is_where_the_loop_becomes_unstable(linear: LinearModel)
     assert analyse_loop(scaled(0.99 * margin), linear)[0].stable
     unstable = analyse_loop(scaled(1.01 * margin), linear)[0]
     assert not unstable.stable and "unstable" in unstable.reason
+
+
+@pytest.mark.parametrize("damping", [2e-3, 1e-4])
+def test_a_light_resonance_is_met_between_frequencies(damping: float) -> None:
+    w = 2.0 * math.pi * 0.37
+    flexible = machine(
+        lambda m: (
+            {"turn": m.x.rate, "rate": m.u.torque, "bend": m.x.sway}
+            | {"sway": m.u.torque - w**2 * m.x.bend - 2.0 * damping * w * m.x.sway},
+            {"turn": m.x.turn + m.x.bend},
+        ),
+        "turn rad scale=1, rate rad/s scale=1, bend rad scale=1, sway rad/s scale=1",
+        "torque rad/s2 -1 1",
+        "turn rad 1e-4",
+    )
+    linear = linearise(operating_point(flexible))
+    law = design_plain_pid(linear)
+    found, dense = (analyse_loop(law, linear, points=points)[0] for points in (600, 300_000))
+    assert len(found.response) < 1000 and np.all(np.diff(found.frequency_Hz) > 0.0)
+    peak = [np.abs(a.response[np.abs(a.frequency_Hz - 0.37) < 0.01]).max() for a in (found, dense)]
+    assert peak[0] == pytest.approx(peak[1], rel=0.01)
+    for name in ("sensitivity", "complementary", "disk_margin", "phase_margin", "gain_margin"):
+        assert getattr(found, name) == pytest.approx(getattr(dense, name), rel=2e-3)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from workbench.arrays import Complex
+from workbench.arrays import Complex, Vector
 from workbench.linearisation.linear_model import LinearModel
 
 
@@ -39,3 +39,52 @@ def frequency_response(linear: LinearModel, output: str, frequency_Hz: npt.Array
     s = 2j * np.pi * np.asarray(frequency_Hz, dtype=float)
     row = linear.output_names.index(output)
     return transfer_function(linear.A, linear.B, linear.C, linear.D, s)[:, row, 0]
+
+
+def zeros_of(A: Any, b: Any, c: Any) -> Complex:
+    """Return the zeros of ``c (s I - A)^-1 b``, in rad/s; z (dimensionless) of a sampled system.
+
+    Args:
+        A: State matrix, shape (n, n), in SI.
+        b: Input column, shape (n,), in SI.
+        c: Output row, shape (n,), in SI.
+
+    Example:
+        >>> zeros_of([[0.0, 1.0], [-2.0, -3.0]], [0.0, 1.0], [5.0, 1.0]).real.round(6)
+        array([-5.])
+    """
+    from scipy.linalg import eigvals
+
+    a = np.asarray(A, dtype=float)
+    whole = np.block([[a, np.reshape(b, (-1, 1))], [np.reshape(c, (1, -1)), np.zeros((1, 1))]])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = eigvals(whole, np.diag([1.0] * len(a) + [0.0]))
+    return np.asarray(found[np.isfinite(found)], dtype=complex)
+
+
+NARROW, _BESIDE = 0.1, 12
+"""Damping below which a resonance may fall between frequencies, and how many are added on each of
+its sides."""
+
+
+def with_modes(frequency: Vector, roots: npt.ArrayLike) -> Vector:
+    """Return frequencies with more of them about lightly damped poles and zeros, in one unit.
+
+    Args:
+        frequency: Increasing frequencies, shape (n,).
+        roots: Poles and zeros, shape (m,), in rad where the frequencies are.
+
+    Example:
+        >>> added = with_modes(np.array([1.0, 2.0]), [-1e-3 + 1.5j])
+        >>> len(added), bool(np.abs(added - 1.5).min() == 0.0)
+        (27, True)
+    """
+    found = np.asarray(roots, dtype=complex)
+    narrow = found[(found.imag > 0.0) & (np.abs(found.real) < NARROW * found.imag)]
+    beside = [
+        w + side * np.append(0.0, np.geomspace(max(abs(s), 1e-9 * w) / 4.0, NARROW * w, _BESIDE))
+        for s, w in zip(narrow.real, narrow.imag, strict=True)
+        for side in (-1.0, 1.0)
+    ]
+    every = np.unique(np.concatenate([frequency, *beside]))
+    return np.asarray(every[(every >= frequency[0]) & (every <= frequency[-1])])

@@ -28,6 +28,7 @@ from controllers.sensitivity import (
     least_gain,
     loops_at,
     sensitivities_of,
+    with_resonances,
 )
 from workbench.arrays import Complex, Vector
 from workbench.errors import WorkbenchError
@@ -115,7 +116,8 @@ def analyse_loop(
 
     Args:
         point: Given values of the operating point, by name, in SI, for the record.
-        points: Number of frequencies between 0.05 Hz and 0.98 of the Nyquist frequency.
+        points: Number of frequencies up to 0.98 of the Nyquist frequency; beside them stand those
+            of lightly damped modes.
         every: Whether it is opened at the other sensors too.
         delay: Time by which every command is late beside the sampling, in s.
 
@@ -133,7 +135,7 @@ def analyse_loop(
     sizes = {q.name: q.scale for q in linear.operating_point.model.outputs}
     _check_linear(controller, at_rest, values, sizes.get(controller.sensors[0], 1.0))
     (loop,), h = loops_at(controller, linear, ((delay, 0.0),)), controller.sample_time
-    angle = frequencies(points)
+    angle = with_resonances(loop, frequencies(points))
     sensors, commands = controller.sensors, controller.actuators
     shown = sensors if every else controller.controlled if len(commands) > 1 else sensors[:1]
     seen = [sensors.index(name) for name in shown if name in sensors]

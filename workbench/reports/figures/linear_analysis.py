@@ -12,7 +12,7 @@ from controllers.plain.pairing import interaction
 from workbench.errors import WorkbenchError
 from workbench.linearisation.operating_map import operating_map
 from workbench.linearisation.time_scales import horizon_of
-from workbench.linearisation.transfer import frequency_response
+from workbench.linearisation.transfer import frequency_response, with_modes, zeros_of
 from workbench.model.units import in_time, parse_unit, per
 from workbench.reports.figure import Figure
 from workbench.reports.figures.bode_nyquist import bode, nyquist
@@ -141,6 +141,11 @@ def plant_picture(study: Study) -> list[Picture]:
             return []
     times = [horizon_of(linear) for linear in models.values()] or [1.0]
     frequency = np.geomspace(0.05 / max(times), 50.0 / min(times), 400)
+    roots = [
+        np.append(m.poles, zeros_of(m.A, m.B[:, 0], m.C[m.output_names.index(controlled)]))
+        for m in models.values()
+    ]
+    frequency = with_modes(frequency, np.concatenate(roots) / (2.0 * math.pi))
     driven = study.plant.build().inputs[0]
     factor = parse_unit(quantity.display_unit).factor / parse_unit(driven.display_unit).factor
     curves = {
