@@ -61,7 +61,8 @@ class Mode:
     def __str__(self) -> str:
         frequency, damping, time = self.figures
         if math.isnan(time):
-            what = f"{frequency:9.4g} Hz  damping {damping:z7.3f}"
+            told = f"{damping:.3f}" if abs(damping) > 0.01 else f"{damping:.2g}"
+            what = f"{frequency:9.4g} Hz  damping {told:>7}"
         else:
             decays = f"time constant {in_time(time, 4):>11}"
             grows = f"unstable pole {self.pole.real:9.4g} rad/s"

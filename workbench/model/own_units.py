@@ -141,7 +141,8 @@ def in_si_equations(
     named = sized or [q for q in declared if q.stated]
     said = ", ".join(f"{q.name} is in {q.stated!r}" for q in named)
     one = named[0]
-    told = f"{type(one).__name__}({one.name!r}, {one.unit!r}, display_unit={one.stated!r})"
+    unit = "N m" if one.unit == "J" and "N" in one.stated else one.unit
+    told = f"{type(one).__name__}({one.name!r}, {unit!r}, display_unit={one.stated!r})"
     raise WorkbenchError(
         f"the units do not belong together: {said}, others in units of the SI or of another size,"
         " so that the equations would hold factors between them; declare all of a kind in the same"
