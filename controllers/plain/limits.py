@@ -176,6 +176,15 @@ class LoopSpecification(Checked):
         """
         return angle / self.sample_time if self.sample_time else math.inf
 
+    def check_names(self, plant: Any) -> None:
+        """Refuse names of outputs and commands that a plant does not have.
+
+        Raises:
+            WorkbenchError: With the names that it has.
+        """
+        for outputs in (self.measured, self.also_measured):
+            followed_by(linear_model(plant), outputs, self.actuator)
+
     def sampled(self, plant: Any) -> Self:
         """Return the specification with the sample time that a plant asks for, if it has none."""
         if self.sample_time:

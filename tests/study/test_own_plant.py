@@ -121,3 +121,16 @@ def test_a_design_for_any_plant_steps_as_often_as_its_scenarios(study_file: Path
     study_file.write_text(stated, encoding="utf-8")
     with pytest.raises(WorkbenchError, match="steps every 0.02 s .* every 0.01 s; give both"):
         load_study(study_file)
+
+
+@pytest.mark.parametrize("key", ["measured", "also_measured", "actuator"])
+def test_an_output_or_a_command_that_the_plant_does_not_have_is_told_at_once(
+    study_file: Path, key: str
+) -> None:
+    own = study_file.read_text(encoding="utf-8")
+    told = own.replace('"own_tank:design"', '"lqi"').replace("gain = 10.0", f'{key} = "levl"')
+    study_file.write_text(told, encoding="utf-8")
+    with pytest.raises(
+        WorkbenchError, match=r"tank.toml, line 11: .* is 'levl'; it must be one of"
+    ):
+        load_study(study_file)

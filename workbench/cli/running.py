@@ -187,9 +187,16 @@ def counting() -> Iterator[Callable[[str, int, int, str], None]]:
 
     screen = sys.stderr.isatty()
     bar: Any = None
+    told: dict[str, int] = {}
 
     def count(part: str, done: int, total: int, what: str) -> None:
         nonlocal bar
+        if not screen:
+            tenth = 10 * done // max(total, 1)
+            if tenth > told.get(part, 0):
+                note(f"{part}: {done} of {total}")
+            told[part] = tenth
+            return
         if bar is None or (part, total) != (bar.desc, bar.total):
             if bar is not None:
                 bar.close()
@@ -200,13 +207,8 @@ def counting() -> Iterator[Callable[[str, int, int, str], None]]:
                 desc=part,
                 unit=part.removesuffix("s"),
                 file=sys.stderr,
-                # A log keeps every line: there, one per tenth is enough.
-                miniters=1 if screen else max(1, total // 10),
-                mininterval=0.1 if screen else 0.0,
-                maxinterval=1e9,
             )
-        if screen:
-            bar.set_postfix_str(what, refresh=False)
+        bar.set_postfix_str(what, refresh=False)
         bar.update(done - bar.n)
         if done == total:
             # What is said next has a line of its own.

@@ -481,7 +481,11 @@ class _Resolver:
         recipe = replace(recipe, inertia_margin=margin, plan=tuple(plan.items()))
         if design.needs == "linear":
             with self.at(*path, "at"):
-                recipe.linear()
+                linear = recipe.linear()
+            with self.at(*path, "specification"):
+                check_names = getattr(recipe.checked_specification(), "check_names", None)
+                if check_names is not None:
+                    check_names(linear)
         return recipe
 
     def fastest(
