@@ -31,6 +31,8 @@ from controllers.named_state import names
 from controllers.protocol import Controller, check_controller
 from workbench.errors import WorkbenchError
 from workbench.files import write_whole
+from workbench.model import Model
+from workbench.model.units import from_si, to_si
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ def export_c(
     folder: str | Path,
     *,
     name: str = "controller",
-    units: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | Model | None = None,
 ) -> ExportedC:
     """Write a controller as C source and header, inside its guard.
 
@@ -67,7 +69,8 @@ def export_c(
     reaches the law or the command.
 
     Args:
-        units: SI units of sensors, controlled outputs and commands by name, for the header.
+        units: The plant, or SI units of sensors, controlled outputs and commands by name, for the
+            header.
     """
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise WorkbenchError(
@@ -84,9 +87,20 @@ def export_c(
         )
     found = _guarded_source(guarded, name)
     target = Path(folder)
-    header = write_whole(target / f"{name}.h", _header(controller, name, found, units or {}))
+    told = _units(units) if isinstance(units, Model) else units or {}
+    header = write_whole(target / f"{name}.h", _header(controller, name, found, told))
     source = write_whole(target / f"{name}.c", f'#include "{name}.h"\n\n{found.source}')
     return ExportedC(source, header, len(found.states), found.operations)
+
+
+def _units(model: Model) -> dict[str, str]:
+    """Return the units of a plant's signals by name, with what people read them in."""
+    told = {}
+    for q in (*model.outputs, *model.inputs):
+        own = "a plain number" if q.unit == "1" else q.unit
+        one = f"{from_si(to_si(1.0, q.display_unit), q.unit):g}".removesuffix(".0")
+        told[q.name] = own if q.display_unit == q.unit else f"{own}: 1 {q.display_unit} is {one}"
+    return told
 
 
 def _header(controller: Controller, name: str, found: CSource, units: Mapping[str, str]) -> str:

@@ -31,12 +31,15 @@ from controllers.joint.schedule import JointSchedule
 from controllers.mpc.prediction import Prediction
 from controllers.named_state import flat
 from controllers.pid import design_scheduled_pid
+from controllers.plain.pid_design import design_plain_pid
 from controllers.quadratic_program.solver import STATUSES, ConicProgram
 from tests.controllers.families import CLOSED_FORM, MPCS, family
 from tests.controllers.in_c import STRICT, InC, built
+from tests.machines import machine
 from workbench.computing.machine_code import compiler
 from workbench.errors import WorkbenchError
-from workbench.linearisation import LinearModel
+from workbench.linearisation import LinearModel, linearise
+from workbench.operating_point import operating_point
 from workbench.verification import guarded
 
 STEPS = 10_000
@@ -303,6 +306,20 @@ def test_header_documents_the_interface(schedule: JointSchedule, tmp_path: Path)
     assert (
         f"#define RIG_PID_STATES {len(flat(Guarded(law).initial_state((0.5, 3e5, 3e5))))}" in text
     )
+
+
+def test_header_tells_what_people_read_a_unit_in(tmp_path: Path) -> None:
+    barn = machine(
+        lambda m: {"gas": 1e-6 - m.u.fan * m.x.gas},
+        "gas 1 4e-4 scale=1e-3",
+        "fan 1/s 0 0.2 0.01 display_unit=1/h",
+        "gas 1 1e-6 display_unit=ppm",
+    )
+    law = design_plain_pid(linearise(operating_point(barn)))
+    text = export_c(law, tmp_path, name="barn", units=barn).header.read_text()
+    assert "[0] gas, a plain number: 1 ppm is 1e-06" in text
+    assert "gas now, a plain number: 1 ppm is 1e-06" in text
+    assert "[0] fan, 1/s: 1 1/h is 0.000277778" in text
 
 
 def test_header_of_an_mpc_says_what_can_happen(linear: LinearModel, tmp_path: Path) -> None:

@@ -59,11 +59,11 @@ def redesign(
         study = _nominal_and_redesigned(found, Path(verdict), family or (), at or ())
     with counting() as counter:
         result = run_study(study, out, progress=counter)
-    units = {q.name: q.unit for q in (*found.model.outputs, *found.model.inputs)}
-    for name, recipe in study.controllers.items():
-        design, which = name.rsplit(", ", 1)
+    for title, recipe in study.controllers.items():
+        design, which = title.rsplit(", ", 1)
         if which == "redesigned":
-            export_c(recipe.build(), out, name=re.sub(r"\W+", "_", design.lower()), units=units)
+            name = re.sub(r"\W+", "_", design.lower())
+            export_c(recipe.build(), out, name=name, units=found.model)
     tell_runs(result, found.model.name)
     if result.judgements or result.failed:
         typer.echo(plain_summary(result))
