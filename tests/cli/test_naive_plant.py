@@ -512,7 +512,7 @@ def test_a_linear_model_is_a_plant(balls: None, shell: Shell, refused: Refused) 
 
 def test_designs_show_how_far_they_are(balls: None, shell: Shell) -> None:
     told = shell("verify --plant balls:G -c lqi -c plain-pid").err
-    assert "designs:   0%" in told and "2/2" in told.partition("runs:")[0]
+    assert "designs: 0 of 2" in told and "designs: 2 of 2" in told.partition("runs:")[0]
 
 
 def test_a_step_to_where_the_design_does_not_hold_is_told(balls: None, shell: Shell) -> None:

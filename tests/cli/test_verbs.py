@@ -152,7 +152,7 @@ def test_redesign_of_a_machine_that_is_no_arm(tmp_path: Path, shell: Shell) -> N
     told = shell(*arguments, tmp_path / "there", more)
     assert "servo axis, step 100 to" in told.out
     # What takes time is told, for the nominal plant and for the machine.
-    assert told.err.count("designs:   0%") == 2 and "writing the report" in told.err
+    assert told.err.count("designs: 0 of") == 2 and "writing the report" in told.err
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -156,13 +156,20 @@ def telling(begin: float, said: str = "starting") -> Iterator[Callable[[str], No
 
 
 def tell_runs(outcome: StudyResult, plant: str, *, as_json: bool = False) -> None:
-    """Print all metrics of a run; of several runs a table of each step to compare them by."""
+    """Print all metrics of a run; of several runs a table of each step to compare them by.
+
+    Beside them stands how often controllers step, which a rig has to bear.
+    """
+    from workbench.model.units import in_time
     from workbench.study.summary import step_tables
 
     done = [record.metrics for record in outcome.records if record.metrics is not None]
     if done:
         text = step_tables(outcome, plant) if len(done) > 1 else str(replace(done[0], plant=plant))
         typer.echo(text, err=as_json)
+        paces = sorted({s.sample_time for s in outcome.study.scenarios.values()})
+        told = " or ".join(in_time(pace, 4) for pace in paces)
+        typer.echo(f"controllers step every {told}", err=as_json)
 
 
 def write_study(outcome: StudyResult, out: Path, *, more: str = "", as_json: bool = False) -> None:
@@ -193,7 +200,7 @@ def counting() -> Iterator[Callable[[str, int, int, str], None]]:
         nonlocal bar
         if not screen:
             tenth = 10 * done // max(total, 1)
-            if tenth > told.get(part, 0):
+            if tenth > told.get(part, -1):
                 note(f"{part}: {done} of {total}")
             told[part] = tenth
             return
