@@ -54,6 +54,14 @@ def test_what_is_found_of_a_time_base(recording: Recording, result: str, said: s
         assert said == "coarser" or np.allclose(corrected.time, TRIAL.time[:n])
 
 
+def test_a_clock_that_is_put_back_in_the_night_goes_on() -> None:
+    time = 5.0 * np.arange(400.0)
+    told = recorded(np.where(time > 1200.0, time - 3600.0, time), {"u V": time % 7}, {"y m": time})
+    result, note, found = checked(told)
+    assert result == "corrected" and "put back by an hour after 1200 s" in note
+    assert np.array_equal(found.time, time) and np.array_equal(found["y"], time)
+
+
 def test_of_the_rows_of_an_event_the_one_after_it_counts() -> None:
     time = np.sort(np.append(np.arange(40.0), 20.0))
     found = check_time_base(recorded(time, {"valve V": np.arange(41) > 20}, {}), Expected())

@@ -165,6 +165,23 @@ def _in_order(recording: Recording) -> tuple[Recording, str] | str:
     return recording.take(slice(first, stop)), f"{back}; {kept}"
 
 
+def _clock_put_back(recording: Recording) -> tuple[Recording, str]:
+    """Take the hour away by which clocks are put back in autumn, where all else goes on evenly."""
+    time = recording.time
+    steps = np.diff(time)
+    usual = float(np.median(np.abs(steps)))
+    back = np.flatnonzero(np.abs(steps + _HOUR - usual) < 0.6 * usual)
+    others = np.delete(steps, back)
+    if len(back) != 1 or usual > 0.1 * _HOUR or np.mean((others > 0.0) & (others < 3 * usual)) < 1:
+        return recording, ""
+    later = np.where(np.arange(len(time)) > back[0], _HOUR, 0.0)
+    note = f"the clock was put back by an hour after {time[back[0]]:g} s, which is taken out"
+    return replace(recording, time=time + later), note
+
+
+_HOUR = 3600.0
+
+
 def _spread(time: Vector) -> Vector | None:
     """Spread instants of a coarse clock evenly; None if the repeats are not regular."""
     instants, first, counts = np.unique(time, return_index=True, return_counts=True)
@@ -267,7 +284,8 @@ def check_time_base(recording: Recording, expected: Expected) -> Finding:
     if np.ptp(recording.time) == 0:
         return Finding("unfit", "the time never advances")
     notes = []
-    for step in (_epoch, _in_order, _without_repeats, lambda r: _rate(r, expected)):
+    first = _epoch, _clock_put_back, _in_order, _without_repeats
+    for step in (*first, lambda r: _rate(r, expected)):
         found = step(recording)
         if isinstance(found, str):
             return Finding("unfit", found)
