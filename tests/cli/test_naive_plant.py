@@ -557,3 +557,26 @@ def test_a_system_of_python_control_is_a_plant(
     assert found["metrics"]["overshoot"]["value"] < 5.0
     if h:
         assert found["metrics"]["settling_time"]["value"] % h < 1e-9
+
+
+DQ = """
+from workbench.model import Input, Model, Output, State
+
+def dq(rest: float = 0.0):
+    def equations(m):
+        w = 314.159
+        rates = {"d": (m.u.vd - 325.0 - 0.1 * m.x.d + w * 2.5e-3 * m.x.q) / 2.5e-3,
+                 "q": (m.u.vq - 0.1 * m.x.q - w * 2.5e-3 * m.x.d) / 2.5e-3}
+        return rates, {"d": m.x.d, "q": m.x.q}
+    return Model("converter", equations, states=(State("d", "A", 20.0), State("q", "A", 20.0)),
+        inputs=(Input("vd", "V", lower=-400.0, upper=400.0, nominal=rest),
+                Input("vq", "V", lower=-400.0, upper=400.0)),
+        outputs=(Output("d", "A", 20.0, noise_rms=0.05), Output("q", "A", 20.0, noise_rms=0.05)))
+"""
+
+
+def test_a_rest_far_from_the_start_is_told(here: Path, shell: Shell) -> None:
+    # Without a voltage against that of the grid, 400 A flow.
+    (here / "grids.py").write_text(DQ)
+    told = [shell("verify --plant grids:dq -c lqi --rest", rest).err for rest in ("1", "325")]
+    assert ["far from where it starts (q 406 A)" in text for text in told] == [True, False]

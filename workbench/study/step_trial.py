@@ -37,7 +37,15 @@ from workbench.linearisation.time_scales import (
 )
 from workbench.model import Model
 from workbench.model.quantities import of_names
-from workbench.model.units import convert, from_si, in_time, named_value, of_difference, quantity
+from workbench.model.units import (
+    convert,
+    from_si,
+    in_time,
+    named_value,
+    of_difference,
+    quantity,
+    with_unit,
+)
 from workbench.operating_point import operating_point
 from workbench.physics.delay import clock_shift, delay, sensor_delay, valve_delay
 from workbench.plants.plant import Plant
@@ -167,7 +175,7 @@ class StepTrial:
         self._tell_far(found, hold)
         self._tell_noise(recipes, found)
         self._tell_ends()
-        self._tell_drift()
+        self._tell_rest()
         return recipes, found
 
     def _tell_ends(self) -> None:
@@ -183,9 +191,23 @@ class StepTrial:
                 " rest the plant where it works (--from)"
             )
 
-    def _tell_drift(self) -> None:
-        """Say which states go on where all others rest, if the plant does not declare them."""
+    def _tell_rest(self) -> None:
+        """Say which outputs rest far from where they start, though nobody asked for that.
+
+        And which states go on where all others rest, if the plant does not declare them.
+        """
         point = self.linear.operating_point
+        start = self.model.read(self.model.initial_state(), self.model.nominal_input)
+        far = [
+            f"{q.name} {with_unit(f'{float(from_si(y, q.display_unit)):.3g}', q.display_unit)}"
+            for q, y, begin in zip(self.model.outputs, point.y, start, strict=True)
+            if q.sized and abs(y - begin) > _FAR * q.scale
+        ]
+        if far and not self.begins:
+            self.say(
+                f"at rest with its usual inputs the plant is far from where it starts"
+                f" ({', '.join(far)}); rest it where it works (--from)"
+            )
         if point.drift and not self.model.traits.sums:
             self.say(
                 f"a state does not rest there but goes on ({point.drift_in_words()}); designs and"
@@ -452,6 +474,9 @@ def _delays(model: Model) -> tuple[tuple[str, ...], float]:
     names = tuple(effect.name for effect in model.effects if effect.name.startswith(starts))
     return names, sum(max(model.parameter(f"{name}.time").value, 0.0) for name in names)
 
+
+_FAR = 10.0
+"""Distance of an output at rest from where it starts, over its scale, that surprises its author."""
 
 ROUNDED = 1e-12
 """Output at rest over its scale that is what rounding leaves."""
