@@ -356,6 +356,23 @@ def is_event(effect: Effect) -> bool:
     return bool(effect.about.moment) and len(_clocks(effect)) == 1 + bool(_length(effect))
 
 
+def times_of(effect: Effect) -> tuple[str, ...]:
+    """Return the names of the parameters that tell when an event comes and how long it lasts."""
+    return tuple(filter(None, (effect.about.moment, _length(effect))))
+
+
+def at_times_of(effect: Effect, other: Effect) -> Effect:
+    """Return an event whose clocks start in each recording as those of another one."""
+    clocks = dict(zip((q.name for q in _clocks(effect)), _clocks(other), strict=True))
+    states = tuple(
+        replace(q, initial=clocks[q.name].initial, start_in=clocks[q.name].start_in)
+        if q.name in clocks
+        else q
+        for q in effect.states
+    )
+    return replace(effect, states=states)
+
+
 def may_be_absent(effect: Effect) -> bool:
     """Whether an effect is an event that may come to some recordings and not to others."""
     return is_event(effect) and not effect.about.period

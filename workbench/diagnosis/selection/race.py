@@ -34,7 +34,7 @@ from workbench.diagnosis.selection.decision import closer_unseen, decided
 from workbench.diagnosis.selection.final_refit import closest_errors, followed
 from workbench.diagnosis.selection.first_refit import first_refit
 from workbench.diagnosis.selection.held_out import NO_RUNS, told_apart
-from workbench.diagnosis.selection.moments import is_event
+from workbench.diagnosis.selection.moments import at_times_of, is_event, times_of
 from workbench.diagnosis.selection.refit_in_turn import NEARER, Basis
 from workbench.diagnosis.selection.rules import SAME, TWIN, Limits
 from workbench.diagnosis.selection.score import Score
@@ -129,6 +129,7 @@ def refit_candidates(
         return finals.found
     came = _came_too(at_first, finals.candidates, best) if several else []
     finals.compare(came or (_twins(alike, finals.candidates, best) if alike else []))
+    finals.compare_at_its_times()
     finals.compare_to_the_end()
     return finals.with_single_places()
 
@@ -176,6 +177,26 @@ class _Finals:
             places, self._followed([self.candidates[i] for i in places]), strict=True
         ):
             self.candidates[i] = final
+        self.found = decided(self.candidates, self._runs, self._limits)
+
+    def compare_at_its_times(self) -> None:
+        """Follow what may have come instead of an event, at its times.
+
+        By itself a first refit may end at other times, where the event shows nothing of it.
+        """
+        best = self.best
+        if best is None or not is_event(best.entry.effect):
+            return
+        places = [i for i, c in enumerate(self.candidates) if _may_come_instead(c, best)]
+        places = [i for i in places if not self.candidates[i].followed]
+        places = sorted(places, key=lambda i: -self.candidates[i].gain)[:_FINALISTS]
+        begun = {i: _at_times_of(best, self.candidates[i]) for i in places}
+        if not begun:
+            return
+        self._task.say("comparing " + " and ".join(c.name for c in begun.values()))
+        for i, final in zip(begun, self._followed([*begun.values()]), strict=True):
+            if final.gain > self.candidates[i].gain:
+                self.candidates[i] = final
         self.found = decided(self.candidates, self._runs, self._limits)
 
     def compare_to_the_end(self) -> None:
@@ -265,6 +286,34 @@ def _ended_early(candidate: Candidate, best: Candidate) -> bool:
     if not followed_too or not NEARER < best.gain - candidate.gain < SAME:
         return False
     return told_apart(best.blocks, candidate.blocks) or closer_unseen(best, candidate)
+
+
+def _may_come_instead(candidate: Candidate, best: Candidate) -> bool:
+    """Tell whether an event is another one at its place, or it elsewhere, and ends if it does."""
+    own, other = candidate.entry.effect, best.entry.effect
+    near = own.ports == other.ports or candidate.entry.law == best.entry.law
+    alike = is_event(own) and near and len(times_of(own)) == len(times_of(other))
+    return alike and candidate.fit is not None and candidate.name != best.name
+
+
+def _at_times_of(best: Candidate, candidate: Candidate) -> Candidate:
+    """Return an event that goes on at the times of the best one."""
+    fit, other = candidate.fit, best.fit
+    assert fit is not None
+    assert other is not None
+    own, now = (
+        [f"{f.model.effects[-1].name}.{n}" for n in times_of(c.entry.effect)]
+        for f, c in ((fit, candidate), (other, best))
+    )
+    ended = other.refit.values
+    at = ended | {mine: ended[its] for mine, its in zip(own, now, strict=True)}
+    estimates = tuple(replace(e, value=at.get(e.name, e.value)) for e in fit.refit.estimates)
+    effect = at_times_of(candidate.entry.effect, best.entry.effect)
+    return replace(
+        candidate,
+        entry=replace(candidate.entry, effect=effect),
+        fit=replace(fit, refit=replace(fit.refit, estimates=estimates)),
+    )
 
 
 def _from_where(best: Candidate, candidate: Candidate) -> Candidate:
