@@ -1306,8 +1306,12 @@ def test_what_is_never_negative_may_fall_by_a_sum_too() -> None:
     named(found, "parameter_curve_field_over_cone")
 
 
-def test_a_rope_that_is_shorter_than_its_author_says_is_no_missing_physics() -> None:
-    held = {"rope": 1.3}
+@pytest.mark.parametrize("more", ["sensor_cross_talk coulomb_friction gain", "parameter_curve"])
+@pytest.mark.parametrize("rope", [1.3, 0.8])
+def test_a_rope_that_is_longer_or_shorter_than_its_author_says_is_no_missing_physics(
+    more: str, rope: float
+) -> None:
+    held = {"rope": rope}
     model = replace(
         crane(),
         parameters=tuple(
@@ -1316,10 +1320,11 @@ def test_a_rope_that_is_shorter_than_its_author_says_is_no_missing_physics() -> 
         ),
     )
     runs = [transport(seed) for seed in (1, 2)]
-    found = diagnosed(model, runs, "sensor_gain sensor_cross_talk coulomb_friction gain")
+    # A curve of the rope over anything holds another rope, and is level.
+    found = diagnosed(model, runs, f"sensor_gain {more}")
     verdict = found.verdict
     assert verdict.kind == "parameter" and not verdict.findings
-    assert "rope is 999" in verdict.sentence and "where the plant holds 1300 mm" in verdict.sentence
+    assert f"where the plant holds {1e3 * rope:.0f} mm" in verdict.sentence
     assert found.extended.refit.estimate("rope").value == approx(1.0, rel=1e-3)
     # Friction is friction, whatever is held.
     rubbing = [transport(seed, friction=6.0) for seed in (1, 2)]

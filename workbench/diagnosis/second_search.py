@@ -33,15 +33,18 @@ from workbench.diagnosis.selection.rules import (
     LEAST_GAIN,
     LITTLE_LEFT,
     OFF_NOISE,
+    SAME,
+    SURE_OF,
     lacks_little,
 )
 from workbench.diagnosis.stages import Diagnosis
-from workbench.diagnosis.undeclared.constants import likeliest_freed
+from workbench.diagnosis.undeclared.constants import Freed, likeliest_freed
 from workbench.diagnosis.undeclared.disturbances import opened
 from workbench.diagnosis.undeclared.inputs import clearly_likelier, otherwise_between_samples
 from workbench.errors import NumericalError
 from workbench.model import Model
-from workbench.model.units import with_unit
+from workbench.model.quantities import shown_in
+from workbench.model.units import from_si, with_unit
 from workbench.physics.library import Hypothesis
 from workbench.recordings.recording import Recording
 
@@ -128,23 +131,41 @@ def where_a_constant_is_wrong(
     A wrong number is no missing physics, and laws of any kind make up for some of it: it counts
     where nothing else is missing beside it.
     """
-    prepared = found.prepared
-    gained = found.base.cost - found.extended.cost
+    prepared, gained = found.prepared, found.base.cost - found.extended.cost
     best = likeliest_freed(model, found.base, prepared.fitting, prepared.priors, gained)
     if best is None or best.cost > found.extended.cost - LEAST_GAIN:
         return None
+    return _with_constant(best, found, "that explains more than any effect")
+
+
+def where_a_curve_is_level(found: Diagnosis, model: Model, _: Sequence[Recording]) -> View | None:
+    """Refit a constant that the author holds, where the curve that was found of it is level."""
+    if len(found.accepted) != 1:
+        return None
+    (curve,), prepared = found.accepted, found.prepared
+    size, subject = curve.candidate.size, curve.candidate.entry.effect.about.subject
+    if not subject or size is None or abs(size.value) >= SURE_OF * size.std:
+        return None
+    only = {subject}
+    best = likeliest_freed(model, found.base, prepared.fitting, prepared.priors, among=only)
+    if best is None or best.cost > found.extended.cost + SAME:
+        return None
+    return _with_constant(best, found, "that explains as much as any change of it")
+
+
+def _with_constant(best: Freed, found: Diagnosis, why: str) -> View:
     ((name, held),) = best.model.traits.held
-    q = model.parameter(name)
-    was = with_unit(f"{held:.4g}", q.unit)
+    q = best.model.parameter(name)
+    was = with_unit(f"{float(from_si(held, shown_in(q))):.4g}", shown_in(q))
     told = f"{name} is refitted, which the plant holds at {was}"
-    row = {"recording": prepared.fitting[0].name, "check": "range", "result": "corrected"}
+    row = {"recording": found.prepared.fitting[0].name, "check": "range", "result": "corrected"}
     return View(
         best.model,
         f"with_{name}",
         f"searching beside another {name}",
         lambda again, _: again.scored is not None and not _lacks_more(again),
         lambda again: "beside it something is missing too" * _lacks_more(again),
-        ({**row, "note": f"{told}: that explains more than any effect"},),
+        ({**row, "note": f"{told}: {why}"},),
     )
 
 
@@ -265,7 +286,8 @@ EARLY = (where_a_constant_is_wrong, where_none_is_declared_yet)
 """Those that are taken after the first round of a search, before it goes on."""
 
 VIEWS = (
-    where_some_lack_nothing, otherwise_between, beside_correlated_noise, where_none_is_declared,
+    where_some_lack_nothing, where_a_curve_is_level, otherwise_between, beside_correlated_noise,
+    where_none_is_declared,
 )  # fmt: skip
 """Those that are taken after it, in this order."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -60,6 +60,7 @@ def likeliest_freed(
     recordings: Sequence[Observed],
     priors: Sequence[Prior],
     rival: float = 0.0,
+    among: Collection[str] | None = None,
 ) -> Freed | None:
     """Return the model whose constant explains most of what its refitted parameters leave.
 
@@ -71,8 +72,9 @@ def likeliest_freed(
         priors: Those of the parameters that were refitted.
         rival: Log likelihood that something else gains, dimensionless: of what promises much less
             nobody waits for a refit.
+        among: Names of those that are tried; all by default.
     """
-    names = [q.name for q in model.parameters if _held(q)]
+    names = [q.name for q in model.parameters if _held(q) and (among is None or q.name in among)]
     promised = _promised(base, recordings, priors, names) if names else []
     best: Freed | None = None
     for gain, name in sorted(promised, reverse=True)[:_TRIED]:
