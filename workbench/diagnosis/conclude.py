@@ -13,7 +13,8 @@ from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, as_it_
 from workbench.diagnosis.findings import computed, named, own_parameters, without_name, wrong_values
 from workbench.diagnosis.selection import rules
 from workbench.diagnosis.selection.candidate import Candidate
-from workbench.diagnosis.selection.held_out import held_out_errors
+from workbench.diagnosis.selection.held_out import held_out_errors, over_noise
+from workbench.diagnosis.selection.rules import lacks_little
 from workbench.diagnosis.selection.score import COLLINEAR
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import AWAY, Finding, Kind, Verdict
@@ -47,7 +48,7 @@ def conclude(diagnosis: Diagnosis) -> Verdict:
         findings = tuple(named(diagnosis, i, fit, rest, doubts) for i in range(count))
     else:
         rest, findings = "", without_name(diagnosis, fit)
-    kind, sentence = _kind(diagnosis, findings, rest)
+    kind, sentence = _kind(diagnosis, findings, rest, _drifts(diagnosis, fit))
     left = validated.occurrence() if kind == "unexplained" and not findings else None
     used = prepared.judging[0].used
     return Verdict(
@@ -72,7 +73,32 @@ def conclude(diagnosis: Diagnosis) -> Verdict:
     )
 
 
-def _kind(diagnosis: Diagnosis, findings: Sequence[Finding], rest: str) -> tuple[Kind, str]:
+def _drifts(diagnosis: Diagnosis, fit: Mapping[str, Mapping[str, float]]) -> str:
+    """Say how far runs drift off that only uncertain parameters excuse; empty if they do not.
+
+    What a model leaves out makes its parameters uncertain too, and then excuses itself.
+    """
+    scored, over = diagnosis.scored, over_noise(fit, "refitted")
+    output = max(over, key=over.__getitem__, default="")
+    if scored is None or not over or over[output] <= rules.DRIFTING:
+        return ""
+    if lacks_little(scored.excess, diagnosis.prepared.fitting):
+        return ""
+    return (
+        f" On the held-out recordings {output.replace('_', ' ')} runs {over[output]:.3g} times as"
+        " far off as its sensor's noise, which the uncertainty of the parameters would do too, but"
+        " single samples are less likely than noise alone makes them."
+    )
+
+
+def _kind(
+    diagnosis: Diagnosis, findings: Sequence[Finding], rest: str, drifts: str
+) -> tuple[Kind, str]:
+    """Return the kind of a verdict and its sentence.
+
+    Args:
+        drifts: What is said of runs that only uncertain parameters excuse; empty if nothing.
+    """
     far = _far(diagnosis)
     if findings and not diagnosis.accepted:
         if findings[0].effect is not None:
@@ -108,6 +134,12 @@ def _kind(diagnosis: Diagnosis, findings: Sequence[Finding], rest: str) -> tuple
             "No physics is missing that these recordings can show, but a value is wrong:"
             f"{_other_values(diagnosis)} With it the model predicts them nearly to the noise of the"
             f" sensors.{_coloured(diagnosis)}",
+        )
+    if diagnosis.complete and drifts:
+        return (
+            "unexplained",
+            "Something is left out, and no effect of the library that was tried explains it on the"
+            f" held-out recordings.{drifts}",
         )
     if diagnosis.complete:
         return (

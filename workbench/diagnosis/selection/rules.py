@@ -301,6 +301,11 @@ NEAR_NOISE = 3.0
 """Held-out error over what noise and the uncertainty of the parameters leave, up to which nothing
 is missing."""
 
+DRIFTING = 5.0
+"""Held-out error over the sensor's noise beyond which uncertain parameters are no excuse where
+single samples are less likely than noise makes them: a heat pump whose efficiency was wrong ran 55
+times the noise off, as far as its efficiency, which that had made uncertain by 10 %, let it."""
+
 OFF_NOISE = 1.2
 """Held-out error over that of noise alone from which on something may be missing beside what was
 found, where its author trusts the equations."""
