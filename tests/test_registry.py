@@ -98,3 +98,28 @@ def test_what_is_no_reference_is_refused() -> None:
         with pytest.raises(WorkbenchError, match="module:object"):
             load_object("number", bad)
     assert load_object("number", "math:pi") == math.pi
+
+
+def test_what_one_package_breaks_stops_nobody_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    def crash() -> None:
+        raise ImportError("libmill.so")
+
+    good = SimpleNamespace(name="mill")
+    entries = [
+        SimpleNamespace(name="crash", value="bad:x", load=crash, dist=SimpleNamespace(name="acme")),
+        SimpleNamespace(name="mill", value="mills:mill", load=lambda: good),
+        SimpleNamespace(
+            name="again", value="others:mill", load=lambda: SimpleNamespace(name="mill")
+        ),
+    ]
+    monkeypatch.setattr("workbench.registry.entry_points", lambda group: entries)
+    registry = Registry(
+        "plant", SimpleNamespace, package="workbench.errors", group="example.plants"
+    )
+    with pytest.warns(UserWarning, match="left out") as told:
+        assert registry.get("mill") is good
+    assert "'crash' of acme failed: ImportError: libmill.so" in str(told[0].message)
+    assert "has the name of another plant" in str(told[1].message)
+    assert registry.names() == ("mill",)
+    with pytest.raises(WorkbenchError, match="of acme failed"):
+        registry.get("crash")

@@ -13,6 +13,7 @@ import pkgutil
 import sys
 import sysconfig
 import traceback
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.metadata import entry_points
@@ -59,24 +60,39 @@ class Registry(Generic[Member]):
         self.packages = (package,) if isinstance(package, str) else package
         self._adopt = adopt
         self._members: dict[str, Member] | None = None
+        self._broken: dict[str, str] = {}
 
     def members(self) -> dict[str, Member]:
         """Return the built-in and the installed members by name, in the order of their names.
 
+        What an installed package announces and cannot be loaded, or has the name of another one, is
+        left out with a warning: it must not stop who wants something else.
+
         Raises:
-            WorkbenchError: If two members have the same name, or an entry point cannot be loaded.
+            WorkbenchError: If two built-in members have the same name.
         """
         if self._members is None:
             found: dict[str, Member] = {}
-            for origin, member in (*self._built_in(), *self._installed()):
-                name = str(cast(Any, member).name)
-                if found.setdefault(name, member) is not member:
-                    raise WorkbenchError(
-                        f"{self.kind} {name!r} of {origin} has the name of another {self.kind};"
-                        " rename one of them"
-                    )
+            for origin, member in self._built_in():
+                self._join(found, origin, member)
+            for entry in entry_points(group=self.group):
+                package = getattr(getattr(entry, "dist", None), "name", "an installed package")
+                try:
+                    with user_code(f"{self.kind} {entry.name!r} of {package}"):
+                        self._join(found, package, self.taken(entry.load(), entry.name))
+                except WorkbenchError as error:
+                    self._broken[_plain(entry.name)] = str(error)
+                    warnings.warn(f"{error}; it is left out", stacklevel=2)
             self._members = dict(sorted(found.items()))
         return dict(self._members)
+
+    def _join(self, found: dict[str, Member], origin: str, member: Member) -> None:
+        name = str(cast(Any, member).name)
+        if found.setdefault(name, member) is not member:
+            raise WorkbenchError(
+                f"{self.kind} {name!r} of {origin} has the name of another {self.kind}; rename one"
+                " of them"
+            )
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all members."""
@@ -95,6 +111,8 @@ class Registry(Generic[Member]):
         for known, member in members.items():
             if _plain(known) == wanted:
                 return member
+        if wanted in self._broken:
+            raise WorkbenchError(self._broken[wanted])
         try:
             check_choice(self.kind, name, members)
         except WorkbenchError as error:
@@ -122,12 +140,6 @@ class Registry(Generic[Member]):
                 if isinstance(value, self.member) and id(value) not in seen:
                     seen.add(id(value))
                     yield module.__name__, value
-
-    def _installed(self) -> Iterator[tuple[str, Member]]:
-        for entry in entry_points(group=self.group):
-            with user_code(f"{self.kind} {entry.name!r} of an installed package"):
-                found = entry.load()
-            yield entry.value, self.taken(found, entry.name)
 
 
 def load_object(kind: str, reference: str, *, folder: Path | None = None) -> Any:

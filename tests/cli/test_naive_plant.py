@@ -580,3 +580,20 @@ def test_a_rest_far_from_the_start_is_told(here: Path, shell: Shell) -> None:
     (here / "grids.py").write_text(DQ)
     told = [shell("verify --plant grids:dq -c lqi --rest", rest).err for rest in ("1", "325")]
     assert ["far from where it starts (q 406 A)" in text for text in told] == [True, False]
+
+
+WHEEL = """
+from workbench.model import Input, Model, Output, State
+
+def wheel():
+    return Model("wheel", lambda m: ({"ω": (m.u["τ"] - 0.2 * m.x["ω"]) / 0.1}, {"ω": m.x["ω"]}),
+        states=(State("ω", "rad/s", 10.0),),
+        inputs=(Input("τ", "N m", lower=-5.0, upper=5.0),),
+        outputs=(Output("ω", "rad/s", 10.0, noise_rms=0.01),))
+"""
+
+
+def test_names_in_greek_make_a_study_that_runs(here: Path, shell: Shell) -> None:
+    (here / "wheels.py").write_text(WHEEL, encoding="utf-8")
+    shell("new-study --plant wheels:wheel wheel.toml")
+    assert "passed" in shell("compare wheel.toml --out out --jobs 1").out

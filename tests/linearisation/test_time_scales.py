@@ -193,3 +193,18 @@ def test_what_a_command_does_at_once_counts_for_how_far_it_takes_an_output() -> 
     )
     assert farthest(at_rest(gate), "flow", 1.0) == pytest.approx(1.0, rel=0.03)
     assert least_time(at_rest(gate), ("gate",), {"flow": 0.5}) < 1.0
+
+
+def test_how_far_commands_reach_differs_to_each_side() -> None:
+    chilled = machine(
+        lambda m: ({"warm": m.u.cold - m.x.warm}, {"warm": m.x.warm}),
+        "warm K 3 scale=1",
+        "cold K 0 4 3",
+        "warm K",
+    )
+    up, down = (farthest(at_rest(chilled), "warm", 20.0, up=way) for way in (True, False))
+    assert (up, down) == pytest.approx((1.0, 3.0), rel=1e-3)
+    endless = machine(
+        lambda m: ({"x": m.u.drive - m.x.x}, {"x": m.x.x}), "x m scale=1", "drive m", "x m"
+    )
+    assert farthest(at_rest(endless), "x", 1.0) == np.inf

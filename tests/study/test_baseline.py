@@ -125,3 +125,18 @@ def test_a_bad_baseline(text: str, word: str, tmp_path: Path) -> None:
     path.write_text(text)
     with pytest.raises(WorkbenchError, match=word):
         read_baseline(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ('{"schema": 2, "study": "s", "runs": [], "conditions": {}}', "holds no runs"),
+        (baseline_text("other", [record(rmse=1.0)], {}), "is that of study 'other'"),
+    ],
+)
+def test_a_baseline_by_which_all_would_pass_is_refused(
+    text: str, word: str, tmp_path: Path
+) -> None:
+    path = write_whole(tmp_path / "b.json", text)
+    with pytest.raises(WorkbenchError, match=word):
+        read_baseline(path, of="s")

@@ -134,3 +134,17 @@ def test_an_output_or_a_command_that_the_plant_does_not_have_is_told_at_once(
         WorkbenchError, match=r"tank.toml, line 11: .* is 'levl'; it must be one of"
     ):
         load_study(study_file)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_run_that_failed_is_done_again(study_file: Path) -> None:
+    needed = study_file.with_name("gains.txt")
+    rig = study_file.with_name("own_tank.py")
+    text = rig.read_text(encoding="utf-8")
+    read = f"from pathlib import Path\n    float(Path({str(needed)!r}).read_text())\n    ends"
+    rig.write_text(text.replace("ends", read, 1), encoding="utf-8")
+    out = study_file.with_name("out")
+    first = run_study(load_study(study_file), out, jobs=1)
+    assert len(first.failed) == len(first.records) > 0
+    needed.write_text("10")
+    assert not run_study(load_study(study_file), out, jobs=1).failed

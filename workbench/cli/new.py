@@ -131,8 +131,8 @@ def _of_plant(plant: str) -> dict[str, Any]:
         "plant": json.dumps(plant),
         "without": json.dumps(trial.machine.without) if trial.machine.without else "",
         "design": json.dumps(design.name),
-        "at": ", ".join(f"{name} = {value:.10g}" for name, value in design.at),
-        "told": ", ".join(f"{n} = {json.dumps(v)}" for n, v in design.specification),
+        "at": ", ".join(f"{_key(name)} = {value:.10g}" for name, value in design.at),
+        "told": ", ".join(f"{_key(n)} = {json.dumps(v)}" for n, v in design.specification),
         "scenarios": asked,
         "varied": "",
     }
@@ -140,6 +140,11 @@ def _of_plant(plant: str) -> dict[str, Any]:
         low, high = max(varied.lower, 0.9 * varied.value), min(varied.upper, 1.1 * varied.value)
         told |= {"varied": varied.name, "low": f"{low:.6g}", "high": f"{high:.6g}"}
     return told
+
+
+def _key(name: str) -> str:
+    """Return a name as a key of TOML, which holds no letters of other tongues without quotes."""
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name)
 
 
 def _asked(model: Model, scenario: Scenario) -> dict[str, Any]:
@@ -158,7 +163,7 @@ def _asked(model: Model, scenario: Scenario) -> dict[str, Any]:
     error = float(from_si(0.1 * step, of_difference(about.display_unit)))
     rows = [
         (
-            q.name,
+            _key(q.name),
             json.dumps(q.display_unit),
             list(references[q.name].times),
             [float(f"{float(from_si(v, q.display_unit)):.6g}") for v in references[q.name].values],
@@ -167,6 +172,7 @@ def _asked(model: Model, scenario: Scenario) -> dict[str, Any]:
     ]
     return {
         "name": name if len(rows) > 1 else "step",
+        "key": _key(name) if len(rows) > 1 else "step",
         "output": name,
         "references": rows,
         "duration": f"{scenario.duration:.6g}",

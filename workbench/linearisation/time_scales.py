@@ -220,13 +220,30 @@ _LOOKS = 100
 """Times, evenly spaced, at which it is looked how far an output is."""
 
 
-def farthest(linear: LinearModel, name: str, time: float) -> float:
-    """Return how far all commands move an output within a time in s, to its farther side, in SI.
+def farthest(linear: LinearModel, name: str, time: float, *, up: bool = True) -> float:
+    """Return how far all commands move an output up, or down, within a time in s, in SI.
 
-    What swings may be farther before the time is over than at its end.
+    What swings may be farther before the time is over than at its end. A command without an end
+    moves it as far as one likes.
     """
-    moved = _mover(linear, name, at_once=True)
-    return max(moved(t) for t in np.linspace(0.0, time, _LOOKS + 1)[1:])
+    moved = _moves(linear, name, at_once=True)
+    inputs = {q.name: q for q in linear.operating_point.model.inputs}
+    rests = zip(linear.input_names, linear.u0.tolist(), strict=True)
+    commands = [(inputs.get(n), u) for n, u in rests if n not in inputs or inputs[n].commanded]
+    # By an inverted curve the command is a fraction, which no input of the plant is.
+    above, below = (
+        np.array(
+            [1.0 if q is None else abs(getattr(q, end) - u) / _room(q, u) for q, u in commands]
+        )
+        for end in ("upper", "lower")
+    )
+
+    def reach(time: float) -> float:
+        way = moved(time) if up else -moved(time)
+        share = np.where(way > 0.0, above, below)
+        return float(np.sum(np.abs(way) * np.where(way == 0.0, 0.0, share)))
+
+    return max(reach(t) for t in np.linspace(0.0, time, _LOOKS + 1)[1:])
 
 
 def _mover(linear: LinearModel, name: str, *, at_once: bool = False) -> Callable[[float], float]:

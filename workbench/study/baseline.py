@@ -110,8 +110,13 @@ class Baseline:
     box: Sequence[Mapping[str, Any]] = ()
 
 
-def read_baseline(path: str | Path) -> Baseline:
-    """Read a baseline, or the ``results.json`` of a study."""
+def read_baseline(path: str | Path, *, of: str = "") -> Baseline:
+    """Read a baseline, or the ``results.json`` of a study.
+
+    Args:
+        of: Name of the study that is compared with it: one of another study, or one without runs,
+            would let everything pass.
+    """
     place = Path(path)
     fix = f"write one with 'workbench bless DIR --baseline {place}'"
     table = read_json(place, "baseline", _BASELINE, fix=fix)
@@ -122,9 +127,16 @@ def read_baseline(path: str | Path) -> Baseline:
             f"baseline {str(place)!r} has schema {table['schema']!r}; this version reads"
             f" {BASELINE_SCHEMA}; {fix}"
         )
+    study = table.get("study", "")
+    if of and study not in ("", of):
+        raise WorkbenchError(
+            f"baseline {str(place)!r} is that of study {study!r}, and compared is {of!r}; {fix}"
+        )
+    if of and not table["runs"]:
+        raise WorkbenchError(f"baseline {str(place)!r} holds no runs to compare with; {fix}")
     return Baseline(
         records_of(table["runs"], f"baseline {str(place)!r}"),
-        table.get("study", ""),
+        study,
         place,
         table["conditions"],
         table.get("box", table.get("robustness", ())),

@@ -148,12 +148,13 @@ class Workers:
         Args:
             asked: Frozen data whose representation says all that a result depends on.
             do: Returns the result as a table that JSON can hold; called in any process.
-            shape: What a kept result must be; another one is done again.
+            shape: What a kept result must be; another one is done again. So is one that failed: its
+                cause may be cured.
             name: What progress is told of one that is finished.
         """
         keys = [self.store.key(one) for one in asked]
         kept = ((i, self.store.get(key, shape)) for i, key in enumerate(keys))
-        found = {i: table for i, table in kept if table is not None}
+        found = {i: t for i, t in kept if t is not None and t.get("status") != "failed"}
         if progress and found:
             progress(len(found), len(asked), FINISHED_BEFORE)
         left = [i for i in range(len(asked)) if i not in found]

@@ -283,7 +283,7 @@ def run_study(
     """
     begin, begun = time.perf_counter(), done()
     # Wrong use is told before an hour of runs, not after.
-    before = read_baseline(baseline) if baseline is not None else None
+    before = read_baseline(baseline, of=study.name) if baseline is not None else None
     check_range("number of processes", jobs, 1, 1024)
     store = store_of(study, Path(out))
     check_folder(out)

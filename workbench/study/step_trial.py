@@ -219,8 +219,11 @@ class StepTrial:
         for name, asked in ((n, a) for s in scenarios for n, a in s.references.items()):
             if not asked.changes or name not in self.linear.output_names:
                 continue
-            most = farthest(self.linear, name, hold)
-            if most < max(abs(b - a) for _, a, b in asked.changes):
+            start = float(self.linear.y0[self.linear.output_names.index(name)])
+            ways = [b - start for _, _, b in asked.changes if b != start]
+            reached = {way: farthest(self.linear, name, hold, up=way > 0.0) for way in set(ways)}
+            if short := [most for way, most in reached.items() if most < abs(way)]:
+                most = min(short)
                 about = next(q for q in self.model.outputs if q.name == name)
                 unit = of_difference(about.display_unit)
                 self.say(
