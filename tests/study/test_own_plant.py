@@ -137,14 +137,16 @@ def test_an_output_or_a_command_that_the_plant_does_not_have_is_told_at_once(
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_run_that_failed_is_done_again(study_file: Path) -> None:
-    needed = study_file.with_name("gains.txt")
+def test_a_run_that_failed_is_done_again(
+    study_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     rig = study_file.with_name("own_tank.py")
     text = rig.read_text(encoding="utf-8")
-    read = f"from pathlib import Path\n    float(Path({str(needed)!r}).read_text())\n    ends"
-    rig.write_text(text.replace("ends", read, 1), encoding="utf-8")
+    rig.write_text(text.replace("    ends", "    import gains_of_mine\n    ends", 1))
     out = study_file.with_name("out")
     first = run_study(load_study(study_file), out, jobs=1)
     assert len(first.failed) == len(first.records) > 0
-    needed.write_text("10")
+    (tmp_path / "more").mkdir()
+    (tmp_path / "more" / "gains_of_mine.py").touch()
+    monkeypatch.syspath_prepend(tmp_path / "more")
     assert not run_study(load_study(study_file), out, jobs=1).failed
