@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import casadi as ca
 import numpy as np
 
+from workbench.diagnosis.estimation.process_noise import perfect_cost
 from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.selection import rules
@@ -48,11 +49,16 @@ def _leaves_out(diagnosis: Diagnosis) -> bool:
     """Whether the equations with all that was found still leave something out.
 
     A filter that corrects a level at each sample may leave them next to no doubt where small errors
-    add up along a run, to more than uncertain parameters explain.
+    add up along a run, to more than uncertain parameters explain. Parameters that are uncertain for
+    what is left out explain anything: then single samples are less likely than noise makes them.
     """
-    if diagnosis.extended.noise_scale > rules.IMPERFECT:
+    fit, fitting = diagnosis.extended, diagnosis.prepared.fitting
+    if fit.noise_scale > rules.IMPERFECT:
         return True
     try:
+        excess = fit.cost - perfect_cost(fit.model, fitting)
+        if not rules.lacks_little(excess, fitting):
+            return True
         over = over_floor(diagnosis.extended, diagnosis.nominal, diagnosis.prepared.judging)
     except (NumericalError, np.linalg.LinAlgError):
         return False
