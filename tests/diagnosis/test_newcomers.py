@@ -1349,3 +1349,25 @@ def test_a_port_of_a_plain_number_is_told_to_have_no_laws(role: str) -> None:
     for _ in stages(model, [run], [run], jobs=1, progress=said.append):
         break
     assert any("no law acts at turbine.loss" in text for text in said) == (not role)
+
+
+def _pulled(seed: int) -> Recording:
+    """A sledge of 2.6 kg that is pulled and braked by a film of oil."""
+    pull = levels(1500, seed, 20.0, 10, 60)
+    speed = held(lambda t, x, f: [(f - 3.0 * x[0]) / 2.6], [0.0], [pull], 0.02)[:, 0]
+    noise = np.random.default_rng(seed).normal(0.0, 1e-3, 1500)
+    return recording(f"run {seed}", 0.02, {"pull [N]": pull}, {"speed [m/s]": speed + noise})
+
+
+def test_a_gain_that_another_mass_would_do_too_is_a_class_with_it() -> None:
+    sledge = machine(
+        lambda m: {"speed": (m.u.pull - m.p.film * m.x.speed) / m.p.mass},
+        "speed m/s",
+        "pull N -20 20",
+        "speed m/s 1e-3",
+        "film N s/m 1 0 20, mass kg 2",
+    )
+    runs = [_pulled(seed) for seed in (1, 2)]
+    verdict = diagnosed(sledge, runs, "gain coulomb_friction sensor_lag").verdict
+    assert verdict.kind == "named_class", verdict
+    assert "2.6" in verdict.sentence and "2 kg" in verdict.sentence

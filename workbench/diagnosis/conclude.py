@@ -113,7 +113,7 @@ def _kind(
         if all(f.belief == "likely" for f in findings):
             return "likely", sentence
         entries = [c.entry for c, _ in diagnosis.accepted]
-        if any(len(f.alike) > 1 for f in findings) or any(
+        if any(len(f.alike) > 1 or f.or_value for f in findings) or any(
             computed(e, diagnosis.nominal) for e in entries
         ):
             return "named_class", sentence

@@ -62,6 +62,7 @@ def named(
     if other := entry.effect.about.tells:
         q = model.parameter(f"{entry.name}.{other}")
         beside = f", {other} {model.size_text(q.value, q.unit, entry.effect.places, 3)}"
+    instead = _instead_of(diagnosis, entry)
     text = (
         f"{'Likely missing' if doubts else 'Missing'}:"
         f" {entry.name.replace('_', ' ')} at {', '.join(entry.ports)}"
@@ -74,7 +75,7 @@ def named(
         + along(model, entry.effect)
         + (f"; cannot be told from {', '.join(alike[1:])}" if len(alike) > 1 else "")
         + (f"; {' or '.join(deciding)} would decide" if len(alike) > 1 and deciding else "")
-        + _instead_of(diagnosis, entry)
+        + instead
         + (f"; so would another formula for {formula}" if formula else "")
         + "."
         + (f" Only likely: {'; '.join(doubts)}." if doubts else "")
@@ -97,6 +98,7 @@ def named(
         belief="likely" if doubts else "sure",
         doubts=doubts,
         occurrence=occurrence,
+        or_value=bool(instead),
     )
 
 
@@ -249,8 +251,10 @@ def _instead_of(diagnosis: Diagnosis, entry: Hypothesis) -> str:
         return ""
     q = nominal.parameter(found[0])
     values = [nominal.size_text(value, q.unit, (q.name,), 3) for value in (found[1], q.value)]
+    others = "; sizes of what else was found would be others then" * (len(diagnosis.accepted) > 1)
     return (
-        f"; {q.name} would do the same if it is {values[0]}, not {values[1]} (no refit changes it)"
+        f"; {q.name} would do the same if it is {values[0]}, not {values[1]} (no refit changes"
+        f" it{others})"
     )
 
 

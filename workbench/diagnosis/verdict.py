@@ -89,6 +89,7 @@ class Finding:
         belief: Whether every rule agrees with it, or only the recordings do.
         doubts: Rules that speak against it, in words.
         occurrence: When, with which local signal and where it acts; None if that is not known.
+        or_value: Whether a wrong value that no refit changes would do the same.
     """
 
     where: tuple[str, ...]
@@ -104,6 +105,7 @@ class Finding:
     belief: Belief = "sure"
     doubts: tuple[str, ...] = ()
     occurrence: Occurrence | None = None
+    or_value: bool = False
 
 
 @dataclass(frozen=True, repr=False)

@@ -164,7 +164,7 @@ class Occurrence:
         repeats = math.isfinite(self.period) and not self.since
         again = f" It repeats every {in_time(self.period)}." if repeats else ""
         return (
-            f"{subject} acts {self.when}, {self.where}: {self.how_large} root mean square at"
+            f"{subject} acts {self.when}, {self.where}: up to {self.how_large} root mean square at"
             f" {self.port}.{again}"
         )
 
