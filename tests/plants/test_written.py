@@ -238,3 +238,31 @@ def test_a_system_of_a_module_may_be_limited_where_it_is_named(system: Any) -> N
 def test_a_linear_model_keeps_the_limits_that_it_was_given() -> None:
     linear = linear_model(ct.tf([1.0], [1.0, 1.0]), limits=5.0)
     assert adopt(linear, "mine:linear").model({}).inputs[0].upper == 5.0
+
+
+@pytest.mark.parametrize(
+    ("text", "order", "exact"),
+    [
+        (
+            "[1/(s - 1); 1/((s - 1)*(s + 3))]", 2,
+            lambda s: [[1 / (s - 1)], [1 / ((s - 1) * (s + 3))]],
+        ),
+        # A cart with a pendulum that stands upright; what fades stands there twice.
+        (
+            "[(s^2 - 16.35)/(s^4 - 24.525*s^2); -1.6667/(s^2 - 24.525)]", 5,
+            lambda s: [[(s**2 - 16.35) / (s**4 - 24.525 * s**2)], [-1.6667 / (s**2 - 24.525)]],
+        ),
+        ("[1/s^2; 2/s^2]", 2, lambda s: [[1 / s**2], [2 / s**2]]),
+        # Two stores that two pumps fill on their own are two.
+        ("[1/s, 2/(s + 1); 0, 1/s]", 3, lambda s: [[1 / s, 2 / (s + 1)], [0.0, 1 / s]]),
+    ],
+)  # fmt: skip
+def test_what_grows_in_several_entries_is_one_mode(text: str, order: int, exact: Any) -> None:
+    linear = at_rest(PLANTS.get(text).model())
+    assert len(linear.A) == order
+    for s in (0.7j, 3.0j, 2.0 + 1.0j):
+        told = transfer_function(linear.A, linear.B, linear.C, linear.D, s)
+        assert told == pytest.approx(np.array(exact(s)), rel=1e-6, abs=1e-9)
+    for pole in linear.poles[linear.poles.real > -1e-6]:
+        moved = np.hstack([linear.A - pole * np.eye(order), linear.B])
+        assert np.linalg.svd(moved)[1].min() > 1e-3

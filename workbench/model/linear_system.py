@@ -375,7 +375,8 @@ def late_system(rows: Sequence[Sequence[Sequence[Late]]], what: str) -> Any:
             assert whole is not None
             entries.append(whole)
         table.append(_block(entries, stacked=False))
-    found = ct.ss(*in_series(_block(table, stacked=True), late_by(common)), name="linear system")
+    whole = _growing_once(_block(table, stacked=True))
+    found = ct.ss(*in_series(whole, late_by(common)), name="linear system")
     found.late = any(
         term.delay > least
         for row in rows for entry, least in zip(row, common, strict=True) for term in entry
@@ -383,6 +384,45 @@ def late_system(rows: Sequence[Sequence[Sequence[Late]]], what: str) -> Any:
     found.passing = len(late_by(common)[0])
     found.delays = np.array([[max(t.delay for t in entry) for entry in row] for row in rows])
     return found
+
+
+def _growing_once(parts: Parts) -> Parts:
+    """Return a system in which what grows or integrates in several entries does so once.
+
+    A cart and its pendulum have their poles in common; of a copy for each, no command moves the
+    difference. What fades may stand there twice.
+
+    Source: canonical structure of Kalman, by the ranks of controllability and observability.
+    """
+    from scipy.linalg import schur, solve_sylvester
+
+    A, B, C, D = parts
+    poles = np.linalg.eigvals(A)
+    still = -_SAME_POLE * max(float(np.abs(poles).max(initial=0.0)), 1e-300)
+    if np.count_nonzero(poles.real >= still) < 2:
+        return parts
+    T, Z, k = schur(A, output="real", sort=lambda real, imaginary: real >= still)
+    X = solve_sylvester(T[:k, :k], -T[k:, k:], -T[:k, k:])
+    b, c = Z.T @ B, C @ Z
+    own: Parts = T[:k, :k], b[:k] - X @ b[k:], c[:, :k], np.zeros_like(D)
+    for transposed in (False, True):
+        a, entry, shown, none = own
+        a, entry, shown = (a.T, shown.T, entry.T) if transposed else (a, entry, shown)
+        steps = [entry]
+        for _ in range(len(a) - 1):
+            steps.append(a @ steps[-1] / max(float(np.linalg.norm(a)), 1e-300))
+        basis, sizes, _ = np.linalg.svd(np.hstack(steps))
+        basis = basis[:, : int(np.count_nonzero(sizes > _SAME_POLE * sizes[0]))]
+        a, entry, shown = basis.T @ a @ basis, basis.T @ entry, shown @ basis
+        own = (a.T, shown.T, entry.T, none) if transposed else (a, entry, shown, none)
+    if len(own[0]) == k:
+        return parts
+    fading: Parts = T[k:, k:], b[k:], c[:, :k] @ X + c[:, k:], D
+    return _beside(own, fading)
+
+
+_SAME_POLE = 1e-6
+"""Distance of two poles, over the largest, up to which they are one."""
 
 
 def _parts(system: Any) -> Parts:
