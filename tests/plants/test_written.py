@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from controllers.plain.state_feedback import design_lqi
 from tests.machines import at_rest
 from tests.shell import Shell
 from workbench.errors import WorkbenchError
@@ -266,3 +267,14 @@ def test_what_grows_in_several_entries_is_one_mode(text: str, order: int, exact:
     for pole in linear.poles[linear.poles.real > -1e-6]:
         moved = np.hstack([linear.A - pole * np.eye(order), linear.B])
         assert np.linalg.svd(moved)[1].min() > 1e-3
+
+
+def test_a_matrix_of_python_control_has_what_grows_once() -> None:
+    num = [[[1.0, 0.0, -19.6]], [[-2.0]]]
+    cart = ct.tf(num, [[[1.0, 0.0, -21.6, 0.0, 0.0]], [[1.0, 0.0, -21.6]]], inputs=["push"])
+    linear = linear_model(cart)
+    assert np.count_nonzero(linear.poles.real > -1e-6) == 3 and linear.input_names == ("push",)
+    s = 0.4 + 2.0j
+    told = transfer_function(linear.A, linear.B, linear.C, linear.D, s)
+    assert told == pytest.approx(np.asarray(cart(s)).reshape(2, 1), rel=1e-9)
+    assert design_lqi(linear).actuators == ("push",)

@@ -264,9 +264,15 @@ def proper_system(system: Any, what: str) -> Any:
         )
     try:
         if not scipys:
-            fraction = isinstance(system, ct.TransferFunction) and system.issiso()
-            parts = _in_motion(system.num[0][0], system.den[0][0]) if fraction else None
-            if parts is None or system.dt:
+            fraction = isinstance(system, ct.TransferFunction) and not system.dt
+            parts: Parts | None = None
+            if fraction and system.issiso():
+                parts = _in_motion(system.num[0][0], system.den[0][0])
+            elif fraction:
+                pairs = zip(system.num, system.den, strict=True)
+                rows = [[[Late(*t)] for t in zip(*pair, strict=True)] for pair in pairs]
+                parts = _parts(late_system(rows, what))
+            if parts is None:
                 return ct.ss(system)
             names = {"inputs": system.input_labels, "outputs": system.output_labels}
             return ct.ss(*parts, name=system.name, **names)
