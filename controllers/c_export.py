@@ -69,8 +69,8 @@ def export_c(
     reaches the law or the command.
 
     Args:
-        units: The plant, or SI units of sensors, controlled outputs and commands by name, for the
-            header.
+        units: The plant, or units of sensors, controlled outputs and commands by name, for the
+            header; by default those that the guard was given.
     """
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise WorkbenchError(
@@ -87,14 +87,20 @@ def export_c(
         )
     found = _guarded_source(guarded, name)
     target = Path(folder)
-    told = _units(units) if isinstance(units, Model) else units or {}
+    told = units_in_c(units) if isinstance(units, Model) else units or guarded.units
     header = write_whole(target / f"{name}.h", _header(controller, name, found, told))
     source = write_whole(target / f"{name}.c", f'#include "{name}.h"\n\n{found.source}')
     return ExportedC(source, header, len(found.states), found.operations)
 
 
-def _units(model: Model) -> dict[str, str]:
-    """Return the units of a plant's signals by name, with what people read them in."""
+def units_in_c(model: Model) -> dict[str, str]:
+    """Return the units of a plant's signals by name, with what people read them in.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> units_in_c(servo_axis())["position"]
+        'm: 1 mm is 0.001'
+    """
     told = {}
     for q in (*model.outputs, *model.inputs):
         own = "a plain number" if q.unit == "1" else q.unit
@@ -126,7 +132,8 @@ def _header(controller: Controller, name: str, found: CSource, units: Mapping[st
         "/*",
         f" * {controller.name}: sampled control law, one step every {controller.sample_time:g} s.",
         " *",
-        f" * All numbers are in SI units. Call {name}_start once with the first measurements, then",
+        " * All numbers are in the units below, those of the SI where none is said.",
+        f" * Call {name}_start once with the first measurements, then",
         f" * {name}_step every sample: it reads the measurement and the reference, writes the",
         " * command and replaces the state. The command is to be held until the next sample.",
         f" * Where the deadline of a sample has passed without a command, {name}_missed gives one",

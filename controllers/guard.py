@@ -45,6 +45,7 @@ section 3.6.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, NamedTuple
@@ -264,6 +265,7 @@ class Guarded:
 
     Args:
         guard: Its limits; by default none, which refuses what is not finite.
+        units: Units of sensors, controlled outputs and commands by name, which an export tells.
 
     Example:
         >>> from controllers.angle_pd import AnglePD
@@ -274,13 +276,18 @@ class Guarded:
         ((5.0,), 'not_finite', 'hold')
     """
 
-    def __init__(self, controller: Controller, guard: Guard | None = None) -> None:
+    def __init__(
+        self,
+        controller: Controller,
+        guard: Guard | None = None,
+        units: Mapping[str, str] | None = None,
+    ) -> None:
         if isinstance(controller, Guarded):
             raise WorkbenchError(
                 f"controller {controller.name!r} has a guard already; give the controller inside,"
                 " `guarded.controller`"
             )
-        self.controller = controller
+        self.controller, self.units = controller, dict(units or {})
         self.guard = guard = guard or plain_guard(controller)
         for what, limits, own in (
             ("sensors", guard.sensors, controller.sensors),

@@ -320,6 +320,9 @@ def test_header_tells_what_people_read_a_unit_in(tmp_path: Path) -> None:
     assert "[0] gas, a plain number: 1 ppm is 1e-06" in text
     assert "gas now, a plain number: 1 ppm is 1e-06" in text
     assert "[0] fan, 1/s: 1 1/h is 0.000277778" in text
+    # A guard for a plant knows them.
+    export_c(guarded(law, barn), tmp_path, name="held")
+    assert "[0] gas, a plain number: 1 ppm is 1e-06" in (tmp_path / "held.h").read_text()
 
 
 def test_header_of_an_mpc_says_what_can_happen(linear: LinearModel, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from contextlib import suppress
 
 import numpy as np
 
+from controllers.c_export import units_in_c
 from controllers.estimator import MOST_SENSORS, Estimator, design_estimator
 from controllers.guard import CommandLimits, Guard, Guarded, ReferenceLimits, SensorLimits
 from controllers.protocol import Controller
@@ -130,7 +131,7 @@ def guarded(
         patience=max(100.0 * response, LEAST_PATIENCE),
         swings=SWINGS,
     )
-    return Guarded(controller, guard)
+    return Guarded(controller, guard, units_in_c(model))
 
 
 def _to_rest(
