@@ -49,16 +49,17 @@ def linear_blocks(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Block]:
         if not any(np.any(np.abs(a.response) > 0.0) for a in outer):
             continue
         places = list(dict.fromkeys(a.opened for a in outer))
+        # Each loop has frequencies about its own resonances.
+        told = [a for a in outer if len(a.frequency_Hz)]
+        frequency = np.unique(np.concatenate([a.frequency_Hz for a in told]))
         curves = {
             ", ".join(
                 part for part in (a.opened * (len(places) > 1), point_text(study, a.point)) if part
-            ): a.response
-            for a in outer
+            ): np.interp(frequency, a.frequency_Hz, a.response)
+            for a in told
         }
         margins = [a.disk_margin for a in outer if a.stable]
-        loop_gain = bode(
-            outer[0].frequency_Hz, curves, unit="1", quantity="loop gain", margins=True
-        )
+        loop_gain = bode(frequency, curves, unit="1", quantity="loop gain", margins=True)
         blocks += [
             Words(_sentence(study, name, own)),
             Picture(
