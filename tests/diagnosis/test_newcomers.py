@@ -832,7 +832,9 @@ def test_a_capacitor_with_a_resistance_in_series_is_read_ahead_of_its_voltage() 
     named(found, "sensor_lead_volts", noise=1.2, time=approx(3.3e-6, rel=0.03))
     (late,) = diagnosed(filter_, runs, "sensor_delay").verdict.findings
     assert late.belief == "likely"
-    assert late.doubts == ("no sensor reads what is not there yet: it may read some of a rate too",)
+    ahead, left = late.doubts
+    assert ahead == "no sensor reads what is not there yet: it may read some of a rate too"
+    assert "of the mean square error of the held-out runs is left" in left
 
 
 def _joint(seed: int) -> Recording:

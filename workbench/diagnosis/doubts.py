@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import casadi as ca
 import numpy as np
 
-from workbench.diagnosis.estimation.process_noise import perfect_cost
+from workbench.diagnosis.estimation.process_noise import extended_start, perfect_cost
 from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.selection import rules
@@ -56,7 +56,8 @@ def _leaves_out(diagnosis: Diagnosis) -> bool:
     if fit.noise_scale > rules.IMPERFECT:
         return True
     try:
-        excess = fit.cost - perfect_cost(fit.model, fitting)
+        begun = [extended_start(seen, diagnosis.nominal, fit.model) for seen in fitting]
+        excess = fit.cost - perfect_cost(fit.model, begun)
         if not rules.lacks_little(excess, fitting):
             return True
         over = over_floor(diagnosis.extended, diagnosis.nominal, diagnosis.prepared.judging)
