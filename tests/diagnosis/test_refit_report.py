@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -76,3 +77,14 @@ def test_a_command_that_was_written_late_is_told(late: int, tmp_path: Path) -> N
     path = file(tmp_path / "a.csv", columns)
     notes = problem_of_files(_motor(), [path], []).notes
     assert any("written late" in note for note in notes) == bool(late)
+
+
+@pytest.mark.parametrize(
+    ("limited", "said"), [(0.9, "near the limit"), (1e5, "parameters too uncertain to tell")]
+)
+def test_a_limit_beyond_all_that_was_measured_says_nothing(limited: float, said: str) -> None:
+    runs = _driven(1, 0.0, angle=True), _driven(11, 60.0, angle=True)
+    model, _ = with_undeclared(_motor(), runs)
+    report = run_refit(Problem("motor", "a motor", model, fit=runs[:1], hold_out=runs[1:]))
+    row = replace(report.rows[0], spread=100.0, refitted=1.0, limited=limited, noise=0.1)
+    assert str(replace(report, rows=(row,))).count(said) == 1

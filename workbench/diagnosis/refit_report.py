@@ -246,6 +246,8 @@ def _plain(value: float) -> str:
 def _remark(row: HeldOut) -> str:
     if row.at_floor:
         return "  at the noise floor"
+    if row.limited > row.spread:
+        return "  parameters too uncertain to tell"
     return "  near the limit" if row.as_expected else ""
 
 
