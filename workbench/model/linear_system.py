@@ -268,7 +268,8 @@ def proper_system(system: Any, what: str) -> Any:
             parts: Parts | None = None
             if fraction and system.issiso():
                 parts = _in_motion(system.num[0][0], system.den[0][0])
-            elif fraction:
+            elif fraction and np.any(system.poles().real >= 0.0):
+                # What integrates twice is two rates that are not quite zero by other ways.
                 pairs = zip(system.num, system.den, strict=True)
                 rows = [[[Late(*t)] for t in zip(*pair, strict=True)] for pair in pairs]
                 parts = _parts(late_system(rows, what))
