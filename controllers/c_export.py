@@ -32,7 +32,7 @@ from controllers.protocol import Controller, check_controller
 from workbench.errors import WorkbenchError
 from workbench.files import write_whole
 from workbench.model import Model
-from workbench.model.units import from_si, to_si
+from workbench.model.units import convert
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ def units_in_c(model: Model) -> dict[str, str]:
     told = {}
     for q in (*model.outputs, *model.inputs):
         own = "a plain number" if q.unit == "1" else q.unit
-        one = f"{from_si(to_si(1.0, q.display_unit), q.unit):g}".removesuffix(".0")
+        one = f"{convert(1.0, q.display_unit, q.unit):g}"
         told[q.name] = own if q.display_unit == q.unit else f"{own}: 1 {q.display_unit} is {one}"
     return told
 

@@ -346,12 +346,12 @@ class Recording(Drawn):
     def tables(self) -> tuple[Rows, ...]:
         """Return the range of every signal in the unit in which it is shown."""
         rows = []
-        for s in self.signals:
-            shown = s.displayed()
-            finite = shown[np.isfinite(shown)]
-            low, high = (f"{finite.min():.6g}", f"{finite.max():.6g}") if finite.size else ("", "")
-            missing = str(int(np.count_nonzero(~self.valid(s.name))))
-            rows.append((s.name, s.kind, s.role, s.display_unit or "?", low, high, missing))
+        for s in self.as_data()["signals"]:
+            low, high = (
+                "" if s[end] is None else f"{s[end]:.6g}" for end in ("minimum", "maximum")
+            )
+            missing = str(s["missing"])
+            rows.append((s["name"], s["kind"], s["role"], s["unit"] or "?", low, high, missing))
         titles = ("signal", "kind", "role", "unit", "minimum", "maximum", "missing")
         return (Rows("signals", titles, rows),)
 

@@ -194,10 +194,7 @@ class _Finals:
         if not begun:
             return
         self._task.say("comparing " + " and ".join(c.name for c in begun.values()))
-        for i, final in zip(begun, self._followed([*begun.values()]), strict=True):
-            if final.gain > self.candidates[i].gain:
-                self.candidates[i] = final
-        self.found = decided(self.candidates, self._runs, self._limits)
+        self._go_on(begun)
 
     def compare_to_the_end(self) -> None:
         """Go on with what gains as much as the best one and is told from it all the same.
@@ -210,8 +207,11 @@ class _Finals:
             return
         names = [self.candidates[i].entry.name for i in near]
         self._task.say("refitting to the end " + " and ".join(names))
-        begun = [_from_where(best, self.candidates[i]) for i in near]
-        for i, final in zip(near, self._followed(begun), strict=True):
+        self._go_on({i: _from_where(best, self.candidates[i]) for i in near})
+
+    def _go_on(self, begun: Mapping[int, Candidate]) -> None:
+        """Follow candidates from elsewhere, by place, keep what gains more, and decide again."""
+        for i, final in zip(begun, self._followed([*begun.values()]), strict=True):
             if final.gain > self.candidates[i].gain:
                 self.candidates[i] = final
         self.found = decided(self.candidates, self._runs, self._limits)
